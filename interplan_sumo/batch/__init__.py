@@ -1,0 +1,1 @@
+"""Layer 3: many episodes: jobs, worker processes, run folders."""

@@ -1,0 +1,1 @@
+"""Layer 1: how the ego follows a trajectory."""

@@ -1,0 +1,73 @@
+"""Every error a user can meet.
+
+InterplanError
+├── InputError             what the user gave cannot be used (exit code 2)
+│   ├── UnknownNameError       no map, scenario, suite, planner or option of that name
+│   ├── MapError               a map or network file is missing, damaged or inconsistent
+│   ├── ScenarioError          a scenario that cannot be staged
+│   ├── VehicleTypeError       a vehicle-type file that cannot be used
+│   ├── PlannerLoadError       a planner that cannot be imported or built
+│   └── RunFolderError         a run folder that holds something else, or is in use
+├── PlannerError           a planner raised, timed out or returned nonsense (fault class "planner")
+└── TrafficError           SUMO refused a command or gave up (fault class "traffic")
+
+Anything else that escapes is a fault of ours and keeps its traceback.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class InterplanError(Exception):
+    """Base of all errors that carry a message for the user."""
+
+
+class InputError(InterplanError):
+    """What the user gave cannot be used; the message says what, where, and the way out."""
+
+
+class UnknownNameError(InputError):
+    """No thing of this name; the message suggests the nearest known one."""
+
+    def __init__(self, what: str, name: str, known: Iterable[str], hint: str = "") -> None:
+        names = sorted(known)
+        near = get_close_matches(name, names, n=1)
+        if near:
+            guess = f" Did you mean {near[0]!r}?"
+        elif names:
+            guess = f" Known: {', '.join(names[:20])}{', ...' if len(names) > 20 else ''}."
+        else:
+            guess = ""
+        super().__init__(f"no {what} named {name!r}.{guess}{' ' + hint if hint else ''}")
+        self.what = what
+        self.name = name
+
+
+class MapError(InputError):
+    """A map or network file is missing, damaged or inconsistent; names the layer and id where it can."""
+
+
+class ScenarioError(InputError):
+    """A scenario that cannot be staged; names the scenario and the field."""
+
+
+class VehicleTypeError(InputError):
+    """A vehicle-type file that cannot be used; names the file and the line."""
+
+
+class PlannerLoadError(InputError):
+    """A planner that cannot be imported or built from the given name and options."""
+
+
+class RunFolderError(InputError):
+    """A run folder that holds another benchmark, or that another run is using."""
+
+
+class PlannerError(InterplanError):
+    """A planner raised, timed out or returned a plan that cannot be followed."""
+
+
+class TrafficError(InterplanError):
+    """SUMO refused a command or gave up; names the command and the simulated time."""

@@ -1,0 +1,1 @@
+"""Layer 1: maps in and out, and the SUMO networks made from them."""

@@ -1,0 +1,1 @@
+"""Layer 2: scores, as pure functions of (trace, scenario, roads)."""

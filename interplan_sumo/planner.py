@@ -1,0 +1,184 @@
+"""The planner's side of the benchmark: what a planner is given and what it returns.
+
+A planner is any object with the two methods of `Planner`; no base class.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Protocol, runtime_checkable
+
+import yaml
+
+from interplan_sumo.errors import PlannerLoadError, UnknownNameError
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
+from interplan_sumo.world.geometry import Pose
+from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.signals import Signals
+from interplan_sumo.world.trajectory import Trajectory
+
+ENTRY_POINT_GROUP = "interplan_sumo.planners"
+RECOMMENDED = "idm"
+"""The best planner so far; `make benchmark` runs it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mission:
+    """What a planner is told once, before the first step: as nuPlan's planner initialization."""
+
+    roads: Roads
+    route: tuple[str, ...]
+    """Roadblock and roadblock-connector ids in driving order, from the start to the goal."""
+    goal: Pose
+    """Where to go: a pose on the goal lane's centre line, map frame."""
+    shape: EgoShape = PACIFICA
+    dt_s: float = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """The last 2 s, oldest first, one entry per step, the present not included.
+
+    Before the start of an episode the past is extrapolated backwards at
+    constant speed along the lanes.
+    """
+
+    egos: tuple[EgoState, ...] = ()
+    actors: tuple[Actors, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What a planner sees at one step: everything within 100 m unless the scenario hides it."""
+
+    time_s: float
+    ego: EgoState
+    actors: Actors
+    signals: Signals
+    past: Past = field(default_factory=Past)
+
+
+@runtime_checkable
+class Planner(Protocol):
+    """Plans for one ego. One instance drives many episodes, one after the other; `start` opens each."""
+
+    def start(self, mission: Mission) -> None:
+        """Get ready for a new episode; nothing of the last one may remain."""
+        ...
+
+    def plan(self, seen: Observation) -> Trajectory:
+        """A trajectory that covers `seen.time_s` and the time after it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerInfo:
+    """A registered planner, as `planners list` prints it."""
+
+    name: str
+    source: str
+    """The distribution that registers it."""
+    parameters: Mapping[str, Any]
+    """Constructor arguments and their defaults."""
+    recommended: bool
+    problem: str | None = None
+    """Why it cannot be imported, if it cannot."""
+
+
+def registered() -> dict[str, EntryPoint]:
+    """Registered planners by name, without importing any; PlannerLoadError if two distributions claim a name."""
+    found: dict[str, EntryPoint] = {}
+    for point in entry_points(group=ENTRY_POINT_GROUP):
+        other = found.get(point.name)
+        if other is not None and other.value != point.value:
+            raise PlannerLoadError(
+                f"planner name {point.name!r} is claimed by {_source(other)} and by {_source(point)}; uninstall one"
+            )
+        found[point.name] = point
+    return dict(sorted(found.items()))
+
+
+def planners() -> list[PlannerInfo]:
+    """Everything registered, with parameters; imports each planner's module."""
+    listed: list[PlannerInfo] = []
+    for name, point in registered().items():
+        try:
+            parameters = _parameters(point.load())
+            problem = None
+        except Exception as error:
+            parameters, problem = {}, f"{type(error).__name__}: {error}"
+        listed.append(PlannerInfo(name, _source(point), parameters, name == RECOMMENDED, problem))
+    return listed
+
+
+def load_planner(spec: str) -> Planner:
+    """A new planner from `name`, `module:Class`, or either with `?option=value&option=value`.
+
+    Values are read as YAML scalars (`2`, `0.5`, `true`, text). Raises
+    UnknownNameError or PlannerLoadError with the way out.
+    """
+    name, _, query = spec.partition("?")
+    make = _factory(name)
+    known = _parameters(make)
+    options: dict[str, Any] = {}
+    for pair in filter(None, query.split("&")):
+        key, equals, value = pair.partition("=")
+        if not equals:
+            raise PlannerLoadError(f"option {pair!r} of planner {name!r} has no value; write {key}=VALUE")
+        if known and key not in known:
+            raise UnknownNameError(f"option of planner {name!r}", key, known)
+        options[key] = yaml.safe_load(value)
+    try:
+        planner = make(**options)
+    except Exception as error:
+        raise PlannerLoadError(f"planner {spec!r} could not be built: {type(error).__name__}: {error}") from error
+    for method in ("start", "plan"):
+        if not callable(getattr(planner, method, None)):
+            raise PlannerLoadError(
+                f"planner {spec!r} has no method {method}(); a planner needs start(mission) and plan(seen)"
+            )
+    return planner
+
+
+def _factory(name: str) -> Any:
+    if ":" in name:
+        module_name, _, attribute = name.partition(":")
+        try:
+            return getattr(importlib.import_module(module_name), attribute)
+        except ImportError as error:
+            raise PlannerLoadError(f"planner {name!r}: cannot import {module_name!r}: {error}") from error
+        except AttributeError:
+            raise PlannerLoadError(f"planner {name!r}: module {module_name!r} has no {attribute!r}") from None
+    points = registered()
+    if name not in points:
+        raise UnknownNameError(
+            "planner", name, points, "Or give module:Class. Just added it to pyproject.toml? Run: pip install -e ."
+        )
+    try:
+        return points[name].load()
+    except Exception as error:
+        raise PlannerLoadError(
+            f"planner {name!r} of {_source(points[name])} cannot be imported: {type(error).__name__}: {error}"
+        ) from error
+
+
+def _source(point: EntryPoint) -> str:
+    return point.dist.name if point.dist is not None else point.value
+
+
+def _parameters(make: Any) -> dict[str, Any]:
+    try:
+        signature = inspect.signature(make)
+    except (TypeError, ValueError):
+        return {}
+    plain = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return {
+        p.name: None if p.default is inspect.Parameter.empty else p.default
+        for p in signature.parameters.values()
+        if p.kind in plain
+    }

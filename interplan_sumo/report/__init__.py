@@ -1,0 +1,1 @@
+"""Layer 3: tables for people and for programs."""

@@ -1,0 +1,123 @@
+"""Scenario: one test drive as frozen data. Nothing here knows SUMO or a planner."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+import numpy as np
+
+from interplan_sumo.errors import ScenarioError
+from interplan_sumo.world.geometry import Pose
+from interplan_sumo.world.roads import Lane, Roads
+
+Density = Literal["none", "low", "medium", "high"]
+Behaviour = Literal["conservative", "assertive", "mixed"]
+
+LARGEST_GAP_M: dict[str, float] = {"low": 100.0, "medium": 50.0, "high": 33.0}
+"""interPlan's densities: centre gaps are uniform from 10 m up to these."""
+SMALLEST_GAP_M = 10.0
+SITE_BIN_M = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class LanePlace:
+    """A place on a lane: arc length along its centre line and offset to the left."""
+
+    lane: str
+    arc_m: float
+    left_m: float = 0.0
+
+    def pose(self, roads: Roads) -> Pose:
+        """The pose there, heading along the lane; ScenarioError if the lane or the place does not exist."""
+        if self.lane not in roads:
+            raise ScenarioError(f"map {roads.name} has no lane {self.lane!r}")
+        line = roads[self.lane].centerline
+        if not 0.0 <= self.arc_m <= line.length_m:
+            raise ScenarioError(
+                f"lane {self.lane} is {line.length_m:.1f} m long, there is no place at {self.arc_m:.1f} m"
+            )
+        return line.pose_at(self.arc_m, self.left_m)
+
+
+@dataclass(frozen=True, slots=True)
+class TrafficDemand:
+    """The moving traffic around the ego."""
+
+    density: Density = "none"
+    behaviour: Behaviour = "mixed"
+    """Vehicle-type file in routes/, without its ending."""
+    oncoming: Density = "none"
+    """Density on the oncoming lanes of a two-way road."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """One test drive. ScenarioError names the field that cannot be."""
+
+    id: str
+    """`family/index`."""
+    family: str
+    map: str
+    start: LanePlace
+    start_speed_mps: float
+    goal: LanePlace
+    """The run ends when the ego's projection on the route passes this place, in any lane."""
+    route: tuple[str, ...]
+    """Roadblock and roadblock-connector ids in driving order."""
+    traffic: TrafficDemand = TrafficDemand()
+    duration_s: float = 30.0
+    exempt: tuple[str, ...] = ()
+    """Gates that are not judged."""
+
+    def __post_init__(self) -> None:
+        if self.duration_s <= 0 or abs(self.duration_s * 10 - round(self.duration_s * 10)) > 1e-9:
+            raise ScenarioError(f"{self.id}: duration_s is {self.duration_s}, expected a positive multiple of 0.1 s")
+        if not np.isfinite(self.start_speed_mps) or self.start_speed_mps < 0:
+            raise ScenarioError(f"{self.id}: start_speed_mps is {self.start_speed_mps}, expected 0 or more")
+        if not self.route:
+            raise ScenarioError(f"{self.id}: route is empty, expected the roadblock ids from start to goal")
+        for name, density in (("density", self.traffic.density), ("oncoming", self.traffic.oncoming)):
+            if density != "none" and density not in LARGEST_GAP_M:
+                raise ScenarioError(
+                    f"{self.id}: traffic.{name} is {density!r}, expected none, {', '.join(LARGEST_GAP_M)}"
+                )
+
+    @property
+    def site(self) -> str:
+        """Where it happens: `<map>/<lane>@<10 m bin>` of the goal line."""
+        return f"{self.map}/{self.goal.lane}@{int(self.goal.arc_m // SITE_BIN_M) * int(SITE_BIN_M)}"
+
+    def canonical(self) -> dict[str, object]:
+        """Plain data, for files and for the hash."""
+        return asdict(self)
+
+    def hash(self) -> str:
+        """SHA-256 of the canonical JSON."""
+        text = json.dumps(self.canonical(), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def rng(self, seed: int) -> np.random.Generator:
+        """The only source of chance in an episode, from the id and the seed."""
+        digest = hashlib.sha256(f"{self.id}#{seed}".encode()).digest()
+        return np.random.default_rng(np.frombuffer(digest, dtype=np.uint32))
+
+    def check(self, roads: Roads) -> None:
+        """ScenarioError if start, goal or route do not fit the map."""
+        for name, place in (("start", self.start), ("goal", self.goal)):
+            try:
+                place.pose(roads)
+            except ScenarioError as error:
+                raise ScenarioError(f"{self.id}: {name}: {error}") from None
+            if roads[place.lane].roadblock_id not in self.route:
+                raise ScenarioError(f"{self.id}: {name} lane {place.lane} does not lie on the route")
+        if not isinstance(roads[self.goal.lane], Lane):
+            raise ScenarioError(f"{self.id}: goal lies on connector {self.goal.lane}, expected a lane")
+        for block in self.route:
+            if block not in roads.roadblocks:
+                raise ScenarioError(f"{self.id}: route names roadblock {block}, which map {roads.name} does not have")
+        for here, there in zip(self.route, self.route[1:], strict=False):
+            if there not in roads.outgoing_roadblocks(here):
+                raise ScenarioError(f"{self.id}: route jumps from roadblock {here} to {there}, which are not joined")

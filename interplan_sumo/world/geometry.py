@@ -1,0 +1,204 @@
+"""Plane geometry that every layer shares: angles, polylines and oriented boxes.
+
+Map frame: metres, float64, x east and y north. Headings are radians,
+counter-clockwise from +x. "Left" is always geometrically left of the heading.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
+    """`values` as a C-contiguous, read-only array; a copy only where needed."""
+    array = np.ascontiguousarray(values, dtype=dtype)
+    if array.flags.writeable:
+        if array is values or array.base is not None:
+            array = array.copy()
+        array.setflags(write=False)
+    return array
+
+
+def wrap_angle(angle_rad: Any) -> Any:
+    """The same angle(s) in [-pi, pi)."""
+    return (angle_rad + np.pi) % (2.0 * np.pi) - np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A position and heading in the map frame."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+
+@dataclass(frozen=True, eq=False)
+class Polyline:
+    """A directed polyline with at least two distinct points, measured by arc length.
+
+    Projections beyond an end stop at that end, as in nuPlan and shapely.
+    """
+
+    points: Floats
+    """(N, 2) vertices in metres; consecutive duplicates are dropped on construction."""
+    arc_m: Floats = field(init=False)
+    """(N,) arc length of each vertex, starting at 0."""
+
+    def __post_init__(self) -> None:
+        points = np.asarray(self.points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise ValueError(f"Polyline.points has shape {points.shape}, expected (N, 2)")
+        if not np.isfinite(points).all():
+            raise ValueError("Polyline.points holds a number that is not finite")
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        points = points[np.concatenate(([True], steps > 1e-9))]
+        if len(points) < 2:
+            raise ValueError("a Polyline needs two distinct points")
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        object.__setattr__(self, "points", frozen(points))
+        object.__setattr__(self, "arc_m", frozen(np.concatenate(([0.0], np.cumsum(steps)))))
+
+    @property
+    def length_m(self) -> float:
+        return float(self.arc_m[-1])
+
+    @cached_property
+    def linestring(self) -> shapely.LineString:
+        """The same line as a shapely geometry."""
+        return shapely.LineString(self.points)
+
+    @cached_property
+    def segment_heading_rad(self) -> Floats:
+        """(N-1,) heading of each segment."""
+        delta = np.diff(self.points, axis=0)
+        return frozen(np.arctan2(delta[:, 1], delta[:, 0]))
+
+    @cached_property
+    def vertex_heading_rad(self) -> Floats:
+        """(N,) unwrapped heading at each vertex: that of the segment ahead, the last one repeated (nuPlan's rule)."""
+        headings = np.append(self.segment_heading_rad, self.segment_heading_rad[-1])
+        return frozen(np.unwrap(headings))
+
+    def project(self, xy: ArrayLike) -> tuple[Floats, Floats]:
+        """Arc length (K,) and signed lateral offset (K,), left positive, of the nearest point for each of (K, 2)."""
+        at = np.atleast_2d(np.asarray(xy, dtype=np.float64))
+        start = self.points[:-1]
+        delta = self.points[1:] - start
+        lengths = np.diff(self.arc_m)
+        unit = delta / lengths[:, None]
+        rel_x = at[:, None, 0] - start[None, :, 0]
+        rel_y = at[:, None, 1] - start[None, :, 1]
+        along = np.clip(rel_x * unit[:, 0] + rel_y * unit[:, 1], 0.0, lengths)
+        off_x = rel_x - along * unit[:, 0]
+        off_y = rel_y - along * unit[:, 1]
+        distance2 = off_x * off_x + off_y * off_y
+        nearest = np.argmin(distance2, axis=1)
+        rows = np.arange(len(at))
+        side = unit[nearest, 0] * off_y[rows, nearest] - unit[nearest, 1] * off_x[rows, nearest]
+        lateral = np.copysign(np.sqrt(distance2[rows, nearest]), side)
+        return self.arc_m[nearest] + along[rows, nearest], lateral
+
+    def project_point(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """`project` for one point."""
+        arc, lateral = self.project((x_m, y_m))
+        return float(arc[0]), float(lateral[0])
+
+    def poses_at(self, arc_m: ArrayLike) -> Floats:
+        """(K, 3) x, y and heading at arc lengths (K,), which are clamped to the line.
+
+        Headings are interpolated between vertices and not wrapped.
+        """
+        at = np.clip(np.atleast_1d(np.asarray(arc_m, dtype=np.float64)), 0.0, self.length_m)
+        return np.stack(
+            (
+                np.interp(at, self.arc_m, self.points[:, 0]),
+                np.interp(at, self.arc_m, self.points[:, 1]),
+                np.interp(at, self.arc_m, self.vertex_heading_rad),
+            ),
+            axis=1,
+        )
+
+    def pose_at(self, arc_m: float, left_m: float = 0.0) -> Pose:
+        """The pose at one arc length, moved `left_m` to the left of the line."""
+        x_m, y_m, heading = self.poses_at(arc_m)[0]
+        return Pose(
+            float(x_m - left_m * np.sin(heading)),
+            float(y_m + left_m * np.cos(heading)),
+            float(wrap_angle(heading)),
+        )
+
+    def between(self, start_m: float, end_m: float) -> Polyline:
+        """The piece between two arc lengths, `start_m` < `end_m`, clamped to the line."""
+        start_m, end_m = max(0.0, start_m), min(self.length_m, end_m)
+        if end_m - start_m <= 1e-9:
+            raise ValueError(f"empty piece of a polyline: {start_m} to {end_m} m")
+        inside = (self.arc_m > start_m + 1e-9) & (self.arc_m < end_m - 1e-9)
+        ends = self.poses_at((start_m, end_m))[:, :2]
+        return Polyline(np.concatenate((ends[:1], self.points[inside], ends[1:])))
+
+    def joined(self, other: Polyline) -> Polyline:
+        """This line followed by another one."""
+        return Polyline(np.concatenate((self.points, other.points)))
+
+    def resampled(self, spacing_m: float) -> Polyline:
+        """The same line with vertices at most `spacing_m` apart; every old vertex is kept."""
+        lengths = np.diff(self.arc_m)
+        pieces = np.maximum(1, np.ceil(lengths / spacing_m - 1e-9)).astype(np.int64)
+        at: list[Floats] = [
+            np.linspace(self.arc_m[i], self.arc_m[i + 1], count, endpoint=False) for i, count in enumerate(pieces)
+        ]
+        arc = np.concatenate((*at, self.arc_m[-1:]))
+        return Polyline(self.poses_at(arc)[:, :2])
+
+
+def box_corners(
+    x_m: ArrayLike, y_m: ArrayLike, heading_rad: ArrayLike, length_m: ArrayLike, width_m: ArrayLike
+) -> Floats:
+    """(N, 4, 2) corners of oriented boxes given by their centres.
+
+    Order: front left, rear left, rear right, front right (nuPlan's order).
+    """
+    x, y, heading, length, width = (
+        np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (x_m, y_m, heading_rad, length_m, width_m)
+    )
+    cos, sin = np.cos(heading), np.sin(heading)
+    forward_x, forward_y = cos * length / 2, sin * length / 2
+    left_x, left_y = -sin * width / 2, cos * width / 2
+    signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    corners_x = [x + f * forward_x + s * left_x for f, s in signs]
+    corners_y = [y + f * forward_y + s * left_y for f, s in signs]
+    return np.stack((np.stack(corners_x, axis=1), np.stack(corners_y, axis=1)), axis=2)
+
+
+def box_polygons(
+    x_m: ArrayLike, y_m: ArrayLike, heading_rad: ArrayLike, length_m: ArrayLike, width_m: ArrayLike
+) -> NDArray[Any]:
+    """(N,) shapely polygons of oriented boxes given by their centres."""
+    return np.asarray(shapely.polygons(box_corners(x_m, y_m, heading_rad, length_m, width_m)))
+
+
+def penetration_m(corners_a: Floats, corners_b: Floats) -> Floats:
+    """(N,) depth by which pairs of boxes (N, 4, 2) overlap; negative where a gap separates them.
+
+    The smallest overlap over the four separating axes of two rectangles. A
+    positive value is how far one box must move to come free; a negative value
+    is a lower bound of the gap.
+    """
+    depth = np.full(len(corners_a), np.inf)
+    for corners in (corners_a, corners_b):
+        for edge in (corners[:, 0] - corners[:, 1], corners[:, 0] - corners[:, 3]):
+            axis = edge / np.hypot(edge[:, 0], edge[:, 1])[:, None]
+            a = corners_a[..., 0] * axis[:, None, 0] + corners_a[..., 1] * axis[:, None, 1]
+            b = corners_b[..., 0] * axis[:, None, 0] + corners_b[..., 1] * axis[:, None, 1]
+            depth = np.minimum(depth, np.minimum(a.max(axis=1) - b.min(axis=1), b.max(axis=1) - a.min(axis=1)))
+    return depth

@@ -1,0 +1,323 @@
+"""Trace: the record of one episode, in memory and as four Parquet files.
+
+| file | a row is | columns |
+|---|---|---|
+| ego.parquet | a frame | frame, time_us, x, y, heading (rear axle), vx, vy, ax, ay (rear axle, car frame), tire_steering_angle, tire_steering_rate, angular_velocity, angular_acceleration, center_x, center_y, plan_wall_s |
+| actors.parquet | an actor in a frame | frame, track_token, type, x, y, heading, length, width (box centre), vx, vy (map frame), behaviour |
+| signals.parquet | a connector in a frame | frame, lane_connector_id, status |
+| plans.parquet | a pose of the plan of a frame | frame, time_us, x, y, heading (box centre) |
+
+Metres, radians, seconds, integer microseconds. `behaviour` is for analysis;
+planners never see it. `plan_wall_s` is a measurement and not hashed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from interplan_sumo.errors import InputError
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
+from interplan_sumo.world.geometry import Floats, Ints, box_corners, frozen
+from interplan_sumo.world.signals import Signals, SignalStatus
+from interplan_sumo.world.trajectory import Trajectory
+
+EGO_COLUMNS = (
+    "frame", "time_us", "x", "y", "heading", "vx", "vy", "ax", "ay", "tire_steering_angle", "tire_steering_rate",
+    "angular_velocity", "angular_acceleration", "center_x", "center_y", "plan_wall_s",
+)  # fmt: skip
+ACTOR_COLUMNS = ("frame", "track_token", "type", "x", "y", "heading", "length", "width", "vx", "vy", "behaviour")
+SIGNAL_COLUMNS = ("frame", "lane_connector_id", "status")
+PLAN_COLUMNS = ("frame", "time_us", "x", "y", "heading")
+_NOT_HASHED = frozenset({"plan_wall_s"})
+
+
+@dataclass(frozen=True, eq=False)
+class EgoTrack:
+    """Ego states over time as arrays (N,): centre pose in the map frame, rear-axle dynamics in the car frame."""
+
+    time_us: Ints
+    x_m: Floats
+    y_m: Floats
+    heading_rad: Floats
+    vx_mps: Floats
+    vy_mps: Floats
+    ax_mps2: Floats
+    ay_mps2: Floats
+    tire_angle_rad: Floats
+    tire_rate_radps: Floats
+    yaw_rate_radps: Floats
+    yaw_acceleration_radps2: Floats
+
+    def __post_init__(self) -> None:
+        for column in fields(self):
+            dtype = np.int64 if column.name == "time_us" else np.float64
+            array = frozen(getattr(self, column.name), dtype)
+            if array.shape != np.shape(self.time_us):
+                raise ValueError(f"EgoTrack.{column.name} has shape {array.shape}, expected {np.shape(self.time_us)}")
+            object.__setattr__(self, column.name, array)
+
+    @classmethod
+    def of(cls, states: Sequence[EgoState]) -> EgoTrack:
+        """A track from states in time order."""
+        names = [c.name for c in fields(cls)[1:]]
+        columns = {name: np.array([getattr(s, name) for s in states], dtype=np.float64) for name in names}
+        return cls(np.array([round(s.time_s * 1e6) for s in states], dtype=np.int64), **columns)
+
+    def __len__(self) -> int:
+        return len(self.time_us)
+
+    def state(self, frame: int) -> EgoState:
+        """One frame as a state."""
+        names = [c.name for c in fields(self)[1:]]
+        return EgoState(float(self.time_us[frame]) * 1e-6, *(float(getattr(self, n)[frame]) for n in names))
+
+    def rear_axle(self, shape: EgoShape) -> tuple[Floats, Floats]:
+        """x and y (N,) of the rear axle."""
+        d = shape.rear_axle_to_center_m
+        return self.x_m - d * np.cos(self.heading_rad), self.y_m - d * np.sin(self.heading_rad)
+
+    def corners(self, shape: EgoShape) -> Floats:
+        """(N, 4, 2) box corners: front left, rear left, rear right, front right."""
+        return box_corners(self.x_m, self.y_m, self.heading_rad, shape.length_m, shape.width_m)
+
+    def to_frame(self, shape: EgoShape) -> pd.DataFrame:
+        """A table with the columns of ego.parquet but for plan_wall_s."""
+        rear_x, rear_y = self.rear_axle(shape)
+        values = (
+            np.arange(len(self)), self.time_us, rear_x, rear_y, self.heading_rad, self.vx_mps, self.vy_mps, self.ax_mps2,
+            self.ay_mps2, self.tire_angle_rad, self.tire_rate_radps, self.yaw_rate_radps, self.yaw_acceleration_radps2,
+            self.x_m, self.y_m,
+        )  # fmt: skip
+        return pd.DataFrame(dict(zip(EGO_COLUMNS, values, strict=False)))
+
+    @classmethod
+    def from_frame(cls, table: pd.DataFrame, shape: EgoShape) -> EgoTrack:
+        """From a table with nuPlan's ego columns; the centre is derived where center_x, center_y are missing."""
+        heading = table["heading"].to_numpy(np.float64)
+        if "center_x" in table:
+            x_m, y_m = table["center_x"].to_numpy(np.float64), table["center_y"].to_numpy(np.float64)
+        else:
+            d = shape.rear_axle_to_center_m
+            x_m = table["x"].to_numpy(np.float64) + d * np.cos(heading)
+            y_m = table["y"].to_numpy(np.float64) + d * np.sin(heading)
+        rest = [table[name].to_numpy(np.float64) for name in EGO_COLUMNS[5:13]]
+        return cls(table["time_us"].to_numpy(np.int64), x_m, y_m, heading, *rest)
+
+
+@dataclass(frozen=True, eq=False)
+class ActorTable:
+    """All actors of all frames, one row per actor and frame, ordered by frame and then by id."""
+
+    frame: Ints  # (R,)
+    ids: NDArray[np.object_]  # (R,) str
+    kind: NDArray[np.int8]  # (R,) ActorKind
+    x_m: Floats
+    y_m: Floats
+    heading_rad: Floats
+    length_m: Floats
+    width_m: Floats
+    vx_mps: Floats
+    vy_mps: Floats
+    behaviour: NDArray[np.object_]  # (R,) str, '' where none
+    starts: Ints
+    """(N + 1,) rows of frame k are starts[k] to starts[k + 1]."""
+
+    @classmethod
+    def of(cls, frames: Sequence[Actors], behaviour: dict[str, str] | None = None) -> ActorTable:
+        """A table from one `Actors` per frame."""
+        behaviours = behaviour or {}
+        counts = np.array([len(a) for a in frames], dtype=np.int64)
+        ids = [i for a in frames for i in a.ids]
+
+        def column(name: str, dtype: Any = np.float64) -> NDArray[Any]:
+            parts = [getattr(a, name) for a in frames]
+            return np.concatenate(parts) if parts else np.zeros(0, dtype=dtype)
+
+        return cls(
+            frame=np.repeat(np.arange(len(frames)), counts),
+            ids=np.array(ids, dtype=object),
+            kind=column("kind", np.int8),
+            x_m=column("x_m"),
+            y_m=column("y_m"),
+            heading_rad=column("heading_rad"),
+            length_m=column("length_m"),
+            width_m=column("width_m"),
+            vx_mps=column("vx_mps"),
+            vy_mps=column("vy_mps"),
+            behaviour=np.array([behaviours.get(i, "") for i in ids], dtype=object),
+            starts=np.concatenate(([0], np.cumsum(counts))),
+        )
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def rows(self, frame: int) -> slice:
+        """The rows of one frame."""
+        return slice(int(self.starts[frame]), int(self.starts[frame + 1]))
+
+    def at(self, frame: int) -> Actors:
+        """One frame as `Actors`."""
+        rows = self.rows(frame)
+        names = ("kind", "x_m", "y_m", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps")
+        return Actors(tuple(self.ids[rows]), *(getattr(self, n)[rows] for n in names))
+
+    def to_frame(self) -> pd.DataFrame:
+        """A table with the columns of actors.parquet."""
+        kinds = np.array([k.name for k in ActorKind], dtype=object)
+        values = (
+            self.frame, self.ids, kinds[self.kind], self.x_m, self.y_m, self.heading_rad, self.length_m, self.width_m,
+            self.vx_mps, self.vy_mps, self.behaviour,
+        )  # fmt: skip
+        return pd.DataFrame(dict(zip(ACTOR_COLUMNS, values, strict=True)))
+
+    @classmethod
+    def from_frame(cls, table: pd.DataFrame, frames: int, *, keep_order: bool = False) -> ActorTable:
+        """From a table with the columns of actors.parquet; rows of a frame are sorted by id unless `keep_order`."""
+        if not keep_order:
+            table = table.sort_values(["frame", "track_token"], kind="stable")
+        frame = table["frame"].to_numpy(np.int64)
+        code = {k.name: int(k) for k in ActorKind}
+        none = np.full(len(table), "", dtype=object)
+
+        def column(name: str) -> Floats:
+            return table[name].to_numpy(np.float64)
+
+        return cls(
+            frame=frame,
+            ids=table["track_token"].astype(str).to_numpy(object),
+            kind=np.array([code[t] for t in table["type"]], dtype=np.int8),
+            x_m=column("x"),
+            y_m=column("y"),
+            heading_rad=column("heading"),
+            length_m=column("length"),
+            width_m=column("width"),
+            vx_mps=column("vx"),
+            vy_mps=column("vy"),
+            behaviour=table["behaviour"].astype(str).to_numpy(object) if "behaviour" in table else none,
+            starts=np.searchsorted(frame, np.arange(frames + 1)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """The record of one episode: N frames, 0.1 s apart."""
+
+    ego: EgoTrack
+    actors: ActorTable
+    signals: tuple[Signals, ...]
+    """One per frame."""
+    plans: tuple[Trajectory, ...]
+    """One per planner call: as many as frames, or one less if the last plan was refused."""
+    plan_wall_s: Floats
+    """(P,) wall-clock seconds of each planner call."""
+    shape: EgoShape = PACIFICA
+
+    def __len__(self) -> int:
+        return len(self.ego)
+
+    @property
+    def dt_s(self) -> float:
+        """Mean step."""
+        time_us = self.ego.time_us
+        return float(time_us[-1] - time_us[0]) * 1e-6 / (len(time_us) - 1) if len(time_us) > 1 else 0.1
+
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The four tables by file stem, columns in documented order."""
+        ego = self.ego.to_frame(self.shape)
+        wall = np.full(len(ego), np.nan)
+        wall[: len(self.plan_wall_s)] = self.plan_wall_s[: len(ego)]
+        ego["plan_wall_s"] = wall
+        status = np.array([s.name for s in SignalStatus], dtype=object)
+        signals = pd.DataFrame(
+            {
+                "frame": np.repeat(np.arange(len(self.signals)), [len(s) for s in self.signals]).astype(np.int64),
+                "lane_connector_id": np.array([c for s in self.signals for c in s.connector_ids], dtype=object),
+                "status": status[np.concatenate([s.status for s in self.signals] or [np.zeros(0, np.int8)])],
+            }
+        )
+        lengths = [len(p) for p in self.plans]
+
+        def stacked(name: str) -> Floats:
+            return np.concatenate([getattr(p, name) for p in self.plans] or [np.zeros(0)])
+
+        plans = pd.DataFrame(
+            {
+                "frame": np.repeat(np.arange(len(self.plans)), lengths).astype(np.int64),
+                "time_us": np.round(stacked("time_s") * 1e6).astype(np.int64),
+                "x": stacked("x_m"),
+                "y": stacked("y_m"),
+                "heading": stacked("heading_rad"),
+            }
+        )
+        return {"ego": ego, "actors": self.actors.to_frame(), "signals": signals, "plans": plans}
+
+    def hash(self) -> str:
+        """SHA-256 over all states, equal for equal runs.
+
+        Numbers enter as little-endian int64 of round(value * 1e6), texts as
+        UTF-8; table by table, column by column in documented order.
+        """
+        digest = hashlib.sha256()
+        for name, table in self.tables().items():
+            digest.update(f"{name}:{len(table)}\n".encode())
+            for column in table.columns:
+                if column in _NOT_HASHED:
+                    continue
+                values = table[column].to_numpy()
+                if values.dtype == object or values.dtype.kind not in "iuf":
+                    digest.update("\0".join(map(str, values)).encode())
+                elif values.dtype.kind == "f":
+                    digest.update(np.round(values * 1e6).astype("<i8").tobytes())
+                else:
+                    digest.update(values.astype("<i8").tobytes())
+        return digest.hexdigest()
+
+    def write(self, folder: Path) -> None:
+        """Write the four Parquet files into `folder`, which is made if needed."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, table in self.tables().items():
+            for text in ("track_token", "type", "behaviour", "lane_connector_id", "status"):
+                if text in table:
+                    table[text] = table[text].astype("category")
+            table.to_parquet(folder / f"{name}.parquet", index=False, compression="zstd")
+
+    @classmethod
+    def read(cls, folder: Path, shape: EgoShape = PACIFICA) -> Trace:
+        """Read what `write` wrote; InputError names a file that is missing or damaged."""
+        tables: dict[str, pd.DataFrame] = {}
+        for name in ("ego", "actors", "signals", "plans"):
+            path = folder / f"{name}.parquet"
+            try:
+                tables[name] = pd.read_parquet(path)
+            except Exception as error:
+                raise InputError(f"cannot read {path}: {error}; run the job again to write it anew") from error
+        ego_table = tables["ego"]
+        frames = len(ego_table)
+        code = {s.name: int(s) for s in SignalStatus}
+        signal_rows = tables["signals"]
+        split = np.searchsorted(signal_rows["frame"].to_numpy(), np.arange(frames + 1))
+        connectors = signal_rows["lane_connector_id"].astype(str).to_numpy(object)
+        status = np.array([code[s] for s in signal_rows["status"]], dtype=np.int8)
+        plan_rows = tables["plans"]
+        plan_frame = plan_rows["frame"].to_numpy()
+        plan_split = np.searchsorted(plan_frame, np.arange(int(plan_frame[-1]) + 2 if len(plan_frame) else 1))
+        columns = [plan_rows[n].to_numpy(np.float64) for n in ("time_us", "x", "y", "heading")]
+        wall = ego_table["plan_wall_s"].to_numpy(np.float64)
+        return cls(
+            EgoTrack.from_frame(ego_table, shape),
+            ActorTable.from_frame(tables["actors"], frames),
+            tuple(Signals(tuple(connectors[a:b]), status[a:b]) for a, b in pairwise(split)),
+            tuple(Trajectory(columns[0][a:b] * 1e-6, *(c[a:b] for c in columns[1:])) for a, b in pairwise(plan_split)),
+            wall[np.isfinite(wall)],
+            shape,
+        )

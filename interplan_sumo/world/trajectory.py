@@ -1,0 +1,68 @@
+"""Trajectory: what a planner returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from interplan_sumo.world.geometry import Floats, Pose, frozen, wrap_angle
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Poses of the ego's box centre over time, at least two, times strictly increasing.
+
+    Between samples positions are interpolated linearly and headings the short
+    way round. Speeds are informative: the controller follows the poses.
+    """
+
+    time_s: Floats  # (N,)
+    x_m: Floats  # (N,)
+    y_m: Floats  # (N,)
+    heading_rad: Floats  # (N,)
+    speed_mps: Floats | None = None  # (N,)
+
+    def __post_init__(self) -> None:
+        count = np.size(self.time_s)
+        for column in fields(self):
+            value = getattr(self, column.name)
+            if value is None:
+                continue
+            array = frozen(value)
+            if array.shape != (count,):
+                raise ValueError(f"Trajectory.{column.name} has shape {array.shape}, expected ({count},)")
+            object.__setattr__(self, column.name, array)
+        if count < 2:
+            raise ValueError(f"a Trajectory needs at least two poses, got {count}")
+        for column in fields(self):
+            value = getattr(self, column.name)
+            if value is not None and not np.isfinite(value).all():
+                raise ValueError(f"Trajectory.{column.name} holds a number that is not finite")
+        if not (np.diff(self.time_s) > 0.0).all():
+            raise ValueError("Trajectory.time_s must increase from sample to sample")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def at(self, time_s: float) -> Pose:
+        """The pose at one time; ValueError outside the trajectory."""
+        x, y, heading = self.poses_at(np.asarray([time_s]))[0]
+        return Pose(float(x), float(y), float(heading))
+
+    def poses_at(self, time_s: Floats) -> Floats:
+        """(K, 3) x, y, heading at times (K,); ValueError outside the trajectory."""
+        slack_s = 1e-6
+        if np.min(time_s) < self.time_s[0] - slack_s or np.max(time_s) > self.time_s[-1] + slack_s:
+            raise ValueError(
+                f"time {np.min(time_s):.3f} to {np.max(time_s):.3f} s lies outside the trajectory "
+                f"({self.time_s[0]:.3f} to {self.time_s[-1]:.3f} s)"
+            )
+        return np.stack(
+            (
+                np.interp(time_s, self.time_s, self.x_m),
+                np.interp(time_s, self.time_s, self.y_m),
+                wrap_angle(np.interp(time_s, self.time_s, np.unwrap(self.heading_rad))),
+            ),
+            axis=1,
+        )

@@ -1,0 +1,1 @@
+"""The reference planners. They use the same entry points as anyone else."""

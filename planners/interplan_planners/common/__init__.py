@@ -1,0 +1,1 @@
+"""What several planners share: paths along the route, the IDM policy."""
