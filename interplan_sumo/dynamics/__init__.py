@@ -1,1 +1,6 @@
-"""Layer 1: how the ego follows a trajectory."""
+"""How the ego moves: nuPlan's LQR tracker and kinematic bicycle, and a perfect tracker.
+
+Every follower has the same signature, `follow(state, plan, dt_s, shape) -> EgoState`.
+The rest of the program speaks of the box centre; only this package knows the
+rear axle, at which nuPlan defines tracker and bicycle.
+"""

@@ -10,7 +10,7 @@ unique across roadblocks and roadblock connectors.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from types import MappingProxyType
@@ -154,7 +154,7 @@ class Roads:
     roadblocks: Mapping[str, Roadblock]
     """Roadblocks and roadblock connectors."""
     intersections: tuple[Intersection, ...] = ()
-    stop_lines: Mapping[str, StopLine] = MappingProxyType({})
+    stop_lines: Mapping[str, StopLine] = field(default_factory=dict[str, StopLine])
     crosswalks: tuple[Area, ...] = ()
     walkways: tuple[Area, ...] = ()
     carparks: tuple[Area, ...] = ()

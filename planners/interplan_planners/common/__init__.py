@@ -1,1 +1,1 @@
-"""What several planners share: paths along the route, the IDM policy."""
+"""What several planners share: route search, centreline paths, corridors and the Intelligent Driver Model."""

@@ -1,0 +1,103 @@
+"""Drive job: what a worker does for one job: drive, write the trace down, score it."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from interplan_sumo.batch.jobs import Job
+from interplan_sumo.batch.phases import Publish
+from interplan_sumo.batch.run_folder import PART, place_folder, trace_place
+from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
+from interplan_sumo.errors import RunFolderError
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.metrics.result import plain
+from interplan_sumo.metrics.score import score
+from interplan_sumo.planner import load_planner
+from interplan_sumo.scenario.suite import expert
+from interplan_sumo.simulation.episode import EpisodeOptions, drive
+from interplan_sumo.world.trace import Trace
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSettings:
+    """What all jobs of a run share."""
+
+    folder: Path
+    """The run folder."""
+    profile: str
+    vehicle_types: Path | None = None
+    plan_limit_s: float = 10.0
+
+
+def drive_jobs(settings: DriveSettings) -> OpenGroup:
+    """The function that a worker opens with a planner's name; picklable."""
+    return partial(_open_planner, settings)
+
+
+def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
+    planner = load_planner(name)
+    options = EpisodeOptions(vehicle_types=settings.vehicle_types, plan_limit_s=settings.plan_limit_s)
+
+    def work(job: Job) -> Answer:
+        began_s = time.perf_counter()
+        episode = drive(job.scenario, planner, seed=job.seed, options=options, on_phase=publish)
+        times_s: dict[str, float] = dict(episode.times_s)
+        value: dict[str, Any] = {"reached_goal": episode.reached_goal}
+        fault = None if episode.fault is None else Fault(episode.fault.kind, episode.fault.message)
+        if episode.trace is not None:
+            publish("store")
+            stored_s = time.perf_counter()
+            value["trace_hash"] = episode.trace.hash()
+            value["trace"] = _store(settings.folder, job, episode.trace, value["trace_hash"])
+            times_s["storing"] = time.perf_counter() - stored_s
+            if fault is None:
+                publish("score")
+                scored_s = time.perf_counter()
+                roads = load_roads(job.scenario.map)
+                sheet = score(episode.trace, roads, expert(job.scenario), job.scenario, settings.profile).as_json()
+                value |= sheet
+                times_s["scoring"] = time.perf_counter() - scored_s
+        times_s["total"] = time.perf_counter() - began_s
+        value["times_s"] = {name: round(seconds, 6) for name, seconds in times_s.items()}
+        return plain(value), fault
+
+    return work
+
+
+def _store(folder: Path, job: Job, trace: Trace, trace_hash: str) -> str:
+    """Write the trace beside its place and move it there once it is whole; where that is, relative to the folder."""
+    place = trace_place(job.key)
+    about = {
+        "scenario": job.scenario.canonical(),
+        "scenario_hash": job.scenario.hash(),
+        "planner": job.planner,
+        "seed": job.seed,
+        "trace_hash": trace_hash,
+    }
+    try:
+        (folder / "traces").mkdir(exist_ok=True)
+        fresh = Path(tempfile.mkdtemp(prefix=PART, dir=folder / "traces"))
+        trace.write(fresh)
+        (fresh / "scenario.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+        os.chmod(fresh, 0o777 & ~_umask())
+        place_folder(fresh, folder / place)
+    except OSError as error:
+        raise RunFolderError(
+            f"cannot write the trace of {job.scenario.id} to {folder / place}: {error.strerror or error}; "
+            "what is there is intact: repeat the command when it can be written"
+        ) from None
+    return place
+
+
+def _umask() -> int:
+    """The user's file mode mask; mkdtemp ignores it."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

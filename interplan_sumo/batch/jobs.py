@@ -1,0 +1,136 @@
+"""Jobs: which drives a run consists of, and what is changed in their scenarios."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Literal, cast
+
+from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.scenario.scenario import LARGEST_GAP_M, Density, Scenario
+
+OVERRIDABLE = ("density", "behaviour")
+
+JobKey = tuple[str, str, int]
+"""Scenario id, planner as it was asked for, seed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One drive: a scenario (with overrides applied), a planner and a seed."""
+
+    scenario: Scenario
+    planner: str
+    """As given on the command line, options included."""
+    seed: int
+
+    @property
+    def key(self) -> JobKey:
+        return (self.scenario.id, self.planner, self.seed)
+
+
+@dataclass(frozen=True, slots=True)
+class Overrides:
+    """What the user changed in the official scenarios; nothing by default."""
+
+    density: Literal["low", "medium", "high"] | None = None
+    behaviour: str | None = None
+    vehicle_types: Path | None = None
+    """A vehicle-type file of the user's instead of the scenario's."""
+
+    @classmethod
+    def parse(cls, pairs: Sequence[str], vehicle_types: Path | None = None) -> Overrides:
+        """From `KEY=VALUE` texts; InputError for another key, a bad value or a key given twice."""
+        given: dict[str, str] = {}
+        for pair in pairs:
+            key, equals, value = pair.partition("=")
+            if not equals or not value:
+                raise InputError(f"--set {pair!r} has no value; write KEY=VALUE, such as density=high")
+            if key not in OVERRIDABLE:
+                raise UnknownNameError("setting to override", key, OVERRIDABLE)
+            if given.setdefault(key, value) != value:
+                raise InputError(f"--set gives {key} twice: {given[key]} and {value}")
+        density = given.get("density")
+        if density is not None and density not in LARGEST_GAP_M:
+            raise UnknownNameError("density", density, LARGEST_GAP_M)
+        if vehicle_types is not None and "behaviour" in given:
+            raise InputError("--traffic replaces the vehicle types that --set behaviour chooses; give only one")
+        return cls(cast("Literal['low', 'medium', 'high'] | None", density), given.get("behaviour"), vehicle_types)
+
+    def __bool__(self) -> bool:
+        return self != Overrides()
+
+    def canonical(self) -> dict[str, str]:
+        """For manifests and rows: equal where and only where the runs mean the same.
+
+        A vehicle-type file counts by name and content, wherever it lies.
+        """
+        found = {key: value for key in OVERRIDABLE if (value := getattr(self, key)) is not None}
+        if self.vehicle_types is not None:
+            try:
+                digest = hashlib.sha256(self.vehicle_types.read_bytes()).hexdigest()
+            except OSError as error:
+                raise InputError(f"cannot read the vehicle-type file {self.vehicle_types}: {error.strerror}") from None
+            found["traffic"] = f"{self.vehicle_types.name} sha256:{digest[:16]}"
+        return found
+
+    def applied(self, scenario: Scenario) -> Scenario:
+        """The scenario with them; one without moving traffic stays as it is."""
+        traffic = scenario.traffic
+        if traffic.density == "none" and traffic.oncoming == "none":
+            return scenario
+        density = self.density
+
+        def changed(before: Density) -> Density:
+            return before if density is None or before == "none" else density
+
+        behaviour = traffic.behaviour if self.behaviour is None else self.behaviour
+        return replace(
+            scenario,
+            traffic=replace(
+                traffic,
+                density=changed(traffic.density),
+                oncoming=changed(traffic.oncoming),
+                behaviour=behaviour,  # type: ignore[arg-type]  # any file in routes/
+            ),
+        )
+
+
+def chosen(scenarios: Sequence[Scenario], globs: Sequence[str], limit: int | None = None) -> tuple[Scenario, ...]:
+    """The scenarios whose ids match any of the globs (all, without globs), in suite order, at most `limit`.
+
+    UnknownNameError for a glob that matches none.
+    """
+    ids = [s.id for s in scenarios]
+    for glob in globs:
+        if not any(fnmatchcase(i, glob) for i in ids):
+            raise UnknownNameError("scenario", glob, ids, "List them: interplan-sumo scenarios list")
+    found = [s for s in scenarios if not globs or any(fnmatchcase(s.id, g) for g in globs)]
+    return tuple(found[:limit])
+
+
+def jobs_for(
+    scenarios: Sequence[Scenario], planners: Sequence[str], seeds: int, overrides: Overrides | None = None
+) -> tuple[Job, ...]:
+    """Every planner on every scenario with every seed 0 ... `seeds` - 1; each job once."""
+    changed = [overrides.applied(s) if overrides else s for s in scenarios]
+    return tuple(
+        Job(scenario, planner, seed)
+        for planner in dict.fromkeys(planners)
+        for scenario in changed
+        for seed in range(seeds)
+    )
+
+
+def keys_of(requests: Sequence[Mapping[str, object]]) -> list[JobKey]:
+    """The jobs that a manifest's requests ask for, each once."""
+    found: dict[JobKey, None] = {}
+    for request in requests:
+        for planner in cast("list[str]", request["planners"]):
+            for scenario in cast("list[str]", request["scenarios"]):
+                for seed in range(cast("int", request["seeds"])):
+                    found[(scenario, planner, seed)] = None
+    return list(found)

@@ -1,0 +1,120 @@
+"""Processes: what the operating system must do so that no job can hurt another and none is left behind."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import sys
+from collections.abc import Generator
+from typing import Any
+
+SINGLE_THREAD = dict.fromkeys(
+    ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
+)
+"""One thread per worker: the workers are the parallelism, and sums keep one order."""
+
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_PR_SET_CHILD_SUBREAPER = 36
+
+
+def available_cores() -> int:
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return max(1, len(os.sched_getaffinity(0)))
+    return os.cpu_count() or 1
+
+
+@contextlib.contextmanager
+def environment(values: dict[str, str]) -> Generator[None]:
+    """Environment variables as given inside the block; children started in it inherit them."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def become_worker(memory_bytes: int | None) -> None:
+    """Make this process a worker: own process group, dies with its parent, no core dumps, memory capped.
+
+    The cap counts private writable memory (RLIMIT_DATA, enforced by Linux): an
+    allocation beyond it raises MemoryError where it happens.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(os, "setsid"):
+        with contextlib.suppress(OSError):
+            os.setsid()
+    if sys.platform == "linux":
+        parent = os.getppid()
+        _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:  # the parent died before the line above
+            os._exit(1)
+    if sys.platform != "win32":
+        import resource
+
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+        if memory_bytes is not None:
+            with contextlib.suppress(ValueError, OSError):
+                resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, resource.getrlimit(resource.RLIMIT_DATA)[1]))
+
+
+@contextlib.contextmanager
+def adopted_orphans() -> Generator[None]:
+    """Inside the block, processes that a dead worker leaves behind become children of this one, which can reap them."""
+    if sys.platform != "linux":
+        yield
+        return
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+    try:
+        yield
+    finally:
+        _prctl(_PR_SET_CHILD_SUBREAPER, 0)
+
+
+def kill_group(leader: Any) -> None:
+    """Kill a worker and everything it started, and leave no zombie.
+
+    `leader` is its multiprocessing process, not yet joined: its process id is
+    still its own, so the group cannot be somebody else's.
+    """
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(leader.pid, signal.SIGKILL)
+    leader.kill()  # in case it died before it had a group
+    leader.join()
+    if hasattr(os, "waitpid"):
+        with contextlib.suppress(ChildProcessError):
+            while os.waitpid(-leader.pid, 0)[0]:
+                pass
+
+
+def death(exit_code: int | None) -> str:
+    """How a process ended, in words."""
+    if exit_code is None:
+        return "closed its connection"
+    if exit_code >= 0:
+        return f"exited with code {exit_code}"
+    try:
+        return f"was killed by {signal.Signals(-exit_code).name}"
+    except ValueError:
+        return f"was killed by signal {-exit_code}"
+
+
+def killed_from_outside(exit_code: int | None) -> bool:
+    """Whether the end looks like somebody else's doing (an operator, the out-of-memory killer) and not a crash."""
+    outside = {getattr(signal, name, None) for name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")}
+    return exit_code is not None and exit_code < 0 and -exit_code in {int(s) for s in outside if s is not None}
+
+
+def _prctl(option: int, value: int) -> None:
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None, use_errno=True).prctl(option, value, 0, 0, 0)

@@ -1,0 +1,181 @@
+"""Run: planners x scenarios x seeds into one run folder; the same call again goes on where it was stopped."""
+
+from __future__ import annotations
+
+import contextlib
+import platform
+import signal
+import threading
+import time
+from collections.abc import Generator, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Protocol
+
+from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
+from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.in_process import alarm_works
+from interplan_sumo.batch.jobs import Job, Overrides, chosen, jobs_for
+from interplan_sumo.batch.run_folder import Row, RunFolder, StoredRun, read_run
+from interplan_sumo.batch.tasks import Limits, Outcome, Task
+from interplan_sumo.batch.versions import versions
+from interplan_sumo.errors import InputError
+from interplan_sumo.maps.store import find_map, load_roads
+from interplan_sumo.metrics.score import DEFAULT_PROFILE, SCORING_VERSION
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.suite import find_suite
+from interplan_sumo.simulation.network import read_network
+from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequest:
+    """What to run, where to, and within which limits."""
+
+    planners: tuple[str, ...]
+    suite: str
+    folder: Path
+    scenarios: tuple[str, ...] = ()
+    """Globs over scenario ids; none means all."""
+    seeds: int = 1
+    workers: int = 1
+    """0 runs in this process."""
+    overrides: Overrides = field(default_factory=Overrides)
+    limit: int | None = None
+    """At most so many scenarios."""
+    limits: Limits = field(default_factory=Limits)
+    command: tuple[str, ...] = field(default=())
+    """For the manifest."""
+
+
+class Watch(Protocol):
+    """Told how a run goes on."""
+
+    def begin(self, jobs: int, done: Sequence[Row]) -> None:
+        """So many jobs in all, of which these are done already."""
+        ...
+
+    def finished(self, row: Row) -> None:
+        """One more job has ended."""
+        ...
+
+
+def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
+    """Do every job of the request that its folder does not hold yet.
+
+    Raises InputError for anything that cannot be used, before the first job
+    where it can be known. KeyboardInterrupt (Ctrl-C, or SIGTERM) leaves a
+    folder that the same request completes.
+    """
+    if not request.planners:
+        raise InputError("no planner given; name one with --planner, such as --planner idm")
+    if request.seeds < 1:
+        raise InputError(f"seeds is {request.seeds}, expected 1 or more")
+    if request.limit is not None and request.limit < 1:
+        raise InputError(f"limit is {request.limit}, expected 1 or more")
+    if request.workers < 0:
+        raise InputError(f"workers is {request.workers}, expected 0 (in this process) or more")
+    suite = find_suite(request.suite)
+    scenarios = chosen(suite.scenarios, request.scenarios, request.limit)
+    jobs = jobs_for(scenarios, request.planners, request.seeds, request.overrides)
+    if request.overrides.behaviour is not None:
+        vehicle_type_file(request.overrides.behaviour)
+    check_inputs({job.scenario.id: job.scenario for job in jobs}.values(), request.overrides.vehicle_types)
+    overrides = request.overrides.canonical()
+    library_versions = versions() | {"scoring": str(SCORING_VERSION)}
+    benchmark = {
+        "suite": suite.key,
+        "suite_hash": suite.hash(),
+        "profile": DEFAULT_PROFILE,
+        "overrides": overrides,
+        "versions": library_versions,
+    }
+    wanted = {
+        "planners": list(dict.fromkeys(request.planners)),
+        "scenarios": [s.id for s in scenarios],
+        "seeds": request.seeds,
+    }
+    about = {
+        "command": list(request.command),
+        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "platform": platform.platform(),
+        "plan_limit_s": request.limits.plan_s,
+    }
+    with RunFolder(request.folder, benchmark, wanted, about) as folder:
+        left = [job for job in jobs if job.key not in folder.rows]
+        if watch is not None:
+            watch.begin(len(jobs), [folder.rows[job.key] for job in jobs if job.key in folder.rows])
+        settings = DriveSettings(
+            folder=request.folder.resolve(),
+            profile=DEFAULT_PROFILE,
+            vehicle_types=request.overrides.vehicle_types and request.overrides.vehicle_types.resolve(),
+            # In this process an alarm keeps the limit: unlike the drive's own it rests while a debugger is at work.
+            plan_limit_s=float("inf") if request.workers == 0 and alarm_works() else request.limits.plan_s,
+        )
+        tasks = [Task(job.key, job.planner, job) for job in left]
+        with _terminated_like_interrupted():
+            outcomes = run_tasks(tasks, drive_jobs(settings), workers=request.workers, limits=request.limits)
+            with contextlib.closing(outcomes):
+                for outcome in outcomes:
+                    row = _row(outcome, overrides, library_versions)
+                    folder.append(row)
+                    if watch is not None:
+                        watch.finished(row)
+    return read_run(request.folder)
+
+
+def check_inputs(scenarios: Iterable[Scenario], vehicle_types: Path | None) -> None:
+    """Read every map, network and vehicle-type file that the scenarios need; InputError before anything is driven."""
+    for scenario in scenarios:
+        scenario.check(load_roads(scenario.map))
+        read_network(find_map(scenario.map).network)
+        read_vehicle_types(vehicle_types or vehicle_type_file(scenario.traffic.behaviour))
+
+
+def _row(outcome: Outcome, overrides: dict[str, str], library_versions: dict[str, str]) -> Row:
+    """A line of results.jsonl."""
+    job: Job = outcome.task.payload
+    value, fault = outcome.value, outcome.fault
+    scored = value.get("score")
+    row: Row = {
+        "scenario_id": job.scenario.id,
+        "family": job.scenario.family,
+        "planner": job.planner,
+        "seed": job.seed,
+        "score": scored if fault is None else 0.0 if fault.kind == "planner" else None,
+        "metrics": value.get("metrics", {}),
+        "gates": value.get("gates", []),
+        "weights": value.get("weights", {}),
+        "fault": None if fault is None else {"class": fault.kind, "message": fault.message},
+        "official": not overrides,
+        "overrides": overrides,
+        "trace_hash": value.get("trace_hash"),
+        "times_s": value.get("times_s", {"total": round(outcome.wall_s, 6)}),
+        "versions": library_versions,
+        "reached_goal": value.get("reached_goal", False),
+        "site": job.scenario.site,
+        "scenario_hash": job.scenario.hash(),
+        "trace": value.get("trace"),
+    }
+    for name, text in (("traceback", value.get("traceback")), ("printed", outcome.printed)):
+        if text:
+            row[name] = text
+    return row
+
+
+@contextlib.contextmanager
+def _terminated_like_interrupted() -> Generator[None]:
+    """SIGTERM (a batch system's polite end) inside the block does what Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(_signal: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

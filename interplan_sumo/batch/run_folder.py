@@ -1,0 +1,314 @@
+"""Run folder: everything a run leaves behind, in an order that no kill can spoil.
+
+| file | what |
+|---|---|
+| manifest.json | what was asked for and with which versions; replaced as a whole |
+| results.jsonl | one line per finished job, appended and synced by the one parent that holds `lock` |
+| traces/<scenario>/<planner>/seed<k>/ | four Parquet files and scenario.json, renamed into place when complete |
+
+A folder name is the id or planner with every run of other characters than
+letters, digits, dot and hyphen as one `_`, at most 60 of them, a hyphen, and the first
+eight hexadecimal digits of the SHA-256 of the unchanged text: readable, and
+never two things in one folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from interplan_sumo.batch.jobs import JobKey, keys_of
+from interplan_sumo.errors import RunFolderError
+
+FORMAT = 1
+PART = ".part-"
+"""Begins the names of trace folders that are still being written."""
+
+Row = dict[str, Any]
+
+
+def slug(text: str) -> str:
+    """A folder name for an id or a planner, as the module's docstring says."""
+    readable = re.sub(r"[^A-Za-z0-9.-]+", "_", text)[:60].strip("._") or "_"
+    return f"{readable}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+
+def trace_place(key: JobKey) -> str:
+    """Where the trace of a job lies, relative to the run folder."""
+    scenario, planner, seed = key
+    return f"traces/{slug(scenario)}/{slug(planner)}/seed{seed}"
+
+
+def row_key(row: Row) -> JobKey:
+    return (row["scenario_id"], row["planner"], row["seed"])
+
+
+@dataclass(frozen=True, slots=True)
+class StoredRun:
+    """A run folder as it was read."""
+
+    path: Path
+    manifest: dict[str, Any]
+    rows: dict[JobKey, Row]
+    """By job, the latest of each."""
+
+    @property
+    def keys(self) -> list[JobKey]:
+        """Every job that was asked for."""
+        return keys_of(self.manifest["requests"])
+
+    @property
+    def missing(self) -> list[JobKey]:
+        """Jobs without a score: not done yet, or ended in a fault that is not the planner's."""
+        return [k for k in self.keys if k not in self.rows or self.rows[k]["score"] is None]
+
+
+def read_run(path: Path) -> StoredRun:
+    """Read a run folder, also one that is being written; RunFolderError names what is missing or damaged."""
+    manifest = _read_manifest(path)
+    if manifest is None:
+        raise RunFolderError(f"{path} is not a run folder: it has no manifest.json")
+    rows, _ = _read_rows(path / "results.jsonl")
+    return StoredRun(path, manifest, {row_key(row): row for row in rows})
+
+
+class RunFolder:
+    """A run folder open for writing; use as a context manager. One process at a time: others are refused."""
+
+    def __init__(
+        self, path: Path, benchmark: Mapping[str, Any], request: Mapping[str, Any], about: Mapping[str, Any]
+    ) -> None:
+        """`benchmark` must agree with what the folder holds; `request` is added to it; `about` is for the reader.
+
+        Raises RunFolderError: in use, unwritable, foreign, or of another benchmark (naming the difference).
+        """
+        self.path = path
+        self._results = -1
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            self._lock = _Lock(path / "lock")
+        except OSError as error:
+            raise _unwritable(path, error) from None
+        try:
+            self.manifest = self._agree(benchmark, request, about)
+            for left in path.glob(f"traces/{PART}*"):
+                shutil.rmtree(left, ignore_errors=True)
+            self.rows = self._open_results(keys_of([request]))
+        except OSError as error:
+            self.close()
+            raise _unwritable(path, error) from None
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        if self._results >= 0:
+            os.close(self._results)
+            self._results = -1
+        self._lock.release()
+
+    def append(self, row: Row) -> None:
+        """Write one finished job and wait until it is on the disk.
+
+        RunFolderError if it cannot be written; what was there before stays.
+        """
+        line = (json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n").encode()
+        size = os.fstat(self._results).st_size
+        try:
+            written = os.write(self._results, line)
+            if written != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(self._results)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._results, size)
+            raise _unwritable(self.path, error) from None
+        self.rows[row_key(row)] = row
+
+    def _agree(
+        self, benchmark: Mapping[str, Any], request: Mapping[str, Any], about: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """The manifest with the request added; writes it where it is new or grew."""
+        held = _read_manifest(self.path)
+        if held is None:
+            strangers = sorted(p.name for p in self.path.iterdir() if p.name not in ("lock", "traces"))
+            if strangers:
+                raise RunFolderError(
+                    f"{self.path} holds {strangers[0]!r} and no manifest.json, so it is no run folder; "
+                    "give an empty or a new folder as --out"
+                )
+            fresh: dict[str, Any] = {"format": FORMAT, **benchmark, **about, "requests": []}
+            held = fresh
+        for name, wanted in benchmark.items():
+            _refuse_difference(self.path, name, held.get(name), wanted)
+        asked = set(keys_of(held["requests"]))
+        if not set(keys_of([request])) <= asked:
+            held["requests"].append(dict(request))
+            _replace(self.path / "manifest.json", json.dumps(held, indent=2, ensure_ascii=False) + "\n")
+        return held
+
+    def _open_results(self, wanted: Iterable[JobKey]) -> dict[JobKey, Row]:
+        """Open results.jsonl for appending, without a torn last line and without the rows that are to be done again."""
+        path = self.path / "results.jsonl"
+        lines, whole_bytes = _read_rows(path)
+        rows = {row_key(row): row for row in lines}
+        again = [key for key in wanted if key in rows and rows[key]["score"] is None]
+        for key in again:
+            del rows[key]
+        if again or len(rows) != len(lines):
+            _replace(
+                path, "".join(json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n" for row in rows.values())
+            )
+            whole_bytes = path.stat().st_size
+        self._results = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        os.ftruncate(self._results, whole_bytes)
+        os.fsync(self._results)
+        return rows
+
+
+def _refuse_difference(path: Path, name: str, held: Any, wanted: Any) -> None:
+    if held == wanted:
+        return
+    if isinstance(held, dict) and isinstance(wanted, dict):
+        for key in {**held, **wanted}:
+            if held.get(key) != wanted.get(key):
+                _refuse_difference(path, f"{name} {key}", held.get(key, "none"), wanted.get(key, "none"))
+    raise RunFolderError(
+        f"{path} holds a run with {name} {_said(held)}, this one has {_said(wanted)}; give another folder as --out"
+    )
+
+
+def _said(value: Any) -> str:
+    return "none" if value in (None, {}, "none") else value if isinstance(value, str) else json.dumps(value)
+
+
+def _read_manifest(path: Path) -> dict[str, Any] | None:
+    file = path / "manifest.json"
+    try:
+        manifest = json.loads(file.read_text(encoding="utf-8"))
+        if manifest["format"] != FORMAT:
+            raise RunFolderError(
+                f"{file} has format {manifest['format']}, this version reads {FORMAT}; "
+                "read it with the version that wrote it"
+            )
+        keys_of(manifest["requests"])
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise RunFolderError(f"cannot read {file}: {error.strerror}") from None
+    except (ValueError, TypeError, KeyError) as error:
+        raise RunFolderError(f"{file} is damaged ({type(error).__name__}: {error}); give another folder") from None
+    return manifest
+
+
+def _read_rows(path: Path) -> tuple[list[Row], int]:
+    """All whole lines, and how many bytes they take; a last line without its end was torn by a kill."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return [], 0
+    except OSError as error:
+        raise RunFolderError(f"cannot read {path}: {error.strerror}") from None
+    whole = data[: data.rfind(b"\n") + 1]
+    rows: list[Row] = []
+    for number, line in enumerate(whole.split(b"\n")[:-1], start=1):
+        try:
+            row = json.loads(line)
+            if not {"score", "fault", "family", "metrics"} <= row.keys():
+                raise KeyError("score")
+            row_key(row)
+        except (ValueError, TypeError, KeyError):
+            raise RunFolderError(
+                f"{path}, line {number} is damaged; delete the line and repeat the command to do that job again"
+            ) from None
+        rows.append(row)
+    return rows, len(whole)
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file so that there is always either the old or the new one."""
+    fresh = path.with_name(path.name + ".new")
+    with fresh.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(fresh, path)
+    if os.name == "posix":
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def _unwritable(path: Path, error: OSError) -> RunFolderError:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return RunFolderError(
+            f"no space left to write {path}; what is there is intact: free some space and repeat the command"
+        )
+    return RunFolderError(f"cannot write the run folder {path}: {error.strerror or error}; give another one as --out")
+
+
+class _Lock:
+    """An exclusive lock that the system releases when its process ends, however it ends."""
+
+    def __init__(self, path: Path) -> None:
+        self._handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            _lock(self._handle)
+        except OSError:
+            owner = os.read(self._handle, 100).decode(errors="replace").strip()
+            os.close(self._handle)
+            raise RunFolderError(
+                f"{path.parent} is in use by another run{f' (process {owner})' if owner else ''}; "
+                "wait for it or give another folder as --out"
+            ) from None
+        os.ftruncate(self._handle, 0)
+        os.write(self._handle, f"{os.getpid()}\n".encode())
+
+    def release(self) -> None:
+        """Give it back; the file stays, for deleting it could free a lock that somebody else just took."""
+        if self._handle >= 0:
+            os.close(self._handle)
+            self._handle = -1
+
+
+def _lock(handle: int) -> None:
+    if os.name == "posix":
+        import fcntl
+
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    else:
+        import msvcrt
+
+        os.lseek(handle, 1 << 20, os.SEEK_SET)  # a byte beyond the text, so that others can read the process id
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        os.lseek(handle, 0, os.SEEK_SET)
+
+
+def place_folder(fresh: Path, final: Path) -> None:
+    """Move a complete folder to its place, over what an interrupted run may have left there."""
+    if final.exists():
+        shutil.rmtree(final)
+    final.parent.mkdir(parents=True, exist_ok=True)
+    os.rename(fresh, final)
+
+
+def in_order(rows: Mapping[JobKey, Row], keys: Sequence[JobKey]) -> list[Row]:
+    """The rows in the order of the jobs, whichever ended first."""
+    return [rows[key] for key in keys if key in rows]

@@ -1,0 +1,61 @@
+"""Tasks: the nouns of the engine: what is to be done, within which limits, and how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Any
+
+from interplan_sumo.batch.phases import Publish
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Why a task has no ordinary result."""
+
+    kind: str
+    """planner, traffic, timeout or harness."""
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One thing to do: `payload` is handed to the function that its group opened."""
+
+    key: Hashable
+    group: str
+    payload: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a task may use. Wall clock, generous: noise must not change a result."""
+
+    plan_s: float = 10.0
+    grace_s: float = 2.0
+    """How much longer a plan() call may run before its process is killed from outside."""
+    task_s: float = 3600.0
+    load_s: float = 600.0
+    """Building a planner: importing libraries, loading weights."""
+    memory_bytes: int | None = 8 << 30
+    """Private memory of one worker; None for no cap. Linux only."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a task ended."""
+
+    task: Task
+    value: dict[str, Any]
+    """Plain JSON data that the task gave; empty if it never answered."""
+    fault: Fault | None
+    wall_s: float
+    printed: str = ""
+    """The end of what its process printed, if it ended in a fault."""
+
+
+Answer = tuple[dict[str, Any], Fault | None]
+"""What a task gives: plain JSON data, and the fault that it ended with."""
+Work = Callable[[Any], Answer]
+OpenGroup = Callable[[str, Publish], Work]
+"""Builds what the tasks of one group share (a planner) and returns the function that does one task."""

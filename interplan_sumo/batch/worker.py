@@ -1,0 +1,125 @@
+"""Worker: the far side of the engine: one process, one group of tasks, one task at a time."""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import json
+import os
+import sys
+import threading
+import traceback
+from multiprocessing import connection, parent_process
+from multiprocessing.connection import Connection
+from typing import Any
+
+from interplan_sumo.batch.phases import PLANNER_PHASES, PhaseBoard, Shared
+from interplan_sumo.batch.processes import become_worker
+from interplan_sumo.batch.tasks import OpenGroup, Work
+from interplan_sumo.errors import InputError, TrafficError
+
+
+def attempt(work: Work, task: Any, board: PhaseBoard) -> dict[str, Any]:
+    """Do one task; whatever escapes becomes a fault by the phase in which it was raised.
+
+    SystemExit and KeyboardInterrupt included: in a worker nobody but the task raises them.
+    """
+    try:
+        value, fault = work(task)
+    except BaseException as error:
+        phase = board.phase
+        text = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        if phase in PLANNER_PHASES:
+            return {"value": {}, "fault": ["planner", f"raised {text}"]}
+        if isinstance(error, InputError):
+            return {"input_error": str(error)}
+        if isinstance(error, TrafficError):
+            return {"value": {}, "fault": ["traffic", str(error)]}
+        return {"value": {"traceback": traceback.format_exc()}, "fault": ["harness", f"{text} (in phase {phase})"]}
+    return {"value": value, "fault": [fault.kind, fault.message] if fault else None}
+
+
+def serve(
+    line: Connection, shared: Shared, group: str, open_group: OpenGroup, output: str, memory_bytes: int | None
+) -> None:
+    """Body of a worker process: open the group, then answer tasks until told to stop (None) or the line closes.
+
+    Tasks come pickled from the parent, answers go back as JSON: a planner that
+    damages this process cannot run anything in the parent. What the process
+    prints goes to the file `output`, emptied before each task.
+    """
+    _print_to(output)
+    become_worker(memory_bytes)
+    faulthandler.enable(file=sys.stderr)
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+    home = os.getpid()
+    if hasattr(os, "register_at_fork"):
+        # A copy of this process must not answer in its name, nor keep the line open when it has died.
+        os.register_at_fork(after_in_child=line.close)
+    board = PhaseBoard(shared)
+
+    def publish(phase: str) -> None:
+        if os.getpid() != home:  # a planner forked, and its copy came back from plan()
+            os._exit(0)
+        board.publish(phase)
+
+    publish("load")
+    try:
+        work = open_group(group, publish)
+    except InputError as error:
+        _answer(line, {"input_error": str(error)})
+        return
+    except BaseException as error:
+        _answer(line, {"input_error": f"planner {group!r} could not be built: {type(error).__name__}: {error}"})
+        return
+    publish("idle")
+    _answer(line, {"ready": True})
+    while True:
+        try:
+            task = line.recv()
+        except (EOFError, OSError):
+            return
+        if task is None:
+            return
+        with contextlib.suppress(OSError):
+            os.ftruncate(1, 0)
+        publish("setup")
+        reply = attempt(work, task, board)
+        publish("idle")
+        _flush()
+        _answer(line, reply)
+
+
+def _answer(line: Connection, reply: dict[str, Any]) -> None:
+    line.send_bytes(json.dumps(reply, default=_plain).encode())
+
+
+def _plain(value: object) -> object:
+    """numpy scalars and arrays as JSON."""
+    for method in ("item", "tolist"):
+        if hasattr(value, method):
+            with contextlib.suppress(ValueError):
+                return getattr(value, method)()
+    return str(value)
+
+
+def _print_to(output: str) -> None:
+    """Send what Python and native code print to a file, so that no worker writes into the parent's table."""
+    handle = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    os.dup2(handle, 1)
+    os.dup2(handle, 2)
+    os.close(handle)
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(Exception):
+            stream.flush()
+
+
+def _die_with_parent() -> None:
+    """End this process when its parent is gone, where the kernel does not do it (anywhere but Linux)."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)

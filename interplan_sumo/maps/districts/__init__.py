@@ -1,0 +1,21 @@
+"""The four shipped districts, drawn from compact road plans."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from interplan_sumo.errors import UnknownNameError
+from interplan_sumo.maps.districts import strip
+from interplan_sumo.maps.districts.draw import draw_plan
+from interplan_sumo.maps.districts.plan import Plan
+from interplan_sumo.world.roads import Roads
+
+DISTRICTS: dict[str, Plan] = {plan.name: plan for plan in (strip.PLAN,)}
+
+
+@cache
+def draw(name: str) -> Roads:
+    """A district as `Roads`; UnknownNameError if there is none of that name."""
+    if name not in DISTRICTS:
+        raise UnknownNameError("district", name, DISTRICTS)
+    return draw_plan(DISTRICTS[name])

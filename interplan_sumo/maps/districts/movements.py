@@ -1,0 +1,127 @@
+"""Who may go where at a junction: from lane use to pairs of lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from interplan_sumo.maps.districts.layout import Arm, Block, Strip
+from interplan_sumo.maps.districts.plan import Junction, Plan
+from interplan_sumo.world.geometry import wrap_angle
+from interplan_sumo.world.roads import Turn
+
+STRAIGHT_RAD = np.radians(32.0)
+"""Two roads that differ by less lead straight on into one another."""
+
+
+@dataclass(frozen=True, slots=True)
+class Movement:
+    """One connector to be: lanes are counted from the inner one."""
+
+    arriving: Arm
+    leaving: Arm
+    from_lane: int
+    to_lane: int
+    turn: Turn
+
+
+def travel_heading_rad(plan: Plan, arm: Arm, *, arriving: bool) -> float:
+    """Direction in which traffic passes the cut of an arm."""
+    axis = plan.road[arm.road].axis.pose(arm.cut_m).heading_rad
+    along = (arm.sign < 0) == arriving
+    return float(wrap_angle(axis if along else axis + np.pi))
+
+
+def movements(plan: Plan, junction: Junction, arms: Sequence[Arm]) -> tuple[Movement, ...]:
+    """All connectors of a junction, by approach; ValueError where lanes do not fit."""
+    found: list[Movement] = []
+    for arm in arms:
+        if arm.arriving is not None:
+            found += _from(plan, junction, arm, arm.arriving, arms)
+    return tuple(found)
+
+
+def _from(plan: Plan, junction: Junction, arm: Arm, block: Block, arms: Sequence[Arm]) -> list[Movement]:
+    heading = travel_heading_rad(plan, arm, arriving=True)
+    exits: dict[Turn, list[Arm]] = {Turn.LEFT: [], Turn.STRAIGHT: [], Turn.RIGHT: []}
+    for other in arms:
+        if other is arm or other.leaving is None or (arm.key, other.key) in junction.banned:
+            continue
+        bend = float(wrap_angle(travel_heading_rad(plan, other, arriving=False) - heading))
+        straight = other.road == arm.road or abs(bend) < STRAIGHT_RAD
+        exits[Turn.STRAIGHT if straight else Turn.LEFT if bend > 0.0 else Turn.RIGHT].append(other)
+    approach = junction.approaches.get(arm.key)
+    if approach and approach.use:
+        letters = approach.use if plan.driving_side == "right" else approach.use[::-1]
+    else:
+        letters = _lane_use(plan, block, exits)
+    if len(letters) != len(block.strips):
+        raise ValueError(f"junction {junction.name}: {len(letters)} lane uses for {len(block.strips)} lanes of {arm.key}")
+    found: list[Movement] = []
+    for turn, letter in ((Turn.LEFT, "L"), (Turn.STRAIGHT, "T"), (Turn.RIGHT, "R")):
+        sources = [i for i, use in enumerate(letters) if letter in use]
+        for other in exits[turn]:
+            assert other.leaving is not None
+            targets = other.leaving.strips
+            if len(sources) > len(targets):
+                raise ValueError(
+                    f"junction {junction.name}: {len(sources)} lanes of {arm.key} lead into "
+                    f"{len(targets)} of {other.key}"
+                )
+            inner_turn = (turn is Turn.LEFT) == (plan.driving_side == "right")
+            if turn is Turn.STRAIGHT:
+                shift = best_shift([block.strips[i] for i in sources], targets)
+            else:
+                shift = 0 if inner_turn else len(targets) - len(sources)
+            found += [Movement(arm, other, lane, shift + i, turn) for i, lane in enumerate(sources)]
+    return found
+
+
+def _lane_use(plan: Plan, block: Block, exits: dict[Turn, list[Arm]]) -> tuple[str, ...]:
+    """Turns per lane from the inner one: pockets turn, the lanes beside them go on, shared where there is no pocket."""
+    inner, kerb = (Turn.LEFT, Turn.RIGHT) if plan.driving_side == "right" else (Turn.RIGHT, Turn.LEFT)
+    letter = {Turn.LEFT: "L", Turn.RIGHT: "R"}
+    count = len(block.strips)
+    use = [""] * count
+    main = list(range(block.inner_pockets, count - block.kerb_pockets))
+    if exits[Turn.STRAIGHT]:
+        for lane in main:
+            use[lane] += "T"
+        inner_lanes = list(range(block.inner_pockets)) or main[:1]
+        kerb_lanes = list(range(count - block.kerb_pockets, count)) or main[-1:]
+    else:
+        # The stem of a T: the kerb half turns to the kerb side, the rest to the inner side.
+        half = (len(main) + 1) // 2
+        inner_lanes = list(range(block.inner_pockets + half)) if exits[kerb] else list(range(count))
+        kerb_lanes = list(range(count))[-max(1, len(main) - half + block.kerb_pockets) :] if exits[inner] else list(range(count))
+    for turn, at in ((inner, inner_lanes), (kerb, kerb_lanes)):
+        if exits[turn]:
+            for lane in at:
+                use[lane] += letter[turn]
+    return tuple(use)
+
+
+def best_shift(sources: Sequence[Strip], targets: Sequence[Strip]) -> int:
+    """How far to count on in the longer of two rows of lanes so that pairs lie as nearly in line as can be."""
+    shorter, longer = sorted((sources, targets), key=len)
+    shifts = range(len(longer) - len(shorter) + 1)
+    miss = [
+        sum(abs(a.middle_m - b.middle_m) for a, b in zip(shorter, longer[shift:], strict=False)) for shift in shifts
+    ]
+    return int(np.argmin(np.round(miss, 6)))
+
+
+def joint_pairs(before: Sequence[Strip], after: Sequence[Strip]) -> tuple[tuple[int, int], ...]:
+    """Lanes that lead into one another across a taper, from the inner one.
+
+    Where lanes are gained the nearest old lane leads into each new one as well;
+    where lanes are lost they lead into the nearest lane that goes on.
+    """
+    shift = best_shift(before, after)
+    if len(after) >= len(before):
+        last = len(before) - 1
+        return tuple((min(max(i - shift, 0), last), i) for i in range(len(after)))
+    last = len(after) - 1
+    return tuple((i, min(max(i - shift, 0), last)) for i in range(len(before)))

@@ -1,0 +1,183 @@
+"""The vocabulary of road plans: what one writes down to describe a district.
+
+A plan is a handful of roads, each an axis with cross-sections, and the places
+where they meet. All lanes, tapers, pockets, connectors, stop lines and kerbs
+follow from it by rule, so a district fits on a page.
+
+*Inner* means next to the axis of the road, *kerb* means away from it, so that
+one plan reads the same for both driving sides: the inner pocket is a left-turn
+pocket where one drives on the right and a right-turn pocket where one drives on
+the left. Coordinates are metres east and north of the district's origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import Literal
+
+from interplan_sumo.maps.districts.geometry import Alignment, alignment
+from interplan_sumo.world.roads import DrivingSide
+
+Direction = Literal["forward", "backward"]
+"""Along the axis of a road or against it."""
+
+Control = Literal["signal", "all_way_stop", "stop", "yield", "none"]
+"""How a junction is controlled; at `stop` and `yield` the first road named has priority."""
+
+JOINT_M = 6.0
+"""Length of the pass-through connectors by which long roads are cut into roadblocks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One direction of a road: its lanes from the inner one to the kerb."""
+
+    widths_m: tuple[float, ...]
+    limit_kmh: float
+    inner_m: float = 0.0
+    """Distance of the first lane's inner edge from the axis: half the median, negative on one-way streets."""
+    parking_m: float = 0.0
+    """Width of the kerb parking beside the last lane, 0 without."""
+
+    @property
+    def width_m(self) -> float:
+        return sum(self.widths_m)
+
+
+def lanes(
+    count: int, limit_kmh: float, *, width_m: float = 3.3, median_m: float = 0.0, parking_m: float = 0.0
+) -> Way:
+    """Equal lanes on one side of a median of the given full width."""
+    return Way((width_m,) * count, limit_kmh, median_m / 2.0, parking_m)
+
+
+def one_way(count: int, limit_kmh: float, *, width_m: float = 3.3, parking_m: float = 0.0) -> Way:
+    """Equal lanes centred on the axis."""
+    return Way((width_m,) * count, limit_kmh, -count * width_m / 2.0, parking_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """The cross-section of a road from one station on."""
+
+    from_m: float
+    forward: Way | None
+    backward: Way | None = None
+    taper_m: float = 40.0
+    """Length over which lanes are gained, lost or shifted, centred on `from_m`."""
+
+
+@dataclass(frozen=True, slots=True)
+class BusStop:
+    """A stop for one bus, at the kerb or in a bay of its own."""
+
+    direction: Direction
+    at_m: float
+    """Station of its middle."""
+    bay: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """A pedestrian crossing away from junctions."""
+
+    at_m: float
+    signal: bool = False
+
+
+@dataclass(frozen=True)
+class Road:
+    """A named road: an axis, its cross-sections, and what stands along the kerb."""
+
+    number: int
+    """10 to 99: the leading digits of all its ids."""
+    name: str
+    points: tuple[tuple[float, ...], ...]
+    """Polygon of tangents, see `geometry.alignment`."""
+    sections: tuple[Section, ...]
+    bus_stops: tuple[BusStop, ...] = ()
+    crossings: tuple[Crossing, ...] = ()
+    sidewalk_m: float = 2.5
+    """0 without sidewalks."""
+    max_block_m: float = 300.0
+    """Longer stretches are cut evenly into roadblocks below this length."""
+
+    @cached_property
+    def axis(self) -> Alignment:
+        return alignment(self.points)
+
+
+@dataclass(frozen=True, slots=True)
+class Approach:
+    """What an arm of a junction adds for the traffic that arrives on it."""
+
+    inner_pockets: int = 0
+    kerb_pockets: int = 0
+    storage_m: float = 60.0
+    taper_m: float = 30.0
+    pocket_width_m: float = 3.1
+    use: tuple[str, ...] = ()
+    """Turns per lane from left to right, such as ("L", "LT", "T", "TR"); found by rule if empty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Junction:
+    """A place where roads meet; a road either passes through it or ends in it.
+
+    An *arm* is named by its road and the side on which it leaves the junction:
+    `"main+"` leads to higher stations of `main`, `"main-"` to lower ones.
+    """
+
+    number: int
+    """1 to 99, the id of the intersection."""
+    name: str
+    at: tuple[float, float]
+    """Roughly where; the exact place is where the axes of the first two roads cross."""
+    roads: tuple[str, ...]
+    control: Control
+    approaches: Mapping[str, Approach] = field(default_factory=lambda: MappingProxyType({}))
+    crosswalks: tuple[str, ...] | None = None
+    """Arms with a crosswalk; None: all."""
+    corner_m: float = 6.0
+    """Least radius of the kerb at corners."""
+    setbacks_m: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """Distance of an arm's stop line from the middle, where the rule does not please."""
+    banned: tuple[tuple[str, str], ...] = ()
+    """Movements not allowed, as (from arm, to arm)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """Where a one-way ramp leaves or joins the kerb lane of a carriageway.
+
+    The carriageway must lose (exit) or gain (entry) its kerb lane in the
+    section that begins at that station; the ramp starts or ends there.
+    """
+
+    road: str
+    direction: Direction
+    at_m: float
+    ramp: str
+    kind: Literal["exit", "entry"]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A district on paper."""
+
+    name: str
+    crs: str
+    origin_m: tuple[float, float]
+    """Projected coordinates of the local origin."""
+    driving_side: DrivingSide
+    roads: tuple[Road, ...]
+    junctions: tuple[Junction, ...]
+    ramps: tuple[Ramp, ...] = ()
+
+    @cached_property
+    def road(self) -> Mapping[str, Road]:
+        """Roads by name."""
+        return {road.name: road for road in self.roads}

@@ -1,0 +1,333 @@
+"""nuPlan's GeoPackage maps in and out: `read_map` and `write_map`."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import shapely
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps import schema
+from interplan_sumo.maps.geopackage_writer import write_map
+from interplan_sumo.maps.tables import GeoPackage, Objects, Table
+from interplan_sumo.world.geometry import Floats, Polyline
+from interplan_sumo.world.roads import (
+    Area,
+    Connector,
+    DrivingSide,
+    Intersection,
+    IntersectionKind,
+    Lane,
+    Roadblock,
+    Roads,
+    StopLine,
+    StopLineKind,
+    Turn,
+)
+
+__all__ = ["read_map", "write_map"]
+
+_Code = TypeVar("_Code", Turn, StopLineKind, IntersectionKind)
+_WIDE_MEDIAN_M = 12.0
+
+
+def read_map(path: Path, name: str | None = None) -> Roads:
+    """The map in one GeoPackage file, in the projected system that its `meta` table names.
+
+    `name` defaults to the location folder of `<location>/<version>/map.gpkg`,
+    else to the file's own name. As strict as nuPlan's classes where they would
+    fail (MapError with one line that names the layer and the id), as tolerant
+    where they are: missing speed limits, unknown codes, NULL stop lines,
+    numbers stored as reals or texts.
+
+    Boundaries are turned to run with the traffic, whatever their direction in
+    the file. The driving side is the `meta` key drivingSide where there is one,
+    else left for Singapore's locations ("sg-..."), else what opposing
+    roadblocks beside one another show, else right.
+    """
+    path = Path(path)
+    file = GeoPackage(path)
+    location = path.resolve().parent.parent.name if path.stem == "map" else ""
+    name = name or location or path.stem
+    lane_rows = file.read(schema.LANES)
+    connector_rows = file.read(schema.CONNECTORS, geometry=False)
+    shape_rows = file.read(schema.CONNECTOR_POLYGONS)
+    baseline_rows = file.read(schema.BASELINES)
+    boundary_rows = file.read(schema.BOUNDARIES)
+    block_rows = file.read(schema.ROADBLOCKS)
+    block_connector_rows = file.read(schema.ROADBLOCK_CONNECTORS)
+    intersection_rows = file.read(schema.INTERSECTIONS)
+    stop_rows = file.read(schema.STOP_LINES)
+    _check_apart(lane_rows, connector_rows)
+    _check_apart(block_rows, block_connector_rows)
+
+    boundaries = _Lines(boundary_rows)
+    stop_lines = {
+        id_: StopLine(id_, polygon, _code(StopLineKind, kind, StopLineKind.UNKNOWN))
+        for id_, polygon, kind in zip(
+            stop_rows.ids, stop_rows.geometries, stop_rows.codes("stop_polygon_type_fid", 5).tolist(), strict=True
+        )
+    }
+    lanes = _lanes(lane_rows, baseline_rows, boundaries, frozenset(block_rows.ids))
+    connectors = _connectors(
+        connector_rows, shape_rows, baseline_rows, boundaries, lanes, frozenset(block_connector_rows.ids), stop_lines
+    )
+    roadblocks = _roadblocks(block_rows, block_connector_rows, frozenset(intersection_rows.ids), lanes, connectors)
+    side = file.meta.get(schema.DRIVING_SIDE_KEY, "").strip().lower()
+    if side not in ("", "left", "right"):
+        raise MapError(f"{path}: {schema.META}: {schema.DRIVING_SIDE_KEY} is {side[:20]!r}, expected left or right")
+    return Roads(
+        name=name,
+        crs=file.crs,
+        driving_side="left" if side == "left" else "right" if side == "right" else _inferred_side(name, lanes),
+        lanes=lanes,
+        connectors=connectors,
+        roadblocks=roadblocks,
+        intersections=tuple(
+            Intersection(id_, polygon, _code(IntersectionKind, kind, IntersectionKind.DEFAULT))
+            for id_, polygon, kind in zip(
+                intersection_rows.ids,
+                intersection_rows.geometries,
+                intersection_rows.codes("intersection_type_fid", 0).tolist(),
+                strict=True,
+            )
+        ),
+        stop_lines=stop_lines,
+        crosswalks=_areas(file, schema.CROSSWALKS),
+        walkways=_areas(file, schema.WALKWAYS),
+        carparks=_areas(file, schema.CARPARKS),
+        road_segments=_areas(file, schema.ROAD_SEGMENTS),
+        generic_drivable_areas=_areas(file, schema.GENERIC_DRIVABLE_AREAS),
+    )
+
+
+class _Lines:
+    """The vertices of a layer of lines, by id, cut from one array."""
+
+    def __init__(self, table: Table) -> None:
+        self.table = table
+        ends = np.cumsum(shapely.get_num_coordinates(table.geometries))
+        self._parts = dict(zip(table.ids, np.split(shapely.get_coordinates(table.geometries), ends[:-1]), strict=False))
+
+    def __contains__(self, id_: str) -> bool:
+        return id_ in self._parts
+
+    def along(self, id_: str, line: Polyline) -> Polyline:
+        """The line `id_`, turned to run the way `line` does."""
+        points: Floats = self._parts[id_]
+        start, end = line.points[0], line.points[-1]
+        same = np.hypot(*(points[0] - start)) + np.hypot(*(points[-1] - end))
+        turned = np.hypot(*(points[-1] - start)) + np.hypot(*(points[0] - end))
+        return Polyline(points if same <= turned else points[::-1])
+
+
+def _polyline(table: Table, row: int) -> Polyline:
+    try:
+        return Polyline(shapely.get_coordinates(table.geometries[row]))
+    except ValueError as error:
+        table.fault(row, f"a line without length ({error})")
+
+
+def _baseline_row(baselines: Table, rows: Sequence[int], what: str, id_: str) -> int:
+    """The one baseline of a lane or connector; nuPlan's classes refuse none or several."""
+    if len(rows) != 1:
+        known = f"{len(rows)} baselines ({', '.join(baselines.ids[r] for r in rows[:3])})" if rows else "no baseline"
+        raise MapError(f"{baselines.path}: {what} {id_}: has {known} in {baselines.layer}, needs exactly one")
+    return rows[0]
+
+
+def _by_reference(table: Table, column: str) -> dict[str, list[int]]:
+    rows: dict[str, list[int]] = defaultdict(list)
+    for row, value in enumerate(table.references(column)):
+        if value is not None:
+            rows[value].append(row)
+    return rows
+
+
+def _speed_limit(value: float) -> float | None:
+    return None if np.isnan(value) else value
+
+
+def _boundary(boundaries: _Lines, table: Table, row: int, id_: str, line: Polyline) -> Polyline:
+    if id_ not in boundaries:
+        table.fault(row, f"names boundary {id_}, which does not exist")
+    try:
+        return boundaries.along(id_, line)
+    except ValueError as error:
+        raise MapError(f"{table.path}: {schema.BOUNDARIES} {id_}: a line without length ({error})") from error
+
+
+def _lanes(table: Table, baselines: Table, boundaries: _Lines, blocks: frozenset[str]) -> dict[str, Lane]:
+    owners = _by_reference(baselines, "lane_fid")
+    block_ids = table.ids_in("lane_group_fid")
+    left, right = table.ids_in("left_boundary_fid"), table.ids_in("right_boundary_fid")
+    index = table.ids_in("lane_index")
+    limits = table.numbers("speed_limit_mps").tolist()
+    lanes: dict[str, Lane] = {}
+    for row, (id_, lane_fid) in enumerate(zip(table.ids, table.ids_in("lane_fid"), strict=True)):
+        if lane_fid != id_:
+            table.fault(row, f"its lane_fid is {lane_fid}; both must be the same")
+        if block_ids[row] not in blocks:
+            table.fault(row, f"belongs to lane group {block_ids[row]}, which is not in {schema.ROADBLOCKS}")
+        line = _polyline(baselines, _baseline_row(baselines, owners.get(id_, ()), table.layer, id_))
+        lanes[id_] = Lane(
+            id=id_,
+            roadblock_id=block_ids[row],
+            index=int(index[row]),
+            centerline=line,
+            polygon=table.geometries[row],
+            left_boundary=_boundary(boundaries, table, row, left[row], line),
+            right_boundary=_boundary(boundaries, table, row, right[row], line),
+            speed_limit_mps=_speed_limit(limits[row]),
+        )
+    return lanes
+
+
+def _connectors(
+    table: Table,
+    shapes: Table,
+    baselines: Table,
+    boundaries: _Lines,
+    lanes: Mapping[str, Lane],
+    blocks: frozenset[str],
+    stop_lines: Mapping[str, StopLine],
+) -> dict[str, Connector]:
+    owners = _by_reference(baselines, "lane_connector_fid")
+    shape_of = _by_reference(shapes, "lane_connector_fid")
+    left, right = shapes.references("left_boundary_fid"), shapes.references("right_boundary_fid")
+    ends = table.ids_in("exit_lane_fid"), table.ids_in("entry_lane_fid")
+    block_ids = table.ids_in("lane_group_connector_fid")
+    stops = table.texts("traffic_light_stop_line_fids")
+    limits = table.numbers("speed_limit_mps").tolist()
+    turns = table.codes("turn_type_fid", Turn.UNKNOWN).tolist()
+    connectors: dict[str, Connector] = {}
+    for row, id_ in enumerate(table.ids):
+        for column, lane in zip(("exit_lane_fid", "entry_lane_fid"), (ends[0][row], ends[1][row]), strict=True):
+            if lane not in lanes:
+                table.fault(row, f"{column} is lane {lane}, which does not exist")
+        if block_ids[row] not in blocks:
+            table.fault(row, f"belongs to {schema.ROADBLOCK_CONNECTORS} {block_ids[row]}, which does not exist")
+        rows = shape_of.get(id_, ())
+        if len(rows) != 1:
+            table.fault(row, f"has {len(rows) or 'no'} polygons in {shapes.layer}, needs exactly one")
+        shape = rows[0]
+        left_id, right_id = left[shape], right[shape]
+        if left_id is None or right_id is None:
+            shapes.fault(shape, "left_boundary_fid or right_boundary_fid is empty")
+        line = _polyline(baselines, _baseline_row(baselines, owners.get(id_, ()), table.layer, id_))
+        connectors[id_] = Connector(
+            id=id_,
+            roadblock_id=block_ids[row],
+            from_lane_id=ends[0][row],
+            to_lane_id=ends[1][row],
+            centerline=line,
+            polygon=shapes.geometries[shape],
+            left_boundary=_boundary(boundaries, shapes, shape, left_id, line),
+            right_boundary=_boundary(boundaries, shapes, shape, right_id, line),
+            speed_limit_mps=_speed_limit(limits[row]),
+            turn=_code(Turn, turns[row], Turn.UNKNOWN),
+            stop_line_ids=_stop_line_ids(table, row, stops[row], stop_lines),
+        )
+    return connectors
+
+
+def _stop_line_ids(table: Table, row: int, text: str, known: Mapping[str, StopLine]) -> tuple[str, ...]:
+    """The ids in a list such as "12, 14"; MapError for one that does not exist."""
+    ids = tuple(part.strip() for part in text.split(",") if part.strip())
+    for id_ in ids:
+        if id_ not in known:
+            table.fault(row, f"names stop line {id_[:20]!r}, which is not in {schema.STOP_LINES}")
+    return ids
+
+
+def _roadblocks(
+    blocks: Table,
+    connectors: Table,
+    intersections: frozenset[str],
+    lanes: Mapping[str, Lane],
+    lane_connectors: Mapping[str, Connector],
+) -> dict[str, Roadblock]:
+    members: dict[str, list[str]] = defaultdict(list)
+    for lane in sorted(lanes.values(), key=lambda lane: lane.index):
+        members[lane.roadblock_id].append(lane.id)
+    for connector in lane_connectors.values():
+        members[connector.roadblock_id].append(connector.id)
+    found = {
+        id_: Roadblock(id_, polygon, tuple(members[id_]))
+        for id_, polygon in zip(blocks.ids, blocks.geometries, strict=True)
+    }
+    starts, ends = connectors.ids_in("from_lane_group_fid"), connectors.ids_in("to_lane_group_fid")
+    inside = connectors.references("intersection_fid")
+    for row, id_ in enumerate(connectors.ids):
+        for column, block in (("from_lane_group_fid", starts[row]), ("to_lane_group_fid", ends[row])):
+            if block not in found or found[block].is_connector:
+                connectors.fault(row, f"{column} is lane group {block}, which does not exist")
+        found[id_] = Roadblock(
+            id=id_,
+            polygon=connectors.geometries[row],
+            lane_ids=tuple(members[id_]),
+            is_connector=True,
+            from_id=starts[row],
+            to_id=ends[row],
+            intersection_id=inside[row] if inside[row] in intersections else None,
+        )
+    return found
+
+
+def _areas(file: GeoPackage, layer: str) -> tuple[Area, ...]:
+    table = file.read(layer)
+    return tuple(Area(id_, polygon) for id_, polygon in zip(table.ids, table.geometries, strict=True))
+
+
+def _code(kind: type[_Code], value: int, default: _Code) -> _Code:
+    """The member of an enumeration with this value; codes that nobody knows become the default."""
+    try:
+        return kind(value)
+    except ValueError:
+        return default
+
+
+def _check_apart(table: Table, other: Table) -> None:
+    """MapError for an id that both tables use: planners keep them in one dictionary."""
+    both = frozenset(table.ids) & frozenset(other.ids)
+    if both:
+        id_ = min(both, key=int)
+        other.fault(other.ids.index(id_), f"the id is taken by {table.layer} {id_}")
+
+
+def _inferred_side(name: str, lanes: Mapping[str, Lane]) -> DrivingSide:
+    """The driving side of a map that does not say: Singapore's is left, else what the roads show, else right.
+
+    Where traffic keeps right, oncoming lanes have their left boundaries next
+    to each other; where it keeps left, their right boundaries.
+    """
+    if name.startswith("sg-"):
+        return "left"
+    kept_right = _facing([lane.left_boundary for lane in lanes.values()])
+    kept_left = _facing([lane.right_boundary for lane in lanes.values()])
+    return "left" if kept_left > kept_right else "right"
+
+
+def _facing(lines: Sequence[Polyline]) -> float:
+    """How much of the lines runs beside an opposing one: over all pairs, the metres by which they are closer than a
+    wide median."""
+    shapes = np.array([line.linestring for line in lines], dtype=object)
+    if not len(shapes):
+        return 0.0
+    middle = shapely.line_interpolate_point(shapes, 0.5, normalized=True)
+    one, other = shapely.STRtree(shapes).query(middle, predicate="dwithin", distance=_WIDE_MEDIAN_M)
+    direction = _direction(shapes[one], np.full(len(one), 0.5))
+    beside = _direction(shapes[other], shapely.line_locate_point(shapes[other], middle[one], normalized=True))
+    opposed = (direction * beside).sum(axis=1) < -0.9 * np.hypot(*direction.T) * np.hypot(*beside.T)
+    return float((_WIDE_MEDIAN_M - shapely.distance(middle[one], shapes[other]))[opposed].sum())
+
+
+def _direction(lines: Objects, at: Floats) -> Floats:
+    """(N, 2) direction of lines at relative arc lengths; its length means nothing."""
+    ahead = shapely.line_interpolate_point(lines, np.minimum(at + 0.02, 1.0), normalized=True)
+    behind = shapely.line_interpolate_point(lines, np.maximum(at - 0.02, 0.0), normalized=True)
+    return shapely.get_coordinates(ahead) - shapely.get_coordinates(behind)

@@ -1,0 +1,164 @@
+"""The plan of a SUMO network: what edges, nodes, links and signal programs a map calls for."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from interplan_sumo.maps import junctions, signals_plan
+from interplan_sumo.maps.edges import Edge, LaneGroup, Stretch, lane_group
+from interplan_sumo.maps.junctions import DEFAULT_LIMIT_MPS, Junction, Movement, end_port, start_port
+from interplan_sumo.maps.signals_plan import Program
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.roads import Roads
+
+STRAIGHTENED_M = 0.002
+"""Shapes drop vertices that lie this close to the line without them: a fifth of the promised fidelity."""
+_ORIGIN_GRID_M = 100.0
+_WAITING_CLEARANCE_M = 2.25  # half a lane and half a metre to the path that one waits for
+_SHORTEST_WAITING_M = 3.0  # nearer to the stop line than this one waits at the line itself
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """One SUMO connection to be: a connector, or the way across a cut (`connector_id` is None)."""
+
+    node: str
+    from_edge: str
+    from_lane: int
+    to_edge: str
+    to_lane: int
+    stretch: Stretch
+    connector_id: str | None = None
+    waiting_m: float | None = None
+    """Where a car that turns across oncoming traffic waits inside the junction."""
+
+    @property
+    def key(self) -> tuple[str, str, str, str]:
+        """What names a connection in SUMO's files."""
+        return self.from_edge, self.to_edge, str(self.from_lane), str(self.to_lane)
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkPlan:
+    """A network to be, in map coordinates."""
+
+    roads: Roads
+    origin_m: tuple[float, float]
+    groups: Mapping[str, LaneGroup]
+    """By roadblock."""
+    links: tuple[Link, ...]
+    junctions: Mapping[str, Junction]
+    """By node; nodes at cuts and loose ends have none."""
+    programs: Mapping[str, Program]
+    """By node; the traffic light has the node's id."""
+
+    @cached_property
+    def edges(self) -> tuple[Edge, ...]:
+        return tuple(edge for group in self.groups.values() for edge in group.edges)
+
+    def points(self, stretch: Stretch) -> Floats:
+        """(N, 2) the shape of a stretch, origin shifted, without needless vertices."""
+        line = self.roads[stretch.lane_id].centerline.between(stretch.start_m, stretch.end_m)
+        thin = shapely.simplify(line.linestring, STRAIGHTENED_M, preserve_topology=False)
+        points = shapely.get_coordinates(thin) if not thin.is_empty else line.points
+        return points - np.array(self.origin_m)
+
+    def limit_mps(self, lane_id: str) -> float:
+        """The speed limit, or what stands in for one that the map does not know."""
+        lane = self.roads[lane_id]
+        if lane.speed_limit_mps is not None and lane.speed_limit_mps > 0.0:
+            return lane.speed_limit_mps
+        if lane_id in self.roads.lanes:
+            return DEFAULT_LIMIT_MPS
+        connector = self.roads.connectors[lane_id]
+        return min(self.limit_mps(connector.from_lane_id), self.limit_mps(connector.to_lane_id))
+
+
+def network_plan(roads: Roads) -> NetworkPlan:
+    """The network that a map calls for."""
+    nodes, members = junctions.junction_groups(roads)
+    groups = {
+        block.id: lane_group(roads, block, nodes[start_port(block.id)], nodes[end_port(block.id)])
+        for block in roads.roadblocks.values()
+        if not block.is_connector and block.lane_ids
+    }
+    signs = junctions.lane_signs(roads)
+    meetings = {node: junctions.junction(roads, found, signs) for node, found in members.items()}
+    lit = [node for node, meeting in meetings.items() if meeting.lit]
+    programs = {node: signals_plan.program(roads, meetings[node], k) for k, node in enumerate(sorted(lit))}
+    links = [
+        Link(join.node, join.from_edge, join.from_lane, join.to_edge, join.to_lane, join.stretch)
+        for group in groups.values()
+        for join in group.joins
+    ]
+    taken: set[tuple[str, str]] = set()
+    for node, meeting in meetings.items():
+        for row, connector in enumerate(meeting.connectors):
+            if (connector.from_lane_id, connector.to_lane_id) in taken:
+                continue  # SUMO knows one connection between two lanes; `maps check` lists the other as missing
+            taken.add((connector.from_lane_id, connector.to_lane_id))
+            start = groups[roads.lanes[connector.from_lane_id].roadblock_id].last[connector.from_lane_id]
+            end = groups[roads.lanes[connector.to_lane_id].roadblock_id].first[connector.to_lane_id]
+            whole = Stretch(connector.id, 0.0, connector.centerline.length_m)
+            waiting_m = _waiting_m(meeting, row, programs.get(node))
+            links.append(Link(node, *start, *end, whole, connector.id, waiting_m))
+    points = np.concatenate([lane.centerline.points for lane in roads.lanes.values()])
+    origin = np.floor(points.min(axis=0) / _ORIGIN_GRID_M) * _ORIGIN_GRID_M
+    return NetworkPlan(roads, (float(origin[0]), float(origin[1])), groups, tuple(links), meetings, programs)
+
+
+def _waiting_m(meeting: Junction, row: int, program: Program | None) -> float | None:
+    """How far into the junction a turn across oncoming traffic may go before it yields; None: the stop line.
+
+    Only where nothing but the oncoming traffic can hold it up: SUMO lets such
+    cars into the junction unasked.
+    """
+    facing = meeting.opposite.get(meeting.approach_of[row])
+    if meeting.movements[row] < Movement.FAR_TURN or facing is None or meeting.all_way_stop:
+        return None
+    connector = meeting.connectors[row]
+    if connector.has_traffic_light:
+        if program is None:
+            return None
+        at = program.links.index(connector.id)
+        if not any(state[at] == "g" for _, state in program.phases):
+            return None
+    else:
+        ahead = np.flatnonzero(meeting.yields[row])
+        sign = meeting.approaches[meeting.approach_of[row]].sign
+        if sign or not ahead.size or any(meeting.approach_of[j] != facing for j in ahead):
+            return None
+    oncoming = [
+        meeting.connectors[j].centerline.linestring
+        for j in np.flatnonzero(meeting.conflicts[row])
+        if meeting.approach_of[j] == facing
+    ]
+    if not oncoming:
+        return None
+    line = connector.centerline
+    arc = np.arange(0.0, line.length_m, 0.25)
+    places = shapely.points(line.poses_at(arc)[:, :2])
+    near = np.array([shapely.distance(places, other) for other in oncoming]).min(axis=0) < _WAITING_CLEARANCE_M
+    if not near.any():
+        return None
+    waiting_m = float(arc[np.argmax(near)])
+    return waiting_m if _SHORTEST_WAITING_M <= waiting_m < line.length_m - 1.0 else None
+
+
+def node_points(plan: NetworkPlan) -> dict[str, Floats]:
+    """(N, 2) per node, all points that its shape must hold: lane ends and paths, origin shifted."""
+    found: dict[str, list[Floats]] = defaultdict(list)
+    for edge in plan.edges:
+        for stretch in edge.lanes:
+            points = plan.points(stretch)
+            found[edge.from_node].append(points[:1])
+            found[edge.to_node].append(points[-1:])
+    for link in plan.links:
+        found[link.node].append(plan.points(link.stretch))
+    return {node: np.concatenate(parts) for node, parts in found.items()}

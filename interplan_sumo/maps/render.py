@@ -1,0 +1,260 @@
+"""A picture of a map that a person understands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from interplan_sumo.errors import InputError
+from interplan_sumo.world.roads import Roads, StopLineKind, Turn
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PAPER = "#f4f1ea"
+ASPHALT = "#c9ccd1"
+JUNCTION = "#bcc0c6"
+EXTRA = "#d9cfe6"
+CARPARK = "#e3dccb"
+WALKWAY = "#e6ddc8"
+LANE_EDGE = "#ffffff"
+INK = "#3a3f47"
+TURN_COLOURS = {
+    Turn.STRAIGHT: "#4b6cb7",
+    Turn.LEFT: "#2a9d6f",
+    Turn.RIGHT: "#c26d2b",
+    Turn.U_TURN: "#8e44ad",
+    Turn.UNKNOWN: "#777777",
+}
+STOP_COLOURS = {
+    StopLineKind.PEDESTRIAN_CROSSING: "#0aa3c2",
+    StopLineKind.STOP_SIGN: "#b01e28",
+    StopLineKind.TRAFFIC_LIGHT: "#1f9d3a",
+    StopLineKind.TURN_STOP: "#8e44ad",
+    StopLineKind.YIELD: "#e39a1c",
+    StopLineKind.UNKNOWN: "#777777",
+}
+LIMIT_COLOURS = "viridis"
+MAX_PIXELS = 12_000
+"""Of one side of the picture."""
+
+
+def render_map(
+    roads: Roads,
+    path: str | PathLike[str],
+    *,
+    centre_m: tuple[float, float] | None = None,
+    radius_m: float | None = None,
+    pixels_per_m: float | None = None,
+    lane_ids: bool = False,
+    connectors: bool = True,
+    places: Mapping[str, tuple[float, float]] | None = None,
+    title: str | None = None,
+) -> None:
+    """Draw a map, or a square of it, into a picture file (the suffix says which kind).
+
+    Lanes are tinted by speed limit and carry arrows in the direction of travel;
+    connectors are coloured by turn, stop lines by kind. `places` are named
+    points in map coordinates, such as bus stops or sites. Needs the `plots`
+    extra; InputError says so where it is missing.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise InputError("drawing maps needs matplotlib; run: pip install 'interplan-sumo[plots]'") from error
+
+    low_x, low_y, high_x, high_y = _window(roads, centre_m, radius_m)
+    width_m, height_m = high_x - low_x, high_y - low_y
+    scale = pixels_per_m or min(1800.0 / max(width_m, height_m), 12.0)
+    scale = min(scale, MAX_PIXELS / max(width_m, height_m))
+    figure = Figure(figsize=(width_m * scale / 100.0, height_m * scale / 100.0), dpi=100)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    figure.set_facecolor(PAPER)
+    axes.set_axis_off()
+    axes.set_aspect("equal")
+    axes.set_xlim(low_x, high_x)
+    axes.set_ylim(low_y, high_y)
+    near = shapely.box(low_x, low_y, high_x, high_y)
+
+    _surfaces(axes, roads, near)
+    limits = _lanes(axes, roads, near, scale)
+    if connectors:
+        _connectors(axes, roads, near, scale)
+    _controls(axes, roads, near)
+    if lane_ids:
+        _lane_ids(axes, roads, near, scale)
+    for name, (x_m, y_m) in (places or {}).items():
+        axes.plot([x_m], [y_m], marker="o", markersize=5, color="#d62828", zorder=9)
+        axes.annotate(
+            name, (x_m, y_m), xytext=(6, 4), textcoords="offset points", fontsize=8, color="#7a1018", zorder=9
+        )
+    _legend(axes, roads, limits, title or roads.name, scale)
+    figure.savefig(path, facecolor=PAPER, metadata={"Software": None} if str(path).endswith(".png") else None)
+
+
+def _window(
+    roads: Roads, centre_m: tuple[float, float] | None, radius_m: float | None
+) -> tuple[float, float, float, float]:
+    if (centre_m is None) != (radius_m is None):
+        raise InputError("a part of a map needs both a centre and a radius")
+    if centre_m is not None and radius_m is not None:
+        (x_m, y_m), r_m = centre_m, radius_m
+        return x_m - r_m, y_m - r_m, x_m + r_m, y_m + r_m
+    if not roads.lanes:
+        raise InputError(f"map {roads.name} has no lanes to draw")
+    bounds = shapely.total_bounds(np.array([lane.polygon for lane in roads.lanes.values()]))
+    low_x, low_y, high_x, high_y = (float(v) for v in bounds)
+    return low_x - 25.0, low_y - 25.0, high_x + 25.0, high_y + 25.0
+
+
+def _fill(axes: Axes, polygons: Iterable[shapely.Geometry], near: shapely.Geometry, **style: Any) -> None:
+    from matplotlib.collections import PathCollection
+    from matplotlib.path import Path
+
+    paths: list[Path] = []
+    for geometry in polygons:
+        for part in shapely.get_parts(geometry):
+            if isinstance(part, shapely.Polygon) and part.intersects(near):
+                rings = [Path(np.asarray(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
+                paths.append(Path.make_compound_path(*rings))
+    axes.add_collection(PathCollection(paths, **style))
+
+
+def _surfaces(axes: Axes, roads: Roads, near: shapely.Geometry) -> None:
+    layers = (
+        (roads.walkways, WALKWAY, 1.0),
+        (roads.carparks, CARPARK, 1.1),
+        (roads.generic_drivable_areas, EXTRA, 1.2),
+        (roads.road_segments, ASPHALT, 1.3),
+    )
+    for areas, colour, order in layers:
+        _fill(axes, (a.polygon for a in areas), near, facecolor=colour, edgecolor="none", zorder=order)
+    _fill(axes, (i.polygon for i in roads.intersections), near, facecolor=JUNCTION, edgecolor="none", zorder=1.4)
+
+
+def _lanes(axes: Axes, roads: Roads, near: shapely.Geometry, scale: float) -> tuple[float, float] | None:
+    """Draw the lanes; the span of their limits, None where no limit is known."""
+    from matplotlib import colormaps
+    from matplotlib.collections import LineCollection
+
+    shown = [lane for lane in roads.lanes.values() if lane.polygon.intersects(near)]
+    known = [lane.speed_limit_mps for lane in roads.lanes.values() if lane.speed_limit_mps is not None]
+    span = (min(known), max(known)) if known else None
+    shades = colormaps[LIMIT_COLOURS]
+    for lane in shown:
+        if lane.speed_limit_mps is not None and span is not None:
+            share = (lane.speed_limit_mps - span[0]) / max(span[1] - span[0], 1e-9)
+            _fill(axes, [lane.polygon], near, facecolor=(*shades(share)[:3], 0.28), edgecolor="none", zorder=2)
+    edges = [line.points for lane in shown for line in (lane.left_boundary, lane.right_boundary)]
+    axes.add_collection(LineCollection(edges, colors=LANE_EDGE, linewidths=max(0.4, 0.12 * scale), zorder=2.5))
+    spots: list[tuple[float, float, float]] = []
+    for lane in shown:
+        count = max(1, int(lane.centerline.length_m // 45.0))
+        arcs = (np.arange(count) + 0.5) * lane.centerline.length_m / count
+        spots += [tuple(p) for p in lane.centerline.poses_at(arcs).tolist()]
+    if spots:
+        x, y, heading = np.array(spots).T
+        length_m = max(4.0, 9.0 / scale)
+        axes.quiver(
+            x - np.cos(heading) * length_m / 2,
+            y - np.sin(heading) * length_m / 2,
+            np.cos(heading) * length_m,
+            np.sin(heading) * length_m,
+            angles="xy",
+            scale_units="xy",
+            scale=1.0,
+            units="xy",
+            width=max(0.3, 0.7 / scale),
+            headwidth=4.0,
+            headlength=4.5,
+            headaxislength=4.0,
+            color=INK,
+            alpha=0.8,
+            zorder=4,
+        )
+    return span
+
+
+def _connectors(axes: Axes, roads: Roads, near: shapely.Geometry, scale: float) -> None:
+    from matplotlib.collections import LineCollection
+
+    for turn, colour in TURN_COLOURS.items():
+        lines = [
+            c.centerline.points for c in roads.connectors.values() if c.turn is turn and c.polygon.intersects(near)
+        ]
+        axes.add_collection(
+            LineCollection(lines, colors=colour, linewidths=max(0.6, 0.14 * scale), alpha=0.75, zorder=5)
+        )
+
+
+def _controls(axes: Axes, roads: Roads, near: shapely.Geometry) -> None:
+    _fill(
+        axes,
+        (c.polygon for c in roads.crosswalks),
+        near,
+        facecolor="#ffffff",
+        alpha=0.75,
+        edgecolor="#8a8f98",
+        linewidth=0.4,
+        hatch="|||",
+        zorder=3,
+    )
+    for kind, colour in STOP_COLOURS.items():
+        polygons = [line.polygon for line in roads.stop_lines.values() if line.kind is kind]
+        _fill(axes, polygons, near, facecolor=colour, edgecolor=colour, linewidth=0.8, zorder=6)
+
+
+def _lane_ids(axes: Axes, roads: Roads, near: shapely.Geometry, scale: float) -> None:
+    for lane in roads.lanes.values():
+        pose = lane.centerline.pose_at(lane.centerline.length_m * 0.4)
+        if near.contains(shapely.Point(pose.x_m, pose.y_m)):
+            degrees = float(np.degrees(pose.heading_rad))
+            degrees = degrees - 180.0 if degrees > 90.0 else degrees + 180.0 if degrees < -90.0 else degrees
+            axes.text(
+                pose.x_m,
+                pose.y_m,
+                lane.id,
+                fontsize=float(np.clip(1.4 * scale, 3.0, 8.0)),
+                rotation=degrees,
+                ha="center",
+                va="center",
+                color="#101418",
+                zorder=8,
+            )
+
+
+def _legend(axes: Axes, roads: Roads, limits: tuple[float, float] | None, title: str, scale: float) -> None:
+    from matplotlib import colormaps
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    present = {line.kind for line in roads.stop_lines.values()}
+    turns = {c.turn for c in roads.connectors.values()}
+    entries: list[Line2D | Patch] = [
+        Line2D([], [], color=TURN_COLOURS[t], label=t.name.lower().replace("_", " ")) for t in Turn if t in turns
+    ]
+    entries += [
+        Patch(facecolor=STOP_COLOURS[k], label=k.name.lower().replace("_", " ")) for k in StopLineKind if k in present
+    ]
+    if limits is not None:
+        shades = colormaps[LIMIT_COLOURS]
+        for share in (0.0, 1.0) if limits[1] > limits[0] else (0.0,):
+            kmh = 3.6 * (limits[0] + share * (limits[1] - limits[0]))
+            entries.append(Patch(facecolor=(*shades(share)[:3], 0.45), label=f"limit {kmh:.0f} km/h"))
+    if roads.generic_drivable_areas:
+        entries.append(Patch(facecolor=EXTRA, label="parking or bus bay"))
+    side = f"{title} ({roads.driving_side}-hand traffic)"
+    axes.legend(handles=entries, title=side, loc="lower right", fontsize=8, title_fontsize=10, framealpha=0.9)
+    low_x, high_x = axes.get_xlim()
+    low_y, high_y = axes.get_ylim()
+    bar_m = float(next(m for m in (500, 200, 100, 50, 20, 10, 5, 2, 1) if m < 0.3 * (high_x - low_x)))
+    x_m, y_m = low_x + 14.0 / scale, low_y + 16.0 / scale
+    axes.plot([x_m, x_m + bar_m], [y_m, y_m], color=INK, linewidth=2.5, zorder=9)
+    axes.text(x_m, y_m + 7.0 / scale, f"{bar_m:.0f} m", fontsize=9, color=INK, zorder=9)
+    del high_y

@@ -1,0 +1,107 @@
+"""Diagnostics: what else one wants to know of a drive; informs only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+
+from interplan_sumo.metrics.collisions import STOPPED_MPS
+from interplan_sumo.metrics.comfort import FEWEST_FRAMES, comfort_signals
+from interplan_sumo.metrics.facts import Facts
+from interplan_sumo.metrics.followers import hardest_braking
+from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.time_to_collision import span_with_ego_s
+from interplan_sumo.world.geometry import Floats, box_corners
+
+
+def diagnostics(facts: Facts) -> MetricResult:
+    """Nearest approach, time to collision at true velocities, jerk, standing, planner time, braking behind the ego.
+
+    Series: distance to the nearest actor and time to collision per frame,
+    infinite where there is nobody.
+    """
+    distance = distances_m(facts)
+    time_to_collision = true_times_s(facts)
+    standing = facts.speed_mps <= STOPPED_MPS
+    detail = {
+        "distance_m": _least(facts, distance),
+        "time_to_collision_s": _least(facts, time_to_collision),
+        "jerk_mps3": _percentiles(_jerk(facts)),
+        "standing_s": float(standing[1:].sum()) * facts.step_us * 1e-6,
+        "planner_s": _percentiles(facts.trace.plan_wall_s),
+        "braking_behind": hardest_braking(facts),
+    }
+    per_frame = {
+        "distance_m": _per_frame(facts, distance),
+        "time_to_collision_s": _per_frame(facts, time_to_collision),
+    }
+    return MetricResult(None, detail, per_frame)
+
+
+def distances_m(facts: Facts) -> Floats:
+    """(R,) distance between the ego's box and the box of each row; infinite for rows that cannot be a frame's nearest."""
+    actors = facts.trace.actors
+    shape = facts.trace.shape
+    centres = np.hypot(*(facts.actor_xy - facts.centre[actors.frame]).T)
+    radii = (np.hypot(shape.length_m, shape.width_m) + np.hypot(actors.length_m, actors.width_m)) / 2
+    nearest = np.full(facts.frames, np.inf)
+    np.minimum.at(nearest, actors.frame, centres)
+    rows = np.flatnonzero(centres - radii <= nearest[actors.frame])
+    distance = np.full(len(actors), np.inf)
+    if len(rows):
+        columns = ("x_m", "y_m", "heading_rad", "length_m", "width_m")
+        boxes = shapely.polygons(box_corners(*(getattr(actors, c)[rows] for c in columns)))
+        egos = np.asarray(shapely.polygons(facts.corners))
+        distance[rows] = shapely.distance(egos[actors.frame[rows]], boxes)
+    return distance
+
+
+def true_times_s(facts: Facts) -> Floats:
+    """(R,) time until the boxes meet at constant true velocities, whoever is where; infinite if they never do.
+
+    Unlike nuPlan's metric it is exact, has no horizon, looks in all
+    directions and lets a reversing vehicle reverse. Tracks already hit do not count.
+    """
+    actors = facts.trace.actors
+    times = np.full(len(actors), np.inf)
+    rows = np.flatnonzero(facts.not_hit)
+    begin, cease = span_with_ego_s(facts, rows, np.column_stack((actors.vx_mps[rows], actors.vy_mps[rows])))
+    meets = (begin <= cease) & (cease >= 0.0)
+    times[rows[meets]] = np.maximum(0.0, begin[meets])
+    return times
+
+
+def _per_frame(facts: Facts, per_row: Floats) -> Floats:
+    least = np.full(facts.frames, np.inf)
+    np.minimum.at(least, facts.trace.actors.frame, per_row)
+    return least
+
+
+def _least(facts: Facts, per_row: Floats) -> dict[str, Any] | None:
+    """The least value with its time and track; None if nothing is finite."""
+    if not np.isfinite(per_row).any():
+        return None
+    row = int(np.argmin(per_row))
+    actors = facts.trace.actors
+    return {
+        "least": float(per_row[row]),
+        "time_s": float(facts.time_s[actors.frame[row]]),
+        "track": str(actors.ids[row]),
+    }
+
+
+def _jerk(facts: Facts) -> Floats:
+    if facts.frames < FEWEST_FRAMES:
+        return np.zeros(0)
+    signals = comfort_signals(facts.trace.ego, facts.trace.shape.rear_axle_to_center_m, facts.step_us * 1e-6)
+    return np.abs(signals["jerk_mps3"])
+
+
+def _percentiles(values: Floats) -> dict[str, float] | None:
+    """Median, 90th and 99th percentile and maximum; None without values."""
+    if not len(values):
+        return None
+    p50, p90, p99 = np.percentile(values, (50, 90, 99))
+    return {"p50": float(p50), "p90": float(p90), "p99": float(p99), "max": float(values.max())}

@@ -1,0 +1,57 @@
+"""No collision: did the ego cause a contact?"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from interplan_sumo.metrics.collisions import Collision, Group
+from interplan_sumo.metrics.facts import Facts
+from interplan_sumo.metrics.result import MetricResult
+
+ALLOWED = {Group.VRU: 0, Group.VEHICLE: 0, Group.OBJECT: 1}
+"""nuPlan's budgets: each collision takes 1 / (allowed + 1) of its group's factor."""
+
+
+def no_collision(facts: Facts) -> MetricResult:
+    """1 without any collision at fault, else 0."""
+    at_fault = [c for c in facts.collisions if c.at_fault]
+    return _result(facts, 0.0 if at_fault else 1.0)
+
+
+def nuplan_no_collision(facts: Facts) -> MetricResult:
+    """nuPlan's score: 0.5 for one static object, 0 for more, or for any road user."""
+    return _result(facts, shared_budget([c.group for c in facts.collisions if c.at_fault]))
+
+
+def shared_budget(hit: list[Group]) -> float:
+    """Product over the groups of max(0, 1 - hits / (allowed + 1))."""
+    score = 1.0
+    for group, allowed in ALLOWED.items():
+        score *= max(0.0, 1.0 - hit.count(group) / (allowed + 1))
+    return score
+
+
+def _result(facts: Facts, score: float) -> MetricResult:
+    at_fault = [c for c in facts.collisions if c.at_fault]
+    counts = Counter(c.group for c in at_fault)
+    energies = {g: [c.energy_mps for c in at_fault if c.group is g] for g in Group}
+    detail = {
+        "at_fault": len(at_fault),
+        "at_fault_with": {g.value: counts[g] for g in Group},
+        "energy_mps": {
+            g.value: {"max": max(e), "min": min(e), "mean": sum(e) / len(e)} for g, e in energies.items() if e
+        },
+        "contacts": [{**c.as_dict(), "time_s": float(facts.time_s[c.frame])} for c in facts.collisions],
+    }
+    return MetricResult(score, detail, reason=_reason(facts, at_fault) if score < 1.0 else None)
+
+
+_HOW = {"stopped_track": "drove into standing", "front": "drove into", "lateral": "touched, astride two lanes,"}
+
+
+def _reason(facts: Facts, at_fault: list[Collision]) -> str:
+    first = at_fault[0]
+    what = first.kind.name.lower().replace("_", " ")
+    more = f" and {len(at_fault) - 1} more" if len(at_fault) > 1 else ""
+    speed = facts.speed_mps[first.frame]
+    return f"{_HOW[first.contact.value]} {what} {first.track} at {facts.time_s[first.frame]:.1f} s, at {speed:.1f} m/s{more}"

@@ -1,0 +1,174 @@
+"""Formats: the table as JSON, CSV, Markdown or text for a terminal."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table as Grid
+from rich.text import Text
+
+from interplan_sumo.batch.run_folder import Row
+from interplan_sumo.report.published import SOURCE, published_rows
+from interplan_sumo.report.table import COLUMNS, Cell, Line, Table, faulty
+from interplan_sumo.report.why import why_zero
+
+LISTED = 20
+"""So many faults, missing rows or zeros are listed on a terminal; the rest is counted."""
+
+
+def as_json(table: Table, *, paper: bool = False, why: bool = False) -> dict[str, Any]:
+    """The report as plain data; scores 0 to 100, null where there is nothing or where rows are missing."""
+    rows: list[dict[str, Any]] = []
+    for line in table.lines:
+        row: dict[str, Any] = {"planner": line.label}
+        row |= {column.key: _rounded(line.cells[column.key].value) for column in COLUMNS}
+        row |= {
+            "scenarios": line.scenarios,
+            "seeds": line.seeds,
+            "official": line.official,
+            "overrides": dict(line.overrides),
+            "faults": line.faults,
+            "fault_list": [
+                {"scenario_id": r["scenario_id"], "seed": r["seed"], **r["fault"]} for r in line.rows if r["fault"]
+            ],
+            "missing": [{"scenario_id": scenario, "seed": seed} for scenario, _, seed in line.missing],
+            "done": {c.key: [line.cells[c.key].done, line.cells[c.key].asked] for c in COLUMNS},
+            "intervals": {
+                c.key: [_rounded(bound) for bound in interval]
+                for c in COLUMNS
+                if (interval := line.cells[c.key].interval) is not None
+            },
+        }
+        if why:
+            row["why"] = [{"scenario_id": r["scenario_id"], "seed": r["seed"], "reason": s} for r, s in zeros(line)]
+        rows.append(row)
+    report: dict[str, Any] = {
+        "suite": table.suite,
+        "profile": table.profile,
+        "complete": table.complete,
+        "families": table.families,
+        "rows": rows,
+    }
+    if paper:
+        report["paper"] = {"source": SOURCE, "rows": published_rows()}
+    return report
+
+
+def zeros(line: Line) -> list[tuple[Row, str]]:
+    """The rows with a score of zero or a fault, each with its sentence."""
+    found = [(row, why_zero(row)) for row in line.rows]
+    return [(row, sentence) for row, sentence in found if sentence is not None]
+
+
+def as_csv(table: Table, *, paper: bool = False) -> str:
+    """The table for spreadsheets: empty fields where there is no figure."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["planner", *(c.key for c in COLUMNS), "scenarios", "seeds", "official", "faults", "missing"])
+    for line in table.lines:
+        figures = [_rounded(line.cells[c.key].value) for c in COLUMNS]
+        faults = sum(line.faults.values())
+        writer.writerow([line.label, *figures, line.scenarios, line.seeds, line.official, faults, len(line.missing)])
+    for row in published_rows() if paper else ():
+        writer.writerow([f"{row['planner']} (paper)", *(row[c.key] for c in COLUMNS), 80, "", "", "", ""])
+    return text.getvalue()
+
+
+def as_markdown(table: Table, *, paper: bool = False) -> str:
+    """The table for a README."""
+    head = ["planner", *(c.title for c in COLUMNS)]
+    lines = [_markdown_row(head), _markdown_row(["---"] + ["---:"] * len(COLUMNS))]
+    for line in table.lines:
+        lines.append(_markdown_row([line.label, *(figure(line.cells[c.key]) for c in COLUMNS)]))
+    for row in published_rows() if paper else ():
+        lines.append(_markdown_row([f"{row['planner']} (paper)", *(f"{row[c.key]:.0f}" for c in COLUMNS)]))
+    return "\n".join([*lines, "", *notes(table, paper=paper)]) + "\n"
+
+
+def figure(cell: Cell) -> str:
+    """One figure as text: the mean, with its interval if it has one; how far it is if rows are missing."""
+    if cell.incomplete:
+        return f"({cell.done}/{cell.asked})"
+    if cell.value is None:
+        return "-"
+    if cell.interval is None:
+        return f"{cell.value:.0f}"
+    low, high = cell.interval
+    return f"{cell.value:.0f} [{low:.0f}, {high:.0f}]"
+
+
+def notes(table: Table, *, paper: bool = False) -> list[str]:
+    """What a reader of the figures must know."""
+    families = ", ".join(f"{family} {count}" for family, count in table.families.items()) or "none yet"
+    found = [
+        f"Suite {table.suite}, profile {table.profile}, scores 0 to 100. "
+        f"interPlan is the mean over the scenarios of this run ({families}); - marks what the run has none of."
+    ]
+    if any(cell.interval for line in table.lines for cell in line.cells.values()):
+        found.append("Brackets: 95 % bootstrap interval over the seeds.")
+    if not table.complete:
+        count = sum(len(line.missing) for line in table.lines)
+        found.append(
+            f"INCOMPLETE: {count} job{'s have' if count > 1 else ' has'} no score; (done/asked) stands where a mean "
+            "would leave them out. Repeat the run command with the same --out to complete it."
+        )
+    if not all(line.official for line in table.lines):
+        found.append("Rows in square brackets were run with changed traffic: not comparable with official ones.")
+    if paper:
+        found.append(f"(paper): {SOURCE}.")
+    return found
+
+
+def as_text(table: Table, *, paper: bool = False, why: bool = False) -> RenderableType:
+    """The table and its notes for a terminal; columns that no line has are left out."""
+    shown = [c for c in COLUMNS if paper or any(line.cells[c.key].asked for line in table.lines)]
+    grid = Grid(header_style="bold", pad_edge=False)
+    grid.add_column("planner", overflow="fold")
+    for column in shown:
+        grid.add_column(column.title, justify="right", no_wrap=True)
+    for line in table.lines:
+        figures = [
+            Text(figure(line.cells[c.key]), style="yellow" if line.cells[c.key].incomplete else "") for c in shown
+        ]
+        if figures and figures[0].plain:
+            figures[0].stylize("bold")
+        grid.add_row(Text(line.label), *figures)
+    if paper:
+        grid.add_section()
+        for row in published_rows():
+            grid.add_row(f"{row['planner']} (paper)", *(f"{row[c.key]:.0f}" for c in shown), style="dim")
+    parts: list[RenderableType] = [grid, *(Text(note) for note in notes(table, paper=paper))]
+    faults = [f"{_name(row)}: {row['fault']['class']} fault: {row['fault']['message']}" for row in faulty(table.lines)]
+    missing = [
+        f"{scenario}, {planner}, seed {seed}"
+        for line in table.lines
+        for scenario, planner, seed in line.missing
+        if not any(row["fault"] and (row["scenario_id"], row["seed"]) == (scenario, seed) for row in line.rows)
+    ]
+    reasons = [f"{_name(row)}: {sentence}" for line in table.lines for row, sentence in zeros(line)] if why else []
+    for title, entries, limit in (
+        ("Faults", faults, LISTED),
+        ("Not run yet", missing, LISTED),
+        ("Why zero", reasons, 0),
+    ):
+        if entries:
+            parts.append(Text(f"\n{title} ({len(entries)})", style="bold"))
+            parts += [Text(f"  {entry}") for entry in (entries[:limit] if limit else entries)]
+            if limit and len(entries) > limit:
+                parts.append(Text(f"  ... and {len(entries) - limit} more; --json lists all"))
+    return Group(*parts)
+
+
+def _name(row: Row) -> str:
+    return f"{row['scenario_id']}, {row['planner']}, seed {row['seed']}"
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)
+
+
+def _markdown_row(fields: list[str]) -> str:
+    return "| " + " | ".join(field.replace("|", "\\|") for field in fields) + " |"

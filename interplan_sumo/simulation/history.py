@@ -1,0 +1,83 @@
+"""The two seconds before an episode begins, which nobody drove: extrapolated backwards along the lanes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from interplan_sumo.planner import Past
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.ego import EgoState
+from interplan_sumo.world.geometry import wrap_angle
+from interplan_sumo.world.roads import Roads
+
+PAST_STEPS = 20
+"""2 s: with the present 21 samples."""
+
+
+def backcast(roads: Roads, x_m: float, y_m: float, heading_rad: float, distances_m: np.ndarray) -> np.ndarray:
+    """(K, 3) x, y, heading of something that has come along its lane, `distances_m` (K,) ago.
+
+    It keeps its lateral offset and its angle to the lane; before the first
+    lane of the map, and off all lanes, it has come straight.
+    """
+    at = roads.at(x_m, y_m)
+    poses = np.empty((len(distances_m), 3))
+    lane = min(at, key=lambda i: abs(_turn(roads, i, x_m, y_m, heading_rad)), default=None)
+    if lane is None or abs(_turn(roads, lane, x_m, y_m, heading_rad)) > np.pi / 2:
+        poses[:, 0] = x_m - distances_m * np.cos(heading_rad)
+        poses[:, 1] = y_m - distances_m * np.sin(heading_rad)
+        poses[:, 2] = heading_rad
+        return poses
+    arc_m, left_m = roads[lane].centerline.project_point(x_m, y_m)
+    angle = _turn(roads, lane, x_m, y_m, heading_rad)
+    for row, distance_m in enumerate(distances_m):
+        back_m, here = arc_m - distance_m, lane
+        while back_m < 0.0 and roads.incoming(here):
+            here = roads.incoming(here)[0]
+            back_m += roads[here].centerline.length_m
+        line = roads[here].centerline
+        pose = line.pose_at(max(0.0, back_m), left_m)
+        missing_m = max(0.0, -back_m)
+        poses[row] = (
+            pose.x_m - missing_m * np.cos(pose.heading_rad),
+            pose.y_m - missing_m * np.sin(pose.heading_rad),
+            wrap_angle(pose.heading_rad + angle),
+        )
+    return poses
+
+
+def _turn(roads: Roads, lane_id: str, x_m: float, y_m: float, heading_rad: float) -> float:
+    line = roads[lane_id].centerline
+    arc_m, _ = line.project_point(x_m, y_m)
+    return float(wrap_angle(heading_rad - line.pose_at(arc_m).heading_rad))
+
+
+def invented_past(roads: Roads, ego: EgoState, actors: Actors, dt_s: float) -> Past:
+    """The 2 s before an episode: everyone has come at their present speed."""
+    ago_s = dt_s * np.arange(PAST_STEPS, 0, -1)
+    ego_poses = backcast(roads, ego.x_m, ego.y_m, ego.heading_rad, ego.speed_mps * ago_s)
+    egos = tuple(
+        replace(ego, time_s=ego.time_s - float(s), x_m=float(x), y_m=float(y), heading_rad=float(heading))
+        for s, (x, y, heading) in zip(ago_s, ego_poses, strict=True)
+    )
+    tracks = np.empty((len(actors), PAST_STEPS, 3))
+    for row in range(len(actors)):
+        tracks[row] = backcast(
+            roads, actors.x_m[row], actors.y_m[row], actors.heading_rad[row], actors.speed_mps[row] * ago_s
+        )
+    cosine, sine = np.cos(tracks[..., 2]), np.sin(tracks[..., 2])
+    speed = actors.speed_mps
+    frames = tuple(
+        replace(
+            actors,
+            x_m=tracks[:, k, 0],
+            y_m=tracks[:, k, 1],
+            heading_rad=tracks[:, k, 2],
+            vx_mps=speed * cosine[:, k],
+            vy_mps=speed * sine[:, k],
+        )
+        for k in range(PAST_STEPS)
+    )
+    return Past(egos, frames)

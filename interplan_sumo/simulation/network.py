@@ -1,0 +1,236 @@
+"""The SUMO network as arrays: every lane's shape, length, limit and ways on, read once per process.
+
+Reading the file here first also means that SUMO never sees a damaged one: a
+network that ends inside a tag would crash the whole process.
+"""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, ParseError
+
+import defusedxml.ElementTree
+import numpy as np
+import shapely
+from defusedxml import DefusedXmlException
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.world.geometry import Polyline
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkLink:
+    """A way from the end of one normal lane to the start of another."""
+
+    from_lane: str
+    to_lane: str
+    via: tuple[str, ...]
+    """Internal lanes in between, upstream to downstream."""
+    direction: str
+    """s straight, l left, r right, t turn, L and R partial."""
+    major: bool
+    """Has right of way where there is no light."""
+    light: tuple[str, int] | None
+    """Traffic light id and link index."""
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkLane:
+    """One SUMO lane. Shapes are in SUMO's frame: map coordinates less the origin."""
+
+    id: str
+    edge: str
+    index: int
+    """Counted from the kerb."""
+    line: Polyline
+    length_m: float
+    """SUMO's length, in which lane positions are given; may differ from the line's."""
+    width_m: float
+    limit_mps: float
+    internal: bool
+
+    def position_of(self, line_arc_m: float) -> float:
+        """SUMO's lane position of an arc length on the line."""
+        return line_arc_m * self.length_m / self.line.length_m
+
+    def arc_of(self, position_m: float) -> float:
+        """Arc length on the line of SUMO's lane position."""
+        return position_m * self.line.length_m / self.length_m
+
+    @cached_property
+    def polygon(self) -> shapely.Polygon:
+        """The strip of the lane's width along its line."""
+        strip = shapely.buffer(self.line.linestring, self.width_m / 2, cap_style="flat", join_style="mitre")
+        return strip if isinstance(strip, shapely.Polygon) else shapely.convex_hull(strip)  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """All lanes of one network and how they join."""
+
+    path: Path
+    lanes: Mapping[str, NetworkLane]
+    edges: Mapping[str, tuple[str, ...]]
+    """Normal edges: lanes by index."""
+    links: Mapping[str, tuple[NetworkLink, ...]]
+    """Ways on from each normal lane."""
+    first_state: Mapping[str, str]
+    """State string of each traffic light's program at time 0."""
+
+    @cached_property
+    def lane_tree(self) -> tuple[tuple[str, ...], shapely.STRtree]:
+        """Lane ids and a spatial index over their polygons."""
+        return tuple(self.lanes), shapely.STRtree([lane.polygon for lane in self.lanes.values()])
+
+    @cached_property
+    def incoming(self) -> Mapping[str, tuple[NetworkLink, ...]]:
+        """Ways into each normal lane."""
+        found: dict[str, list[NetworkLink]] = {}
+        for links in self.links.values():
+            for link in links:
+                found.setdefault(link.to_lane, []).append(link)
+        return {lane: tuple(links) for lane, links in found.items()}
+
+    @cached_property
+    def _around(self) -> dict[str, frozenset[str]]:
+        around: dict[str, set[str]] = {lane: {lane} for lane in self.lanes}
+        for links in self.links.values():
+            for link in links:
+                chain = (link.from_lane, *link.via, link.to_lane)
+                for here, there in pairwise(chain):
+                    around[here].add(there)
+                    around[there].add(here)
+                around[link.from_lane].update(chain)
+                around[link.to_lane].update(chain)
+        return {lane: frozenset(found) for lane, found in around.items()}
+
+    def continuations(self, lane: str) -> frozenset[str]:
+        """The lane, what follows it and what precedes it, up to the next normal lanes."""
+        return self._around[lane]
+
+    @cached_property
+    def _ways_of_internal(self) -> dict[str, tuple[NetworkLink, ...]]:
+        found: dict[str, list[NetworkLink]] = {}
+        for links in self.links.values():
+            for link in links:
+                for lane in link.via:
+                    found.setdefault(lane, []).append(link)
+        return {lane: tuple(ways) for lane, ways in found.items()}
+
+    def ways_through(self, internal_lane: str) -> tuple[NetworkLink, ...]:
+        """The links that an internal lane is part of; one, but for odd junctions."""
+        return self._ways_of_internal.get(internal_lane, ())
+
+    def on_route(self, lane: str, route: tuple[str, ...]) -> bool:
+        """Whether a lane belongs to an edge of the route or to a way between two of its successive edges."""
+        here = self.lanes[lane]
+        if not here.internal:
+            return here.edge in route
+        pairs = set(pairwise(route))
+        return any(
+            (self.lanes[way.from_lane].edge, self.lanes[way.to_lane].edge) in pairs for way in self.ways_through(lane)
+        )
+
+    def opens_freely(self, link: NetworkLink) -> bool:
+        """Whether a car may drive through at time 0 without yielding."""
+        if link.light is None:
+            return link.major
+        light, index = link.light
+        return self.first_state[light][index] == "G"
+
+
+def read_network(path: Path) -> Network:
+    """Read a network file; MapError if it is missing or damaged. Cached until the file changes."""
+    try:
+        stat = path.stat()
+    except OSError:
+        raise MapError(f"no SUMO network at {path}; build it: interplan-sumo maps convert {path.parent}") from None
+    return _read(path, stat.st_mtime_ns, stat.st_size)
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, _mtime_ns: int, _size: int) -> Network:
+    try:
+        with gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb") as file:
+            root = defusedxml.ElementTree.fromstring(file.read())
+    except (OSError, EOFError, zlib.error, ParseError, DefusedXmlException) as error:
+        raise MapError(
+            f"{path} is damaged ({error}); build it anew: interplan-sumo maps convert {path.parent}"
+        ) from None
+    if root.tag != "net":
+        raise MapError(f"{path} is not a SUMO network: its root is <{root.tag}>, expected <net>")
+    try:
+        return _network(path, root)
+    except (KeyError, ValueError, IndexError) as error:
+        raise MapError(
+            f"{path} is not a complete SUMO network ({type(error).__name__}: {error}); "
+            f"build it anew: interplan-sumo maps convert {path.parent}"
+        ) from None
+
+
+def _network(path: Path, root: Element) -> Network:
+    lanes: dict[str, NetworkLane] = {}
+    edges: dict[str, tuple[str, ...]] = {}
+    for edge in root.iter("edge"):
+        function = edge.get("function", "normal")
+        if function not in ("normal", "internal"):
+            continue
+        members = [_lane(edge.attrib["id"], lane.attrib, function == "internal") for lane in edge.iter("lane")]
+        lanes.update((lane.id, lane) for lane in members)
+        if function == "normal":
+            edges[edge.attrib["id"]] = tuple(lane.id for lane in members)
+    if not edges:
+        raise ValueError("it has no edges")
+    rows = [row.attrib for row in root.iter("connection")]
+    onward = {f"{r['from']}_{r['fromLane']}": r for r in rows if r["from"].startswith(":")}
+    links: dict[str, list[NetworkLink]] = {lane: [] for members in edges.values() for lane in members}
+    for row in rows:
+        if row["from"].startswith(":"):
+            continue
+        link = _link(row, onward)
+        for end in (link.from_lane, link.to_lane, *link.via):
+            if end not in lanes:
+                raise ValueError(f"a connection names lane {end}, which does not exist")
+        links[link.from_lane].append(link)
+    programs = {logic.attrib["id"]: next(iter(logic.iter("phase"))).attrib["state"] for logic in root.iter("tlLogic")}
+    return Network(path, lanes, edges, {lane: tuple(found) for lane, found in links.items()}, programs)
+
+
+def _lane(edge: str, row: Mapping[str, Any], internal: bool) -> NetworkLane:
+    points = np.array([[float(v) for v in point.split(",")[:2]] for point in row["shape"].split()])
+    if internal and np.ptp(points, axis=0).max() < 1e-3:  # the internal lane of a cut has no extent of its own
+        points = np.stack((points[0], points[0] + (1e-3, 0.0)))
+    return NetworkLane(
+        id=row["id"],
+        edge=edge,
+        index=int(row["index"]),
+        line=Polyline(points),
+        length_m=float(row["length"]),
+        width_m=float(row.get("width", 3.2)),
+        limit_mps=float(row["speed"]),
+        internal=internal,
+    )
+
+
+def _link(row: Mapping[str, str], onward: Mapping[str, Mapping[str, str]]) -> NetworkLink:
+    via: list[str] = []
+    lane = row.get("via")
+    while lane is not None and len(via) < 10:
+        via.append(lane)
+        lane = onward[lane].get("via") if lane in onward else None
+    light = (row["tl"], int(row["linkIndex"])) if "tl" in row else None
+    return NetworkLink(
+        from_lane=f"{row['from']}_{row['fromLane']}",
+        to_lane=f"{row['to']}_{row['toLane']}",
+        via=tuple(via),
+        direction=row.get("dir", "s"),
+        major=row.get("state", "M") == "M",
+        light=light,
+    )

@@ -1,0 +1,418 @@
+"""Background traffic on libsumo: the only module that knows SUMO's calls and conventions.
+
+One simulation per process. The ego is a proxy car on the centre line of one
+lane; its true pose is kept by the closed loop and never read back.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from math import cos, degrees, isfinite, pi, sin
+from typing import Any
+
+import numpy as np
+import shapely
+
+from interplan_sumo.errors import TrafficError
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.simulation import reactions
+from interplan_sumo.simulation.anchor import Anchor, find_anchor
+from interplan_sumo.simulation.network import Network
+from interplan_sumo.simulation.reactions import Agent, Attention, EgoOnNetwork, Treatment
+from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.traffic import Scene
+from interplan_sumo.simulation.vehicle_types import ENTRY, VehicleType, VehicleTypes
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.ego import EgoShape, EgoState
+from interplan_sumo.world.signals import Signals, SignalStatus
+
+# libsumo points PROJ at its own data when it is imported, which would break pyproj and GDAL in the same process.
+_proj = {name: os.environ.get(name) for name in ("PROJ_LIB", "PROJ_DATA")}
+import libsumo  # noqa: E402
+
+for _name, _value in _proj.items():
+    if _value is None:
+        os.environ.pop(_name, None)
+    else:
+        os.environ[_name] = _value
+
+sumo: Any = libsumo
+"""libsumo, whose extension module carries no types."""
+
+EGO = "ego"
+EGO_TYPE = "interplan_ego"
+DT_S = 0.1
+SPEED_MODE_DEFAULT = 31
+SPEED_MODE_IMPOSED = 25
+"""Safe speed, right of way and red lights are kept; the bounds of acceleration and braking are ours."""
+LANE_CHANGE_DEFAULT = 1621
+LANE_CHANGE_NONE = 0
+FREEZE_RADIUS_M = 40.0
+"""Agents this near to an ego that straddles two lanes keep their lane, unless their type says `interplan.swerve`."""
+KEEP_ROUTE = 1
+ANYWHERE = 2
+_STATUS = {"G": SignalStatus.GREEN, "g": SignalStatus.GREEN, "y": SignalStatus.YELLOW, "Y": SignalStatus.YELLOW,
+           "r": SignalStatus.RED, "u": SignalStatus.RED, "s": SignalStatus.RED}  # fmt: skip
+_KINDS = {"pedestrian": ActorKind.PEDESTRIAN, "bicycle": ActorKind.BICYCLE}
+
+_is_open = False
+
+
+@contextmanager
+def _commanding(what: str) -> Generator[None]:
+    """Turn whatever libsumo raises inside into a TrafficError that names the command."""
+    try:
+        yield
+    except (sumo.TraCIException, sumo.FatalTraCIError, TypeError) as error:
+        raise TrafficError(f"SUMO failed at {what}: {error}") from error
+
+
+class SumoTraffic:
+    """Traffic on one SUMO network. Use as a context manager, or call `close`."""
+
+    def __init__(
+        self,
+        network: Network,
+        ids: NetworkIds,
+        types: VehicleTypes,
+        spawns: tuple[Spawn, ...],
+        ego: EgoState,
+        ego_route: tuple[str, ...],
+        shape: EgoShape,
+        rng: np.random.Generator,
+        *,
+        with_ego: bool = True,
+        seed: int = 0,
+    ) -> None:
+        """Start SUMO, put everyone where they begin.
+
+        `ego_route` are SUMO edges. `with_ego` False leaves the ego out of SUMO
+        altogether: the twin run against which reactions are measured.
+        """
+        global _is_open
+        if _is_open:
+            raise TrafficError("SUMO is already running in this process; close the other SumoTraffic first")
+        self._network = network
+        self._ids = ids
+        self._shape = shape
+        self._origin = ids.origin_m
+        self._with_ego = with_ego
+        self._memory: dict[str, Attention] = {}
+        self._treated: dict[str, Treatment] = {}
+        self._frozen: set[str] = set()
+        self._anchor: Anchor | None = None
+        self._ego_route = ego_route
+        self._first_reaction = True
+        self._signals: Signals | None = None
+        self._signal_states: tuple[str, ...] = ()
+        command = [
+            "sumo", "--net-file", str(network.path), "--additional-files", str(types.path), "--step-length", str(DT_S),
+            "--collision.action", "none", "--time-to-teleport", "-1", "--insertion-checks", "none",
+            "--lanechange.duration", "3", "--default.speeddev", "0", "--seed", str(seed), "--no-step-log", "true",
+            "--no-warnings", "true", "--xml-validation", "never", "--xml-validation.net", "never",
+        ]  # fmt: skip
+        with _commanding(f"start with {network.path.name} and {types.path.name}"):
+            sumo.start(command)
+        _is_open = True
+        try:
+            self._index_lights()
+            self._spawn(types, spawns, rng)
+            if with_ego:
+                self._add_ego(ego)
+            self.advance()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> SumoTraffic:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        global _is_open
+        if _is_open:
+            _is_open = False
+            sumo.close()
+
+    # --- set-up --------------------------------------------------------------------------------
+
+    def _spawn(self, types: VehicleTypes, spawns: tuple[Spawn, ...], rng: np.random.Generator) -> None:
+        tokens = rng.permutation(max(4096, 2 * len(spawns)))[: len(spawns)]
+        drivers = {driver.id: self._as_loaded(driver) for driver in (*types.members, *types.others)}
+        self._names = [f"a{i}" for i in range(len(spawns))]
+        self._tokens = dict(zip(self._names, (f"{token:04x}" for token in tokens), strict=True))
+        self._drivers = {name: drivers[s.driver.id] for name, s in zip(self._names, spawns, strict=True)}
+        self._behaviours = {
+            self._tokens[name]: types.path.stem if driver.id == ENTRY else driver.id
+            for name, driver in self._drivers.items()
+        }
+        self._routes = {name: s.route for name, s in zip(self._names, spawns, strict=True)}
+        self._corridors: dict[str, tuple[str, dict[str, float]]] = {}
+        self._watchers: dict[str, set[str]] = {}
+        for name, each in zip(self._names, spawns, strict=True):
+            lane = self._network.lanes[each.lane]
+            with _commanding(f"vehicle.add of an agent of type {each.driver.id!r} on lane {each.lane}"):
+                sumo.route.add(name, each.route)
+                sumo.vehicle.add(
+                    name, name, each.driver.id, departLane=str(lane.index), departPos=f"{each.position_m:.6f}",
+                    departSpeed=f"{each.speed_mps:.6f}",
+                )  # fmt: skip
+        self._present = sorted(self._names, key=self._tokens.__getitem__)
+        self._index_present()
+
+    def _as_loaded(self, driver: VehicleType) -> VehicleType:
+        """The type with the numbers that SUMO uses, its class defaults included."""
+        with _commanding(f"reading vType {driver.id!r}"):
+            get = sumo.vehicletype
+            return replace(
+                driver,
+                length_m=get.getLength(driver.id),
+                width_m=get.getWidth(driver.id),
+                tau_s=get.getTau(driver.id),
+                min_gap_m=get.getMinGap(driver.id),
+                accel_mps2=get.getAccel(driver.id),
+                decel_mps2=get.getDecel(driver.id),
+                emergency_decel_mps2=get.getEmergencyDecel(driver.id),
+                max_speed_mps=get.getMaxSpeed(driver.id),
+                speed_factor=get.getSpeedFactor(driver.id),
+            )
+
+    def _index_present(self) -> None:
+        """Columns that do not change from step to step, for the agents still there."""
+        drivers = [self._drivers[name] for name in self._present]
+        self._present_tokens = tuple(self._tokens[name] for name in self._present)
+        self._lengths_m = np.array([d.length_m for d in drivers])
+        self._widths_m = np.array([d.width_m for d in drivers])
+        self._kinds = np.array(
+            [_KINDS.get(sumo.vehicletype.getVehicleClass(d.id), ActorKind.VEHICLE) for d in drivers], dtype=np.int8
+        )
+
+    def _add_ego(self, ego: EgoState) -> None:
+        with _commanding("adding the ego"):
+            kind = sumo.vehicletype
+            kind.copy("DEFAULT_VEHTYPE", EGO_TYPE)
+            kind.setLength(EGO_TYPE, self._shape.length_m)
+            kind.setWidth(EGO_TYPE, self._shape.width_m)
+            kind.setSpeedDeviation(EGO_TYPE, 0.0)
+            kind.setSpeedFactor(EGO_TYPE, 5.0)
+            kind.setMaxSpeed(EGO_TYPE, 60.0)
+            sumo.route.add(EGO, self._ego_route)
+            sumo.vehicle.add(EGO, EGO, EGO_TYPE, departLane="0", departPos="0", departSpeed="0")
+            sumo.vehicle.setSpeedMode(EGO, 32)
+            sumo.vehicle.setLaneChangeMode(EGO, LANE_CHANGE_NONE)
+        self.place_ego(ego)
+
+    def _index_lights(self) -> None:
+        """Where in the lights' state strings each controlled connector finds its letter."""
+        self._connectors = tuple(sorted(self._ids.links))
+        self._light_ids = tuple(sorted({light for light, _ in self._ids.links.values()}))
+        links = (self._ids.links[connector] for connector in self._connectors)
+        self._link_of = tuple((self._light_ids.index(light), index) for light, index in links)
+
+    # --- one step ------------------------------------------------------------------------------
+
+    @property
+    def behaviours(self) -> Mapping[str, str]:
+        return self._behaviours
+
+    def observe(self) -> Scene:
+        half = self._lengths_m / 2.0
+        cosine, sine = np.cos(self._heading_rad), np.sin(self._heading_rad)
+        actors = Actors(
+            ids=self._present_tokens,
+            kind=self._kinds,
+            x_m=self._front_x + self._origin[0] - half * cosine,
+            y_m=self._front_y + self._origin[1] - half * sine,
+            heading_rad=self._heading_rad,
+            length_m=self._lengths_m,
+            width_m=self._widths_m,
+            vx_mps=self._speed_mps * cosine,
+            vy_mps=self._speed_mps * sine,
+        )
+        return Scene(actors, self._read_signals())
+
+    def react(self, ego: EgoState) -> None:
+        if not self._with_ego:
+            return
+        on_network, ahead = self._on_network(ego)
+        concerned = set(self._memory)
+        for lane in (*on_network.covers, *(lane for covers in ahead.values() for lane in covers)):
+            concerned |= self._watchers.get(lane, set())
+        if on_network.anchor_lane is not None:
+            concerned |= self._watchers.get(on_network.anchor_lane, set())
+        agents = [self._agent(row, name) for row, name in enumerate(self._present) if name in concerned]
+        decisions = reactions.decide(
+            agents, on_network, ahead, self._memory, DT_S, at_start=self._first_reaction
+        )  # fmt: skip
+        self._first_reaction = False
+        for name, decision in decisions.items():
+            self._treat(name, decision)
+        self._freeze(ego, on_network)
+
+    def place_ego(self, ego: EgoState) -> None:
+        if not self._with_ego:
+            return
+        x_m, y_m, heading_rad, speed_mps = _finite(
+            "the ego's pose", ego.x_m - self._origin[0], ego.y_m - self._origin[1], ego.heading_rad, ego.speed_mps
+        )
+        reach_m = self._shape.length_m / 2.0
+        front = (x_m + reach_m * cos(heading_rad), y_m + reach_m * sin(heading_rad))
+        anchor = find_anchor(self._network, front, heading_rad, self._anchor, self._ego_route)
+        self._anchor = anchor
+        with _commanding(f"moveToXY of the ego to ({ego.x_m:.2f}, {ego.y_m:.2f})"):
+            sumo.vehicle.setSpeed(EGO, max(0.0, speed_mps))
+            if anchor is None:
+                sumo.vehicle.moveToXY(EGO, "", -1, *front, _navigation_deg(heading_rad), ANYWHERE)
+                return
+            lane = self._network.lanes[anchor.lane]
+            angle_deg = _navigation_deg(anchor.heading_rad)
+            keep = KEEP_ROUTE if anchor.on_route else ANYWHERE
+            sumo.vehicle.moveToXY(EGO, lane.edge, lane.index, anchor.x_m, anchor.y_m, angle_deg, keep)
+
+    def advance(self) -> None:
+        with _commanding("simulationStep"):
+            sumo.simulationStep()
+            arrived = sumo.simulation.getArrivedIDList()
+        if arrived:
+            gone = set(arrived)
+            self._present = [name for name in self._present if name not in gone]
+            self._index_present()
+            for name in gone:
+                self._forget(name)
+        self._read()
+
+    # --- reading -------------------------------------------------------------------------------
+
+    def _read(self) -> None:
+        """Read all agents in one pass over plain getters, which are faster than subscriptions."""
+        vehicle = sumo.vehicle
+        with _commanding("reading the agents"):
+            position = vehicle.getPosition
+            fronts = [position(name) for name in self._present]
+            angles = [vehicle.getAngle(name) for name in self._present]
+            speeds = [vehicle.getSpeed(name) for name in self._present]
+            self._lanes = [vehicle.getLaneID(name) for name in self._present]
+        front = np.array(fronts, dtype=np.float64).reshape(-1, 2)
+        self._front_x, self._front_y = front[:, 0], front[:, 1]
+        self._heading_rad = (pi / 2.0 - np.radians(angles) + pi) % (2.0 * pi) - pi
+        self._speed_mps = np.array(speeds)
+        for name, lane in zip(self._present, self._lanes, strict=True):
+            known = self._corridors.get(name)
+            if known is None or known[0] != lane:
+                self._forget_corridor(name)
+                ahead = reactions.corridor(self._network, lane, self._routes[name]) if lane else {}
+                self._corridors[name] = (lane, ahead)
+                for each in ahead:
+                    self._watchers.setdefault(each, set()).add(name)
+
+    def _read_signals(self) -> Signals:
+        with _commanding("reading the lights"):
+            states = tuple(sumo.trafficlight.getRedYellowGreenState(light) for light in self._light_ids)
+        if self._signals is None or states != self._signal_states:
+            self._signal_states = states
+            status = [_STATUS.get(states[light][link], SignalStatus.UNKNOWN) for light, link in self._link_of]
+            self._signals = Signals(self._connectors, np.array(status, dtype=np.int8))
+        return self._signals
+
+    def _forget(self, name: str) -> None:
+        self._memory.pop(name, None)
+        self._treated.pop(name, None)
+        self._frozen.discard(name)
+        self._forget_corridor(name)
+
+    def _forget_corridor(self, name: str) -> None:
+        known = self._corridors.pop(name, None)
+        if known is not None:
+            for lane in known[1]:
+                self._watchers[lane].discard(name)
+
+    # --- reacting ------------------------------------------------------------------------------
+
+    def _on_network(self, ego: EgoState) -> tuple[EgoOnNetwork, dict[float, Mapping[str, reactions.Cover]]]:
+        corners = ego.corners(self._shape) - self._origin
+        box = shapely.Polygon(corners)
+        heading = ego.heading_rad
+        velocity = (
+            ego.vx_mps * cos(heading) - ego.vy_mps * sin(heading),
+            ego.vx_mps * sin(heading) + ego.vy_mps * cos(heading),
+        )
+        covers = reactions.cover(self._network, box, velocity)
+        names, tree = self._network.lane_tree
+        at = tree.query(shapely.Point(ego.x_m - self._origin[0], ego.y_m - self._origin[1]), predicate="within")
+        times = {driver.anticipation_s for driver in self._drivers.values()} - {0.0}
+        ahead: dict[float, Mapping[str, reactions.Cover]] = {
+            time_s: reactions.cover(self._network, reactions.swept(box, velocity, time_s), velocity) for time_s in times
+        }
+        anchor = self._anchor
+        own = self._network.continuations(anchor.lane) if anchor is not None else frozenset[str]()
+        inside = sum(part.share for lane, part in covers.items() if lane in own)
+        return EgoOnNetwork(
+            covers=covers,
+            centre_lanes=frozenset(names[i] for i in at),
+            anchor_lane=anchor.lane if anchor is not None else None,
+            anchor_position_m=anchor.position_m if anchor is not None else 0.0,
+            speed_mps=ego.speed_mps,
+            straddles=inside < reactions.FULLY_MERGED,
+        ), ahead
+
+    def _agent(self, row: int, name: str) -> Agent:
+        lane, ahead = self._corridors[name]
+        with _commanding(f"reading agent {name}"):
+            position_m = sumo.vehicle.getLanePosition(name)
+        limit_mps = self._network.lanes[lane].limit_mps if lane else 0.0
+        return Agent(name, self._drivers[name], position_m, float(self._speed_mps[row]), limit_mps, ahead)
+
+    def _treat(self, name: str, decision: reactions.Decision) -> None:
+        before = self._treated.get(name, Treatment.LEAVE)
+        now = decision.treatment
+        vehicle = sumo.vehicle
+        with _commanding(f"treating agent {name}: {now.value}"):
+            if now is not before:
+                if before is Treatment.IGNORE or now is Treatment.IGNORE:
+                    overlooked = EGO if now is Treatment.IGNORE else ""
+                    vehicle.setParameter(name, "carFollowModel.ignoreIDs", overlooked)
+                    vehicle.setParameter(name, "junctionModel.ignoreIDs", overlooked)
+                if before is Treatment.IMPOSE:
+                    vehicle.setSpeed(name, -1.0)
+                    vehicle.setSpeedMode(name, SPEED_MODE_DEFAULT)
+                if now is Treatment.IMPOSE:
+                    vehicle.setSpeedMode(name, SPEED_MODE_IMPOSED)
+                self._treated[name] = now
+            if decision.speed_mps is not None:
+                vehicle.setSpeed(name, *_finite("an imposed speed", decision.speed_mps))
+        if not decision.reacting and now is Treatment.LEAVE and decision.overlap == 0.0:
+            self._memory.pop(name, None)
+            self._treated.pop(name, None)
+
+    def _freeze(self, ego: EgoState, on_network: EgoOnNetwork) -> None:
+        """Agents near an ego that straddles two lanes keep theirs; released as soon as it no longer does."""
+        wanted: set[str] = set()
+        if on_network.straddles:
+            dx = self._front_x + self._origin[0] - ego.x_m
+            dy = self._front_y + self._origin[1] - ego.y_m
+            near = np.flatnonzero(dx * dx + dy * dy <= FREEZE_RADIUS_M**2)
+            wanted = {self._present[i] for i in near if not self._drivers[self._present[i]].swerve}
+        with _commanding("setLaneChangeMode"):
+            for name in sorted(wanted - self._frozen):
+                sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_NONE)
+            for name in sorted(self._frozen - wanted):
+                sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_DEFAULT)
+        self._frozen = wanted
+
+
+def _finite(what: str, *numbers: float) -> tuple[float, ...]:
+    """Plain floats, rounded to 1e-6; libsumo would accept nan and keep it for good."""
+    values = tuple(round(float(number), 6) for number in numbers)
+    if not all(map(isfinite, values)):
+        raise TrafficError(f"{what} holds a number that is not finite: {values}")
+    return values
+
+
+def _navigation_deg(heading_rad: float) -> float:
+    """SUMO's angle: degrees clockwise from north."""
+    return round((90.0 - degrees(heading_rad)) % 360.0, 6)

@@ -1,0 +1,48 @@
+"""Traffic: the seam between the closed loop and whoever moves the background."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.ego import EgoState
+from interplan_sumo.world.signals import Signals
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What the background looks like at one instant."""
+
+    actors: Actors
+    signals: Signals
+
+
+class Traffic(Protocol):
+    """Moves everything but the ego, 0.1 s at a time. One step is react, place_ego, advance."""
+
+    @property
+    def behaviours(self) -> Mapping[str, str]:
+        """Behaviour type of each agent by its id; constant over the episode, never shown to planners."""
+        ...
+
+    def observe(self) -> Scene:
+        """The scene now."""
+        ...
+
+    def react(self, ego: EgoState) -> None:
+        """Let each agent decide on the ego as it is now, before anyone moves."""
+        ...
+
+    def place_ego(self, ego: EgoState) -> None:
+        """Put the ego where it will be after the step."""
+        ...
+
+    def advance(self) -> None:
+        """Move everything by one step."""
+        ...
+
+    def close(self) -> None:
+        """Free what was opened; may be called twice."""
+        ...

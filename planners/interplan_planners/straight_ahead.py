@@ -1,0 +1,30 @@
+"""The floor of the benchmark: a planner that is blind to everything."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from interplan_sumo.planner import Mission, Observation
+from interplan_sumo.world.trajectory import Trajectory
+
+
+class StraightAhead:
+    """Hold heading and speed."""
+
+    def __init__(self, horizon_s: float = 8.0) -> None:
+        self.horizon_s = horizon_s
+
+    def start(self, mission: Mission) -> None:
+        self._dt_s = mission.dt_s
+
+    def plan(self, seen: Observation) -> Trajectory:
+        ego = seen.ego
+        ahead_s = np.linspace(0.0, self.horizon_s, round(self.horizon_s / self._dt_s) + 1)
+        travelled_m = ego.speed_mps * ahead_s
+        return Trajectory(
+            time_s=ego.time_s + ahead_s,
+            x_m=ego.x_m + travelled_m * np.cos(ego.heading_rad),
+            y_m=ego.y_m + travelled_m * np.sin(ego.heading_rad),
+            heading_rad=np.full_like(ahead_s, ego.heading_rad),
+            speed_mps=np.full_like(ahead_s, ego.speed_mps),
+        )

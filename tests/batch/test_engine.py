@@ -1,0 +1,203 @@
+"""The engine: whatever a task does to its process, every task is accounted for once and the others are unharmed."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.tasks import Limits, Outcome, Task
+from interplan_sumo.errors import InputError, PlannerLoadError
+from tests.batch.toys import open_toy
+
+QUICK = Limits(plan_s=0.5, grace_s=0.3, task_s=5.0, load_s=10.0, memory_bytes=4 << 30)
+
+
+def run(group: str, folder: Path, *, count: int = 4, workers: int = 2, limits: Limits = QUICK) -> list[Outcome]:
+    tasks = [Task((group, n), group, (n, str(folder))) for n in range(count)]
+    outcomes = list(run_tasks(tasks, open_toy, workers=workers, limits=limits))
+    assert len(outcomes) == count
+    assert {o.task.key for o in outcomes} == {t.key for t in tasks}
+    return sorted(outcomes, key=lambda o: o.task.payload[0])
+
+
+def children() -> list[str]:
+    found: list[str] = []
+    for thread in Path("/proc/self/task").iterdir():
+        for pid in (thread / "children").read_text().split():
+            command = Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
+            if "resource_tracker" not in command:
+                found.append(f"{pid} {command}")
+    return found
+
+
+@pytest.mark.parametrize("workers", [0, 1, 3])
+def test_every_task_is_done_once_whatever_the_number_of_workers(workers: int, tmp_path: Path) -> None:
+    outcomes = run("works", tmp_path, count=7, workers=workers)
+    assert [o.value["square"] for o in outcomes] == [0, 1, 4, 9, 16, 25, 36]
+    assert all(o.fault is None for o in outcomes)
+
+
+def test_a_worker_opens_its_group_once_and_serves_many_tasks(tmp_path: Path) -> None:
+    outcomes = run("works", tmp_path, count=5, workers=1)
+    assert [o.value["nth"] for o in outcomes] == [1, 2, 3, 4, 5]
+    assert len({o.value["process"] for o in outcomes}) == 1
+
+
+def test_two_groups_never_share_a_process(tmp_path: Path) -> None:
+    tasks = [Task((g, n), g, (n, str(tmp_path))) for g in ("one", "two", "three") for n in range(3)]
+    outcomes = list(run_tasks(tasks, open_toy, workers=2, limits=QUICK))
+    assert len(outcomes) == 9
+    served = {o.value["process"]: set[str]() for o in outcomes}
+    for outcome in outcomes:
+        served[outcome.value["process"]].add(outcome.task.group)
+    assert all(len(groups) == 1 for groups in served.values())
+
+
+@pytest.mark.parametrize(
+    ("group", "words"),
+    [
+        ("raises", "ValueError: I cannot"),
+        ("exits", "SystemExit: enough"),
+        ("interrupts", "KeyboardInterrupt"),
+        ("exits hard", "exited with code 3 inside plan()"),
+        ("crashes", "SIGSEGV inside plan()"),
+        ("hangs", "plan() took longer than 0.5 s"),
+        ("hangs deaf", "plan() took longer than 0.5 s"),
+        ("forks and hangs", "plan() took longer than 0.5 s"),
+        ("closes everything", "broke the process it ran in"),
+        ("allocates", "MemoryError"),
+        ("breaks the interpreter", ""),  # how that ends depends on what breaks first
+        ("is killed always", "SIGKILL inside plan()"),
+    ],
+)
+def test_a_planner_that_misbehaves_is_one_planner_fault(group: str, words: str, tmp_path: Path) -> None:
+    outcomes = run(group, tmp_path)
+    fault = outcomes[1].fault
+    assert fault is not None
+    assert fault.kind == "planner"
+    assert words in fault.message
+    for n in (0, 2, 3):
+        assert outcomes[n].fault is None
+        assert outcomes[n].value["square"] == n * n
+    assert children() == []
+
+
+@pytest.mark.parametrize("group", ["forks", "chatters"])
+def test_a_planner_that_is_merely_rude_gets_its_result(group: str, tmp_path: Path) -> None:
+    assert all(o.fault is None for o in run(group, tmp_path))
+    assert children() == []
+
+
+def test_what_a_planner_started_dies_with_its_worker(tmp_path: Path) -> None:
+    run("forks and hangs", tmp_path)
+    child = int((tmp_path / "child").read_text())
+    with pytest.raises(ProcessLookupError):
+        os.kill(child, 0)
+
+
+def test_the_last_words_of_a_planner_are_kept_with_its_fault(tmp_path: Path) -> None:
+    assert "my last words" in run("exits hard", tmp_path)[1].printed
+
+
+def test_a_task_whose_worker_somebody_kills_is_done_again(tmp_path: Path) -> None:
+    outcomes = run("is killed once", tmp_path)
+    assert [o.fault for o in outcomes] == [None] * 4
+    assert (tmp_path / "kills").read_text() == "xx"
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_traffic_fault_is_retried_once(workers: int, tmp_path: Path) -> None:
+    assert [o.fault for o in run("loses SUMO once", tmp_path, workers=workers)] == [None] * 4
+    assert (tmp_path / "losses").read_text() == "xx"
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_second_traffic_fault_is_reported(workers: int, tmp_path: Path) -> None:
+    fault = run("loses SUMO always", tmp_path, workers=workers)[1].fault
+    assert fault is not None
+    assert fault.kind == "traffic"
+    assert (tmp_path / "losses").read_text() == "xx"
+
+
+@pytest.mark.parametrize(
+    ("group", "kind"),
+    [
+        ("raises in simulate", "harness"),
+        ("is refused by SUMO in simulate", "traffic"),
+        ("crashes in simulate", "traffic"),
+        ("is killed always in simulate", "timeout"),
+        ("hangs in simulate", "timeout"),
+    ],
+)
+def test_what_goes_wrong_outside_plan_is_not_the_planners_fault(group: str, kind: str, tmp_path: Path) -> None:
+    outcomes = run(group, tmp_path, limits=Limits(plan_s=0.5, grace_s=0.3, task_s=1.0))
+    fault = outcomes[1].fault
+    assert fault is not None
+    assert fault.kind == kind
+    assert [outcomes[n].fault for n in (0, 2, 3)] == [None] * 3
+
+
+@pytest.mark.parametrize(
+    ("group", "kind", "words"),
+    [
+        ("raises", "planner", "I cannot"),
+        ("exits", "planner", "enough"),
+        ("interrupts", "planner", "KeyboardInterrupt"),
+        ("hangs", "planner", "plan() took longer than 0.5 s"),
+        ("hangs in simulate", "timeout", "no result after 1 s"),
+    ],
+)
+def test_in_process_a_misbehaving_planner_is_one_fault_too(group: str, kind: str, words: str, tmp_path: Path) -> None:
+    outcomes = run(group, tmp_path, workers=0, limits=Limits(plan_s=0.5, task_s=1.0))
+    fault = outcomes[1].fault
+    assert fault is not None
+    assert (fault.kind, [outcomes[n].fault for n in (0, 2, 3)]) == (kind, [None] * 3)
+    assert words in fault.message
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_bad_input_ends_the_run_with_its_own_words(workers: int, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no map named 'nowhere'"):
+        run("finds no map in simulate", tmp_path, workers=workers)
+    assert children() == []
+
+
+@pytest.mark.parametrize(
+    ("group", "words"),
+    [
+        ("unopenable", "no toy named 'unopenable'"),
+        ("raises while opening", "RuntimeError: no weights"),
+        ("exits while opening", "exited with code 7; it printed last: these are my last words"),
+        ("opens forever", "took longer than 1 s to build"),
+    ],
+)
+def test_a_planner_that_cannot_be_built_ends_the_run_before_any_task(group: str, words: str, tmp_path: Path) -> None:
+    tasks = [Task((g, n), g, (n, str(tmp_path))) for g in ("works", "works too", group) for n in range(3)]
+    limits = Limits(load_s=1.0) if group == "opens forever" else QUICK
+    with pytest.raises(InputError) as caught:
+        next(iter(run_tasks(tasks, open_toy, workers=1, limits=limits)))
+    assert words in str(caught.value)
+    assert children() == []
+
+
+def test_a_single_planner_whose_process_dies_while_building_is_named(tmp_path: Path) -> None:
+    with pytest.raises(PlannerLoadError, match="exited with code 7"):
+        run("exits while opening", tmp_path)
+
+
+def test_closing_the_run_early_leaves_no_process(tmp_path: Path) -> None:
+    tasks = [Task(n, "hangs", (n, str(tmp_path))) for n in range(4)]
+    outcomes = run_tasks(tasks, open_toy, workers=2, limits=Limits(plan_s=60.0))
+    assert next(outcomes).fault is None
+    time.sleep(0.2)
+    outcomes.close()
+    assert children() == []
+
+
+def test_nothing_to_do_starts_no_process() -> None:
+    assert list(run_tasks([], open_toy, workers=2, limits=QUICK)) == []
+    assert children() == []

@@ -1,0 +1,103 @@
+"""Toy groups for the engine's tests: the group's name says how its tasks misbehave."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from interplan_sumo.batch.phases import Publish
+from interplan_sumo.batch.tasks import Answer, Fault, Work
+from interplan_sumo.errors import InputError, MapError, TrafficError
+
+
+def open_toy(group: str, publish: Publish) -> Work:
+    """A group named after what goes wrong in it; payloads are (number, folder for marks)."""
+    if group == "unopenable":
+        raise InputError("no toy named 'unopenable'")
+    if group == "exits while opening":
+        print("these are my last words", flush=True)
+        os._exit(7)
+    if group == "raises while opening":
+        raise RuntimeError("no weights")
+    if group == "opens forever":
+        time.sleep(600)
+    opened = [0]
+
+    def work(payload: Any) -> Answer:
+        number, folder = payload
+        opened[0] += 1
+        publish("simulate")
+        value: dict[str, Any] = {"square": number * number, "process": os.getpid(), "nth": opened[0]}
+        if group.endswith("in simulate"):
+            misbehave(group.removesuffix(" in simulate"), number, Path(folder))
+        publish("plan")
+        fault = misbehave(group, number, Path(folder))
+        publish("store")
+        return value, fault
+
+    return work
+
+
+def misbehave(how: str, number: int, folder: Path) -> Fault | None:
+    """Only the task with number 1 misbehaves."""
+    if number != 1:
+        return None
+    match how:
+        case "raises":
+            raise ValueError("I cannot")
+        case "exits":
+            sys.exit("enough")
+        case "interrupts":
+            raise KeyboardInterrupt
+        case "exits hard":
+            print("my last words", flush=True)
+            os._exit(3)
+        case "crashes":
+            os.kill(os.getpid(), signal.SIGSEGV)
+        case "hangs":
+            while True:
+                time.sleep(0.01)
+        case "hangs deaf":
+            signal.pthread_sigmask(signal.SIG_BLOCK, set(signal.Signals))
+            while True:
+                pass
+        case "forks":
+            if os.fork() == 0:
+                return None
+        case "forks and hangs":
+            child = os.fork()
+            if child:
+                (folder / "child").write_text(str(child))
+            time.sleep(600)
+        case "closes everything":
+            os.closerange(3, 256)
+        case "allocates":
+            bytearray(50 << 30)
+        case "chatters":
+            for _ in range(1000):
+                print("x" * 1000)
+        case "breaks the interpreter":
+            sys.modules.clear()
+            os.fork = os._exit = None  # type: ignore[assignment]
+            raise RuntimeError("broken")
+        case "is killed once" | "is killed always":
+            with (folder / "kills").open("a") as marks:
+                marks.write("x")
+            if how == "is killed always" or (folder / "kills").stat().st_size == 1:
+                os.kill(os.getpid(), signal.SIGKILL)
+        case "loses SUMO once" | "loses SUMO always":
+            with (folder / "losses").open("a") as marks:
+                marks.write("x")
+            if how == "loses SUMO always" or (folder / "losses").stat().st_size == 1:
+                return Fault("traffic", "SUMO gave up")
+        case "finds no map":
+            raise MapError("no map named 'nowhere'")
+        case "is refused by SUMO":
+            raise TrafficError("SUMO rejected moveToXY")
+        case _:
+            pass
+    return None

@@ -1,0 +1,57 @@
+"""A small SUMO network for the tests: three lanes eastward, one lane westward, 1500 m, cut at 400 m.
+
+tests/data/two_way_road.net.xml was made by netconvert from three nodes and
+four edges. Lanes e0_0, e0_1, e0_2 (kerb to middle, centre lines at y = -8.75,
+-5.25, -1.75), then e1_*; the other way w1_0, w0_0 at y = 1.75.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from interplan_sumo.maps.network import NetworkIds, SumoPiece
+from interplan_sumo.simulation.network import Network, read_network
+from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.sumo import SumoTraffic
+from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
+from interplan_sumo.world.ego import PACIFICA, EgoState
+
+NETWORK_FILE = Path(__file__).parent / "data" / "two_way_road.net.xml"
+LANE_Y = (-8.75, -5.25, -1.75)
+WESTWARD_Y = 1.75
+
+
+def two_way_road() -> Network:
+    return read_network(NETWORK_FILE)
+
+
+def plain_ids(network: Network) -> NetworkIds:
+    """Ids under which every SUMO lane is its own source lane."""
+    pieces = {lane.id: (SumoPiece(lane.id, 0.0, lane.line.length_m),) for lane in network.lanes.values()}
+    return NetworkIds((0.0, 0.0), "right", pieces, {})
+
+
+def types(behaviour: str) -> VehicleTypes:
+    return read_vehicle_types(vehicle_type_file(behaviour))
+
+
+def ego_at(x_m: float, y_m: float, speed_mps: float = 8.0, time_s: float = 0.0, heading_rad: float = 0.0) -> EgoState:
+    return EgoState(time_s, x_m, y_m, heading_rad, vx_mps=speed_mps)
+
+
+def agent(
+    behaviour: VehicleTypes, lane: str, position_m: float, speed_mps: float, route: tuple[str, ...] = ("e0", "e1")
+) -> Spawn:
+    return Spawn(lane, position_m, speed_mps, behaviour.members[0], route)
+
+
+def traffic(
+    behaviour: VehicleTypes, spawns: tuple[Spawn, ...], ego: EgoState, *, with_ego: bool = True, seed: int = 0
+) -> SumoTraffic:
+    network = two_way_road()
+    rng = np.random.default_rng(seed)
+    return SumoTraffic(
+        network, plain_ids(network), behaviour, spawns, ego, ("e0", "e1"), PACIFICA, rng, with_ego=with_ego
+    )

@@ -1,0 +1,131 @@
+"""Who reacts to the ego, from which overlap on, and how: pure decisions, no SUMO."""
+
+from __future__ import annotations
+
+import pytest
+import shapely
+from networks import LANE_Y, two_way_road
+
+from interplan_sumo.simulation import reactions
+from interplan_sumo.simulation.reactions import Agent, Attention, Decision, EgoOnNetwork, Treatment
+from interplan_sumo.simulation.vehicle_types import VehicleType
+from interplan_sumo.world.ego import PACIFICA, EgoState
+
+NETWORK = two_way_road()
+EASTWARD = ("e0", "e1")
+BOUNDARY_Y = -7.0  # between lanes 0 and 1
+
+
+def driver(overlap: float, anticipation_s: float = 0.0) -> VehicleType:
+    return VehicleType("d", 4.6, 1.85, 1.5, 1.0, 1.0, 2.0, react_overlap=overlap, anticipation_s=anticipation_s)
+
+
+def follower(overlap: float, lane: str = "e0_1", position_m: float = 60.0, anticipation_s: float = 0.0) -> Agent:
+    ahead = reactions.corridor(NETWORK, lane, EASTWARD)
+    return Agent("a", driver(overlap, anticipation_s), position_m, 10.0, 15.0, ahead)
+
+
+def seen(y_m: float, anchor: str, speed_mps: float = 8.0, x_m: float = 100.0, heading_rad: float = 0.0) -> EgoOnNetwork:
+    ego = EgoState(0.0, x_m, y_m, heading_rad, vx_mps=speed_mps)
+    covers = reactions.cover(NETWORK, ego.polygon(PACIFICA), (speed_mps, 0.0))
+    centre = {n for n, lane in NETWORK.lanes.items() if lane.polygon.contains(shapely.Point(x_m, y_m))}
+    return EgoOnNetwork(covers, frozenset(centre), anchor, x_m + 2.6, speed_mps, True)
+
+
+def decision(agent: Agent, ego: EgoOnNetwork, memory: dict[str, Attention] | None = None, **rest: bool) -> Decision:
+    decided = reactions.decide([agent], ego, {}, {} if memory is None else memory, 0.1, **rest)
+    return decided.get("a", Decision(Treatment.LEAVE, 0.0, False))
+
+
+def at_overlap(share: float) -> float:
+    """The y of an ego from lane 0 of whose width this share lies in lane 1."""
+    return BOUNDARY_Y - PACIFICA.width_m / 2 + share * PACIFICA.width_m
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_the_overlap_is_the_share_of_the_box_inside_the_lane(share: float) -> None:
+    covers = seen(at_overlap(share), "e0_0").covers
+    assert covers["e0_1"].share == pytest.approx(share)
+    assert covers["e0_0"].share == pytest.approx(1 - share)
+    assert covers["e0_1"].start_m == pytest.approx(100.0 - PACIFICA.length_m / 2)
+
+
+@pytest.mark.parametrize("threshold", [0.25, 0.5, 0.75])
+def test_an_agent_reacts_from_its_threshold_on(threshold: float) -> None:
+    below = decision(follower(threshold), seen(at_overlap(threshold - 0.01), "e0_0"))
+    above = decision(follower(threshold), seen(at_overlap(threshold + 0.01), "e0_0"))
+    assert (below.reacting, below.treatment) == (False, Treatment.LEAVE)
+    assert (above.reacting, above.treatment) == (True, Treatment.IMPOSE)
+
+
+def test_a_conservative_agent_reacts_at_first_touch_and_not_before() -> None:
+    assert not decision(follower(0.0), seen(at_overlap(-0.01), "e0_0")).reacting
+    assert decision(follower(0.0), seen(at_overlap(0.01), "e0_0")).treatment is Treatment.IMPOSE
+
+
+def test_an_assertive_agent_overlooks_an_ego_that_sumo_already_puts_in_its_lane() -> None:
+    assert decision(follower(1.0), seen(at_overlap(0.9), "e0_1")).treatment is Treatment.IGNORE
+
+
+def test_an_assertive_agent_follows_a_fully_merged_ego_as_sumo_does() -> None:
+    merged = decision(follower(1.0), seen(LANE_Y[1], "e0_1"))
+    assert (merged.reacting, merged.treatment) == (True, Treatment.LEAVE)
+
+
+def test_a_reaction_lasts_until_the_ego_has_left_the_lane() -> None:
+    memory: dict[str, Attention] = {}
+    assert decision(follower(1.0), seen(LANE_Y[1], "e0_1"), memory).reacting
+    assert decision(follower(1.0), seen(at_overlap(0.05), "e0_0"), memory).reacting
+    assert not decision(follower(1.0), seen(at_overlap(-0.05), "e0_0"), memory).reacting
+    assert not decision(follower(1.0), seen(at_overlap(0.5), "e0_0"), memory).reacting
+
+
+def test_an_ego_that_starts_in_the_lane_is_respected_from_the_first_step() -> None:
+    straddling = seen(at_overlap(0.7), "e0_1")  # its centre is in lane 1
+    assert not decision(follower(1.0), straddling).reacting
+    assert decision(follower(1.0), straddling, at_start=True).reacting
+
+
+def test_after_two_seconds_with_its_centre_in_the_lane_the_ego_is_the_leader() -> None:
+    memory: dict[str, Attention] = {}
+    reacting = [decision(follower(1.0), seen(at_overlap(0.7), "e0_1"), memory).reacting for _ in range(20)]
+    assert reacting == [False] * 19 + [True]
+
+
+def test_an_ego_behind_the_agent_concerns_nobody() -> None:
+    assert decision(follower(0.0, position_m=150.0), seen(LANE_Y[1], "e0_1")).treatment is Treatment.LEAVE
+
+
+def test_an_oncoming_agent_is_slowed_for_an_ego_in_its_lane_by_the_closing_speed() -> None:
+    westward = reactions.corridor(NETWORK, "w0_0", ("w0",))
+    agent = Agent("a", driver(0.0), 220.0, 12.0, 15.0, westward)  # 400 - 220 = x 180, coming towards x = 100
+    against = decision(agent, seen(1.75, "e0_2"))
+    assert against.treatment is Treatment.IMPOSE
+    assert against.speed_mps is not None
+    still = decision(agent, seen(1.75, "e0_2", speed_mps=0.0))
+    assert still.speed_mps is not None
+    assert against.speed_mps < still.speed_mps < 12.0
+
+
+def test_an_imposed_speed_brakes_no_harder_than_the_emergency_deceleration() -> None:
+    close = decision(follower(0.0, position_m=97.0), seen(at_overlap(0.5), "e0_0", speed_mps=0.0))
+    assert close.speed_mps == pytest.approx(10.0 - 9.0 * 0.1)
+
+
+def test_anticipation_looks_at_the_swept_box() -> None:
+    ego = EgoState(0.0, 100.0, at_overlap(-0.5), 0.2, vx_mps=8.0)
+    velocity = (7.84, 1.59)
+    box = ego.polygon(PACIFICA)
+    now = reactions.cover(NETWORK, box, velocity)
+    soon = reactions.cover(NETWORK, reactions.swept(box, velocity, 2.0), velocity)
+    assert "e0_1" not in now
+    on_network = EgoOnNetwork(now, frozenset({"e0_0"}), "e0_0", 102.6, 8.0, True)
+    agent = follower(0.0, anticipation_s=2.0)
+    decided = reactions.decide([agent], on_network, {2.0: soon}, {}, 0.1)
+    assert decided["a"].treatment is Treatment.IMPOSE
+
+
+def test_the_corridor_runs_on_through_junctions_along_the_route() -> None:
+    ahead = reactions.corridor(NETWORK, "e0_1", EASTWARD)
+    assert ahead == pytest.approx({"e0_1": 0.0, ":B_1_1": 400.0, "e1_1": 400.1})
+    assert reactions.corridor(NETWORK, ":B_1_1", EASTWARD) == pytest.approx({":B_1_1": 0.0, "e1_1": 0.1})

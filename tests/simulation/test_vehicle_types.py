@@ -1,0 +1,89 @@
+"""Vehicle-type files: what is read, what is refused, and where the error points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from interplan_sumo.errors import UnknownNameError, VehicleTypeError
+from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
+
+
+def file(folder: Path, text: str) -> Path:
+    path = folder / "types.xml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(("behaviour", "overlap"), [("conservative", 0.0), ("assertive", 1.0)])
+def test_the_shipped_behaviours_differ_in_the_overlap_at_which_they_react(behaviour: str, overlap: float) -> None:
+    (member,) = read_vehicle_types(vehicle_type_file(behaviour)).members
+    assert member.react_overlap == overlap
+    assert (member.accel_mps2, member.decel_mps2, member.min_gap_m) == (1.0, 2.0, 1.0)  # interPlan's IDM
+
+
+def test_mixed_draws_both_behaviours_and_the_same_ones_for_the_same_seed() -> None:
+    mixed = read_vehicle_types(vehicle_type_file("mixed"))
+    rngs = [np.random.default_rng(7), np.random.default_rng(7)]
+    first, second = ([mixed.draw(rng).id for _ in range(50)] for rng in rngs)
+    assert first == second
+    assert set(first) == {"conservative", "assertive"}
+
+
+def test_a_member_without_probability_is_never_drawn(tmp_path: Path) -> None:
+    path = file(
+        tmp_path,
+        '<additional><vType id="a"/><vType id="b"/>'
+        '<vTypeDistribution id="traffic" vTypes="a b" probabilities="0 1"/></additional>',
+    )
+    rng = np.random.default_rng(0)
+    assert {read_vehicle_types(path).draw(rng).id for _ in range(50)} == {"b"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('<additional>\n<vType id="traffic" taau="1"/>\n</additional>', r"line 2: .*'taau'; did you mean 'tau'"),
+        ('<additional>\n<vType id="traffic" tau="0"/></additional>', r"line 2: tau is 0, expected 0.1 to 10"),
+        ('<additional>\n<vType id="traffic" tau="fast"/></additional>', r"line 2: tau is 'fast', expected a number"),
+        ('<additional>\n<vType id="traffic" tau="nan"/></additional>', r"line 2: tau is nan, expected"),
+        (
+            '<additional><vType id="traffic">\n<param key="interplan.reactOverlap" value="1.01"/></vType></additional>',
+            r"line 2: interplan.reactOverlap is 1.01, expected 0 to 1",
+        ),
+        (
+            '<additional><vType id="traffic">\n<param key="interplan.overlap" value="1"/></vType></additional>',
+            r"line 2: unknown parameter 'interplan.overlap'",
+        ),
+        ('<additional><vType id="cars"/></additional>', r"no vType or vTypeDistribution with id 'traffic'"),
+        ('<additional>\n<vehicle id="x"/></additional>', r"line 2: <vehicle> does not belong"),
+        ('<additional>\n<vType id="traffic"', r"line 2: not well-formed"),
+        ('<!DOCTYPE x [<!ENTITY e "e">]><additional><vType id="traffic"/></additional>', r"cannot be read"),
+        ("", r"not well-formed"),
+        ('<additional><vType id="traffic"/><vType id="traffic"/></additional>', r"'traffic' is used twice"),
+        (
+            '<additional><vTypeDistribution id="traffic" vTypes="a"/></additional>',
+            r"names the vType 'a', which is not defined",
+        ),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_refused_with_file_and_line(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(VehicleTypeError, match=message) as error:
+        read_vehicle_types(file(tmp_path, text))
+    assert "types.xml" in str(error.value)
+
+
+def test_a_missing_file_and_an_unknown_behaviour_are_named(tmp_path: Path) -> None:
+    with pytest.raises(VehicleTypeError, match=r"no vehicle-type file at .*nowhere\.xml"):
+        read_vehicle_types(tmp_path / "nowhere.xml")
+    with pytest.raises(UnknownNameError, match="Did you mean 'mixed'"):
+        vehicle_type_file("mixt")
+
+
+def test_an_edited_file_is_read_again(tmp_path: Path) -> None:
+    path = file(tmp_path, '<additional><vType id="traffic" tau="1.5"/></additional>')
+    assert read_vehicle_types(path).members[0].tau_s == 1.5
+    path.write_text('<additional><vType id="traffic" tau="1.25"/></additional>')
+    assert read_vehicle_types(path).members[0].tau_s == 1.25
