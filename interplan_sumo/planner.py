@@ -103,6 +103,16 @@ def registered() -> dict[str, EntryPoint]:
     return dict(sorted(found.items()))
 
 
+def registered_planner(name: str) -> EntryPoint:
+    """A registered planner by its name, not imported; UnknownNameError with the nearest name."""
+    points = registered()
+    if name not in points:
+        raise UnknownNameError(
+            "planner", name, points, "Or give module:Class. Just added it to pyproject.toml? Run: pip install -e ."
+        )
+    return points[name]
+
+
 def planners() -> list[PlannerInfo]:
     """Everything registered, with parameters; imports each planner's module."""
     listed: list[PlannerInfo] = []
@@ -154,16 +164,12 @@ def _factory(name: str) -> Any:
             raise PlannerLoadError(f"planner {name!r}: cannot import {module_name!r}: {error}") from error
         except AttributeError:
             raise PlannerLoadError(f"planner {name!r}: module {module_name!r} has no {attribute!r}") from None
-    points = registered()
-    if name not in points:
-        raise UnknownNameError(
-            "planner", name, points, "Or give module:Class. Just added it to pyproject.toml? Run: pip install -e ."
-        )
+    point = registered_planner(name)
     try:
-        return points[name].load()
+        return point.load()
     except Exception as error:
         raise PlannerLoadError(
-            f"planner {name!r} of {_source(points[name])} cannot be imported: {type(error).__name__}: {error}"
+            f"planner {name!r} of {_source(point)} cannot be imported: {type(error).__name__}: {error}"
         ) from error
 
 

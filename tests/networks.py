@@ -14,6 +14,7 @@ import numpy as np
 from interplan_sumo.maps.network import NetworkIds, SumoPiece
 from interplan_sumo.simulation.network import Network, read_network
 from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.setup import opaque_ids
 from interplan_sumo.simulation.sumo import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA, EgoState
@@ -47,11 +48,9 @@ def agent(
     return Spawn(lane, position_m, speed_mps, behaviour.members[0], route)
 
 
-def traffic(
-    behaviour: VehicleTypes, spawns: tuple[Spawn, ...], ego: EgoState, *, with_ego: bool = True, seed: int = 0
-) -> SumoTraffic:
+def traffic(behaviour: VehicleTypes, spawns: tuple[Spawn, ...], ego: EgoState, *, with_ego: bool = True) -> SumoTraffic:
     network = two_way_road()
-    rng = np.random.default_rng(seed)
+    tokens = opaque_ids(len(spawns), np.random.default_rng(0))
     return SumoTraffic(
-        network, plain_ids(network), behaviour, spawns, ego, ("e0", "e1"), PACIFICA, rng, with_ego=with_ego
+        network, plain_ids(network), behaviour, spawns, tokens, ego, ("e0", "e1"), PACIFICA, with_ego=with_ego
     )

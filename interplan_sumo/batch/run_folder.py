@@ -145,19 +145,21 @@ class RunFolder:
     ) -> dict[str, Any]:
         """The manifest with the request added; writes it where it is new or grew."""
         held = _read_manifest(self.path)
+        fresh = held is None
         if held is None:
-            strangers = sorted(p.name for p in self.path.iterdir() if p.name not in ("lock", "traces"))
+            strangers = sorted(
+                p.name for p in self.path.iterdir() if p.name not in ("lock", "traces", "manifest.json.new")
+            )
             if strangers:
                 raise RunFolderError(
                     f"{self.path} holds {strangers[0]!r} and no manifest.json, so it is no run folder; "
                     "give an empty or a new folder as --out"
                 )
-            fresh: dict[str, Any] = {"format": FORMAT, **benchmark, **about, "requests": []}
-            held = fresh
+            held = dict[str, Any]({"format": FORMAT, **benchmark, **about, "requests": []})
         for name, wanted in benchmark.items():
             _refuse_difference(self.path, name, held.get(name), wanted)
         asked = set(keys_of(held["requests"]))
-        if not set(keys_of([request])) <= asked:
+        if fresh or not set(keys_of([request])) <= asked:
             held["requests"].append(dict(request))
             _replace(self.path / "manifest.json", json.dumps(held, indent=2, ensure_ascii=False) + "\n")
         return held
@@ -312,3 +314,11 @@ def place_folder(fresh: Path, final: Path) -> None:
 def in_order(rows: Mapping[JobKey, Row], keys: Sequence[JobKey]) -> list[Row]:
     """The rows in the order of the jobs, whichever ended first."""
     return [rows[key] for key in keys if key in rows]
+
+
+def write_rows(path: Path, rows: Iterable[Row]) -> None:
+    """Write rows as results.jsonl has them; RunFolderError if the file cannot be written."""
+    try:
+        _replace(path, "".join(json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n" for row in rows))
+    except OSError as error:
+        raise RunFolderError(f"cannot write {path}: {error.strerror}") from None

@@ -148,8 +148,14 @@ def _by_reference(table: Table, column: str) -> dict[str, list[int]]:
     return rows
 
 
-def _speed_limit(value: float) -> float | None:
-    return None if np.isnan(value) else value
+def _speed_limits(table: Table) -> list[float | None]:
+    """Limits in m/s; empty ones are unknown, and 0 stays 0: nuPlan takes both for "no limit to check"."""
+    limits = table.numbers("speed_limit_mps")
+    bad = ~np.isnan(limits) & ~((limits >= 0.0) & np.isfinite(limits))
+    if bad.any():
+        row = int(np.argmax(bad))
+        table.fault(row, f"speed_limit_mps is {limits[row]:g}")
+    return [None if np.isnan(limit) else limit for limit in limits.tolist()]
 
 
 def _boundary(boundaries: _Lines, table: Table, row: int, id_: str, line: Polyline) -> Polyline:
@@ -166,7 +172,7 @@ def _lanes(table: Table, baselines: Table, boundaries: _Lines, blocks: frozenset
     block_ids = table.ids_in("lane_group_fid")
     left, right = table.ids_in("left_boundary_fid"), table.ids_in("right_boundary_fid")
     index = table.ids_in("lane_index")
-    limits = table.numbers("speed_limit_mps").tolist()
+    limits = _speed_limits(table)
     lanes: dict[str, Lane] = {}
     for row, (id_, lane_fid) in enumerate(zip(table.ids, table.ids_in("lane_fid"), strict=True)):
         if lane_fid != id_:
@@ -182,7 +188,7 @@ def _lanes(table: Table, baselines: Table, boundaries: _Lines, blocks: frozenset
             polygon=table.geometries[row],
             left_boundary=_boundary(boundaries, table, row, left[row], line),
             right_boundary=_boundary(boundaries, table, row, right[row], line),
-            speed_limit_mps=_speed_limit(limits[row]),
+            speed_limit_mps=limits[row],
         )
     return lanes
 
@@ -202,7 +208,7 @@ def _connectors(
     ends = table.ids_in("exit_lane_fid"), table.ids_in("entry_lane_fid")
     block_ids = table.ids_in("lane_group_connector_fid")
     stops = table.texts("traffic_light_stop_line_fids")
-    limits = table.numbers("speed_limit_mps").tolist()
+    limits = _speed_limits(table)
     turns = table.codes("turn_type_fid", Turn.UNKNOWN).tolist()
     connectors: dict[str, Connector] = {}
     for row, id_ in enumerate(table.ids):
@@ -228,7 +234,7 @@ def _connectors(
             polygon=shapes.geometries[shape],
             left_boundary=_boundary(boundaries, shapes, shape, left_id, line),
             right_boundary=_boundary(boundaries, shapes, shape, right_id, line),
-            speed_limit_mps=_speed_limit(limits[row]),
+            speed_limit_mps=limits[row],
             turn=_code(Turn, turns[row], Turn.UNKNOWN),
             stop_line_ids=_stop_line_ids(table, row, stops[row], stop_lines),
         )

@@ -41,7 +41,7 @@ def _tag(name: str, attributes: Mapping[str, object], inner: str | None = None) 
 
 def _nodes(plan: NetworkPlan) -> Iterable[str]:
     for node, points in sorted(node_points(plan).items()):
-        hull: shapely.Geometry = shapely.multipoints(points).convex_hull
+        hull = shapely.MultiPoint(points).convex_hull
         if hull.area < 4 * _THIN_M**2 or not isinstance(hull, shapely.Polygon):
             hull = hull.buffer(_THIN_M, quad_segs=1)
         center = hull.centroid

@@ -44,28 +44,27 @@ class MapFiles:
 
 
 def maps(root: Path | None = None) -> dict[str, MapFiles]:
-    """The maps that a root's manifest names, by name; the shipped ones by default.
+    """The maps of a root by name, sorted; the shipped ones by default.
 
-    A root without a manifest, or a manifest that is not nuPlan's, is a MapError.
+    Locations that the root's manifest names but that are not there are left
+    out: hardly anyone keeps all of nuPlan's cities. A missing manifest, or one
+    that is not nuPlan's, is a MapError.
     """
     root = maps_root() if root is None else Path(root)
-    found: dict[str, MapFiles] = {}
-    for name, version in sorted(_manifest(root / MANIFEST).items()):
-        folder = root / name / version
-        if not (folder / "map.gpkg").is_file():
-            raise MapError(f"{root / MANIFEST}: {name} {version}: no map at {folder / 'map.gpkg'}")
-        found[name] = MapFiles(name, version, folder)
-    return found
+    files = (
+        MapFiles(name, version, root / name / version) for name, version in sorted(_manifest(root / MANIFEST).items())
+    )
+    return {file.name: file for file in files if file.gpkg.is_file()}
 
 
 def find_map(name_or_folder: str | os.PathLike[str]) -> MapFiles:
     """A map by its name among the shipped ones, or by a folder that holds a map.gpkg.
 
     The folder may be `<name>/<version>` or, where it has one version, `<name>`.
-    UnknownNameError if there is neither.
+    A bare word is a name before it is a folder. UnknownNameError if it is neither.
     """
     text = os.fspath(name_or_folder)
-    known = maps()
+    known = maps() if _is_folder_name(text) else {}
     if text in known:
         return known[text]
     folder = Path(text).expanduser()
@@ -77,7 +76,7 @@ def find_map(name_or_folder: str | os.PathLike[str]) -> MapFiles:
             names = ", ".join(file.parent.name for file in versions)
             raise MapError(f"{folder} holds several versions of a map ({names}); name one of these folders")
         if not versions:
-            raise UnknownNameError("map", text, known, "A folder must hold a map.gpkg.")
+            raise UnknownNameError("map", text, known or maps(), "A folder must hold a map.gpkg.")
         folder = versions[0].parent
     folder = folder.resolve()
     return MapFiles(folder.parent.name or folder.name, folder.name, folder)
@@ -105,7 +104,9 @@ def write_maps_manifest(root: Path) -> None:
     for file in sorted(root.glob("*/*/map.gpkg")):
         name, version = file.parent.parent.name, file.parent.name
         if name in versions:
-            raise MapError(f"{root}: {name} has the versions {versions[name]} and {version}; a maps root holds one of each")
+            raise MapError(
+                f"{root}: {name} has the versions {versions[name]} and {version}; a maps root holds one of each"
+            )
         versions[name] = version
     content = {name: {"version": version, "layers": {}} for name, version in sorted(versions.items())}
     (root / MANIFEST).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import sqlite3
 import warnings
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -111,7 +113,8 @@ class GeoPackage:
         self.path = path
         _check_file(path)
         try:
-            self.layers = frozenset(str(name) for name in pyogrio.list_layers(path)[:, 0])
+            with _quiet_gdal():
+                self.layers = frozenset(str(name) for name in pyogrio.list_layers(path)[:, 0])
         except Exception as error:
             raise MapError(f"{path}: not a GeoPackage that can be opened ({_brief(error)})") from error
         meta = self.read(schema.META)
@@ -138,8 +141,7 @@ class GeoPackage:
                 raise MapError(f"{self.path}: layer {layer} is missing; nuPlan's maps have it even when it is empty")
             return Table(self.path, layer, (), {}, np.zeros(0, dtype=object))
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # GDAL grumbles about details of a header that we check ourselves
+            with _quiet_gdal():
                 info, fids, wkb, values = read(
                     self.path,
                     layer=layer,
@@ -187,6 +189,14 @@ class GeoPackage:
             owner = np.repeat(np.arange(len(shapes)), shapely.get_num_coordinates(shapes))
             table.fault(int(owner[np.argmax(bad)]), f"a vertex lies outside the reach of {self.crs}")
         return shapely.set_coordinates(shapes, xy)
+
+
+@contextmanager
+def _quiet_gdal() -> Generator[None]:
+    """Without GDAL's warnings: what matters in them is checked here and becomes a MapError."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def snapped(xy: Floats, grid_m: float) -> Floats:

@@ -104,7 +104,7 @@ def first_of_each_track(rows: Ints, actors: ActorTable) -> Ints:
     """The first of these rows (in frame order) for each track."""
     first: dict[str, int] = {}
     for row in rows.tolist():
-        first.setdefault(actors.ids[row], row)
+        first.setdefault(str(actors.ids[row]), row)
     return np.array(list(first.values()), dtype=np.int64)
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import shapely
 
 from interplan_sumo.metrics.collisions import STOPPED_MPS
-from interplan_sumo.metrics.comfort import FEWEST_FRAMES, comfort_signals
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.followers import hardest_braking
 from interplan_sumo.metrics.result import MetricResult
@@ -28,7 +27,7 @@ def diagnostics(facts: Facts) -> MetricResult:
     detail = {
         "distance_m": _least(facts, distance),
         "time_to_collision_s": _least(facts, time_to_collision),
-        "jerk_mps3": _percentiles(_jerk(facts)),
+        "jerk_mps3": _percentiles(np.abs(facts.comfort_signals.get("jerk_mps3", np.zeros(0)))),
         "standing_s": float(standing[1:].sum()) * facts.step_us * 1e-6,
         "planner_s": _percentiles(facts.trace.plan_wall_s),
         "braking_behind": hardest_braking(facts),
@@ -41,7 +40,7 @@ def diagnostics(facts: Facts) -> MetricResult:
 
 
 def distances_m(facts: Facts) -> Floats:
-    """(R,) distance between the ego's box and the box of each row; infinite for rows that cannot be a frame's nearest."""
+    """(R,) distance between ego and actor boxes; infinite for rows that cannot be the nearest of their frame."""
     actors = facts.trace.actors
     shape = facts.trace.shape
     centres = np.hypot(*(facts.actor_xy - facts.centre[actors.frame]).T)
@@ -90,13 +89,6 @@ def _least(facts: Facts, per_row: Floats) -> dict[str, Any] | None:
         "time_s": float(facts.time_s[actors.frame[row]]),
         "track": str(actors.ids[row]),
     }
-
-
-def _jerk(facts: Facts) -> Floats:
-    if facts.frames < FEWEST_FRAMES:
-        return np.zeros(0)
-    signals = comfort_signals(facts.trace.ego, facts.trace.shape.rear_axle_to_center_m, facts.step_us * 1e-6)
-    return np.abs(signals["jerk_mps3"])
 
 
 def _percentiles(values: Floats) -> dict[str, float] | None:

@@ -39,7 +39,8 @@ def drivable_area(facts: Facts) -> MetricResult:
         "frames_outside": int(far.any(axis=1).sum()),
         "farthest_m": float(distance.max(initial=0.0)),
     }
-    series = {"corners_inside": ~outside.any(axis=1), "outside_m": distance.max(axis=1, initial=0.0)}
+    inside: NDArray[np.bool_] = ~np.any(outside, axis=1)
+    series = {"corners_inside": inside, "outside_m": distance.max(axis=1, initial=0.0)}
     return MetricResult(score, detail, series, reason)
 
 

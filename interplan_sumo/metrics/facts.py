@@ -19,6 +19,7 @@ from interplan_sumo.metrics.association import (
 )
 from interplan_sumo.metrics.collisions import Collision, find_collisions
 from interplan_sumo.metrics.expert_route import RouteBlock, progress_per_frame, project_m, route_blocks
+from interplan_sumo.metrics.motion import FEWEST_FRAMES, comfort_signals
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.geometry import Floats, Polyline
@@ -76,6 +77,15 @@ class Facts:
     def corners(self) -> Floats:
         """(N, 4, 2) box corners: front left, rear left, rear right, front right."""
         return self.trace.ego.corners(self.trace.shape)
+
+    @cached_property
+    def comfort_signals(self) -> dict[str, Floats]:
+        """Accelerations, jerks and turning (N,) by name; empty for a drive too short to have them."""
+        if self.frames < FEWEST_FRAMES:
+            return {}
+        # differences of seconds, as in nuPlan: large time stamps lose digits here that show in second derivatives
+        step_s = float(np.mean(np.diff(self.trace.ego.time_us / 1e6)))
+        return comfort_signals(self.trace.ego, self.trace.shape.rear_axle_to_center_m, step_s)
 
     # --- where the ego is in the lane graph ----------------------------------------------------
 

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.world.geometry import Pose
+from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.world.geometry import Pose, wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
 
 Density = Literal["none", "low", "medium", "high"]
@@ -42,6 +43,57 @@ class LanePlace:
         return line.pose_at(self.arc_m, self.left_m)
 
 
+ObstacleKind = Literal["car", "bus", "truck", "cone", "barrier", "sign", "worker"]
+OBSTACLES: dict[str, tuple[ActorKind, float, float]] = {
+    "car": (ActorKind.VEHICLE, 4.6, 1.85),
+    "bus": (ActorKind.VEHICLE, 12.0, 2.55),
+    "truck": (ActorKind.VEHICLE, 8.0, 2.4),
+    "cone": (ActorKind.TRAFFIC_CONE, 0.5, 0.5),
+    "barrier": (ActorKind.BARRIER, 2.0, 0.6),
+    "sign": (ActorKind.CZONE_SIGN, 0.6, 0.6),
+    "worker": (ActorKind.PEDESTRIAN, 0.9, 0.79),
+}
+"""nuPlan's class and the default length and width of each kind; cones and people as in interPlan."""
+PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M = 0.9, 0.79
+"""interPlan's pedestrian; the length lies along the walk."""
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """Something that stands in or beside the road for the whole run."""
+
+    place: LanePlace
+    """Of its centre."""
+    kind: ObstacleKind = "car"
+    turned_rad: float = 0.0
+    """Heading relative to the lane, counter-clockwise."""
+    length_m: float | None = None
+    """None takes the default of its kind."""
+    width_m: float | None = None
+    hides: bool = False
+    """Whether pedestrians behind it, seen from the ego's centre, are hidden from the planner."""
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Length and width."""
+        _, length_m, width_m = OBSTACLES[self.kind]
+        return self.length_m or length_m, self.width_m or width_m
+
+    def pose(self, roads: Roads) -> Pose:
+        """Pose of its centre in the map frame."""
+        pose = self.place.pose(roads)
+        return Pose(pose.x_m, pose.y_m, float(wrap_angle(pose.heading_rad + self.turned_rad)))
+
+
+@dataclass(frozen=True, slots=True)
+class Jaywalker:
+    """A pedestrian who waits at the kerb and walks straight across when the ego comes near, yielding to nobody."""
+
+    start: LanePlace
+    end: LanePlace
+    speed_mps: float
+
+
 @dataclass(frozen=True, slots=True)
 class TrafficDemand:
     """The moving traffic around the ego."""
@@ -68,6 +120,8 @@ class Scenario:
     route: tuple[str, ...]
     """Roadblock and roadblock-connector ids in driving order."""
     traffic: TrafficDemand = TrafficDemand()
+    obstacles: tuple[Obstacle, ...] = ()
+    jaywalkers: tuple[Jaywalker, ...] = ()
     duration_s: float = 30.0
     exempt: tuple[str, ...] = ()
     """Gates that are not judged."""
@@ -79,6 +133,17 @@ class Scenario:
             raise ScenarioError(f"{self.id}: start_speed_mps is {self.start_speed_mps}, expected 0 or more")
         if not self.route:
             raise ScenarioError(f"{self.id}: route is empty, expected the roadblock ids from start to goal")
+        for i, obstacle in enumerate(self.obstacles):
+            if obstacle.kind not in OBSTACLES:
+                known = ", ".join(OBSTACLES)
+                raise ScenarioError(f"{self.id}: obstacles[{i}].kind is {obstacle.kind!r}, expected one of {known}")
+            if not all(np.isfinite(size) and size > 0.0 for size in obstacle.size_m):
+                raise ScenarioError(
+                    f"{self.id}: obstacles[{i}] has the size {obstacle.size_m}, expected positive metres"
+                )
+        for i, walker in enumerate(self.jaywalkers):
+            if not 0.1 <= walker.speed_mps <= 5.0:
+                raise ScenarioError(f"{self.id}: jaywalkers[{i}].speed_mps is {walker.speed_mps}, expected 0.1 to 5")
         for name, density in (("density", self.traffic.density), ("oncoming", self.traffic.oncoming)):
             if density != "none" and density not in LARGEST_GAP_M:
                 raise ScenarioError(
@@ -113,6 +178,14 @@ class Scenario:
                 raise ScenarioError(f"{self.id}: {name}: {error}") from None
             if roads[place.lane].roadblock_id not in self.route:
                 raise ScenarioError(f"{self.id}: {name} lane {place.lane} does not lie on the route")
+        places = [(f"obstacles[{i}]", obstacle.place) for i, obstacle in enumerate(self.obstacles)]
+        for i, walker in enumerate(self.jaywalkers):
+            places += [(f"jaywalkers[{i}].start", walker.start), (f"jaywalkers[{i}].end", walker.end)]
+        for name, place in places:
+            try:
+                place.pose(roads)
+            except ScenarioError as error:
+                raise ScenarioError(f"{self.id}: {name}: {error}") from None
         if not isinstance(roads[self.goal.lane], Lane):
             raise ScenarioError(f"{self.id}: goal lies on connector {self.goal.lane}, expected a lane")
         for block in self.route:

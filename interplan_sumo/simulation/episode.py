@@ -133,7 +133,7 @@ def run_loop(
     try:
         reached_goal = _run(scenario, roads, planner, traffic, record, options, on_phase)
     except PlannerError as error:
-        fault = Fault("planner", str(error))
+        fault = Fault("planner", f"{error} (t = {(len(record.egos) - 1) * DT_S:.1f} s)" if record.egos else str(error))
     except TrafficError as error:
         fault = Fault("traffic", f"{error} (scenario {scenario.id}, t = {len(record.egos) * DT_S:.1f} s)")
     on_phase("record")
@@ -198,15 +198,15 @@ def _in_sight(scene: Scene, ego: EgoState) -> Actors:
 
 def _planned(planner: Planner, seen: Observation, record: _Record, limit_s: float) -> Trajectory:
     began = time.perf_counter()
-    plan = _guarded(lambda: planner.plan(seen), f"plan() at t = {seen.time_s:.1f} s")
+    plan = _guarded(lambda: planner.plan(seen), "plan()")
     wall_s = time.perf_counter() - began
     record.plan_wall_s.append(wall_s)
     if wall_s > limit_s:
-        raise PlannerError(f"plan() at t = {seen.time_s:.1f} s took {wall_s:.1f} s, the limit is {limit_s:g} s")
+        raise PlannerError(f"plan() took {wall_s:.1f} s, the limit is {limit_s:g} s")
     return plan
 
 
-def _guarded(call: Callable[[], _T], what: str) -> _T:  # noqa: UP047 - Python 3.11
+def _guarded(call: Callable[[], _T], what: str) -> _T:
     """The planner's own exceptions, sys.exit included, as PlannerError with the place where they were raised."""
     try:
         return call()

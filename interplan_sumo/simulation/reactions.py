@@ -20,7 +20,7 @@ Nothing here knows SUMO: arrays and names in, decisions out.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -110,7 +110,7 @@ class Decision:
     """f at this step."""
     reacting: bool
     speed_mps: float | None = None
-    """The speed to impose for the next step."""
+    """The speed to impose for the next step; None: SUMO's own."""
 
 
 def cover(network: Network, box: shapely.Polygon, velocity_mps: tuple[float, float]) -> dict[str, Cover]:
@@ -235,9 +235,42 @@ def decide(
         if sees and part.speed_mps >= ATHWART * ego.speed_mps and ego.speed_mps >= 0.0:
             decisions[agent.id] = Decision(Treatment.LEAVE, overlap, True)
             continue
-        gap_m = start_m + part.start_m - agent.position_m
-        acceleration = acceleration_mps2(agent.driver, agent.speed_mps, agent.limit_mps, gap_m, part.speed_mps)
-        acceleration = max(acceleration, -agent.driver.emergency_decel_mps2)
-        speed_mps = max(0.0, agent.speed_mps + acceleration * dt_s)
+        speed_mps = _next_speed_mps(agent, start_m + part.start_m - agent.position_m, part.speed_mps, dt_s)
         decisions[agent.id] = Decision(Treatment.IMPOSE, overlap, True, speed_mps)
     return decisions
+
+
+def stop_for(
+    agents: Iterable[Agent], covers: Iterable[Mapping[str, Cover]], decisions: dict[str, Decision], dt_s: float
+) -> dict[str, Decision]:
+    """`decisions` with the speeds lowered that agents need to stop before what stands or walks in their corridor.
+
+    `covers` holds one mapping per thing. Everyone stops for it, whatever the
+    type; it counts as standing.
+    """
+    decided = dict(decisions)
+    things = list(covers)
+    for agent in agents:
+        gaps = [
+            agent.corridor[lane] + part.start_m - agent.position_m
+            for cover_ in things
+            for lane, part in cover_.items()
+            if lane in agent.corridor and agent.corridor[lane] + part.end_m > agent.position_m
+        ]
+        if not gaps:
+            continue
+        speed_mps = _next_speed_mps(agent, min(gaps), 0.0, dt_s)
+        before = decided.get(agent.id)
+        overlap, reacting = (before.overlap, before.reacting) if before is not None else (0.0, False)
+        if before is not None and before.treatment is Treatment.IGNORE:
+            decided[agent.id] = replace(before, speed_mps=speed_mps)
+            continue
+        if before is not None and before.speed_mps is not None:
+            speed_mps = min(speed_mps, before.speed_mps)
+        decided[agent.id] = Decision(Treatment.IMPOSE, overlap, reacting, speed_mps)
+    return decided
+
+
+def _next_speed_mps(agent: Agent, gap_m: float, leader_mps: float, dt_s: float) -> float:
+    acceleration = acceleration_mps2(agent.driver, agent.speed_mps, agent.limit_mps, gap_m, leader_mps)
+    return max(0.0, agent.speed_mps + max(acceleration, -agent.driver.emergency_decel_mps2) * dt_s)

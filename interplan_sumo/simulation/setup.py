@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
+
+import numpy as np
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map
-from interplan_sumo.scenario.route import route_lanes
+from interplan_sumo.scenario.route import route_centerline, route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.network import read_network
+from interplan_sumo.simulation.obstacles import blockages, standing_actors
+from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.simulation.spawning import ego_sumo_route, spawn
+from interplan_sumo.simulation.sumo import DT_S as STEP_S
 from interplan_sumo.simulation.sumo import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
@@ -30,15 +36,36 @@ def open_traffic(
     vehicle_types: Path | None = None,
     shape: EgoShape = PACIFICA,
     with_ego: bool = True,
+    most_agents: int | None = None,
 ) -> SumoTraffic:
-    """SUMO with the scenario's traffic at t = 0. InputError if a file cannot be used, TrafficError if SUMO fails."""
+    """SUMO with the scenario's traffic at t = 0. InputError if a file cannot be used, TrafficError if SUMO fails.
+
+    `with_ego` False gives the twin run without an ego; `most_agents` cuts the
+    traffic short, for measurements.
+    """
     scenario.check(roads)
     files = find_map(scenario.map)
     network = read_network(files.network)
     ids = NetworkIds.read(files.ids)
     types = read_vehicle_types(vehicle_types or vehicle_type_file(scenario.traffic.behaviour))
     rng = scenario.rng(seed)
-    spawns = spawn(scenario, roads, network, ids, types, shape, rng)
+    tokens = opaque_ids(len(scenario.obstacles) + len(scenario.jaywalkers), rng)
+    standing = standing_actors(scenario, roads, tokens[: len(scenario.obstacles)])
+    blocked = blockages(network, standing, ids.origin_m)
+    crowd = None
+    if scenario.jaywalkers:
+        line = route_centerline(roads, scenario)
+        crowd = Crowd(scenario, roads, line, tokens[len(scenario.obstacles) :], STEP_S)
+    spawns = spawn(scenario, roads, network, ids, types, shape, blocked, rng)[:most_agents]
+    names = opaque_ids(len(spawns), rng, besides=tokens)
     route = ego_sumo_route(network, ids, route_lanes(roads, scenario))
-    ego = start_state(scenario, roads)
-    return SumoTraffic(network, ids, types, spawns, ego, route, shape, rng, with_ego=with_ego)
+    return SumoTraffic(
+        network, ids, types, spawns, names, start_state(scenario, roads), route, shape,
+        standing=standing, blocked=blocked, crowd=crowd, with_ego=with_ego,
+    )  # fmt: skip
+
+
+def opaque_ids(count: int, rng: np.random.Generator, besides: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Ids that say nothing of who bears them, in random order: four hexadecimal digits each, none of `besides`."""
+    drawn = (f"{number:04x}" for number in rng.permutation(16**4))
+    return tuple(islice((token for token in drawn if token not in besides), count))

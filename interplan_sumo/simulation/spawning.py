@@ -15,6 +15,7 @@ from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, SMALLEST_GAP_M, Density, Scenario
 from interplan_sumo.simulation.idm import acceleration_mps2, largest_speed_mps
 from interplan_sumo.simulation.network import Network, NetworkLane, NetworkLink
+from interplan_sumo.simulation.obstacles import Blockage
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import wrap_angle
@@ -24,6 +25,8 @@ AHEAD_M = 300.0
 """How far ahead of the ego lanes are filled."""
 BEHIND_M = 120.0
 """How far behind the ego lanes are filled."""
+CLEAR_M = 3.0
+"""Nobody starts nearer than this to an obstacle."""
 ROUTE_M = 1500.0
 """Length of an agent's route: longer than 30 s of driving at any limit of ours."""
 HOLD_S = 3.0
@@ -66,9 +69,9 @@ class _Stretch:
 
 def spawn(
     scenario: Scenario, roads: Roads, network: Network, ids: NetworkIds, types: VehicleTypes, shape: EgoShape,
-    rng: np.random.Generator,
+    blocked: tuple[Blockage, ...], rng: np.random.Generator,
 ) -> tuple[Spawn, ...]:  # fmt: skip
-    """All agents of a scenario at the start, in a fixed order."""
+    """All agents of a scenario at the start, in a fixed order; none on a blocked stretch."""
     spawns: list[Spawn] = []
     used: set[str] = set()
     start = roads[scenario.start.lane]
@@ -87,7 +90,8 @@ def spawn(
         ego = (scenario.start_speed_mps, shape.length_m) if lane_id == start.id else None
         if chain:
             span = (max(chain[0].start_m, -upstream_m), min(chain[-1].end_m, downstream_m))
-            spawns += _fill(network, chain, span, LARGEST_GAP_M[density], types, ego, rng)
+            closed = _closed(chain, blocked)
+            spawns += _fill(network, chain, span, closed, LARGEST_GAP_M[density], types, ego, rng)
     return tuple(spawns)
 
 
@@ -190,8 +194,8 @@ def _chain(
 
 
 def _fill(
-    network: Network, chain: list[_Stretch], span: tuple[float, float], largest_gap_m: float, types: VehicleTypes,
-    ego: tuple[float, float] | None, rng: np.random.Generator,
+    network: Network, chain: list[_Stretch], span: tuple[float, float], closed: list[tuple[float, float]],
+    largest_gap_m: float, types: VehicleTypes, ego: tuple[float, float] | None, rng: np.random.Generator,
 ) -> list[Spawn]:  # fmt: skip
     """Agents on one chain, from its downstream end. `ego` is (speed, length) on the ego's own lane."""
     placed: list[tuple[Spawn, float]] = []  # with the place of the rear bumper along the chain
@@ -216,12 +220,22 @@ def _fill(
         stretch = next((s for s in chain if s.start_m <= rear_m and front_m <= s.end_m), None)
         if stretch is None or stretch.lane.internal:
             continue  # nobody starts inside a junction
-        speed_mps = _start_speed_mps(network, chain, stretch, front_m, driver, leader)
+        if any(start_m < front_m + CLEAR_M and rear_m - CLEAR_M < end_m for start_m, end_m in closed):
+            continue
+        standing = min((start_m for start_m, _ in closed if start_m > front_m), default=None)
+        ahead = leader if standing is None or (leader is not None and leader[0] < standing) else (standing, 0.0)
+        speed_mps = _start_speed_mps(network, chain, stretch, front_m, driver, ahead)
         if speed_mps is None:
             continue
         route = continued_route(network, stretch.lane.id, ROUTE_M, rng)
         placed.append((Spawn(stretch.lane.id, front_m - stretch.start_m, speed_mps, driver, route), rear_m))
         leader = (rear_m, speed_mps)
+
+
+def _closed(chain: list[_Stretch], blocked: tuple[Blockage, ...]) -> list[tuple[float, float]]:
+    """Blocked stretches along a chain."""
+    starts = {stretch.lane.id: stretch.start_m for stretch in chain}
+    return [(starts[b.lane] + b.start_m, starts[b.lane] + b.end_m) for b in blocked if b.lane in starts]
 
 
 def _safe(speed_mps: float, gap_m: float, leader_mps: float) -> bool:

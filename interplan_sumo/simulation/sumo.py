@@ -21,6 +21,8 @@ from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation import reactions
 from interplan_sumo.simulation.anchor import Anchor, find_anchor
 from interplan_sumo.simulation.network import Network
+from interplan_sumo.simulation.obstacles import Blockage
+from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.simulation.reactions import Agent, Attention, EgoOnNetwork, Treatment
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.traffic import Scene
@@ -79,18 +81,22 @@ class SumoTraffic:
         ids: NetworkIds,
         types: VehicleTypes,
         spawns: tuple[Spawn, ...],
+        tokens: tuple[str, ...],
         ego: EgoState,
         ego_route: tuple[str, ...],
         shape: EgoShape,
-        rng: np.random.Generator,
         *,
+        standing: Actors | None = None,
+        blocked: tuple[Blockage, ...] = (),
+        crowd: Crowd | None = None,
         with_ego: bool = True,
-        seed: int = 0,
     ) -> None:
         """Start SUMO, put everyone where they begin.
 
-        `ego_route` are SUMO edges. `with_ego` False leaves the ego out of SUMO
-        altogether: the twin run against which reactions are measured.
+        `tokens` are the agents' ids as others see them. `ego_route` are SUMO
+        edges. `standing` are obstacles, `blocked` the stretches of lanes that
+        they block. `with_ego` False leaves the ego out of SUMO altogether:
+        the twin run against which reactions are measured.
         """
         global _is_open
         if _is_open:
@@ -98,20 +104,23 @@ class SumoTraffic:
         self._network = network
         self._ids = ids
         self._shape = shape
+        self._standing = standing if standing is not None else Actors.none()
+        self._crowd = crowd
         self._origin = ids.origin_m
         self._with_ego = with_ego
         self._memory: dict[str, Attention] = {}
-        self._treated: dict[str, Treatment] = {}
+        self._treated: dict[str, tuple[bool, bool]] = {}  # told to overlook the ego, given a speed
         self._frozen: set[str] = set()
         self._anchor: Anchor | None = None
         self._ego_route = ego_route
         self._first_reaction = True
+        self._started = False
         self._signals: Signals | None = None
         self._signal_states: tuple[str, ...] = ()
         command = [
             "sumo", "--net-file", str(network.path), "--additional-files", str(types.path), "--step-length", str(DT_S),
             "--collision.action", "none", "--time-to-teleport", "-1", "--insertion-checks", "none",
-            "--lanechange.duration", "3", "--default.speeddev", "0", "--seed", str(seed), "--no-step-log", "true",
+            "--lanechange.duration", "3", "--default.speeddev", "0", "--no-step-log", "true",
             "--no-warnings", "true", "--xml-validation", "never", "--xml-validation.net", "never",
         ]  # fmt: skip
         with _commanding(f"start with {network.path.name} and {types.path.name}"):
@@ -119,7 +128,8 @@ class SumoTraffic:
         _is_open = True
         try:
             self._index_lights()
-            self._spawn(types, spawns, rng)
+            self._spawn(types, spawns, tokens)
+            self._block(blocked)
             if with_ego:
                 self._add_ego(ego)
             self.advance()
@@ -141,11 +151,10 @@ class SumoTraffic:
 
     # --- set-up --------------------------------------------------------------------------------
 
-    def _spawn(self, types: VehicleTypes, spawns: tuple[Spawn, ...], rng: np.random.Generator) -> None:
-        tokens = rng.permutation(max(4096, 2 * len(spawns)))[: len(spawns)]
+    def _spawn(self, types: VehicleTypes, spawns: tuple[Spawn, ...], tokens: tuple[str, ...]) -> None:
         drivers = {driver.id: self._as_loaded(driver) for driver in (*types.members, *types.others)}
         self._names = [f"a{i}" for i in range(len(spawns))]
-        self._tokens = dict(zip(self._names, (f"{token:04x}" for token in tokens), strict=True))
+        self._tokens = dict(zip(self._names, tokens, strict=True))
         self._drivers = {name: drivers[s.driver.id] for name, s in zip(self._names, spawns, strict=True)}
         self._behaviours = {
             self._tokens[name]: types.path.stem if driver.id == ENTRY else driver.id
@@ -164,6 +173,22 @@ class SumoTraffic:
                 )  # fmt: skip
         self._present = sorted(self._names, key=self._tokens.__getitem__)
         self._index_present()
+
+    def _block(self, blocked: tuple[Blockage, ...]) -> None:
+        """Stopped proxies where obstacles block a lane; nobody but SUMO's own drivers sees them."""
+        for i, each in enumerate(blocked):
+            name, lane = f"obstacle{i}", self._network.lanes[each.lane]
+            length_m = max(0.5, each.end_m - each.start_m)
+            front_m = min(max(each.end_m, length_m), lane.length_m)
+            with _commanding(f"blocking lane {each.lane} at {each.start_m:.1f} m"):
+                sumo.vehicletype.copy("DEFAULT_VEHTYPE", name)
+                sumo.vehicletype.setLength(name, length_m)
+                sumo.route.add(name, (lane.edge,))
+                sumo.vehicle.add(
+                    name, name, name, departLane=str(lane.index), departPos=f"{front_m:.6f}", departSpeed="0"
+                )
+                sumo.vehicle.setStop(name, lane.edge, front_m, lane.index, 1e6)
+                sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_NONE)
 
     def _as_loaded(self, driver: VehicleType) -> VehicleType:
         """The type with the numbers that SUMO uses, its class defaults included."""
@@ -185,12 +210,16 @@ class SumoTraffic:
     def _index_present(self) -> None:
         """Columns that do not change from step to step, for the agents still there."""
         drivers = [self._drivers[name] for name in self._present]
-        self._present_tokens = tuple(self._tokens[name] for name in self._present)
-        self._lengths_m = np.array([d.length_m for d in drivers])
-        self._widths_m = np.array([d.width_m for d in drivers])
-        self._kinds = np.array(
-            [_KINDS.get(sumo.vehicletype.getVehicleClass(d.id), ActorKind.VEHICLE) for d in drivers], dtype=np.int8
-        )
+        self._half_m = np.array([d.length_m for d in drivers]) / 2.0
+        walkers = self._crowd.observe() if self._crowd is not None else Actors.none()
+        others = (self._standing, walkers)
+        tokens = [*(self._tokens[name] for name in self._present), *self._standing.ids, *walkers.ids]
+        self._order = np.argsort(np.array(tokens, dtype=object), kind="stable")
+        self._ids_in_order = tuple(tokens[i] for i in self._order)
+        kinds = [_KINDS.get(sumo.vehicletype.getVehicleClass(d.id), ActorKind.VEHICLE) for d in drivers]
+        self._kinds = np.concatenate((np.array(kinds, dtype=np.int8), *(a.kind for a in others)))[self._order]
+        self._lengths_m = np.concatenate(([d.length_m for d in drivers], *(a.length_m for a in others)))[self._order]
+        self._widths_m = np.concatenate(([d.width_m for d in drivers], *(a.width_m for a in others)))[self._order]
 
     def _add_ego(self, ego: EgoState) -> None:
         with _commanding("adding the ego"):
@@ -221,34 +250,52 @@ class SumoTraffic:
         return self._behaviours
 
     def observe(self) -> Scene:
-        half = self._lengths_m / 2.0
         cosine, sine = np.cos(self._heading_rad), np.sin(self._heading_rad)
+        columns = [
+            self._front_x + self._origin[0] - self._half_m * cosine,
+            self._front_y + self._origin[1] - self._half_m * sine,
+            self._heading_rad,
+            self._speed_mps * cosine,
+            self._speed_mps * sine,
+        ]
+        others = [self._standing] if len(self._standing) else []
+        if self._crowd is not None:
+            others.append(self._crowd.observe())
+        if others:
+            names = ("x_m", "y_m", "heading_rad", "vx_mps", "vy_mps")
+            rest = ([getattr(actors, name) for actors in others] for name in names)
+            columns = [np.concatenate((column, *more)) for column, more in zip(columns, rest, strict=True)]
+        x_m, y_m, heading_rad, vx_mps, vy_mps = (column[self._order] for column in columns)
         actors = Actors(
-            ids=self._present_tokens,
-            kind=self._kinds,
-            x_m=self._front_x + self._origin[0] - half * cosine,
-            y_m=self._front_y + self._origin[1] - half * sine,
-            heading_rad=self._heading_rad,
-            length_m=self._lengths_m,
-            width_m=self._widths_m,
-            vx_mps=self._speed_mps * cosine,
-            vy_mps=self._speed_mps * sine,
+            self._ids_in_order, self._kinds, x_m, y_m, heading_rad, self._lengths_m, self._widths_m, vx_mps, vy_mps
         )
         return Scene(actors, self._read_signals())
 
     def react(self, ego: EgoState) -> None:
         if not self._with_ego:
             return
+        if self._crowd is not None:
+            self._crowd.notice(ego, self._shape)
         on_network, ahead = self._on_network(ego)
         concerned = set(self._memory)
         for lane in (*on_network.covers, *(lane for covers in ahead.values() for lane in covers)):
             concerned |= self._watchers.get(lane, set())
         if on_network.anchor_lane is not None:
             concerned |= self._watchers.get(on_network.anchor_lane, set())
+        walkers = [
+            reactions.cover(self._network, area, (0.0, 0.0))
+            for area in (self._crowd.foreseen(self._origin) if self._crowd is not None else ())
+        ]
+        for covered in walkers:
+            for lane in covered:
+                concerned |= self._watchers.get(lane, set())
+        concerned |= self._treated.keys()
         agents = [self._agent(row, name) for row, name in enumerate(self._present) if name in concerned]
-        decisions = reactions.decide(
-            agents, on_network, ahead, self._memory, DT_S, at_start=self._first_reaction
-        )  # fmt: skip
+        decisions = reactions.decide(agents, on_network, ahead, self._memory, DT_S, at_start=self._first_reaction)
+        if walkers:
+            decisions = reactions.stop_for(agents, walkers, decisions, DT_S)
+        for name in self._treated.keys() - decisions.keys():
+            decisions[name] = reactions.Decision(Treatment.LEAVE, 0.0, False)
         self._first_reaction = False
         for name, decision in decisions.items():
             self._treat(name, decision)
@@ -278,6 +325,9 @@ class SumoTraffic:
         with _commanding("simulationStep"):
             sumo.simulationStep()
             arrived = sumo.simulation.getArrivedIDList()
+        if self._crowd is not None and self._started:
+            self._crowd.advance()
+        self._started = True
         if arrived:
             gone = set(arrived)
             self._present = [name for name in self._present if name not in gone]
@@ -368,26 +418,26 @@ class SumoTraffic:
         return Agent(name, self._drivers[name], position_m, float(self._speed_mps[row]), limit_mps, ahead)
 
     def _treat(self, name: str, decision: reactions.Decision) -> None:
-        before = self._treated.get(name, Treatment.LEAVE)
-        now = decision.treatment
+        ignored, imposed = self._treated.get(name, (False, False))
+        ignore, impose = decision.treatment is Treatment.IGNORE, decision.speed_mps is not None
         vehicle = sumo.vehicle
-        with _commanding(f"treating agent {name}: {now.value}"):
-            if now is not before:
-                if before is Treatment.IGNORE or now is Treatment.IGNORE:
-                    overlooked = EGO if now is Treatment.IGNORE else ""
-                    vehicle.setParameter(name, "carFollowModel.ignoreIDs", overlooked)
-                    vehicle.setParameter(name, "junctionModel.ignoreIDs", overlooked)
-                if before is Treatment.IMPOSE:
-                    vehicle.setSpeed(name, -1.0)
-                    vehicle.setSpeedMode(name, SPEED_MODE_DEFAULT)
-                if now is Treatment.IMPOSE:
-                    vehicle.setSpeedMode(name, SPEED_MODE_IMPOSED)
-                self._treated[name] = now
+        with _commanding(f"treating agent {name}: {decision.treatment.value}"):
+            if ignore != ignored:
+                vehicle.setParameter(name, "carFollowModel.ignoreIDs", EGO if ignore else "")
+                vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore else "")
+            if impose and not imposed:
+                vehicle.setSpeedMode(name, SPEED_MODE_IMPOSED)
             if decision.speed_mps is not None:
                 vehicle.setSpeed(name, *_finite("an imposed speed", decision.speed_mps))
-        if not decision.reacting and now is Treatment.LEAVE and decision.overlap == 0.0:
-            self._memory.pop(name, None)
+            elif imposed:
+                vehicle.setSpeed(name, -1.0)
+                vehicle.setSpeedMode(name, SPEED_MODE_DEFAULT)
+        if ignore or impose:
+            self._treated[name] = (ignore, impose)
+        else:
             self._treated.pop(name, None)
+            if not decision.reacting and decision.overlap == 0.0:
+                self._memory.pop(name, None)
 
     def _freeze(self, ego: EgoState, on_network: EgoOnNetwork) -> None:
         """Agents near an ego that straddles two lanes keep theirs; released as soon as it no longer does."""

@@ -13,6 +13,7 @@ from networks import two_way_road, types
 from interplan_sumo.simulation import spawning
 from interplan_sumo.simulation.idm import acceleration_mps2
 from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.vehicle_types import VehicleType
 
 NETWORK = two_way_road()
 EGO_X = 160.0
@@ -23,7 +24,7 @@ def fill(seed: int, largest_gap_m: float, behaviour: str = "mixed", ego_mps: flo
     chain = spawning._chain(NETWORK, "e0_0", EGO_X / 400.0, set(), 120.0, 300.0)
     ego = (ego_mps, EGO_LENGTH_M) if ego_mps is not None else None
     rng = np.random.default_rng(seed)
-    return spawning._fill(NETWORK, chain, (-120.0, 300.0), largest_gap_m, types(behaviour), ego, rng)
+    return spawning._fill(NETWORK, chain, (-120.0, 300.0), [], largest_gap_m, types(behaviour), ego, rng)
 
 
 def place(spawn: Spawn) -> tuple[float, float]:
@@ -37,7 +38,9 @@ def place(spawn: Spawn) -> tuple[float, float]:
 def test_nobody_overlaps_hits_another_within_three_seconds_or_brakes_hard_at_once(
     seed: int, largest: float, ego_mps: float
 ) -> None:
-    cars = [(*place(s), s.speed_mps, s.driver) for s in fill(seed, largest, ego_mps=ego_mps)]
+    cars: list[tuple[float, float, float, VehicleType | None]] = [
+        (*place(s), s.speed_mps, s.driver) for s in fill(seed, largest, ego_mps=ego_mps)
+    ]
     cars.append((EGO_X - EGO_LENGTH_M / 2, EGO_X + EGO_LENGTH_M / 2, ego_mps, None))
     cars.sort(key=lambda car: car[0])
     for follower, leader in pairwise(cars):

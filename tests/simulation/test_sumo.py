@@ -116,7 +116,7 @@ def off_road(step: int) -> EgoState:
     return EgoState(time_s, float(x_m), float(y_m), float(heading), vx_mps=float(speed))
 
 
-def states(drive: Drive, seed: int = 0) -> list[np.ndarray]:
+def states(drive: Drive) -> list[np.ndarray]:
     mixed = types("mixed")
     rng = np.random.default_rng(3)
     spawns = tuple(
@@ -125,7 +125,7 @@ def states(drive: Drive, seed: int = 0) -> list[np.ndarray]:
         for at in (40.0, 70.0, 160.0)
     )
     found: list[np.ndarray] = []
-    with traffic(mixed, spawns, drive(0), seed=seed) as run:
+    with traffic(mixed, spawns, drive(0)) as run:
         for step in range(200):
             actors = run.observe().actors
             found.append(np.stack((actors.x_m, actors.y_m, actors.heading_rad, actors.speed_mps)))

@@ -1,0 +1,62 @@
+# Everything a person needs here. `make benchmark` and `make test` work on a fresh machine with Python 3.11+ and make.
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+WORKERS ?= 2
+
+# BLAS threads would fight with the worker processes.
+export OPENBLAS_NUM_THREADS = 1
+
+.PHONY: help setup check test test-all golden smoke benchmark clean
+
+help:
+	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
+	@echo "make test        everything but the slow tests, real SUMO included (below 5 minutes)"
+	@echo "make test-all    the slow tests, too"
+	@echo "make check       lint, format and types"
+	@echo "make golden      only the comparison with nuPlan's own values"
+	@echo "make smoke       one scenario per family, in a minute"
+	@echo "make setup       make $(VENV) with everything for development"
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if (3, 11) <= v < (3, 14) else "error: Python %d.%d found, 3.11 to 3.13 needed; name one: make PYTHON=python3.12 ..." % v[:2])'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	@touch $@ $(VENV)/.installed
+
+setup: $(VENV)/.installed-dev
+
+check: setup
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/basedpyright
+
+test: setup
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"
+
+test-all: setup
+	$(BIN)/python -m pytest -n $(WORKERS)
+
+golden: setup
+	$(BIN)/python -m pytest -n $(WORKERS) -k golden
+
+smoke: $(VENV)/.installed
+	$(BIN)/interplan-sumo doctor
+	rm -rf runs/smoke
+	$(BIN)/interplan-sumo run --suite smoke==1 --out runs/smoke
+	$(BIN)/interplan-sumo report runs/smoke
+
+benchmark: $(VENV)/.installed
+	$(BIN)/interplan-sumo run --out runs/benchmark
+	$(BIN)/interplan-sumo report runs/benchmark --html runs/benchmark/report.html
+	@echo "report: runs/benchmark/report.html"
+
+clean:
+	rm -rf build dist runs .pytest_cache .ruff_cache

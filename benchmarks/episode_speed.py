@@ -1,0 +1,122 @@
+"""How fast the closed loop is beside bare SUMO, all in one run: python benchmarks/episode_speed.py [--repeats 5]
+
+(a) bare libsumo: the same traffic, the ego moved, position, angle, speed and lane of every vehicle read
+(b) the whole episode with StraightAhead: reactions and recording included
+(c) the same with scoring
+
+The three are run in turn, so that a noisy machine is noisy for all of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from dataclasses import replace
+
+import libsumo
+import numpy as np
+
+from interplan_planners.straight_ahead import StraightAhead
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.maps.store import find_map, load_roads
+from interplan_sumo.metrics.score import score
+from interplan_sumo.scenario.route import route_lanes
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.suite import expert, find_scenario
+from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
+from interplan_sumo.simulation.network import read_network
+from interplan_sumo.simulation.setup import open_traffic
+from interplan_sumo.simulation.spawning import ego_sumo_route, spawn
+from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
+from interplan_sumo.world.ego import PACIFICA
+
+STEPS = 300
+
+
+def bare(scenario: Scenario, agents: int) -> float:
+    """Steps per second of plain libsumo with the scenario's first `agents` agents."""
+    roads = load_roads(scenario.map)
+    files = find_map(scenario.map)
+    network, ids = read_network(files.network), NetworkIds.read(files.ids)
+    types = read_vehicle_types(vehicle_type_file(scenario.traffic.behaviour))
+    spawns = spawn(scenario, roads, network, ids, types, PACIFICA, scenario.rng(0))[:agents]
+    libsumo.start(
+        ["sumo", "-n", str(network.path), "-a", str(types.path), "--step-length", "0.1", "--insertion-checks", "none",
+         "--lanechange.duration", "3", "--default.speeddev", "0", "--collision.action", "none",
+         "--time-to-teleport", "-1", "--no-step-log", "true", "--no-warnings", "true"]
+    )  # fmt: skip
+    vehicle = libsumo.vehicle
+    for i, each in enumerate(spawns):
+        lane = network.lanes[each.lane]
+        libsumo.route.add(f"a{i}", each.route)
+        vehicle.add(
+            f"a{i}", f"a{i}", each.driver.id, departLane=str(lane.index), departPos=str(each.position_m),
+            departSpeed=str(each.speed_mps),
+        )  # fmt: skip
+    libsumo.route.add("ego", ego_sumo_route(network, ids, route_lanes(roads, scenario)))
+    vehicle.add("ego", "ego", "DEFAULT_VEHTYPE")
+    vehicle.setSpeedMode("ego", 32)
+    start = scenario.start.pose(roads)
+    sumo_lane, _ = ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
+    edge, index = network.lanes[sumo_lane].edge, network.lanes[sumo_lane].index
+    began = time.perf_counter()
+    for k in range(STEPS):
+        ahead = 0.1 * k * scenario.start_speed_mps
+        x = start.x_m - ids.origin_m[0] + ahead * float(np.cos(start.heading_rad))
+        y = start.y_m - ids.origin_m[1] + ahead * float(np.sin(start.heading_rad))
+        vehicle.moveToXY("ego", edge, index, x, y, 90.0 - float(np.degrees(start.heading_rad)), 1)
+        libsumo.simulationStep()
+        for name in vehicle.getIDList():
+            vehicle.getPosition(name)
+            vehicle.getAngle(name)
+            vehicle.getSpeed(name)
+            vehicle.getLaneID(name)
+    rate = STEPS / (time.perf_counter() - began)
+    libsumo.close()
+    return rate
+
+
+def episode(scenario: Scenario, agents: int) -> tuple[float, float, int]:
+    """(Steps per second of the episode, the same with scoring, agents at the start)."""
+    roads = load_roads(scenario.map)
+    with open_traffic(scenario, roads, most_agents=agents) as traffic:
+        count = len(traffic.observe().actors)
+        began = time.perf_counter()
+        drive: Episode = run_loop(
+            scenario, roads, StraightAhead(), traffic, options=EpisodeOptions(), on_phase=lambda _: None
+        )
+        driven = time.perf_counter()
+    trace = drive.trace
+    assert trace is not None
+    assert drive.fault is None, drive.fault
+    scoring = time.perf_counter()
+    score(trace, roads, expert(scenario), scenario)
+    scored_s = time.perf_counter() - scoring
+    return len(trace) / (driven - began), len(trace) / (driven - began + scored_s), count
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenario", default="lane_change_htd/0")
+    parser.add_argument("--agents", type=int, default=40)
+    parser.add_argument("--repeats", type=int, default=5)
+    options = parser.parse_args()
+    scenario = replace(find_scenario(options.scenario))
+    rates: list[tuple[float, float, float]] = []
+    count = 0
+    for _ in range(options.repeats + 1):  # the first one warms up
+        plain = bare(scenario, options.agents)
+        driven, scored, count = episode(scenario, options.agents)
+        rates.append((plain, driven, scored))
+    a, b, c = (statistics.median(column) for column in zip(*rates[1:], strict=True))
+    ratio_b = statistics.median(r[1] / r[0] for r in rates[1:])
+    ratio_c = statistics.median(r[2] / r[0] for r in rates[1:])
+    print(f"{options.scenario}, {count} agents, median of {options.repeats} runs of {STEPS} steps")
+    print(f"(a) bare libsumo            {a:8.0f} steps/s")
+    print(f"(b) episode                 {b:8.0f} steps/s   {ratio_b:.2f} of (a)")
+    print(f"(c) episode and scoring     {c:8.0f} steps/s   {ratio_c:.2f} of (a)")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""Rescore: scores of stored traces, under any profile, without simulating."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from interplan_sumo.batch.jobs import JobKey, Overrides
+from interplan_sumo.batch.run_folder import Row, StoredRun
+from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.metrics.score import PROFILES, score
+from interplan_sumo.scenario.suite import expert, find_scenario
+from interplan_sumo.world.trace import Trace
+
+
+def rescore(
+    run: StoredRun, profile: str, watch: Callable[[int, int], None] | None = None
+) -> tuple[StoredRun, list[str]]:
+    """The run under another profile, and what stood in the way of the rows that it now lacks.
+
+    A planner's fault stays a zero. `watch` is told how many rows are done, of how many.
+    """
+    if profile not in PROFILES:
+        raise UnknownNameError("scoring profile", profile, PROFILES)
+    overrides = Overrides(
+        density=run.manifest["overrides"].get("density"), behaviour=run.manifest["overrides"].get("behaviour")
+    )
+    rows: dict[JobKey, Row] = {}
+    problems: list[str] = []
+    for number, (key, row) in enumerate(run.rows.items(), start=1):
+        try:
+            rows[key] = row if row["fault"] else row | _scored(run, row, overrides, profile)
+        except InputError as error:
+            problems.append(str(error))
+        if watch is not None:
+            watch(number, len(run.rows))
+    return replace(run, manifest=run.manifest | {"profile": profile}, rows=rows), problems
+
+
+def _scored(run: StoredRun, row: Row, overrides: Overrides, profile: str) -> dict[str, Any]:
+    scenario = overrides.applied(find_scenario(row["scenario_id"]))
+    if scenario.hash() != row["scenario_hash"]:
+        raise InputError(
+            f"{run.path}: scenario {scenario.id} has changed since it was driven; use the version that drove it"
+        )
+    folder = run.path / row["trace"]
+    trace = Trace.read(folder)
+    if trace.hash() != row["trace_hash"]:
+        raise InputError(
+            f"{folder}: the trace is not the one that was driven; delete its line in results.jsonl and repeat the run"
+        )
+    return score(trace, load_roads(scenario.map), expert(scenario), scenario, profile).as_json()

@@ -1,0 +1,78 @@
+"""Listings: scenarios, planners and maps as plain data, one entry each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from interplan_sumo.errors import ScenarioError
+from interplan_sumo.maps.store import find_map, load_roads, maps
+from interplan_sumo.metrics.lane_changes import lane_needs
+from interplan_sumo.metrics.result import plain
+from interplan_sumo.planner import planners
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.suite import suites
+
+
+def scenario_entry(scenario: Scenario) -> dict[str, Any]:
+    """One scenario as `scenarios list` has it; `certificate` is null until one is stored."""
+    roads = load_roads(scenario.map)
+    need = lane_needs(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
+    if need is None:
+        raise ScenarioError(f"{scenario.id}: no way from lane {scenario.start.lane} to goal lane {scenario.goal.lane}")
+    return {
+        "id": scenario.id,
+        "family": scenario.family,
+        "map": scenario.map,
+        "site": scenario.site,
+        "driving_side": roads.driving_side,
+        "density": scenario.traffic.density,
+        "behaviour": scenario.traffic.behaviour,
+        "lane_changes": need,
+        "certificate": None,
+        "hash": scenario.hash(),
+    }
+
+
+def scenario_details(scenario: Scenario) -> dict[str, Any]:
+    """One scenario with everything that is staged, and the suites that it belongs to."""
+    belongs = [key for key, suite in suites().items() if any(s.id == scenario.id for s in suite.scenarios)]
+    return {**scenario_entry(scenario), "suites": belongs, "scenario": plain(scenario.canonical())}
+
+
+def planner_entries() -> list[dict[str, Any]]:
+    """Registered planners; `problem` says why one cannot be imported."""
+    entries: list[dict[str, Any]] = []
+    for info in planners():
+        entry: dict[str, Any] = {
+            "name": info.name,
+            "source": info.source,
+            "parameters": {name: _simple(value) for name, value in info.parameters.items()},
+            "recommended": info.recommended,
+        }
+        entries.append(entry if info.problem is None else {**entry, "problem": info.problem})
+    return entries
+
+
+def map_entries(names: Iterable[str] | None = None) -> list[dict[str, Any]]:
+    """The shipped maps with their size."""
+    entries: list[dict[str, Any]] = []
+    for name in maps() if names is None else names:
+        roads = load_roads(name)
+        metres = sum(lane.centerline.length_m for lane in roads.lanes.values())
+        entries.append(
+            {
+                "name": name,
+                "path": str(find_map(name).folder),
+                "lanes": len(roads.lanes),
+                "lane_km": round(metres / 1000.0, 3),
+                "driving_side": roads.driving_side,
+            }
+        )
+    return entries
+
+
+def _simple(value: Any) -> Any:
+    """A default value as JSON: what has no form there as text."""
+    value = plain(value)
+    return value if isinstance(value, bool | int | float | str | list | dict | None) else repr(value)

@@ -1,0 +1,86 @@
+"""Obstacles: true boxes for everyone who looks, and which stretches of SUMO lanes they block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
+from interplan_sumo.simulation.network import Network
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.geometry import box_polygons
+from interplan_sumo.world.roads import Roads
+
+HALF_PASSAGE_M = 1.15
+"""A car on the centre line keeps clear of what stays this far from it: half its width and a hand's breadth more."""
+MERGE_WITHIN_M = 8.0
+"""Blocked stretches of a lane nearer to one another than this are one: no car fits between."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blockage:
+    """A stretch of a SUMO lane on which no car can pass."""
+
+    lane: str
+    start_m: float
+    """SUMO's lane position."""
+    end_m: float
+
+
+def standing_actors(scenario: Scenario, roads: Roads, ids: tuple[str, ...]) -> Actors:
+    """The obstacles of a scenario as actors with the given ids, rows sorted by id."""
+    rows = sorted(zip(ids, scenario.obstacles, strict=True), key=lambda row: row[0])
+    poses = [obstacle.pose(roads) for _, obstacle in rows]
+    zeros = np.zeros(len(rows))
+    return Actors(
+        ids=tuple(name for name, _ in rows),
+        kind=np.array([OBSTACLES[obstacle.kind][0] for _, obstacle in rows], dtype=np.int8),
+        x_m=np.array([pose.x_m for pose in poses]),
+        y_m=np.array([pose.y_m for pose in poses]),
+        heading_rad=np.array([pose.heading_rad for pose in poses]),
+        length_m=np.array([obstacle.size_m[0] for _, obstacle in rows]),
+        width_m=np.array([obstacle.size_m[1] for _, obstacle in rows]),
+        vx_mps=zeros,
+        vy_mps=zeros,
+    )
+
+
+def blockages(network: Network, obstacles: Actors, origin_m: tuple[float, float]) -> tuple[Blockage, ...]:
+    """The stretches of normal lanes that obstacles block, sorted by lane and position.
+
+    An obstacle blocks a lane if a car on its centre line would touch it; one
+    that only reaches into the lane's edge is passed.
+    """
+    found: dict[str, list[tuple[float, float]]] = {}
+    boxes = box_polygons(
+        obstacles.x_m - origin_m[0],
+        obstacles.y_m - origin_m[1],
+        obstacles.heading_rad,
+        obstacles.length_m,
+        obstacles.width_m,
+    )
+    names, tree = network.lane_tree
+    for box in boxes:
+        for hit in np.sort(tree.query(box, predicate="intersects")):
+            lane = network.lanes[names[hit]]
+            passage = shapely.buffer(lane.line.linestring, HALF_PASSAGE_M, cap_style="flat")
+            part = shapely.intersection(passage, box)
+            if lane.internal or part.is_empty or part.area < 1e-6:
+                continue
+            arcs, _ = lane.line.project(shapely.get_coordinates(part))
+            found.setdefault(lane.id, []).append(
+                (lane.position_of(float(arcs.min())), lane.position_of(float(arcs.max())))
+            )
+    return tuple(Blockage(lane, *span) for lane in sorted(found) for span in _merged(found[lane]))
+
+
+def _merged(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    merged: list[tuple[float, float]] = []
+    for start_m, end_m in sorted(spans):
+        if merged and start_m - merged[-1][1] < MERGE_WITHIN_M:
+            merged[-1] = (merged[-1][0], max(merged[-1][1], end_m))
+        else:
+            merged.append((start_m, end_m))
+    return merged

@@ -1,0 +1,120 @@
+"""Jaywalkers: they wait at the kerb, and walk straight across once the ego is near. They yield to nobody."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, sin
+
+import numpy as np
+import shapely
+
+from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Jaywalker, Scenario
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.ego import EgoShape, EgoState
+from interplan_sumo.world.geometry import Polyline, box_polygons
+from interplan_sumo.world.roads import Roads
+
+NEAREST_TRIGGER_M = 8.0
+FARTHEST_TRIGGER_M = 50.0
+TRIGGER_TIME_S = 4.0
+FORESIGHT_S = 3.0
+"""Background drivers see this far ahead where a walking pedestrian will be."""
+
+
+def trigger_distance_m(ego_mps: float) -> float:
+    """How near, along the route, the ego's front bumper must be to the crossing for the walk to begin."""
+    return max(NEAREST_TRIGGER_M, min(FARTHEST_TRIGGER_M, TRIGGER_TIME_S * ego_mps))
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """One jaywalker's way across, in the map frame."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    speed_mps: float
+    conflict_m: float
+    """Where the way crosses the ego's route, arc length on the route's line."""
+
+    @property
+    def heading_rad(self) -> float:
+        return atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
+
+    @property
+    def duration_s(self) -> float:
+        return hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]) / self.speed_mps
+
+
+def walk(jaywalker: Jaywalker, roads: Roads, route: Polyline) -> Walk:
+    """The way of a jaywalker; where it does not cross the route's line, the nearest point stands for the crossing."""
+    start, end = jaywalker.start.pose(roads), jaywalker.end.pose(roads)
+    way = shapely.LineString([(start.x_m, start.y_m), (end.x_m, end.y_m)])
+    crossing = shapely.intersection(way, route.linestring)
+    point = shapely.get_coordinates(crossing)[:1] if not crossing.is_empty else shapely.get_coordinates(way.centroid)
+    conflict_m = float(route.project(point)[0][0])
+    return Walk((start.x_m, start.y_m), (end.x_m, end.y_m), jaywalker.speed_mps, conflict_m)
+
+
+class Crowd:
+    """All jaywalkers of an episode and how far each has come."""
+
+    def __init__(self, scenario: Scenario, roads: Roads, route: Polyline, ids: tuple[str, ...], dt_s: float) -> None:
+        rows = sorted(zip(ids, scenario.jaywalkers, strict=True), key=lambda row: row[0])
+        self.ids = tuple(name for name, _ in rows)
+        self._walks = [walk(jaywalker, roads, route) for _, jaywalker in rows]
+        self._route = route
+        self._dt_s = dt_s
+        self._walked_s: list[float | None] = [None] * len(rows)  # None: still waiting
+
+    def notice(self, ego: EgoState, shape: EgoShape) -> None:
+        """Set off whoever the ego has come near enough to, before it has passed."""
+        if all(walked is not None for walked in self._walked_s):
+            return
+        centre_m, _ = self._route.project_point(ego.x_m, ego.y_m)
+        front_m = centre_m + shape.length_m / 2.0
+        for i, each in enumerate(self._walks):
+            ahead_m = each.conflict_m - front_m
+            if self._walked_s[i] is None and -shape.length_m <= ahead_m <= trigger_distance_m(ego.speed_mps):
+                self._walked_s[i] = 0.0
+
+    def advance(self) -> None:
+        """Everyone under way walks on for one step."""
+        self._walked_s = [None if walked is None else walked + self._dt_s for walked in self._walked_s]
+
+    def observe(self) -> Actors:
+        """Everyone as actors with their true velocities, rows sorted by id."""
+        rows: list[tuple[float, float, float, float, float]] = []
+        for each, walked in zip(self._walks, self._walked_s, strict=True):
+            done_s = min(walked or 0.0, each.duration_s)
+            moving = walked is not None and walked < each.duration_s
+            along_m = each.speed_mps * done_s
+            dx, dy = cos(each.heading_rad), sin(each.heading_rad)
+            speed = each.speed_mps if moving else 0.0
+            rows.append(
+                (each.start[0] + along_m * dx, each.start[1] + along_m * dy, each.heading_rad, speed * dx, speed * dy)
+            )
+        x, y, heading, vx, vy = np.array(rows, dtype=np.float64).reshape(-1, 5).T
+        size = len(rows)
+        kind = np.full(size, ActorKind.PEDESTRIAN, dtype=np.int8)
+        length, width = np.full(size, PEDESTRIAN_LENGTH_M), np.full(size, PEDESTRIAN_WIDTH_M)
+        return Actors(self.ids, kind, x, y, heading, length, width, vx, vy)
+
+    def foreseen(self, origin_m: tuple[float, float]) -> list[shapely.Polygon]:
+        """What walking pedestrians cover from now to `FORESIGHT_S` later, in SUMO's frame."""
+        actors = self.observe()
+        walking = np.flatnonzero(actors.speed_mps > 0.0)
+        areas: list[shapely.Polygon] = []
+        for i in walking:
+            left_s = min(FORESIGHT_S, self._walks[i].duration_s - (self._walked_s[i] or 0.0))
+            x, y = actors.x_m[i] - origin_m[0], actors.y_m[i] - origin_m[1]
+            ends = box_polygons(
+                (x, x + actors.vx_mps[i] * left_s),
+                (y, y + actors.vy_mps[i] * left_s),
+                (actors.heading_rad[i],) * 2,
+                (PEDESTRIAN_LENGTH_M,) * 2,
+                (PEDESTRIAN_WIDTH_M,) * 2,
+            )
+            hull = shapely.convex_hull(shapely.union_all(ends))
+            if isinstance(hull, shapely.Polygon):
+                areas.append(hull)
+        return areas

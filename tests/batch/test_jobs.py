@@ -1,0 +1,110 @@
+"""Jobs and overrides: who drives what, and what the user changed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from interplan_sumo.batch.jobs import Overrides, chosen, jobs_for, keys_of
+from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
+
+
+def scenario(name: str, density: str = "none", oncoming: str = "none") -> Scenario:
+    return Scenario(
+        id=name,
+        family=name.partition("/")[0],
+        map="tiny",
+        start=LanePlace("1", 10.0),
+        start_speed_mps=10.0,
+        goal=LanePlace("1", 90.0),
+        route=("1",),
+        traffic=TrafficDemand(density, "mixed", oncoming),  # type: ignore[arg-type]
+    )
+
+
+ALL = tuple(scenario(f"{family}/{n}") for family in ("nudge", "overtake") for n in range(3))
+
+
+def test_jobs_are_every_planner_on_every_scenario_with_every_seed_once() -> None:
+    jobs = jobs_for(ALL[:2], ["idm", "pdm", "idm"], 2)
+    assert len({job.key for job in jobs}) == len(jobs) == 2 * 2 * 2
+
+
+def test_requests_that_overlap_ask_for_each_job_once() -> None:
+    first = {"planners": ["idm"], "scenarios": ["a", "b"], "seeds": 1}
+    second = {"planners": ["idm", "pdm"], "scenarios": ["a"], "seeds": 2}
+    assert keys_of([first, second]) == [
+        ("a", "idm", 0), ("b", "idm", 0), ("a", "idm", 1), ("a", "pdm", 0), ("a", "pdm", 1),
+    ]  # fmt: skip
+
+
+def test_globs_choose_scenarios_in_suite_order() -> None:
+    assert [s.id for s in chosen(ALL, ["overtake/[02]", "nudge/1"])] == ["nudge/1", "overtake/0", "overtake/2"]
+    assert chosen(ALL, []) == ALL
+    assert len(chosen(ALL, ["nudge/*"], limit=2)) == 2
+
+
+def test_a_glob_that_matches_nothing_is_named_with_a_guess() -> None:
+    with pytest.raises(UnknownNameError, match=r"no scenario named 'nuge/1'\. Did you mean 'nudge/1'\?"):
+        chosen(ALL, ["nudge/*", "nuge/1"])
+
+
+def test_density_changes_only_where_there_is_moving_traffic() -> None:
+    high = Overrides.parse(["density=high"])
+    assert high.applied(scenario("a", "low")).traffic.density == "high"
+    assert high.applied(scenario("a", "none")) == scenario("a", "none")
+    oncoming_only = high.applied(scenario("a", "none", oncoming="low")).traffic
+    assert (oncoming_only.density, oncoming_only.oncoming) == ("none", "high")
+
+
+def test_behaviour_changes_only_where_there_is_moving_traffic() -> None:
+    assertive = Overrides.parse(["behaviour=assertive"])
+    assert assertive.applied(scenario("a", "low")).traffic.behaviour == "assertive"
+    assert assertive.applied(scenario("a")).traffic.behaviour == "mixed"
+
+
+def test_an_override_changes_the_hash_of_the_scenario() -> None:
+    assert Overrides.parse(["density=high"]).applied(scenario("a", "low")).hash() != scenario("a", "low").hash()
+
+
+def test_a_vehicle_type_file_counts_by_name_and_content(tmp_path: Path) -> None:
+    for folder, content in (("one", "same"), ("two", "same"), ("three", "other")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "my.xml").write_text(content)
+    said = [Overrides(vehicle_types=tmp_path / f / "my.xml").canonical() for f in ("one", "two", "three")]
+    assert said[0] == said[1] != said[2]
+    assert said[0]["traffic"].startswith("my.xml sha256:")
+
+
+def test_a_vehicle_type_file_that_is_missing_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.xml"):
+        Overrides(vehicle_types=tmp_path / "none.xml").canonical()
+
+
+@pytest.mark.parametrize(
+    ("pairs", "words"),
+    [
+        (["density"], "has no value"),
+        (["density="], "has no value"),
+        (["densty=high"], "Did you mean 'density'"),
+        (["density=hihg"], "Did you mean 'high'"),
+        (["density=none"], "no density named 'none'"),
+        (["density=low", "density=high"], "twice"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_refused_with_the_way_out(pairs: list[str], words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        Overrides.parse(pairs)
+    assert words in str(caught.value)
+
+
+def test_traffic_and_behaviour_together_are_refused() -> None:
+    with pytest.raises(InputError, match="give only one"):
+        Overrides.parse(["behaviour=assertive"], Path("my.xml"))
+
+
+def test_no_override_is_official() -> None:
+    assert not Overrides.parse([])
+    assert Overrides.parse([]).canonical() == {}

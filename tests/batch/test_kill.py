@@ -1,0 +1,111 @@
+"""kill -9 of parent or worker at any moment: the same command again gives what an undisturbed run gives."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.batch.toy_run import main
+
+COUNT = 12
+
+
+def results(folder: Path) -> dict[str, str]:
+    lines = (folder / "results.jsonl").read_text().splitlines()
+    rows = [json.loads(line) for line in lines]
+    assert len(rows) == len({row["scenario_id"] for row in rows}), "a row counts twice"
+    return {row["scenario_id"]: row["trace_hash"] for row in rows}
+
+
+def workers_of(parent: int) -> list[int]:
+    found: list[int] = []
+    try:
+        threads = list(Path(f"/proc/{parent}/task").iterdir())
+    except OSError:
+        return found
+    for thread in threads:
+        try:
+            for pid in (thread / "children").read_text().split():
+                if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text():
+                    found.append(int(pid))
+        except OSError:
+            continue
+    return found
+
+
+def kill_at_random(folder: Path, chance: random.Random) -> bool:
+    """Run into `folder` and kill something at a random moment; whether the run was cut short."""
+    command = [sys.executable, "-m", "tests.batch.toy_run", str(folder), str(COUNT), "2"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    time.sleep(chance.uniform(0.0, 0.5))
+    workers = workers_of(process.pid)
+    try:
+        if workers and chance.random() < 0.5:
+            os.kill(chance.choice(workers), signal.SIGKILL)
+        else:
+            process.kill()
+    except ProcessLookupError:
+        pass
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode in (0, -signal.SIGKILL), errors
+    deadline = time.monotonic() + 5.0
+    while any(Path(f"/proc/{worker}").exists() for worker in workers) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not any(Path(f"/proc/{worker}").exists() for worker in workers), "a worker outlived its run"
+    return process.returncode != 0
+
+
+def check_kills(place: Path, kills: int, seed: int) -> None:
+    main(place / "undisturbed", COUNT, 2)
+    expected = results(place / "undisturbed")
+    assert len(expected) == COUNT
+    chance = random.Random(seed)
+    cut_short = done = 0
+    folder = place / "run-0"
+    for number in range(kills):
+        cut_short += kill_at_random(folder, chance)
+        if (folder / "results.jsonl").exists():
+            whole = (folder / "results.jsonl").read_text().rpartition("\n")[0].count("\n")
+            if whole >= COUNT - 3:
+                main(folder, COUNT, 2)
+                assert results(folder) == expected
+                done += 1
+                folder = place / f"run-{number + 1}"
+    main(folder, COUNT, 2)
+    assert results(folder) == expected
+    assert cut_short > 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
+def test_a_run_killed_again_and_again_ends_like_an_undisturbed_one(tmp_path: Path) -> None:
+    check_kills(tmp_path, kills=12, seed=1)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
+def test_two_hundred_kills_lose_nothing_and_double_nothing(tmp_path: Path) -> None:
+    check_kills(tmp_path, kills=200, seed=2)
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_polite_end_leaves_a_folder_that_goes_on(how: signal.Signals, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "tests.batch.toy_run", str(tmp_path), "200", "2"]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 20.0
+    while not (tmp_path / "results.jsonl").exists() or (tmp_path / "results.jsonl").stat().st_size == 0:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    process.send_signal(how)
+    assert process.wait(timeout=20) != 0
+    before = results(tmp_path)
+    assert 0 < len(before) < 200
+    main(tmp_path, 200, 2)
+    assert before.items() <= results(tmp_path).items()

@@ -1,0 +1,254 @@
+"""The run folder: whatever the moment of a kill, nothing finished is lost and nothing counts twice."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from interplan_sumo.batch.run_folder import RunFolder, place_folder, read_run, slug, trace_place
+from interplan_sumo.errors import RunFolderError
+
+BENCHMARK: dict[str, Any] = {
+    "suite": "smoke==1",
+    "suite_hash": "abc",
+    "profile": "interplan-paper",
+    "overrides": {},
+    "versions": {"sumo": "1.28.0", "python": "3.11.7"},
+}
+
+
+def asked(planners: str = "idm", scenarios: str = "a/0 a/1 a/2", seeds: int = 1) -> dict[str, Any]:
+    return {"planners": planners.split(), "scenarios": scenarios.split(), "seeds": seeds}
+
+
+def row(scenario: str, score: float | None = 0.5, seed: int = 0, planner: str = "idm", **more: Any) -> dict[str, Any]:
+    fault = {"class": "timeout", "message": "killed"} if score is None else None
+    return {
+        "scenario_id": scenario,
+        "family": "a",
+        "planner": planner,
+        "seed": seed,
+        "score": score,
+        "metrics": {},
+        "fault": fault,
+        **more,
+    }
+
+
+def opened(path: Path, request: dict[str, Any] | None = None, **changes: Any) -> RunFolder:
+    return RunFolder(path, BENCHMARK | changes, request or asked(), {"command": ["run"]})
+
+
+def test_rows_come_back_as_they_were_appended(tmp_path: Path) -> None:
+    with opened(tmp_path / "run") as folder:
+        folder.append(row("a/0", 0.25))
+        folder.append(row("a/1", 1.0, note="Straße"))
+    run = read_run(tmp_path / "run")
+    assert run.rows["a/0", "idm", 0]["score"] == 0.25
+    assert run.rows["a/1", "idm", 0]["note"] == "Straße"
+    assert run.missing == [("a/2", "idm", 0)]
+
+
+def test_a_second_run_on_the_folder_is_refused_while_the_first_holds_it(tmp_path: Path) -> None:
+    refused = pytest.raises(RunFolderError, match=rf"in use by another run \(process {os.getpid()}\)")
+    with opened(tmp_path / "run"), refused:
+        opened(tmp_path / "run")
+    opened(tmp_path / "run").close()
+
+
+def test_the_lock_is_free_again_when_its_owner_was_killed(tmp_path: Path) -> None:
+    owner = (
+        "import os, sys; from pathlib import Path; from interplan_sumo.batch.run_folder import RunFolder;"
+        "folder = RunFolder(Path(sys.argv[1]), {}, {'planners': [], 'scenarios': [], 'seeds': 1}, {});"
+        "os.kill(os.getpid(), 9)"
+    )
+    assert subprocess.run([sys.executable, "-c", owner, str(tmp_path / "run")], check=False).returncode == -9
+    RunFolder(tmp_path / "run", {}, asked(), {}).close()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"suite": "interplan==1"}, "with suite smoke==1, this one has interplan==1"),
+        ({"suite_hash": "def"}, "with suite_hash abc, this one has def"),
+        ({"overrides": {"density": "high"}}, "with overrides density none, this one has high"),
+        ({"overrides": {"traffic": "my.xml sha256:12"}}, "with overrides traffic none, this one has my.xml"),
+        ({"versions": {"sumo": "1.29.0", "python": "3.11.7"}}, "with versions sumo 1.28.0, this one has 1.29.0"),
+        ({"profile": "nuplan"}, "with profile interplan-paper, this one has nuplan"),
+    ],
+)
+def test_another_benchmark_on_the_folder_is_refused_naming_the_difference(
+    changes: dict[str, Any], words: str, tmp_path: Path
+) -> None:
+    opened(tmp_path / "run").close()
+    before = (tmp_path / "run" / "manifest.json").read_bytes()
+    with pytest.raises(RunFolderError) as caught:
+        opened(tmp_path / "run", **changes)
+    assert words in str(caught.value)
+    assert (tmp_path / "run" / "manifest.json").read_bytes() == before
+    opened(tmp_path / "run").close()  # and the lock was given back
+
+
+def test_more_planners_and_seeds_may_be_added(tmp_path: Path) -> None:
+    with opened(tmp_path / "run") as folder:
+        folder.append(row("a/0"))
+    with opened(tmp_path / "run", asked(planners="idm pdm", scenarios="a/0", seeds=2)) as folder:
+        assert list(folder.rows) == [("a/0", "idm", 0)]
+    assert set(read_run(tmp_path / "run").keys) == {
+        *((f"a/{n}", "idm", 0) for n in range(3)),
+        *(("a/0", planner, seed) for planner in ("idm", "pdm") for seed in (0, 1)),
+    }
+
+
+def test_rows_without_a_score_are_done_again_and_do_not_stay(tmp_path: Path) -> None:
+    with opened(tmp_path / "run") as folder:
+        folder.append(row("a/0", None))
+        folder.append(row("a/1", 0.0))
+    with opened(tmp_path / "run") as folder:
+        assert list(folder.rows) == [("a/1", "idm", 0)]
+        folder.append(row("a/0", 0.75))
+    lines = (tmp_path / "run" / "results.jsonl").read_text().splitlines()
+    assert [json.loads(line)["scenario_id"] for line in lines] == ["a/1", "a/0"]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(min_value=0))
+def test_a_file_cut_anywhere_gives_its_whole_rows_and_goes_on(cut: int) -> None:
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place)
+        with opened(path) as folder:
+            for n in range(3):
+                folder.append(row(f"a/{n}", n / 4, reason="ü" * n))
+        whole = (path / "results.jsonl").read_bytes()
+        cut %= len(whole) + 1
+        (path / "results.jsonl").write_bytes(whole[:cut])
+        expected = whole[:cut].count(b"\n")
+        assert len(read_run(path).rows) == expected
+        with opened(path) as folder:
+            assert len(folder.rows) == expected
+            for n in range(expected, 3):
+                folder.append(row(f"a/{n}", n / 4, reason="ü" * n))
+        assert (path / "results.jsonl").read_bytes() == whole
+
+
+def test_a_damaged_line_in_the_middle_is_named(tmp_path: Path) -> None:
+    with opened(tmp_path) as folder:
+        folder.append(row("a/0"))
+        folder.append(row("a/1"))
+    lines = (tmp_path / "results.jsonl").read_text().splitlines()
+    (tmp_path / "results.jsonl").write_text(f"{lines[0][:20]}\n{lines[1]}\n")
+    with pytest.raises(RunFolderError, match=r"results\.jsonl, line 1 is damaged"):
+        read_run(tmp_path)
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"format": 1}', '{"format": 1, "requests": [{}]}'])
+def test_a_damaged_manifest_is_named(content: str, tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text(content)
+    with pytest.raises(RunFolderError, match=r"manifest\.json is damaged"):
+        read_run(tmp_path)
+
+
+def test_a_folder_of_another_format_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text('{"format": 99}')
+    with pytest.raises(RunFolderError, match="has format 99, this version reads 1"):
+        opened(tmp_path)
+
+
+def test_a_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").touch()
+    with pytest.raises(RunFolderError, match=r"holds 'thesis\.tex' and no manifest\.json"):
+        opened(tmp_path)
+    assert not (tmp_path / "manifest.json").exists()
+
+
+def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RunFolderError, match="is not a run folder"):
+        read_run(tmp_path / "nowhere")
+
+
+def test_a_file_in_the_place_of_the_folder_is_an_error_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "run").touch()
+    with pytest.raises(RunFolderError, match="cannot write the run folder"):
+        opened(tmp_path / "run")
+
+
+def test_a_full_disk_loses_nothing_that_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write = os.write
+
+    def half(handle: int, data: bytes) -> int:
+        return write(handle, data[: len(data) // 2])
+
+    with opened(tmp_path) as folder:
+        folder.append(row("a/0"))
+        before = (tmp_path / "results.jsonl").read_bytes()
+        monkeypatch.setattr(os, "write", half)
+        with pytest.raises(RunFolderError, match="no space left"):
+            folder.append(row("a/1"))
+        monkeypatch.undo()
+        assert (tmp_path / "results.jsonl").read_bytes() == before
+        folder.append(row("a/1"))
+    assert len(read_run(tmp_path).rows) == 2
+
+
+def test_a_disk_that_cannot_be_synced_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_handle: int) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    with opened(tmp_path) as folder:
+        monkeypatch.setattr(os, "fsync", fail)
+        with pytest.raises(RunFolderError, match="cannot write the run folder"):
+            folder.append(row("a/0"))
+        assert folder.rows == {}
+
+
+def test_half_written_traces_of_a_killed_run_are_cleared_away(tmp_path: Path) -> None:
+    opened(tmp_path).close()
+    (tmp_path / "traces" / ".part-x1").mkdir(parents=True)
+    (tmp_path / "traces" / "a_0-12345678").mkdir()
+    opened(tmp_path).close()
+    assert [p.name for p in (tmp_path / "traces").iterdir()] == ["a_0-12345678"]
+
+
+def test_a_trace_replaces_what_an_interrupted_run_left(tmp_path: Path) -> None:
+    for content in ("old", "new"):
+        fresh = tmp_path / "fresh"
+        fresh.mkdir()
+        (fresh / content).touch()
+        place_folder(fresh, tmp_path / "deep" / "final")
+    assert [p.name for p in (tmp_path / "deep" / "final").iterdir()] == ["new"]
+
+
+@pytest.mark.parametrize(
+    ("text", "begins"),
+    [
+        ("nudge/0", "nudge_0-"),
+        ("idm?headway_s=1.5&x=2", "idm_headway_s_1.5_x_2-"),
+        ("../../etc/passwd", "etc_passwd-"),
+        ("..", "_-"),
+        ("", "_-"),
+    ],
+)
+def test_a_folder_name_is_readable_and_harmless(text: str, begins: str) -> None:
+    assert slug(text).startswith(begins)
+
+
+@given(st.text(), st.text())
+def test_two_things_never_share_a_folder(a: str, b: str) -> None:
+    assert (slug(a) == slug(b)) == (a == b)
+    assert "/" not in slug(a)
+    assert len(slug(a)) <= 69
+
+
+def test_the_place_of_a_trace_names_scenario_planner_and_seed() -> None:
+    scenario, planner, seed = Path(trace_place(("nudge/3", "idm", 2))).parts[1:]
+    assert (scenario[:8], planner[:4], seed) == ("nudge_3-", "idm-", "seed2")

@@ -1,0 +1,465 @@
+"""Map files in nuPlan's schema: what is read, what is written, and that both agree."""
+
+from __future__ import annotations
+
+import logging
+import math
+import shutil
+import sqlite3
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pyproj
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps import schema
+from interplan_sumo.maps.geopackage import read_map, write_map
+from interplan_sumo.world.geometry import Polyline
+from interplan_sumo.world.roads import IntersectionKind, Roads, StopLineKind, Turn
+from tests.maps.map_files import GOLDEN_MAPS, altered_copy, assert_same_roads, blob, edited, geometry_in
+from tests.maps.road_worlds import GridPlan, grid_city
+
+SMALL = GridPlan(columns=2, rows=2, lanes=2, spacing_m=60.0)
+GOLDEN_FILES = sorted(GOLDEN_MAPS.glob("*/*/map.gpkg"))
+
+
+@pytest.fixture(scope="module")
+def city() -> Roads:
+    return grid_city(SMALL)
+
+
+@pytest.fixture(scope="module")
+def file(city: Roads, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("maps") / "grid" / "1.0" / "map.gpkg"
+    write_map(city, path)
+    return path
+
+
+def golden(name: str) -> Path:
+    return GOLDEN_MAPS / name / "1.0" / "map.gpkg"
+
+
+# --- what nuPlan's classes open ------------------------------------------------------------------
+
+
+def test_the_golden_maps_are_there() -> None:
+    assert [path.parent.parent.name for path in GOLDEN_FILES] == [
+        "gs-boulevard",
+        "gs-cross",
+        "gs-curve",
+        "gs-merge-lht",
+    ]
+
+
+def test_a_golden_crossing_is_read_whole() -> None:
+    roads = read_map(golden("gs-cross"))
+    assert (roads.name, roads.crs, roads.driving_side) == ("gs-cross", "EPSG:32617", "right")
+    assert (len(roads.lanes), len(roads.connectors), len(roads.stop_lines), len(roads.crosswalks)) == (16, 20, 4, 4)
+    assert [len(block.lane_ids) for block in roads.roadblocks.values() if not block.is_connector] == [2] * 8
+    lane, connector = roads.lanes["304"], roads.connectors["470"]
+    assert (lane.roadblock_id, lane.index, lane.speed_limit_mps) == ("302", 0, 15.65)
+    assert (connector.from_lane_id, connector.to_lane_id, connector.stop_line_ids) == ("304", "364", ("464",))
+    assert (connector.turn, connector.speed_limit_mps) == (Turn.STRAIGHT, 5.0)
+    assert roads.right_of("304") is roads.lanes["312"]
+    assert roads.intersections[0].kind is IntersectionKind.TRAFFIC_LIGHT
+    assert roads.stop_lines["464"].kind is StopLineKind.TRAFFIC_LIGHT
+    # The polygon lies round the centre line, whose start is where pyproj alone puts it.
+    assert lane.polygon.contains(shapely.Point(lane.centerline.pose_at(50.0).x_m, lane.centerline.pose_at(50.0).y_m))
+    with sqlite3.connect(golden("gs-cross")) as tables:
+        lon, lat = geometry_in(tables, "baseline_paths", 310).coords[0]
+    expected = pyproj.Transformer.from_crs(4326, 32617, always_xy=True).transform(lon, lat)
+    assert lane.centerline.points[0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_limit_of_zero_stays_zero() -> None:
+    roads = read_map(golden("gs-curve"))
+    assert {lane.speed_limit_mps for lane in roads.lanes.values()} == {0.0, 8.94, 11.18}
+
+
+@pytest.mark.parametrize("path", GOLDEN_FILES, ids=lambda path: path.parent.parent.name)
+def test_golden_maps_survive_writing_and_reading(path: Path, tmp_path: Path) -> None:
+    roads = read_map(path)
+    # Those with wider gaps between vertices get more of them; the line stays.
+    fine = replace(
+        roads,
+        lanes={i: replace(x, centerline=_at_most_a_metre(x.centerline)) for i, x in roads.lanes.items()},
+        connectors={i: replace(x, centerline=_at_most_a_metre(x.centerline)) for i, x in roads.connectors.items()},
+    )
+    write_map(roads, tmp_path / "out.gpkg")
+    again = read_map(tmp_path / "out.gpkg")
+    assert_same_roads(fine, again)
+    for id_, lane in (*roads.lanes.items(), *roads.connectors.items()):
+        assert again[id_].centerline.length_m == pytest.approx(lane.centerline.length_m, abs=1e-5)
+        assert np.diff(again[id_].centerline.arc_m).max() <= 1.0 + 2e-6
+
+
+def _at_most_a_metre(line: Polyline) -> Polyline:
+    return line.resampled(1.0 - 2e-6) if np.diff(line.arc_m).max() > 1.0 + 1e-6 else line
+
+
+# --- writing -------------------------------------------------------------------------------------
+
+
+def test_reading_gives_back_exactly_what_was_written(city: Roads, file: Path) -> None:
+    again = read_map(file)
+    assert again.name == "grid"
+    assert_same_roads(city, again, tolerance_m=0.0)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    plan=st.builds(
+        GridPlan,
+        columns=st.integers(1, 2),
+        rows=st.integers(2, 2),
+        lanes=st.integers(1, 3),
+        spacing_m=st.floats(45.0, 70.0),
+        side=st.sampled_from(["left", "right"]),
+        crs=st.sampled_from(["EPSG:32611", "EPSG:32648", "EPSG:32719", "EPSG:3414"]),
+        origin_m=st.tuples(st.floats(2e4, 8e5), st.floats(3e4, 5e6)),
+        rotation_rad=st.floats(-math.pi, math.pi),
+        limits_mps=st.lists(st.none() | st.floats(0.0, 40.0), min_size=1, max_size=5).map(tuple),
+        signals=st.booleans(),
+        first_id=st.integers(1, 2**40),
+    )
+)
+def test_any_city_survives_writing_and_reading(plan: GridPlan) -> None:
+    if plan.crs == "EPSG:3414":  # Singapore's own grid covers the island only
+        plan = replace(plan, origin_m=(plan.origin_m[0] % 4e4, plan.origin_m[1] % 4e4))
+    roads = grid_city(plan)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "city.gpkg"
+        write_map(roads, path)
+        again = read_map(path)
+        assert_same_roads(roads, again)
+        before = path.read_bytes()
+        write_map(again, path)
+        assert path.read_bytes() == before
+
+
+def test_the_bytes_do_not_depend_on_the_day_or_on_the_file_before(city: Roads, file: Path, tmp_path: Path) -> None:
+    other = tmp_path / "deep" / "down" / "other.gpkg"
+    write_map(city, other)
+    write_map(city, other)
+    assert other.read_bytes() == file.read_bytes()
+    assert [path.name for path in other.parent.iterdir()] == ["other.gpkg"]
+
+
+def test_the_order_of_things_in_memory_does_not_matter(city: Roads, file: Path, tmp_path: Path) -> None:
+    shuffled = replace(
+        city,
+        lanes=dict(list(city.lanes.items())[::-1]),
+        connectors=dict(list(city.connectors.items())[::-1]),
+        roadblocks=dict(list(city.roadblocks.items())[::-1]),
+        intersections=city.intersections[::-1],
+        walkways=city.walkways[::-1],
+    )
+    write_map(shuffled, tmp_path / "map.gpkg")
+    assert (tmp_path / "map.gpkg").read_bytes() == file.read_bytes()
+
+
+def test_files_hold_every_layer_and_column_of_the_schema(file: Path) -> None:
+    with sqlite3.connect(file) as tables:
+        for name, layer in schema.LAYERS.items():
+            columns = {row[1]: row[2] for row in tables.execute(f'PRAGMA table_info("{name}")')}
+            assert set(columns) == {"fid", *layer.columns, *(("geom",) if layer.geometry else ())}
+            for column, filler in layer.columns.items():
+                kind = {int: "INTEGER", float: "REAL", bool: "BOOLEAN", str: "TEXT"}[type(filler)]
+                assert columns[column] == kind, (name, column)
+        assert dict(tables.execute("SELECT key, value FROM meta")) == {
+            "geographicCoordSystem": "epsg:4326",
+            "projectedCoordSystem": "epsg:32611",
+            "drivingSide": "right",
+            "coordinateGridMetres": "1e-06",
+        }
+
+
+def test_files_hold_the_columns_of_the_golden_maps() -> None:
+    with sqlite3.connect(golden("gs-cross")) as tables:
+        for name, layer in schema.LAYERS.items():
+            columns = {row[1] for row in tables.execute(f'PRAGMA table_info("{name}")')}
+            assert columns - {"fid", "geom"} == set(layer.columns), name
+
+
+def test_written_files_obey_nuplans_rules(city: Roads, file: Path) -> None:
+    with sqlite3.connect(file) as tables:
+
+        def column(query: str) -> list[Any]:
+            return [row[0] for row in tables.execute(query)]
+
+        lanes, connectors = column("SELECT fid FROM lanes_polygons"), column("SELECT fid FROM lane_connectors")
+        assert set(lanes).isdisjoint(connectors)
+        assert column("SELECT lane_fid FROM lanes_polygons") == lanes
+        assert sorted(column("SELECT lane_fid FROM baseline_paths WHERE lane_fid IS NOT NULL")) == lanes
+        assert sorted(column("SELECT lane_connector_fid FROM baseline_paths WHERE lane_fid IS NULL")) == connectors
+        assert set(column("SELECT traffic_light_stop_line_fids IS NULL FROM lane_connectors")) == {0}
+        everything = [fid for name in schema.LAYERS if name != "meta" for fid in column(f'SELECT fid FROM "{name}"')]
+        assert len(everything) == len(set(everything))
+        # Lanes side by side name the same line between them.
+        block = next(b for b in city.roadblocks.values() if not b.is_connector)
+        left, right = (
+            tables.execute(
+                f"SELECT left_boundary_fid, right_boundary_fid FROM lanes_polygons WHERE fid = {lane}"
+            ).fetchone()
+            for lane in block.lane_ids
+        )
+        assert left[1] == right[0]
+        segment = city.road_segments[0]
+        (held,) = column(f"SELECT lane_group_fids FROM road_segments WHERE fid = {segment.id}")
+        assert held == block.id
+        for name, layer in schema.LAYERS.items():
+            if layer.geometry is not None:
+                assert column(f"SELECT srs_id FROM gpkg_geometry_columns WHERE table_name = '{name}'") == [4326]
+
+
+def test_connectors_without_a_light_have_an_empty_text(tmp_path: Path) -> None:
+    write_map(grid_city(replace(SMALL, signals=False)), tmp_path / "map.gpkg")
+    with sqlite3.connect(tmp_path / "map.gpkg") as tables:
+        texts = {row[0] for row in tables.execute("SELECT traffic_light_stop_line_fids FROM lane_connectors")}
+    assert texts == {""}
+    assert not any(c.has_traffic_light for c in read_map(tmp_path / "map.gpkg").connectors.values())
+
+
+def test_a_map_that_breaks_a_rule_is_not_written(city: Roads, tmp_path: Path) -> None:
+    one, other = list(city.lanes.values())[:2]
+    lanes = dict(city.lanes) | {other.id: replace(other, polygon=one.polygon)}
+    path = tmp_path / "map.gpkg"
+    with pytest.raises(
+        MapError, match=f"map grid cannot be written: lanes_polygons {one.id}: overlaps {other.id} by 3.2"
+    ):
+        write_map(replace(city, lanes=lanes), path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lane_too_short_for_the_grid_is_named(city: Roads, tmp_path: Path) -> None:
+    lane = next(iter(city.lanes.values()))
+    short = replace(lane, left_boundary=Polyline(lane.left_boundary.points[0] + [[0.0, 0.0], [1e-7, 0.0]]))
+    with pytest.raises(MapError, match=f"lane or connector {lane.id} cannot be written"):
+        write_map(replace(city, lanes=dict(city.lanes) | {lane.id: short}), tmp_path / "map.gpkg")
+
+
+def test_an_unknown_system_cannot_be_written(city: Roads, tmp_path: Path) -> None:
+    with pytest.raises(MapError, match="EPSG:999999"):
+        write_map(replace(city, crs="EPSG:999999"), tmp_path / "map.gpkg")
+
+
+# --- what real files bring with them ---------------------------------------------------------------
+
+
+def test_empty_values_are_taken_as_nuplan_takes_them(city: Roads, file: Path, tmp_path: Path) -> None:
+    path = altered_copy(
+        file,
+        tmp_path / "map.gpkg",
+        "UPDATE lanes_polygons SET speed_limit_mps = NULL, name = NULL",
+        "UPDATE lane_connectors SET traffic_light_stop_line_fids = NULL, turn_type_fid = NULL",
+        "UPDATE stop_polygons SET stop_polygon_type_fid = NULL",
+        "UPDATE intersections SET intersection_type_fid = 77",
+        "UPDATE lane_group_connectors SET intersection_fid = NULL",
+    )
+    roads = read_map(path)
+    assert {lane.speed_limit_mps for lane in roads.lanes.values()} == {None}
+    assert {c.stop_line_ids for c in roads.connectors.values()} == {()}
+    assert {c.turn for c in roads.connectors.values()} == {Turn.UNKNOWN}
+    assert {stop.kind for stop in roads.stop_lines.values()} == {StopLineKind.UNKNOWN}
+    assert {area.kind for area in roads.intersections} == {IntersectionKind.DEFAULT}
+    assert {block.intersection_id for block in roads.roadblocks.values()} == {None}
+    assert roads.roadblocks.keys() == city.roadblocks.keys()
+
+
+def test_ids_may_be_stored_as_reals_or_texts(city: Roads, file: Path, tmp_path: Path) -> None:
+    path = altered_copy(
+        file,
+        tmp_path / "map.gpkg",
+        "ALTER TABLE lanes_polygons RENAME COLUMN lane_group_fid TO old",
+        "ALTER TABLE lanes_polygons ADD COLUMN lane_group_fid REAL",
+        "UPDATE lanes_polygons SET lane_group_fid = old",
+        "ALTER TABLE baseline_paths RENAME COLUMN lane_fid TO old",
+        "ALTER TABLE baseline_paths ADD COLUMN lane_fid TEXT",
+        "UPDATE baseline_paths SET lane_fid = CAST(CAST(old AS INTEGER) AS TEXT)",
+    )
+    assert_same_roads(city, read_map(path))
+
+
+def test_a_list_of_stop_lines_may_hold_spaces(city: Roads, file: Path, tmp_path: Path) -> None:
+    connector = next(iter(city.connectors.values()))
+    stops = list(city.stop_lines)[:2]
+    path = altered_copy(
+        file,
+        tmp_path / "map.gpkg",
+        f"UPDATE lane_connectors SET traffic_light_stop_line_fids = ? WHERE fid = {connector.id}",
+        values=(f" {stops[0]}, {stops[1]},",),
+    )
+    assert read_map(path).connectors[connector.id].stop_line_ids == tuple(stops)
+
+
+def test_tables_that_only_their_own_queries_need_may_be_missing(file: Path, tmp_path: Path) -> None:
+    names = ("crosswalks", "walkways", "traffic_lights", "dubins_nodes")
+    path = altered_copy(
+        file,
+        tmp_path / "map.gpkg",
+        *(f"DROP TABLE {name}" for name in names),
+        *(f"DELETE FROM gpkg_contents WHERE table_name = '{name}'" for name in names),
+    )
+    roads = read_map(path)
+    assert roads.crosswalks == roads.walkways == ()
+    assert roads.carparks
+
+
+def test_coordinates_may_be_stored_in_metres(city: Roads, tmp_path: Path) -> None:
+    """A map whose layers are in the projected system already: exact, no longitudes in between."""
+    pyogrio = pytest.importorskip("pyogrio")
+    source, path = tmp_path / "a.gpkg", tmp_path / "b.gpkg"
+    write_map(city, source)
+    for name, layer in schema.LAYERS.items():
+        info, fids, wkb, values = pyogrio.raw.read(source, layer=name, return_fids=True)
+        if wkb is not None:
+            shapes = shapely.from_wkb(wkb)
+            xy = shapely.get_coordinates(shapes)
+            if len(xy):
+                x, y = pyproj.Transformer.from_crs(4326, city.crs, always_xy=True).transform(*xy.T)
+                shapes = shapely.set_coordinates(shapes, np.stack((x, y), axis=1))
+            wkb = np.asarray(shapely.to_wkb(shapes), dtype=object)
+        pyogrio.raw.write(
+            path, wkb, [fids, *values], ["fid", *info["fields"]], layer=name, driver="GPKG", append=path.exists(),
+            geometry_type=layer.geometry, crs=city.crs if layer.geometry else None, promote_to_multi=False,
+        )  # fmt: skip
+    assert_same_roads(city, read_map(path))
+
+
+def test_boundaries_run_with_the_traffic_whatever_the_file_says(city: Roads, file: Path, tmp_path: Path) -> None:
+    path = shutil.copyfile(file, tmp_path / "map.gpkg")
+    with edited(path) as tables:
+        for (row,) in tables.execute("SELECT fid FROM boundaries WHERE fid % 2 = 0").fetchall():
+            turned = shapely.reverse(geometry_in(tables, "boundaries", row))
+            tables.execute("UPDATE boundaries SET geom = ? WHERE fid = ?", (blob(turned), row))
+    assert_same_roads(city, read_map(path))
+
+
+def test_a_small_fold_is_cut_off_with_a_line_in_the_log(
+    city: Roads, file: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    lane = next(iter(city.lanes.values()))
+    path = shutil.copyfile(file, tmp_path / "map.gpkg")
+    with edited(path) as tables:
+        ring = np.array(geometry_in(tables, "lanes_polygons", int(lane.id)).exterior.coords)[:-1]
+        ring[[4, 5]] = ring[[5, 4]]
+        ring[4] += (ring[-5] - ring[4]) * 0.05
+        tables.execute("UPDATE lanes_polygons SET geom = ? WHERE fid = ?", (blob(shapely.Polygon(ring)), int(lane.id)))
+    with caplog.at_level(logging.WARNING, logger="interplan_sumo"):
+        roads = read_map(path)
+    assert f"lanes_polygons {lane.id}: cut off a fold" in caplog.text
+    healed = roads.lanes[lane.id].polygon
+    assert healed.is_valid
+    assert healed.symmetric_difference(lane.polygon).area < 0.05 * lane.polygon.area
+
+
+def test_an_area_of_several_parts_becomes_several_areas(city: Roads, file: Path, tmp_path: Path) -> None:
+    lot = city.carparks[0]
+    path = shutil.copyfile(file, tmp_path / "map.gpkg")
+    with edited(path) as tables:
+        here = geometry_in(tables, "carpark_areas", int(lot.id))
+        both = shapely.MultiPolygon([here, shapely.transform(here, lambda xy: xy + 1e-3)])
+        tables.execute("UPDATE carpark_areas SET geom = ?", (blob(both),))
+    areas = read_map(path).carparks
+    assert [area.id for area in areas] == [lot.id, str(int(lot.id) + 1)]
+    assert areas[1].polygon.area == pytest.approx(lot.polygon.area, rel=1e-3)
+
+
+def test_lanes_are_ordered_from_left_to_right_by_their_index(city: Roads, file: Path, tmp_path: Path) -> None:
+    block = next(b for b in city.roadblocks.values() if not b.is_connector)
+    first, second = block.lane_ids
+    path = altered_copy(
+        file,
+        tmp_path / "map.gpkg",
+        f"UPDATE lanes_polygons SET lane_index = 3 WHERE fid = {first}",
+    )
+    roads = read_map(path)
+    assert roads.roadblocks[block.id].lane_ids == (second, first)
+    assert roads.lanes[first].index == 3
+
+
+def test_a_third_dimension_is_dropped(city: Roads, file: Path, tmp_path: Path) -> None:
+    lane = next(iter(city.lanes.values()))
+    path = shutil.copyfile(file, tmp_path / "map.gpkg")
+    with edited(path) as tables:
+        flat = geometry_in(tables, "lanes_polygons", int(lane.id))
+        tables.execute(
+            "UPDATE lanes_polygons SET geom = ? WHERE fid = ?", (blob(shapely.force_3d(flat, 12.0)), int(lane.id))
+        )
+    assert_same_roads(city, read_map(path))
+
+
+# --- driving side ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_driving_side_is_written_down(side: str, tmp_path: Path) -> None:
+    write_map(grid_city(replace(SMALL, side=side)), tmp_path / "sg-somewhere.gpkg")
+    assert read_map(tmp_path / "sg-somewhere.gpkg").driving_side == side
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("lanes", [1, 3])
+def test_without_a_word_the_roads_tell_the_driving_side(side: str, lanes: int, tmp_path: Path) -> None:
+    write_map(grid_city(replace(SMALL, side=side, lanes=lanes, rotation_rad=0.7)), tmp_path / "a.gpkg")
+    path = altered_copy(tmp_path / "a.gpkg", tmp_path / "b.gpkg", "DELETE FROM meta WHERE key = 'drivingSide'")
+    assert read_map(path).driving_side == side
+    assert read_map(path, name="sg-one-north").driving_side == "left"
+
+
+@pytest.mark.parametrize(("name", "side"), [("gs-cross", "right"), ("gs-merge-lht", "left"), ("gs-curve", "right")])
+def test_golden_maps_do_not_say_but_show_their_side(name: str, side: str) -> None:
+    assert read_map(golden(name)).driving_side == side
+
+
+def test_a_one_way_road_is_taken_for_right_hand_traffic(city: Roads, tmp_path: Path) -> None:
+    block = next(b for b in city.roadblocks.values() if not b.is_connector)
+    alone = replace(
+        city,
+        lanes={i: city.lanes[i] for i in block.lane_ids},
+        connectors={},
+        roadblocks={block.id: block},
+        stop_lines=MappingProxyType({}),
+    )
+    write_map(alone, tmp_path / "a.gpkg")
+    path = altered_copy(tmp_path / "a.gpkg", tmp_path / "b.gpkg", "DELETE FROM meta WHERE key = 'drivingSide'")
+    assert read_map(path).driving_side == "right"
+
+
+# --- beside SUMO -----------------------------------------------------------------------------------
+
+
+def test_libsumo_in_the_same_process_changes_nothing(file: Path, tmp_path: Path) -> None:
+    """Importing libsumo points PROJ at SUMO's own data by environment variables."""
+    code = (
+        "import os, sys, libsumo\n"
+        "from pathlib import Path\n"
+        "from interplan_sumo.maps.geopackage import read_map, write_map\n"
+        "assert 'PROJ_LIB' in os.environ or 'PROJ_DATA' in os.environ\n"
+        "write_map(read_map(Path(sys.argv[1])), Path(sys.argv[2]))\n"
+    )
+    copy = tmp_path / "map.gpkg"
+    subprocess.run([sys.executable, "-c", code, str(file), str(copy)], check=True, timeout=60)
+    assert copy.read_bytes() == file.read_bytes()
+
+
+def test_vertices_written_are_at_most_a_metre_apart(city: Roads, tmp_path: Path) -> None:
+    coarse = {
+        id_: replace(lane, centerline=Polyline(lane.centerline.points[[0, -1]])) for id_, lane in city.lanes.items()
+    }
+    write_map(replace(city, lanes=coarse), tmp_path / "map.gpkg")
+    for lane in read_map(tmp_path / "map.gpkg").lanes.values():
+        steps = [math.dist(a, b) for a, b in pairwise(lane.centerline.points)]
+        assert min(steps) > 0.5
+        assert max(steps) <= 1.0

@@ -1,0 +1,167 @@
+"""Tiny drives for the tests of the metrics: a scenario on a road, facts of a drive, and rigid motions of both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+import shapely
+
+from interplan_sumo.metrics.facts import Facts
+from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.geometry import Floats, Polyline
+from interplan_sumo.world.roads import Area, Connector, Lane, Roadblock, Roads
+from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
+from tests.worlds import LANE_WIDTH_M, drive_through
+
+AnyLane = TypeVar("AnyLane", Lane, Connector)
+
+NOBODY = EgoTrack.of([])
+"""An expert that never was."""
+
+
+def facts_of(
+    trace: Trace,
+    roads: Roads,
+    expert: EgoTrack = NOBODY,
+    scenario: Scenario | None = None,
+    obstacle_corners: tuple[Floats, ...] = (),
+) -> Facts:
+    return Facts(trace, roads, expert, scenario, obstacle_corners)
+
+
+def scenario_on(
+    roads: Roads,
+    start: tuple[str, float],
+    goal: tuple[str, float],
+    *,
+    family: str = "lane_change_ltd",
+    exempt: tuple[str, ...] = (),
+) -> Scenario:
+    """A scenario through all roadblocks of a tiny road, in order."""
+    route = tuple(sorted(roads.roadblocks, key=int))
+    return Scenario(f"{family}/0", family, roads.name, LanePlace(*start), 10.0, LanePlace(*goal), route, exempt=exempt)
+
+
+def drive_at(
+    x_m: object,
+    y_m: object = 0.0,
+    speed_mps: object = 10.0,
+    heading_rad: object = 0.0,
+    actors: list[Actors] | Actors | None = None,
+) -> Trace:
+    """A drive through given positions of the box centre; whatever is a single number holds for all frames."""
+    columns = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (x_m, y_m, heading_rad, speed_mps)))
+    x, y, heading, speed = (np.array(np.atleast_1d(column)) for column in columns)
+    return drive_through(np.column_stack((x, y, heading)), speed, actors)
+
+
+def lane_y_m(index: int) -> float:
+    """The centre line of a lane of `straight_road`, counted from the left."""
+    return -index * LANE_WIDTH_M
+
+
+# --- rigid motions -------------------------------------------------------------------------------
+
+Move = Callable[[Floats], Floats]
+
+
+def rotation(angle_rad: float, shift_m: tuple[float, float]) -> Move:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+
+    def move(xy: Floats) -> Floats:
+        x, y = xy.T
+        return np.column_stack((cos * x - sin * y + shift_m[0], sin * x + cos * y + shift_m[1]))
+
+    return move
+
+
+def mirror(xy: Floats) -> Floats:
+    return xy * (1.0, -1.0)
+
+
+def moved_roads(roads: Roads, move: Move, *, mirrored: bool = False) -> Roads:
+    """The same map elsewhere; a mirrored one has left and right exchanged and the other driving side."""
+
+    def line(old: Polyline) -> Polyline:
+        return Polyline(move(old.points))
+
+    def polygon(old: shapely.Polygon) -> shapely.Polygon:
+        return shapely.transform(old, move)
+
+    def lane_like(old: AnyLane) -> AnyLane:
+        left, right = line(old.left_boundary), line(old.right_boundary)
+        if mirrored:
+            left, right = right, left
+        return replace(
+            old,
+            centerline=line(old.centerline),
+            polygon=polygon(old.polygon),
+            left_boundary=left,
+            right_boundary=right,
+        )
+
+    def lane(old: Lane) -> Lane:
+        count = len(roads.roadblocks[old.roadblock_id].lane_ids)
+        return replace(lane_like(old), index=count - 1 - old.index if mirrored else old.index)
+
+    def block(old: Roadblock) -> Roadblock:
+        ids = old.lane_ids[::-1] if mirrored and not old.is_connector else old.lane_ids
+        return replace(old, polygon=polygon(old.polygon), lane_ids=ids)
+
+    def areas(old: tuple[Area, ...]) -> tuple[Area, ...]:
+        return tuple(replace(area, polygon=polygon(area.polygon)) for area in old)
+
+    def connector(old: Connector) -> Connector:
+        return lane_like(old)
+
+    side = {"left": "right", "right": "left"}[roads.driving_side] if mirrored else roads.driving_side
+    return replace(
+        roads,
+        driving_side=side,
+        lanes={k: lane(v) for k, v in roads.lanes.items()},
+        connectors={k: connector(v) for k, v in roads.connectors.items()},
+        roadblocks={k: block(v) for k, v in roads.roadblocks.items()},
+        intersections=tuple(replace(area, polygon=polygon(area.polygon)) for area in roads.intersections),
+        stop_lines={k: replace(v, polygon=polygon(v.polygon)) for k, v in roads.stop_lines.items()},
+        crosswalks=areas(roads.crosswalks),
+        walkways=areas(roads.walkways),
+        carparks=areas(roads.carparks),
+        road_segments=areas(roads.road_segments),
+        generic_drivable_areas=areas(roads.generic_drivable_areas),
+    )
+
+
+def _turned(heading_rad: Floats, move: Move) -> Floats:
+    ends = np.column_stack((np.cos(heading_rad), np.sin(heading_rad)))
+    ahead = move(ends) - move(np.zeros_like(ends))
+    return np.arctan2(ahead[:, 1], ahead[:, 0])
+
+
+def moved_track(track: EgoTrack, move: Move, *, mirrored: bool = False) -> EgoTrack:
+    x, y = move(np.column_stack((track.x_m, track.y_m))).T
+    side = -1.0 if mirrored else 1.0
+    return replace(
+        track,
+        x_m=x,
+        y_m=y,
+        heading_rad=_turned(track.heading_rad, move),
+        vy_mps=side * track.vy_mps,
+        ay_mps2=side * track.ay_mps2,
+        yaw_rate_radps=side * track.yaw_rate_radps,
+        yaw_acceleration_radps2=side * track.yaw_acceleration_radps2,
+    )
+
+
+def moved_actors(actors: ActorTable, move: Move) -> ActorTable:
+    x, y = move(np.column_stack((actors.x_m, actors.y_m))).T
+    still = move(np.zeros((1, 2)))
+    vx, vy = (move(np.column_stack((actors.vx_mps, actors.vy_mps))) - still).T
+    return replace(actors, x_m=x, y_m=y, heading_rad=_turned(actors.heading_rad, move), vx_mps=vx, vy_mps=vy)
+
+
+def moved_trace(trace: Trace, move: Move, *, mirrored: bool = False) -> Trace:
+    return replace(trace, ego=moved_track(trace.ego, move, mirrored=mirrored), actors=moved_actors(trace.actors, move))

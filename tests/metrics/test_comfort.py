@@ -1,0 +1,136 @@
+"""Comfort and the signals behind it, against figures of nuPlan's own filters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from interplan_sumo.metrics.comfort import BOUNDS, comfort
+from interplan_sumo.metrics.facts import Facts
+from interplan_sumo.metrics.motion import comfort_signals, smoothed, unwrapped
+from interplan_sumo.world.trace import EgoTrack
+from tests.metrics.staging import drive_at, facts_of
+from tests.worlds import drive, straight_road
+
+ROAD = straight_road(length_m=500.0)
+
+
+def track(frames: int, **columns: object) -> EgoTrack:
+    still = drive(*[0.0] * frames).ego
+    return replace(
+        still, **{name: np.broadcast_to(np.asarray(v, dtype=np.float64), frames) for name, v in columns.items()}
+    )
+
+
+def facts_with(**columns: object) -> Facts:
+    trace = drive(*[0.0] * 40)
+    return facts_of(replace(trace, ego=track(40, **columns)), ROAD)
+
+
+def test_the_signals_of_nuplan_on_151_samples():
+    t = np.arange(151) * 0.1
+    ego = track(151, ax_mps2=1.5 * np.sin(2 * np.pi * 0.25 * t), heading_rad=0.3 * np.sin(2 * np.pi * 0.2 * t))
+    signals = comfort_signals(ego, 1.461, 0.1)
+    expected = {
+        "longitudinal_acceleration_mps2": (1.49468098, -1.50482331, 0.05111181),
+        "longitudinal_jerk_mps3": (3.24597163, -2.04069462, -0.07020743),
+        "jerk_mps3": (3.24597163, -1.10126662, 0.15776071),
+        "yaw_rate_radps": (0.3853155, -0.3736278, 0.00266785),
+        "yaw_acceleration_radps2": (0.47005672, -0.47005672, 0.0),
+    }
+    for name, figures in expected.items():
+        got = (signals[name].max(), signals[name].min(), signals[name].mean())
+        np.testing.assert_allclose(got, figures, atol=1.5e-8, err_msg=name)
+
+
+def test_the_even_window_reaches_three_back_and_four_ahead():
+    impulse = np.zeros(31)
+    impulse[15] = 1.0
+    weights = [-0.09375, 0.09375, 0.21875, 0.28125, 0.28125, 0.21875, 0.09375, -0.09375]
+    np.testing.assert_allclose(smoothed(impulse)[11:19], weights[::-1], atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("column", "signal", "side"),
+    [
+        ("ax_mps2", "longitudinal_acceleration_mps2", 0),
+        ("ax_mps2", "longitudinal_acceleration_mps2", 1),
+        ("ay_mps2", "lateral_acceleration_mps2", 0),
+        ("ay_mps2", "lateral_acceleration_mps2", 1),
+    ],
+)
+def test_accelerations_must_stay_strictly_inside(column: str, signal: str, side: int):
+    limit = BOUNDS[signal][side]
+    at_limit = comfort(facts_with(**{column: limit}))
+    assert at_limit.score == 0.0
+    inside = comfort(facts_with(**{column: limit * (1 - 1e-6)}))
+    assert inside.score == 1.0
+    beyond = comfort(facts_with(**{column: limit * (1 + 1e-6)}))
+    assert beyond.score == 0.0
+    assert [name for name in BOUNDS if not beyond.detail[name]["within"]] == [signal]
+
+
+@pytest.mark.parametrize(("factor", "score"), [(0.999, 1.0), (1.001, 0.0)])
+@pytest.mark.parametrize(
+    ("column", "offset", "hertz", "signal"),
+    [("ax_mps2", 0.0, 0.5, "longitudinal_jerk_mps3"), ("ay_mps2", 2.4, 0.7, "jerk_mps3")],
+)
+@pytest.mark.parametrize("side", [0, 1])
+def test_both_sides_of_the_jerk_limits(
+    column: str, offset: float, hertz: float, signal: str, side: int, factor: float, score: float
+):
+    wave = np.sin(2 * np.pi * hertz * 0.1 * np.arange(40))
+    unit = comfort_signals(track(40, **{column: offset + 1e-3 * wave}), 1.461, 0.1)[signal]
+    highest = (-unit.min(), unit.max())[side] * 1e3
+    wave *= factor * BOUNDS[signal][1] / max(highest, *((unit.max() * 1e3, -unit.min() * 1e3)))
+    result = comfort(facts_with(**{column: offset + wave}))
+    assert result.score == score
+
+
+@pytest.mark.parametrize(("factor", "score"), [(0.999, 1.0), (1.001, 0.0)])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_both_sides_of_the_yaw_rate_limit(factor: float, score: float, sign: float):
+    heading = sign * factor * 0.95 * 0.1 * np.arange(40)
+    assert comfort(facts_with(heading_rad=heading)).score == score
+
+
+@pytest.mark.parametrize(("factor", "score"), [(0.999, 1.0), (1.001, 0.0)])
+def test_both_sides_of_the_yaw_acceleration_limit(factor: float, score: float):
+    t = np.arange(8) * 0.1 - 0.35
+    trace = drive(*[0.0] * 8)
+    ego = replace(trace.ego, heading_rad=factor * 1.93 * t**2 / 2)
+    assert comfort(facts_of(replace(trace, ego=ego), ROAD)).score == score
+
+
+def test_turning_leaks_into_the_longitudinal_acceleration_as_in_nuplan():
+    signals = comfort_signals(track(20, yaw_rate_radps=1.0, yaw_acceleration_radps2=0.5), 1.461, 0.1)
+    np.testing.assert_allclose(signals["longitudinal_acceleration_mps2"], 1.461 * 1.5)
+    np.testing.assert_allclose(signals["lateral_acceleration_mps2"], 0.0, atol=1e-8)
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=30), st.integers(-3, 3))
+def test_unwrapping_undoes_wrapping(steps: list[float], turns: int):
+    smooth = np.cumsum(steps)
+    wrapped = (smooth + np.pi) % (2 * np.pi) - np.pi + 2 * np.pi * turns
+    np.testing.assert_allclose(np.diff(unwrapped(wrapped)), np.diff(smooth), atol=1e-9)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_a_drive_too_short_for_the_filters_is_comfortable(frames: int):
+    assert comfort(facts_of(drive_at(np.arange(float(frames))), ROAD)).score == 1.0
+
+
+@pytest.mark.parametrize("frames", [4, 5, 7, 8, 14, 15])
+def test_windows_shrink_with_the_drive(frames: int):
+    result = comfort(facts_of(drive(*[10.0] * frames), ROAD))
+    assert result.score == 1.0
+    assert all(len(values) == frames for values in result.series.values())
+
+
+def test_the_reason_names_the_worst_signal():
+    result = comfort(facts_with(ax_mps2=-6.0))
+    assert result.reason == "longitudinal acceleration of -6.00 m/s2 at 0.0 s, allowed -4.05 to 2.4"

@@ -1,0 +1,119 @@
+"""The table: means per family and over all, never over what is missing."""
+
+from __future__ import annotations
+
+import pytest
+
+from interplan_sumo.errors import RunFolderError
+from interplan_sumo.report.table import make_table
+from tests.report.rows import drive, stored
+
+
+def values(*args: object, **kwargs: object) -> dict[str, float | None]:
+    (line,) = make_table([stored(*args, **kwargs)]).lines  # type: ignore[arg-type]
+    return {key: cell.value for key, cell in line.cells.items()}
+
+
+def test_a_family_is_the_mean_of_its_scenarios_and_the_total_the_mean_of_all() -> None:
+    found = values(drive("nudge/0", 1.0), drive("nudge/1", 0.5), drive("overtake/0", 0.0))
+    assert (found["nudge"], found["overtake"], found["interplan"]) == (75.0, 0.0, 50.0)
+
+
+def test_a_family_without_scenarios_has_no_figure() -> None:
+    found = values(drive("nudge/0", 1.0))
+    assert found["jaywalker"] is None
+    assert found["driv"] is None
+
+
+def test_driving_goal_and_collisions_are_judged_over_the_lane_changes_only() -> None:
+    found = values(
+        drive("lane_change_ltd/0", 0.8, lane_changes=0.5),
+        drive("lane_change_htd/0", 0.0, drivable_area=0.0, no_collision=0.0),
+        drive("nudge/0", 0.0, drivable_area=0.0),
+    )
+    assert (found["driv"], found["goal"], found["no_col"]) == (50.0, 50.0, 50.0)
+    assert (found["ltd"], found["mtd"], found["htd"]) == (80.0, None, 0.0)
+
+
+def test_a_planner_fault_is_a_zero_in_every_figure() -> None:
+    row = drive("lane_change_ltd/0", 0.0, fault=("planner", "raised"))
+    found = values(row)
+    assert (found["interplan"], found["driv"], found["goal"], found["no_col"]) == (0.0, 0.0, 0.0, 0.0)
+    table = make_table([stored(row)])
+    assert table.complete
+    assert table.lines[0].faults == {"planner": 1}
+
+
+def test_a_missing_row_leaves_its_family_and_the_total_without_a_figure() -> None:
+    table = make_table([stored(drive("nudge/0", 1.0), drive("overtake/0", 1.0), missing=("nudge/1",))])
+    (line,) = table.lines
+    assert not table.complete
+    assert line.cells["interplan"].value is None
+    assert (line.cells["nudge"].done, line.cells["nudge"].asked) == (1, 2)
+    assert line.cells["overtake"].value == 100.0
+    assert line.missing == (("nudge/1", "idm", 0),)
+
+
+@pytest.mark.parametrize("fault", ["timeout", "traffic", "harness"])
+def test_a_fault_that_is_not_the_planners_leaves_the_table_incomplete(fault: str) -> None:
+    table = make_table([stored(drive("nudge/0", None, fault=(fault, "lost")), drive("nudge/1", 1.0))])
+    assert not table.complete
+    assert table.lines[0].cells["nudge"].value is None
+
+
+def test_seeds_are_averaged_within_their_scenario_first() -> None:
+    found = values(
+        drive("nudge/0", 0.0), drive("nudge/0", 1.0, seed=1), drive("nudge/1", 1.0), drive("nudge/1", 1.0, seed=1)
+    )
+    assert found["nudge"] == 75.0
+
+
+def test_one_seed_gives_no_interval() -> None:
+    (line,) = make_table([stored(drive("nudge/0", 0.3), drive("nudge/1", 0.7))]).lines
+    assert line.cells["interplan"].interval is None
+
+
+def test_the_interval_holds_the_mean_and_is_the_same_every_time() -> None:
+    rows = [drive(f"nudge/{n}", (n + seed) % 3 / 2, seed=seed) for n in range(4) for seed in range(6)]
+    first, second = (make_table([stored(*rows)]).lines[0].cells["nudge"] for _ in range(2))
+    assert first.interval == second.interval
+    assert first.interval is not None
+    assert first.value is not None
+    assert first.interval[0] < first.value < first.interval[1]
+
+
+def test_equal_scores_give_an_interval_without_width() -> None:
+    rows = [drive("nudge/0", 0.5, seed=seed) for seed in range(3)]
+    assert make_table([stored(*rows)]).lines[0].cells["nudge"].interval == (50.0, 50.0)
+
+
+def test_each_planner_has_its_line() -> None:
+    table = make_table([stored(drive("nudge/0", 1.0), drive("nudge/0", 0.5, planner="pdm_closed"))])
+    assert [(line.label, line.cells["nudge"].value) for line in table.lines] == [("idm", 100.0), ("pdm_closed", 50.0)]
+
+
+def test_official_and_overridden_rows_are_never_mixed() -> None:
+    official = stored(drive("nudge/0", 1.0))
+    dense = stored(drive("nudge/0", 0.0), overrides={"density": "high"}, path="runs/b")
+    first, second = make_table([official, dense]).lines
+    assert (first.label, first.official, first.cells["nudge"].value) == ("idm", True, 100.0)
+    assert (second.label, second.official, second.cells["nudge"].value) == ("idm [density=high]", False, 0.0)
+
+
+def test_the_same_planner_of_two_runs_is_told_apart_by_the_folder() -> None:
+    runs = [stored(drive("nudge/0", 1.0), path=f"runs/{name}") for name in "ab"]
+    assert [line.label for line in make_table(runs).lines] == ["idm (a)", "idm (b)"]
+
+
+@pytest.mark.parametrize("what", ["suite", "suite_hash", "profile"])
+def test_runs_that_cannot_be_compared_are_refused(what: str) -> None:
+    with pytest.raises(RunFolderError, match=f"runs/b has {what} other"):
+        make_table([stored(drive("nudge/0", 1.0)), stored(drive("nudge/0", 1.0), path="runs/b", **{what: "other"})])  # type: ignore[arg-type]
+
+
+def test_a_profile_that_does_not_judge_lane_changes_has_no_goal_figure() -> None:
+    row = drive("lane_change_ltd/0", 1.0)
+    del row["metrics"]["lane_changes"]
+    found = values(row)
+    assert found["goal"] is None
+    assert found["driv"] == 100.0

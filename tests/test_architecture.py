@@ -1,0 +1,114 @@
+"""The shape of the house: imports point down, and SUMO is known in one module only."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "interplan_sumo"
+PLANNERS = ROOT / "planners" / "interplan_planners"
+
+# Each room and the rooms it may import from. A module of the package's root is a room of its own.
+BASE = {"errors", "resources"}
+LAYER_0 = {"world"}
+LAYER_1 = {"maps", "dynamics", "planner", "plan_check", "scenario", "tiny_worlds"}
+LAYER_2 = {"simulation", "metrics"}
+LAYER_3 = {"proving", "batch", "report", "testing", "doctor"}
+MAY_IMPORT: dict[str, set[str]] = {
+    "errors": set(),
+    "resources": {"errors"},
+    "world": BASE,
+    "planner": BASE | LAYER_0,
+    "plan_check": BASE | LAYER_0,
+    "dynamics": BASE | LAYER_0,
+    "maps": BASE | LAYER_0,
+    "scenario": BASE | LAYER_0,
+    "tiny_worlds": BASE | LAYER_0 | {"planner"},
+    "simulation": BASE | LAYER_0 | LAYER_1,
+    "metrics": BASE | LAYER_0 | LAYER_1,
+    "testing": BASE | LAYER_0 | LAYER_1 | LAYER_2,
+    "proving": BASE | LAYER_0 | LAYER_1 | LAYER_2,
+    "batch": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"proving"},
+    "report": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch"},
+    "doctor": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch"},
+    "cli": BASE | LAYER_0 | LAYER_1 | LAYER_2 | LAYER_3,
+    "__main__": {"cli"},
+    "__init__": set(),
+}
+PLANNERS_MAY_IMPORT = {"world", "dynamics", "planner", "errors"}
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Absolute names of everything a module imports, inside functions too."""
+    package = path.relative_to(ROOT).with_suffix("").parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
+            module = ".".join(filter(None, (base, node.module or "")))
+            yield module
+            if module == "interplan_sumo":
+                yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def rooms(path: Path) -> set[str]:
+    """Rooms of interplan_sumo that a module imports from; `__version__` is everyone's."""
+    names = (name.split(".") for name in imported(path))
+    return {name[1] for name in names if name[0] == "interplan_sumo" and len(name) > 1} - {"__version__"}
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+MODULES = sorted(PACKAGE.rglob("*.py"))
+REFERENCE_PLANNERS = sorted(PLANNERS.rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_module_imports_only_downwards(path: Path) -> None:
+    room = room_of(path)
+    reached = rooms(path) - {room}
+    assert reached <= MAY_IMPORT[room], f"{path.name} reaches up: {sorted(reached - MAY_IMPORT[room])}"
+
+
+@pytest.mark.parametrize("path", REFERENCE_PLANNERS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_reference_planner_imports_what_anyone_may(path: Path) -> None:
+    assert rooms(path) <= PLANNERS_MAY_IMPORT
+
+
+def test_the_package_never_imports_its_reference_planners() -> None:
+    for path in MODULES:
+        assert not any(name.split(".")[0] == "interplan_planners" for name in imported(path)), path
+
+
+@pytest.mark.parametrize(
+    ("library", "allowed"),
+    [
+        ("libsumo", {"simulation/sumo.py"}),
+        ("traci", set()),
+        ("pickle", set()),
+        ("xml.dom", set()),
+    ],
+)
+def test_a_library_is_known_only_where_it_belongs(library: str, allowed: set[str]) -> None:
+    knowing = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in MODULES
+        if any(name == library or name.startswith(f"{library}.") for name in imported(path))
+    }
+    assert knowing <= allowed
+
+
+def test_every_room_has_a_rule() -> None:
+    assert {room_of(path) for path in MODULES} <= set(MAY_IMPORT)
+
+
+def test_no_module_has_outgrown_a_reader() -> None:
+    long = {str(p.relative_to(ROOT)): n for p in MODULES if (n := len(p.read_text().splitlines())) > 450}
+    assert not long, f"split these: {long}"
