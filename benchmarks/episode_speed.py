@@ -31,16 +31,14 @@ from interplan_sumo.simulation.spawning import ego_sumo_route, spawn
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA
 
-STEPS = 300
 
-
-def bare(scenario: Scenario, agents: int) -> float:
+def bare(scenario: Scenario, agents: int, steps: int) -> float:
     """Steps per second of plain libsumo with the scenario's first `agents` agents."""
     roads = load_roads(scenario.map)
     files = find_map(scenario.map)
     network, ids = read_network(files.network), NetworkIds.read(files.ids)
     types = read_vehicle_types(vehicle_type_file(scenario.traffic.behaviour))
-    spawns = spawn(scenario, roads, network, ids, types, PACIFICA, scenario.rng(0))[:agents]
+    spawns = spawn(scenario, roads, network, ids, types, PACIFICA, (), scenario.rng(0))[:agents]
     libsumo.start(
         ["sumo", "-n", str(network.path), "-a", str(types.path), "--step-length", "0.1", "--insertion-checks", "none",
          "--lanechange.duration", "3", "--default.speeddev", "0", "--collision.action", "none",
@@ -61,7 +59,7 @@ def bare(scenario: Scenario, agents: int) -> float:
     sumo_lane, _ = ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
     edge, index = network.lanes[sumo_lane].edge, network.lanes[sumo_lane].index
     began = time.perf_counter()
-    for k in range(STEPS):
+    for k in range(steps):
         ahead = 0.1 * k * scenario.start_speed_mps
         x = start.x_m - ids.origin_m[0] + ahead * float(np.cos(start.heading_rad))
         y = start.y_m - ids.origin_m[1] + ahead * float(np.sin(start.heading_rad))
@@ -72,13 +70,13 @@ def bare(scenario: Scenario, agents: int) -> float:
             vehicle.getAngle(name)
             vehicle.getSpeed(name)
             vehicle.getLaneID(name)
-    rate = STEPS / (time.perf_counter() - began)
+    rate = steps / (time.perf_counter() - began)
     libsumo.close()
     return rate
 
 
-def episode(scenario: Scenario, agents: int) -> tuple[float, float, int]:
-    """(Steps per second of the episode, the same with scoring, agents at the start)."""
+def episode(scenario: Scenario, agents: int) -> tuple[float, float, int, int]:
+    """(Steps per second of the episode, the same with scoring, agents at the start, steps)."""
     roads = load_roads(scenario.map)
     with open_traffic(scenario, roads, most_agents=agents) as traffic:
         count = len(traffic.observe().actors)
@@ -93,7 +91,7 @@ def episode(scenario: Scenario, agents: int) -> tuple[float, float, int]:
     scoring = time.perf_counter()
     score(trace, roads, expert(scenario), scenario)
     scored_s = time.perf_counter() - scoring
-    return len(trace) / (driven - began), len(trace) / (driven - began + scored_s), count
+    return len(trace) / (driven - began), len(trace) / (driven - began + scored_s), count, len(trace)
 
 
 def main() -> None:
@@ -104,15 +102,15 @@ def main() -> None:
     options = parser.parse_args()
     scenario = replace(find_scenario(options.scenario))
     rates: list[tuple[float, float, float]] = []
-    count = 0
+    count = steps = 0
     for _ in range(options.repeats + 1):  # the first one warms up
-        plain = bare(scenario, options.agents)
-        driven, scored, count = episode(scenario, options.agents)
+        driven, scored, count, steps = episode(scenario, options.agents)
+        plain = bare(scenario, options.agents, steps)
         rates.append((plain, driven, scored))
     a, b, c = (statistics.median(column) for column in zip(*rates[1:], strict=True))
     ratio_b = statistics.median(r[1] / r[0] for r in rates[1:])
     ratio_c = statistics.median(r[2] / r[0] for r in rates[1:])
-    print(f"{options.scenario}, {count} agents, median of {options.repeats} runs of {STEPS} steps")
+    print(f"{options.scenario}, {count} agents, median of {options.repeats} runs of {steps} steps")
     print(f"(a) bare libsumo            {a:8.0f} steps/s")
     print(f"(b) episode                 {b:8.0f} steps/s   {ratio_b:.2f} of (a)")
     print(f"(c) episode and scoring     {c:8.0f} steps/s   {ratio_c:.2f} of (a)")

@@ -20,7 +20,7 @@ from interplan_sumo.scenario.scenario import LanePlace, Scenario
 from interplan_sumo.tiny_worlds import LANE_WIDTH_M, drive_through, road_along
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import Polyline
-from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.roads import LaneLike, Roads
 from interplan_sumo.world.trace import Trace
 
 FRAMES = 300
@@ -52,7 +52,7 @@ def drive(roads: Roads, actors: int) -> Trace:
     return drive_through(poses, np.full(FRAMES, 12.0), around)
 
 
-def _chain(roads: Roads) -> list[object]:
+def _chain(roads: Roads) -> list[LaneLike]:
     """The second lane from the left, from end to end."""
     blocks = sorted(roads.roadblocks.values(), key=lambda block: int(block.id))
     return [roads[block.lane_ids[1]] for block in blocks]

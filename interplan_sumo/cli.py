@@ -6,7 +6,6 @@ Exit codes: 0 done; 1 a fault of ours or of SUMO; 2 bad input; 3 the run is inco
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import shlex
 import sys
@@ -18,11 +17,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from interplan_sumo import __version__
-from interplan_sumo.errors import InputError, InterplanError, PlannerError, TrafficError
+from interplan_sumo.errors import InputError, InterplanError
+from interplan_sumo.report.printing import Form, print_entries, print_json, print_table, progress, write_page
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from interplan_sumo.batch.run_folder import StoredRun
 
 DONE, OUR_FAULT, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
@@ -57,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
     except InputError as error:
         return _failed(str(error), BAD_INPUT)
-    except (PlannerError, TrafficError, InterplanError) as error:
+    except InterplanError as error:
         return _failed(str(error), OUR_FAULT)
     except BrokenPipeError:  # the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -115,6 +113,7 @@ PlannerOption = Annotated[
         "--planner", help="A registered name, module:Class, or name?option=value&...", autocompletion=_planner_names
     ),
 ]
+MapArgument = Annotated[str, typer.Argument(help="A folder with a map.gpkg, or a shipped map's name.", metavar="DIR")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]
 
 
@@ -165,14 +164,14 @@ def run(
     )
     stdout = contextlib.redirect_stdout(sys.stderr) if as_json else contextlib.nullcontext()
     try:
-        with _progress(quiet) as watch, stdout:  # in-process planners may print: not into the JSON
+        with progress(quiet=quiet) as watch, stdout:  # in-process planners may print: not into the JSON
             stored = batch.run(request, watch)
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
         return INCOMPLETE
     if not quiet:
         print(f"results in {folder}", file=sys.stderr)
-    return _print_report([stored], "json" if as_json else "text")
+    return _report([stored], "json" if as_json else "text")
 
 
 @app.command()
@@ -188,10 +187,12 @@ def report(
     """The paper's table of one or more runs, with faults, missing rows and intervals over seeds."""
     from interplan_sumo.batch.run_folder import read_run
 
-    forms = [name for name, asked in (("json", as_json), ("csv", as_csv), ("markdown", as_markdown)) if asked]
+    asked: list[tuple[Form, bool]] = [("json", as_json), ("csv", as_csv), ("markdown", as_markdown)]
+    forms = [form for form, wanted in asked if wanted]
     if len(forms) > 1:
         raise InputError(f"--{forms[0]} and --{forms[1]} both print on stdout; give one of them")
-    return _print_report([read_run(folder) for folder in folders], (forms or ["text"])[0], html, paper, why)
+    form: Form = forms[0] if forms else "text"
+    return _report([read_run(folder) for folder in folders], form, html, paper, why)
 
 
 @app.command()
@@ -211,7 +212,7 @@ def score(
         print(f"not scored: {problem}", file=sys.stderr)
     if out is not None:
         write_rows(out, scored.rows.values())
-    return _print_report([scored], "json" if as_json else "text")
+    return _report([scored], "json" if as_json else "text")
 
 
 @app.command()
@@ -223,7 +224,7 @@ def doctor(as_json: JsonOption = False) -> int:
 
     found = examine()
     if as_json:
-        _print_json({"ok": found.ok, **asdict(found)})
+        print_json({"ok": found.ok, **asdict(found)})
     else:
         for name, value in {**found.versions, **found.machine}.items():
             print(f"{name:>16}  {value}")
@@ -243,7 +244,7 @@ def list_scenarios(
 
     chosen = [find_suite(suite)] if suite else list(suites().values())
     scenarios = {s.id: s for one in chosen for s in one.scenarios}
-    _print_entries([scenario_entry(s) for s in scenarios.values()], as_json, hide=("hash", "certificate"))
+    print_entries([scenario_entry(s) for s in scenarios.values()], as_json=as_json, hide=("hash", "certificate"))
 
 
 @scenarios_app.command("show")
@@ -259,7 +260,7 @@ def show_scenario(
 
     details = scenario_details(find_scenario(scenario_id))
     if as_json:
-        _print_json(details)
+        print_json(details)
     else:
         import yaml
 
@@ -271,7 +272,30 @@ def list_planners(as_json: JsonOption = False) -> None:
     """Registered planners with their options; `run` takes any of them, or module:Class."""
     from interplan_sumo.report.listings import planner_entries
 
-    _print_entries(planner_entries(), as_json)
+    print_entries(planner_entries(), as_json=as_json)
+
+
+@planners_app.command("check")
+def check_planner(
+    name: Annotated[str, typer.Argument(help="As run --planner takes it.", metavar="P", autocompletion=_planner_names)],
+    as_json: JsonOption = False,
+) -> int:
+    """The conformance suite on one planner: what would be a fault in a run, and what is likely a mistake."""
+    from dataclasses import asdict
+
+    from interplan_sumo import testing
+    from interplan_sumo.planner import load_planner
+
+    with contextlib.redirect_stdout(sys.stderr):  # what the planner prints
+        findings = testing.check_planner(load_planner(name))
+    errors = sum(finding.severity == "error" for finding in findings)
+    if as_json:
+        print_json({"planner": name, "ok": not errors, "findings": [asdict(finding) for finding in findings]})
+    else:
+        for finding in findings:
+            print(finding)
+        print(f"{name} conforms" if not errors else f"{name} does not conform: {errors} error{'s' * (errors > 1)}")
+    return BAD_INPUT if errors else DONE
 
 
 @maps_app.command("list")
@@ -279,83 +303,86 @@ def list_maps(as_json: JsonOption = False) -> None:
     """The shipped maps."""
     from interplan_sumo.report.listings import map_entries
 
-    _print_entries(map_entries(), as_json)
+    print_entries(map_entries(), as_json=as_json)
 
 
-def _print_report(
-    runs: Sequence[StoredRun], form: str, html: Path | None = None, paper: bool = False, why: bool = False
+@maps_app.command("check")
+def check_map(
+    folder: MapArgument,
+    source: Annotated[Path | None, typer.Option(help="Compare the network with this map.gpkg.", metavar="FILE")] = None,
+    as_json: JsonOption = False,
 ) -> int:
-    """Print the table, write the page if one is asked for; the exit code."""
-    from interplan_sumo.report import formats
-    from interplan_sumo.report.page import page
+    """How faithful a map's SUMO network is: deviations, missing and extra ways, lights, broken rules."""
+    from interplan_sumo.maps.check import check_map as check
+    from interplan_sumo.maps.geopackage import read_map
+    from interplan_sumo.maps.store import find_map, load_roads
+
+    files = find_map(folder)
+    report = check(files, load_roads(folder) if source is None else read_map(source, files.name))
+    if as_json:
+        print_json(report.as_json())
+    else:
+        details = report.as_json()
+        problems = details.pop("problems")
+        print_entries([{"": key, "value": _in_words(value)} for key, value in details.items()], as_json=False)
+        for problem in problems:
+            print(f"problem: {problem}")
+    return DONE if report.ok else OUR_FAULT
+
+
+@maps_app.command("convert")
+def convert_map(folder: MapArgument) -> None:
+    """Build the SUMO network of a map beside it, with the id map that ties the two."""
+    from interplan_sumo.maps.store import find_map, load_roads
+    from interplan_sumo.maps.to_sumo import convert
+
+    files = find_map(folder)
+    convert(load_roads(folder), files.folder)
+    print(f"wrote {files.network} and {files.ids}; measure it: interplan-sumo maps check {folder}")
+
+
+@maps_app.command("render")
+def render_map(
+    folder: MapArgument,
+    picture: Annotated[Path, typer.Argument(help="Its ending says which kind.", metavar="FILE.png")],
+    lane_ids: Annotated[bool, typer.Option("--lane-ids", help="Write the id on every lane.")] = False,
+) -> None:
+    """Draw a map: lanes, directions, connectors, limits, crossings, lights."""
+    from interplan_sumo.maps import render
+    from interplan_sumo.maps.store import load_roads
+
+    try:
+        render.render_map(load_roads(folder), picture, lane_ids=lane_ids)
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot write the picture {picture}: {error}") from None
+    print(f"wrote {picture}")
+
+
+def _in_words(value: Any) -> Any:
+    """Figures of a report for people: rounded, long lists counted."""
+    match value:
+        case float():
+            return f"{value:.4g}"
+        case dict():
+            return ", ".join(f"{k} {v:.4g}" for k, v in value.items())
+        case list() | tuple():
+            return len(value)
+        case _:
+            return value
+
+
+def _report(
+    runs: Sequence[StoredRun], form: Form, html: Path | None = None, paper: bool = False, why: bool = False
+) -> int:
+    """Print the table of the runs, write the page if one is asked for; the exit code."""
     from interplan_sumo.report.table import make_table
 
     table = make_table(runs)
     if html is not None:
-        try:
-            html.write_text(page(table, paper=paper), encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"cannot write {html}: {error.strerror}; give another file as --html") from None
+        write_page(table, html, paper=paper)
         print(f"wrote {html}", file=sys.stderr)
-    match form:
-        case "json":
-            _print_json(formats.as_json(table, paper=paper, why=why))
-        case "csv":
-            print(formats.as_csv(table, paper=paper), end="")
-        case "markdown":
-            print(formats.as_markdown(table, paper=paper), end="")
-        case _:
-            _console().print(formats.as_text(table, paper=paper, why=why))
+    print_table(table, form, paper=paper, why=why)
     return DONE if table.complete else INCOMPLETE
-
-
-def _print_json(document: object) -> None:
-    print(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
-
-
-def _print_entries(entries: Sequence[dict[str, Any]], as_json: bool, hide: Sequence[str] = ()) -> None:
-    """Entries with equal keys, as JSON or as a table."""
-    if as_json:
-        _print_json(list(entries))
-        return
-    from rich.table import Table
-    from rich.text import Text
-
-    columns = [key for key in dict.fromkeys(key for entry in entries for key in entry) if key not in hide]
-    grid = Table(*columns, header_style="bold", pad_edge=False)
-    for entry in entries:
-        grid.add_row(*(Text(_cell(entry.get(column))) for column in columns))
-    _console().print(grid)
-
-
-def _cell(value: object) -> str:
-    match value:
-        case None:
-            return "-"
-        case bool():
-            return "yes" if value else "no"
-        case dict():
-            return ", ".join(f"{k}={v}" for k, v in value.items())
-        case _:
-            return str(value)
-
-
-def _console(stderr: bool = False) -> Console:
-    """As wide as the terminal; wide enough for every table where there is none."""
-    from rich.console import Console
-
-    console = Console(stderr=stderr)
-    return console if console.is_terminal else Console(stderr=stderr, width=200)
-
-
-def _progress(quiet: bool) -> Any:
-    """A watch for a run, as a context manager; None inside if nothing is to be said."""
-    from interplan_sumo.report.progress import LiveProgress, PlainProgress
-
-    if quiet:
-        return contextlib.nullcontext()
-    console = _console(stderr=True)
-    return LiveProgress(console) if console.is_terminal else PlainProgress(console)
 
 
 if __name__ == "__main__":

@@ -238,8 +238,9 @@ def cars(
     rows = np.array([(*place, *(0.0,) * (4 - len(place))) for place in places], dtype=np.float64).reshape(-1, 4)
     x_m, y_m, speed_mps, heading_rad = rows.T
     count = len(rows)
+    digits = max(2, len(str(count - 1)))  # so that ids sort as they count
     return Actors(
-        tuple(f"{prefix}{i:02d}" for i in range(count)),
+        tuple(f"{prefix}{i:0{digits}d}" for i in range(count)),
         np.full(count, kind, dtype=np.int8),
         x_m, y_m, heading_rad, np.full(count, length_m), np.full(count, width_m),
         speed_mps * np.cos(heading_rad), speed_mps * np.sin(heading_rad),

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from types import FrameType
 from typing import Protocol
@@ -104,7 +105,7 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
         "command": list(request.command),
         "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "platform": platform.platform(),
-        "plan_limit_s": request.limits.plan_s,
+        "plan_limit_s": request.limits.plan_s if isfinite(request.limits.plan_s) else None,
     }
     with RunFolder(request.folder, benchmark, wanted, about) as folder:
         left = [job for job in jobs if job.key not in folder.rows]

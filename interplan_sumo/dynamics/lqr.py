@@ -33,6 +33,8 @@ LATERAL_WEIGHT, HEADING_WEIGHT, TIRE_RATE_WEIGHT = 1.0, 10.0, 1.0
 STOP_GAIN_PER_S = 0.5
 STOP_SPEED_MPS = 0.2
 
+LARGEST_INVERSE = 200
+"""Plans up to this many grid steps are fitted with an inverse that is computed once per length."""
 START_SLACK_S = 1e-3
 """A plan may start this late after now; its first pose is then taken for now."""
 
@@ -86,12 +88,14 @@ def target(state: EgoState, plan: Trajectory, shape: EgoShape = PACIFICA) -> Tar
     x_m, y_m = rear_axles_of(plan.x_m, plan.y_m, heading, shape)
     # One point on the grid per full 0.1 s; half a microsecond forgives the rounding of times.
     count = max(1, int((end_s + 0.5e-6) / GRID_S))
-    grid_s = GRID_S * np.arange(count + 1)
-    grid_heading = np.interp(grid_s, time_s, heading)
-    step_x_m = np.diff(np.interp(grid_s, time_s, x_m))
-    step_y_m = np.diff(np.interp(grid_s, time_s, y_m))
+    grid_s = _grid(count)
+    if len(time_s) == count + 1 and np.abs(time_s - grid_s).max() < 1e-9:
+        grid_heading, grid_x, grid_y = heading, x_m, y_m
+    else:
+        grid_heading, grid_x, grid_y = (np.interp(grid_s, time_s, v) for v in (heading, x_m, y_m))
+    step_x_m, step_y_m = grid_x[1:] - grid_x[:-1], grid_y[1:] - grid_y[:-1]
     forward_m = step_x_m * np.cos(grid_heading[:-1]) + step_y_m * np.sin(grid_heading[:-1])
-    speed = _speeds(forward_m.tolist())
+    speed = _speeds(forward_m)
 
     at = now_s / GRID_S
     last = min(count - 1, int(at) + HORIZON_STEPS)
@@ -160,6 +164,12 @@ def _held(profile: list[float], at: float) -> float:
 
 
 @lru_cache(maxsize=64)
+def _grid(count: int) -> Floats:
+    """(M + 1,) grid times of M steps."""
+    return GRID_S * np.arange(count + 1)
+
+
+@lru_cache(maxsize=64)
 def _speed_factors(count: int) -> tuple[list[float], list[float], list[float]]:
     """The matrix of the speed fit over `count` grid steps as L D L': 1 / D, and both subdiagonals of L.
 
@@ -185,8 +195,22 @@ def _speed_factors(count: int) -> tuple[list[float], list[float], list[float]]:
     return [1.0 / p for p in pivot[2:]], one[2:], two[2:]
 
 
-def _speeds(forward_m: list[float]) -> list[float]:
+def _speeds(forward_m: Floats) -> list[float]:
     """Fitted speeds (M) from forward displacements (M) per grid step."""
+    if len(forward_m) > LARGEST_INVERSE:
+        return _solved_speeds(forward_m.tolist())
+    # A sum over rows has a fixed order of additions; a matrix product of BLAS has not.
+    return (_speed_inverse(len(forward_m)) * forward_m).sum(axis=1).tolist()
+
+
+@lru_cache(maxsize=64)
+def _speed_inverse(count: int) -> Floats:
+    """(M, M) what takes displacements to fitted speeds, for plans of usual length."""
+    rows = [_solved_speeds([float(i == j) for i in range(count)]) for j in range(count)]
+    return np.array(rows).T.copy()
+
+
+def _solved_speeds(forward_m: list[float]) -> list[float]:
     inverse_pivot, one, two = _speed_factors(len(forward_m))
     scaled: list[float] = []
     last = before_last = 0.0

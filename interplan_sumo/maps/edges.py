@@ -21,8 +21,10 @@ CUT_M = 0.2
 """Length of the internal lane at a cut; SUMO's lanes are at least 0.1 m long."""
 MISALIGNED_M = 0.5
 """How far a lane change may move a car along the road."""
-RAGGED_M = 1.0
-"""Lanes that begin or end further than this beyond the others are cut there."""
+RAGGED_M, RAGGED_SHARE = 5.0, 0.05
+"""A lane that reaches beyond the shortest by more than both this and this share of its length is cut there."""
+TAPER = 20.0
+"""Smaller differences are spread over so many times their length: lanes differ by a twentieth there, nowhere else."""
 SHORTEST_M = 5.0
 """No cut for alignment closer than this to another one."""
 _STEP_M = 1.0  # spacing of the cross-sections that are tried
@@ -109,16 +111,13 @@ def lane_group(roads: Roads, block: Roadblock, start_node: str, end_node: str) -
             {k: v for p in parts for k, v in p.first.items()},
             {k: v for p in parts for k, v in p.last.items()},
         )
-    starts = [float(c[0]) for c in cuts]
-    ends = [float(c[-1]) for c in cuts]
-    for cut, line in zip(cuts, lines, strict=True):
-        if cut[0] <= RAGGED_M:
-            cut[0] = 0.0
-        if cut[-1] >= line.length_m - RAGGED_M:
-            cut[-1] = line.length_m
-    starts = [float(c[0]) for c in cuts]
-    ends = [float(c[-1]) for c in cuts]
-    return _assembled(block.id, ids, cuts, starts, ends, start_node, end_node, [line.length_m for line in lines])
+    lengths = [line.length_m for line in lines]
+    allowed = [max(RAGGED_M, RAGGED_SHARE * length) for length in lengths]
+    starts = [float(c[0]) if c[0] > a else 0.0 for c, a in zip(cuts, allowed, strict=True)]
+    ends = [float(c[-1]) if n - c[-1] > a else n for c, n, a in zip(cuts, lengths, allowed, strict=True)]
+    for cut, start, end in zip(cuts, starts, ends, strict=True):
+        cut[0], cut[-1] = start, end
+    return _assembled(block.id, ids, cuts, starts, ends, start_node, end_node, lengths)
 
 
 def _common_cuts(lines: Sequence[Polyline]) -> list[Floats] | None:
@@ -138,9 +137,22 @@ def _common_cuts(lines: Sequence[Polyline]) -> list[Floats] | None:
         return None
     sections = np.linspace(start, end, max(2, int(np.ceil((end - start) / _STEP_M)) + 1))
     arcs = np.array([np.interp(sections, s, a) for s, a in along])
-    kept = [0, *_aligning(arcs, 0, len(sections) - 1), len(sections) - 1]
+    spacing_m = (end - start) / (len(sections) - 1)
+    final = len(sections) - 1
+    before = _taper(arcs[:, 0].max(), spacing_m, final)
+    after = final - _taper(max(n.length_m - a for n, a in zip(lines, arcs[:, -1], strict=True)), spacing_m, final)
+    ends = sorted({0, *({before, after} if before < after else ()), final})
+    kept = sorted({*ends, *(k for i, j in pairwise(ends) for k in _aligning(arcs, i, j))})
     cuts = [row[kept].copy() for row in arcs]
     return cuts if all((np.diff(c) > 2 * CUT_M).all() for c in cuts) else None
+
+
+def _taper(ragged_m: float, spacing_m: float, count: int) -> int:
+    """How many cross-sections from a ragged end the lanes are cut, so that they run evenly from there on."""
+    if ragged_m <= MISALIGNED_M:
+        return 0
+    sections = int(np.ceil(max(SHORTEST_M, TAPER * ragged_m) / spacing_m))
+    return sections if sections * spacing_m < count * spacing_m - SHORTEST_M else 0
 
 
 def _aligning(arcs: Floats, first: int, last: int) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -109,7 +110,6 @@ class _Lines:
     """The vertices of a layer of lines, by id, cut from one array."""
 
     def __init__(self, table: Table) -> None:
-        self.table = table
         ends = np.cumsum(shapely.get_num_coordinates(table.geometries))
         self._parts = dict(zip(table.ids, np.split(shapely.get_coordinates(table.geometries), ends[:-1]), strict=False))
 
@@ -119,9 +119,10 @@ class _Lines:
     def along(self, id_: str, line: Polyline) -> Polyline:
         """The line `id_`, turned to run the way `line` does."""
         points: Floats = self._parts[id_]
-        start, end = line.points[0], line.points[-1]
-        same = np.hypot(*(points[0] - start)) + np.hypot(*(points[-1] - end))
-        turned = np.hypot(*(points[-1] - start)) + np.hypot(*(points[0] - end))
+        start, end = line.points[0].tolist(), line.points[-1].tolist()
+        first, last = points[0].tolist(), points[-1].tolist()
+        same = math.dist(first, start) + math.dist(last, end)
+        turned = math.dist(last, start) + math.dist(first, end)
         return Polyline(points if same <= turned else points[::-1])
 
 

@@ -178,7 +178,7 @@ def junction(roads: Roads, connector_ids: Iterable[str], signs: Mapping[str, Sig
     approach_of = tuple(of_block[roads.lanes[c.from_lane_id].roadblock_id] for c in connectors)
     movements = tuple(_movement(c, roads.driving_side == "right") for c in connectors)
     opposite = _opposites(approaches)
-    conflicts = _conflicts(roads, connectors)
+    conflicts = path_conflicts(roads, connectors)
     busy = sorted({a for i, a in enumerate(approach_of) if conflicts[i].any()})
     lit = any(c.has_traffic_light for c in connectors)
     all_way = not lit and len(busy) > 1 and all(approaches[a].sign is Sign.STOP for a in busy)
@@ -186,18 +186,25 @@ def junction(roads: Roads, connector_ids: Iterable[str], signs: Mapping[str, Sig
         yields = conflicts.copy()
     else:
         strength = _strengths(approaches, approach_of, movements, opposite)
-        keys = [
-            (
-                0 if c.has_traffic_light or not lit else 1,
-                *((0, 0) if c.has_traffic_light else (int(approaches[a].sign), strength[a])),
-                int(m),
-                round(_swerve_m(c), 1),
-                _number(c.id),
-            )
-            for c, a, m in zip(connectors, approach_of, movements, strict=True)
-        ]
-        later = np.array([[a > b for b in keys] for a in keys], dtype=np.bool_).reshape(conflicts.shape)
-        yields = conflicts & later
+        yields = np.zeros_like(conflicts)
+        for i, j in zip(*np.nonzero(np.triu(conflicts)), strict=True):
+            rows = (int(i), int(j))
+            lights = [connectors[k].has_traffic_light for k in rows]
+            ranks: list[tuple[float, ...]] = []
+            for k, has_light in zip(rows, lights, strict=True):
+                a = approach_of[k]
+                if not all(lights):
+                    rank = (float(not has_light), float(approaches[a].sign), float(strength[a]), float(movements[k]))
+                elif (
+                    opposite.get(approach_of[rows[0]]) == approach_of[rows[1]]
+                    or len({approach_of[r] for r in rows}) == 1
+                ):
+                    rank = (float(movements[k]),)
+                else:  # never green together: who waits inside for a gap at the end of his green clears the junction
+                    rank = (-float(movements[k]),)
+                ranks.append((*rank, round(_swerve_m(connectors[k]), 1), float(k)))
+            later = rows if ranks[0] > ranks[1] else rows[::-1]
+            yields[later] = True
     return Junction(connectors, approaches, approach_of, opposite, movements, conflicts, yields, all_way)
 
 
@@ -336,7 +343,8 @@ def _strengths(
     return [order.index(key) for key in keys]
 
 
-def _conflicts(roads: Roads, connectors: Sequence[Connector]) -> NDArray[np.bool_]:
+def path_conflicts(roads: Roads, connectors: Sequence[Connector]) -> NDArray[np.bool_]:
+    """(N, N) which pairs of connectors cannot be driven at the same time."""
     count = len(connectors)
     conflicts = np.zeros((count, count), dtype=np.bool_)
     if count < 2:

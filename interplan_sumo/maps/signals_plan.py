@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from interplan_sumo.maps.junctions import DEFAULT_LIMIT_MPS, Junction, Movement
 from interplan_sumo.world.roads import Roads
 
-# Times of urban practice (MUTCD, ITE): yellow 1 s + v / (2 * 3.05 m/s2), all red until the slowest path is clear.
+# Times of urban practice (MUTCD, ITE): yellow 1 s + v / (2 * 3.05 m/s2), all red until the longest path is clear.
 REACTION_S = 1.0
 COMFORTABLE_BRAKING_MPS2 = 3.05
 YELLOW_S = (3.0, 4.0)
-ALL_RED_S = (1.0, 2.0)
+ALL_RED_S = (1.0, 3.0)
 GREEN_S = (14.0, 30.0)
 TURN_GREEN_S = (7.0, 14.0)
 CROSSING_S = 12.0

@@ -289,13 +289,16 @@ def _check_file(path: Path) -> None:
     try:
         size = path.stat().st_size
         with path.open("rb") as file:
-            magic = file.read(len(_SQLITE_MAGIC))
+            header = file.read(100)
     except OSError as error:
         raise MapError(f"{path}: cannot be read ({error.strerror})") from error
     if size == 0:
         raise MapError(f"{path}: the file is empty; copy or download it again")
-    if magic != _SQLITE_MAGIC:
+    if not header.startswith(_SQLITE_MAGIC):
         raise MapError(f"{path}: not a GeoPackage (it does not begin as an SQLite file does)")
+    page = int.from_bytes(header[16:18], "big")  # 1 stands for 65,536
+    if len(header) < 100 or size % (65536 if page == 1 else max(page, 512)):
+        raise MapError(f"{path}: the file is damaged (cut off at {size} bytes); copy or download it again")
     connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
     try:
         verdict = connection.execute("PRAGMA quick_check(1)").fetchone()

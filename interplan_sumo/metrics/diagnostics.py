@@ -18,8 +18,9 @@ from interplan_sumo.world.geometry import Floats, box_corners
 def diagnostics(facts: Facts) -> MetricResult:
     """Nearest approach, time to collision at true velocities, jerk, standing, planner time, braking behind the ego.
 
-    Series: distance to the nearest actor and time to collision per frame,
-    infinite where there is nobody.
+    Series: distance to the nearest actor and time to collision, infinite where
+    there is nobody; speed, lane ("" off the lanes) and offset from its centre
+    line, left positive, not a number off the lanes.
     """
     distance = distances_m(facts)
     time_to_collision = true_times_s(facts)
@@ -35,6 +36,9 @@ def diagnostics(facts: Facts) -> MetricResult:
     per_frame = {
         "distance_m": _per_frame(facts, distance),
         "time_to_collision_s": _per_frame(facts, time_to_collision),
+        "speed_mps": facts.speed_mps,
+        "lane": np.array([place[0] if place else "" for place in facts.places], dtype=object),
+        "offset_m": offsets_m(facts),
     }
     return MetricResult(None, detail, per_frame)
 
@@ -70,6 +74,16 @@ def true_times_s(facts: Facts) -> Floats:
     meets = (begin <= cease) & (cease >= 0.0)
     times[rows[meets]] = np.maximum(0.0, begin[meets])
     return times
+
+
+def offsets_m(facts: Facts) -> Floats:
+    """(N,) distance of the centre from the centre line of its lane, left positive; not a number off the lanes."""
+    offset = np.full(facts.frames, np.nan)
+    first = [place[0] if place else "" for place in facts.places]
+    for lane_id in dict.fromkeys(filter(None, first)):
+        rows = [frame for frame, other in enumerate(first) if other == lane_id]
+        offset[rows] = facts.roads[lane_id].centerline.project(facts.centre[rows])[1]
+    return offset
 
 
 def _per_frame(facts: Facts, per_row: Floats) -> Floats:

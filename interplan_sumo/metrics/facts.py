@@ -22,7 +22,7 @@ from interplan_sumo.metrics.expert_route import RouteBlock, progress_per_frame, 
 from interplan_sumo.metrics.motion import FEWEST_FRAMES, comfort_signals
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.world.geometry import Floats, Polyline
+from interplan_sumo.world.geometry import Floats, Polyline, box_corners
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import EgoTrack, Trace
 
@@ -39,8 +39,7 @@ class Facts:
     expert: EgoTrack
     """The drive against which progress is measured; may be longer or shorter than the trace."""
     scenario: Scenario | None = None
-    obstacle_corners: tuple[Floats, ...] = ()
-    """(K, 2) corners of each obstacle that must be passed; (2, 2) start and end of a pedestrian's way across."""
+    """What was staged; nuPlan's metrics do without."""
 
     @property
     def frames(self) -> int:
@@ -181,6 +180,21 @@ class Facts:
         if self.scenario is None:
             raise InputError("interPlan's metrics need the scenario; give it, or score with profile nuplan")
         return self.scenario
+
+    @cached_property
+    def obstacle_corners(self) -> tuple[Floats, ...]:
+        """What must be passed: the four corners (4, 2) of each obstacle.
+
+        Where pedestrians cross it is start and end (2, 2) of each way across
+        instead, and what stands beside them, such as a bus, is scenery.
+        """
+        if self.scenario is None:
+            return ()
+        if self.scenario.jaywalkers:
+            ways = [(walker.start.pose(self.roads), walker.end.pose(self.roads)) for walker in self.scenario.jaywalkers]
+            return tuple(np.array([(pose.x_m, pose.y_m) for pose in way]) for way in ways)
+        boxes = [(obstacle.pose(self.roads), obstacle.size_m) for obstacle in self.scenario.obstacles]
+        return tuple(box_corners(pose.x_m, pose.y_m, pose.heading_rad, *size)[0] for pose, size in boxes)
 
     @cached_property
     def route_line(self) -> Polyline:

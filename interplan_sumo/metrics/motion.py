@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trace import EgoTrack
@@ -60,4 +59,6 @@ def unwrapped(angle_rad: Floats) -> Floats:
 
 
 def _savitzky_golay(values: Floats, window: int, order: int, deriv: int = 0, delta: float = 1.0) -> Floats:
+    from scipy.signal import savgol_filter  # half a second that only those who score should wait
+
     return np.asarray(savgol_filter(values, window, order, deriv=deriv, delta=delta), dtype=np.float64)

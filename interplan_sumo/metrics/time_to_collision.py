@@ -124,7 +124,7 @@ def overlap_span_s(
             reach = (own[:, turn] + shadow) / 2 + TOUCH_M
             gap = offset[:, 0] * axis_x + offset[:, 1] * axis_y
             speed = closing[:, 0] * axis_x + closing[:, 1] * axis_y
-            with np.errstate(divide="ignore", invalid="ignore"):
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 one, two = (-reach - gap) / speed, (reach - gap) / speed
             still = speed == 0.0
             never = still & (np.abs(gap) > reach)

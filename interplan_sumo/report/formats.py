@@ -125,7 +125,7 @@ def notes(table: Table, *, paper: bool = False) -> list[str]:
 def as_text(table: Table, *, paper: bool = False, why: bool = False) -> RenderableType:
     """The table and its notes for a terminal; columns that no line has are left out."""
     shown = [c for c in COLUMNS if paper or any(line.cells[c.key].asked for line in table.lines)]
-    grid = Grid(header_style="bold", pad_edge=False)
+    grid = Grid(header_style="bold")
     grid.add_column("planner", overflow="fold")
     for column in shown:
         grid.add_column(column.title, justify="right", no_wrap=True)

@@ -17,7 +17,7 @@ _STYLE = """
 @media (prefers-color-scheme: dark) { :root { --ink: #e4e9ef; --soft: #9aa7b5; --line: #36414d; --paper: #161c23;
   --tint: #1f2731; --good: #4bb27b; --fair: #e0ae45; --poor: #e0675d; --accent: #7fa8e6; } }
 * { box-sizing: border-box; }
-body { margin: 0 auto; max-width: 76rem; padding: 2rem 1.25rem 4rem; background: var(--paper); color: var(--ink);
+body { margin: 0 auto; max-width: 80rem; padding: 2rem 1.25rem 4rem; background: var(--paper); color: var(--ink);
   font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
 h1 { font-size: 1.7rem; margin: 0 0 .25rem; letter-spacing: -.01em; }
 h2 { font-size: 1.15rem; margin: 2.5rem 0 .75rem; }
@@ -26,6 +26,7 @@ p { margin: .25rem 0; } .soft, .note { color: var(--soft); } .note { font-size: 
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { padding: .4rem .6rem; border-bottom: 1px solid var(--line); text-align: left; vertical-align: top; }
 th { font-size: .8rem; font-weight: 600; color: var(--soft); white-space: nowrap; }
+tbody th { font-size: 1em; color: var(--ink); white-space: normal; overflow-wrap: anywhere; min-width: 9rem; }
 td.n, th.n { text-align: right; white-space: nowrap; } td.total { font-weight: 700; }
 tbody tr:hover { background: var(--tint); } tr.paper td { color: var(--soft); }
 .warn { border-left: 4px solid var(--poor); background: var(--tint); padding: .6rem .9rem; margin: 1rem 0; }
@@ -33,13 +34,13 @@ tbody tr:hover { background: var(--tint); } tr.paper td { color: var(--soft); }
   vertical-align: middle; margin-right: .5rem; overflow: hidden; }
 .bar > i { display: block; height: 100%; border-radius: .3rem; }
 .good { background: var(--good); } .fair { background: var(--fair); } .poor { background: var(--poor); }
-.bars { display: grid; grid-template-columns: repeat(auto-fit, minmax(17rem, 1fr)); gap: 1rem; }
+.bars { display: grid; grid-template-columns: repeat(auto-fit, minmax(21rem, 1fr)); gap: 1rem; }
 .card { border: 1px solid var(--line); border-radius: .5rem; padding: .75rem 1rem; }
 .card h3 { margin: 0 0 .5rem; font-size: .95rem; overflow-wrap: anywhere; }
 .card div { display: flex; align-items: center; justify-content: space-between; gap: .75rem; font-size: .88rem; }
 .card .bar { flex: 1; margin: 0; }
 .card span:first-child { width: 4.5rem; }
-.card span:last-child { width: 5.5rem; text-align: right; white-space: nowrap; }
+.card span:last-child { width: 7.5rem; text-align: right; white-space: nowrap; }
 details { border: 1px solid var(--line); border-radius: .5rem; margin: .75rem 0; padding: 0 1rem; }
 summary { cursor: pointer; padding: .7rem 0; font-weight: 600; overflow-wrap: anywhere; }
 summary:focus-visible { outline: 2px solid var(--accent); outline-offset: 2px; }

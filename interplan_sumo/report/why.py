@@ -6,7 +6,7 @@ from interplan_sumo.batch.run_folder import Row
 
 TITLES = {
     "no_collision": "at-fault collision",
-    "drivable_area": "off the drivable area",
+    "drivable_area": "drivable area left",
     "making_progress": "no progress",
     "driving_direction": "wrong direction",
     "obstacle_passed": "obstacle not passed",

@@ -9,7 +9,7 @@ import numpy as np
 from interplan_sumo.planner import Past
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
-from interplan_sumo.world.geometry import wrap_angle
+from interplan_sumo.world.geometry import Polyline, wrap_angle
 from interplan_sumo.world.roads import Roads
 
 PAST_STEPS = 20
@@ -32,19 +32,24 @@ def backcast(roads: Roads, x_m: float, y_m: float, heading_rad: float, distances
         return poses
     arc_m, left_m = roads[lane].centerline.project_point(x_m, y_m)
     angle = _turn(roads, lane, x_m, y_m, heading_rad)
-    for row, distance_m in enumerate(distances_m):
-        back_m, here = arc_m - distance_m, lane
+    poses[:] = line_poses(roads[lane].centerline, arc_m - distances_m, left_m, angle)
+    for row in np.flatnonzero(distances_m > arc_m):
+        back_m, here = arc_m - distances_m[row], lane
         while back_m < 0.0 and roads.incoming(here):
             here = roads.incoming(here)[0]
             back_m += roads[here].centerline.length_m
-        line = roads[here].centerline
-        pose = line.pose_at(max(0.0, back_m), left_m)
-        missing_m = max(0.0, -back_m)
-        poses[row] = (
-            pose.x_m - missing_m * np.cos(pose.heading_rad),
-            pose.y_m - missing_m * np.sin(pose.heading_rad),
-            wrap_angle(pose.heading_rad + angle),
-        )
+        poses[row] = line_poses(roads[here].centerline, np.array([back_m]), left_m, angle)[0]
+    return poses
+
+
+def line_poses(line: Polyline, arc_m: np.ndarray, left_m: float, angle_rad: float) -> np.ndarray:
+    """(K, 3) poses beside a line; before its start, straight on backwards."""
+    poses = line.poses_at(arc_m)
+    heading = poses[:, 2]
+    missing_m = np.maximum(0.0, -arc_m)
+    poses[:, 0] -= left_m * np.sin(heading) + missing_m * np.cos(heading)
+    poses[:, 1] += left_m * np.cos(heading) - missing_m * np.sin(heading)
+    poses[:, 2] = wrap_angle(heading + angle_rad)
     return poses
 
 

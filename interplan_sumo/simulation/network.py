@@ -24,6 +24,13 @@ from defusedxml import DefusedXmlException
 from interplan_sumo.errors import MapError
 from interplan_sumo.world.geometry import Polyline
 
+SHAPE_TOLERANCE_M = 0.005
+"""Lane shapes are thinned out to this deviation: overlaps are judged to a hundredth of a car's width."""
+
+
+STRIP_M = 25.0
+"""Length of the pieces that lanes are searched in."""
+
 
 @dataclass(frozen=True, slots=True)
 class NetworkLink:
@@ -65,10 +72,37 @@ class NetworkLane:
         return position_m * self.line.length_m / self.length_m
 
     @cached_property
-    def polygon(self) -> shapely.Polygon:
-        """The strip of the lane's width along its line."""
-        strip = shapely.buffer(self.line.linestring, self.width_m / 2, cap_style="flat", join_style="mitre")
-        return strip if isinstance(strip, shapely.Polygon) else shapely.convex_hull(strip)  # type: ignore[return-value]
+    def strips(self) -> tuple[Strip, ...]:
+        """The lane in short pieces, upstream to downstream."""
+        line = self.line.resampled(STRIP_M)
+        delta = np.diff(line.points, axis=0) / np.diff(line.arc_m)[:, None]
+        unit = np.concatenate((delta[:1], delta[:-1] + delta[1:], delta[-1:]))
+        unit /= np.hypot(unit[:, 0], unit[:, 1])[:, None]
+        # A mitre, so that neighbouring strips share an edge and the sides stay half a width away from the line.
+        reach = self.width_m / 2.0 / np.maximum(0.5, (unit[1:] * delta).sum(axis=1))
+        across = np.stack((-unit[:, 1], unit[:, 0]), axis=1) * np.append(reach[:1], reach)[:, None]
+        left, right = line.points + across, line.points - across
+        strips: list[Strip] = []
+        first = 0
+        for last in range(1, len(line.points)):
+            if last == len(line.points) - 1 or line.arc_m[last + 1] - line.arc_m[first] > STRIP_M + 1e-9:
+                rows = slice(first, last + 1)
+                polygon = shapely.Polygon(np.concatenate((left[rows], right[rows][::-1])))
+                valid = polygon if polygon.is_valid else shapely.convex_hull(polygon)
+                strips.append(Strip(self, float(line.arc_m[first]), Polyline(line.points[rows]), valid))
+                first = last
+        return tuple(strips)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strip:
+    """A short piece of a lane: what is found and cut fast."""
+
+    lane: NetworkLane
+    start_m: float
+    """Arc length on the lane's line where the piece begins."""
+    line: Polyline
+    polygon: shapely.Geometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +119,15 @@ class Network:
     """State string of each traffic light's program at time 0."""
 
     @cached_property
-    def lane_tree(self) -> tuple[tuple[str, ...], shapely.STRtree]:
-        """Lane ids and a spatial index over their polygons."""
-        return tuple(self.lanes), shapely.STRtree([lane.polygon for lane in self.lanes.values()])
+    def strips(self) -> tuple[tuple[Strip, ...], shapely.STRtree]:
+        """All lanes in short pieces and a spatial index over them."""
+        strips = tuple(strip for lane in self.lanes.values() for strip in lane.strips)
+        return strips, shapely.STRtree([strip.polygon for strip in strips])
+
+    def lanes_at(self, x_m: float, y_m: float) -> frozenset[str]:
+        """Lanes that contain a point, in SUMO's frame."""
+        strips, tree = self.strips
+        return frozenset(strips[i].lane.id for i in tree.query(shapely.Point(x_m, y_m), predicate="intersects"))
 
     @cached_property
     def incoming(self) -> Mapping[str, tuple[NetworkLink, ...]]:
@@ -130,13 +170,24 @@ class Network:
 
     def on_route(self, lane: str, route: tuple[str, ...]) -> bool:
         """Whether a lane belongs to an edge of the route or to a way between two of its successive edges."""
-        here = self.lanes[lane]
-        if not here.internal:
-            return here.edge in route
-        pairs = set(pairwise(route))
-        return any(
-            (self.lanes[way.from_lane].edge, self.lanes[way.to_lane].edge) in pairs for way in self.ways_through(lane)
-        )
+        return lane in self.lanes_on(route)
+
+    def lanes_on(self, route: tuple[str, ...]) -> frozenset[str]:
+        """All lanes of a route's edges and of the ways between successive ones."""
+        found = self._lanes_on.get(route)
+        if found is None:
+            lanes = {lane for edge in route for lane in self.edges[edge]}
+            pairs = set(pairwise(route))
+            for lane in tuple(lanes):
+                for way in self.links[lane]:
+                    if (self.lanes[lane].edge, self.lanes[way.to_lane].edge) in pairs:
+                        lanes.update(way.via)
+            found = self._lanes_on[route] = frozenset(lanes)
+        return found
+
+    @cached_property
+    def _lanes_on(self) -> dict[tuple[str, ...], frozenset[str]]:
+        return {}
 
     def opens_freely(self, link: NetworkLink) -> bool:
         """Whether a car may drive through at time 0 without yielding."""
@@ -211,7 +262,7 @@ def _lane(edge: str, row: Mapping[str, Any], internal: bool) -> NetworkLane:
         id=row["id"],
         edge=edge,
         index=int(row["index"]),
-        line=Polyline(points),
+        line=Polyline(shapely.get_coordinates(shapely.simplify(shapely.LineString(points), SHAPE_TOLERANCE_M))),
         length_m=float(row["length"]),
         width_m=float(row.get("width", 3.2)),
         limit_mps=float(row["speed"]),

@@ -61,19 +61,28 @@ def blockages(network: Network, obstacles: Actors, origin_m: tuple[float, float]
         obstacles.length_m,
         obstacles.width_m,
     )
-    names, tree = network.lane_tree
     for box in boxes:
-        for hit in np.sort(tree.query(box, predicate="intersects")):
-            lane = network.lanes[names[hit]]
-            passage = shapely.buffer(lane.line.linestring, HALF_PASSAGE_M, cap_style="flat")
-            part = shapely.intersection(passage, box)
-            if lane.internal or part.is_empty or part.area < 1e-6:
-                continue
-            arcs, _ = lane.line.project(shapely.get_coordinates(part))
-            found.setdefault(lane.id, []).append(
-                (lane.position_of(float(arcs.min())), lane.position_of(float(arcs.max())))
-            )
+        for lane_id, (start_m, end_m) in _reaches(network, box).items():
+            found.setdefault(lane_id, []).append((start_m, end_m))
     return tuple(Blockage(lane, *span) for lane in sorted(found) for span in _merged(found[lane]))
+
+
+def _reaches(network: Network, box: shapely.Polygon) -> dict[str, tuple[float, float]]:
+    """Normal lanes whose passage a box reaches into, with the SUMO positions from and to."""
+    strips, tree = network.strips
+    reached: dict[str, tuple[float, float]] = {}
+    for hit in np.sort(tree.query(box, predicate="intersects")):
+        strip = strips[hit]
+        lane = strip.lane
+        part = shapely.intersection(shapely.buffer(strip.line.linestring, HALF_PASSAGE_M, cap_style="flat"), box)
+        if lane.internal or part.area < 1e-6:
+            continue
+        arcs, _ = strip.line.project(shapely.get_coordinates(part))
+        start_m = lane.position_of(strip.start_m + float(arcs.min()))
+        end_m = lane.position_of(strip.start_m + float(arcs.max()))
+        before = reached.get(lane.id, (start_m, end_m))
+        reached[lane.id] = (min(before[0], start_m), max(before[1], end_m))
+    return reached
 
 
 def _merged(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:

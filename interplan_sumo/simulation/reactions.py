@@ -22,13 +22,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from itertools import pairwise
+from math import cos, sin
 
 import numpy as np
 import shapely
 
+from interplan_sumo.simulation.anchor import LOCAL_M
 from interplan_sumo.simulation.idm import acceleration_mps2
-from interplan_sumo.simulation.network import Network, NetworkLink
+from interplan_sumo.simulation.network import Network, NetworkLane, NetworkLink
 from interplan_sumo.simulation.vehicle_types import VehicleType
+from interplan_sumo.world.geometry import Floats, Polyline
 
 FULLY_MERGED = 0.98
 """Overlap from which the ego counts as fully merged: a box never lies to the last per cent in one lane."""
@@ -77,6 +81,8 @@ class EgoOnNetwork:
     speed_mps: float
     straddles: bool
     """Whether part of the box lies outside the anchor lane and its continuations."""
+    alone: bool = False
+    """Whether the box lies wholly inside the anchor lane and nowhere else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,28 +119,57 @@ class Decision:
     """The speed to impose for the next step; None: SUMO's own."""
 
 
+def cover_of_one_lane(
+    lane: NetworkLane, near_m: float, corners: Floats, velocity_mps: tuple[float, float]
+) -> dict[str, Cover] | None:
+    """What a box (4, 2) in SUMO's frame covers if it lies wholly inside one normal lane; None if it does not.
+
+    The quick way for most steps: normal lanes do not overlap, so there is
+    nothing else to find. `near_m` is a lane position within a box length.
+    """
+    if lane.internal:
+        return None
+    here_m = lane.arc_of(near_m)
+    arcs, lateral = lane.line.project(corners, (here_m - LOCAL_M, here_m + LOCAL_M))
+    first, last = float(arcs.min()), float(arcs.max())
+    if max(-lateral.min(), lateral.max()) > lane.width_m / 2.0 or first <= 0.0 or last >= lane.line.length_m:
+        return None
+    return {
+        lane.id: Cover(
+            1.0, lane.position_of(first), lane.position_of(last), _along(lane.line, first, last, velocity_mps)
+        )
+    }
+
+
+def _along(line: Polyline, first_m: float, last_m: float, velocity_mps: tuple[float, float]) -> float:
+    """The part of a velocity along a line at the middle between two arc lengths."""
+    heading = line.segment_heading_rad[line.arc_m[1:-1].searchsorted((first_m + last_m) / 2.0)]
+    return velocity_mps[0] * cos(heading) + velocity_mps[1] * sin(heading)
+
+
 def cover(network: Network, box: shapely.Polygon, velocity_mps: tuple[float, float]) -> dict[str, Cover]:
     """What a box in SUMO's frame covers of each lane; `velocity_mps` is the ego's, in the same frame."""
-    names, tree = network.lane_tree
-    hits = np.sort(tree.query(box, predicate="intersects"))
-    if not hits.size:
-        return {}
+    strips, tree = network.strips
+    hits = np.sort(tree.query(box))
     parts = shapely.intersection(tree.geometries[hits], box)
     shares = shapely.area(parts) / box.area
     covers: dict[str, Cover] = {}
-    for hit, part, share in zip(hits, parts, shares, strict=True):
-        if share <= _TOUCH:
-            continue
-        lane = network.lanes[names[hit]]
-        arcs, _ = lane.line.project(shapely.get_coordinates(part))
+    for i in np.flatnonzero(shares > _TOUCH):
+        strip = strips[hits[i]]
+        lane = strip.lane
+        arcs, _ = strip.line.project(shapely.get_coordinates(parts[i]))
         first, last = float(arcs.min()), float(arcs.max())
-        along = lane.line.segment_heading_rad[np.searchsorted(lane.line.arc_m[1:-1], (first + last) / 2)]
-        covers[lane.id] = Cover(
-            share=float(share),
-            start_m=lane.position_of(first),
-            end_m=lane.position_of(last),
-            speed_mps=velocity_mps[0] * float(np.cos(along)) + velocity_mps[1] * float(np.sin(along)),
-        )
+        start_m, end_m = lane.position_of(strip.start_m + first), lane.position_of(strip.start_m + last)
+        before = covers.get(lane.id)
+        if before is None:
+            covers[lane.id] = Cover(float(shares[i]), start_m, end_m, _along(strip.line, first, last, velocity_mps))
+        else:
+            share, start_m, end_m = (
+                before.share + float(shares[i]),
+                min(start_m, before.start_m),
+                max(end_m, before.end_m),
+            )
+            covers[lane.id] = Cover(share, start_m, end_m, before.speed_mps)
     return covers
 
 
@@ -184,8 +219,11 @@ def _link_onward(network: Network, lane: str, route: tuple[str, ...]) -> Network
 
 
 def _link_through(network: Network, internal: str, route: tuple[str, ...]) -> NetworkLink | None:
-    ways = network.ways_through(internal)
-    return next((way for way in ways if network.on_route(internal, route)), None)
+    pairs = set(pairwise(route))
+    for way in network.ways_through(internal):
+        if (network.lanes[way.from_lane].edge, network.lanes[way.to_lane].edge) in pairs:
+            return way
+    return None
 
 
 def decide(

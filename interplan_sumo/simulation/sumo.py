@@ -7,8 +7,7 @@ lane; its true pose is kept by the closed loop and never read back.
 from __future__ import annotations
 
 import os
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import cos, degrees, isfinite, pi, sin
 from typing import Any
@@ -63,13 +62,20 @@ _KINDS = {"pedestrian": ActorKind.PEDESTRIAN, "bicycle": ActorKind.BICYCLE}
 _is_open = False
 
 
-@contextmanager
-def _commanding(what: str) -> Generator[None]:
-    """Turn whatever libsumo raises inside into a TrafficError that names the command."""
-    try:
-        yield
-    except (sumo.TraCIException, sumo.FatalTraCIError, TypeError) as error:
-        raise TrafficError(f"SUMO failed at {what}: {error}") from error
+class _Commanding:
+    """Turns whatever libsumo raises inside into a TrafficError that names the command."""
+
+    __slots__ = ("_what",)
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+
+    def __enter__(self) -> None:
+        """Nothing to prepare."""
+
+    def __exit__(self, _kind: object, error: BaseException | None, _where: object) -> None:
+        if isinstance(error, sumo.TraCIException | sumo.FatalTraCIError | TypeError):
+            raise TrafficError(f"SUMO failed at {self._what}: {error}") from error
 
 
 class SumoTraffic:
@@ -115,6 +121,7 @@ class SumoTraffic:
         self._ego_route = ego_route
         self._first_reaction = True
         self._started = False
+        self._calm: EgoOnNetwork | None = None
         self._signals: Signals | None = None
         self._signal_states: tuple[str, ...] = ()
         command = [
@@ -123,7 +130,7 @@ class SumoTraffic:
             "--lanechange.duration", "3", "--default.speeddev", "0", "--no-step-log", "true",
             "--no-warnings", "true", "--xml-validation", "never", "--xml-validation.net", "never",
         ]  # fmt: skip
-        with _commanding(f"start with {network.path.name} and {types.path.name}"):
+        with _Commanding(f"start with {network.path.name} and {types.path.name}"):
             sumo.start(command)
         _is_open = True
         try:
@@ -156,6 +163,7 @@ class SumoTraffic:
         self._names = [f"a{i}" for i in range(len(spawns))]
         self._tokens = dict(zip(self._names, tokens, strict=True))
         self._drivers = {name: drivers[s.driver.id] for name, s in zip(self._names, spawns, strict=True)}
+        self._anticipations_s = tuple(sorted({d.anticipation_s for d in self._drivers.values()} - {0.0}))
         self._behaviours = {
             self._tokens[name]: types.path.stem if driver.id == ENTRY else driver.id
             for name, driver in self._drivers.items()
@@ -165,7 +173,7 @@ class SumoTraffic:
         self._watchers: dict[str, set[str]] = {}
         for name, each in zip(self._names, spawns, strict=True):
             lane = self._network.lanes[each.lane]
-            with _commanding(f"vehicle.add of an agent of type {each.driver.id!r} on lane {each.lane}"):
+            with _Commanding(f"vehicle.add of an agent of type {each.driver.id!r} on lane {each.lane}"):
                 sumo.route.add(name, each.route)
                 sumo.vehicle.add(
                     name, name, each.driver.id, departLane=str(lane.index), departPos=f"{each.position_m:.6f}",
@@ -180,7 +188,7 @@ class SumoTraffic:
             name, lane = f"obstacle{i}", self._network.lanes[each.lane]
             length_m = max(0.5, each.end_m - each.start_m)
             front_m = min(max(each.end_m, length_m), lane.length_m)
-            with _commanding(f"blocking lane {each.lane} at {each.start_m:.1f} m"):
+            with _Commanding(f"blocking lane {each.lane} at {each.start_m:.1f} m"):
                 sumo.vehicletype.copy("DEFAULT_VEHTYPE", name)
                 sumo.vehicletype.setLength(name, length_m)
                 sumo.route.add(name, (lane.edge,))
@@ -192,7 +200,7 @@ class SumoTraffic:
 
     def _as_loaded(self, driver: VehicleType) -> VehicleType:
         """The type with the numbers that SUMO uses, its class defaults included."""
-        with _commanding(f"reading vType {driver.id!r}"):
+        with _Commanding(f"reading vType {driver.id!r}"):
             get = sumo.vehicletype
             return replace(
                 driver,
@@ -222,7 +230,7 @@ class SumoTraffic:
         self._widths_m = np.concatenate(([d.width_m for d in drivers], *(a.width_m for a in others)))[self._order]
 
     def _add_ego(self, ego: EgoState) -> None:
-        with _commanding("adding the ego"):
+        with _Commanding("adding the ego"):
             kind = sumo.vehicletype
             kind.copy("DEFAULT_VEHTYPE", EGO_TYPE)
             kind.setLength(EGO_TYPE, self._shape.length_m)
@@ -266,7 +274,7 @@ class SumoTraffic:
             rest = ([getattr(actors, name) for actors in others] for name in names)
             columns = [np.concatenate((column, *more)) for column, more in zip(columns, rest, strict=True)]
         x_m, y_m, heading_rad, vx_mps, vy_mps = (column[self._order] for column in columns)
-        actors = Actors(
+        actors = Actors.trusted(
             self._ids_in_order, self._kinds, x_m, y_m, heading_rad, self._lengths_m, self._widths_m, vx_mps, vy_mps
         )
         return Scene(actors, self._read_signals())
@@ -274,32 +282,43 @@ class SumoTraffic:
     def react(self, ego: EgoState) -> None:
         if not self._with_ego:
             return
+        walkers: list[Mapping[str, reactions.Cover]] = []
         if self._crowd is not None:
             self._crowd.notice(ego, self._shape)
+            areas = self._crowd.foreseen(self._origin)
+            walkers = [reactions.cover(self._network, area, (0.0, 0.0)) for area in areas]
         on_network, ahead = self._on_network(ego)
-        concerned = set(self._memory)
-        for lane in (*on_network.covers, *(lane for covers in ahead.values() for lane in covers)):
-            concerned |= self._watchers.get(lane, set())
-        if on_network.anchor_lane is not None:
-            concerned |= self._watchers.get(on_network.anchor_lane, set())
-        walkers = [
-            reactions.cover(self._network, area, (0.0, 0.0))
-            for area in (self._crowd.foreseen(self._origin) if self._crowd is not None else ())
-        ]
-        for covered in walkers:
-            for lane in covered:
-                concerned |= self._watchers.get(lane, set())
-        concerned |= self._treated.keys()
-        agents = [self._agent(row, name) for row, name in enumerate(self._present) if name in concerned]
-        decisions = reactions.decide(agents, on_network, ahead, self._memory, DT_S, at_start=self._first_reaction)
-        if walkers:
-            decisions = reactions.stop_for(agents, walkers, decisions, DT_S)
+        calm = on_network.alone and ego.speed_mps >= 0.0 and not (walkers or self._treated or self._frozen)
+        if calm and not self._first_reaction:
+            self._calm = on_network  # SUMO does by itself what would be decided; catch up when that ends
+            return
+        if self._calm is not None:
+            self._decide(self._calm, {})
+            self._calm = None
+        decisions = self._decide(on_network, ahead, walkers)
+        self._first_reaction = False
         for name in self._treated.keys() - decisions.keys():
             decisions[name] = reactions.Decision(Treatment.LEAVE, 0.0, False)
-        self._first_reaction = False
         for name, decision in decisions.items():
             self._treat(name, decision)
         self._freeze(ego, on_network)
+
+    def _decide(
+        self,
+        on_network: EgoOnNetwork,
+        ahead: Mapping[float, Mapping[str, reactions.Cover]],
+        walkers: Sequence[Mapping[str, reactions.Cover]] = (),
+    ) -> dict[str, reactions.Decision]:
+        """What each agent that the ego or a pedestrian may concern does about it."""
+        concerned = self._memory.keys() | self._treated.keys()
+        for covers in (on_network.covers, *ahead.values(), *walkers):
+            for lane in covers:
+                concerned |= self._watchers.get(lane, set())
+        if on_network.anchor_lane is not None:
+            concerned |= self._watchers.get(on_network.anchor_lane, set())
+        agents = [self._agent(row, name) for row, name in enumerate(self._present) if name in concerned]
+        decisions = reactions.decide(agents, on_network, ahead, self._memory, DT_S, at_start=self._first_reaction)
+        return reactions.stop_for(agents, walkers, decisions, DT_S) if walkers else decisions
 
     def place_ego(self, ego: EgoState) -> None:
         if not self._with_ego:
@@ -311,7 +330,7 @@ class SumoTraffic:
         front = (x_m + reach_m * cos(heading_rad), y_m + reach_m * sin(heading_rad))
         anchor = find_anchor(self._network, front, heading_rad, self._anchor, self._ego_route)
         self._anchor = anchor
-        with _commanding(f"moveToXY of the ego to ({ego.x_m:.2f}, {ego.y_m:.2f})"):
+        with _Commanding(f"moveToXY of the ego to ({ego.x_m:.2f}, {ego.y_m:.2f})"):
             sumo.vehicle.setSpeed(EGO, max(0.0, speed_mps))
             if anchor is None:
                 sumo.vehicle.moveToXY(EGO, "", -1, *front, _navigation_deg(heading_rad), ANYWHERE)
@@ -322,7 +341,7 @@ class SumoTraffic:
             sumo.vehicle.moveToXY(EGO, lane.edge, lane.index, anchor.x_m, anchor.y_m, angle_deg, keep)
 
     def advance(self) -> None:
-        with _commanding("simulationStep"):
+        with _Commanding("simulationStep"):
             sumo.simulationStep()
             arrived = sumo.simulation.getArrivedIDList()
         if self._crowd is not None and self._started:
@@ -341,7 +360,7 @@ class SumoTraffic:
     def _read(self) -> None:
         """Read all agents in one pass over plain getters, which are faster than subscriptions."""
         vehicle = sumo.vehicle
-        with _commanding("reading the agents"):
+        with _Commanding("reading the agents"):
             position = vehicle.getPosition
             fronts = [position(name) for name in self._present]
             angles = [vehicle.getAngle(name) for name in self._present]
@@ -361,7 +380,7 @@ class SumoTraffic:
                     self._watchers.setdefault(each, set()).add(name)
 
     def _read_signals(self) -> Signals:
-        with _commanding("reading the lights"):
+        with _Commanding("reading the lights"):
             states = tuple(sumo.trafficlight.getRedYellowGreenState(light) for light in self._light_ids)
         if self._signals is None or states != self._signal_states:
             self._signal_states = states
@@ -385,34 +404,34 @@ class SumoTraffic:
 
     def _on_network(self, ego: EgoState) -> tuple[EgoOnNetwork, dict[float, Mapping[str, reactions.Cover]]]:
         corners = ego.corners(self._shape) - self._origin
-        box = shapely.Polygon(corners)
         heading = ego.heading_rad
         velocity = (
             ego.vx_mps * cos(heading) - ego.vy_mps * sin(heading),
             ego.vx_mps * sin(heading) + ego.vy_mps * cos(heading),
         )
-        covers = reactions.cover(self._network, box, velocity)
-        names, tree = self._network.lane_tree
-        at = tree.query(shapely.Point(ego.x_m - self._origin[0], ego.y_m - self._origin[1]), predicate="within")
-        times = {driver.anticipation_s for driver in self._drivers.values()} - {0.0}
-        ahead: dict[float, Mapping[str, reactions.Cover]] = {
-            time_s: reactions.cover(self._network, reactions.swept(box, velocity, time_s), velocity) for time_s in times
-        }
         anchor = self._anchor
-        own = self._network.continuations(anchor.lane) if anchor is not None else frozenset[str]()
-        inside = sum(part.share for lane, part in covers.items() if lane in own)
-        return EgoOnNetwork(
-            covers=covers,
-            centre_lanes=frozenset(names[i] for i in at),
-            anchor_lane=anchor.lane if anchor is not None else None,
-            anchor_position_m=anchor.position_m if anchor is not None else 0.0,
-            speed_mps=ego.speed_mps,
-            straddles=inside < reactions.FULLY_MERGED,
-        ), ahead
+        lane = anchor.lane if anchor is not None else None
+        position_m = anchor.position_m if anchor is not None else 0.0
+        if lane is not None and not self._anticipations_s:
+            alone = reactions.cover_of_one_lane(self._network.lanes[lane], position_m, corners, velocity)
+            if alone is not None:
+                centre = frozenset((lane,))
+                return EgoOnNetwork(alone, centre, lane, position_m, ego.speed_mps, False, alone=True), {}
+        box = shapely.Polygon(corners)
+        covers = reactions.cover(self._network, box, velocity)
+        ahead: dict[float, Mapping[str, reactions.Cover]] = {
+            time_s: reactions.cover(self._network, reactions.swept(box, velocity, time_s), velocity)
+            for time_s in self._anticipations_s
+        }
+        own = self._network.continuations(lane) if lane is not None else frozenset[str]()
+        inside = sum(part.share for name, part in covers.items() if name in own)
+        centre_lanes = self._network.lanes_at(ego.x_m - self._origin[0], ego.y_m - self._origin[1])
+        straddles = inside < reactions.FULLY_MERGED
+        return EgoOnNetwork(covers, centre_lanes, lane, position_m, ego.speed_mps, straddles), ahead
 
     def _agent(self, row: int, name: str) -> Agent:
         lane, ahead = self._corridors[name]
-        with _commanding(f"reading agent {name}"):
+        with _Commanding(f"reading agent {name}"):
             position_m = sumo.vehicle.getLanePosition(name)
         limit_mps = self._network.lanes[lane].limit_mps if lane else 0.0
         return Agent(name, self._drivers[name], position_m, float(self._speed_mps[row]), limit_mps, ahead)
@@ -421,7 +440,7 @@ class SumoTraffic:
         ignored, imposed = self._treated.get(name, (False, False))
         ignore, impose = decision.treatment is Treatment.IGNORE, decision.speed_mps is not None
         vehicle = sumo.vehicle
-        with _commanding(f"treating agent {name}: {decision.treatment.value}"):
+        with _Commanding(f"treating agent {name}: {decision.treatment.value}"):
             if ignore != ignored:
                 vehicle.setParameter(name, "carFollowModel.ignoreIDs", EGO if ignore else "")
                 vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore else "")
@@ -447,7 +466,7 @@ class SumoTraffic:
             dy = self._front_y + self._origin[1] - ego.y_m
             near = np.flatnonzero(dx * dx + dy * dy <= FREEZE_RADIUS_M**2)
             wanted = {self._present[i] for i in near if not self._drivers[self._present[i]].swerve}
-        with _commanding("setLaneChangeMode"):
+        with _Commanding("setLaneChangeMode"):
             for name in sorted(wanted - self._frozen):
                 sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_NONE)
             for name in sorted(self._frozen - wanted):

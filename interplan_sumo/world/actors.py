@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from operator import ge
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +31,9 @@ class ActorKind(IntEnum):
         return self <= ActorKind.BICYCLE
 
 
+_COLUMNS = ("kind", "x_m", "y_m", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps")
+
+
 @dataclass(frozen=True, eq=False)
 class Actors:
     """Everything but the ego, at one instant: one row per actor.
@@ -49,14 +54,23 @@ class Actors:
     vy_mps: Floats  # (N,)
 
     def __post_init__(self) -> None:
-        for column in fields(self)[1:]:
-            dtype = np.int8 if column.name == "kind" else np.float64
-            array = frozen(getattr(self, column.name), dtype)
+        for name in _COLUMNS:
+            array = frozen(getattr(self, name), np.int8 if name == "kind" else np.float64)
             if array.shape != (len(self.ids),):
-                raise ValueError(f"Actors.{column.name} has shape {array.shape}, expected ({len(self.ids)},)")
-            object.__setattr__(self, column.name, array)
-        if any(a >= b for a, b in zip(self.ids, self.ids[1:], strict=False)):
+                raise ValueError(f"Actors.{name} has shape {array.shape}, expected ({len(self.ids)},)")
+            object.__setattr__(self, name, array)
+        if any(map(ge, self.ids, self.ids[1:])):
             raise ValueError("Actors.ids must be unique and sorted")
+
+    @classmethod
+    def trusted(cls, ids: tuple[str, ...], *columns: NDArray[Any]) -> Actors:
+        """Actors without the checks, for rows known to be good: sorted, columns in order of the fields."""
+        actors = object.__new__(cls)
+        object.__setattr__(actors, "ids", ids)
+        for name, column in zip(_COLUMNS, columns, strict=True):
+            column.setflags(write=False)
+            object.__setattr__(actors, name, column)
+        return actors
 
     @classmethod
     def none(cls) -> Actors:
@@ -85,9 +99,12 @@ class Actors:
     def only(self, keep: ArrayLike) -> Actors:
         """The rows selected by a boolean mask (N,) or by increasing indices."""
         rows = np.arange(len(self))[np.asarray(keep)]
-        columns = {c.name: getattr(self, c.name)[rows] for c in fields(self)[1:]}
-        return Actors(tuple(self.ids[i] for i in rows), **columns)
+        if len(rows) == len(self):
+            return self
+        columns = [getattr(self, name)[rows] for name in _COLUMNS]
+        return Actors.trusted(tuple([self.ids[i] for i in rows.tolist()]), *columns)
 
     def within(self, x_m: float, y_m: float, radius_m: float) -> Actors:
         """The actors whose centre lies within `radius_m` of a point."""
-        return self.only(np.hypot(self.x_m - x_m, self.y_m - y_m) <= radius_m)
+        dx, dy = self.x_m - x_m, self.y_m - y_m
+        return self.only(dx * dx + dy * dy <= radius_m * radius_m)

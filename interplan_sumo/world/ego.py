@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cos, sin
 
 import numpy as np
 import shapely
 
-from interplan_sumo.world.geometry import Floats, Pose, box_corners
+from interplan_sumo.world.geometry import Floats, Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,15 +61,21 @@ class EgoState:
     def rear_axle(self, shape: EgoShape) -> Pose:
         """Pose of the rear axle."""
         d = shape.rear_axle_to_center_m
-        return Pose(
-            float(self.x_m - d * np.cos(self.heading_rad)),
-            float(self.y_m - d * np.sin(self.heading_rad)),
-            self.heading_rad,
-        )
+        return Pose(self.x_m - d * cos(self.heading_rad), self.y_m - d * sin(self.heading_rad), self.heading_rad)
 
     def corners(self, shape: EgoShape) -> Floats:
         """(4, 2) box corners: front left, rear left, rear right, front right."""
-        return box_corners(self.x_m, self.y_m, self.heading_rad, shape.length_m, shape.width_m)[0]
+        c, s = cos(self.heading_rad), sin(self.heading_rad)
+        ahead_x, ahead_y = c * shape.length_m / 2, s * shape.length_m / 2
+        left_x, left_y = -s * shape.width_m / 2, c * shape.width_m / 2
+        return np.array(
+            (
+                (self.x_m + ahead_x + left_x, self.y_m + ahead_y + left_y),
+                (self.x_m - ahead_x + left_x, self.y_m - ahead_y + left_y),
+                (self.x_m - ahead_x - left_x, self.y_m - ahead_y - left_y),
+                (self.x_m + ahead_x - left_x, self.y_m + ahead_y - left_y),
+            )
+        )
 
     def polygon(self, shape: EgoShape) -> shapely.Polygon:
         """The box as a shapely polygon."""

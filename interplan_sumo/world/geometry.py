@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import copysign, cos, hypot, sin
 from typing import Any
 
 import numpy as np
@@ -89,13 +90,23 @@ class Polyline:
         headings = np.append(self.segment_heading_rad, self.segment_heading_rad[-1])
         return frozen(np.unwrap(headings))
 
-    def project(self, xy: ArrayLike) -> tuple[Floats, Floats]:
-        """Arc length (K,) and signed lateral offset (K,), left positive, of the nearest point for each of (K, 2)."""
+    @cached_property
+    def _segments(self) -> tuple[Floats, Floats, Floats]:
+        """(N-1, 2) starts, (N-1, 2) unit directions and (N-1,) lengths of the segments."""
+        lengths = self.arc_m[1:] - self.arc_m[:-1]
+        return self.points[:-1], (self.points[1:] - self.points[:-1]) / lengths[:, None], lengths
+
+    def project(self, xy: ArrayLike, between_m: tuple[float, float] | None = None) -> tuple[Floats, Floats]:
+        """Arc length (K,) and signed lateral offset (K,), left positive, of the nearest point for each of (K, 2).
+
+        `between_m` looks only at the segments that reach into this stretch.
+        """
         at = np.atleast_2d(np.asarray(xy, dtype=np.float64))
-        start = self.points[:-1]
-        delta = self.points[1:] - start
-        lengths = np.diff(self.arc_m)
-        unit = delta / lengths[:, None]
+        start, unit, lengths = self._segments
+        arc_m = self.arc_m
+        if between_m is not None:
+            rows = self._rows(*between_m)
+            start, unit, lengths, arc_m = start[rows], unit[rows], lengths[rows], arc_m[rows.start :]
         rel_x = at[:, None, 0] - start[None, :, 0]
         rel_y = at[:, None, 1] - start[None, :, 1]
         along = np.clip(rel_x * unit[:, 0] + rel_y * unit[:, 1], 0.0, lengths)
@@ -106,12 +117,29 @@ class Polyline:
         rows = np.arange(len(at))
         side = unit[nearest, 0] * off_y[rows, nearest] - unit[nearest, 1] * off_x[rows, nearest]
         lateral = np.copysign(np.sqrt(distance2[rows, nearest]), side)
-        return self.arc_m[nearest] + along[rows, nearest], lateral
+        return arc_m[nearest] + along[rows, nearest], lateral
 
-    def project_point(self, x_m: float, y_m: float) -> tuple[float, float]:
+    def _rows(self, start_m: float, end_m: float) -> slice:
+        """The segments that reach into a stretch; at least one."""
+        last = len(self.points) - 2
+        first = min(max(int(self.arc_m.searchsorted(start_m, side="right")) - 1, 0), last)
+        return slice(first, min(max(int(self.arc_m.searchsorted(end_m)) - 1, first), last) + 1)
+
+    def project_point(
+        self, x_m: float, y_m: float, between_m: tuple[float, float] | None = None
+    ) -> tuple[float, float]:
         """`project` for one point."""
-        arc, lateral = self.project((x_m, y_m))
-        return float(arc[0]), float(lateral[0])
+        start, unit, lengths = self._segments
+        arc_m = self.arc_m
+        if between_m is not None:
+            rows = self._rows(*between_m)
+            start, unit, lengths, arc_m = start[rows], unit[rows], lengths[rows], arc_m[rows.start :]
+        rel_x, rel_y = x_m - start[:, 0], y_m - start[:, 1]
+        along = np.minimum(np.maximum(rel_x * unit[:, 0] + rel_y * unit[:, 1], 0.0), lengths)
+        off_x, off_y = rel_x - along * unit[:, 0], rel_y - along * unit[:, 1]
+        i = int((off_x * off_x + off_y * off_y).argmin())
+        x, y = float(off_x[i]), float(off_y[i])
+        return float(arc_m[i] + along[i]), copysign(hypot(x, y), unit[i, 0] * y - unit[i, 1] * x)
 
     def poses_at(self, arc_m: ArrayLike) -> Floats:
         """(K, 3) x, y and heading at arc lengths (K,), which are clamped to the line.
@@ -130,10 +158,16 @@ class Polyline:
 
     def pose_at(self, arc_m: float, left_m: float = 0.0) -> Pose:
         """The pose at one arc length, moved `left_m` to the left of the line."""
-        x_m, y_m, heading = self.poses_at(arc_m)[0]
+        at = min(max(arc_m, 0.0), self.length_m)
+        i = min(max(int(self.arc_m.searchsorted(at, side="right")) - 1, 0), len(self.points) - 2)
+        first, last = float(self.arc_m[i]), float(self.arc_m[i + 1])
+        share = (at - first) / (last - first)
+        (x, y), (next_x, next_y) = self.points[i].tolist(), self.points[i + 1].tolist()
+        here, there = self.vertex_heading_rad[i : i + 2].tolist()
+        heading = here + share * (there - here)
         return Pose(
-            float(x_m - left_m * np.sin(heading)),
-            float(y_m + left_m * np.cos(heading)),
+            x + share * (next_x - x) - left_m * sin(heading),
+            y + share * (next_y - y) + left_m * cos(heading),
             float(wrap_angle(heading)),
         )
 

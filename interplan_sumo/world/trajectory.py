@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from interplan_sumo.world.geometry import Floats, Pose, frozen, wrap_angle
+
+_COLUMNS = ("time_s", "x_m", "y_m", "heading_rad", "speed_mps")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,21 +27,21 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         count = np.size(self.time_s)
-        for column in fields(self):
-            value = getattr(self, column.name)
+        for name in _COLUMNS:
+            value = getattr(self, name)
             if value is None:
                 continue
             array = frozen(value)
             if array.shape != (count,):
-                raise ValueError(f"Trajectory.{column.name} has shape {array.shape}, expected ({count},)")
-            object.__setattr__(self, column.name, array)
+                raise ValueError(f"Trajectory.{name} has shape {array.shape}, expected ({count},)")
+            object.__setattr__(self, name, array)
         if count < 2:
             raise ValueError(f"a Trajectory needs at least two poses, got {count}")
-        for column in fields(self):
-            value = getattr(self, column.name)
+        for name in _COLUMNS:
+            value = getattr(self, name)
             if value is not None and not np.isfinite(value).all():
-                raise ValueError(f"Trajectory.{column.name} holds a number that is not finite")
-        if not (np.diff(self.time_s) > 0.0).all():
+                raise ValueError(f"Trajectory.{name} holds a number that is not finite")
+        if not (self.time_s[1:] > self.time_s[:-1]).all():
             raise ValueError("Trajectory.time_s must increase from sample to sample")
 
     def __len__(self) -> int:

@@ -235,9 +235,7 @@ def test_a_map_that_breaks_a_rule_is_not_written(city: Roads, tmp_path: Path) ->
     one, other = list(city.lanes.values())[:2]
     lanes = dict(city.lanes) | {other.id: replace(other, polygon=one.polygon)}
     path = tmp_path / "map.gpkg"
-    with pytest.raises(
-        MapError, match=f"map grid cannot be written: lanes_polygons {one.id}: overlaps {other.id} by 3.2"
-    ):
+    with pytest.raises(MapError, match=f"map grid cannot be written: lanes_polygons {one.id}: overlaps {other.id} by"):
         write_map(replace(city, lanes=lanes), path)
     assert list(tmp_path.iterdir()) == []
 
@@ -353,8 +351,9 @@ def test_a_small_fold_is_cut_off_with_a_line_in_the_log(
     path = shutil.copyfile(file, tmp_path / "map.gpkg")
     with edited(path) as tables:
         ring = np.array(geometry_in(tables, "lanes_polygons", int(lane.id)).exterior.coords)[:-1]
-        ring[[4, 5]] = ring[[5, 4]]
-        ring[4] += (ring[-5] - ring[4]) * 0.05
+        metre, width = ring[1] - ring[0], ring[-1] - ring[0]
+        loop = ring[0] + np.array([5 * metre, 5 * metre + 0.1 * width, 4 * metre - 0.1 * width])
+        ring = np.concatenate((ring[:4], loop, ring[6:]))
         tables.execute("UPDATE lanes_polygons SET geom = ? WHERE fid = ?", (blob(shapely.Polygon(ring)), int(lane.id)))
     with caplog.at_level(logging.WARNING, logger="interplan_sumo"):
         roads = read_map(path)

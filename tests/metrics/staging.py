@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import Area, Connector, Lane, Roadblock, Roads
@@ -28,9 +28,8 @@ def facts_of(
     roads: Roads,
     expert: EgoTrack = NOBODY,
     scenario: Scenario | None = None,
-    obstacle_corners: tuple[Floats, ...] = (),
 ) -> Facts:
-    return Facts(trace, roads, expert, scenario, obstacle_corners)
+    return Facts(trace, roads, expert, scenario)
 
 
 def scenario_on(
@@ -40,10 +39,15 @@ def scenario_on(
     *,
     family: str = "lane_change_ltd",
     exempt: tuple[str, ...] = (),
+    obstacles: tuple[Obstacle, ...] = (),
+    jaywalkers: tuple[Jaywalker, ...] = (),
 ) -> Scenario:
     """A scenario through all roadblocks of a tiny road, in order."""
     route = tuple(sorted(roads.roadblocks, key=int))
-    return Scenario(f"{family}/0", family, roads.name, LanePlace(*start), 10.0, LanePlace(*goal), route, exempt=exempt)
+    return Scenario(
+        f"{family}/0", family, roads.name, LanePlace(*start), 10.0, LanePlace(*goal), route,
+        obstacles=obstacles, jaywalkers=jaywalkers, exempt=exempt,
+    )  # fmt: skip
 
 
 def drive_at(

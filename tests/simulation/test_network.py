@@ -6,6 +6,7 @@ import gzip
 from pathlib import Path
 
 import pytest
+import shapely
 from networks import NETWORK_FILE, two_way_road
 
 from interplan_sumo.errors import MapError
@@ -17,7 +18,9 @@ def test_lanes_links_and_the_other_direction_are_read() -> None:
     assert network.edges["e0"] == ("e0_0", "e0_1", "e0_2")
     (link,) = network.links["e0_1"]
     assert (link.to_lane, link.via, link.major, link.light) == ("e1_1", (":B_1_1",), True, None)
-    assert network.lanes["e0_1"].polygon.bounds == pytest.approx((0.0, -7.0, 400.0, -3.5))
+    area = shapely.union_all([strip.polygon for strip in network.lanes["e0_1"].strips])
+    assert area.bounds == pytest.approx((0.0, -7.0, 400.0, -3.5))
+    assert network.lanes_at(100.0, -5.0) == {"e0_1"}
     assert network.continuations("e0_1") == {"e0_1", ":B_1_1", "e1_1"}
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-import shapely
 from networks import LANE_Y, two_way_road
 
 from interplan_sumo.simulation import reactions
@@ -28,8 +27,7 @@ def follower(overlap: float, lane: str = "e0_1", position_m: float = 60.0, antic
 def seen(y_m: float, anchor: str, speed_mps: float = 8.0, x_m: float = 100.0, heading_rad: float = 0.0) -> EgoOnNetwork:
     ego = EgoState(0.0, x_m, y_m, heading_rad, vx_mps=speed_mps)
     covers = reactions.cover(NETWORK, ego.polygon(PACIFICA), (speed_mps, 0.0))
-    centre = {n for n, lane in NETWORK.lanes.items() if lane.polygon.contains(shapely.Point(x_m, y_m))}
-    return EgoOnNetwork(covers, frozenset(centre), anchor, x_m + 2.6, speed_mps, True)
+    return EgoOnNetwork(covers, NETWORK.lanes_at(x_m, y_m), anchor, x_m + 2.6, speed_mps, True)
 
 
 def decision(agent: Agent, ego: EgoOnNetwork, memory: dict[str, Attention] | None = None, **rest: bool) -> Decision:

@@ -1,54 +1,46 @@
-"""From a plan to `Roads`: lanes, connectors, junctions, stop lines and the surfaces around them.
-
-Ids say where a thing belongs, so that an edit of one road leaves the others' alone:
-
-- roadblock `RRDPP`: road number, direction (1 forward, 2 backward), piece along it
-- lane `RRDPPI`: its roadblock and its index from the left
-- connector `RRDPPIXT`: the lane it leaves, the exit (0 straight on to the next piece, 9 a ramp,
-  else the arm of the junction), the index of the lane it enters
-- roadblock connector `RRDPPX`; stop line `RRDPPG` with G the group of lanes (0 main, 1 inner and 2 kerb pocket)
-- intersection: the number of the junction, or the roadblock before the joint
-"""
+"""From a plan to `Roads`: every road, joint and junction on the ground."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.districts.geometry import Course, beside, smooth_step, turn
-from interplan_sumo.maps.districts.kerb import bus_bays, parking_strips, sidewalks
-from interplan_sumo.maps.districts.layout import Arm, Block, Joint, Layout, Strip, layout
+from interplan_sumo.maps.districts.drawing import (
+    NEXT_PIECE,
+    OVERLAP_M,
+    RAMP,
+    Drawing,
+    block_id,
+    connect,
+    draw_intersection,
+    draw_stop_line,
+    group_connectors,
+    lane_id,
+    limit_mps,
+)
+from interplan_sumo.maps.districts.geometry import turn
+from interplan_sumo.maps.districts.kerb import bus_bays, car_parks, parking_strips, sidewalks
+from interplan_sumo.maps.districts.layout import Arm, Block, Joint, layout
 from interplan_sumo.maps.districts.movements import joint_pairs, movements
-from interplan_sumo.maps.districts.plan import Crossing, Junction, Plan, Ramp
+from interplan_sumo.maps.districts.plan import Crossing, Junction, Plan, Ramp, Road
 from interplan_sumo.maps.districts.sheet import Sheet, between
 from interplan_sumo.world.geometry import Floats, Pose, wrap_angle
 from interplan_sumo.world.roads import (
     Area,
     Connector,
-    Intersection,
     IntersectionKind,
     Lane,
     Roadblock,
     Roads,
-    StopLine,
     StopLineKind,
-    Turn,
 )
 
 CROSSWALK_M = 3.2
 CROSSWALK_GAP_M = 1.2
 """From the stop line to the crosswalk."""
-STOP_LINE_BEFORE_M, STOP_LINE_AFTER_M = 0.5, 0.5
-"""The stop line lies on the end of the lanes, so that it touches their connectors."""
-OVERLAP_M = 0.002
-"""Neighbouring surfaces overlap by this much, so that no point falls between them."""
-CURVE_COMFORT_MPS2 = 3.0
-"""Lateral acceleration at the limit of a turning connector."""
-SLOWEST_TURN_KMH = 15.0
-
 INTERSECTION_KINDS = {
     "signal": IntersectionKind.TRAFFIC_LIGHT,
     "all_way_stop": IntersectionKind.STOP_SIGN,
@@ -58,33 +50,9 @@ INTERSECTION_KINDS = {
 }
 
 
-@dataclass
-class _Drawing:
-    """What has been drawn so far."""
-
-    sheet: Sheet
-    layout: Layout
-    lanes: dict[str, Lane] = field(default_factory=dict[str, Lane])
-    connectors: dict[str, Connector] = field(default_factory=dict[str, Connector])
-    roadblocks: dict[str, Roadblock] = field(default_factory=dict[str, Roadblock])
-    stop_lines: dict[str, StopLine] = field(default_factory=dict[str, StopLine])
-    intersections: list[Intersection] = field(default_factory=list[Intersection])
-    crosswalks: list[Area] = field(default_factory=list[Area])
-
-
-def block_id(sheet: Sheet, block: Block) -> int:
-    digit = 1 if block.direction == "forward" else 2
-    return sheet.plan.road[block.road].number * 1000 + digit * 100 + block.piece
-
-
-def lane_id(sheet: Sheet, block: Block, lane: int) -> int:
-    """Of a lane counted from the inner one; the id counts from the left."""
-    return block_id(sheet, block) * 10 + sheet.left_to_right(len(block.strips)).index(lane)
-
-
 def draw_plan(plan: Plan) -> Roads:
     """The plan on the ground; ValueError says where it does not fit."""
-    drawing = _Drawing(Sheet(plan), layout(plan))
+    drawing = Drawing(Sheet(plan), layout(plan))
     for block in drawing.layout.blocks:
         _draw_block(drawing, block)
     for joint in drawing.layout.joints:
@@ -94,7 +62,7 @@ def draw_plan(plan: Plan) -> Roads:
     return _assembled(drawing)
 
 
-def _draw_block(drawing: _Drawing, block: Block) -> None:
+def _draw_block(drawing: Drawing, block: Block) -> None:
     sheet = drawing.sheet
     road = sheet.plan.road[block.road]
 
@@ -117,97 +85,10 @@ def _draw_block(drawing: _Drawing, block: Block) -> None:
             polygon=between(left_edge.points, right_edge.points),
             left_boundary=left_edge,
             right_boundary=right_edge,
-            speed_limit_mps=round(block.way.limit_kmh / 3.6, 4),
+            speed_limit_mps=limit_mps(block.way.limit_kmh),
         )
     left, right = sheet.left_edge_first(parallel(block.strips[0].inner_m), parallel(block.strips[-1].kerb_m))
     drawing.roadblocks[name] = Roadblock(name, sheet.surface(left, right), tuple(members))
-
-
-# --- connectors ----------------------------------------------------------------------------------
-
-
-def _connect(
-    drawing: _Drawing,
-    before: Block,
-    from_lane: int,
-    after: Block,
-    to_lane: int,
-    exit_digit: int,
-    turn_kind: Turn,
-    stop_line_ids: tuple[str, ...],
-    *,
-    along_road: bool,
-) -> Connector:
-    """Draw one connector; along the axis of the road where both lanes belong to it, else as a driver steers."""
-    sheet = drawing.sheet
-    start, end = before.strips[from_lane], after.strips[to_lane]
-    if along_road:
-        road = sheet.plan.road[before.road]
-
-        def gliding(from_outward_m: float, to_outward_m: float) -> Floats:
-            return sheet.along(road, before.direction, before.to_m, after.from_m, from_outward_m, to_outward_m).points
-
-        middle = gliding(start.middle_m, end.middle_m)
-        left, right = sheet.left_edge_first(
-            gliding(start.inner_m, end.inner_m), gliding(start.kerb_m, end.kerb_m)
-        )
-    else:
-        course = turn(
-            sheet.pose(before, start.middle_m, at_end=True), sheet.pose(after, end.middle_m, at_end=False)
-        )
-        half = _half_width_m(course, start, end)
-        middle, left, right = course.points, course.shifted(half), course.shifted(-half)
-    from_id, to_id = lane_id(sheet, before, from_lane), lane_id(sheet, after, to_lane)
-    left_edge, right_edge = sheet.edge(left), sheet.edge(right)
-    connector = Connector(
-        id=str(from_id * 100 + exit_digit * 10 + to_id % 10),
-        roadblock_id=str(block_id(sheet, before) * 10 + exit_digit),
-        from_lane_id=str(from_id),
-        to_lane_id=str(to_id),
-        centerline=sheet.centerline(middle),
-        polygon=between(left_edge.points, right_edge.points),
-        left_boundary=left_edge,
-        right_boundary=right_edge,
-        speed_limit_mps=_connector_limit_mps(middle, before, after),
-        turn=turn_kind,
-        stop_line_ids=stop_line_ids,
-    )
-    drawing.connectors[connector.id] = connector
-    return connector
-
-
-def _half_width_m(course: Course, start: Strip, end: Strip) -> Floats:
-    share, _ = smooth_step(np.linspace(0.0, 1.0, len(course.points)))
-    return (start.width_m + share * (end.width_m - start.width_m)) / 2.0
-
-
-def _connector_limit_mps(points: Floats, before: Block, after: Block) -> float:
-    """The lower limit of both lanes, or what the tightest bend allows in comfort, in whole 5 km/h."""
-    road_kmh = min(before.way.limit_kmh, after.way.limit_kmh)
-    steps = np.diff(points, axis=0)
-    lengths = np.hypot(steps[:, 0], steps[:, 1])
-    bend = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))) / ((lengths[1:] + lengths[:-1]) / 2.0)
-    # The mean over about 3 m: single vertices say little about a bend.
-    window = min(len(bend), 7)
-    tightest = float(np.convolve(bend, np.full(window, 1.0 / window), mode="valid").max(initial=0.0))
-    comfort_kmh = 3.6 * np.sqrt(CURVE_COMFORT_MPS2 / max(tightest, 1e-6))
-    if comfort_kmh >= road_kmh:
-        return round(road_kmh / 3.6, 4)
-    return round(max(SLOWEST_TURN_KMH, 5.0 * np.floor(comfort_kmh / 5.0)) / 3.6, 4)
-
-
-def _group_connectors(drawing: _Drawing, connectors: Sequence[Connector], from_id: str, to_id: str, place: str) -> None:
-    """Put parallel connectors into a roadblock connector, from left to right."""
-    ordered = sorted(connectors, key=lambda c: (c.from_lane_id, c.to_lane_id))
-    outline = shapely.union_all([c.polygon for c in ordered])
-    if outline.geom_type != "Polygon":
-        outline = between(ordered[0].left_boundary.points, ordered[-1].right_boundary.points).buffer(0)
-    if outline.geom_type != "Polygon":
-        outline = outline.convex_hull
-    name = ordered[0].roadblock_id
-    drawing.roadblocks[name] = Roadblock(
-        name, outline, tuple(c.id for c in ordered), True, from_id, to_id, place  # type: ignore[arg-type]
-    )
 
 
 # --- joints --------------------------------------------------------------------------------------
@@ -229,105 +110,85 @@ def _crossing_at(plan: Plan, joint: Joint) -> Crossing | None:
     return None
 
 
-def _draw_joint(drawing: _Drawing, joint: Joint) -> None:
-    sheet, before, after = drawing.sheet, joint.before, joint.after
-    road = sheet.plan.road[before.road]
-    ramp, crossing = _ramp_at(sheet.plan, joint), _crossing_at(sheet.plan, joint)
-    before_id, after_id = str(block_id(sheet, before)), str(block_id(sheet, after))
-    place = before_id
-    stop_line_ids: tuple[str, ...] = ()
-    kind = IntersectionKind.PASS_THROUGH
+def _draw_joint(drawing: Drawing, joint: Joint) -> None:
+    crossing = _crossing_at(drawing.sheet.plan, joint)
+    ramp = _ramp_at(drawing.sheet.plan, joint)
     if crossing is not None:
-        # Both carriageways stop for one crossing: one place, named after the forward roadblock before it.
-        forward = before if before.direction == "forward" else None
-        stop = StopLineKind.TRAFFIC_LIGHT if crossing.signal else StopLineKind.PEDESTRIAN_CROSSING
-        line = _draw_stop_line(drawing, before, range(len(before.strips)), 0, stop)
-        stop_line_ids = (line,) if crossing.signal else ()
-        kind = IntersectionKind.TRAFFIC_LIGHT if crossing.signal else kind
-        place = _draw_crossing(drawing, crossing, joint, kind, first=forward is not None)
-    pairs = joint_pairs(before.strips, after.strips)
-    ramp_block = None
-    if ramp is not None:
-        pairs = pairs[:-1]
-        ramp_blocks = [b for b in drawing.layout.blocks if b.road == ramp.ramp]
-        ramp_block = ramp_blocks[0] if ramp.kind == "exit" else ramp_blocks[-1]
-    if ramp is not None or len(after.strips) != len(before.strips):
-        gains = len(after.strips) > len(before.strips)
-        kind = IntersectionKind.LANE_MERGE if gains == (ramp is not None) else IntersectionKind.LANE_BRANCH
+        _draw_crossing(drawing, joint, crossing)
+    elif ramp is not None:
+        _draw_ramp(drawing, joint, ramp)
+    else:
+        gained = len(joint.after.strips) - len(joint.before.strips)
+        kind = (IntersectionKind.PASS_THROUGH, IntersectionKind.LANE_BRANCH, IntersectionKind.LANE_MERGE)[
+            int(np.sign(gained))
+        ]
+        pairs = joint_pairs(joint.before.strips, joint.after.strips)
+        place = str(block_id(drawing.sheet, joint.before))
+        drawn = _join(drawing, joint, pairs, place, ())
+        envelope = _envelope(drawing.sheet, joint)
+        draw_intersection(drawing, place, [envelope, *(c.polygon for c in drawn)], kind)
+
+
+def _join(
+    drawing: Drawing, joint: Joint, pairs: Sequence[tuple[int, int]], place: str, stop_line_ids: tuple[str, ...]
+) -> list[Connector]:
     drawn = [
-        _connect(drawing, before, a, after, b, 0, Turn.STRAIGHT, stop_line_ids, along_road=True) for a, b in pairs
+        connect(drawing, joint.before, a, joint.after, b, NEXT_PIECE, stop_line_ids=stop_line_ids) for a, b in pairs
     ]
-    _group_connectors(drawing, drawn, before_id, after_id, place)
-    surface = [c.polygon for c in drawn]
-    if ramp is not None and ramp_block is not None:
-        if ramp.kind == "exit":
-            source, source_lane, target, target_lane = before, len(before.strips) - 1, ramp_block, 0
-        else:
-            source, source_lane, target, target_lane = ramp_block, 0, after, len(after.strips) - 1
-        link = _connect(
-            drawing, source, source_lane, target, target_lane, 9, Turn.STRAIGHT, (), along_road=False
-        )
-        _group_connectors(
-            drawing, [link], str(block_id(sheet, source)), str(block_id(sheet, target)), place
-        )
-        surface.append(link.polygon)
-    if crossing is None:
-        left, right = sheet.left_edge_first(
-            sheet.along(
-                road, before.direction, before.to_m, after.from_m, before.strips[0].inner_m, after.strips[0].inner_m
-            ).points,
-            sheet.along(
-                road, before.direction, before.to_m, after.from_m, before.strips[-1].kerb_m, after.strips[-1].kerb_m
-            ).points,
-        )
-        envelope = sheet.surface(left, right)
-        _draw_intersection(drawing, place, [envelope, *surface] if ramp is None else surface, kind)
+    group_connectors(drawing, drawn, joint.before, joint.after, place)
+    return drawn
 
 
-def _draw_crossing(
-    drawing: _Drawing, crossing: Crossing, joint: Joint, kind: IntersectionKind, *, first: bool
-) -> str:
-    """The place of a crossing in the middle of a road, drawn with its first carriageway."""
-    sheet = drawing.sheet
-    road = sheet.plan.road[joint.before.road]
-    low_m, high_m = sorted((joint.before.to_m, joint.after.from_m))
-    edges: list[float] = []
-    names: list[str] = []
-    for other in drawing.layout.joints:
-        if other.before.road == road.name and _crossing_at(sheet.plan, other) is crossing:
-            side = sheet.side(other.before.direction)
-            edges += [side * other.before.strips[0].inner_m, side * other.before.strips[-1].kerb_m]
-            names.append(str(block_id(sheet, other.before)))
-    if first or len(names) == 1:
+def _envelope(sheet: Sheet, joint: Joint) -> shapely.Polygon:
+    """The whole carriageway between two blocks."""
+    before, after = joint.before, joint.after
+    road = sheet.plan.road[before.road]
+    ends = (before.to_m, after.from_m)
+    inner = sheet.along(road, before.direction, *ends, before.strips[0].inner_m, after.strips[0].inner_m)
+    kerb = sheet.along(road, before.direction, *ends, before.strips[-1].kerb_m, after.strips[-1].kerb_m)
+    return sheet.surface(*sheet.left_edge_first(inner.points, kerb.points))
+
+
+def _draw_ramp(drawing: Drawing, joint: Joint, ramp: Ramp) -> None:
+    """The kerb lane leads into a ramp, or a ramp becomes the kerb lane."""
+    before, after = joint.before, joint.after
+    place = str(block_id(drawing.sheet, before))
+    drawn = _join(drawing, joint, joint_pairs(before.strips, after.strips)[:-1], place, ())
+    own = [block for block in drawing.layout.blocks if block.road == ramp.ramp]
+    if ramp.kind == "exit":
+        source, source_lane, target, target_lane = before, len(before.strips) - 1, own[0], 0
+    else:
+        source, source_lane, target, target_lane = own[-1], 0, after, len(after.strips) - 1
+    link = connect(drawing, source, source_lane, target, target_lane, RAMP)
+    group_connectors(drawing, [link], source, target, place)
+    kind = IntersectionKind.LANE_BRANCH if ramp.kind == "exit" else IntersectionKind.LANE_MERGE
+    draw_intersection(drawing, place, [c.polygon for c in (*drawn, link)], kind)
+
+
+def _draw_crossing(drawing: Drawing, joint: Joint, crossing: Crossing) -> None:
+    """A pedestrian crossing; both carriageways stop for it at one place, drawn with the first of them."""
+    sheet, plan = drawing.sheet, drawing.sheet.plan
+    road = plan.road[joint.before.road]
+    same = [j for j in drawing.layout.joints if j.before.road == road.name and _crossing_at(plan, j) is crossing]
+    place = str(block_id(sheet, same[0].before))
+    kind = StopLineKind.TRAFFIC_LIGHT if crossing.signal else StopLineKind.PEDESTRIAN_CROSSING
+    line = draw_stop_line(drawing, joint.before, range(len(joint.before.strips)), 0, kind)
+    pairs = joint_pairs(joint.before.strips, joint.after.strips)
+    _join(drawing, joint, pairs, place, (line,) if crossing.signal else ())
+    if joint is same[0]:
+        low_m, high_m = sorted((joint.before.to_m, joint.after.from_m))
         middle_m = (low_m + high_m) / 2.0
-        area = sheet.across(road, middle_m - CROSSWALK_M / 2.0, middle_m + CROSSWALK_M / 2.0, min(edges), max(edges))
-        drawing.crosswalks.append(Area(names[0], area))
-        _draw_intersection(drawing, names[0], [sheet.across(road, low_m, high_m, min(edges), max(edges))], kind)
-    return names[0]
-
-
-def _draw_intersection(
-    drawing: _Drawing, name: str, surfaces: Sequence[shapely.Geometry], kind: IntersectionKind
-) -> None:
-    merged = shapely.union_all([s.buffer(OVERLAP_M, join_style="mitre") for s in surfaces])
-    parts = shapely.get_parts(merged)
-    largest = max(parts, key=lambda p: p.area)
-    drawing.intersections.append(Intersection(name, shapely.Polygon(largest.exterior), kind))
-
-
-def _draw_stop_line(
-    drawing: _Drawing, block: Block, lanes: Sequence[int], group: int, kind: StopLineKind
-) -> str:
-    """A stop line across some lanes, counted from the inner one."""
-    sheet = drawing.sheet
-    road = sheet.plan.road[block.road]
-    ahead = 1.0 if block.direction == "forward" else -1.0
-    low_m, high_m = sorted((block.to_m - ahead * STOP_LINE_BEFORE_M, block.to_m + ahead * STOP_LINE_AFTER_M))
-    side = sheet.side(block.direction)
-    right_m, left_m = sorted((side * (block.strips[lanes[0]].inner_m + 0.1), side * (block.strips[lanes[-1]].kerb_m - 0.1)))
-    name = str(block_id(sheet, block) * 10 + group)
-    drawing.stop_lines[name] = StopLine(name, sheet.across(road, low_m, high_m, right_m, left_m), kind)
-    return name
+        edges = [
+            sheet.side(j.before.direction) * edge_m
+            for j in same
+            for edge_m in (j.before.strips[0].inner_m, j.before.strips[-1].kerb_m)
+        ]
+        across = min(edges), max(edges)
+        area = sheet.across(road, middle_m - CROSSWALK_M / 2.0, middle_m + CROSSWALK_M / 2.0, *across)
+        drawing.crosswalks.append(Area(place, area))
+        paved = sheet.across(road, low_m, high_m, *across)
+        control = IntersectionKind.TRAFFIC_LIGHT if crossing.signal else IntersectionKind.PASS_THROUGH
+        draw_intersection(drawing, place, [paved], control)
 
 
 # --- junctions -----------------------------------------------------------------------------------
@@ -355,7 +216,7 @@ def _groups(block: Block) -> tuple[tuple[int, range], ...]:
     return tuple((group, lanes) for group, lanes in parts if lanes)
 
 
-def _draw_junction(drawing: _Drawing, junction: Junction, arms: Sequence[Arm]) -> None:
+def _draw_junction(drawing: Drawing, junction: Junction, arms: Sequence[Arm]) -> None:
     sheet = drawing.sheet
     line_of: dict[tuple[str, int], str] = {}
     for arm in arms:
@@ -363,87 +224,76 @@ def _draw_junction(drawing: _Drawing, junction: Junction, arms: Sequence[Arm]) -
             for group, group_lanes in _groups(arm.arriving):
                 kind = _stop_kind(junction, arm, group)
                 if kind is not None:
-                    name = _draw_stop_line(drawing, arm.arriving, group_lanes, group, kind)
-                    for lane in group_lanes:
-                        line_of[arm.key, lane] = name
+                    name = draw_stop_line(drawing, arm.arriving, group_lanes, group, kind)
+                    line_of |= {(arm.key, lane): name for lane in group_lanes}
     place = str(junction.number)
-    by_block: dict[tuple[str, str], list[Connector]] = {}
+    signal = junction.control == "signal"
+    drawn: dict[tuple[str, str], list[Connector]] = {}
+    blocks: dict[tuple[str, str], tuple[Block, Block]] = {}
     for move in movements(sheet.plan, junction, arms):
-        before, after = move.arriving.arriving, move.leaving.leaving
-        assert before is not None and after is not None
-        lines = (line_of[move.arriving.key, move.from_lane],) if junction.control == "signal" else ()
-        connector = _connect(
+        way = move.arriving.key, move.leaving.key
+        blocks[way] = move.before, move.after
+        connector = connect(
             drawing,
-            before,
+            move.before,
             move.from_lane,
-            after,
+            move.after,
             move.to_lane,
             1 + arms.index(move.leaving),
-            move.turn,
-            lines,
-            along_road=move.arriving.road == move.leaving.road,
+            kind=move.turn,
+            stop_line_ids=(line_of[move.arriving.key, move.from_lane],) if signal else (),
         )
-        by_block.setdefault((str(block_id(sheet, before)), str(block_id(sheet, after))), []).append(connector)
-    for (before_id, after_id), drawn in by_block.items():
-        _group_connectors(drawing, drawn, before_id, after_id, place)
-    surfaces = [_junction_surface(drawing, arms), *(c.polygon for group in by_block.values() for c in group)]
-    _draw_intersection(drawing, place, surfaces, INTERSECTION_KINDS[junction.control])
-    marked = junction.crosswalks
+        drawn.setdefault(way, []).append(connector)
+    for way, parallel in drawn.items():
+        group_connectors(drawing, parallel, *blocks[way], place)
+    surfaces = [_junction_surface(sheet, arms), *(c.polygon for parallel in drawn.values() for c in parallel)]
+    draw_intersection(drawing, place, surfaces, INTERSECTION_KINDS[junction.control])
     for digit, arm in enumerate(arms, start=1):
-        if marked is None or arm.key in marked:
+        if junction.crosswalks is None or arm.key in junction.crosswalks:
             right_m, left_m = sheet.arm_edges_m(arm)
-            from_m, to_m = sorted(
-                (arm.cut_m - arm.sign * CROSSWALK_GAP_M, arm.cut_m - arm.sign * (CROSSWALK_GAP_M + CROSSWALK_M))
-            )
-            area = sheet.across(sheet.plan.road[arm.road], from_m, to_m, right_m, left_m)
+            near_m = arm.cut_m - arm.sign * CROSSWALK_GAP_M
+            far_m = near_m - arm.sign * CROSSWALK_M
+            area = sheet.across(sheet.plan.road[arm.road], min(near_m, far_m), max(near_m, far_m), right_m, left_m)
             drawing.crosswalks.append(Area(str(junction.number * 10 + digit), area))
 
 
-def _junction_surface(drawing: _Drawing, arms: Sequence[Arm]) -> shapely.Geometry:
+def _junction_surface(sheet: Sheet, arms: Sequence[Arm]) -> shapely.Polygon:
     """The paved area between the cuts of all arms, with rounded corners."""
-    sheet = drawing.sheet
 
-    def outward(arm: Arm, *, left: bool) -> Pose:
+    def kerb(arm: Arm, *, left: bool) -> Pose:
+        """A kerb of an arm at its cut, seen and heading away from the junction."""
         right_m, left_m = sheet.arm_edges_m(arm)
-        low_first = arm.sign > 0
-        pose = sheet.plan.road[arm.road].axis.pose(arm.cut_m, left_m if left == low_first else right_m)
+        pose = sheet.plan.road[arm.road].axis.pose(arm.cut_m, left_m if left == (arm.sign > 0) else right_m)
         return Pose(pose.x_m, pose.y_m, pose.heading_rad + (0.0 if arm.sign > 0 else np.pi))
 
-    ordered = sorted(arms, key=lambda a: float(wrap_angle(outward(a, left=True).heading_rad)))
+    ordered = sorted(arms, key=lambda arm: float(wrap_angle(kerb(arm, left=True).heading_rad)))
     ring: list[Floats] = []
     for arm, following in zip(ordered, [*ordered[1:], ordered[0]], strict=True):
-        start, end = outward(arm, left=True), outward(following, left=False)
-        ring.append(np.array([[outward(arm, left=False).x_m, outward(arm, left=False).y_m]]))
-        inward = Pose(start.x_m, start.y_m, start.heading_rad + np.pi)
-        ring.append(turn(inward, end, spiral_share=0.0).points)
-    return shapely.Polygon(sheet.on_map(np.concatenate(ring))).buffer(0)
+        right, left = kerb(arm, left=False), kerb(arm, left=True)
+        ring.append(np.array([[right.x_m, right.y_m]]))
+        inward = Pose(left.x_m, left.y_m, left.heading_rad + np.pi)
+        ring.append(turn(inward, kerb(following, left=False), spiral_share=0.0).points)
+    surface = shapely.Polygon(sheet.on_map(np.concatenate(ring))).buffer(0)
+    return max(shapely.get_parts(surface), key=shapely.area)
 
 
 # --- the whole -----------------------------------------------------------------------------------
 
 
-def _assembled(drawing: _Drawing) -> Roads:
+def _assembled(drawing: Drawing) -> Roads:
     sheet, plan = drawing.sheet, drawing.sheet.plan
-    segments: list[Area] = []
+    surfaces: list[tuple[Road, shapely.Polygon]] = []
     for road in plan.roads:
-        own = [
-            drawing.roadblocks[str(block_id(sheet, b))].polygon for b in drawing.layout.blocks if b.road == road.name
-        ]
-        merged = shapely.union_all([p.buffer(OVERLAP_M, join_style="mitre") for p in own])
+        own = [block for block in drawing.layout.blocks if block.road == road.name]
+        polygons = [drawing.roadblocks[str(block_id(sheet, block))].polygon for block in own]
+        merged = shapely.union_all([p.buffer(OVERLAP_M, join_style="mitre") for p in polygons])
         parts = sorted(shapely.get_parts(merged), key=lambda p: tuple(np.round(p.bounds, 1)))
-        segments += [Area(str(road.number * 1000 + i), p) for i, p in enumerate(parts, start=1)]
-    extras: list[Area] = []
-    for strips in (parking_strips(sheet, drawing.layout), bus_bays(sheet, drawing.layout)):
-        for road, polygon in strips:
-            count = sum(area.id.startswith(str(road.number)) for area in extras)
-            extras.append(Area(str(road.number * 1000 + count + 1), polygon.buffer(OVERLAP_M, join_style="mitre")))
-    paved = shapely.union_all(
-        [a.polygon for a in (*segments, *extras)] + [i.polygon for i in drawing.intersections]
-    )
-    places = {int(i.id): i.polygon for i in drawing.intersections if len(i.id) < 3}
-    walkways = [
-        Area(str(i), polygon) for i, polygon in enumerate(sidewalks(sheet, drawing.layout, places, paved), start=1)
-    ]
+        surfaces += [(road, part) for part in parts]
+    segments = _numbered(surfaces)
+    beside = [*parking_strips(sheet, drawing.layout), *bus_bays(sheet, drawing.layout)]
+    extras = _numbered([(road, p.buffer(OVERLAP_M, join_style="mitre")) for road, p in beside])
+    parks = _numbered(car_parks(sheet, drawing.layout))
+    paved = [area.polygon for area in (*segments, *extras, *parks, *drawing.intersections)]
     return Roads(
         name=plan.name,
         crs=plan.crs,
@@ -454,7 +304,18 @@ def _assembled(drawing: _Drawing) -> Roads:
         intersections=tuple(drawing.intersections),
         stop_lines=drawing.stop_lines,
         crosswalks=tuple(drawing.crosswalks),
-        walkways=tuple(walkways),
-        road_segments=tuple(segments),
-        generic_drivable_areas=tuple(extras),
+        walkways=_numbered(sidewalks(sheet, drawing.layout, shapely.union_all(paved))),
+        carparks=parks,
+        road_segments=segments,
+        generic_drivable_areas=extras,
     )
+
+
+def _numbered(surfaces: Sequence[tuple[Road, shapely.Polygon]]) -> tuple[Area, ...]:
+    """Areas with ids from their road and a count along it."""
+    count: Counter[int] = Counter()
+    areas: list[Area] = []
+    for road, polygon in surfaces:
+        count[road.number] += 1
+        areas.append(Area(str(road.number * 1000 + count[road.number]), polygon))
+    return tuple(areas)

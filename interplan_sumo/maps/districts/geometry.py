@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 
 from interplan_sumo.world.geometry import Floats, Pose, wrap_angle
 
-MAX_SPACING_M = 1.0
-"""nuPlan's planners take the vertices of a centre line as they are: never further apart than this."""
+MAX_SPACING_M = 0.9
+"""Planners take the vertices of a centre line as they are: less than 1 m apart, also where a lane glides sideways."""
 CURVE_SPACING_M = 0.7
-"""On curves, so that lanes on the outside still keep `MAX_SPACING_M`."""
+"""On curves, so that lanes on the outside keep below 1 m, too."""
 MAX_STEP_RAD = np.radians(0.9)
 """Greatest change of heading between two vertices of an alignment, so that no join shows a kink of a degree."""
 TURN_SPACING_M = 0.4

@@ -22,6 +22,9 @@ BAY_TAPER_M = 12.0
 STOP_LENGTH_M = 16.0
 """Kerb kept free at a stop without a bay, beyond which the bus swings in and out."""
 SMALLEST_SIDEWALK_M2 = 6.0
+ROOM_BEHIND_KERB_M = 9.0
+"""How far beyond its lanes a road looks for its own bays, pockets, corners and sidewalks."""
+DRIVEWAY_M = 7.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +48,9 @@ def stop_block(layout: Layout, road: Road, stop: BusStop) -> Block:
             and stop.at_m + half_m <= block.high_m
         ):
             return block
-    near = [f"{b.low_m:.0f}-{b.high_m:.0f}" for b in layout.blocks if (b.road, b.direction) == (road.name, stop.direction)]
+    near = [
+        f"{b.low_m:.0f}-{b.high_m:.0f}" for b in layout.blocks if (b.road, b.direction) == (road.name, stop.direction)
+    ]
     raise ValueError(f"{road.name}: the bus stop at {stop.at_m} m does not fit into a roadblock ({', '.join(near)})")
 
 
@@ -74,67 +79,96 @@ def parking_strips(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Pol
     """Kerb parking beside all blocks that have it, away from stop lines, crossings, pockets and bus stops."""
     strips: list[tuple[Road, shapely.Polygon]] = []
     for block in layout.blocks:
-        width_m = block.way.parking_m
-        if width_m == 0.0 or block.inner_pockets or block.kerb_pockets:
+        if block.inner_pockets or block.kerb_pockets:
             continue
         road = sheet.plan.road[block.road]
-        free = [(block.low_m + KERB_CLEAR_M, block.high_m - KERB_CLEAR_M)]
+        whole = [(block.low_m + KERB_CLEAR_M, block.high_m - KERB_CLEAR_M)]
+        beside_stops = whole
         for stop in road.bus_stops:
             if stop.direction == block.direction:
                 half_m = STOP_LENGTH_M / 2.0 + BAY_TAPER_M
-                free = _without(free, stop.at_m - half_m, stop.at_m + half_m)
-        kerb_m = sheet.side(block.direction) * block.strips[-1].kerb_m
-        outer_m = kerb_m + sheet.side(block.direction) * width_m
-        for low_m, high_m in free:
-            if high_m - low_m >= SHORTEST_PARKING_M:
-                polygon = sheet.across(road, low_m, high_m, min(kerb_m, outer_m), max(kerb_m, outer_m))
-                strips.append((road, polygon))
+                beside_stops = _without(beside_stops, stop.at_m - half_m, stop.at_m + half_m)
+        side = sheet.side(block.direction)
+        kerb_m, inner_m = side * block.strips[-1].kerb_m, side * block.strips[0].inner_m
+        for free, edge_m, width_m in (
+            (beside_stops, kerb_m, side * block.way.parking_m),
+            (whole, inner_m, -side * block.way.far_parking_m),
+        ):
+            for low_m, high_m in free if width_m else ():
+                if high_m - low_m >= SHORTEST_PARKING_M:
+                    strips.append((road, sheet.across(road, low_m, high_m, *sorted((edge_m, edge_m + width_m)))))
     return strips
 
 
 def _without(free: list[tuple[float, float]], low_m: float, high_m: float) -> list[tuple[float, float]]:
-    return [
-        part
-        for a, b in free
-        for part in ((a, min(b, low_m)), (max(a, high_m), b))
-        if part[1] - part[0] > 0.0
-    ]
+    return [part for a, b in free for part in ((a, min(b, low_m)), (max(a, high_m), b)) if part[1] - part[0] > 0.0]
 
 
-def sidewalks(
-    sheet: Sheet, layout: Layout, junctions: dict[int, shapely.Polygon], drivable: shapely.Geometry
-) -> list[shapely.Polygon]:
-    """Walkways beside all roads that have them, round the corners of junctions, and behind bays and parking."""
+def car_parks(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
+    """Car parks with their driveways across the sidewalk; ValueError where there is no kerb for one."""
+    parks: list[tuple[Road, shapely.Polygon]] = []
+    for road in sheet.plan.roads:
+        for park in road.car_parks:
+            middle_m = (park.from_m + park.to_m) / 2.0
+            beside = [
+                b
+                for b in layout.blocks
+                if b.road == road.name
+                and b.direction == park.direction
+                and b.low_m + DRIVEWAY_M < middle_m < b.high_m - DRIVEWAY_M
+            ]
+            if not beside:
+                raise ValueError(f"{road.name}: the driveway at {middle_m} m does not lead to a roadblock")
+            side = sheet.side(park.direction)
+            kerb_m = beside[0].strips[-1].kerb_m
+            front_m = kerb_m + beside[0].way.parking_m + road.sidewalk_m + 1.0
+            pieces = (
+                (park.from_m, park.to_m, front_m, front_m + park.depth_m),
+                (middle_m - DRIVEWAY_M / 2.0, middle_m + DRIVEWAY_M / 2.0, kerb_m - 0.01, front_m + 1.0),
+            )
+            areas = [sheet.across(road, low, high, *sorted((side * a, side * b))) for low, high, a, b in pieces]
+            parks.append((road, shapely.union_all(areas)))
+    return parks
+
+
+def sidewalks(sheet: Sheet, layout: Layout, paved: shapely.Geometry) -> list[tuple[Road, shapely.Polygon]]:
+    """Walkways along all roads that have them: behind bays and parking, round the corners of junctions."""
     plan = sheet.plan
-    bands: list[shapely.Geometry] = []
-    medians: list[shapely.Geometry] = []
+    found: list[tuple[Road, shapely.Polygon]] = []
+    medians = [area for road in plan.roads for area in _medians(sheet, layout, road)]
+    taken: shapely.Geometry = shapely.union_all([paved, *medians])
     for road in plan.roads:
-        blocks = [b for b in layout.blocks if b.road == road.name]
-        for direction in ("forward", "backward"):
-            own = [b for b in blocks if b.direction == direction]
-            if not own:
-                continue
-            side = sheet.side(direction)
-            alone = len(own) == len(blocks)
-            for block in own:
-                outer_m = block.strips[-1].kerb_m
-                room_m = max(block.way.parking_m, BAY_DEPTH_M if any(s.bay for s in road.bus_stops) else 0.0)
-                reach = [(side * block.strips[0].inner_m, side * (outer_m + room_m + road.sidewalk_m))]
-                if alone:
-                    reach.append((side * outer_m, side * (block.strips[0].inner_m - road.sidewalk_m)))
-                if road.sidewalk_m:
-                    for a, b in reach:
-                        bands.append(sheet.across(road, block.low_m - 3.1, block.high_m + 3.1, min(a, b), max(a, b)))
-                if not alone:
-                    medians.append(
-                        sheet.across(road, block.low_m - 3.1, block.high_m + 3.1, *sorted((-side * 0.1, side * outer_m)))
-                    )
-    for junction in plan.junctions:
-        width_m = min(plan.road[name].sidewalk_m for name in junction.roads)
-        if width_m:
-            bands.append(junctions[junction.number].buffer(width_m, quad_segs=4))
-    land = shapely.difference(shapely.union_all(bands), shapely.union_all([drivable, *medians]))
-    # Opened a little, so that no threads remain between a kerb and what lies behind it.
-    land = land.buffer(-0.4, join_style="mitre").buffer(0.4, join_style="mitre")
-    parts = [p for p in shapely.get_parts(land) if p.area >= SMALLEST_SIDEWALK_M2]
-    return sorted((p.simplify(0.02) for p in parts), key=lambda p: tuple(np.round(p.bounds, 1)))
+        if not road.sidewalk_m:
+            continue
+        half_m = (
+            max(
+                max(abs(block.strips[0].inner_m), block.strips[-1].kerb_m)
+                for block in layout.blocks
+                if block.road == road.name
+            )
+            + ROOM_BEHIND_KERB_M
+        )
+        corridor = sheet.across(road, 0.0, road.axis.length_m, -half_m, half_m)
+        own = shapely.intersection(paved, corridor)
+        land = own.buffer(road.sidewalk_m, join_style="round", quad_segs=6).difference(taken).intersection(corridor)
+        # Opened a little, so that no threads remain between a kerb and what lies behind it.
+        land = land.buffer(-0.4, join_style="mitre").buffer(0.4, join_style="mitre").simplify(0.02)
+        parts = [p for p in shapely.get_parts(land) if p.area >= SMALLEST_SIDEWALK_M2]
+        found += [(road, p) for p in sorted(parts, key=lambda p: tuple(np.round(p.bounds, 1)))]
+        taken = shapely.union(taken, land)
+    return found
+
+
+def _medians(sheet: Sheet, layout: Layout, road: Road) -> list[shapely.Polygon]:
+    """What lies between the carriageways of a road, over its whole length."""
+    inner: dict[str, float] = {}
+    for block in layout.blocks:
+        if block.road == road.name:
+            offset_m = sheet.side(block.direction) * max(block.way.inner_m, 0.0)
+            inner[block.direction] = max(inner.get(block.direction, offset_m), offset_m, key=abs)
+    if len(inner) < 2:
+        return []
+    right_m, left_m = sorted(inner.values())
+    if left_m - right_m < 0.1:
+        return []
+    return [sheet.across(road, 0.0, road.axis.length_m, right_m, left_m)]

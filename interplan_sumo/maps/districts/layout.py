@@ -21,6 +21,8 @@ CROSSWALK_ROOM_M = 6.0
 """Least distance of a stop line from the kerb of the crossing road, where a crosswalk lies between them."""
 SIGHT_M = 15.0
 """Where the direction of an arm is taken, seen from the middle of the junction."""
+STUB_M = 30.0
+"""A road whose axis stops this close to the middle of a junction, on either side of it, ends there."""
 SHORTEST_BLOCK_M = 12.0
 
 
@@ -167,7 +169,7 @@ def _rays(plan: Plan, junction: Junction) -> list[_Ray]:
         station_m = road.axis.station_of(x_m, y_m)
         for sign in (-1, 1):
             sight_m = station_m + sign * SIGHT_M
-            if not 0.0 < sight_m < road.axis.length_m:
+            if not STUB_M < (road.axis.length_m - station_m if sign > 0 else station_m):
                 continue
             key = f"{name}{'-' if sign < 0 else '+'}"
             arriving: Direction = "forward" if sign < 0 else "backward"
@@ -198,13 +200,17 @@ def _setbacks(plan: Plan, junction: Junction) -> dict[str, float]:
         if angle > np.radians(165.0):
             continue
         # Left kerb of this arm against the right kerb of the next one, counter-clockwise.
-        ax, ay = ray.pose.x_m - np.sin(ray.pose.heading_rad) * ray.left_m, ray.pose.y_m + np.cos(
-            ray.pose.heading_rad
-        ) * ray.left_m
-        bx, by = nxt.pose.x_m - np.sin(nxt.pose.heading_rad) * nxt.right_m, nxt.pose.y_m + np.cos(
-            nxt.pose.heading_rad
-        ) * nxt.right_m
-        to_corner = ((bx - ax) * np.sin(nxt.pose.heading_rad) - (by - ay) * np.cos(nxt.pose.heading_rad)) / np.sin(angle)
+        ax, ay = (
+            ray.pose.x_m - np.sin(ray.pose.heading_rad) * ray.left_m,
+            ray.pose.y_m + np.cos(ray.pose.heading_rad) * ray.left_m,
+        )
+        bx, by = (
+            nxt.pose.x_m - np.sin(nxt.pose.heading_rad) * nxt.right_m,
+            nxt.pose.y_m + np.cos(nxt.pose.heading_rad) * nxt.right_m,
+        )
+        to_corner = ((bx - ax) * np.sin(nxt.pose.heading_rad) - (by - ay) * np.cos(nxt.pose.heading_rad)) / np.sin(
+            angle
+        )
         to_corner_next = ((bx - ax) * np.sin(ray.pose.heading_rad) - (by - ay) * np.cos(ray.pose.heading_rad)) / np.sin(
             angle
         )
@@ -246,12 +252,12 @@ def _links(road: Road, meetings: list[_Meeting]) -> list[tuple[float, float, Jun
     links: list[tuple[float, float, Junction | None, Junction | None]] = []
     at_m, behind = 0.0, None
     for meeting in meetings:
-        if meeting.station_m > SIGHT_M:  # else the road begins here
+        if meeting.station_m > STUB_M:  # else the road begins here
             if meeting.low_cut_m - at_m < SHORTEST_BLOCK_M:
                 raise ValueError(f"{road.name}: no room before junction {meeting.junction.name}")
             links.append((at_m, meeting.low_cut_m, behind, meeting.junction))
         at_m, behind = meeting.high_cut_m, meeting.junction
-    if not meetings or meetings[-1].station_m < road.axis.length_m - SIGHT_M:
+    if not meetings or meetings[-1].station_m < road.axis.length_m - STUB_M:
         links.append((at_m, road.axis.length_m, behind, None))
     return links
 
@@ -266,7 +272,9 @@ class _Stretch:
     approach: Approach | None
 
 
-def _stretches(road: Road, direction: Direction, low_m: float, high_m: float, approach: Approach | None) -> list[_Stretch]:
+def _stretches(
+    road: Road, direction: Direction, low_m: float, high_m: float, approach: Approach | None
+) -> list[_Stretch]:
     """One carriageway between two junctions, cut where its lanes change; gaps are the tapers."""
     forward = direction == "forward"
     start_t, end_t = (low_m, high_m) if forward else (-high_m, -low_m)

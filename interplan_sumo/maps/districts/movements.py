@@ -15,6 +15,9 @@ from interplan_sumo.world.roads import Turn
 STRAIGHT_RAD = np.radians(32.0)
 """Two roads that differ by less lead straight on into one another."""
 
+LETTERS = {Turn.LEFT: "L", Turn.STRAIGHT: "T", Turn.RIGHT: "R"}
+"""How plans write lane use."""
+
 
 @dataclass(frozen=True, slots=True)
 class Movement:
@@ -22,6 +25,8 @@ class Movement:
 
     arriving: Arm
     leaving: Arm
+    before: Block
+    after: Block
     from_lane: int
     to_lane: int
     turn: Turn
@@ -58,13 +63,21 @@ def _from(plan: Plan, junction: Junction, arm: Arm, block: Block, arms: Sequence
     else:
         letters = _lane_use(plan, block, exits)
     if len(letters) != len(block.strips):
-        raise ValueError(f"junction {junction.name}: {len(letters)} lane uses for {len(block.strips)} lanes of {arm.key}")
+        raise ValueError(
+            f"junction {junction.name}: {len(letters)} lane uses for {len(block.strips)} lanes of {arm.key}"
+        )
+    offered = {letter for turn, letter in LETTERS.items() if exits[turn]}
+    for use in letters:
+        if not offered & set(use):
+            raise ValueError(f"junction {junction.name}: a lane of {arm.key} leads nowhere ({', '.join(letters)})")
     found: list[Movement] = []
-    for turn, letter in ((Turn.LEFT, "L"), (Turn.STRAIGHT, "T"), (Turn.RIGHT, "R")):
+    for turn, letter in LETTERS.items():
         sources = [i for i, use in enumerate(letters) if letter in use]
         for other in exits[turn]:
-            assert other.leaving is not None
-            targets = other.leaving.strips
+            after = other.leaving
+            if after is None:
+                continue
+            targets = after.strips
             if len(sources) > len(targets):
                 raise ValueError(
                     f"junction {junction.name}: {len(sources)} lanes of {arm.key} lead into "
@@ -75,14 +88,13 @@ def _from(plan: Plan, junction: Junction, arm: Arm, block: Block, arms: Sequence
                 shift = best_shift([block.strips[i] for i in sources], targets)
             else:
                 shift = 0 if inner_turn else len(targets) - len(sources)
-            found += [Movement(arm, other, lane, shift + i, turn) for i, lane in enumerate(sources)]
+            found += [Movement(arm, other, block, after, lane, shift + i, turn) for i, lane in enumerate(sources)]
     return found
 
 
 def _lane_use(plan: Plan, block: Block, exits: dict[Turn, list[Arm]]) -> tuple[str, ...]:
     """Turns per lane from the inner one: pockets turn, the lanes beside them go on, shared where there is no pocket."""
     inner, kerb = (Turn.LEFT, Turn.RIGHT) if plan.driving_side == "right" else (Turn.RIGHT, Turn.LEFT)
-    letter = {Turn.LEFT: "L", Turn.RIGHT: "R"}
     count = len(block.strips)
     use = [""] * count
     main = list(range(block.inner_pockets, count - block.kerb_pockets))
@@ -95,11 +107,13 @@ def _lane_use(plan: Plan, block: Block, exits: dict[Turn, list[Arm]]) -> tuple[s
         # The stem of a T: the kerb half turns to the kerb side, the rest to the inner side.
         half = (len(main) + 1) // 2
         inner_lanes = list(range(block.inner_pockets + half)) if exits[kerb] else list(range(count))
-        kerb_lanes = list(range(count))[-max(1, len(main) - half + block.kerb_pockets) :] if exits[inner] else list(range(count))
+        kerb_lanes = (
+            list(range(count))[-max(1, len(main) - half + block.kerb_pockets) :] if exits[inner] else list(range(count))
+        )
     for turn, at in ((inner, inner_lanes), (kerb, kerb_lanes)):
         if exits[turn]:
             for lane in at:
-                use[lane] += letter[turn]
+                use[lane] += LETTERS[turn]
     return tuple(use)
 
 

@@ -12,6 +12,7 @@ the left. Coordinates are metres east and north of the district's origin.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -41,22 +42,24 @@ class Way:
     """Distance of the first lane's inner edge from the axis: half the median, negative on one-way streets."""
     parking_m: float = 0.0
     """Width of the kerb parking beside the last lane, 0 without."""
+    far_parking_m: float = 0.0
+    """Width of the parking beside the first lane, on one-way streets."""
 
     @property
     def width_m(self) -> float:
         return sum(self.widths_m)
 
 
-def lanes(
-    count: int, limit_kmh: float, *, width_m: float = 3.3, median_m: float = 0.0, parking_m: float = 0.0
-) -> Way:
+def lanes(count: int, limit_kmh: float, *, width_m: float = 3.3, median_m: float = 0.0, parking_m: float = 0.0) -> Way:
     """Equal lanes on one side of a median of the given full width."""
     return Way((width_m,) * count, limit_kmh, median_m / 2.0, parking_m)
 
 
-def one_way(count: int, limit_kmh: float, *, width_m: float = 3.3, parking_m: float = 0.0) -> Way:
+def one_way(
+    count: int, limit_kmh: float, *, width_m: float = 3.3, parking_m: float = 0.0, far_parking_m: float = 0.0
+) -> Way:
     """Equal lanes centred on the axis."""
-    return Way((width_m,) * count, limit_kmh, -count * width_m / 2.0, parking_m)
+    return Way((width_m,) * count, limit_kmh, -count * width_m / 2.0, parking_m, far_parking_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +91,16 @@ class Crossing:
     signal: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class CarPark:
+    """A car park behind the sidewalk, with a driveway in its middle."""
+
+    direction: Direction
+    from_m: float
+    to_m: float
+    depth_m: float = 32.0
+
+
 @dataclass(frozen=True)
 class Road:
     """A named road: an axis, its cross-sections, and what stands along the kerb."""
@@ -100,6 +113,7 @@ class Road:
     sections: tuple[Section, ...]
     bus_stops: tuple[BusStop, ...] = ()
     crossings: tuple[Crossing, ...] = ()
+    car_parks: tuple[CarPark, ...] = ()
     sidewalk_m: float = 2.5
     """0 without sidewalks."""
     max_block_m: float = 300.0
@@ -181,3 +195,24 @@ class Plan:
     def road(self) -> Mapping[str, Road]:
         """Roads by name."""
         return {road.name: road for road in self.roads}
+
+
+def ramp_mouth(road: Road, driving_side: DrivingSide, ramp: Ramp) -> tuple[float, float, float]:
+    """x, y and heading of travel where a ramp begins or ends, tangential to the lane that it takes up.
+
+    This is the middle of the kerb lane where the taper of the section at
+    `ramp.at_m` meets the ramp. ValueError if no section begins there.
+    """
+    starts = [i for i, section in enumerate(road.sections) if section.from_m == ramp.at_m]
+    if not starts or starts[0] == 0:
+        raise ValueError(f"{road.name}: no section begins at the ramp {ramp.ramp}")
+    section, before = road.sections[starts[0]], road.sections[starts[0] - 1]
+    forward = ramp.direction == "forward"
+    ways = [way for s in (before, section) if (way := s.forward if forward else s.backward) is not None]
+    wide = max(ways, key=lambda way: len(way.widths_m))
+    outward_m = wide.inner_m + wide.width_m - wide.widths_m[-1] / 2.0
+    side = -1.0 if forward == (driving_side == "right") else 1.0
+    # An exit starts behind the taper in the direction of travel, an entry ends before it.
+    ahead = (1.0 if forward else -1.0) * (1.0 if ramp.kind == "exit" else -1.0)
+    pose = road.axis.pose(ramp.at_m + ahead * section.taper_m / 2.0, side * outward_m)
+    return pose.x_m, pose.y_m, pose.heading_rad + (0.0 if forward else math.pi)

@@ -28,7 +28,7 @@ class Corridor:
         left, right = self.path.points + side, self.path.points - side
         corners = np.stack((left[:-1], left[1:], right[1:], right[:-1]), axis=1)
         # A hull is valid even where a kink folds the quadrilateral.
-        return shapely.STRtree(shapely.convex_hull(shapely.multipoints(corners)))
+        return shapely.STRtree(np.asarray(shapely.convex_hull(shapely.multipoints(corners))))
 
     def occupied_m(self, shapes: NDArray[Any]) -> dict[int, tuple[tuple[float, float], ...]]:
         """For each of the shapes (N,) that touches the corridor, by its index: the stretches that it touches.

@@ -1,0 +1,183 @@
+"""How faithful a SUMO network is to its map: `check_map` measures, nothing is taken from the conversion's word.
+
+The network is read with sumolib and compared with the map lane by lane through
+the id map on disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import shapely
+
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.maps.network_reader import Network, read_network
+from interplan_sumo.maps.rules import schema_problems
+from interplan_sumo.maps.signals_check import light_problems
+from interplan_sumo.maps.store import MapFiles
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.roads import LaneLike, Roads
+
+DEVIATION_BAR_M = 0.05
+"""No lane or connector may lie further than this from its source."""
+DEVIATION_TARGET_M = 0.01
+LIMIT_TOLERANCE_MPS = 0.001
+_SHORT_M = 1.0  # the nominal length of shorter pieces is dominated by SUMO's smallest one
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """The largest value and the 99th percentile."""
+
+    max: float
+    p99: float
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> Spread:
+        """0 where there are no values."""
+        return cls(float(np.max(values)), float(np.percentile(values, 99))) if values else cls(0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class MapReport:
+    """What `check_map` found. `problems` has one line for every bar missed; without any, the map is ok."""
+
+    name: str
+    driving_side: str
+    lanes: int
+    connectors: int
+    lane_km: float
+    lane_deviation_m: Spread
+    """Hausdorff distance of centre lines."""
+    connector_deviation_m: Spread
+    lane_length_distortion: Spread
+    """How far SUMO's nominal lane lengths are from the true ones, as a share."""
+    missing: tuple[str, ...]
+    """Lanes and connectors of the map that the network lacks."""
+    extra: tuple[str, ...]
+    """Connections of the network that the map lacks."""
+    wrong_limits: tuple[str, ...]
+    lights: int
+    light_connectors: int
+    light_connectors_covered: int
+    problems: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        return not self.problems
+
+    def as_json(self) -> dict[str, Any]:
+        """The report as plain data."""
+        return {"ok": self.ok, **asdict(self)}
+
+
+def check_map(files: MapFiles, roads: Roads) -> MapReport:
+    """Measure the network of a map against its roads; MapError if a file is missing or damaged."""
+    ids = NetworkIds.read(files.ids)
+    network = read_network(files.network)
+    missing: list[str] = []
+    problems: list[str] = []
+    wrong_limits: list[str] = []
+    deviation: dict[bool, list[float]] = {True: [], False: []}
+    distortion: list[float] = []
+    if ids.driving_side != roads.driving_side:
+        problems.append(f"the network drives on the {ids.driving_side}, the map on the {roads.driving_side}")
+    if network.left_hand != (roads.driving_side == "left"):
+        problems.append(f"the network is {'left' if network.left_hand else 'right'}-hand, the map is not")
+    for lane in (*roads.lanes.values(), *roads.connectors.values()):
+        pieces = ids.pieces.get(lane.id, ())
+        if not pieces or any(piece.sumo_lane not in network.lanes for piece in pieces):
+            missing.append(lane.id)
+            continue
+        shapes = [network.lanes[piece.sumo_lane].points for piece in pieces]
+        deviation[lane.id in roads.lanes].append(_deviation_m(lane, shapes, ids.origin_m))
+        if deviation[lane.id in roads.lanes][-1] > DEVIATION_BAR_M:
+            problems.append(f"{_what(roads, lane)} lies {deviation[lane.id in roads.lanes][-1]:.3f} m off its source")
+        limit = lane.speed_limit_mps
+        for piece in pieces:
+            sumo_lane = network.lanes[piece.sumo_lane]
+            if limit and abs(sumo_lane.speed_mps - limit) > LIMIT_TOLERANCE_MPS:
+                wrong_limits.append(lane.id)
+            if piece.length_m >= _SHORT_M:
+                distortion.append(abs(sumo_lane.length_m / piece.length_m - 1.0))
+    wrong_limits = list(dict.fromkeys(wrong_limits))
+    extra = _extra(roads, ids, network)
+    problems += [f"{_what(roads, roads[lane_id])} is missing in the network" for lane_id in missing]
+    problems += [f"the network joins {way}, the map does not" for way in extra]
+    problems += [f"{_what(roads, roads[lane_id])} has another speed limit in the network" for lane_id in wrong_limits]
+    problems += _broken_links(roads, ids, network)
+    problems += light_problems(roads, ids, network)
+    problems += schema_problems(roads)
+    under_light = [c.id for c in roads.connectors.values() if c.has_traffic_light]
+    return MapReport(
+        name=files.name,
+        driving_side=roads.driving_side,
+        lanes=len(roads.lanes),
+        connectors=len(roads.connectors),
+        lane_km=sum(lane.centerline.length_m for lane in roads.lanes.values()) / 1000.0,
+        lane_deviation_m=Spread.of(deviation[True]),
+        connector_deviation_m=Spread.of(deviation[False]),
+        lane_length_distortion=Spread.of(distortion),
+        missing=tuple(missing),
+        extra=tuple(extra),
+        wrong_limits=tuple(wrong_limits),
+        lights=len(network.lights),
+        light_connectors=len(under_light),
+        light_connectors_covered=sum(1 for connector in under_light if connector in ids.links),
+        problems=tuple(problems),
+    )
+
+
+def _what(roads: Roads, lane: LaneLike) -> str:
+    return f"{'lane' if lane.id in roads.lanes else 'connector'} {lane.id}"
+
+
+def _deviation_m(lane: LaneLike, shapes: Sequence[Floats], origin_m: tuple[float, float]) -> float:
+    """Hausdorff distance of the joined SUMO shapes from the centre line, ends in the direction of travel included."""
+    points = np.concatenate(shapes) + np.array(origin_m)
+    source = lane.centerline
+    distance = shapely.hausdorff_distance(source.linestring, shapely.LineString(points), densify=0.25)
+    ends = (points[0] - source.points[0], points[-1] - source.points[-1])
+    return max(float(distance), *(float(np.hypot(*end)) for end in ends))
+
+
+def _extra(roads: Roads, ids: NetworkIds, network: Network) -> list[str]:
+    """Connections that follow neither a connector between its lanes nor one lane across a cut."""
+    found: list[str] = []
+    for way in network.ways:
+        source = ids.sources.get(way.via[0]) if way.via else None
+        before, after = ids.sources.get(way.from_lane), ids.sources.get(way.to_lane)
+        if source is not None and before is not None and after is not None:
+            connector = roads.connectors.get(source[0])
+            if connector is not None and (before[0], after[0]) == (connector.from_lane_id, connector.to_lane_id):
+                continue
+            if source[0] in roads.lanes and before[0] == after[0] == source[0]:
+                continue
+        found.append(f"{way.from_lane} to {way.to_lane}")
+    return found
+
+
+def _broken_links(roads: Roads, ids: NetworkIds, network: Network) -> list[str]:
+    """Lanes and connectors whose SUMO lanes are not joined one after the other."""
+    onward: dict[str, set[str]] = {}
+    for way in network.ways:
+        for here, there in zip((way.from_lane, *way.via), (*way.via, way.to_lane), strict=True):
+            onward.setdefault(here, set()).add(there)
+    found: list[str] = []
+    for lane in (*roads.lanes.values(), *roads.connectors.values()):
+        chain = [piece.sumo_lane for piece in ids.pieces.get(lane.id, ())]
+        for here, there in pairwise(chain):
+            if there not in onward.get(here, set()):
+                found.append(f"{_what(roads, lane)} breaks between {here} and {there}")
+    for connector in roads.connectors.values():
+        chain = ids.pieces.get(connector.id, ())
+        start, end = ids.pieces.get(connector.from_lane_id, ()), ids.pieces.get(connector.to_lane_id, ())
+        if chain and start and chain[0].sumo_lane not in onward.get(start[-1].sumo_lane, set()):
+            found.append(f"connector {connector.id} does not leave lane {connector.from_lane_id} in the network")
+        if chain and end and end[0].sumo_lane not in onward.get(chain[-1].sumo_lane, set()):
+            found.append(f"connector {connector.id} does not enter lane {connector.to_lane_id} in the network")
+    return found

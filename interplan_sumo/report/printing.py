@@ -1,0 +1,95 @@
+"""Printing: results on stdout, progress on stderr; for people on a terminal, for programs as one JSON document."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from interplan_sumo.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from interplan_sumo.report.progress import LiveProgress, PlainProgress
+    from interplan_sumo.report.table import Table
+
+Form = Literal["text", "json", "csv", "markdown"]
+
+
+def print_table(table: Table, form: Form = "text", *, paper: bool = False, why: bool = False) -> None:
+    """The paper's table on stdout."""
+    from interplan_sumo.report import formats
+
+    match form:
+        case "json":
+            print_json(formats.as_json(table, paper=paper, why=why))
+        case "csv":
+            print(formats.as_csv(table, paper=paper), end="")
+        case "markdown":
+            print(formats.as_markdown(table, paper=paper), end="")
+        case "text":
+            console().print(formats.as_text(table, paper=paper, why=why))
+
+
+def write_page(table: Table, path: Path, *, paper: bool = False) -> None:
+    """The report as one HTML file; InputError if it cannot be written."""
+    from interplan_sumo.report.page import page
+
+    try:
+        path.write_text(page(table, paper=paper), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}; give another file as --html") from None
+
+
+def print_json(document: object) -> None:
+    """One document; refuses numbers that JSON does not have."""
+    print(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def print_entries(entries: Sequence[dict[str, Any]], *, as_json: bool, hide: Sequence[str] = ()) -> None:
+    """A list of entries, as JSON or as a table without the columns in `hide`."""
+    if as_json:
+        print_json(list(entries))
+        return
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    columns = [key for key in dict.fromkeys(key for entry in entries for key in entry) if key not in hide]
+    grid = Grid(*columns, header_style="bold")
+    for entry in entries:
+        grid.add_row(*(Text(_cell(entry.get(column))) for column in columns))
+    console().print(grid)
+
+
+def _cell(value: object) -> str:
+    match value:
+        case None:
+            return "-"
+        case bool():
+            return "yes" if value else "no"
+        case dict():
+            return ", ".join(f"{k}={v}" for k, v in value.items())
+        case _:
+            return str(value)
+
+
+def console(*, stderr: bool = False) -> Console:
+    """As wide as the terminal; wide enough for every table where there is none."""
+    from rich.console import Console
+
+    found = Console(stderr=stderr)
+    return found if found.is_terminal else Console(stderr=stderr, width=200)
+
+
+def progress(*, quiet: bool) -> AbstractContextManager[LiveProgress | PlainProgress | None]:
+    """A watch for a run; None if nothing is to be said."""
+    from interplan_sumo.report.progress import LiveProgress, PlainProgress
+
+    if quiet:
+        return contextlib.nullcontext()
+    place = console(stderr=True)
+    return LiveProgress(place) if place.is_terminal else PlainProgress(place)

@@ -1,0 +1,108 @@
+"""Planners that do to a run what planners do: each named after its fault."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from interplan_planners.straight_ahead import StraightAhead
+from interplan_sumo.planner import Observation
+from interplan_sumo.world.trajectory import Trajectory
+
+
+class Steady(StraightAhead):
+    """Behaves; drives with the rude ones to show that it is unharmed."""
+
+
+class Raises(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:
+        if seen.time_s > 0.95:
+            raise ValueError("I cannot see")
+        return super().plan(seen)
+
+
+class ReturnsNan(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:
+        plan = super().plan(seen)
+        return replace(plan, x_m=np.full(len(plan), np.nan))
+
+
+class ReturnsNothing(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:
+        super().plan(seen)
+        return None  # type: ignore[return-value]
+
+
+class ReturnsThePast(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:
+        plan = super().plan(seen)
+        return replace(plan, time_s=plan.time_s - 20.0)
+
+
+class Teleports(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:
+        plan = super().plan(seen)
+        return replace(plan, x_m=plan.x_m + 500.0)
+
+
+class Exits(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:  # noqa: ARG002
+        sys.exit("enough")
+
+
+class Interrupts(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:  # noqa: ARG002
+        raise KeyboardInterrupt
+
+
+class ExitsHard(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:  # noqa: ARG002
+        os._exit(3)
+
+
+class Crashes(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:
+        os.kill(os.getpid(), signal.SIGSEGV)
+        return super().plan(seen)
+
+
+class Hangs(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:
+        time.sleep(600.0)
+        return super().plan(seen)
+
+
+class Allocates(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:
+        bytearray(50 << 30)
+        return super().plan(seen)
+
+
+class Forks(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:
+        os.fork()
+        return super().plan(seen)
+
+
+class Chatters(StraightAhead):
+    def plan(self, seen: Observation) -> Trajectory:
+        print("x" * 4000)
+        return super().plan(seen)
+
+
+class CannotBeBuilt(StraightAhead):
+    def __init__(self) -> None:
+        raise RuntimeError("no weights")
+
+
+class Slow(StraightAhead):
+    """Drives as StraightAhead does, but gives a test the time to interrupt it."""
+
+    def plan(self, seen: Observation) -> Trajectory:
+        time.sleep(0.003)
+        return super().plan(seen)

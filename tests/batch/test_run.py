@@ -1,0 +1,248 @@
+"""Runs with real SUMO: the same hashes everywhere, one named fault per misbehaving planner, resumable, re-scorable."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.rescore import rescore
+from interplan_sumo.batch.run import RunRequest, check_inputs, run
+from interplan_sumo.batch.run_folder import Row, StoredRun, read_run
+from interplan_sumo.batch.tasks import Limits
+from interplan_sumo.errors import InputError, MapError, RunFolderError, UnknownNameError, VehicleTypeError
+from interplan_sumo.maps.store import find_map
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
+
+RUDE = "tests.batch.rude_planners"
+FIRST = find_suite(DEFAULT_SUITE).scenarios[0]
+
+
+class Log:
+    """A watch that remembers."""
+
+    def __init__(self) -> None:
+        self.jobs = 0
+        self.done: list[Row] = []
+        self.rows: list[Row] = []
+
+    def begin(self, jobs: int, done: Sequence[Row]) -> None:
+        self.jobs, self.done = jobs, list(done)
+
+    def finished(self, row: Row) -> None:
+        self.rows.append(row)
+
+
+def request(folder: Path, *planners: str, workers: int = 0, **changes: object) -> RunRequest:
+    base = RunRequest(planners=planners, suite=DEFAULT_SUITE, folder=folder, limit=1, workers=workers)
+    return replace(base, **changes)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def official(tmp_path_factory: pytest.TempPathFactory) -> StoredRun:
+    """One planner on all scenarios of the default suite, in this process; not to be changed."""
+    return run(request(tmp_path_factory.mktemp("official") / "run", "straight_ahead", limit=None))
+
+
+def copied(original: StoredRun, place: Path) -> StoredRun:
+    shutil.copytree(original.path, place)
+    return read_run(place)
+
+
+def hashes(stored: StoredRun) -> dict[object, tuple[str, float]]:
+    return {key: (row["trace_hash"], row["score"]) for key, row in stored.rows.items()}
+
+
+def test_a_worker_and_this_process_give_the_same_hashes_and_scores(official: StoredRun, tmp_path: Path) -> None:
+    again = run(request(tmp_path, "straight_ahead", workers=2, limit=None))
+    assert len(hashes(again)) == len(find_suite(DEFAULT_SUITE).scenarios)
+    assert hashes(again) == hashes(official)
+
+
+def test_a_row_has_the_documented_fields(official: StoredRun) -> None:
+    row = official.rows[FIRST.id, "straight_ahead", 0]
+    assert row["family"] == FIRST.family
+    assert row["fault"] is None
+    assert row["official"] is True
+    assert row["overrides"] == {}
+    assert 0.0 <= row["score"] <= 1.0
+    assert {"simulation", "planner", "scoring"} <= row["times_s"].keys()
+    assert {"interplan_sumo", "sumo", "python"} <= row["versions"].keys()
+    assert set(row["gates"]) | set(row["weights"]) <= row["metrics"].keys()
+    assert len(row["trace_hash"]) == 64
+
+
+def test_a_trace_opens_in_one_line_of_pandas(official: StoredRun) -> None:
+    row = official.rows[FIRST.id, "straight_ahead", 0]
+    ego = pd.read_parquet(official.path / row["trace"] / "ego.parquet")
+    assert {"time_us", "x", "y", "heading"} <= set(ego.columns)
+    about = json.loads((official.path / row["trace"] / "scenario.json").read_text())
+    assert about["scenario_hash"] == row["scenario_hash"] == FIRST.hash()
+    assert about["trace_hash"] == row["trace_hash"]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("Raises", "plan() raised ValueError: I cannot see"),
+        ("ReturnsNan", "not finite"),
+        ("ReturnsNothing", "NoneType"),
+        ("ReturnsThePast", "before now"),
+        ("Teleports", "500.00 m away"),
+        ("Exits", "SystemExit: enough"),
+        ("Interrupts", "KeyboardInterrupt"),
+        ("Hangs", "plan() took longer than 0.5 s"),
+    ],
+)
+def test_a_planner_that_misbehaves_is_a_named_fault_and_a_zero(name: str, words: str, tmp_path: Path) -> None:
+    stored = run(request(tmp_path, f"{RUDE}:{name}", limits=Limits(plan_s=0.5)))
+    (row,) = stored.rows.values()
+    assert row["fault"]["class"] == "planner"
+    assert words in row["fault"]["message"]
+    assert row["score"] == 0.0
+    assert stored.missing == []
+
+
+def test_planners_that_take_their_process_down_leave_the_others_unharmed(tmp_path: Path) -> None:
+    names = ("Steady", "ExitsHard", "Hangs")
+    limits = Limits(plan_s=1.0, grace_s=0.0)
+    stored = run(request(tmp_path, *(f"{RUDE}:{n}" for n in names), workers=2, limits=limits))
+    rows = {planner.partition(":")[2]: row for (_, planner, _), row in stored.rows.items()}
+    assert rows["Steady"]["fault"] is None
+    assert rows["Steady"]["trace_hash"] is not None
+    messages = {name: rows[name]["fault"]["message"] for name in names[1:]}
+    assert {rows[name]["fault"]["class"] for name in names[1:]} == {"planner"}
+    assert "exited with code 3" in messages["ExitsHard"]
+    assert "took longer than 1 s" in messages["Hangs"]
+
+
+def test_the_same_call_again_does_only_what_is_left(official: StoredRun, tmp_path: Path) -> None:
+    place = copied(official, tmp_path / "run").path
+    lines = (place / "results.jsonl").read_text().splitlines(keepends=True)
+    (place / "results.jsonl").write_text("".join(lines[:-1]) + lines[-1][:50])
+    log = Log()
+    stored = run(request(place, "straight_ahead", limit=None), log)
+    assert (log.jobs, len(log.done), len(log.rows)) == (len(lines), len(lines) - 1, 1)
+    assert hashes(stored) == hashes(official)
+
+
+def test_seeds_may_be_added_and_differ_in_traffic_only(official: StoredRun, tmp_path: Path) -> None:
+    place = copied(official, tmp_path / "run").path
+    log = Log()
+    stored = run(request(place, "straight_ahead", seeds=2), log)
+    assert len(log.rows) == 1
+    one, two = (stored.rows[FIRST.id, "straight_ahead", seed] for seed in (0, 1))
+    assert one["trace_hash"] != two["trace_hash"]
+    assert one["scenario_hash"] == two["scenario_hash"]
+
+
+def test_overridden_traffic_is_marked_and_kept_apart(official: StoredRun, tmp_path: Path) -> None:
+    overrides = Overrides.parse(["density=medium", "behaviour=assertive"])
+    with pytest.raises(RunFolderError, match="overrides density none, this one has medium"):
+        run(request(copied(official, tmp_path / "run").path, "straight_ahead", overrides=overrides))
+    stored = run(request(tmp_path / "other", "straight_ahead", overrides=overrides))
+    (row,) = stored.rows.values()
+    assert row["official"] is False
+    assert row["overrides"] == {"density": "medium", "behaviour": "assertive"}
+    assert row["scenario_hash"] != FIRST.hash()
+    again, problems = rescore(stored, "interplan-paper")
+    assert problems == []
+    assert hashes(again) == hashes(stored)
+
+
+def test_scoring_again_gives_the_same_scores_without_simulating(official: StoredRun) -> None:
+    again, problems = rescore(official, "interplan-paper")
+    assert problems == []
+    assert hashes(again) == hashes(official)
+
+
+def test_another_profile_has_its_own_terms(official: StoredRun) -> None:
+    again, problems = rescore(official, "nuplan")
+    assert problems == []
+    assert again.manifest["profile"] == "nuplan"
+    assert all("lane_changes" not in row["weights"] for row in again.rows.values())
+    with pytest.raises(UnknownNameError, match="Did you mean 'nuplan'"):
+        rescore(official, "nuplam")
+
+
+def test_a_planners_fault_stays_a_zero_under_any_profile(tmp_path: Path) -> None:
+    stored = run(request(tmp_path, f"{RUDE}:Raises"))
+    again, problems = rescore(stored, "nuplan")
+    assert problems == []
+    assert [row["score"] for row in again.rows.values()] == [0.0]
+
+
+@pytest.mark.parametrize("damage", ["missing", "truncated", "foreign"])
+def test_a_damaged_trace_is_named_and_the_rest_is_scored(damage: str, official: StoredRun, tmp_path: Path) -> None:
+    stored = copied(official, tmp_path / "run")
+    first, *others = stored.rows.values()
+    place = stored.path / first["trace"]
+    if damage == "missing":
+        (place / "ego.parquet").unlink()
+    elif damage == "truncated":
+        content = (place / "actors.parquet").read_bytes()
+        (place / "actors.parquet").write_bytes(content[: len(content) // 2])
+    else:
+        shutil.rmtree(place)
+        shutil.copytree(stored.path / others[0]["trace"], place)
+    again, problems = rescore(stored, "interplan-paper")
+    assert len(problems) == 1
+    assert str(place) in problems[0]
+    assert len(again.rows) == len(stored.rows) - 1
+    assert len(again.missing) == 1
+
+
+def test_a_scenario_that_has_changed_since_is_not_scored(official: StoredRun) -> None:
+    key, row = next(iter(official.rows.items()))
+    changed = replace(official, rows={key: row | {"scenario_hash": "0" * 64}})
+    _, problems = rescore(changed, "interplan-paper")
+    assert "has changed since it was driven" in problems[0]
+
+
+def test_a_truncated_network_is_one_error_before_anything_is_driven(tmp_path: Path) -> None:
+    folder = tmp_path / FIRST.map / "1.0"
+    shutil.copytree(find_map(FIRST.map).folder, folder)
+    check_inputs([replace(FIRST, map=str(folder))], None)
+    network = gzip.decompress((folder / "map.net.xml.gz").read_bytes())
+    (folder / "map.net.xml.gz").write_bytes(gzip.compress(network[: len(network) // 2]))
+    with pytest.raises(MapError, match=r"map\.net\.xml\.gz is damaged"):
+        check_inputs([replace(FIRST, map=str(folder))], None)
+    (folder / "map.net.xml.gz").unlink()
+    with pytest.raises(MapError, match="no SUMO network"):
+        check_inputs([replace(FIRST, map=str(folder))], None)
+
+
+def test_bad_input_ends_the_run_before_a_folder_is_made(tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    wrong = tmp_path / "types.xml"
+    wrong.write_text('<routes><vType id="other"/></routes>')
+    cases: list[tuple[RunRequest, type[InputError], str]] = [
+        (request(place), InputError, "no planner given"),
+        (request(place, "idn"), UnknownNameError, "Did you mean 'idm'"),
+        (request(place, "idm", suite="smoke==9"), UnknownNameError, "Did you mean 'smoke==1'"),
+        (request(place, "idm", scenarios=("nothing/*",)), UnknownNameError, "no scenario named 'nothing/*'"),
+        (request(place, "idm", seeds=0), InputError, "seeds is 0"),
+        (request(place, "idm", limit=0), InputError, "limit is 0"),
+        (request(place, "idm", workers=-1), InputError, "workers is -1"),
+        (request(place, "idm", overrides=Overrides(vehicle_types=wrong)), VehicleTypeError, "traffic"),
+        (request(place, "idm", overrides=Overrides(behaviour="rude")), UnknownNameError, "no behaviour named 'rude'"),
+    ]
+    for wanted, error, words in cases:
+        with pytest.raises(error) as caught:
+            run(wanted)
+        assert words in str(caught.value)
+    assert not place.exists()
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_planner_that_cannot_be_built_ends_the_run(workers: int, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="could not be built: RuntimeError: no weights"):
+        run(request(tmp_path, f"{RUDE}:CannotBeBuilt", workers=workers))
+    assert read_run(tmp_path).rows == {}

@@ -1,0 +1,366 @@
+"""Random background traffic on a converted map, run by the sumo program, and what went wrong in it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from defusedxml.ElementTree import parse
+
+from interplan_sumo.maps.junctions import junction_groups, path_conflicts
+from interplan_sumo.maps.netconvert import program_path, sumo_home
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.maps.network_reader import Network, read_network
+from interplan_sumo.maps.store import MapFiles
+from interplan_sumo.resources import routes_root
+from interplan_sumo.world.geometry import box_corners, penetration_m
+from interplan_sumo.world.roads import Lane, Roads
+
+STEP_S = 0.1
+HARD_MPS2 = 4.5
+OVERLAP_M = 0.05
+"""Boxes that penetrate each other by more count as an overlap (decisions on traffic)."""
+LENGTH_M, WIDTH_M = 4.6, 1.85  # the cars of routes/*.xml
+
+
+@dataclass(frozen=True, slots=True)
+class Braking:
+    """The hardest moment of one hard braking."""
+
+    time_s: float
+    vehicle: str
+    lane_id: str
+    """Lane or connector of the map."""
+    hardest_mps2: float
+    cause: str
+    """"light", "leader", "crossing" or "none"."""
+    at_junction: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TrafficRun:
+    """What happened."""
+
+    vehicles: int
+    mean_speed_mps: float
+    teleports: int
+    collisions: int
+    overlaps: tuple[tuple[float, str, str, float], ...]
+    """Time, both cars, depth: the deepest moment per pair."""
+    brakings: tuple[Braking, ...]
+    arrived: int
+
+    @property
+    def without_cause(self) -> tuple[Braking, ...]:
+        return tuple(b for b in self.brakings if b.cause == "none")
+
+
+@dataclass(frozen=True, slots=True)
+class _Car:
+    time_s: float
+    id: str
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_mps: float
+    acceleration_mps2: float
+    lane_id: str
+    arc_m: float
+
+
+def random_traffic(
+    files: MapFiles,
+    roads: Roads,
+    folder: Path,
+    *,
+    seconds: float = 60.0,
+    vehicles: int = 80,
+    seed: int = 1,
+    types: str = "mixed",
+    options: Sequence[str] = (),
+) -> TrafficRun:
+    """Drive `vehicles` cars on random ways for some time and look at every step."""
+    ids = NetworkIds.read(files.ids)
+    network = read_network(files.network)
+    rng = np.random.default_rng(seed)
+    sources = [lane for lane in roads.lanes.values() if not roads.incoming(lane.id) and roads.outgoing(lane.id)]
+    early = vehicles // 2 if sources else vehicles
+    walks = [_walk(roads, rng, seconds, None if k < early else sources) for k in range(vehicles)]
+    departures = np.concatenate((np.zeros(early), np.sort(rng.uniform(0.0, 0.7 * seconds, vehicles - early))))
+    folder.mkdir(parents=True, exist_ok=True)
+    routes = ["<routes>"]
+    for k, (walk, depart_s) in enumerate(zip(walks, departures, strict=True)):
+        first = walk[0][0]
+        length_m = roads.lanes[first].centerline.length_m
+        arc_m = float(rng.uniform(min(LENGTH_M, length_m), length_m)) if k < early else LENGTH_M
+        sumo_lane, fraction = ids.sumo_place(first, arc_m)
+        edge, _, index = sumo_lane.rpartition("_")
+        edges = _edges(ids, walk)
+        if edge not in edges:
+            continue  # on a cut, or where the lane runs alone and the walk leaves by another
+        edges = edges[edges.index(edge) :]
+        routes.append(
+            f'<vehicle id="v{k}" type="traffic" depart="{depart_s:.1f}" departLane="{index}" '
+            f'departPos="{fraction * network.lanes[sumo_lane].length_m:.2f}" '
+            f'departSpeed="{_start_speed_mps(roads, walk, arc_m):.2f}"><route edges="{" ".join(edges)}"/></vehicle>'
+        )
+    (folder / "random.rou.xml").write_text("\n".join((*routes, "</routes>")))
+    events = "".join(
+        f'<timedEvent type="SaveTLSStates" source="{light}" dest="lights.xml"/>' for light in network.lights
+    )
+    (folder / "lights.add.xml").write_text(f"<additional>{events}</additional>")
+    done = subprocess.run(
+        [
+            str(program_path("sumo")), "-n", str(files.network.resolve()), "-r", "random.rou.xml",
+            "-a", f"{(routes_root() / f'{types}.xml').resolve()},lights.add.xml",
+            "--step-length", str(STEP_S), "--end", str(seconds), "--time-to-teleport", "-1",
+            "--collision.action", "warn", "--collision.check-junctions", "--collision-output", "collisions.xml",
+            "--lanechange.duration", "3", "--default.speeddev", "0", "--seed", str(seed), "--no-step-log",
+            "--xml-validation", "never", "--xml-validation.net", "never", "--xml-validation.routes", "never",
+            "--fcd-output", "fcd.xml", "--fcd-output.acceleration", "--statistic-output", "statistics.xml",
+            "--precision", "4", "--max-depart-delay", "3", *options,
+        ],
+        cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise RuntimeError(done.stderr)
+    frames = _frames(folder / "fcd.xml", ids, network)
+    lights = _lights(folder / "lights.xml") if network.lights else {}
+    statistics = parse(folder / "statistics.xml").getroot()
+    assert statistics is not None
+    counts = {element.tag: element.attrib for element in statistics}
+    collisions = parse(folder / "collisions.xml").getroot()
+    everyone = [car for cars in frames.values() for car in cars]
+    judge = _Judge(roads, ids, {f"v{k}": walk for k, walk in enumerate(walks)}, frames, lights)
+    return TrafficRun(
+        vehicles=len({car.id for car in everyone}),
+        mean_speed_mps=float(np.mean([car.speed_mps for car in everyone])) if everyone else 0.0,
+        teleports=int(counts["teleports"]["total"]),
+        collisions=0 if collisions is None else len(collisions),
+        overlaps=_overlaps(frames),
+        brakings=judge.brakings(),
+        arrived=int(counts["vehicles"]["inserted"]) - int(counts["vehicles"]["running"]),
+    )
+
+
+def start_up_s(network: Path) -> float:
+    """Seconds that libsumo needs to load a network, in a process of its own; the best of three."""
+    code = (
+        "import sys,time,libsumo\n"
+        "best=9e9\n"
+        "for _ in range(3):\n"
+        "    t=time.perf_counter()\n"
+        "    libsumo.start(['sumo','-n',sys.argv[1],'--step-length','0.1','--no-step-log','true','--no-warnings','true'])\n"
+        "    best=min(best,time.perf_counter()-t); libsumo.close()\n"
+        "print(best)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(network)], capture_output=True, text=True, check=True)
+    return float(done.stdout.split()[-1])
+
+
+# --- routes ------------------------------------------------------------------------------------
+
+
+def _walk(
+    roads: Roads, rng: np.random.Generator, seconds: float, starts: Sequence[Lane] | None
+) -> list[tuple[str, str, str | None]]:
+    """Per roadblock the lane where one comes in, the lane where one leaves, and the connector that one takes."""
+    lanes = starts or [lane for lane in roads.lanes.values() if roads.outgoing(lane.id)] or list(roads.lanes.values())
+    lengths = np.array([lane.centerline.length_m for lane in lanes])
+    here = lanes[int(rng.choice(len(lanes), p=lengths / lengths.sum()))].id
+    walk: list[tuple[str, str, str | None]] = []
+    length_m = 0.0
+    while True:
+        siblings = roads.roadblocks[roads.lanes[here].roadblock_id].lane_ids
+        ways = [c for lane in siblings for c in roads.outgoing(lane)]
+        length_m += roads.lanes[here].centerline.length_m
+        if not ways or length_m > seconds * 20.0:
+            walk.append((here, here, None))
+            return walk
+        way = ways[int(rng.integers(len(ways)))]
+        walk.append((here, roads.connectors[way].from_lane_id, way))
+        here = roads.connectors[way].to_lane_id
+
+
+def _start_speed_mps(roads: Roads, walk: list[tuple[str, str, str | None]], arc_m: float) -> float:
+    """The fastest start from which comfortable braking (2 m/s2) meets every lower limit ahead."""
+    ahead = [item for enter, _, way in walk for item in (enter, way) if item is not None]
+    speed, at = np.inf, -arc_m
+    for name in ahead[:8]:
+        lane = roads[name]
+        limit = lane.speed_limit_mps or 13.89
+        speed = min(speed, float(np.sqrt(limit**2 + 3.0 * max(0.0, at - 5.0))))
+        at += lane.centerline.length_m
+    return speed
+
+
+def _edges(ids: NetworkIds, walk: list[tuple[str, str, str | None]]) -> list[str]:
+    edges: list[str] = []
+    for enter, leave, _ in walk:
+        first, last = (
+            [p.sumo_lane.rpartition("_")[0] for p in ids.pieces[lane] if not p.sumo_lane.startswith(":")]
+            for lane in (enter, leave)
+        )
+        shared = [edge for edge in first if edge in last]
+        if not shared:
+            return edges + first  # lanes that do not run side by side
+        edges += first[: first.index(shared[0])] + shared + last[last.index(shared[-1]) + 1 :]
+    return edges
+
+
+# --- reading what SUMO wrote -------------------------------------------------------------------
+
+
+def _frames(path: Path, ids: NetworkIds, network: Network) -> dict[float, list[_Car]]:
+    root = parse(path).getroot()
+    assert root is not None
+    frames: dict[float, list[_Car]] = {}
+    for step in root:
+        time_s = round(float(step.attrib["time"]), 3)
+        cars: list[_Car] = []
+        for v in step:
+            heading = np.pi / 2 - np.radians(float(v.attrib["angle"]))
+            x, y = float(v.attrib["x"]), float(v.attrib["y"])  # the middle of the front bumper
+            lane = v.attrib["lane"]
+            lane_id, arc_m = ids.source_place(lane, float(v.attrib["pos"]) / network.lanes[lane].length_m)
+            cars.append(
+                _Car(
+                    time_s, v.attrib["id"],
+                    float(x - np.cos(heading) * LENGTH_M / 2), float(y - np.sin(heading) * LENGTH_M / 2), float(heading),
+                    float(v.attrib["speed"]), float(v.attrib["acceleration"]), lane_id, arc_m,
+                )
+            )  # fmt: skip
+        frames[time_s] = cars
+    return frames
+
+
+def _lights(path: Path) -> dict[tuple[str, float], str]:
+    root = parse(path).getroot()
+    assert root is not None
+    return {(s.attrib["id"], round(float(s.attrib["time"]), 3)): s.attrib["state"] for s in root}
+
+
+def _overlaps(frames: dict[float, list[_Car]]) -> tuple[tuple[float, str, str, float], ...]:
+    deepest: dict[tuple[str, str], tuple[float, float]] = {}
+    for time_s, cars in frames.items():
+        if len(cars) < 2:
+            continue
+        x, y, heading = (np.array([getattr(c, n) for c in cars]) for n in ("x_m", "y_m", "heading_rad"))
+        i, j = np.triu_indices(len(cars), 1)
+        close = np.hypot(x[i] - x[j], y[i] - y[j]) < 6.0
+        i, j = i[close], j[close]
+        if not len(i):
+            continue
+        corners = box_corners(x, y, heading, np.full(len(x), LENGTH_M), np.full(len(x), WIDTH_M))
+        depth = penetration_m(corners[i], corners[j])
+        for a, b, d in zip(i.tolist(), j.tolist(), depth.tolist(), strict=True):
+            pair = cars[a].id, cars[b].id
+            if d > OVERLAP_M and d > deepest.get(pair, (0.0, 0.0))[1]:
+                deepest[pair] = (time_s, d)
+    return tuple((t, *pair, d) for pair, (t, d) in sorted(deepest.items()))
+
+
+class _Judge:
+    """Finds hard brakings and their causes."""
+
+    def __init__(
+        self,
+        roads: Roads,
+        ids: NetworkIds,
+        walks: dict[str, list[tuple[str, str, str | None]]],
+        frames: dict[float, list[_Car]],
+        lights: dict[tuple[str, float], str],
+    ) -> None:
+        self.roads, self.ids, self.walks, self.frames, self.lights = roads, ids, walks, frames, lights
+        self.foes: dict[str, set[str]] = defaultdict(set)
+        for members in junction_groups(roads)[1].values():
+            connectors = [roads.connectors[c] for c in members]
+            for i, j in zip(*np.nonzero(path_conflicts(roads, connectors)), strict=True):
+                self.foes[connectors[int(i)].id].add(connectors[int(j)].id)
+
+    def brakings(self) -> tuple[Braking, ...]:
+        hardest: dict[tuple[str, int], _Car] = {}
+        since: dict[str, tuple[int, float]] = {}
+        for time_s, cars in self.frames.items():
+            for car in cars:
+                if car.acceleration_mps2 < -HARD_MPS2:
+                    number, last_s = since.get(car.id, (0, -9.0))
+                    number += time_s - last_s > 1.0
+                    since[car.id] = (number, time_s)
+                    known = hardest.get((car.id, number))
+                    if known is None or car.acceleration_mps2 < known.acceleration_mps2:
+                        hardest[car.id, number] = car
+        return tuple(
+            Braking(c.time_s, c.id, c.lane_id, -c.acceleration_mps2, self._cause(c), self._at_junction(c))
+            for c in sorted(hardest.values(), key=lambda c: (c.time_s, c.id))
+        )
+
+    def _ahead(self, car: _Car) -> list[tuple[str, float]]:
+        """Lanes and connectors that the car comes to, with the distance from its front, as far as 80 m."""
+        found = [(car.lane_id, -car.arc_m)]
+        at = self.roads[car.lane_id].centerline.length_m - car.arc_m
+        steps = [item for enter, leave, way in self.walks[car.id] for item in ((enter, leave), way) if item is not None]
+        here = next(
+            (
+                k
+                for k, s in enumerate(steps)
+                if s == car.lane_id
+                or (
+                    isinstance(s, tuple)
+                    and car.lane_id in self.roads.lanes
+                    and self.roads.lanes[s[0]].roadblock_id == self.roads.lanes[car.lane_id].roadblock_id
+                )
+            ),
+            len(steps),
+        )
+        for step in steps[here + 1 :]:
+            name = step if isinstance(step, str) else step[0]
+            if at > 80.0:
+                break
+            found.append((name, at))
+            at += self.roads[name].centerline.length_m
+        return found
+
+    def _at_junction(self, car: _Car) -> bool:
+        return any(
+            start_m < 30.0 and name in self.roads.connectors and (self.foes[name] or name in self.ids.links)
+            for name, start_m in self._ahead(car)
+        )
+
+    def _cause(self, car: _Car) -> str:
+        ahead = self._ahead(car)
+        ways = [(name, start_m) for name, start_m in ahead if name in self.roads.connectors]
+        for name, start_m in ways:
+            if name in self.ids.links and 0.0 < start_m < 60.0:
+                light, link = self.ids.links[name]
+                if self.lights.get((light, car.time_s), "G")[link] in "ry":
+                    return "light"
+        now = self.frames[car.time_s]
+        names = dict(ahead)
+        for other in now:
+            if other.id != car.id and other.lane_id in names and 0.0 < names[other.lane_id] + other.arc_m < 60.0:
+                return "leader"
+        for other in now:
+            beside = other.lane_id in self.roads.lanes and car.lane_id in self.roads.lanes
+            if other.id != car.id and beside:
+                here, there = self.roads.lanes[car.lane_id], self.roads.lanes[other.lane_id]
+                if here.roadblock_id == there.roadblock_id and -8.0 < other.arc_m - car.arc_m < 40.0:
+                    return "leader"  # changing lanes, or being let in
+        for name, start_m in ways:
+            if start_m > 40.0:
+                continue
+            for foe in self.foes[name]:
+                from_lane = self.roads.connectors[foe].from_lane_id
+                for other in now:
+                    near = self.roads.lanes[from_lane].centerline.length_m - other.arc_m < max(
+                        30.0, 5 * other.speed_mps
+                    )
+                    if other.id != car.id and (other.lane_id == foe or (other.lane_id == from_lane and near)):
+                        return "crossing"
+        return "none"

@@ -1,0 +1,121 @@
+"""What must not change a score: where the map lies, the side one drives on, who is far away, the order of actors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from interplan_sumo.metrics.score import ScoreSheet, score
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.geometry import Pose
+from interplan_sumo.world.trace import ActorTable, Trace
+from tests.metrics.golden_metrics import GOLDEN, Case, read_case
+from tests.metrics.staging import (
+    Move,
+    mirror,
+    moved_roads,
+    moved_trace,
+    moved_track,
+    rotation,
+    scenario_on,
+)
+from tests.worlds import cars, drive, straight_road
+
+DRIVES = ("run_cross_simple_replay", "run_curve_pdm_reactive", "coll_many_in_one_run", "assoc_cut_the_corner")
+
+cached_case = cache(read_case)
+
+
+def golden(name: str) -> Case:
+    return cached_case(GOLDEN / "cases" / name)
+
+
+def scores(sheet: ScoreSheet) -> dict[str, float | None]:
+    return {"score": sheet.score, **{name: result.score for name, result in sheet.metrics.items()}}
+
+
+def same(sheet: ScoreSheet, other: ScoreSheet) -> bool:
+    return scores(sheet) == pytest.approx(scores(other), abs=1e-6)
+
+
+def rescored(case: Case, move: Move, *, mirrored: bool = False) -> ScoreSheet:
+    facts = case.facts
+    return score(
+        moved_trace(facts.trace, move, mirrored=mirrored),
+        moved_roads(facts.roads, move, mirrored=mirrored),
+        moved_track(facts.expert, move, mirrored=mirrored),
+        profile="nuplan",
+    )
+
+
+@pytest.mark.parametrize("name", DRIVES)
+@settings(max_examples=4, deadline=None)
+@given(angle=st.floats(-np.pi, np.pi), shift=st.tuples(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5)))
+def test_turning_and_shifting_the_world_changes_no_score(name: str, angle: float, shift: tuple[float, float]):
+    case = golden(name)
+    origin = case.facts.centre[0]
+    turn = rotation(angle, (0.0, 0.0))
+    assert same(rescored(case, lambda xy: turn(xy - origin) + origin + shift), case.sheet)
+
+
+@pytest.mark.parametrize("name", [*DRIVES, "lht_ramp_merge", "vehicle_bus_left_turn"])
+def test_the_mirror_image_on_the_other_side_of_the_road_has_the_same_scores(name: str):
+    case = golden(name)
+    mirrored, original = scores(rescored(case, mirror, mirrored=True)), scores(case.sheet)
+    # nuPlan's centre acceleration lets a left-hand yaw acceleration speed the car up and a right-hand one slow it down
+    for uneven in ("comfort", "score"):
+        mirrored.pop(uneven)
+        original.pop(uneven)
+    assert mirrored == pytest.approx(original, abs=1e-6)
+
+
+def with_another(trace: Trace, other: Actors) -> Trace:
+    """The trace with more actors in every frame."""
+    frames = [trace.actors.rows(k) for k in range(len(trace))]
+    names = ("ids", "kind", "x_m", "y_m", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps", "behaviour")
+    extra = ActorTable.of([other] * len(trace))
+    parts = [(table, table.rows(k)) for k in range(len(frames)) for table in (trace.actors, extra)]
+    columns = {name: np.concatenate([getattr(table, name)[rows] for table, rows in parts]) for name in names}
+    counts = np.diff(trace.actors.starts) + len(other)
+    frame = np.repeat(np.arange(len(trace)), counts)
+    return replace(trace, actors=ActorTable(frame=frame, starts=np.concatenate(([0], np.cumsum(counts))), **columns))
+
+
+@pytest.mark.parametrize("bearing", [0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+def test_an_actor_out_of_reach_changes_nothing(bearing: float):
+    case = golden("run_curve_pdm_reactive")
+    x, y = case.facts.centre[0] + 400.0 * np.array([np.cos(bearing), np.sin(bearing)])
+    crowded = with_another(case.facts.trace, cars((float(x), float(y), 5.0), prefix="far"))
+    assert scores(score(crowded, case.facts.roads, case.facts.expert, profile="nuplan")) == scores(case.sheet)
+
+
+@pytest.mark.parametrize("name", ["run_cross_simple_replay", "coll_many_in_one_run"])
+def test_the_order_of_actors_within_a_frame_changes_no_score(name: str):
+    case = golden(name)
+    actors = case.facts.trace.actors
+    rng = np.random.default_rng(1)
+    order = np.concatenate(
+        [rng.permutation(np.arange(actors.starts[k], actors.starts[k + 1])) for k in range(len(case.facts.trace))]
+    )
+    columns = {c: getattr(actors, c)[order] for c in ActorTable.__dataclass_fields__ if c != "starts"}
+    shuffled = replace(case.facts.trace, actors=replace(actors, **columns))
+    assert scores(score(shuffled, case.facts.roads, case.facts.expert, profile="nuplan")) == scores(case.sheet)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    angle=st.floats(-np.pi, np.pi), shift=st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4)), lane=st.integers(0, 2)
+)
+def test_interplans_terms_do_not_depend_on_where_the_world_lies(angle: float, shift: tuple[float, float], lane: int):
+    road = straight_road(lanes=3, length_m=300.0, cuts_m=((150.0, 170.0),))
+    scenario = scenario_on(road, ("12", 20.0), (f"3{lane + 1}", 100.0))
+    trace = drive(*[9.0] * 150, start=Pose(20.0, -3.5, 0.0), actors=cars((190.0, 0.0, 2.0)))
+    move = rotation(angle, shift)
+    here = score(trace, road, trace.ego, scenario)
+    there = score(moved_trace(trace, move), moved_roads(road, move), moved_track(trace.ego, move), scenario)
+    assert same(here, there)

@@ -1,0 +1,43 @@
+"""Lane crossings: from the first frame astride to the first frame in a lane again."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from interplan_sumo.metrics.lane_crossings import Crossing, find_crossings, lane_crossings
+from tests.metrics.staging import drive_at, facts_of, lane_y_m
+from tests.worlds import straight_road
+
+ROAD = straight_road(lanes=2, length_m=200.0, cuts_m=((90.0, 110.0),))
+ONE, TWO, NEXT, ASTRIDE, OFF = frozenset({"11"}), frozenset({"12"}), frozenset({"21"}), None, frozenset[str]()
+
+
+def crossings(*body: frozenset[str] | None) -> tuple[Crossing, ...]:
+    return find_crossings(ROAD, body, np.arange(len(body)) * 1_000_000)
+
+
+def test_a_change_of_lane_succeeds():
+    assert crossings(ONE, ASTRIDE, ASTRIDE, TWO, TWO) == (Crossing(1, 3, 2.0, True),)
+
+
+def test_a_return_to_the_same_lane_or_its_successor_fails():
+    assert [c.success for c in crossings(ONE, ASTRIDE, ONE)] == [False]
+    assert [c.success for c in crossings(ONE, ASTRIDE, NEXT)] == [False]
+
+
+def test_leaving_all_lanes_or_the_end_of_the_drive_fails():
+    assert crossings(ONE, ASTRIDE, OFF) == (Crossing(1, 2, 1.0, False),)
+    assert crossings(ONE, ASTRIDE, ASTRIDE, ASTRIDE) == (Crossing(1, 3, 2.0, False),)
+
+
+def test_a_drive_that_begins_astride_or_off_the_lanes_has_no_crossing_there():
+    assert crossings(ASTRIDE, ASTRIDE, ONE) == ()
+    assert crossings(OFF, ASTRIDE, ONE) == ()
+    assert crossings() == crossings(ONE) == ()
+
+
+def test_a_drive_across_two_lanes_is_counted():
+    y_m = np.concatenate((np.zeros(5), np.linspace(0.0, lane_y_m(1), 10), np.full(5, lane_y_m(1))))
+    result = lane_crossings(facts_of(drive_at(20.0 + np.arange(20.0), y_m), ROAD))
+    assert result.score is None
+    assert (result.detail["count"], result.detail["failed_share"]) == (1, 0.0)

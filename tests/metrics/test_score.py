@@ -1,0 +1,163 @@
+"""The score: gates multiply, weights average, and every profile has its own table."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.metrics.facts import Facts
+from interplan_sumo.metrics.result import MetricResult, plain
+from interplan_sumo.metrics.score import PROFILES, SCORING_VERSION, Gate, score, score_facts, weighted_score
+from interplan_sumo.scenario.scenario import LanePlace, Obstacle, Scenario
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.geometry import Pose
+from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
+from tests.metrics.staging import NOBODY, drive_at, lane_y_m, scenario_on
+from tests.worlds import cars, drive, straight_road
+
+ROAD = straight_road(lanes=2, length_m=600.0)
+SCENARIO = scenario_on(ROAD, ("11", 20.0), ("11", 550.0))
+CRUISE = drive(*[10.0] * 301, start=Pose(20.0, 0.0, 0.0))
+EXPERT = CRUISE.ego
+CAR = Obstacle(LanePlace("11", 80.0, 3.0))
+
+
+NOTHING = Trace(NOBODY, ActorTable.of([]), (), (), np.zeros(0))
+"""A trace without a single frame."""
+
+
+def facts_of(trace: Trace = CRUISE, scenario: Scenario | None = SCENARIO, expert: EgoTrack = EXPERT) -> Facts:
+    return Facts(trace, ROAD, expert, scenario)
+
+
+def test_a_perfect_drive_scores_one_in_every_profile():
+    for profile in PROFILES:
+        sheet = score(CRUISE, ROAD, EXPERT, SCENARIO, profile)
+        assert sheet.score == 1.0
+        assert (sheet.profile, sheet.version) == (profile, SCORING_VERSION)
+        assert sheet.reasons() == {}
+
+
+@pytest.mark.parametrize(
+    ("profile", "weights"),
+    [
+        ("interplan-paper", {"progress": 5, "time_to_collision": 5, "lane_changes": 4, "speed_limit": 4, "comfort": 2}),
+        ("interplan-code", {"progress": 5, "time_to_collision": 5, "lane_changes": 4, "speed_limit": 4, "comfort": 2}),
+        ("nuplan", {"progress": 5, "time_to_collision": 5, "speed_limit": 4, "comfort": 2}),
+    ],
+)
+def test_the_weights_are_those_of_interplan_and_nuplan(profile: str, weights: dict[str, float]):
+    sheet = score_facts(facts_of(), profile)
+    assert sheet.weights == weights
+    assert sheet.gates == ("no_collision", "drivable_area", "making_progress", "driving_direction")
+
+
+def test_the_weighted_examples_of_nuplan():
+    weights = {"progress": 5.0, "time_to_collision": 5.0, "speed_limit": 4.0, "comfort": 2.0}
+    full = dict.fromkeys(weights, 1.0) | {"gate": 1.0}
+    assert weighted_score(full | {"progress": 0.8117234630}, ["gate"], weights) == pytest.approx(0.9411635822)
+    some = full | {"progress": 0.5524987286, "comfort": 0.0}
+    assert weighted_score(some, ["gate"], weights) == pytest.approx(0.7351558527)
+    assert weighted_score(full | {"gate": 0.5}, ["gate"], weights) == 0.5
+
+
+def test_a_lane_keeper_that_needs_a_lane_change_gets_four_fifths():
+    scenario = scenario_on(ROAD, ("11", 20.0), ("12", 550.0))
+    sheet = score_facts(facts_of(scenario=scenario))
+    assert sheet.score == pytest.approx(0.8)
+    assert sheet.reasons() == {"lane_changes": "ended 1 lane beside the goal lane, on lane 11"}
+
+
+def test_one_cone_is_a_zero_in_the_paper_and_a_half_elsewhere():
+    cone = cars((150.0, 0.0), kind=ActorKind.TRAFFIC_CONE, length_m=0.5, width_m=0.5)
+    facts = facts_of(drive_at(CRUISE.ego.x_m, actors=cone))
+    gates = {profile: score_facts(facts, profile).metrics["no_collision"].score for profile in PROFILES}
+    assert gates == {"interplan-paper": 0.0, "interplan-code": 0.5, "nuplan": 0.5}
+    assert score_facts(facts).score == 0.0
+
+
+def wrong_way() -> Trace:
+    """Forwards, then 4 m back within a second, then on to the end."""
+    x_m = np.concatenate((np.linspace(20.0, 120.0, 101), np.linspace(119.6, 116.0, 10), np.linspace(117.0, 320.0, 190)))
+    return drive_at(x_m)
+
+
+def test_exempt_gates_are_reported_but_do_not_count():
+    counted = score_facts(facts_of(wrong_way()))
+    exempt = score_facts(facts_of(wrong_way(), replace(SCENARIO, exempt=("driving_direction",))))
+    assert counted.metrics["driving_direction"].score == exempt.metrics["driving_direction"].score == 0.5
+    assert "driving_direction" not in exempt.gates
+    assert counted.score == pytest.approx(exempt.score / 2)
+    assert score_facts(facts_of(wrong_way(), replace(SCENARIO, exempt=("driving_direction",))), "nuplan").score > 0
+
+
+@pytest.mark.parametrize("family", ["construction", "accident", "nudge", "overtake"])
+def test_the_published_code_demotes_driving_direction_where_a_lane_is_blocked(family: str):
+    sheet = score_facts(facts_of(wrong_way(), replace(SCENARIO, family=family)), "interplan-code")
+    assert sheet.weights["driving_direction"] == 1.0
+    assert "driving_direction" not in sheet.gates
+    assert sum(sheet.weights.values()) == 21.0
+
+
+def test_an_obstacle_gate_exists_only_where_there_is_an_obstacle():
+    blocked = facts_of(scenario=replace(SCENARIO, obstacles=(CAR,)))
+    assert "obstacle_passed" not in score_facts(facts_of()).metrics
+    for profile in ("interplan-paper", "interplan-code"):
+        passed = score_facts(blocked, profile)
+        assert "obstacle_passed" in passed.gates
+        assert passed.score == 1.0
+    assert "obstacle_passed" not in score_facts(blocked, "nuplan").metrics
+    beyond_the_end = replace(SCENARIO, obstacles=(Obstacle(LanePlace("11", 500.0, 3.0)),))
+    assert score_facts(facts_of(scenario=beyond_the_end)).score == 0.0
+
+
+@pytest.mark.parametrize("profile", list(PROFILES))
+@pytest.mark.parametrize("frames", [0, 1, 2, 3, 4, 7])
+def test_a_trace_of_any_length_can_be_scored(frames: int, profile: str):
+    around = cars((40.0, 0.0, 3.0), (20.0, lane_y_m(1), 5.0))
+    trace = drive_at(CRUISE.ego.x_m[:frames], actors=around) if frames else NOTHING
+    for expert in (EXPERT, NOBODY):
+        sheet = score_facts(facts_of(trace, replace(SCENARIO, obstacles=(CAR,)), expert), profile)
+        assert 0.0 <= sheet.score <= 1.0
+        json.dumps(sheet.as_json(), allow_nan=False)
+
+
+def test_an_unknown_profile_names_the_nearest():
+    with pytest.raises(UnknownNameError, match="Did you mean 'nuplan'"):
+        score(CRUISE, ROAD, EXPERT, SCENARIO, "nuplann")
+
+
+@pytest.mark.parametrize("profile", ["interplan-paper", "interplan-code"])
+def test_interplans_profiles_need_the_scenario(profile: str):
+    with pytest.raises(InputError, match="needs the scenario"):
+        score(CRUISE, ROAD, EXPERT, None, profile)
+    assert score(CRUISE, ROAD, EXPERT, None, "nuplan").score == 1.0
+
+
+def test_a_sheet_becomes_plain_json():
+    sheet = score_facts(facts_of(drive_at(CRUISE.ego.x_m, actors=Actors.none())))
+    data = json.loads(json.dumps(sheet.as_json(), allow_nan=False))
+    assert data["score"] == 1.0
+    assert data["metrics"]["time_to_collision"]["detail"]["least_s"] is None
+    assert data["metrics"]["lane_changes"]["detail"]["initial"] == 0
+    assert "series" not in data["metrics"]["comfort"]
+
+
+def test_plain_data_have_no_numpy_and_no_infinity():
+    mixed = {"a": np.float64(2.5), "b": (np.int64(1), np.bool_(True)), 3: np.array([1.0, np.inf, np.nan]), "n": None}
+    assert plain(mixed) == {"a": 2.5, "b": [1, True], "3": [1.0, None, None], "n": None}
+    assert type(plain(mixed)["b"][1]) is bool
+
+
+def test_a_term_that_cannot_be_judged_leaves_the_mean(monkeypatch: pytest.MonkeyPatch):
+    table = PROFILES["nuplan"]
+    silent = Gate("driving_direction", lambda facts: MetricResult(None))  # noqa: ARG005
+    terms = tuple(silent if term.name == "driving_direction" else term for term in table.terms)
+    monkeypatch.setitem(PROFILES, "nuplan", replace(table, terms=terms))  # pyright: ignore[reportArgumentType]
+    sheet = score_facts(facts_of(), "nuplan")
+    assert "driving_direction" not in sheet.gates
+    assert sheet.score == 1.0

@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from worlds import cars, curved_road, ego, junction, straight_road
+
+from interplan_planners.common.corridor import Corridor
+from interplan_planners.common.paths import braking_plan, centerline, plan_along
+from interplan_planners.common.route_search import lane_chain, lanes_of_route, starting_lane
+from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.world.geometry import Polyline
+
+ROAD = straight_road(lanes=2, length_m=200.0, cuts_m=((90.0, 100.0),))
+ROUTE = ("1", "2", "3")
+CROSSING = junction()
+
+
+# --- route search --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "place"),
+    [(10.0, 0.0, (0, "11")), (10.0, -3.0, (0, "12")), (95.0, 0.5, (1, "21")), (150.0, -4.0, (2, "32"))],
+)
+def test_the_ego_starts_on_the_lane_that_holds_its_centre(x_m: float, y_m: float, place: tuple[int, str]) -> None:
+    assert starting_lane(ROAD, ROUTE, ego(x_m, y_m), PACIFICA) == place
+
+
+def test_an_ego_beside_the_road_starts_on_the_nearest_lane() -> None:
+    assert starting_lane(ROAD, ROUTE, ego(150.0, 9.0), PACIFICA) == (2, "31")
+
+
+def test_lanes_off_the_route_are_not_considered() -> None:
+    assert starting_lane(ROAD, ("3",), ego(10.0, 0.0), PACIFICA) == (0, "31")
+
+
+def test_the_chain_follows_the_route_through_a_junction() -> None:
+    assert lane_chain(CROSSING, ("1", "14", "8"), 0, "1") == ("1", "14", "8")
+    assert lane_chain(CROSSING, ("1", "12", "6"), 0, "1") == ("1", "12", "6")
+
+
+def test_the_chain_starts_where_the_ego_does() -> None:
+    assert lane_chain(ROAD, ROUTE, 1, "22") == ("22", "32")
+
+
+def test_a_route_that_the_lane_leaves_early_gives_the_longest_way() -> None:
+    assert lane_chain(CROSSING, ("1", "14", "7"), 0, "1") == ("1", "14")
+    assert lane_chain(CROSSING, ("1", "99"), 0, "1") == ("1",)
+
+
+def test_a_route_may_pass_a_block_twice() -> None:
+    assert lane_chain(ROAD, ("1", "2", "3", "1"), 0, "11") == ("11", "21", "31")
+
+
+def test_the_lanes_of_a_route_are_all_lanes_of_its_blocks() -> None:
+    assert lanes_of_route(ROAD, ("1", "2")) == {"11", "12", "21", "22"}
+
+
+# --- paths ---------------------------------------------------------------------------------------
+
+
+def test_a_centre_line_runs_through_all_lanes() -> None:
+    line = centerline(CROSSING, ("1", "14", "8"))
+    assert line.length_m == pytest.approx(60.0 + 13.75 * np.pi / 2 + 60.0, abs=0.02)
+    assert np.diff(line.arc_m).max() <= 1.0 + 1e-9
+
+
+def test_a_plan_along_a_path_has_no_lateral_error() -> None:
+    line = centerline(CROSSING, ("1", "14", "8"))
+    plan = plan_along(line, [0.0, 1.0, 2.0], [55.0, 65.0, 500.0], [10.0, 10.0, 0.0])
+    arc_m, left_m = line.project(np.stack((plan.x_m, plan.y_m), axis=1))
+    assert left_m == pytest.approx(0.0, abs=1e-9)
+    assert arc_m == pytest.approx([55.0, 65.0, line.length_m])
+
+
+def test_a_braking_plan_stops_where_physics_says() -> None:
+    plan = braking_plan(ego(speed_mps=9.0), 3.0, horizon_s=8.0, step_s=0.5)
+    assert plan.x_m[-1] == pytest.approx(13.5)
+    assert plan.speed_mps is not None
+    assert plan.speed_mps[[0, 2, 6, 16]] == pytest.approx([9.0, 6.0, 0.0, 0.0])
+
+
+def test_a_braking_plan_of_a_standing_or_backing_ego_stays() -> None:
+    for speed in (0.0, -0.4):
+        assert (braking_plan(ego(speed_mps=speed), 3.0, 8.0, 0.5).x_m == 0.0).all()
+
+
+# --- corridor ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("y_m", "inside"), [(0.0, True), (1.9, True), (2.1, False), (-2.1, False)])
+def test_a_car_is_in_the_corridor_when_its_side_reaches_in(y_m: float, inside: bool) -> None:
+    corridor = Corridor(ROAD["11"].centerline, half_width_m=1.0)
+    assert bool(corridor.occupied_m(cars((50.0, y_m)).polygons)) is inside
+
+
+def test_the_corridor_says_how_far_along_the_path_something_stands() -> None:
+    corridor = Corridor(ROAD["11"].centerline, half_width_m=1.0)
+    assert corridor.occupied_m(cars((20.0, 9.0), (50.4, 0.0)).polygons) == {1: ((48.0, 53.0),)}
+
+
+def test_the_corridor_of_a_bend_has_no_gaps() -> None:
+    line = curved_road(radius_m=10.0, run_in_m=20.0)["11"].centerline
+    corridor = Corridor(line, half_width_m=1.1)
+    for side in (-1.05, 0.0, 1.05):
+        poses = [line.pose_at(arc_m, side) for arc_m in np.arange(20.5, 35.0, 0.05)]
+        points = shapely.points([(pose.x_m, pose.y_m) for pose in poses])
+        assert len(corridor.occupied_m(points)) == len(poses)
+
+
+def test_what_stands_where_the_path_comes_by_twice_occupies_two_stretches() -> None:
+    figure = Polyline(np.array([(0.0, 0.0), (40.0, 0.0), (40.0, 20.0), (20.0, 20.0), (20.0, -20.0)])).resampled(1.0)
+    (stretches,) = Corridor(figure, half_width_m=1.0).occupied_m(cars((20.0, 0.0)).polygons).values()
+    assert len(stretches) == 2
+    assert stretches[0] == pytest.approx((17.0, 23.0), abs=1.1)
+    assert stretches[1] == pytest.approx((98.0, 102.0), abs=1.1)

@@ -1,0 +1,334 @@
+"""The command line: forms that other people's scripts rely on, and one line for whatever goes wrong."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from interplan_sumo.cli import main
+from interplan_sumo.maps.store import find_map
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
+
+FIRST = find_suite(DEFAULT_SUITE).scenarios[0].id
+SLOW = "tests.batch.rude_planners:Slow"
+
+
+def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    capsys.readouterr()
+    code = main([str(argument) for argument in arguments])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def said(capsys: pytest.CaptureFixture[str], *arguments: object) -> Any:
+    code, out, _ = ran(capsys, *arguments)
+    assert code == 0
+    return json.loads(out)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A complete run of one scenario with two planners; not to be changed."""
+    place = tmp_path_factory.mktemp("cli") / "run"
+    planners = ("--planner", "straight_ahead", "--planner", "idm")
+    assert main(["run", *planners, "--limit", "1", "--workers", "0", "--out", str(place), "--quiet"]) == 0
+    return place
+
+
+def start(*arguments: object) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "interplan_sumo", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for_rows(place: Path, count: int = 1) -> None:
+    deadline = time.monotonic() + 30.0
+    while not (place / "results.jsonl").exists() or (place / "results.jsonl").read_bytes().count(b"\n") < count:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def hashes(place: Path) -> dict[tuple[str, int], str]:
+    rows = [json.loads(line) for line in (place / "results.jsonl").read_text().splitlines()]
+    assert len(rows) == len({(row["scenario_id"], row["seed"]) for row in rows})
+    return {(row["scenario_id"], row["seed"]): row["trace_hash"] for row in rows}
+
+
+def test_help_needs_none_of_the_heavy_libraries() -> None:
+    code = (
+        "import sys; from interplan_sumo.cli import main; main(['--help']);"
+        "print([m for m in ('numpy', 'shapely', 'pandas', 'scipy', 'libsumo', 'yaml') if m in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.strip().endswith("[]")
+
+
+@pytest.mark.parametrize("command", ["", "run", "report", "score", "scenarios list", "planners list", "maps list"])
+def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = ran(capsys, *command.split(), "--help")
+    assert (code, err) == (0, "")
+    assert f"interplan-sumo {command}".strip() in out
+
+
+def test_scenarios_list_has_the_documented_fields(capsys: pytest.CaptureFixture[str]) -> None:
+    entries = said(capsys, "scenarios", "list", "--suite", DEFAULT_SUITE, "--json")
+    assert [entry["id"] for entry in entries] == [s.id for s in find_suite(DEFAULT_SUITE).scenarios]
+    documented = {
+        "id",
+        "family",
+        "map",
+        "site",
+        "driving_side",
+        "density",
+        "behaviour",
+        "lane_changes",
+        "certificate",
+        "hash",
+    }
+    assert all(documented <= entry.keys() for entry in entries)
+    assert entries[0]["lane_changes"] >= 1
+    assert entries[0]["driving_side"] in ("left", "right")
+
+
+def test_scenarios_show_prints_what_is_staged(capsys: pytest.CaptureFixture[str]) -> None:
+    entry = said(capsys, "scenarios", "show", FIRST, "--json")
+    assert entry["id"] == FIRST
+    assert entry["scenario"]["route"]
+    code, out, _ = ran(capsys, "scenarios", "show", FIRST)
+    assert code == 0
+    assert f"id: {FIRST}" in out
+
+
+def test_planners_list_recommends_exactly_one(capsys: pytest.CaptureFixture[str]) -> None:
+    entries = said(capsys, "planners", "list", "--json")
+    assert all({"name", "source", "parameters", "recommended"} <= entry.keys() for entry in entries)
+    assert sum(entry["recommended"] for entry in entries) == 1
+    assert {"idm", "straight_ahead"} <= {entry["name"] for entry in entries}
+
+
+def test_planners_check_tells_a_conforming_planner_from_a_failing_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert said(capsys, "planners", "check", "straight_ahead", "--json")["ok"] is True
+    code, out, _ = ran(capsys, "planners", "check", "tests.batch.rude_planners:ReturnsNan")
+    assert code == 2
+    assert "error: " in out
+    assert "does not conform" in out
+    code, _, err = ran(capsys, "planners", "check", "strait_ahead")
+    assert code == 2
+    assert "Did you mean 'straight_ahead'?" in err
+
+
+def test_maps_check_passes_for_a_shipped_map_and_fails_for_a_foreign_network(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    name = find_suite(DEFAULT_SUITE).scenarios[0].map
+    report = said(capsys, "maps", "check", name, "--json")
+    assert {
+        "ok",
+        "lanes",
+        "connectors",
+        "lane_deviation_m",
+        "connector_deviation_m",
+        "missing",
+        "extra",
+        "problems",
+    } <= (report.keys())
+    assert report["ok"] is True
+    assert {"max", "p99"} <= report["lane_deviation_m"].keys()
+    folder = tmp_path / name / "1.0"
+    shutil.copytree(find_map(name).folder, folder)
+    ids = json.loads((folder / "ids.json").read_text())
+    ids["origin_m"][0] += 1.0
+    (folder / "ids.json").write_text(json.dumps(ids))
+    code, out, _ = ran(capsys, "maps", "check", folder)
+    assert code == 1
+    assert "problem: " in out
+
+
+def test_maps_convert_builds_the_same_network_again(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    files = find_map(find_suite(DEFAULT_SUITE).scenarios[0].map)
+    folder = tmp_path / files.name / files.version
+    folder.mkdir(parents=True)
+    shutil.copy(files.gpkg, folder)
+    assert ran(capsys, "maps", "convert", folder)[0] == 0
+    assert (folder / "ids.json").read_text() == files.ids.read_text()
+    assert said(capsys, "maps", "check", folder, "--json")["ok"] is True
+
+
+def test_maps_render_draws_a_picture(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    name = find_suite(DEFAULT_SUITE).scenarios[0].map
+    assert ran(capsys, "maps", "render", name, tmp_path / "map.png")[0] == 0
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+    code, _, err = ran(capsys, "maps", "render", name, tmp_path / "no" / "map.png")
+    assert code == 2
+    assert err.count("\n") == 1
+
+
+def test_maps_list_has_the_documented_fields(capsys: pytest.CaptureFixture[str]) -> None:
+    entries = said(capsys, "maps", "list", "--json")
+    assert entries
+    for entry in entries:
+        assert {"name", "path", "lanes", "lane_km", "driving_side"} <= entry.keys()
+        assert (Path(entry["path"]) / "map.gpkg").is_file()
+        assert entry["lanes"] > 0
+
+
+@pytest.mark.parametrize("command", ["scenarios list", "planners list", "maps list"])
+def test_lists_are_tables_for_people(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = ran(capsys, *command.split())
+    assert code == 0
+    assert out.count("\n") > 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("scenarios show lane_chnge_ltd/0", "Did you mean 'lane_change_ltd/0'?"),
+        ("scenarios list --suite smok==1", "Did you mean 'smoke==1'?"),
+        ("run --planner idn", "no planner named 'idn'. Did you mean 'idm'?"),
+        ("run", "no planner given"),
+        ("run --planner idm --set density=hihg", "Did you mean 'high'?"),
+        ("run --planner idm --set speed=1", "no setting to override named 'speed'"),
+        ("run --planner idm --traffic nowhere.xml", "nowhere.xml"),
+        ("run --planner idm --seeds many", "--seeds"),
+        ("run --planner idm --scenarios nothing/*", "no scenario named 'nothing/*'"),
+        ("run --planner nowhere:Nobody --out {tmp}/run", "cannot import 'nowhere'"),
+        ("run --planner idm?hedway_s=1 --out {tmp}/run", "Did you mean 'headway_s'?"),
+        ("report nowhere", "nowhere is not a run folder"),
+        ("report", "Missing argument"),
+        ("score nowhere", "nowhere is not a run folder"),
+        ("rum", "Did you mean 'run'?"),
+        ("run --plannr idm", "--planner"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, err = ran(capsys, *arguments.format(tmp=tmp_path).split(), *(["--quiet"] if "run " in arguments else []))
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert words in err
+
+
+def test_report_json_is_the_paper_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    report = said(capsys, "report", folder, "--json", "--paper", "--why")
+    assert (report["suite"], report["complete"]) == (DEFAULT_SUITE, True)
+    assert [row["planner"] for row in report["rows"]] == ["straight_ahead", "idm"]
+    keys = "interplan construction accident jaywalker nudge overtake ltd mtd htd driv goal no_col scenarios faults"
+    assert all(set(keys.split()) <= row.keys() for row in report["rows"])
+    assert len(report["paper"]["rows"]) == 14
+
+
+def test_report_csv_markdown_and_html(folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    code, out, _ = ran(capsys, "report", folder, "--csv")
+    assert code == 0
+    assert [row["planner"] for row in csv.DictReader(io.StringIO(out))] == ["straight_ahead", "idm"]
+    assert ran(capsys, "report", folder, "--markdown")[1].startswith("| planner | interPlan |")
+    assert ran(capsys, "report", folder, "--html", tmp_path / "page.html")[0] == 0
+    assert FIRST in (tmp_path / "page.html").read_text()
+    assert ran(capsys, "report", folder, "--csv", "--json")[0] == 2
+    assert ran(capsys, "report", folder, "--html", tmp_path / "no" / "page.html")[0] == 2
+
+
+def test_an_incomplete_run_is_reported_with_exit_code_3(
+    folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    place = tmp_path / "run"
+    place.mkdir()
+    for name in ("manifest.json", "results.jsonl"):
+        lines = (folder / name).read_text().splitlines(keepends=True)
+        (place / name).write_text("".join(lines if name == "manifest.json" else lines[:1]))
+    code, out, _ = ran(capsys, "report", place)
+    assert code == 3
+    assert "INCOMPLETE" in out
+    code, out, _ = ran(capsys, "report", place, "--json")
+    assert code == 3
+    assert json.loads(out)["complete"] is False
+
+
+def test_score_prints_the_table_under_another_profile(
+    folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    code, out, _ = ran(capsys, "score", folder, "--profile", "nuplan", "--json", "--out", tmp_path / "rows.jsonl")
+    assert code == 0
+    assert json.loads(out)["profile"] == "nuplan"
+    assert all(json.loads(line)["profile"] == "nuplan" for line in (tmp_path / "rows.jsonl").read_text().splitlines())
+    code, _, err = ran(capsys, "score", folder, "--profile", "nuplam")
+    assert code == 2
+    assert "Did you mean 'nuplan'?" in err
+
+
+def test_json_of_a_run_is_alone_on_stdout_whatever_the_planner_prints(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    planner = "tests.batch.rude_planners:Chatters"
+    code, out, err = ran(
+        capsys, "run", "--planner", planner, "--limit", 1, "--workers", 0, "--out", tmp_path / "run", "--json"
+    )
+    assert code == 0
+    assert json.loads(out)["complete"] is True
+    assert "1/1 done" in err
+
+
+def test_quiet_says_nothing_on_stderr(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+    planners = ("--planner", "straight_ahead", "--planner", "idm")
+    code, out, err = ran(capsys, "run", *planners, "--limit", 1, "--workers", 0, "--out", folder, "--quiet")
+    assert (code, err) == (0, "")
+    assert "straight_ahead" in out
+
+
+def test_doctor_finds_everything_in_order(capsys: pytest.CaptureFixture[str]) -> None:
+    found = said(capsys, "doctor", "--json")
+    assert found["ok"] is True
+    assert {"interplan_sumo", "python", "sumo"} <= found["versions"].keys()
+    checks = {check["name"]: check for check in found["checks"]}
+    assert "driven and scored" in checks["self-test"]["detail"]
+    code, out, _ = ran(capsys, "doctor")
+    assert code == 0
+    assert "FAILED" not in out
+
+
+def test_a_second_run_on_the_folder_is_refused_and_ctrl_c_leaves_one_that_goes_on(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    place = tmp_path / "run"
+    arguments = ("run", "--planner", SLOW, "--limit", 1, "--seeds", 3, "--workers", 1, "--out", place)
+    process = start(*arguments)
+    wait_for_rows(place)
+    code, _, err = ran(capsys, *arguments, "--quiet")
+    assert code == 2
+    assert f"in use by another run (process {process.pid})" in err
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 3
+    assert "stopped; what was done is kept. Go on with: interplan-sumo run --planner" in err
+    before = hashes(place)
+    assert 0 < len(before) < 3
+    assert ran(capsys, *arguments, "--quiet")[0] == 0
+    assert len(hashes(place)) == 3
+    assert before.items() <= hashes(place).items()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL")
+def test_a_run_that_was_killed_ends_like_an_undisturbed_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    limits = ("--limit", 1, "--seeds", 3, "--quiet")
+    slow = ("run", "--planner", SLOW, *limits, "--workers", 2, "--out", tmp_path / "killed")
+    process = start(*slow)
+    wait_for_rows(tmp_path / "killed")
+    process.kill()
+    process.communicate(timeout=30)
+    assert ran(capsys, *slow)[0] == 0
+    same = ("run", "--planner", "straight_ahead", *limits, "--workers", 0, "--out", tmp_path / "whole")
+    assert ran(capsys, *same)[0] == 0
+    assert hashes(tmp_path / "killed") == hashes(tmp_path / "whole")
