@@ -171,7 +171,7 @@ def run(
         return INCOMPLETE
     if not quiet:
         print(f"results in {folder}", file=sys.stderr)
-    return _report([stored], "json" if as_json else "text")
+    return _report([stored], "json" if as_json else "text", folder / "report.html")
 
 
 @app.command()
@@ -188,11 +188,10 @@ def report(
     from interplan_sumo.batch.run_folder import read_run
 
     asked: list[tuple[Form, bool]] = [("json", as_json), ("csv", as_csv), ("markdown", as_markdown)]
-    forms = [form for form, wanted in asked if wanted]
+    forms: list[Form] = [form for form, wanted in asked if wanted]
     if len(forms) > 1:
         raise InputError(f"--{forms[0]} and --{forms[1]} both print on stdout; give one of them")
-    form: Form = forms[0] if forms else "text"
-    return _report([read_run(folder) for folder in folders], form, html, paper, why)
+    return _report([read_run(folder) for folder in folders], forms[0] if forms else "text", html, paper, why)
 
 
 @app.command()
@@ -380,7 +379,6 @@ def _report(
     table = make_table(runs)
     if html is not None:
         write_page(table, html, paper=paper)
-        print(f"wrote {html}", file=sys.stderr)
     print_table(table, form, paper=paper, why=why)
     return DONE if table.complete else INCOMPLETE
 

@@ -12,6 +12,7 @@ tracker and bicycle and without SUMO, and two of the worlds once more.
 from __future__ import annotations
 
 import signal
+import sysconfig
 import threading
 import time
 import traceback
@@ -186,13 +187,14 @@ def _called(drive: _Drive, method: str, call: Callable[[], Any]) -> Any:
 
 
 def _place(error: BaseException) -> str:
-    """Where in the planner's own code an error arose: the deepest line outside this package and site-packages."""
-    own = Path(__file__).parent
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if own not in Path(frame.filename).parents]
-    theirs = [frame for frame in frames if "site-packages" not in Path(frame.filename).parts] or frames
-    if not theirs:
+    """Where in the planner's own code an error arose: the deepest line that is in no library."""
+    libraries = {Path(__file__).parent, Path(sysconfig.get_path("stdlib"))}
+    written = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
+    frames = [frame for frame in written if not libraries & {*Path(frame.filename).parents}]
+    own = [frame for frame in frames if "site-packages" not in Path(frame.filename).parts] or frames
+    if not own:
         return ""
-    last = theirs[-1]
+    last = own[-1]
     return f" ({Path(last.filename).name}:{last.lineno}, in {last.name}: {last.line})"
 
 

@@ -101,7 +101,7 @@ def road_along(
         ids = tuple(f"{block_id}{i + 1}" for i in range(lanes))
         for i, lane_id in enumerate(ids):
             centre, left, right = (piece(k, (side / 2 - i) * LANE_WIDTH_M) for side in (0, 1, -1))
-            polygon = _band(left, right)
+            centre, polygon = centre.resampled(1.0), _band(left, right)  # the outer side of a bend is longer
             if is_connector:
                 connectors[lane_id] = Connector(
                     lane_id, block_id, f"{k}{i + 1}", f"{k + 2}{i + 1}", centre, polygon, left, right, limit_mps,

@@ -11,6 +11,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -46,16 +48,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def start(*arguments: object) -> subprocess.Popen[str]:
+@contextmanager
+def started(place: Path, *arguments: object) -> Generator[subprocess.Popen[str]]:
+    """The command in a process of its own, once it has written its first row to the run folder `place`."""
     command = [sys.executable, "-m", "interplan_sumo", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def wait_for_rows(place: Path, count: int = 1) -> None:
-    deadline = time.monotonic() + 30.0
-    while not (place / "results.jsonl").exists() or (place / "results.jsonl").read_bytes().count(b"\n") < count:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            deadline = time.monotonic() + 30.0
+            while not (place / "results.jsonl").exists() or not (place / "results.jsonl").stat().st_size:
+                assert time.monotonic() < deadline
+                assert process.poll() is None, process.stderr
+                time.sleep(0.02)
+            yield process
+        finally:
+            process.kill()
 
 
 def hashes(place: Path) -> dict[tuple[str, int], str]:
@@ -230,6 +236,10 @@ def test_report_json_is_the_paper_table(folder: Path, capsys: pytest.CaptureFixt
     assert len(report["paper"]["rows"]) == 14
 
 
+def test_a_run_leaves_a_page_in_its_folder(folder: Path) -> None:
+    assert FIRST in (folder / "report.html").read_text()
+
+
 def test_report_csv_markdown_and_html(folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     code, out, _ = ran(capsys, "report", folder, "--csv")
     assert code == 0
@@ -304,13 +314,12 @@ def test_a_second_run_on_the_folder_is_refused_and_ctrl_c_leaves_one_that_goes_o
 ) -> None:
     place = tmp_path / "run"
     arguments = ("run", "--planner", SLOW, "--limit", 1, "--seeds", 3, "--workers", 1, "--out", place)
-    process = start(*arguments)
-    wait_for_rows(place)
-    code, _, err = ran(capsys, *arguments, "--quiet")
-    assert code == 2
-    assert f"in use by another run (process {process.pid})" in err
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    with started(place, *arguments) as process:
+        code, _, err = ran(capsys, *arguments, "--quiet")
+        assert code == 2
+        assert f"in use by another run (process {process.pid})" in err
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
     assert process.returncode == 3
     assert "stopped; what was done is kept. Go on with: interplan-sumo run --planner" in err
     before = hashes(place)
@@ -324,10 +333,8 @@ def test_a_second_run_on_the_folder_is_refused_and_ctrl_c_leaves_one_that_goes_o
 def test_a_run_that_was_killed_ends_like_an_undisturbed_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     limits = ("--limit", 1, "--seeds", 3, "--quiet")
     slow = ("run", "--planner", SLOW, *limits, "--workers", 2, "--out", tmp_path / "killed")
-    process = start(*slow)
-    wait_for_rows(tmp_path / "killed")
-    process.kill()
-    process.communicate(timeout=30)
+    with started(tmp_path / "killed", *slow) as process:
+        process.kill()
     assert ran(capsys, *slow)[0] == 0
     same = ("run", "--planner", "straight_ahead", *limits, "--workers", 0, "--out", tmp_path / "whole")
     assert ran(capsys, *same)[0] == 0

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -51,9 +50,8 @@ def test_a_plan_may_begin_up_to_a_millisecond_late_or_any_time_before(late_s: fl
 
 
 def test_a_plan_that_begins_after_now_is_refused_with_the_numbers() -> None:
-    assert refused(plan(time_s=np.linspace(3.6, 11.6, 81))) == (
-        "the plan begins 0.100 s after now (time_s[0] = 3.600, now = 3.500); begin it with the ego's pose at seen.time_s"
-    )
+    message = refused(plan(time_s=np.linspace(3.6, 11.6, 81)))
+    assert message.startswith("the plan begins 0.100 s after now (time_s[0] = 3.600, now = 3.500);")
 
 
 def test_a_plan_must_reach_the_next_step() -> None:
@@ -127,9 +125,9 @@ def test_times_that_stand_still_are_found_whoever_made_them() -> None:
 
 @pytest.mark.parametrize("size", [1e155, 1.7e308])
 def test_absurd_numbers_are_refused_without_a_warning(size: float) -> None:
-    far: Callable[[float], Trajectory] = lambda sign: plan(x_m=np.concatenate(([100.0, 101.0], np.full(79, sign * size))))  # noqa: E731
-    assert "the plan jumps" in refused(far(1.0))
-    assert "the plan jumps" in refused(far(-1.0))
+    far = np.concatenate(([100.0, 101.0], np.full(79, size)))
+    assert "the plan jumps" in refused(plan(x_m=far))
+    assert "the plan jumps" in refused(plan(x_m=200.0 - far))
     flip = np.full(81, size)
     flip[::2] *= -1.0
     assert "away from the ego" in refused(plan(x_m=flip))

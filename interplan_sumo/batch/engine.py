@@ -29,6 +29,7 @@ from interplan_sumo.batch.processes import (
     adopted_orphans,
     death,
     environment,
+    interrupts_held,
     kill_group,
     killed_from_outside,
 )
@@ -85,7 +86,7 @@ class _Crew:
             name=f"interplan-sumo worker {self.started}",
         )
         # Set iteration order, too, must not differ from worker to worker.
-        with environment({**SINGLE_THREAD, "PYTHONHASHSEED": "0"}):
+        with environment({**SINGLE_THREAD, "PYTHONHASHSEED": "0"}), interrupts_held():
             process.start()
         there.close()
         worker = _Worker(group, process, here, PhaseBoard(shared), output)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -29,9 +30,12 @@ def run_in_process(tasks: Sequence[Task], open_group: OpenGroup, limits: Limits)
     thread; they rest while a debugger is at work. A crash is not survived.
     """
     board = PhaseBoard([0, 0])
+    home = os.getpid()
     with _Alarm(limits) as alarm, _Interrupts() as interrupts:
 
         def publish(phase: str) -> None:
+            if os.getpid() != home:  # a planner forked, and its copy came back from plan()
+                os._exit(0)
             board.publish(phase)
             alarm.phase(phase)
 

@@ -17,6 +17,7 @@ SINGLE_THREAD = dict.fromkeys(
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _PR_SET_CHILD_SUBREAPER = 36
+_PR_GET_CHILD_SUBREAPER = 37
 
 
 def available_cores() -> int:
@@ -41,6 +42,22 @@ def environment(values: dict[str, str]) -> Generator[None]:
                 os.environ[name] = value
 
 
+@contextlib.contextmanager
+def interrupts_held() -> Generator[None]:
+    """Inside the block Ctrl-C waits; processes started in it inherit that, until `become_worker` ends it.
+
+    Otherwise a Ctrl-C at the terminal would hit workers that are still importing, and each would print a traceback.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def become_worker(memory_bytes: int | None) -> None:
     """Make this process a worker: own process group, dies with its parent, no core dumps, memory capped.
 
@@ -48,6 +65,8 @@ def become_worker(memory_bytes: int | None) -> None:
     allocation beyond it raises MemoryError where it happens.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if hasattr(os, "setsid"):
         with contextlib.suppress(OSError):
@@ -73,11 +92,13 @@ def adopted_orphans() -> Generator[None]:
     if sys.platform != "linux":
         yield
         return
+    before = ctypes.c_int(0)
+    _prctl(_PR_GET_CHILD_SUBREAPER, ctypes.addressof(before))
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     try:
         yield
     finally:
-        _prctl(_PR_SET_CHILD_SUBREAPER, 0)
+        _prctl(_PR_SET_CHILD_SUBREAPER, before.value)
 
 
 def kill_group(leader: Any) -> None:
@@ -117,4 +138,4 @@ def killed_from_outside(exit_code: int | None) -> bool:
 
 def _prctl(option: int, value: int) -> None:
     with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None, use_errno=True).prctl(option, value, 0, 0, 0)
+        ctypes.CDLL(None, use_errno=True).prctl(option, ctypes.c_ulong(value), 0, 0, 0)

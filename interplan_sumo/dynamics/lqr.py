@@ -166,7 +166,7 @@ def _held(profile: list[float], at: float) -> float:
 @lru_cache(maxsize=64)
 def _grid(count: int) -> Floats:
     """(M + 1,) grid times of M steps."""
-    return GRID_S * np.arange(count + 1)
+    return GRID_S * np.arange(count + 1, dtype=np.float64)
 
 
 @lru_cache(maxsize=64)

@@ -27,7 +27,7 @@ TAPER = 20.0
 """Smaller differences are spread over so many times their length: lanes differ by a twentieth there, nowhere else."""
 SHORTEST_M = 5.0
 """No cut for alignment closer than this to another one."""
-_STEP_M = 1.0  # spacing of the cross-sections that are tried
+_STEP_M, _MOST_STEPS = 1.0, 500  # spacing of the cross-sections that are tried; coarser on long roads
 _REACH_M = 60.0  # how far beyond its ends the reference line is extended to find ragged ends
 
 
@@ -124,27 +124,31 @@ def _common_cuts(lines: Sequence[Polyline]) -> list[Floats] | None:
     """Per lane the arc lengths of the common cross-sections, outermost included; None if there are none."""
     reference = lines[len(lines) // 2]
     first, last = reference.poses_at((0.0, reference.length_m))
-    before = first[:2] - _REACH_M * np.array([np.cos(first[2]), np.sin(first[2])])
-    after = last[:2] + _REACH_M * np.array([np.cos(last[2]), np.sin(last[2])])
-    long = Polyline(np.concatenate((before[None], reference.points, after[None])))
+    behind = first[:2] - _REACH_M * np.array([np.cos(first[2]), np.sin(first[2])])
+    ahead = last[:2] + _REACH_M * np.array([np.cos(last[2]), np.sin(last[2])])
+    long = Polyline(np.concatenate((behind[None], reference.points, ahead[None])))
     along: list[tuple[Floats, Floats]] = []
     for line in lines:
-        arc = np.linspace(0.0, line.length_m, max(2, int(np.ceil(line.length_m / _STEP_M)) + 1))
+        arc = np.linspace(0.0, line.length_m, _count(line.length_m))
         section, _ = long.project(line.poses_at(arc)[:, :2])
         along.append((np.maximum.accumulate(section) - _REACH_M, arc))
     start, end = max(s[0] for s, _ in along), min(s[-1] for s, _ in along)
     if end - start < max(1.0, 4 * CUT_M):
         return None
-    sections = np.linspace(start, end, max(2, int(np.ceil((end - start) / _STEP_M)) + 1))
+    sections = np.linspace(start, end, _count(end - start))
     arcs = np.array([np.interp(sections, s, a) for s, a in along])
     spacing_m = (end - start) / (len(sections) - 1)
     final = len(sections) - 1
-    before = _taper(arcs[:, 0].max(), spacing_m, final)
-    after = final - _taper(max(n.length_m - a for n, a in zip(lines, arcs[:, -1], strict=True)), spacing_m, final)
-    ends = sorted({0, *({before, after} if before < after else ()), final})
-    kept = sorted({*ends, *(k for i, j in pairwise(ends) for k in _aligning(arcs, i, j))})
+    ragged_m = arcs[:, 0].max(), max(n.length_m - a for n, a in zip(lines, arcs[:, -1], strict=True))
+    even = _taper(ragged_m[0], spacing_m, final), final - _taper(ragged_m[1], spacing_m, final)
+    bounds = sorted({0, *(even if even[0] < even[1] else ()), final})
+    kept = sorted({*bounds, *(k for i, j in pairwise(bounds) for k in _aligning(arcs, i, j))})
     cuts = [row[kept].copy() for row in arcs]
     return cuts if all((np.diff(c) > 2 * CUT_M).all() for c in cuts) else None
+
+
+def _count(length_m: float) -> int:
+    return max(2, min(_MOST_STEPS, int(np.ceil(length_m / _STEP_M)) + 1))
 
 
 def _taper(ragged_m: float, spacing_m: float, count: int) -> int:

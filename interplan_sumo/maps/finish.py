@@ -220,9 +220,14 @@ def _only_merges(way: _Way, order: list[_Way], response: list[bool]) -> bool:
 
 
 def _add_opposites(plan: NetworkPlan, root: Element) -> None:
-    lanes = {_text(lane, "id"): lane for lane in root.iterfind("edge/lane")}
+    """Name the oncoming lane of inner lanes, and give both edges one length, on which SUMO insists."""
+    edges = {_text(edge, "id"): edge for edge in root.iterfind("edge")}
     for lane_id, opposite_id in opposite_lanes(plan).items():
-        lanes[lane_id].append(Element("neigh", {"lane": opposite_id}))
+        here, there = (edges[name.rpartition("_")[0]].findall("lane") for name in (lane_id, opposite_id))
+        here[-1].append(Element("neigh", {"lane": opposite_id}))
+        mean_m = (float(_text(here[0], "length")) + float(_text(there[0], "length"))) / 2
+        for lane in (*here, *there):
+            lane.set("length", f"{mean_m:.3f}")
 
 
 def _strip(plan: NetworkPlan, root: Element) -> None:

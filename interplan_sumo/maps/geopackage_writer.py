@@ -51,12 +51,15 @@ def write_map(roads: Roads, path: Path) -> None:
         more = f" (and {len(problems) - 1} more; `schema_problems` lists them)" if len(problems) > 1 else ""
         raise MapError(f"map {roads.name} cannot be written: {problems[0]}{more}")
     layers = _layers(roads)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder, _gdal_options(_GDAL_OPTIONS):
-        file = Path(folder) / path.name
-        for name, rows in layers.items():
-            _write_layer(file, name, rows, roads.crs)
-        os.replace(file, path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder, _gdal_options(_GDAL_OPTIONS):
+            file = Path(folder) / "map.gpkg"
+            for name, rows in layers.items():
+                _write_layer(file, name, rows, roads.crs)
+            os.replace(file, path)
+    except OSError as error:
+        raise MapError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 # --- what is written ---------------------------------------------------------------------------

@@ -64,6 +64,15 @@ class NetworkPlan:
 
     def points(self, stretch: Stretch) -> Floats:
         """(N, 2) the shape of a stretch, origin shifted, without needless vertices."""
+        if stretch not in self._shapes:
+            self._shapes[stretch] = self._drawn(stretch)
+        return self._shapes[stretch]
+
+    @cached_property
+    def _shapes(self) -> dict[Stretch, Floats]:
+        return {}
+
+    def _drawn(self, stretch: Stretch) -> Floats:
         line = self.roads[stretch.lane_id].centerline.between(stretch.start_m, stretch.end_m)
         thin = shapely.simplify(line.linestring, STRAIGHTENED_M, preserve_topology=False)
         points = shapely.get_coordinates(thin) if not thin.is_empty else line.points

@@ -9,8 +9,8 @@ from interplan_sumo.maps.network_plan import NetworkPlan
 
 _BESIDE_M = 4.5
 """Inner lanes further apart than this have a median or a turn lane between them."""
-_LENGTH_SHARE = 0.05
-"""SUMO counts positions on the other lane from its far end: the lengths must agree."""
+_LENGTH_SHARE = 0.02
+"""SUMO counts positions on the other lane from its far end: edges that differ by more stay strangers."""
 _END_M = 2.0
 
 

@@ -50,10 +50,11 @@ def program(roads: Roads, junction: Junction, number: int) -> Program:
     for k, stage in enumerate(stages):
         following = stages[(k + 1) % len(stages)]
         phases.append((_green_s(junction, stage), _state(lit, stage)))
-        losing = [i for i in stage if i not in following]
+        # An arrow that becomes a duty to yield ends first: the oncoming traffic must not start into a turning car.
+        losing = [i for i in stage if i not in following or (stage[i] == "G" and following[i] == "g")]
         if not losing:
             continue
-        staying = {i: min_priority(stage[i], following[i]) for i in stage if i in following}
+        staying = {i: stage[i] for i in stage if i not in losing}
         speed = max(limits[i] for i in losing)
         yellow = _within(REACTION_S + speed / (2 * COMFORTABLE_BRAKING_MPS2), YELLOW_S)
         clearing = max(junction.connectors[i].centerline.length_m / limits[i] for i in losing)
@@ -64,11 +65,6 @@ def program(roads: Roads, junction: Junction, number: int) -> Program:
     return Program(
         tuple(junction.connectors[i].id for i in lit), tuple(phases), float(round((number * golden) % 1.0 * cycle_s))
     )
-
-
-def min_priority(a: str, b: str) -> str:
-    """The weaker of two greens."""
-    return "g" if "g" in (a, b) else "G"
 
 
 def _limit(roads: Roads, lane_id: str) -> float:
@@ -88,17 +84,12 @@ def _green_s(junction: Junction, stage: Stage) -> float:
     strong = [i for i, letter in stage.items() if letter == "G"]
     if not strong:
         return CROSSING_S
-    turning = all(junction.movements[i] in (Movement.FAR_TURN, Movement.U_TURN) for i in strong)
-    lanes = {junction.connectors[i].from_lane_id for i in strong}
-    per_approach = [
-        sum(
-            1
-            for lane in lanes
-            if any(junction.connectors[i].from_lane_id == lane for i in strong if a == junction.approach_of[i])
-        )
-        for a in {junction.approach_of[i] for i in strong}
-    ]
-    wanted = GREEN_PER_LANE_S * (1 + max(per_approach))
+    main = [i for i in strong if junction.movements[i] is not Movement.NEAR_TURN] or strong
+    turning = all(junction.movements[i] in (Movement.FAR_TURN, Movement.U_TURN) for i in main)
+    lanes: dict[int, set[str]] = {}
+    for i in main:
+        lanes.setdefault(junction.approach_of[i], set()).add(junction.connectors[i].from_lane_id)
+    wanted = GREEN_PER_LANE_S * (1 + max(len(used) for used in lanes.values()))
     return round(_within(wanted, TURN_GREEN_S if turning else GREEN_S))
 
 
@@ -222,9 +213,15 @@ def _joins(junction: Junction, row: int, stage: Stage) -> bool:
 
 
 def _add_turn_arrows(junction: Junction, stage: Stage) -> None:
-    """Near-side turns from lanes of their own also run while nothing crosses them."""
+    """Near-side turns from lanes of their own also run with the arrows of the cross street's far-side turns."""
     near = [i for i in junction.lit if junction.movements[i] is Movement.NEAR_TURN]
     others = {junction.connectors[i].from_lane_id for i in junction.lit if i not in near}
+    arrows = {
+        junction.approach_of[i] for i, s in stage.items() if s == "G" and junction.movements[i] >= Movement.FAR_TURN
+    }
     for i in near:
-        if i not in stage and junction.connectors[i].from_lane_id not in others and _joins(junction, i, stage):
+        approach = junction.approach_of[i]
+        crossing = arrows - {approach, junction.opposite.get(approach, approach)}
+        own_lane = junction.connectors[i].from_lane_id not in others
+        if i not in stage and crossing and own_lane and _joins(junction, i, stage):
             stage[i] = "G"

@@ -160,6 +160,8 @@ class GeoPackage:
         table = Table(self.path, layer, ids, columns, np.zeros(0, dtype=object))
         if not geometry:
             return table
+        if wkb is None:
+            raise MapError(f"{self.path}: layer {layer} has no geometry column")
         shapes = _decoded(table, wkb)
         if wanted.areas:
             ids, rows, shapes = _split(table, shapes)

@@ -17,15 +17,15 @@ import shapely
 
 from interplan_sumo.errors import TrafficError
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.simulation import reactions
 from interplan_sumo.simulation.anchor import Anchor, find_anchor
 from interplan_sumo.simulation.network import Network
 from interplan_sumo.simulation.obstacles import Blockage
 from interplan_sumo.simulation.pedestrians import Crowd
-from interplan_sumo.simulation.reactions import Agent, Attention, EgoOnNetwork, Treatment
+from interplan_sumo.simulation.reactions import Decision, Treatment
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.traffic import Scene
 from interplan_sumo.simulation.vehicle_types import ENTRY, VehicleType, VehicleTypes
+from interplan_sumo.simulation.watch import Driving, Watch
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.signals import Signals, SignalStatus
@@ -114,14 +114,11 @@ class SumoTraffic:
         self._crowd = crowd
         self._origin = ids.origin_m
         self._with_ego = with_ego
-        self._memory: dict[str, Attention] = {}
         self._treated: dict[str, tuple[bool, bool]] = {}  # told to overlook the ego, given a speed
         self._frozen: set[str] = set()
         self._anchor: Anchor | None = None
         self._ego_route = ego_route
-        self._first_reaction = True
         self._started = False
-        self._calm: EgoOnNetwork | None = None
         self._signals: Signals | None = None
         self._signal_states: tuple[str, ...] = ()
         command = [
@@ -163,14 +160,12 @@ class SumoTraffic:
         self._names = [f"a{i}" for i in range(len(spawns))]
         self._tokens = dict(zip(self._names, tokens, strict=True))
         self._drivers = {name: drivers[s.driver.id] for name, s in zip(self._names, spawns, strict=True)}
-        self._anticipations_s = tuple(sorted({d.anticipation_s for d in self._drivers.values()} - {0.0}))
         self._behaviours = {
             self._tokens[name]: types.path.stem if driver.id == ENTRY else driver.id
             for name, driver in self._drivers.items()
         }
-        self._routes = {name: s.route for name, s in zip(self._names, spawns, strict=True)}
-        self._corridors: dict[str, tuple[str, dict[str, float]]] = {}
-        self._watchers: dict[str, set[str]] = {}
+        routes = {name: s.route for name, s in zip(self._names, spawns, strict=True)}
+        self._watch = Watch(self._network, self._origin, self._shape, self._drivers, routes, DT_S)
         for name, each in zip(self._names, spawns, strict=True):
             lane = self._network.lanes[each.lane]
             with _Commanding(f"vehicle.add of an agent of type {each.driver.id!r} on lane {each.lane}"):
@@ -239,7 +234,8 @@ class SumoTraffic:
             kind.setSpeedFactor(EGO_TYPE, 5.0)
             kind.setMaxSpeed(EGO_TYPE, 60.0)
             sumo.route.add(EGO, self._ego_route)
-            sumo.vehicle.add(EGO, EGO, EGO_TYPE, departLane="0", departPos="0", departSpeed="0")
+            speed_mps = max(0.0, ego.speed_mps)
+            sumo.vehicle.add(EGO, EGO, EGO_TYPE, departLane="0", departPos="0", departSpeed=f"{speed_mps:.6f}")
             sumo.vehicle.setSpeedMode(EGO, 32)
             sumo.vehicle.setLaneChangeMode(EGO, LANE_CHANGE_NONE)
         self.place_ego(ego)
@@ -282,43 +278,17 @@ class SumoTraffic:
     def react(self, ego: EgoState) -> None:
         if not self._with_ego:
             return
-        walkers: list[Mapping[str, reactions.Cover]] = []
+        walked: Sequence[shapely.Polygon] = ()
         if self._crowd is not None:
             self._crowd.notice(ego, self._shape)
-            areas = self._crowd.foreseen(self._origin)
-            walkers = [reactions.cover(self._network, area, (0.0, 0.0)) for area in areas]
-        on_network, ahead = self._on_network(ego)
-        calm = on_network.alone and ego.speed_mps >= 0.0 and not (walkers or self._treated or self._frozen)
-        if calm and not self._first_reaction:
-            self._calm = on_network  # SUMO does by itself what would be decided; catch up when that ends
-            return
-        if self._calm is not None:
-            self._decide(self._calm, {})
-            self._calm = None
-        decisions = self._decide(on_network, ahead, walkers)
-        self._first_reaction = False
-        for name in self._treated.keys() - decisions.keys():
-            decisions[name] = reactions.Decision(Treatment.LEAVE, 0.0, False)
-        for name, decision in decisions.items():
+            walked = self._crowd.foreseen(self._origin)
+        driving = Driving(
+            self._present, self._front_x, self._front_y, self._heading_rad, self._speed_mps, self._position_m
+        )
+        verdict = self._watch.judge(ego, self._anchor, walked, driving)
+        for name, decision in verdict.decisions.items():
             self._treat(name, decision)
-        self._freeze(ego, on_network)
-
-    def _decide(
-        self,
-        on_network: EgoOnNetwork,
-        ahead: Mapping[float, Mapping[str, reactions.Cover]],
-        walkers: Sequence[Mapping[str, reactions.Cover]] = (),
-    ) -> dict[str, reactions.Decision]:
-        """What each agent that the ego or a pedestrian may concern does about it."""
-        concerned = self._memory.keys() | self._treated.keys()
-        for covers in (on_network.covers, *ahead.values(), *walkers):
-            for lane in covers:
-                concerned |= self._watchers.get(lane, set())
-        if on_network.anchor_lane is not None:
-            concerned |= self._watchers.get(on_network.anchor_lane, set())
-        agents = [self._agent(row, name) for row, name in enumerate(self._present) if name in concerned]
-        decisions = reactions.decide(agents, on_network, ahead, self._memory, DT_S, at_start=self._first_reaction)
-        return reactions.stop_for(agents, walkers, decisions, DT_S) if walkers else decisions
+        self._freeze(ego, verdict.straddles)
 
     def place_ego(self, ego: EgoState) -> None:
         if not self._with_ego:
@@ -352,7 +322,9 @@ class SumoTraffic:
             self._present = [name for name in self._present if name not in gone]
             self._index_present()
             for name in gone:
-                self._forget(name)
+                self._watch.forget(name)
+                self._treated.pop(name, None)
+                self._frozen.discard(name)
         self._read()
 
     # --- reading -------------------------------------------------------------------------------
@@ -365,19 +337,12 @@ class SumoTraffic:
             fronts = [position(name) for name in self._present]
             angles = [vehicle.getAngle(name) for name in self._present]
             speeds = [vehicle.getSpeed(name) for name in self._present]
-            self._lanes = [vehicle.getLaneID(name) for name in self._present]
+            lanes = [vehicle.getLaneID(name) for name in self._present]
         front = np.array(fronts, dtype=np.float64).reshape(-1, 2)
         self._front_x, self._front_y = front[:, 0], front[:, 1]
         self._heading_rad = (pi / 2.0 - np.radians(angles) + pi) % (2.0 * pi) - pi
         self._speed_mps = np.array(speeds)
-        for name, lane in zip(self._present, self._lanes, strict=True):
-            known = self._corridors.get(name)
-            if known is None or known[0] != lane:
-                self._forget_corridor(name)
-                ahead = reactions.corridor(self._network, lane, self._routes[name]) if lane else {}
-                self._corridors[name] = (lane, ahead)
-                for each in ahead:
-                    self._watchers.setdefault(each, set()).add(name)
+        self._watch.follow(self._present, lanes)
 
     def _read_signals(self) -> Signals:
         with _Commanding("reading the lights"):
@@ -388,55 +353,13 @@ class SumoTraffic:
             self._signals = Signals(self._connectors, np.array(status, dtype=np.int8))
         return self._signals
 
-    def _forget(self, name: str) -> None:
-        self._memory.pop(name, None)
-        self._treated.pop(name, None)
-        self._frozen.discard(name)
-        self._forget_corridor(name)
-
-    def _forget_corridor(self, name: str) -> None:
-        known = self._corridors.pop(name, None)
-        if known is not None:
-            for lane in known[1]:
-                self._watchers[lane].discard(name)
-
     # --- reacting ------------------------------------------------------------------------------
 
-    def _on_network(self, ego: EgoState) -> tuple[EgoOnNetwork, dict[float, Mapping[str, reactions.Cover]]]:
-        corners = ego.corners(self._shape) - self._origin
-        heading = ego.heading_rad
-        velocity = (
-            ego.vx_mps * cos(heading) - ego.vy_mps * sin(heading),
-            ego.vx_mps * sin(heading) + ego.vy_mps * cos(heading),
-        )
-        anchor = self._anchor
-        lane = anchor.lane if anchor is not None else None
-        position_m = anchor.position_m if anchor is not None else 0.0
-        if lane is not None and not self._anticipations_s:
-            alone = reactions.cover_of_one_lane(self._network.lanes[lane], position_m, corners, velocity)
-            if alone is not None:
-                centre = frozenset((lane,))
-                return EgoOnNetwork(alone, centre, lane, position_m, ego.speed_mps, False, alone=True), {}
-        box = shapely.Polygon(corners)
-        covers = reactions.cover(self._network, box, velocity)
-        ahead: dict[float, Mapping[str, reactions.Cover]] = {
-            time_s: reactions.cover(self._network, reactions.swept(box, velocity, time_s), velocity)
-            for time_s in self._anticipations_s
-        }
-        own = self._network.continuations(lane) if lane is not None else frozenset[str]()
-        inside = sum(part.share for name, part in covers.items() if name in own)
-        centre_lanes = self._network.lanes_at(ego.x_m - self._origin[0], ego.y_m - self._origin[1])
-        straddles = inside < reactions.FULLY_MERGED
-        return EgoOnNetwork(covers, centre_lanes, lane, position_m, ego.speed_mps, straddles), ahead
+    def _position_m(self, name: str) -> float:
+        with _Commanding("reading an agent"):
+            return sumo.vehicle.getLanePosition(name)
 
-    def _agent(self, row: int, name: str) -> Agent:
-        lane, ahead = self._corridors[name]
-        with _Commanding(f"reading agent {name}"):
-            position_m = sumo.vehicle.getLanePosition(name)
-        limit_mps = self._network.lanes[lane].limit_mps if lane else 0.0
-        return Agent(name, self._drivers[name], position_m, float(self._speed_mps[row]), limit_mps, ahead)
-
-    def _treat(self, name: str, decision: reactions.Decision) -> None:
+    def _treat(self, name: str, decision: Decision) -> None:
         ignored, imposed = self._treated.get(name, (False, False))
         ignore, impose = decision.treatment is Treatment.IGNORE, decision.speed_mps is not None
         vehicle = sumo.vehicle
@@ -451,21 +374,18 @@ class SumoTraffic:
             elif imposed:
                 vehicle.setSpeed(name, -1.0)
                 vehicle.setSpeedMode(name, SPEED_MODE_DEFAULT)
-        if ignore or impose:
-            self._treated[name] = (ignore, impose)
-        else:
-            self._treated.pop(name, None)
-            if not decision.reacting and decision.overlap == 0.0:
-                self._memory.pop(name, None)
+        self._treated[name] = (ignore, impose)
 
-    def _freeze(self, ego: EgoState, on_network: EgoOnNetwork) -> None:
+    def _freeze(self, ego: EgoState, straddles: bool) -> None:
         """Agents near an ego that straddles two lanes keep theirs; released as soon as it no longer does."""
         wanted: set[str] = set()
-        if on_network.straddles:
+        if straddles:
             dx = self._front_x + self._origin[0] - ego.x_m
             dy = self._front_y + self._origin[1] - ego.y_m
             near = np.flatnonzero(dx * dx + dy * dy <= FREEZE_RADIUS_M**2)
             wanted = {self._present[i] for i in near if not self._drivers[self._present[i]].swerve}
+        if wanted == self._frozen:
+            return
         with _Commanding("setLaneChangeMode"):
             for name in sorted(wanted - self._frozen):
                 sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_NONE)

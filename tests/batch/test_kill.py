@@ -98,13 +98,13 @@ def test_two_hundred_kills_lose_nothing_and_double_nothing(tmp_path: Path) -> No
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_polite_end_leaves_a_folder_that_goes_on(how: signal.Signals, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "tests.batch.toy_run", str(tmp_path), "60", "2"]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 20.0
-    while not (tmp_path / "results.jsonl").exists() or (tmp_path / "results.jsonl").stat().st_size == 0:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    process.send_signal(how)
-    assert process.wait(timeout=20) != 0
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
+        deadline = time.monotonic() + 20.0
+        while not (tmp_path / "results.jsonl").exists() or (tmp_path / "results.jsonl").stat().st_size == 0:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        process.send_signal(how)
+        assert process.wait(timeout=20) != 0
     before = results(tmp_path)
     assert 0 < len(before) < 60
     main(tmp_path, 60, 2)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from worlds import ego, straight_plan
 
 from interplan_sumo.dynamics import bicycle
-from interplan_sumo.dynamics.lqr import Command, follow, target, track
+from interplan_sumo.dynamics.lqr import LARGEST_INVERSE, Command, follow, target, track
 from interplan_sumo.dynamics.rear_axle import center_of
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats
@@ -216,9 +216,9 @@ def assert_close(command: Command, wanted: Command) -> None:
 
 
 def test_the_speed_fit_solves_its_normal_equations() -> None:
-    """Against the dense system of facts: second differences weighted by jerk penalty / dt^4 = 1."""
+    """Against the dense system, second differences weighted by jerk penalty / dt^4 = 1; short plans and long ones."""
     rng = np.random.default_rng(3)
-    for count in (1, 2, 3, 4, 7, 80):
+    for count in (1, 2, 3, 4, 7, 80, LARGEST_INVERSE, LARGEST_INVERSE + 1):
         moved = rng.uniform(0.0, 2.0, count)
         x = np.concatenate(([0.0], np.cumsum(moved)))
         time_s = every(0.1, count + 1)

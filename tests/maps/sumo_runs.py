@@ -108,7 +108,7 @@ def random_traffic(
         routes.append(
             f'<vehicle id="v{k}" type="traffic" depart="{depart_s:.1f}" departLane="{index}" '
             f'departPos="{fraction * network.lanes[sumo_lane].length_m:.2f}" '
-            f'departSpeed="{_start_speed_mps(roads, walk, arc_m):.2f}"><route edges="{" ".join(edges)}"/></vehicle>'
+            f'departSpeed="{_start_speed_mps(roads, walk, arc_m) - 0.01:.2f}"><route edges="{" ".join(edges)}"/></vehicle>'
         )
     (folder / "random.rou.xml").write_text("\n".join((*routes, "</routes>")))
     events = "".join(
@@ -124,7 +124,8 @@ def random_traffic(
             "--lanechange.duration", "3", "--default.speeddev", "0", "--seed", str(seed), "--no-step-log",
             "--xml-validation", "never", "--xml-validation.net", "never", "--xml-validation.routes", "never",
             "--fcd-output", "fcd.xml", "--fcd-output.acceleration", "--statistic-output", "statistics.xml",
-            "--precision", "4", "--max-depart-delay", "3", *options,
+            "--precision", "4",
+            "--max-depart-delay", "3", *options,
         ],
         cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())}, capture_output=True, text=True, check=False,
     )  # fmt: skip

@@ -252,6 +252,15 @@ def test_an_unknown_system_cannot_be_written(city: Roads, tmp_path: Path) -> Non
         write_map(replace(city, crs="EPSG:999999"), tmp_path / "map.gpkg")
 
 
+def test_a_place_that_cannot_be_written_to_is_named(city: Roads, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(MapError, match=r"cannot write .*map\.gpkg: "):
+        write_map(city, tmp_path / "file" / "map.gpkg")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(MapError, match=r"cannot write .*folder: "):
+        write_map(city, tmp_path / "folder")
+
+
 # --- what real files bring with them ---------------------------------------------------------------
 
 

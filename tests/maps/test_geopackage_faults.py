@@ -108,6 +108,16 @@ def test_a_missing_column(layer: str, column: str, file: Path, tmp_path: Path) -
     assert refusal(path) == f"FILE: layer {layer} has no column {column}"
 
 
+def test_a_layer_without_geometry(file: Path, tmp_path: Path) -> None:
+    path = altered_copy(
+        file,
+        tmp_path / "map.gpkg",
+        "DELETE FROM gpkg_geometry_columns WHERE table_name = 'lanes_polygons'",
+        "UPDATE gpkg_contents SET data_type = 'attributes' WHERE table_name = 'lanes_polygons'",
+    )
+    assert refusal(path) == "FILE: layer lanes_polygons has no geometry column"
+
+
 # --- the coordinate system ---------------------------------------------------------------------------
 
 

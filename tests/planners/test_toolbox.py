@@ -97,7 +97,7 @@ def test_a_car_is_in_the_corridor_when_its_side_reaches_in(y_m: float, inside: b
 
 def test_the_corridor_says_how_far_along_the_path_something_stands() -> None:
     corridor = Corridor(ROAD["11"].centerline, half_width_m=1.0)
-    assert corridor.occupied_m(cars((20.0, 9.0), (50.4, 0.0)).polygons) == {1: ((48.0, 53.0),)}
+    assert corridor.occupied_m(cars((20.0, 9.0), (50.5, 0.0)).polygons) == {1: ((48.0, 53.0),)}
 
 
 def test_the_corridor_of_a_bend_has_no_gaps() -> None:

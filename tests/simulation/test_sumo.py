@@ -95,6 +95,15 @@ def test_agents_start_exactly_where_they_were_put_at_their_speed() -> None:
     assert (actors.vx_mps[east], actors.vx_mps[west]) == pytest.approx((9.5, -7.0))
 
 
+def test_nobody_brakes_in_the_first_step_for_an_ego_that_drives_as_fast() -> None:
+    cars = types("conservative")
+    with traffic(cars, (agent(cars, "e0_0", 80.0, 8.0),), ego_at(100.0, LANE_Y[0], 8.0)) as run:
+        run.react(ego_at(100.0, LANE_Y[0], 8.0))
+        run.place_ego(ego_at(100.8, LANE_Y[0], 8.0, 0.1))
+        run.advance()
+        assert run.observe().actors.speed_mps[0] > 7.95
+
+
 def test_the_ids_that_planners_see_say_nothing_and_the_behaviour_is_kept_apart() -> None:
     mixed = types("mixed")
     spawns = tuple(agent(mixed, "e0_1", 20.0 * i + 10.0, 5.0) for i in range(8))

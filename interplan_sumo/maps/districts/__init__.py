@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import cache
 
 from interplan_sumo.errors import UnknownNameError
-from interplan_sumo.maps.districts import one_north, strip
+from interplan_sumo.maps.districts import back_bay, hazelwood, one_north, strip
 from interplan_sumo.maps.districts.draw import draw_plan
 from interplan_sumo.maps.districts.plan import Plan
 from interplan_sumo.world.roads import Roads
 
-DISTRICTS: dict[str, Plan] = {module.PLAN.name: module.PLAN for module in (strip, one_north)}
+DISTRICTS: dict[str, Plan] = {module.PLAN.name: module.PLAN for module in (strip, one_north, back_bay, hazelwood)}
 
 
 @cache

@@ -20,7 +20,8 @@ import numpy as np
 import shapely
 
 from interplan_sumo.maps.districts.geometry import Course, smooth_step, turn
-from interplan_sumo.maps.districts.layout import Block, Layout, Strip
+from interplan_sumo.maps.districts.layout import Block, Layout
+from interplan_sumo.maps.districts.sections import Strip
 from interplan_sumo.maps.districts.sheet import Sheet, between
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import (

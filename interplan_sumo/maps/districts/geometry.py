@@ -138,7 +138,7 @@ class Alignment:
     def pose(self, station_m: float, left_m: float = 0.0) -> Pose:
         """The pose at one station, moved `left_m` to the left of the axis."""
         x_m, y_m, heading = self.poses(station_m)[0]
-        return Pose(float(x_m - left_m * np.sin(heading)), float(y_m + left_m * np.cos(heading)), float(heading))
+        return beside_pose(Pose(float(x_m), float(y_m), float(heading)), left_m)
 
     def station_of(self, x_m: float, y_m: float) -> float:
         """The station whose normal passes through a point, found from the nearest vertex."""
@@ -235,6 +235,23 @@ def beside(axis: Alignment, stations_m: Floats, from_left_m: float, to_left_m: f
     return Course(poses[:, :2] + left_m[:, None] * normal, poses[:, 2] + drift)
 
 
+def crossing_m(one: Pose, other: Pose) -> tuple[float, float]:
+    """How far ahead of two poses their lines cross (negative: behind); the lines must not be parallel."""
+    sine = np.sin(other.heading_rad - one.heading_rad)
+    dx, dy = other.x_m - one.x_m, other.y_m - one.y_m
+    return (
+        float((dx * np.sin(other.heading_rad) - dy * np.cos(other.heading_rad)) / sine),
+        float((dx * np.sin(one.heading_rad) - dy * np.cos(one.heading_rad)) / sine),
+    )
+
+
+def beside_pose(pose: Pose, left_m: float) -> Pose:
+    """The pose moved to its left."""
+    x_m = pose.x_m - left_m * np.sin(pose.heading_rad)
+    y_m = pose.y_m + left_m * np.cos(pose.heading_rad)
+    return Pose(float(x_m), float(y_m), pose.heading_rad)
+
+
 def turn(start: Pose, end: Pose, *, spiral_share: float = SPIRAL_SHARE, spacing_m: float = TURN_SPACING_M) -> Course:
     """The way from one pose to another as a driver steers it.
 
@@ -244,10 +261,9 @@ def turn(start: Pose, end: Pose, *, spiral_share: float = SPIRAL_SHARE, spacing_
     curvature at its ends.
     """
     deflection = float(wrap_angle(end.heading_rad - start.heading_rad))
-    dx, dy = end.x_m - start.x_m, end.y_m - start.y_m
     if abs(deflection) > np.radians(4.0):
-        before_m = (dx * np.sin(end.heading_rad) - dy * np.cos(end.heading_rad)) / np.sin(deflection)
-        after_m = (dy * np.cos(start.heading_rad) - dx * np.sin(start.heading_rad)) / np.sin(deflection)
+        before_m, beyond_m = crossing_m(start, end)
+        after_m = -beyond_m
         if min(before_m, after_m) > 0.5 and abs(deflection) < np.radians(170.0):
             return _rounded(start, deflection, before_m, after_m, spiral_share, spacing_m)
     return _quintic(start, end, spacing_m)

@@ -13,33 +13,10 @@ from itertools import pairwise
 import numpy as np
 
 from interplan_sumo.maps.districts.plan import JOINT_M, Approach, Direction, Junction, Plan, Road, Way
-from interplan_sumo.world.geometry import Pose, wrap_angle
+from interplan_sumo.maps.districts.sections import Strip, strips, way_at
+from interplan_sumo.maps.districts.setbacks import STUB_M, junction_middle, setbacks_m
 
-NOSE_M = 0.6
-"""Least width of the median that remains beside a pocket."""
-CROSSWALK_ROOM_M = 6.0
-"""Least distance of a stop line from the kerb of the crossing road, where a crosswalk lies between them."""
-SIGHT_M = 15.0
-"""Where the direction of an arm is taken, seen from the middle of the junction."""
-STUB_M = 30.0
-"""A road whose axis stops this close to the middle of a junction, on either side of it, ends there."""
 SHORTEST_BLOCK_M = 12.0
-
-
-@dataclass(frozen=True, slots=True)
-class Strip:
-    """A lane across the road: outward distances of its two edges from the axis."""
-
-    inner_m: float
-    kerb_m: float
-
-    @property
-    def middle_m(self) -> float:
-        return (self.inner_m + self.kerb_m) / 2.0
-
-    @property
-    def width_m(self) -> float:
-        return self.kerb_m - self.inner_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,131 +86,16 @@ class _Meeting:
     high_cut_m: float
 
 
-def way_at(road: Road, direction: Direction, station_m: float) -> Way | None:
-    """The carriageway of one direction at a station."""
-    section = [s for s in road.sections if s.from_m <= station_m + 1e-6][-1]
-    return section.forward if direction == "forward" else section.backward
-
-
-def strips(way: Way, approach: Approach | None = None) -> tuple[Strip, ...]:
-    """The lanes of a carriageway, with the pockets of an approach.
-
-    Inner pockets go into the median as far as it reaches and push the other
-    lanes towards the kerb for the rest.
-    """
-    inner_count = approach.inner_pockets if approach else 0
-    kerb_count = approach.kerb_pockets if approach else 0
-    pocket_m = approach.pocket_width_m if approach else 0.0
-    room_m = max(0.0, 2.0 * way.inner_m - NOSE_M)
-    pushed_m = max(0.0, inner_count * pocket_m - room_m)
-    widths = (pocket_m,) * inner_count + way.widths_m + (pocket_m,) * kerb_count
-    edges = np.concatenate(([0.0], np.cumsum(widths))) + way.inner_m + pushed_m - inner_count * pocket_m
-    return tuple(Strip(float(a), float(b)) for a, b in pairwise(edges))
-
-
-def junction_middle(plan: Plan, junction: Junction) -> tuple[float, float]:
-    """Where the axes of the first two roads cross, prolonged if one of them stops short."""
-    x_m, y_m = junction.at
-    first, second = (plan.road[name].axis for name in junction.roads[:2])
-    for _ in range(12):
-        a, b = first.pose(first.station_of(x_m, y_m)), second.pose(second.station_of(x_m, y_m))
-        angle = float(wrap_angle(b.heading_rad - a.heading_rad))
-        if abs(np.sin(angle)) < np.sin(np.radians(15.0)):
-            raise ValueError(f"junction {junction.name}: {junction.roads[0]} and {junction.roads[1]} hardly cross")
-        ahead_m = ((b.x_m - a.x_m) * np.sin(b.heading_rad) - (b.y_m - a.y_m) * np.cos(b.heading_rad)) / np.sin(angle)
-        x_m = float(a.x_m + ahead_m * np.cos(a.heading_rad))
-        y_m = float(a.y_m + ahead_m * np.sin(a.heading_rad))
-    return x_m, y_m
-
-
-@dataclass(frozen=True, slots=True)
-class _Ray:
-    """An arm seen from the middle: where it goes and how far its kerbs lie to its left and right."""
-
-    key: str
-    road: Road
-    sign: int
-    station_m: float
-    pose: Pose
-    """On the axis, heading away from the junction."""
-    left_m: float
-    right_m: float
-
-
-def _rays(plan: Plan, junction: Junction) -> list[_Ray]:
-    x_m, y_m = junction_middle(plan, junction)
-    side = 1.0 if plan.driving_side == "right" else -1.0
-    rays: list[_Ray] = []
-    for name in junction.roads:
-        road = plan.road[name]
-        station_m = road.axis.station_of(x_m, y_m)
-        for sign in (-1, 1):
-            sight_m = station_m + sign * SIGHT_M
-            if not STUB_M < (road.axis.length_m - station_m if sign > 0 else station_m):
-                continue
-            key = f"{name}{'-' if sign < 0 else '+'}"
-            arriving: Direction = "forward" if sign < 0 else "backward"
-            leaving: Direction = "backward" if sign < 0 else "forward"
-            edges: list[float] = []
-            for direction, approach, across in (
-                (arriving, junction.approaches.get(key), 1.0),
-                (leaving, None, -1.0),
-            ):
-                way = way_at(road, direction, sight_m)
-                if way is not None:
-                    for strip in strips(way, approach):
-                        edges += [across * side * strip.inner_m, across * side * strip.kerb_m]
-            axis = road.axis.pose(sight_m)
-            heading = axis.heading_rad if sign > 0 else axis.heading_rad + np.pi
-            pose = Pose(axis.x_m, axis.y_m, float(wrap_angle(heading)))
-            rays.append(_Ray(key, road, sign, station_m, pose, max(edges), min(edges)))
-    return rays
-
-
-def _setbacks(plan: Plan, junction: Junction) -> dict[str, float]:
-    """Distance of each arm's stop line from the middle, so that kerbs round the corners with the wanted radius."""
-    rays = sorted(_rays(plan, junction), key=lambda ray: ray.pose.heading_rad)
-    marked = junction.crosswalks
-    reach = {ray.key: 0.0 for ray in rays}
-    for ray, nxt in zip(rays, rays[1:] + rays[:1], strict=True):
-        angle = float((nxt.pose.heading_rad - ray.pose.heading_rad) % (2.0 * np.pi))
-        if angle > np.radians(165.0):
-            continue
-        # Left kerb of this arm against the right kerb of the next one, counter-clockwise.
-        ax, ay = (
-            ray.pose.x_m - np.sin(ray.pose.heading_rad) * ray.left_m,
-            ray.pose.y_m + np.cos(ray.pose.heading_rad) * ray.left_m,
-        )
-        bx, by = (
-            nxt.pose.x_m - np.sin(nxt.pose.heading_rad) * nxt.right_m,
-            nxt.pose.y_m + np.cos(nxt.pose.heading_rad) * nxt.right_m,
-        )
-        to_corner = ((bx - ax) * np.sin(nxt.pose.heading_rad) - (by - ay) * np.cos(nxt.pose.heading_rad)) / np.sin(
-            angle
-        )
-        to_corner_next = ((bx - ax) * np.sin(ray.pose.heading_rad) - (by - ay) * np.cos(ray.pose.heading_rad)) / np.sin(
-            angle
-        )
-        rounding_m = junction.corner_m / np.tan(angle / 2.0)
-        for one, corner_m in ((ray, to_corner), (nxt, to_corner_next)):
-            room_m = CROSSWALK_ROOM_M if marked is None or one.key in marked else 1.0
-            reach[one.key] = max(reach[one.key], SIGHT_M + corner_m + max(rounding_m, room_m))
-    for key, reach_m in reach.items():
-        if reach_m == 0.0:  # the straight side of a T without a neighbour to either side
-            reach[key] = 8.0
-    return {**reach, **{k: v for k, v in junction.setbacks_m.items() if k in reach}}
-
-
 def _meetings(plan: Plan) -> dict[str, list[_Meeting]]:
     """The junctions along each road, in order of station."""
     found: dict[str, list[_Meeting]] = {road.name: [] for road in plan.roads}
     for junction in plan.junctions:
-        setbacks = _setbacks(plan, junction)
+        reach_m = setbacks_m(plan, junction)
         for name in junction.roads:
             road = plan.road[name]
             station_m = road.axis.station_of(*junction_middle(plan, junction))
-            low = setbacks.get(f"{name}-")
-            high = setbacks.get(f"{name}+")
+            low = reach_m.get(f"{name}-")
+            high = reach_m.get(f"{name}+")
             if low is None and high is None:
                 raise ValueError(f"junction {junction.name}: road {name} does not reach it")
             found[name].append(

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from interplan_sumo.maps.districts.layout import Arm, Block, Strip
+from interplan_sumo.maps.districts.layout import Arm, Block
 from interplan_sumo.maps.districts.plan import Junction, Plan
+from interplan_sumo.maps.districts.sections import Strip
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Turn
 
@@ -93,28 +94,26 @@ def _from(plan: Plan, junction: Junction, arm: Arm, block: Block, arms: Sequence
 
 
 def _lane_use(plan: Plan, block: Block, exits: dict[Turn, list[Arm]]) -> tuple[str, ...]:
-    """Turns per lane from the inner one: pockets turn, the lanes beside them go on, shared where there is no pocket."""
+    """Turns per lane from the inner one: pockets turn; without a pocket the lane at that side turns as well.
+
+    Where nothing leads straight on, the lanes without a pocket share the turns that have none.
+    """
     inner, kerb = (Turn.LEFT, Turn.RIGHT) if plan.driving_side == "right" else (Turn.RIGHT, Turn.LEFT)
     count = len(block.strips)
-    use = [""] * count
-    main = list(range(block.inner_pockets, count - block.kerb_pockets))
+    inner_pockets, kerb_pockets = range(block.inner_pockets), range(count - block.kerb_pockets, count)
+    main = range(block.inner_pockets, count - block.kerb_pockets)
     if exits[Turn.STRAIGHT]:
-        for lane in main:
-            use[lane] += "T"
-        inner_lanes = list(range(block.inner_pockets)) or main[:1]
-        kerb_lanes = list(range(count - block.kerb_pockets, count)) or main[-1:]
+        lanes = {Turn.STRAIGHT: main, inner: inner_pockets or main[:1], kerb: kerb_pockets or main[-1:]}
+    elif not (exits[inner] and exits[kerb]):
+        lanes = {inner: range(count), kerb: range(count)}
+    elif inner_pockets or kerb_pockets:
+        lanes = {inner: inner_pockets or main, kerb: kerb_pockets or main}
     else:
-        # The stem of a T: the kerb half turns to the kerb side, the rest to the inner side.
-        half = (len(main) + 1) // 2
-        inner_lanes = list(range(block.inner_pockets + half)) if exits[kerb] else list(range(count))
-        kerb_lanes = (
-            list(range(count))[-max(1, len(main) - half + block.kerb_pockets) :] if exits[inner] else list(range(count))
-        )
-    for turn, at in ((inner, inner_lanes), (kerb, kerb_lanes)):
-        if exits[turn]:
-            for lane in at:
-                use[lane] += LETTERS[turn]
-    return tuple(use)
+        half = (count + 1) // 2
+        lanes = {inner: main[:half], kerb: main[half:] or main}
+    return tuple(
+        "".join(LETTERS[turn] for turn in lanes if exits[turn] and lane in lanes[turn]) for lane in range(count)
+    )
 
 
 def best_shift(sources: Sequence[Strip], targets: Sequence[Strip]) -> int:

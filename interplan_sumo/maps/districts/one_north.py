@@ -122,7 +122,7 @@ PLAN = Plan(
         Road(
             80,
             "slim_barracks",
-            points=((180, -345), (200, -220, 90, 15), (90, -110, 80, 15), (130, 22)),
+            points=((170, -330), (145, -215, 90, 15), (175, -100, 80, 15), (130, 22)),
             sections=_both(_PORTSDOWN),
             bus_stops=(BusStop("forward", 150),),
         ),

@@ -39,14 +39,14 @@ def lane_change(
 
 def _recipes(family: Literal["lane_change_ltd", "lane_change_mtd", "lane_change_htd"]) -> tuple[Scenario, ...]:
     return (
-        lane_change(  # two changes to the left on the boulevard, 300 m to do them
+        lane_change(  # two changes to the left on a three-lane arterial, 235 m to do them
             0,
             family=family,
             map="strip",
-            start=LanePlace("101013", 30.0),
+            start=LanePlace("201052", 20.0),
             start_speed_mps=12.0,
-            goal=LanePlace("101021", 150.0),
-            route=("10101", "101010", "10102"),
+            goal=LanePlace("201050", 255.0),
+            route=("20105",),
             behaviour="mixed",
         ),
     )

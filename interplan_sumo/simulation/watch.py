@@ -1,0 +1,216 @@
+"""Watch: which agents the ego and the pedestrians concern, and what each does about them, step after step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import cos, sin, sqrt
+
+import numpy as np
+import shapely
+
+from interplan_sumo.simulation import reactions
+from interplan_sumo.simulation.anchor import Anchor
+from interplan_sumo.simulation.network import Network
+from interplan_sumo.simulation.reactions import Agent, Attention, Cover, Decision, EgoOnNetwork, Treatment
+from interplan_sumo.simulation.vehicle_types import VehicleType
+from interplan_sumo.world.ego import EgoShape, EgoState
+from interplan_sumo.world.geometry import Floats
+
+NOTICEABLE_MPS2 = 0.05
+"""An agent whom the ego makes brake by less than this is left in peace: half of what counts as a reaction."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Driving:
+    """All agents at one instant, as they are read from SUMO, in SUMO's frame."""
+
+    names: Sequence[str]
+    front_x: Floats  # (N,)
+    front_y: Floats  # (N,)
+    heading_rad: Floats  # (N,)
+    speed_mps: Floats  # (N,)
+    position_m: Callable[[str], float]
+    """Lane position of the front bumper of one agent."""
+
+
+LEAVE = Decision(Treatment.LEAVE, 0.0, False)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What to do in one step."""
+
+    decisions: Mapping[str, Decision]
+    """By agent; who is not named stays as it is."""
+    straddles: bool
+    """Whether the ego straddles two lanes."""
+
+
+class Watch:
+    """Keeps each agent's corridor and what it remembers of the ego."""
+
+    def __init__(
+        self,
+        network: Network,
+        origin_m: tuple[float, float],
+        shape: EgoShape,
+        drivers: Mapping[str, VehicleType],
+        routes: Mapping[str, tuple[str, ...]],
+        dt_s: float,
+    ) -> None:
+        self._network = network
+        self._origin = origin_m
+        self._shape = shape
+        self._drivers = drivers
+        self._routes = routes
+        self._dt_s = dt_s
+        self._anticipations_s = tuple(sorted({driver.anticipation_s for driver in drivers.values()} - {0.0}))
+        self._corridors: dict[str, tuple[str, dict[str, float]]] = {}
+        self._watchers: dict[str, set[str]] = {}  # SUMO lane -> agents that have it in their corridor
+        self._memory: dict[str, Attention] = {}
+        self._treated: set[str] = set()
+        self._calm: EgoOnNetwork | None = None
+        self._at_start = True
+        self._known_names: Sequence[str] = ()
+        self._known_numbers = np.zeros((4, 0))
+
+    def follow(self, names: Sequence[str], lanes: Sequence[str]) -> None:
+        """Note on which SUMO lane each agent is now; '' is nowhere."""
+        for name, lane in zip(names, lanes, strict=True):
+            known = self._corridors.get(name)
+            if known is None or known[0] != lane:
+                self._forget_corridor(name)
+                ahead = reactions.corridor(self._network, lane, self._routes[name]) if lane else {}
+                self._corridors[name] = (lane, ahead)
+                for each in ahead:
+                    self._watchers.setdefault(each, set()).add(name)
+
+    def forget(self, name: str) -> None:
+        """The agent has left."""
+        self._memory.pop(name, None)
+        self._treated.discard(name)
+        self._forget_corridor(name)
+
+    def _forget_corridor(self, name: str) -> None:
+        known = self._corridors.pop(name, None)
+        if known is not None:
+            for lane in known[1]:
+                self._watchers[lane].discard(name)
+
+    def judge(
+        self, ego: EgoState, anchor: Anchor | None, walked: Sequence[shapely.Polygon], driving: Driving
+    ) -> Verdict:
+        """What everyone does about the ego at `ego`, which SUMO sees at `anchor`, and about pedestrians.
+
+        `walked` are the areas that walking pedestrians will cover, in SUMO's frame.
+        """
+        on_network, ahead = self._locate(ego, anchor)
+        walkers = [reactions.cover(self._network, area, (0.0, 0.0)) for area in walked]
+        calm = on_network.alone and ego.speed_mps >= 0.0 and not (walkers or self._treated or self._at_start)
+        if calm:  # everyone behind follows the ego, as SUMO does by itself; caught up with when that ends
+            self._calm = on_network
+            return Verdict({}, straddles=False)
+        if self._calm is not None:
+            self._decide(self._calm, {}, (), driving, ego)
+            self._calm = None
+        decisions = self._decide(on_network, ahead, walkers, driving, ego)
+        self._at_start = False
+        for name in self._treated - decisions.keys():
+            decisions[name] = LEAVE
+        for name, decision in decisions.items():
+            if decision.treatment is not Treatment.LEAVE:
+                self._treated.add(name)
+            else:
+                self._treated.discard(name)
+                if not decision.reacting and decision.overlap == 0.0:
+                    self._memory.pop(name, None)
+        return Verdict(decisions, on_network.straddles)
+
+    def _decide(
+        self,
+        on_network: EgoOnNetwork,
+        ahead: Mapping[float, Mapping[str, Cover]],
+        walkers: Sequence[Mapping[str, Cover]],
+        driving: Driving,
+        ego: EgoState,
+    ) -> dict[str, Decision]:
+        """What each agent that the ego or a pedestrian may concern does about it."""
+        concerned: set[str] = set()
+        for covers in (on_network.covers, *ahead.values()):
+            for lane in covers:
+                concerned |= self._watchers.get(lane, set())
+        if on_network.anchor_lane is not None:
+            concerned |= self._watchers.get(on_network.anchor_lane, set())
+        rows = [row for row in self._within_reach(driving, ego) if driving.names[row] in concerned]
+        known = self._memory.keys() | self._treated
+        for covers in walkers:
+            for lane in covers:
+                known |= self._watchers.get(lane, set())
+        if known:
+            known.difference_update([driving.names[row] for row in rows])
+            rows = sorted([*rows, *(row for row, name in enumerate(driving.names) if name in known)])
+        agents = [self._agent(driving, row) for row in rows]
+        decisions = reactions.decide(agents, on_network, ahead, self._memory, self._dt_s, at_start=self._at_start)
+        return reactions.stop_for(agents, walkers, decisions, self._dt_s) if walkers else decisions
+
+    def _within_reach(self, driving: Driving, ego: EgoState) -> list[int]:
+        """Rows of the agents whom the ego, were it their leader, would make brake noticeably."""
+        numbers = self._numbers(driving.names)
+        cosine, sine = np.cos(driving.heading_rad), np.sin(driving.heading_rad)
+        towards_mps = ego.vx_mps * (cosine * cos(ego.heading_rad) + sine * sin(ego.heading_rad))
+        speed = driving.speed_mps
+        wished_m = numbers[0] + speed * (numbers[1] + np.maximum(0.0, speed - towards_mps) * numbers[2])
+        dx = driving.front_x + self._origin[0] - ego.x_m
+        dy = driving.front_y + self._origin[1] - ego.y_m
+        reach_m = wished_m * numbers[3] + self._shape.length_m
+        return np.flatnonzero(dx * dx + dy * dy <= reach_m * reach_m).tolist()
+
+    def _numbers(self, names: Sequence[str]) -> Floats:
+        """(4, N) standstill gap, headway, 1 / (2 sqrt(a b)), and gap at which braking is noticeable per wished gap."""
+        if self._known_names is not names:
+            drivers = [self._drivers[name] for name in names]
+            self._known_names = names
+            self._known_numbers = np.array(
+                [
+                    [d.min_gap_m for d in drivers],
+                    [d.tau_s for d in drivers],
+                    [0.5 / sqrt(d.accel_mps2 * d.decel_mps2) for d in drivers],
+                    [sqrt(d.accel_mps2 / NOTICEABLE_MPS2) for d in drivers],
+                ]
+            )
+        return self._known_numbers
+
+    def _agent(self, driving: Driving, row: int) -> Agent:
+        name = driving.names[row]
+        lane, ahead = self._corridors[name]
+        limit_mps = self._network.lanes[lane].limit_mps if lane else 0.0
+        position_m, speed_mps = driving.position_m(name), float(driving.speed_mps[row])
+        return Agent(name, self._drivers[name], position_m, speed_mps, limit_mps, ahead)
+
+    def _locate(self, ego: EgoState, anchor: Anchor | None) -> tuple[EgoOnNetwork, dict[float, Mapping[str, Cover]]]:
+        """The ego on the lanes, and what its swept box covers per anticipation time."""
+        corners = ego.corners(self._shape) - self._origin
+        heading = ego.heading_rad
+        velocity = (
+            ego.vx_mps * cos(heading) - ego.vy_mps * sin(heading),
+            ego.vx_mps * sin(heading) + ego.vy_mps * cos(heading),
+        )
+        lane = anchor.lane if anchor is not None else None
+        position_m = anchor.position_m if anchor is not None else 0.0
+        if lane is not None and not self._anticipations_s:
+            alone = reactions.cover_of_one_lane(self._network.lanes[lane], position_m, corners, velocity)
+            if alone is not None:
+                centre = frozenset((lane,))
+                return EgoOnNetwork(alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True), {}
+        box = shapely.Polygon(corners)
+        covers = reactions.cover(self._network, box, velocity)
+        ahead: dict[float, Mapping[str, Cover]] = {
+            time_s: reactions.cover(self._network, reactions.swept(box, velocity, time_s), velocity)
+            for time_s in self._anticipations_s
+        }
+        own = self._network.continuations(lane) if lane is not None else frozenset[str]()
+        inside = sum(part.share for name, part in covers.items() if name in own)
+        centre_lanes = self._network.lanes_at(ego.x_m - self._origin[0], ego.y_m - self._origin[1])
+        straddles = inside < reactions.FULLY_MERGED
+        return EgoOnNetwork(covers, centre_lanes, lane, position_m, ego.speed_mps, straddles), ahead

@@ -1,0 +1,248 @@
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road
+
+from interplan_planners.idm import IdmDecision, IdmPlanner
+from interplan_sumo.dynamics.lqr import follow
+from interplan_sumo.maps.geopackage import read_map
+from interplan_sumo.plan_check import check_plan
+from interplan_sumo.planner import Mission, Observation
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.geometry import Pose
+from interplan_sumo.world.signals import Signals, SignalStatus
+from interplan_sumo.world.trace import ActorTable, EgoTrack
+from interplan_sumo.world.trajectory import Trajectory
+
+GOLDEN = Path(os.environ.get("INTERPLAN_GOLDEN", Path(__file__).parents[1] / "golden")) / "nuplan_metrics"
+ROAD = straight_road(lanes=2, length_m=400.0, limit_mps=13.4, cuts_m=((100.0, 110.0),))
+STRAIGHT_ON = mission(ROAD, ("11", "21", "31"))
+CROSSING = junction()
+LEFT_TURN = mission(CROSSING, ("1", "14", "8"))
+
+
+def started(job: Mission = STRAIGHT_ON, **options: float) -> IdmPlanner:
+    planner = IdmPlanner(**options)  # pyright: ignore[reportArgumentType]
+    planner.start(job)
+    return planner
+
+
+def decide(state: EgoState, actors: Actors | None = None, lights: Signals | None = None) -> IdmDecision:
+    planner = started()
+    planner.plan(observation(state, actors, lights))
+    assert planner.decision is not None
+    return planner.decision
+
+
+def driven(
+    planner: IdmPlanner, state: EgoState, steps: int, actors: Actors | None = None, lights: Signals | None = None
+) -> EgoState:
+    for _ in range(steps):
+        plan = planner.plan(observation(state, actors, lights))
+        check_plan(plan, state, state.time_s)
+        state = follow(state, plan, 0.1)
+    return state
+
+
+# --- against nuPlan ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name", ["run_boulevard_idm_reactive", "run_cross_straight_idm_reactive", "run_lht_merge_idm_reactive"]
+)
+def test_a_whole_drive_agrees_with_nuplan(name: str) -> None:
+    """150 steps of planner, tracker and bicycle through recorded traffic: the ego of nuPlan's planner, to 10 um."""
+    folder = GOLDEN / "cases" / name
+    about = json.loads((folder / "case.json").read_text())
+    table = pd.read_csv(folder / "ego.csv.gz")
+    table["time_us"] -= table["time_us"][0]
+    wanted = EgoTrack.from_frame(table, PACIFICA)
+    tracks = pd.read_csv(folder / "tracks.csv.gz", dtype={"track_token": str})
+    actors = ActorTable.from_frame(tracks, len(wanted))
+    lights = pd.read_csv(folder / "traffic_lights.csv.gz", dtype={"lane_connector_id": str})
+    goal = about["mission_goal"]
+    planner = started(
+        Mission(
+            read_map(GOLDEN / about["map"]["file"]),
+            tuple(about["route_roadblock_ids"]),
+            Pose(goal["x"], goal["y"], goal["heading"]),
+        )
+    )
+    state = wanted.state(0)
+    for frame in range(len(wanted) - 1):
+        rows = lights[lights["frame"] == frame].sort_values("lane_connector_id")
+        status = np.array([SignalStatus[s] for s in rows["status"]], dtype=np.int8)
+        now = Signals(tuple(rows["lane_connector_id"]), status)
+        plan = planner.plan(Observation(state.time_s, state, actors.at(frame), now))
+        dt_s = (wanted.time_us[frame + 1] - wanted.time_us[frame]) * 1e-6
+        state = follow(state, plan, float(dt_s))
+        then = wanted.state(frame + 1)
+        assert (state.x_m, state.y_m) == pytest.approx((then.x_m, then.y_m), abs=1e-5), frame
+        assert state.vx_mps == pytest.approx(then.vx_mps, abs=1e-5), frame
+
+
+# --- the plan ------------------------------------------------------------------------------------
+
+
+def test_a_plan_is_now_and_sixteen_samples_of_half_a_second_on_the_path() -> None:
+    plan = started().plan(observation(ego(20.0, 0.3, 10.0, time_s=2.0)))
+    assert plan.time_s == pytest.approx(np.linspace(2.0, 10.0, 17))
+    assert plan.y_m == pytest.approx(0.0)
+    assert plan.x_m[:2] == pytest.approx([20.0, 25.0])
+
+
+def test_samples_and_interval_are_options() -> None:
+    plan = started(samples=4, sample_interval_s=0.25).plan(observation(ego(20.0)))
+    assert plan.time_s == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
+
+
+@pytest.mark.parametrize("name", ["target_speed_mps", "samples", "sample_interval_s", "max_deceleration_mps2"])
+def test_senseless_options_are_refused_by_name(name: str) -> None:
+    with pytest.raises(ValueError, match=f"{name} is 0, expected more than 0"):
+        IdmPlanner(**{name: 0})
+
+
+# --- target speed --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("limit", "speed", "target"), [(13.4, 5.0, 13.4), (13.4, 15.0, 15.0), (None, 5.0, 10.0)])
+def test_the_target_is_the_limit_or_the_higher_start_speed(limit: float | None, speed: float, target: float) -> None:
+    road = straight_road(length_m=3000.0, limit_mps=limit)
+    state = driven(started(mission(road, ("11",))), ego(20.0, 0.0, speed), 400)
+    assert state.vx_mps == pytest.approx(target, rel=0.03)
+
+
+def test_a_new_episode_forgets_path_and_target_speed() -> None:
+    planner = started()
+    planner.plan(observation(ego(20.0, 0.0, 18.0)))
+    planner.start(mission(ROAD, ("12", "22", "32")))
+    again = planner.plan(observation(ego(20.0, -3.5, 5.0)))
+    fresh = started(mission(ROAD, ("12", "22", "32"))).plan(observation(ego(20.0, -3.5, 5.0)))
+    assert (again.x_m == fresh.x_m).all()
+    assert (again.y_m == -3.5).all()
+
+
+# --- leads ---------------------------------------------------------------------------------------
+
+
+def test_with_nothing_ahead_the_end_of_the_path_is_the_lead() -> None:
+    decision = decide(ego(20.0, 0.0, 10.0))
+    assert decision.lead_id is None
+    assert decision.gap_m == pytest.approx(399.0 - 20.0 - PACIFICA.length_m / 2)  # the last vertex is dropped
+
+
+def test_the_nearest_thing_in_the_corridor_is_the_lead() -> None:
+    decision = decide(ego(20.0), cars((55.0, 0.0, 3.0), (40.0, 0.5, 4.0, 0.5)))
+    assert decision.lead_id == "car01"
+    assert decision.lead_speed_mps == pytest.approx(4.0 * np.cos(0.5))
+
+
+def test_an_oncoming_lead_has_a_negative_speed() -> None:
+    assert decide(ego(20.0), cars((50.0, 0.0, 6.0, np.pi))).lead_speed_mps == pytest.approx(-6.0)
+
+
+@pytest.mark.parametrize(("y_m", "seen"), [(2.1, True), (2.2, False)])
+def test_a_car_beside_the_path_counts_if_it_reaches_into_the_ego_width(y_m: float, seen: bool) -> None:
+    assert (decide(ego(20.0), cars((45.0, y_m))).lead_id == "car00") is seen
+
+
+@pytest.mark.parametrize(("x_m", "seen"), [(59.9, True), (60.1, False)])
+def test_actors_count_up_to_forty_metres(x_m: float, seen: bool) -> None:
+    assert (decide(ego(20.0), cars((x_m, 0.0))).lead_id == "car00") is seen
+
+
+def test_a_car_right_behind_is_no_lead() -> None:
+    assert decide(ego(20.0), cars((14.5, 0.0))).lead_id is None
+
+
+def test_something_that_overlaps_the_ego_is_the_lead_with_no_gap() -> None:
+    decision = decide(ego(20.0, 1.0), pedestrians((21.0, 2.3)))
+    assert (decision.lead_id, decision.gap_m) == ("ped00", 0.0)
+
+
+@pytest.mark.parametrize("kind", list(ActorKind))
+def test_every_class_of_actor_stops_the_ego(kind: ActorKind) -> None:
+    state = driven(started(), ego(20.0, 0.0, 8.0), 120, cars((55.0, 0.0), kind=kind, length_m=1.0, width_m=1.0))
+    assert state.vx_mps < 0.2
+    assert state.x_m + PACIFICA.length_m / 2 < 54.5
+
+
+def test_static_classes_stand_whatever_their_velocity_says() -> None:
+    assert decide(ego(20.0), cars((45.0, 0.0, 5.0), kind=ActorKind.BARRIER)).lead_speed_mps == 0.0
+
+
+def test_it_follows_a_slower_car_and_keeps_its_lane() -> None:
+    planner, state, lead_x = started(), ego(20.0, 0.0, 10.0), 45.0
+    for k in range(250):
+        lead_x = 45.0 + 0.6 * k
+        state = follow(state, planner.plan(observation(state, cars((lead_x, 0.0, 6.0)))), 0.1)
+    gap_m = lead_x + 0.6 - 2.4 - state.x_m - PACIFICA.length_m / 2
+    assert state.vx_mps == pytest.approx(6.0, abs=0.3)
+    # In a steady flow IDM keeps (s0 + v T) / sqrt(1 - (v / v0)^4) = 10.2 m; a lead frozen in the plan adds some.
+    assert 10.2 < gap_m < 13.0
+    assert state.y_m == pytest.approx(0.0, abs=1e-6)
+
+
+# --- lights --------------------------------------------------------------------------------------
+
+
+def test_it_stops_before_a_red_connector_of_its_route() -> None:
+    state = driven(started(LEFT_TURN), ego_on(CROSSING, "1", 20.0, 8.0), 150, lights=signals(red=("12", "13", "14")))
+    assert state.vx_mps < 0.1
+    assert -14.0 < state.x_m + PACIFICA.length_m / 2 < -12.0
+
+
+@pytest.mark.parametrize("lights", [signals(red=("24", "42")), signals(green=("14",)), signals(yellow=("14",))])
+def test_it_passes_other_lights(lights: Signals) -> None:
+    state = driven(started(LEFT_TURN), ego_on(CROSSING, "1", 20.0, 8.0), 100, lights=lights)
+    assert state.y_m > 15.0
+
+
+# --- odd places ----------------------------------------------------------------------------------
+
+
+def test_where_its_lane_leaves_the_route_it_stops_at_the_end() -> None:
+    job = Mission(CROSSING, ("1", "14", "7"), Pose(60.0, -1.75, 0.0))
+    state = driven(started(job), ego_on(CROSSING, "1", 20.0, 8.0), 250)
+    assert state.vx_mps < 0.2
+    assert 8.0 < state.y_m < 12.0
+
+
+def test_past_the_end_of_the_path_it_brakes_straight_on() -> None:
+    planner = started()
+    state = driven(planner, ego(398.0, 0.0, 8.0), 60)
+    assert planner.decision is None
+    assert state.vx_mps == pytest.approx(0.0, abs=0.05)
+    assert 405.0 < state.x_m < 425.0
+
+
+@pytest.mark.parametrize(("y_m", "lost"), [(1.99, False), (2.01, True)])
+def test_two_metres_beside_the_path_it_is_lost(y_m: float, lost: bool) -> None:
+    planner = started(mission(straight_road(length_m=200.0), ("11",)))
+    plan = planner.plan(observation(ego(50.0, y_m, 9.0)))
+    assert (planner.decision is None) is lost
+    assert plan.y_m[0] == pytest.approx(y_m if lost else 0.0)
+
+
+def test_on_a_bend_it_stays_on_the_centre_line() -> None:
+    road = curved_road(radius_m=60.0, run_in_m=60.0, limit_mps=8.0)
+    state = driven(started(mission(road, ("11",))), ego_on(road, "11", 10.0, 7.0), 150)
+    arc_m, left_m = road["11"].centerline.project_point(state.x_m, state.y_m)
+    assert arc_m > 80.0
+    assert abs(left_m) < 0.3
+
+
+def test_equal_scenes_give_equal_plans() -> None:
+    def planned() -> Trajectory:
+        rng = np.random.default_rng(5)
+        crowd = cars(*(tuple(row) for row in rng.uniform((-20, -8, 0, -3), (80, 8, 10, 3), (40, 4)).tolist()))
+        return started().plan(observation(ego(30.0, 0.4, 9.0), crowd))
+
+    assert (planned().x_m == planned().x_m).all()
