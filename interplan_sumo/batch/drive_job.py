@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import tempfile
 import time
 from dataclasses import dataclass
@@ -81,6 +82,7 @@ def _store(folder: Path, job: Job, trace: Trace, trace_hash: str) -> str:
         "seed": job.seed,
         "trace_hash": trace_hash,
     }
+    fresh = None
     try:
         (folder / "traces").mkdir(exist_ok=True)
         fresh = Path(tempfile.mkdtemp(prefix=PART, dir=folder / "traces"))
@@ -89,6 +91,8 @@ def _store(folder: Path, job: Job, trace: Trace, trace_hash: str) -> str:
         os.chmod(fresh, 0o777 & ~_umask())
         place_folder(fresh, folder / place)
     except OSError as error:
+        if fresh is not None:
+            shutil.rmtree(fresh, ignore_errors=True)
         raise RunFolderError(
             f"cannot write the trace of {job.scenario.id} to {folder / place}: {error.strerror or error}; "
             "what is there is intact: repeat the command when it can be written"

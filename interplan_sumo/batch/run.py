@@ -159,7 +159,7 @@ def _row(outcome: Outcome, overrides: dict[str, str], library_versions: dict[str
         "times_s": value.get("times_s", {"total": round(outcome.wall_s, 6)}),
         "versions": library_versions,
         "reached_goal": value.get("reached_goal", False),
-        "site": job.scenario.site,
+        "site": job.scenario.site(load_roads(job.scenario.map)),
         "scenario_hash": job.scenario.hash(),
         "trace": value.get("trace"),
     }

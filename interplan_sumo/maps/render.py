@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import shapely
 
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import MapError
 from interplan_sumo.world.roads import Roads, StopLineKind, Turn
 
 if TYPE_CHECKING:
@@ -42,6 +43,8 @@ LIMIT_COLOURS = "viridis"
 MAX_PIXELS = 12_000
 """Of one side of the picture."""
 
+_Corner = Literal["lower right", "upper right", "upper left"]
+
 
 def render_map(
     roads: Roads,
@@ -59,18 +62,20 @@ def render_map(
 
     Lanes are tinted by speed limit and carry arrows in the direction of travel;
     connectors are coloured by turn, stop lines by kind. `places` are named
-    points in map coordinates, such as bus stops or sites. Needs the `plots`
-    extra; InputError says so where it is missing.
+    points in map coordinates, such as bus stops or sites. Limits are in km/h,
+    shown where they begin. Equal calls write equal PNG files. Needs the `plots`
+    extra; MapError says so where it is missing, where there is nothing to draw
+    or where the file cannot be written.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise InputError("drawing maps needs matplotlib; run: pip install 'interplan-sumo[plots]'") from error
+        raise MapError("drawing maps needs matplotlib; run: pip install 'interplan-sumo[plots]'") from error
 
     low_x, low_y, high_x, high_y = _window(roads, centre_m, radius_m)
     width_m, height_m = high_x - low_x, high_y - low_y
-    scale = pixels_per_m or min(1800.0 / max(width_m, height_m), 12.0)
+    scale = pixels_per_m or min(1500.0 / max(width_m, height_m), 12.0)
     scale = min(scale, MAX_PIXELS / max(width_m, height_m))
     figure = Figure(figsize=(width_m * scale / 100.0, height_m * scale / 100.0), dpi=100)
     FigureCanvasAgg(figure)
@@ -87,6 +92,7 @@ def render_map(
     if connectors:
         _connectors(axes, roads, near, scale)
     _controls(axes, roads, near)
+    _limit_signs(axes, roads, near)
     if lane_ids:
         _lane_ids(axes, roads, near, scale)
     for name, (x_m, y_m) in (places or {}).items():
@@ -95,19 +101,25 @@ def render_map(
             name, (x_m, y_m), xytext=(6, 4), textcoords="offset points", fontsize=8, color="#7a1018", zorder=9
         )
     _legend(axes, roads, limits, title or roads.name, scale)
-    figure.savefig(path, facecolor=PAPER, metadata={"Software": None} if str(path).endswith(".png") else None)
+    kind = Path(path).suffix.removeprefix(".").lower()
+    if kind not in figure.canvas.get_supported_filetypes():
+        raise MapError(f"{path}: pictures end in .png, .svg or .pdf")
+    try:
+        figure.savefig(path, facecolor=PAPER, metadata={"Software": None} if kind == "png" else None)
+    except OSError as error:
+        raise MapError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def _window(
     roads: Roads, centre_m: tuple[float, float] | None, radius_m: float | None
 ) -> tuple[float, float, float, float]:
     if (centre_m is None) != (radius_m is None):
-        raise InputError("a part of a map needs both a centre and a radius")
+        raise MapError("a part of a map needs both a centre and a radius")
     if centre_m is not None and radius_m is not None:
         (x_m, y_m), r_m = centre_m, radius_m
         return x_m - r_m, y_m - r_m, x_m + r_m, y_m + r_m
     if not roads.lanes:
-        raise InputError(f"map {roads.name} has no lanes to draw")
+        raise MapError(f"map {roads.name} has no lanes to draw")
     bounds = shapely.total_bounds(np.array([lane.polygon for lane in roads.lanes.values()]))
     low_x, low_y, high_x, high_y = (float(v) for v in bounds)
     return low_x - 25.0, low_y - 25.0, high_x + 25.0, high_y + 25.0
@@ -115,14 +127,14 @@ def _window(
 
 def _fill(axes: Axes, polygons: Iterable[shapely.Geometry], near: shapely.Geometry, **style: Any) -> None:
     from matplotlib.collections import PathCollection
-    from matplotlib.path import Path
+    from matplotlib.path import Path as Outline
 
-    paths: list[Path] = []
+    paths: list[Outline] = []
     for geometry in polygons:
         for part in shapely.get_parts(geometry):
             if isinstance(part, shapely.Polygon) and part.intersects(near):
-                rings = [Path(np.asarray(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
-                paths.append(Path.make_compound_path(*rings))
+                rings = [Outline(np.asarray(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
+                paths.append(Outline.make_compound_path(*rings))
     axes.add_collection(PathCollection(paths, **style))
 
 
@@ -210,10 +222,40 @@ def _controls(axes: Axes, roads: Roads, near: shapely.Geometry) -> None:
         _fill(axes, polygons, near, facecolor=colour, edgecolor=colour, linewidth=0.8, zorder=6)
 
 
+def _limit_signs(axes: Axes, roads: Roads, near: shapely.Geometry) -> None:
+    """A round sign beside every roadblock whose limit differs from what leads into it."""
+    for block in roads.roadblocks.values():
+        if block.is_connector:
+            continue
+        lane = roads.lanes[block.lane_ids[-1 if roads.driving_side == "right" else 0]]
+        limit = lane.speed_limit_mps
+        before = {
+            roads.lanes[roads.roadblocks[upstream].lane_ids[0]].speed_limit_mps
+            for link in roads.incoming_roadblocks(block.id)
+            for upstream in roads.incoming_roadblocks(link)
+        }
+        if limit is None or limit in before:
+            continue
+        aside_m = -9.0 if roads.driving_side == "right" else 9.0
+        pose = lane.centerline.pose_at(min(12.0, lane.centerline.length_m / 2.0), aside_m)
+        if shapely.contains_xy(near, pose.x_m, pose.y_m):
+            axes.text(
+                pose.x_m,
+                pose.y_m,
+                f"{3.6 * limit:.0f}",
+                fontsize=6.5,
+                ha="center",
+                va="center",
+                color=INK,
+                zorder=7,
+                bbox={"boxstyle": "circle,pad=0.2", "facecolor": "#ffffff", "edgecolor": "#c1121f", "linewidth": 1.4},
+            )
+
+
 def _lane_ids(axes: Axes, roads: Roads, near: shapely.Geometry, scale: float) -> None:
     for lane in roads.lanes.values():
         pose = lane.centerline.pose_at(lane.centerline.length_m * 0.4)
-        if near.contains(shapely.Point(pose.x_m, pose.y_m)):
+        if shapely.contains_xy(near, pose.x_m, pose.y_m):
             degrees = float(np.degrees(pose.heading_rad))
             degrees = degrees - 180.0 if degrees > 90.0 else degrees + 180.0 if degrees < -90.0 else degrees
             axes.text(
@@ -250,11 +292,28 @@ def _legend(axes: Axes, roads: Roads, limits: tuple[float, float] | None, title:
     if roads.generic_drivable_areas:
         entries.append(Patch(facecolor=EXTRA, label="parking or bus bay"))
     side = f"{title} ({roads.driving_side}-hand traffic)"
-    axes.legend(handles=entries, title=side, loc="lower right", fontsize=8, title_fontsize=10, framealpha=0.9)
+    box = axes.legend(
+        handles=entries, title=side, loc=_free_corner(axes, roads), fontsize=8, title_fontsize=10, framealpha=0.9
+    )
+    box.set_zorder(10)
     low_x, high_x = axes.get_xlim()
-    low_y, high_y = axes.get_ylim()
+    low_y, _ = axes.get_ylim()
     bar_m = float(next(m for m in (500, 200, 100, 50, 20, 10, 5, 2, 1) if m < 0.3 * (high_x - low_x)))
     x_m, y_m = low_x + 14.0 / scale, low_y + 16.0 / scale
     axes.plot([x_m, x_m + bar_m], [y_m, y_m], color=INK, linewidth=2.5, zorder=9)
     axes.text(x_m, y_m + 7.0 / scale, f"{bar_m:.0f} m", fontsize=9, color=INK, zorder=9)
-    del high_y
+
+
+def _free_corner(axes: Axes, roads: Roads) -> _Corner:
+    """The corner with the fewest lanes; the scale bar has the lower left one."""
+    (low_x, high_x), (low_y, high_y) = axes.get_xlim(), axes.get_ylim()
+    points = np.concatenate([lane.centerline.points for lane in roads.lanes.values()] or [np.zeros((0, 2))])
+    x, y = (points[:, 0] - low_x) / (high_x - low_x), (points[:, 1] - low_y) / (high_y - low_y)
+    shown = (x >= 0.0) & (x <= 1.0) & (y >= 0.0) & (y <= 1.0)
+    right, top = x > 0.8, y > 0.75
+    corners: tuple[tuple[_Corner, Any], ...] = (
+        ("lower right", right & (y < 0.25)),
+        ("upper right", right & top),
+        ("upper left", (x < 0.2) & top),
+    )
+    return min(corners, key=lambda corner: int((corner[1] & shown).sum()))[0]

@@ -115,8 +115,8 @@ def _stages(junction: Junction) -> list[Stage]:
             else:
                 home[row] = "G"
     for stage in stages:
-        _add_turn_arrows(junction, stage)
-    if len(stages) == 1 or all(all(i in s for s in stages) for i in lit):
+        _add_turn_arrows(junction, stage, stages)
+    if len(stages) == 1:
         stages.append({})
     return stages
 
@@ -212,8 +212,11 @@ def _joins(junction: Junction, row: int, stage: Stage) -> bool:
     return bool(stage) and not any(junction.conflicts[row, other] for other in stage)
 
 
-def _add_turn_arrows(junction: Junction, stage: Stage) -> None:
-    """Near-side turns from lanes of their own also run with the arrows of the cross street's far-side turns."""
+def _add_turn_arrows(junction: Junction, stage: Stage, stages: Sequence[Stage]) -> None:
+    """Near-side turns from lanes of their own also run with the arrows of the cross street's far-side turns.
+
+    Never in every stage: pedestrians want to cross there, too.
+    """
     near = [i for i in junction.lit if junction.movements[i] is Movement.NEAR_TURN]
     others = {junction.connectors[i].from_lane_id for i in junction.lit if i not in near}
     arrows = {
@@ -223,5 +226,6 @@ def _add_turn_arrows(junction: Junction, stage: Stage) -> None:
         approach = junction.approach_of[i]
         crossing = arrows - {approach, junction.opposite.get(approach, approach)}
         own_lane = junction.connectors[i].from_lane_id not in others
-        if i not in stage and crossing and own_lane and _joins(junction, i, stage):
+        elsewhere = sum(i in s for s in stages)
+        if i not in stage and crossing and own_lane and elsewhere + 1 < len(stages) and _joins(junction, i, stage):
             stage[i] = "G"

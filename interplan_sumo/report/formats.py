@@ -122,25 +122,9 @@ def notes(table: Table, *, paper: bool = False) -> list[str]:
     return found
 
 
-def as_text(table: Table, *, paper: bool = False, why: bool = False) -> RenderableType:
-    """The table and its notes for a terminal; columns that no line has are left out."""
-    shown = [c for c in COLUMNS if paper or any(line.cells[c.key].asked for line in table.lines)]
-    grid = Grid(header_style="bold")
-    grid.add_column("planner", overflow="fold")
-    for column in shown:
-        grid.add_column(column.title, justify="right", no_wrap=True)
-    for line in table.lines:
-        figures = [
-            Text(figure(line.cells[c.key]), style="yellow" if line.cells[c.key].incomplete else "") for c in shown
-        ]
-        if figures and figures[0].plain:
-            figures[0].stylize("bold")
-        grid.add_row(Text(line.label), *figures)
-    if paper:
-        grid.add_section()
-        for row in published_rows():
-            grid.add_row(f"{row['planner']} (paper)", *(f"{row[c.key]:.0f}" for c in shown), style="dim")
-    parts: list[RenderableType] = [grid, *(Text(note) for note in notes(table, paper=paper))]
+def as_text(table: Table, *, width: int = 200, paper: bool = False, why: bool = False) -> RenderableType:
+    """The table and its notes for a terminal of `width` characters; columns that no line has are left out."""
+    parts: list[RenderableType] = [_grid(table, width, paper), *(Text(note) for note in notes(table, paper=paper))]
     faults = [f"{_name(row)}: {row['fault']['class']} fault: {row['fault']['message']}" for row in faulty(table.lines)]
     missing = [
         f"{scenario}, {planner}, seed {seed}"
@@ -160,6 +144,23 @@ def as_text(table: Table, *, paper: bool = False, why: bool = False) -> Renderab
             if limit and len(entries) > limit:
                 parts.append(Text(f"  ... and {len(entries) - limit} more; --json lists all"))
     return Group(*parts)
+
+
+def _grid(table: Table, width: int, paper: bool) -> Grid:
+    """A row per planner where that fits into `width`, else a column per planner."""
+    shown = [c for c in COLUMNS if paper or any(line.cells[c.key].asked for line in table.lines)]
+    rows: list[list[str]] = [["planner", *(c.title for c in shown)]]
+    rows += [[line.label, *(figure(line.cells[c.key]) for c in shown)] for line in table.lines]
+    published = [[f"{row['planner']} (paper)", *(f"{row[c.key]:.0f}" for c in shown)] for row in published_rows()]
+    ours, rows = len(rows), rows + (published if paper else [])
+    upright = sum(max(map(len, column)) + 3 for column in zip(*rows, strict=True)) + 1 <= width
+    grid = Grid(header_style="bold")
+    for number, title in enumerate(rows[0] if upright else [row[0] for row in rows]):
+        grid.add_column(Text(title), justify="right" if number else "left", overflow="fold", no_wrap=upright)
+    for number, row in enumerate(rows[1:] if upright else list(zip(*rows, strict=True))[1:], start=1):
+        style = "dim" if upright and number >= ours else ""
+        grid.add_row(*(Text(text, style=style) for text in row), end_section=upright and number == ours - 1)
+    return grid
 
 
 def _name(row: Row) -> str:

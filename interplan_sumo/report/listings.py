@@ -24,7 +24,7 @@ def scenario_entry(scenario: Scenario) -> dict[str, Any]:
         "id": scenario.id,
         "family": scenario.family,
         "map": scenario.map,
-        "site": scenario.site,
+        "site": scenario.site(roads),
         "driving_side": roads.driving_side,
         "density": scenario.traffic.density,
         "behaviour": scenario.traffic.behaviour,

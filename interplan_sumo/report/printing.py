@@ -32,7 +32,8 @@ def print_table(table: Table, form: Form = "text", *, paper: bool = False, why: 
         case "markdown":
             print(formats.as_markdown(table, paper=paper), end="")
         case "text":
-            console().print(formats.as_text(table, paper=paper, why=why))
+            place = console()
+            place.print(formats.as_text(table, width=place.width, paper=paper, why=why))
 
 
 def write_page(table: Table, path: Path, *, paper: bool = False) -> None:

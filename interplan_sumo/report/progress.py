@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
-from rich.console import Console
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 from interplan_sumo.batch.run_folder import Row
 
@@ -73,77 +74,82 @@ class PlainProgress:
         self._console = console
         self._tally = Tally(0, ())
         self._said_s = 0.0
+        self._said_done = 0
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        pass
+        if self._tally.done != self._said_done:
+            self._sum_up()
 
     def begin(self, jobs: int, done: Sequence[Row]) -> None:
         self._tally = Tally(jobs, done)
+        self._said_done = len(done)
         resumed = f", {len(done)} of them done already" if done else ""
         self._say(f"{jobs} jobs{resumed}")
 
     def finished(self, row: Row) -> None:
         self._tally.add(row)
         if row["fault"]:
-            self._say(
-                f"{row['scenario_id']}, {row['planner']}, seed {row['seed']}: "
-                f"{row['fault']['class']} fault: {row['fault']['message']}"
-            )
-        now_s = time.monotonic()
-        if self._tally.done == self._tally.jobs or now_s - self._said_s >= PLAIN_EVERY_S:
-            self._said_s = now_s
-            tally = self._tally
-            self._say(f"{tally.done}/{tally.jobs} done, {tally.left} left; {tally.summary}")
+            self._say(_fault(row))
+        if time.monotonic() - self._said_s >= PLAIN_EVERY_S:
+            self._sum_up()
+
+    def _sum_up(self) -> None:
+        tally = self._tally
+        self._said_s, self._said_done = time.monotonic(), tally.done
+        self._say(f"{tally.done}/{tally.jobs} done, {tally.left} left; {tally.summary}")
 
     def _say(self, text: str) -> None:
         self._console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 class LiveProgress:
-    """A bar that moves; for people."""
+    """A bar that moves, and what is known so far below it; for people."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._tally = Tally(0, ())
-        self._progress = Progress(
-            BarColumn(),
+        self._tally: Tally | None = None
+        self._bar = Progress(
+            BarColumn(bar_width=None),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
-            TextColumn("{task.fields[left]} left"),
             TextColumn("{task.description}", markup=False),
             console=console,
-            transient=True,
+            expand=True,
         )
-        self._bar: Any = None
+        self._job = self._bar.add_task("starting", total=None)
+        self._live = Live(get_renderable=self._shown, console=console, transient=True)
+
+    def _shown(self) -> RenderableType:
+        summary = Text(self._tally.summary if self._tally else "reading maps and scenarios", style="dim")
+        return Group(self._bar, summary)
 
     def __enter__(self) -> Self:
-        self._progress.start()
+        self._live.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._progress.stop()
-        if self._bar is not None:
-            tally = self._tally
-            self._console.print(f"{tally.done}/{tally.jobs} done; {tally.summary}", markup=False, highlight=False)
+    def __exit__(self, *error: object) -> None:
+        self._live.stop()
+        if self._tally is not None:
+            self._say(f"{self._tally.done}/{self._tally.jobs} done; {self._tally.summary}")
 
     def begin(self, jobs: int, done: Sequence[Row]) -> None:
         self._tally = Tally(jobs, done)
-        self._bar = self._progress.add_task("starting", total=jobs, completed=len(done), left="--:--")
+        self._bar.update(self._job, total=jobs, completed=len(done))
 
     def finished(self, row: Row) -> None:
+        assert self._tally is not None, "a job ended before the run began"
         self._tally.add(row)
         if row["fault"]:
-            self._progress.console.print(
-                f"{row['scenario_id']}, {row['planner']}, seed {row['seed']}: "
-                f"{row['fault']['class']} fault: {row['fault']['message']}",
-                markup=False,
-                highlight=False,
-                style="yellow",
-            )
-        tally = self._tally
-        self._progress.update(self._bar, completed=tally.done, left=tally.left, description=tally.summary)
+            self._say(_fault(row), style="yellow")
+        self._bar.update(self._job, completed=self._tally.done, description=f"{self._tally.left} left")
+
+    def _say(self, text: str, style: str | None = None) -> None:
+        self._console.print(text, markup=False, highlight=False, style=style)
+
+
+def _fault(row: Row) -> str:
+    fault = row["fault"]
+    return f"{row['scenario_id']}, {row['planner']}, seed {row['seed']}: {fault['class']} fault: {fault['message']}"

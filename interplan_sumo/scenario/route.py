@@ -29,6 +29,8 @@ def route_lanes(roads: Roads, scenario: Scenario) -> tuple[str, ...]:
     first = scenario.route[0]
     start_index = _index_in_block(roads, scenario.start.lane)
     goal = scenario.goal.lane
+    if roads[goal].roadblock_id not in rank:
+        raise ScenarioError(f"{scenario.id}: goal lane {goal} does not lie on the route")
     queue: list[tuple[int, int, tuple[str, ...]]] = [(0, -rank[roads[goal].roadblock_id], (goal,))]
     seen: set[str] = set()
     found: list[tuple[int, int, tuple[str, ...]]] = []

@@ -150,10 +150,11 @@ class Scenario:
                     f"{self.id}: traffic.{name} is {density!r}, expected none, {', '.join(LARGEST_GAP_M)}"
                 )
 
-    @property
-    def site(self) -> str:
-        """Where it happens: `<map>/<lane>@<10 m bin>` of the goal line."""
-        return f"{self.map}/{self.goal.lane}@{int(self.goal.arc_m // SITE_BIN_M) * int(SITE_BIN_M)}"
+    def site(self, roads: Roads) -> str:
+        """Where it happens: `<map>/<roadblock id>@<10 m bin>` of the first obstacle or jaywalker, else of the goal."""
+        first = (*(o.place for o in self.obstacles), *(w.start for w in self.jaywalkers), self.goal)[0]
+        block = roads[first.lane].roadblock_id
+        return f"{self.map}/{block}@{int(first.arc_m // SITE_BIN_M) * int(SITE_BIN_M)}"
 
     def canonical(self) -> dict[str, object]:
         """Plain data, for files and for the hash."""

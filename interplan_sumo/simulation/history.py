@@ -22,16 +22,14 @@ def backcast(roads: Roads, x_m: float, y_m: float, heading_rad: float, distances
     It keeps its lateral offset and its angle to the lane; before the first
     lane of the map, and off all lanes, it has come straight.
     """
-    at = roads.at(x_m, y_m)
     poses = np.empty((len(distances_m), 3))
-    lane = min(at, key=lambda i: abs(_turn(roads, i, x_m, y_m, heading_rad)), default=None)
-    if lane is None or abs(_turn(roads, lane, x_m, y_m, heading_rad)) > np.pi / 2:
+    found = [(*_along(roads[lane].centerline, x_m, y_m, heading_rad), lane) for lane in roads.at(x_m, y_m)]
+    angle, arc_m, left_m, lane = min(found, key=lambda each: abs(each[0]), default=(np.pi, 0.0, 0.0, ""))
+    if abs(angle) > np.pi / 2:
         poses[:, 0] = x_m - distances_m * np.cos(heading_rad)
         poses[:, 1] = y_m - distances_m * np.sin(heading_rad)
         poses[:, 2] = heading_rad
         return poses
-    arc_m, left_m = roads[lane].centerline.project_point(x_m, y_m)
-    angle = _turn(roads, lane, x_m, y_m, heading_rad)
     poses[:] = line_poses(roads[lane].centerline, arc_m - distances_m, left_m, angle)
     for row in np.flatnonzero(distances_m > arc_m):
         back_m, here = arc_m - distances_m[row], lane
@@ -53,10 +51,10 @@ def line_poses(line: Polyline, arc_m: np.ndarray, left_m: float, angle_rad: floa
     return poses
 
 
-def _turn(roads: Roads, lane_id: str, x_m: float, y_m: float, heading_rad: float) -> float:
-    line = roads[lane_id].centerline
-    arc_m, _ = line.project_point(x_m, y_m)
-    return float(wrap_angle(heading_rad - line.pose_at(arc_m).heading_rad))
+def _along(line: Polyline, x_m: float, y_m: float, heading_rad: float) -> tuple[float, float, float]:
+    """Angle to a line, arc length on it and offset to its left."""
+    arc_m, left_m = line.project_point(x_m, y_m)
+    return float(wrap_angle(heading_rad - line.pose_at(arc_m).heading_rad)), arc_m, left_m
 
 
 def invented_past(roads: Roads, ego: EgoState, actors: Actors, dt_s: float) -> Past:

@@ -19,9 +19,13 @@ MERGE_WITHIN_M = 8.0
 """Blocked stretches of a lane nearer to one another than this are one: no car fits between."""
 
 
+SWING_OUT_M = 6.0
+"""Cars queue this far before an obstacle: a lane change from rest needs the room to swing out."""
+
+
 @dataclass(frozen=True, slots=True)
 class Blockage:
-    """A stretch of a SUMO lane on which no car can pass."""
+    """A stretch of a SUMO lane that cars must keep out of: where none can pass, and the room to swing out before it."""
 
     lane: str
     start_m: float
@@ -78,7 +82,7 @@ def _reaches(network: Network, box: shapely.Polygon) -> dict[str, tuple[float, f
         if lane.internal or part.area < 1e-6:
             continue
         arcs, _ = strip.line.project(shapely.get_coordinates(part))
-        start_m = lane.position_of(strip.start_m + float(arcs.min()))
+        start_m = max(0.0, lane.position_of(strip.start_m + float(arcs.min())) - SWING_OUT_M)
         end_m = lane.position_of(strip.start_m + float(arcs.max()))
         before = reached.get(lane.id, (start_m, end_m))
         reached[lane.id] = (min(before[0], start_m), max(before[1], end_m))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import cos, degrees, isfinite, pi, sin
+from math import cos, degrees, inf, isfinite, pi, sin
 from typing import Any
 
 import numpy as np
@@ -120,7 +120,7 @@ class SumoTraffic:
         self._ego_route = ego_route
         self._started = False
         self._signals: Signals | None = None
-        self._signal_states: tuple[str, ...] = ()
+        self._next_switch_s = 0.0
         command = [
             "sumo", "--net-file", str(network.path), "--additional-files", str(types.path), "--step-length", str(DT_S),
             "--collision.action", "none", "--time-to-teleport", "-1", "--insertion-checks", "none",
@@ -182,13 +182,13 @@ class SumoTraffic:
         for i, each in enumerate(blocked):
             name, lane = f"obstacle{i}", self._network.lanes[each.lane]
             length_m = max(0.5, each.end_m - each.start_m)
-            front_m = min(max(each.end_m, length_m), lane.length_m)
+            front_m = round(min(max(each.end_m, length_m), lane.length_m) - 0.005, 2)
             with _Commanding(f"blocking lane {each.lane} at {each.start_m:.1f} m"):
                 sumo.vehicletype.copy("DEFAULT_VEHTYPE", name)
                 sumo.vehicletype.setLength(name, length_m)
                 sumo.route.add(name, (lane.edge,))
                 sumo.vehicle.add(
-                    name, name, name, departLane=str(lane.index), departPos=f"{front_m:.6f}", departSpeed="0"
+                    name, name, name, departLane=str(lane.index), departPos=f"{front_m:.2f}", departSpeed="0"
                 )
                 sumo.vehicle.setStop(name, lane.edge, front_m, lane.index, 1e6)
                 sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_NONE)
@@ -283,7 +283,13 @@ class SumoTraffic:
             self._crowd.notice(ego, self._shape)
             walked = self._crowd.foreseen(self._origin)
         driving = Driving(
-            self._present, self._front_x, self._front_y, self._heading_rad, self._speed_mps, self._position_m
+            self._present,
+            self._front_x,
+            self._front_y,
+            self._heading_rad,
+            self._speed_mps,
+            self._lanes_now,
+            self._position_m,
         )
         verdict = self._watch.judge(ego, self._anchor, walked, driving)
         for name, decision in verdict.decisions.items():
@@ -337,23 +343,27 @@ class SumoTraffic:
             fronts = [position(name) for name in self._present]
             angles = [vehicle.getAngle(name) for name in self._present]
             speeds = [vehicle.getSpeed(name) for name in self._present]
-            lanes = [vehicle.getLaneID(name) for name in self._present]
         front = np.array(fronts, dtype=np.float64).reshape(-1, 2)
         self._front_x, self._front_y = front[:, 0], front[:, 1]
         self._heading_rad = (pi / 2.0 - np.radians(angles) + pi) % (2.0 * pi) - pi
         self._speed_mps = np.array(speeds)
-        self._watch.follow(self._present, lanes)
 
     def _read_signals(self) -> Signals:
+        """The lights; asked for only when one of them may have switched."""
         with _Commanding("reading the lights"):
-            states = tuple(sumo.trafficlight.getRedYellowGreenState(light) for light in self._light_ids)
-        if self._signals is None or states != self._signal_states:
-            self._signal_states = states
-            status = [_STATUS.get(states[light][link], SignalStatus.UNKNOWN) for light, link in self._link_of]
-            self._signals = Signals(self._connectors, np.array(status, dtype=np.int8))
+            lights = sumo.trafficlight
+            if self._signals is None or sumo.simulation.getTime() >= self._next_switch_s - 1e-6:
+                states = [lights.getRedYellowGreenState(light) for light in self._light_ids]
+                self._next_switch_s = min((lights.getNextSwitch(light) for light in self._light_ids), default=inf)
+                status = [_STATUS.get(states[light][link], SignalStatus.UNKNOWN) for light, link in self._link_of]
+                self._signals = Signals(self._connectors, np.array(status, dtype=np.int8))
         return self._signals
 
     # --- reacting ------------------------------------------------------------------------------
+
+    def _lanes_now(self) -> list[str]:
+        with _Commanding("reading the agents' lanes"):
+            return [sumo.vehicle.getLaneID(name) for name in self._present]
 
     def _position_m(self, name: str) -> float:
         with _Commanding("reading an agent"):

@@ -30,6 +30,8 @@ class Driving:
     front_y: Floats  # (N,)
     heading_rad: Floats  # (N,)
     speed_mps: Floats  # (N,)
+    lanes: Callable[[], Sequence[str]]
+    """The SUMO lane of each, '' is nowhere; asked for only when somebody may have to react."""
     position_m: Callable[[str], float]
     """Lane position of the front bumper of one agent."""
 
@@ -75,9 +77,9 @@ class Watch:
         self._known_names: Sequence[str] = ()
         self._known_numbers = np.zeros((4, 0))
 
-    def follow(self, names: Sequence[str], lanes: Sequence[str]) -> None:
-        """Note on which SUMO lane each agent is now; '' is nowhere."""
-        for name, lane in zip(names, lanes, strict=True):
+    def _follow(self, driving: Driving) -> None:
+        """Note on which SUMO lane each agent is now."""
+        for name, lane in zip(driving.names, driving.lanes(), strict=True):
             known = self._corridors.get(name)
             if known is None or known[0] != lane:
                 self._forget_corridor(name)
@@ -111,6 +113,7 @@ class Watch:
         if calm:  # everyone behind follows the ego, as SUMO does by itself; caught up with when that ends
             self._calm = on_network
             return Verdict({}, straddles=False)
+        self._follow(driving)
         if self._calm is not None:
             self._decide(self._calm, {}, (), driving, ego)
             self._calm = None

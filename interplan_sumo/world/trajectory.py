@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
@@ -34,13 +35,12 @@ class Trajectory:
             array = frozen(value)
             if array.shape != (count,):
                 raise ValueError(f"Trajectory.{name} has shape {array.shape}, expected ({count},)")
+            # A sum is finite only if every term is; a sum that overflows is looked at term by term.
+            if not isfinite(float(array.sum())) and not np.isfinite(array).all():
+                raise ValueError(f"Trajectory.{name} holds a number that is not finite")
             object.__setattr__(self, name, array)
         if count < 2:
             raise ValueError(f"a Trajectory needs at least two poses, got {count}")
-        for name in _COLUMNS:
-            value = getattr(self, name)
-            if value is not None and not np.isfinite(value).all():
-                raise ValueError(f"Trajectory.{name} holds a number that is not finite")
         if not (self.time_s[1:] > self.time_s[:-1]).all():
             raise ValueError("Trajectory.time_s must increase from sample to sample")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import cos, sin
+
 import numpy as np
 
 from interplan_sumo.planner import Mission, Observation
@@ -15,16 +17,15 @@ class StraightAhead:
         self.horizon_s = horizon_s
 
     def start(self, mission: Mission) -> None:
-        self._dt_s = mission.dt_s
+        self._ahead_s = np.linspace(0.0, self.horizon_s, round(self.horizon_s / mission.dt_s) + 1)
 
     def plan(self, seen: Observation) -> Trajectory:
         ego = seen.ego
-        ahead_s = np.linspace(0.0, self.horizon_s, round(self.horizon_s / self._dt_s) + 1)
-        travelled_m = ego.speed_mps * ahead_s
+        travelled_m = ego.speed_mps * self._ahead_s
         return Trajectory(
-            time_s=ego.time_s + ahead_s,
-            x_m=ego.x_m + travelled_m * np.cos(ego.heading_rad),
-            y_m=ego.y_m + travelled_m * np.sin(ego.heading_rad),
-            heading_rad=np.full_like(ahead_s, ego.heading_rad),
-            speed_mps=np.full_like(ahead_s, ego.speed_mps),
+            time_s=ego.time_s + self._ahead_s,
+            x_m=ego.x_m + travelled_m * cos(ego.heading_rad),
+            y_m=ego.y_m + travelled_m * sin(ego.heading_rad),
+            heading_rad=np.full(len(travelled_m), ego.heading_rad),
+            speed_mps=np.full(len(travelled_m), ego.speed_mps),
         )

@@ -157,6 +157,19 @@ def test_overridden_traffic_is_marked_and_kept_apart(official: StoredRun, tmp_pa
     assert hashes(again) == hashes(stored)
 
 
+def test_a_vehicle_type_file_of_ones_own_replaces_the_traffic(official: StoredRun, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.xml"
+    mine.write_text('<routes><vType id="traffic" maxSpeed="3" tau="3"/></routes>')
+    stored = run(request(tmp_path / "run", "straight_ahead", overrides=Overrides(vehicle_types=mine)))
+    (row,) = stored.rows.values()
+    assert row["official"] is False
+    assert row["overrides"]["traffic"].startswith("mine.xml sha256:")
+    assert row["trace_hash"] != official.rows[FIRST.id, "straight_ahead", 0]["trace_hash"]
+    mine.write_text('<routes><vType id="traffic" maxSpeed="4" tau="3"/></routes>')
+    with pytest.raises(RunFolderError, match="with overrides traffic"):
+        run(request(tmp_path / "run", "straight_ahead", overrides=Overrides(vehicle_types=mine)))
+
+
 def test_scoring_again_gives_the_same_scores_without_simulating(official: StoredRun) -> None:
     again, problems = rescore(official, "interplan-paper")
     assert problems == []

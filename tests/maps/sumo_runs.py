@@ -19,7 +19,7 @@ from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.network_reader import Network, read_network
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.resources import routes_root
-from interplan_sumo.world.geometry import box_corners, penetration_m
+from interplan_sumo.world.geometry import box_corners, penetration_m, wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
 
 STEP_S = 0.1
@@ -44,6 +44,17 @@ class Braking:
 
 
 @dataclass(frozen=True, slots=True)
+class Overlap:
+    """The deepest moment of two cars in each other."""
+
+    time_s: float
+    vehicles: tuple[str, str]
+    depth_m: float
+    askew: bool
+    """One of them stands or creeps at an angle to its lane: SUMO's continuous lane change, not the network."""
+
+
+@dataclass(frozen=True, slots=True)
 class TrafficRun:
     """What happened."""
 
@@ -51,8 +62,7 @@ class TrafficRun:
     mean_speed_mps: float
     teleports: int
     collisions: int
-    overlaps: tuple[tuple[float, str, str, float], ...]
-    """Time, both cars, depth: the deepest moment per pair."""
+    overlaps: tuple[Overlap, ...]
     brakings: tuple[Braking, ...]
     arrived: int
 
@@ -105,10 +115,11 @@ def random_traffic(
         if edge not in edges:
             continue  # on a cut, or where the lane runs alone and the walk leaves by another
         edges = edges[edges.index(edge) :]
+        position_m = fraction * network.lanes[sumo_lane].length_m
+        speed_mps = max(0.0, _start_speed_mps(roads, walk, arc_m) - 0.01)
         routes.append(
             f'<vehicle id="v{k}" type="traffic" depart="{depart_s:.1f}" departLane="{index}" '
-            f'departPos="{fraction * network.lanes[sumo_lane].length_m:.2f}" '
-            f'departSpeed="{_start_speed_mps(roads, walk, arc_m) - 0.01:.2f}"><route edges="{" ".join(edges)}"/></vehicle>'
+            f'departPos="{position_m:.2f}" departSpeed="{speed_mps:.2f}"><route edges="{" ".join(edges)}"/></vehicle>'
         )
     (folder / "random.rou.xml").write_text("\n".join((*routes, "</routes>")))
     events = "".join(
@@ -144,7 +155,7 @@ def random_traffic(
         mean_speed_mps=float(np.mean([car.speed_mps for car in everyone])) if everyone else 0.0,
         teleports=int(counts["teleports"]["total"]),
         collisions=0 if collisions is None else len(collisions),
-        overlaps=_overlaps(frames),
+        overlaps=_overlaps(roads, frames),
         brakings=judge.brakings(),
         arrived=int(counts["vehicles"]["inserted"]) - int(counts["vehicles"]["running"]),
     )
@@ -157,7 +168,7 @@ def start_up_s(network: Path) -> float:
         "best=9e9\n"
         "for _ in range(3):\n"
         "    t=time.perf_counter()\n"
-        "    libsumo.start(['sumo','-n',sys.argv[1],'--step-length','0.1','--no-step-log','true','--no-warnings','true'])\n"
+        "    libsumo.start(['sumo','-n',sys.argv[1],'--no-step-log','true','--no-warnings','true'])\n"
         "    best=min(best,time.perf_counter()-t); libsumo.close()\n"
         "print(best)\n"
     )
@@ -190,9 +201,10 @@ def _walk(
 
 
 def _start_speed_mps(roads: Roads, walk: list[tuple[str, str, str | None]], arc_m: float) -> float:
-    """The fastest start from which comfortable braking (2 m/s2) meets every lower limit ahead."""
+    """The fastest start from which 1.5 m/s2 meet every lower limit ahead, and a stop at the end of the lane."""
     ahead = [item for enter, _, way in walk for item in (enter, way) if item is not None]
-    speed, at = np.inf, -arc_m
+    to_end_m = roads[walk[0][0]].centerline.length_m - arc_m
+    speed, at = (np.sqrt(3.0 * max(0.0, to_end_m - 3.0)) if len(walk) > 1 else np.inf), -arc_m
     for name in ahead[:8]:
         lane = roads[name]
         limit = lane.speed_limit_mps or 13.89
@@ -233,7 +245,8 @@ def _frames(path: Path, ids: NetworkIds, network: Network) -> dict[float, list[_
             cars.append(
                 _Car(
                     time_s, v.attrib["id"],
-                    float(x - np.cos(heading) * LENGTH_M / 2), float(y - np.sin(heading) * LENGTH_M / 2), float(heading),
+                    float(x - np.cos(heading) * LENGTH_M / 2), float(y - np.sin(heading) * LENGTH_M / 2),
+                    float(heading),
                     float(v.attrib["speed"]), float(v.attrib["acceleration"]), lane_id, arc_m,
                 )
             )  # fmt: skip
@@ -247,14 +260,14 @@ def _lights(path: Path) -> dict[tuple[str, float], str]:
     return {(s.attrib["id"], round(float(s.attrib["time"]), 3)): s.attrib["state"] for s in root}
 
 
-def _overlaps(frames: dict[float, list[_Car]]) -> tuple[tuple[float, str, str, float], ...]:
-    deepest: dict[tuple[str, str], tuple[float, float]] = {}
+def _overlaps(roads: Roads, frames: dict[float, list[_Car]]) -> tuple[Overlap, ...]:
+    deepest: dict[tuple[str, str], Overlap] = {}
     for time_s, cars in frames.items():
         if len(cars) < 2:
             continue
         x, y, heading = (np.array([getattr(c, n) for c in cars]) for n in ("x_m", "y_m", "heading_rad"))
         i, j = np.triu_indices(len(cars), 1)
-        close = np.hypot(x[i] - x[j], y[i] - y[j]) < 6.0
+        close = np.hypot(x[i] - x[j], y[i] - y[j]) < LENGTH_M + WIDTH_M
         i, j = i[close], j[close]
         if not len(i):
             continue
@@ -262,9 +275,18 @@ def _overlaps(frames: dict[float, list[_Car]]) -> tuple[tuple[float, str, str, f
         depth = penetration_m(corners[i], corners[j])
         for a, b, d in zip(i.tolist(), j.tolist(), depth.tolist(), strict=True):
             pair = cars[a].id, cars[b].id
-            if d > OVERLAP_M and d > deepest.get(pair, (0.0, 0.0))[1]:
-                deepest[pair] = (time_s, d)
-    return tuple((t, *pair, d) for pair, (t, d) in sorted(deepest.items()))
+            if d > OVERLAP_M and (pair not in deepest or d > deepest[pair].depth_m):
+                askew = any(_askew(roads, cars[k]) for k in (a, b))
+                deepest[pair] = Overlap(time_s, pair, d, askew)
+    return tuple(sorted(deepest.values(), key=lambda o: (o.time_s, o.vehicles)))
+
+
+def _askew(roads: Roads, car: _Car) -> bool:
+    line = roads[car.lane_id].centerline
+    back = line.pose_at(max(0.0, car.arc_m - LENGTH_M))
+    front = line.pose_at(car.arc_m)
+    chord = np.arctan2(front.y_m - back.y_m, front.x_m - back.x_m)
+    return car.lane_id in roads.lanes and abs(float(wrap_angle(car.heading_rad - chord))) > np.radians(4.0)
 
 
 class _Judge:
@@ -303,7 +325,7 @@ class _Judge:
         )
 
     def _ahead(self, car: _Car) -> list[tuple[str, float]]:
-        """Lanes and connectors that the car comes to, with the distance from its front, as far as 80 m."""
+        """Lanes and connectors that the car comes to, with the distance from its front, as far as 150 m."""
         found = [(car.lane_id, -car.arc_m)]
         at = self.roads[car.lane_id].centerline.length_m - car.arc_m
         steps = [item for enter, leave, way in self.walks[car.id] for item in ((enter, leave), way) if item is not None]
@@ -322,7 +344,7 @@ class _Judge:
         )
         for step in steps[here + 1 :]:
             name = step if isinstance(step, str) else step[0]
-            if at > 80.0:
+            if at > 150.0:
                 break
             found.append((name, at))
             at += self.roads[name].centerline.length_m
@@ -338,7 +360,7 @@ class _Judge:
         ahead = self._ahead(car)
         ways = [(name, start_m) for name, start_m in ahead if name in self.roads.connectors]
         for name, start_m in ways:
-            if name in self.ids.links and 0.0 < start_m < 60.0:
+            if name in self.ids.links and 0.0 < start_m < 120.0:
                 light, link = self.ids.links[name]
                 if self.lights.get((light, car.time_s), "G")[link] in "ry":
                     return "light"

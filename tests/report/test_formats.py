@@ -78,6 +78,17 @@ def test_text_lists_faults_and_leaves_out_columns_that_nobody_has() -> None:
     assert "nudge 2, overtake 1" in shown
 
 
+def test_a_narrow_terminal_gets_a_column_per_planner() -> None:
+    found = make_table([stored(*(drive(f"{family}/0", 1.0) for family in ("nudge", "overtake", "lane_change_ltd")))])
+    for width in (200, 40):
+        console = Console(file=io.StringIO(), width=width)
+        console.print(as_text(found, width=width))
+        lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+        assert max(map(len, lines)) <= width
+        assert any("idm" in line and "100" in line for line in lines) == (width == 200)
+        assert any("No-Col." in line and "100" in line for line in lines) == (width == 40)
+
+
 def test_text_says_that_a_table_is_incomplete() -> None:
     shown = text(incomplete())
     assert "INCOMPLETE: 2 jobs have no score" in shown

@@ -27,7 +27,7 @@ _SECOND_TOWN = lanes(1, 40, width_m=3.4, parking_m=2.3)  # 25 mph
 _RIVER = lanes(1, 64, width_m=3.6)
 _AVENUE = lanes(1, 40, width_m=3.3, parking_m=2.2)
 _STREET = lanes(1, 40, width_m=3.3)
-_RAMP = one_way(1, 48, width_m=3.7)  # 30 mph
+_RAMP = one_way(1, 48, width_m=3.6)  # 30 mph
 
 _POCKET = Approach(inner_pockets=1, storage_m=45, taper_m=30, pocket_width_m=3.1)
 
@@ -39,7 +39,7 @@ def _both(way: Way) -> tuple[Section, ...]:
 _EXIT_EAST = Ramp("parkway", "forward", 420, "river_exit", "exit")
 _ENTRY_EAST = Ramp("parkway", "forward", 1010, "river_entry", "entry")
 _EXIT_WEST = Ramp("parkway", "backward", 1290, "town_exit", "exit")
-_ENTRY_WEST = Ramp("parkway", "backward", 540, "town_entry", "entry")
+_ENTRY_WEST = Ramp("parkway", "backward", 470, "town_entry", "entry")
 
 _PARKWAY = Road(
     10,
@@ -47,12 +47,12 @@ _PARKWAY = Road(
     points=((-880, -330), (-40, -440, 1100, 80), (880, -330)),
     sections=(
         # Eastbound: an exit lane from 200 on, the exit at 420; an entry at 1010, whose lane ends at 1400.
-        # Westbound: an exit lane from 1500 on, the exit at 1290; an entry at 540, whose lane ends at 190.
+        # Westbound: an exit lane from 1500 on, the exit at 1290; an entry at 470, whose lane ends at 150.
         Section(0, _PARKWAY_2, _PARKWAY_2),
-        Section(190, _PARKWAY_2, _PARKWAY_3, taper_m=80),
+        Section(150, _PARKWAY_2, _PARKWAY_3, taper_m=80),
         Section(200, _PARKWAY_3, _PARKWAY_3, taper_m=60),
         Section(420, _PARKWAY_2, _PARKWAY_3, taper_m=24),
-        Section(540, _PARKWAY_2, _PARKWAY_2, taper_m=24),
+        Section(470, _PARKWAY_2, _PARKWAY_2, taper_m=24),
         Section(1010, _PARKWAY_3, _PARKWAY_2, taper_m=24),
         Section(1290, _PARKWAY_3, _PARKWAY_3, taper_m=24),
         Section(1400, _PARKWAY_2, _PARKWAY_3, taper_m=80),
@@ -90,14 +90,16 @@ PLAN = Plan(
                 Section(1140, _SECOND, _SECOND),
             ),
             bus_stops=(
-                BusStop("forward", 200),
+                BusStop("forward", 260),
                 BusStop("backward", 250, bay=True),
-                BusStop("forward", 700),
-                BusStop("backward", 740),
-                BusStop("backward", 1560),
-                BusStop("forward", 1500),
+                BusStop("forward", 740),
+                BusStop("backward", 730),
+                BusStop("forward", 1000),
+                BusStop("backward", 980),
+                BusStop("backward", 1660),
+                BusStop("forward", 1400),
             ),
-            crossings=(Crossing(1000),),
+            crossings=(Crossing(930),),
             car_parks=(CarPark("backward", 1180, 1270, depth_m=40),),
         ),
         Road(
@@ -112,7 +114,12 @@ PLAN = Plan(
             "hazelwood_avenue",
             points=((-55, -80), (-70, 130, 130, 20), (-190, 290, 120, 20), (-170, 520, 150, 20), (-230, 700)),
             sections=_both(_AVENUE),
-            bus_stops=(BusStop("forward", 100), BusStop("backward", 130), BusStop("forward", 450)),
+            bus_stops=(
+                BusStop("forward", 250),
+                BusStop("backward", 220),
+                BusStop("forward", 460),
+                BusStop("backward", 700),
+            ),
         ),
         Road(
             41,
@@ -123,7 +130,7 @@ PLAN = Plan(
         Road(
             42,
             "sylvan",
-            points=((-170, 262), (-330, 330, 110, 20), (-520, 180, 120, 20), (-500, -128)),
+            points=((-165, 262), (-280, 225, 90, 15), (-420, 300, 100, 20), (-530, 140, 120, 20), (-500, -128)),
             sections=_both(_STREET),
         ),
         Road(
@@ -149,7 +156,7 @@ PLAN = Plan(
         Road(
             51,
             "town_entry",
-            points=((-190, -102), _bend(_ENTRY_WEST, -150, 80, 20), _mouth(_ENTRY_WEST)),
+            points=((-262, -112), _bend(_ENTRY_WEST, -150, 80, 20), _mouth(_ENTRY_WEST)),
             sections=(Section(0, _RAMP),),
             sidewalk_m=0,
         ),
@@ -188,7 +195,7 @@ PLAN = Plan(
         Junction(
             3,
             "second avenue and town entry",
-            at=(-190, -105),
+            at=(-262, -118),
             roads=("second_avenue", "town_entry"),
             control="none",
             crosswalks=(),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from interplan_sumo.maps.districts.drawing import lane_id
 from interplan_sumo.maps.districts.layout import Block, Layout
 from interplan_sumo.maps.districts.plan import BusStop, Road
 from interplan_sumo.maps.districts.sheet import Sheet
@@ -54,13 +55,28 @@ def stop_block(layout: Layout, road: Road, stop: BusStop) -> Block:
     raise ValueError(f"{road.name}: the bus stop at {stop.at_m} m does not fit into a roadblock ({', '.join(near)})")
 
 
+def bus_stop_places(sheet: Sheet, layout: Layout) -> tuple[BusStopPlace, ...]:
+    """All bus stops, by road and station of the plan."""
+    places: list[BusStopPlace] = []
+    for road in sheet.plan.roads:
+        for stop in road.bus_stops:
+            block = stop_block(layout, road, stop)
+            kerb_lane = len(block.strips) - 1
+            middle_m = block.strips[-1].middle_m
+            ahead = sheet.along(road, stop.direction, block.from_m, road.axis.snapped_m(stop.at_m), middle_m, middle_m)
+            steps = np.diff(ahead.points, axis=0)
+            arc_m = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+            places.append(BusStopPlace(str(lane_id(sheet, block, kerb_lane)), round(arc_m, 3), stop.bay))
+    return tuple(places)
+
+
 def bus_bays(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
     """The bays of all bus stops that have one."""
     bays: list[tuple[Road, shapely.Polygon]] = []
     for road in sheet.plan.roads:
         for stop in road.bus_stops:
+            block = stop_block(layout, road, stop)
             if stop.bay:
-                block = stop_block(layout, road, stop)
                 kerb_m = block.strips[-1].kerb_m
                 half_m = BAY_LENGTH_M / 2.0
                 knots = stop.at_m + np.array([-half_m - BAY_TAPER_M, -half_m, half_m, half_m + BAY_TAPER_M])
@@ -71,7 +87,7 @@ def bus_bays(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Polygon]]
                 poses = road.axis.poses(stations)
                 normal = np.stack((-np.sin(poses[:, 2]), np.cos(poses[:, 2])), axis=1) * side
                 edge = poses[:, :2] + kerb_m * normal
-                bays.append((road, shapely.make_valid(sheet.surface(edge, edge + depth[:, None] * normal))))
+                bays.append((road, _whole(sheet.surface(edge, edge + depth[:, None] * normal).buffer(0))))
     return bays
 
 
@@ -79,7 +95,7 @@ def parking_strips(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Pol
     """Kerb parking beside all blocks that have it, away from stop lines, crossings, pockets and bus stops."""
     strips: list[tuple[Road, shapely.Polygon]] = []
     for block in layout.blocks:
-        if block.inner_pockets or block.kerb_pockets:
+        if block.widened:
             continue
         road = sheet.plan.road[block.road]
         whole = [(block.low_m + KERB_CLEAR_M, block.high_m - KERB_CLEAR_M)]
@@ -126,8 +142,10 @@ def car_parks(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Polygon]
                 (park.from_m, park.to_m, front_m, front_m + park.depth_m),
                 (middle_m - DRIVEWAY_M / 2.0, middle_m + DRIVEWAY_M / 2.0, kerb_m - 0.01, front_m + 1.0),
             )
-            areas = [sheet.across(road, low, high, *sorted((side * a, side * b))) for low, high, a, b in pieces]
-            parks.append((road, shapely.union_all(areas)))
+            area, driveway = (
+                sheet.across(road, low, high, *sorted((side * a, side * b))) for low, high, a, b in pieces
+            )
+            parks.append((road, _whole(area.union(driveway))))
     return parks
 
 
@@ -152,7 +170,7 @@ def sidewalks(sheet: Sheet, layout: Layout, paved: shapely.Geometry) -> list[tup
         own = shapely.intersection(paved, corridor)
         land = own.buffer(road.sidewalk_m, join_style="round", quad_segs=6).difference(taken).intersection(corridor)
         # Opened a little, so that no threads remain between a kerb and what lies behind it.
-        land = land.buffer(-0.4, join_style="mitre").buffer(0.4, join_style="mitre").simplify(0.02)
+        land = land.buffer(-0.4, join_style="mitre").buffer(0.4, join_style="mitre").simplify(0.02).difference(taken)
         parts = [p for p in shapely.get_parts(land) if p.area >= SMALLEST_SIDEWALK_M2]
         found += [(road, p) for p in sorted(parts, key=lambda p: tuple(np.round(p.bounds, 1)))]
         taken = shapely.union(taken, land)
@@ -172,3 +190,8 @@ def _medians(sheet: Sheet, layout: Layout, road: Road) -> list[shapely.Polygon]:
     if left_m - right_m < 0.1:
         return []
     return [sheet.across(road, 0.0, road.axis.length_m, right_m, left_m)]
+
+
+def _whole(area: shapely.Geometry) -> shapely.Polygon:
+    assert isinstance(area, shapely.Polygon), "surfaces beside the kerb are drawn in one piece"
+    return area

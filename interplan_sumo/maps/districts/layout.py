@@ -12,9 +12,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from interplan_sumo.maps.districts.mouths import Mouth, mouths
 from interplan_sumo.maps.districts.plan import JOINT_M, Approach, Direction, Junction, Plan, Road, Way
 from interplan_sumo.maps.districts.sections import Strip, strips, way_at
-from interplan_sumo.maps.districts.setbacks import STUB_M, junction_middle, setbacks_m
 
 SHORTEST_BLOCK_M = 12.0
 
@@ -34,6 +34,8 @@ class Block:
     way: Way
     inner_pockets: int = 0
     kerb_pockets: int = 0
+    widened: bool = False
+    """Near a junction, where pockets take the room of parked cars."""
 
     @property
     def low_m(self) -> float:
@@ -76,51 +78,42 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True)
-class _Meeting:
-    """A junction as one road sees it."""
+class _Link:
+    """A stretch of road between two junctions, or a junction and the edge of the map."""
 
-    junction: Junction
-    station_m: float
-    low_cut_m: float
-    """Where the road ends on the lower side; its own start if it begins here."""
-    high_cut_m: float
+    low_m: float
+    high_m: float
+    low: tuple[Junction, Mouth] | None
+    """The junction at the lower station, with the mouth in which the link ends."""
+    high: tuple[Junction, Mouth] | None
 
 
-def _meetings(plan: Plan) -> dict[str, list[_Meeting]]:
-    """The junctions along each road, in order of station."""
-    found: dict[str, list[_Meeting]] = {road.name: [] for road in plan.roads}
+def _links(plan: Plan) -> dict[str, list[_Link]]:
+    """The links of each road, in order of station."""
+    met: dict[str, list[tuple[float, Junction, Mapping[str, Mouth]]]] = {road.name: [] for road in plan.roads}
     for junction in plan.junctions:
-        reach_m = setbacks_m(plan, junction)
+        arms = mouths(plan, junction)
         for name in junction.roads:
-            road = plan.road[name]
-            station_m = road.axis.station_of(*junction_middle(plan, junction))
-            low = reach_m.get(f"{name}-")
-            high = reach_m.get(f"{name}+")
-            if low is None and high is None:
-                raise ValueError(f"junction {junction.name}: road {name} does not reach it")
-            found[name].append(
-                _Meeting(
-                    junction,
-                    station_m,
-                    road.axis.snapped_m(station_m - low) if low is not None else 0.0,
-                    road.axis.snapped_m(station_m + high) if high is not None else road.axis.length_m,
-                )
-            )
-    return {name: sorted(meetings, key=lambda m: m.station_m) for name, meetings in found.items()}
-
-
-def _links(road: Road, meetings: list[_Meeting]) -> list[tuple[float, float, Junction | None, Junction | None]]:
-    """Stretches of a road between junctions: stations, and the junction at either end."""
-    links: list[tuple[float, float, Junction | None, Junction | None]] = []
-    at_m, behind = 0.0, None
-    for meeting in meetings:
-        if meeting.station_m > STUB_M:  # else the road begins here
-            if meeting.low_cut_m - at_m < SHORTEST_BLOCK_M:
-                raise ValueError(f"{road.name}: no room before junction {meeting.junction.name}")
-            links.append((at_m, meeting.low_cut_m, behind, meeting.junction))
-        at_m, behind = meeting.high_cut_m, meeting.junction
-    if not meetings or meetings[-1].station_m < road.axis.length_m - STUB_M:
-        links.append((at_m, road.axis.length_m, behind, None))
+            station_m = next(mouth.station_m for mouth in arms.values() if mouth.road.name == name)
+            met[name].append((station_m, junction, arms))
+    links: dict[str, list[_Link]] = {}
+    for road in plan.roads:
+        own: list[_Link] = []
+        start: tuple[Junction, Mouth] | None = None
+        start_m, ended = 0.0, False
+        for _, junction, arms in sorted(met[road.name], key=lambda m: m[0]):
+            below, above = arms.get(f"{road.name}-"), arms.get(f"{road.name}+")
+            if below is not None:
+                cut_m = road.axis.snapped_m(below.cut_m)
+                if cut_m - start_m < SHORTEST_BLOCK_M:
+                    raise ValueError(f"{road.name}: no room before junction {junction.name}")
+                own.append(_Link(start_m, cut_m, start, (junction, below)))
+            ended = above is None
+            if above is not None:
+                start, start_m = (junction, above), road.axis.snapped_m(above.cut_m)
+        if not ended:
+            own.append(_Link(start_m, road.axis.length_m, start, None))
+        links[road.name] = own
     return links
 
 
@@ -132,34 +125,39 @@ class _Stretch:
     to_t: float
     way: Way
     approach: Approach | None
+    pushed_m: float
 
 
-def _stretches(
-    road: Road, direction: Direction, low_m: float, high_m: float, approach: Approach | None
-) -> list[_Stretch]:
-    """One carriageway between two junctions, cut where its lanes change; gaps are the tapers."""
+def _stretches(road: Road, direction: Direction, link: _Link) -> list[_Stretch]:
+    """One carriageway of a link, cut where its lanes change; the gaps between stretches are the tapers."""
     forward = direction == "forward"
-    start_t, end_t = (low_m, high_m) if forward else (-high_m, -low_m)
-    changes: list[tuple[float, float]] = []
+    start, end = (link.low, link.high) if forward else (link.high, link.low)
+    start_t, end_t = (link.low_m, link.high_m) if forward else (-link.high_m, -link.low_m)
+    gaps: list[tuple[float, float]] = []
     for before, after in pairwise(road.sections):
         one, other = (before.forward, after.forward) if forward else (before.backward, after.backward)
-        if one != other and low_m < after.from_m < high_m:
-            changes.append((after.from_m if forward else -after.from_m, after.taper_m))
-    pedestrian = [(c.at_m if forward else -c.at_m, JOINT_M) for c in road.crossings if low_m < c.at_m < high_m]
-    gaps = [(t - length_m / 2.0, t + length_m / 2.0) for t, length_m in sorted(changes + pedestrian)]
-    pockets = approach if approach and approach.inner_pockets + approach.kerb_pockets else None
-    if pockets:
-        gaps.append((end_t - pockets.storage_m - pockets.taper_m, end_t - pockets.storage_m))
-    bounds = [start_t, *(t for gap in gaps for t in gap), end_t]
+        if one != other and link.low_m < after.from_m < link.high_m:
+            gaps.append((after.from_m if forward else -after.from_m, after.taper_m))
+    gaps += [(c.at_m if forward else -c.at_m, JOINT_M) for c in road.crossings if link.low_m < c.at_m < link.high_m]
+    bounds = [start_t, *(t + sign * length_m / 2.0 for t, length_m in sorted(gaps) for sign in (-1, 1)), end_t]
+    leaving = start[1] if start is not None and start[1].pushed_m else None
+    if leaving is not None:
+        bounds[1:1] = [start_t + widened_m for widened_m in leaving.approach.widened_m]
+    arriving = end[1] if end is not None and end[1].approach.pockets else None
+    if arriving is not None:
+        bounds[-1:-1] = [end_t - widened_m for widened_m in reversed(arriving.approach.widened_m)]
     found: list[_Stretch] = []
-    for i, (from_t, to_t) in enumerate(zip(bounds[::2], bounds[1::2], strict=True)):
+    for from_t, to_t in zip(bounds[::2], bounds[1::2], strict=True):
         if to_t - from_t < SHORTEST_BLOCK_M:
             raise ValueError(f"{road.name} {direction}: no room for lanes between {from_t:.0f} and {to_t:.0f} m")
         way = way_at(road, direction, abs((from_t + to_t) / 2.0))
         if way is None:
             raise ValueError(f"{road.name} {direction}: the carriageway ends in the middle of nowhere")
-        last = i == len(bounds) // 2 - 1
-        found.append(_Stretch(from_t, to_t, way, pockets if last else None))
+        if arriving is not None and to_t == end_t:
+            found.append(_Stretch(from_t, to_t, way, arriving.approach, arriving.pushed_m))
+        else:
+            pushed_m = leaving.pushed_m if leaving is not None and from_t == start_t else 0.0
+            found.append(_Stretch(from_t, to_t, way, None, pushed_m))
     return found
 
 
@@ -175,55 +173,54 @@ def _cut_evenly(stretch: _Stretch, max_block_m: float) -> list[tuple[float, floa
 
 def layout(plan: Plan) -> Layout:
     """Cut all roads into blocks; ValueError says where a plan leaves no room."""
-    meetings = _meetings(plan)
+    links = _links(plan)
     blocks: list[Block] = []
     joints: list[Joint] = []
-    at_end: dict[tuple[int, str, str], Block] = {}
+    at_mouth: dict[tuple[int, str, bool], Block] = {}
+    directions: tuple[Direction, Direction] = ("forward", "backward")
     for road in plan.roads:
-        links = _links(road, meetings[road.name])
-        directions: tuple[Direction, Direction] = ("forward", "backward")
         for direction in directions:
             piece = 0
-            for low_m, high_m, low, high in links if direction == "forward" else reversed(links):
-                if way_at(road, direction, (low_m + high_m) / 2.0) is None:
+            for link in links[road.name] if direction == "forward" else reversed(links[road.name]):
+                if way_at(road, direction, (link.low_m + link.high_m) / 2.0) is None:
                     continue
-                start, end = (low, high) if direction == "forward" else (high, low)
-                end_key = f"{road.name}{'-' if direction == 'forward' else '+'}"
-                start_key = f"{road.name}{'+' if direction == 'forward' else '-'}"
-                approach = end.approaches.get(end_key) if end else None
-                previous: Block | None = None
-                for stretch in _stretches(road, direction, low_m, high_m, approach):
+                row: list[Block] = []
+                for stretch in _stretches(road, direction, link):
                     for from_t, to_t in _cut_evenly(stretch, road.max_block_m):
                         piece += 1
-                        block = Block(
-                            road.name,
-                            direction,
-                            piece,
-                            road.axis.snapped_m(abs(from_t)),
-                            road.axis.snapped_m(abs(to_t)),
-                            strips(stretch.way, stretch.approach),
-                            stretch.way,
-                            stretch.approach.inner_pockets if stretch.approach else 0,
-                            stretch.approach.kerb_pockets if stretch.approach else 0,
-                        )
-                        blocks.append(block)
-                        if previous is not None:
-                            joints.append(Joint(previous, block))
-                        elif start is not None:
-                            at_end[start.number, start_key, "leaving"] = block
-                        previous = block
-                if end is not None and previous is not None:
-                    at_end[end.number, end_key, "arriving"] = previous
+                        row.append(_block(road, direction, piece, stretch, abs(from_t), abs(to_t)))
+                blocks += row
+                joints += [Joint(a, b) for a, b in pairwise(row)]
+                start, end = (link.low, link.high) if direction == "forward" else (link.high, link.low)
+                if start is not None:
+                    at_mouth[start[0].number, start[1].key, False] = row[0]
+                if end is not None:
+                    at_mouth[end[0].number, end[1].key, True] = row[-1]
     arms: dict[int, tuple[Arm, ...]] = {}
     for junction in plan.junctions:
         found: list[Arm] = []
         for name in junction.roads:
             for sign, key in ((-1, f"{name}-"), (1, f"{name}+")):
-                arriving = at_end.get((junction.number, key, "arriving"))
-                leaving = at_end.get((junction.number, key, "leaving"))
+                arriving = at_mouth.get((junction.number, key, True))
+                leaving = at_mouth.get((junction.number, key, False))
                 known = arriving or leaving
                 if known is not None:
-                    cut_m = known.high_m if sign < 0 else known.low_m
-                    found.append(Arm(key, name, sign, cut_m, arriving, leaving))
+                    found.append(Arm(key, name, sign, known.high_m if sign < 0 else known.low_m, arriving, leaving))
         arms[junction.number] = tuple(found)
     return Layout(tuple(blocks), tuple(joints), arms)
+
+
+def _block(road: Road, direction: Direction, piece: int, stretch: _Stretch, from_m: float, to_m: float) -> Block:
+    approach = stretch.approach
+    return Block(
+        road=road.name,
+        direction=direction,
+        piece=piece,
+        from_m=road.axis.snapped_m(from_m),
+        to_m=road.axis.snapped_m(to_m),
+        strips=strips(stretch.way, approach, stretch.pushed_m),
+        way=stretch.way,
+        inner_pockets=approach.inner_pockets if approach else 0,
+        kerb_pockets=approach.kerb_pockets if approach else 0,
+        widened=stretch.pushed_m > 0.0 or (approach is not None and approach.pockets > 0),
+    )

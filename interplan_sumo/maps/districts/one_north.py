@@ -18,7 +18,7 @@ from interplan_sumo.maps.districts.plan import (
 _BUONA_VISTA = lanes(3, 60, width_m=3.4, median_m=4.6)
 _COMMONWEALTH = lanes(3, 70, width_m=3.5, median_m=6.4)
 _COMMONWEALTH_2 = lanes(2, 70, width_m=3.5, median_m=6.4)
-_AYER_RAJAH = lanes(2, 50, width_m=3.3, median_m=2.4)
+_AYER_RAJAH = lanes(2, 50, width_m=3.3, median_m=3.6)
 _STREET = lanes(1, 50, width_m=3.6)
 _PORTSDOWN = lanes(1, 50, width_m=3.4)
 _BIOPOLIS = lanes(1, 40, width_m=3.3, parking_m=2.4)
@@ -97,7 +97,7 @@ PLAN = Plan(
             "biopolis",
             points=((305, 84), (310, 190, 90, 15), (210, 300, 80, 15), (215, 428)),
             sections=_both(_BIOPOLIS),
-            bus_stops=(BusStop("backward", 180),),
+            bus_stops=(BusStop("forward", 110), BusStop("backward", 240)),
         ),
         Road(
             60,

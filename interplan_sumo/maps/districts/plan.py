@@ -32,6 +32,10 @@ JOINT_M = 6.0
 """Length of the pass-through connectors by which long roads are cut into roadblocks."""
 
 
+GORE_M = 0.1
+"""Paint between a carriageway and the mouth of a ramp."""
+
+
 @dataclass(frozen=True, slots=True)
 class Way:
     """One direction of a road: its lanes from the inner one to the kerb."""
@@ -136,6 +140,15 @@ class Approach:
     use: tuple[str, ...] = ()
     """Turns per lane from left to right, such as ("L", "LT", "T", "TR"); found by rule if empty."""
 
+    @property
+    def pockets(self) -> int:
+        return self.inner_pockets + self.kerb_pockets
+
+    @property
+    def widened_m(self) -> tuple[float, float]:
+        """How far from the stop line the pockets reach, and the taper behind them."""
+        return self.storage_m, self.storage_m + self.taper_m
+
 
 @dataclass(frozen=True, slots=True)
 class Junction:
@@ -210,7 +223,7 @@ def ramp_mouth(road: Road, driving_side: DrivingSide, ramp: Ramp) -> tuple[float
     forward = ramp.direction == "forward"
     ways = [way for s in (before, section) if (way := s.forward if forward else s.backward) is not None]
     wide = max(ways, key=lambda way: len(way.widths_m))
-    outward_m = wide.inner_m + wide.width_m - wide.widths_m[-1] / 2.0
+    outward_m = wide.inner_m + wide.width_m - wide.widths_m[-1] / 2.0 + GORE_M
     side = -1.0 if forward == (driving_side == "right") else 1.0
     # An exit starts behind the taper in the direction of travel, an entry ends before it.
     ahead = (1.0 if forward else -1.0) * (1.0 if ramp.kind == "exit" else -1.0)

@@ -35,17 +35,17 @@ def way_at(road: Road, direction: Direction, station_m: float) -> Way | None:
     return section.forward if direction == "forward" else section.backward
 
 
-def strips(way: Way, approach: Approach | None = None) -> tuple[Strip, ...]:
-    """The lanes of a carriageway, with the pockets of an approach.
+def missing_median_m(way: Way, approach: Approach) -> float:
+    """By how much the median is too narrow for the inner pockets of an approach."""
+    room_m = max(0.0, 2.0 * way.inner_m - NOSE_M)
+    return max(0.0, approach.inner_pockets * approach.pocket_width_m - room_m)
 
-    Inner pockets go into the median as far as it reaches and push the other
-    lanes towards the kerb for the rest.
-    """
+
+def strips(way: Way, approach: Approach | None = None, pushed_m: float = 0.0) -> tuple[Strip, ...]:
+    """The lanes of a carriageway pushed towards the kerb, with the pockets of an approach."""
     inner_count = approach.inner_pockets if approach else 0
     kerb_count = approach.kerb_pockets if approach else 0
     pocket_m = approach.pocket_width_m if approach else 0.0
-    room_m = max(0.0, 2.0 * way.inner_m - NOSE_M)
-    pushed_m = max(0.0, inner_count * pocket_m - room_m)
     widths = (pocket_m,) * inner_count + way.widths_m + (pocket_m,) * kerb_count
     edges = np.concatenate(([0.0], np.cumsum(widths))) + way.inner_m + pushed_m - inner_count * pocket_m
     return tuple(Strip(float(a), float(b)) for a, b in pairwise(edges))

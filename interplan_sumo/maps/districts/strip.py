@@ -93,7 +93,7 @@ PLAN = Plan(
             points=((375, -640), (412, -150, 500), (395, 700)),
             sections=_both(_KOVAL),
             bus_stops=(
-                BusStop("forward", 420),
+                BusStop("forward", 500),
                 BusStop("backward", 480),
                 BusStop("forward", 800),
                 BusStop("backward", 860),
@@ -110,7 +110,7 @@ PLAN = Plan(
                 BusStop("forward", 330),
                 BusStop("backward", 450),
                 BusStop("forward", 810),
-                BusStop("backward", 740),
+                BusStop("backward", 680),
             ),
         ),
         Road(

@@ -39,14 +39,14 @@ def lane_change(
 
 def _recipes(family: Literal["lane_change_ltd", "lane_change_mtd", "lane_change_htd"]) -> tuple[Scenario, ...]:
     return (
-        lane_change(  # two changes to the left on a three-lane arterial, 235 m to do them
+        lane_change(  # two changes to the left on a three-lane arterial, 240 m to do them
             0,
             family=family,
             map="strip",
-            start=LanePlace("201052", 20.0),
+            start=LanePlace("402032", 20.0),
             start_speed_mps=12.0,
-            goal=LanePlace("201050", 255.0),
-            route=("20105",),
+            goal=LanePlace("402030", 260.0),
+            route=("40203",),
             behaviour="mixed",
         ),
     )

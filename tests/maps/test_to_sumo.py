@@ -1,0 +1,261 @@
+"""Conversion to SUMO: faithful, complete, repeatable, and traffic drives on it without accidents."""
+
+from __future__ import annotations
+
+import gzip
+import os
+from dataclasses import replace
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pytest
+from defusedxml.ElementTree import fromstring
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps.check import check_map
+from interplan_sumo.maps.geopackage import read_map
+from interplan_sumo.maps.netconvert import network
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.maps.network_reader import read_network
+from interplan_sumo.maps.store import MapFiles
+from interplan_sumo.maps.to_sumo import IDS_FILE, NETWORK_FILE, convert
+from interplan_sumo.world.roads import DrivingSide, Roads, StopLineKind
+from tests.maps.road_worlds import GridPlan, grid_city
+from tests.maps.small_roads import Ways, beside, crossing, small_roads, straight
+from tests.maps.sumo_runs import random_traffic
+
+GOLDEN = Path(os.environ.get("INTERPLAN_GOLDEN", Path(__file__).parents[1] / "golden")) / "nuplan_metrics" / "maps"
+GOLDEN_MAPS = ("gs-boulevard", "gs-cross", "gs-curve", "gs-merge-lht")
+TARGET_M = 0.01
+
+
+def golden(name: str) -> Roads:
+    return read_map(GOLDEN / name / "1.0" / "map.gpkg")
+
+
+def converted(roads: Roads, root: Path) -> MapFiles:
+    files = MapFiles(roads.name, "1.0", root / roads.name / "1.0")
+    convert(roads, files.folder)
+    return files
+
+
+def document(files: MapFiles) -> Element:
+    return fromstring(gzip.decompress(files.network.read_bytes()))
+
+
+def states(root: Element) -> dict[tuple[str, str], str]:
+    """Link state by edges, of maps with one lane per road."""
+    return {
+        (c.attrib["from"], c.attrib["to"]): c.attrib["state"]
+        for c in root.iterfind("connection")
+        if not c.attrib["from"].startswith(":")
+    }
+
+
+WORLDS: dict[str, Roads] = {
+    "grid": grid_city(GridPlan(columns=3, rows=2, lanes=2, limits_mps=(13.89, 8.33, None, 16.67))),
+    "grid, left, turned": grid_city(GridPlan(columns=3, rows=3, lanes=2, side="left", rotation_rad=0.3)),
+    "grid without lights": grid_city(GridPlan(columns=3, rows=3, lanes=1, signals=False)),
+    "crossing": crossing(),
+    "crossing, left": crossing(side="left"),
+    "crossing with lights": crossing(lit=True),
+    "one lane, nothing else": small_roads({"1": [straight((0, 0), (30, 0))]}),
+    "ragged": small_roads(
+        {
+            "1": [straight((0, 0), (100, 0)), straight((15, -3.5), (80, -3.5)), straight((8, -7), (100, -7))],
+            "2": [beside(straight((130, 0), (200, 0)), 3.5 * k) for k in range(3)],
+        },
+        [Ways("1", "2", ((0, 0), (1, 1), (2, 2)))],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", [*WORLDS, *GOLDEN_MAPS])
+def test_maps_convert_within_a_centimetre_with_every_connector_and_no_other(name: str, tmp_path: Path) -> None:
+    roads = WORLDS[name] if name in WORLDS else golden(name)
+    report = check_map(converted(roads, tmp_path), roads)
+    assert report.missing == ()
+    assert report.extra == ()
+    assert report.wrong_limits == ()
+    assert report.lane_deviation_m.max < TARGET_M
+    assert report.connector_deviation_m.max < TARGET_M
+    assert report.light_connectors_covered == report.light_connectors
+    assert report.lane_length_distortion.max < 0.06
+    assert [p for p in report.problems if "light" in p or "breaks" in p or "does not" in p] == []
+
+
+@pytest.mark.parametrize("name", GOLDEN_MAPS)
+def test_the_golden_maps_pass_the_check(name: str, tmp_path: Path) -> None:
+    roads = golden(name)
+    assert check_map(converted(roads, tmp_path), roads).ok
+
+
+def test_equal_roads_give_equal_bytes_that_name_no_machine_and_no_moment(tmp_path: Path) -> None:
+    one, other = (converted(WORLDS["grid"], tmp_path / k) for k in "ab")
+    assert one.network.read_bytes() == other.network.read_bytes()
+    assert one.ids.read_bytes() == other.ids.read_bytes()
+    text = gzip.decompress(one.network.read_bytes()).decode()
+    assert "<!--" not in text
+    assert str(tmp_path) not in text
+    assert "generated" not in text
+
+
+def test_the_returned_ids_are_those_on_disk(tmp_path: Path) -> None:
+    ids = convert(WORLDS["ragged"], tmp_path)
+    assert (tmp_path / NETWORK_FILE).is_file()
+    read = NetworkIds.read(tmp_path / IDS_FILE)
+    assert read.links == ids.links
+    assert read.pieces.keys() == ids.pieces.keys()
+    for lane_id, pieces in ids.pieces.items():
+        assert pieces[0].start_m == 0.0
+        assert pieces[-1].end_m == pytest.approx(WORLDS["ragged"][lane_id].centerline.length_m)
+
+
+@pytest.mark.parametrize("name", ["grid", "grid, left, turned", "ragged"])
+def test_places_in_the_network_are_those_of_the_map(name: str, tmp_path: Path) -> None:
+    roads = WORLDS[name]
+    files = converted(roads, tmp_path)
+    ids, net = NetworkIds.read(files.ids), read_network(files.network)
+    for lane in (*roads.lanes.values(), *roads.connectors.values()):
+        for arc_m in np.linspace(0.0, lane.centerline.length_m, 7):
+            sumo_lane, fraction = ids.sumo_place(lane.id, float(arc_m))
+            points = net.lanes[sumo_lane].points
+            steps = np.hypot(*np.diff(points, axis=0).T)
+            along = fraction * steps.sum()
+            at = np.concatenate(([0.0], np.cumsum(steps)))
+            place = [np.interp(along, at, points[:, k]) + ids.origin_m[k] for k in range(2)]
+            true = lane.centerline.pose_at(float(arc_m))
+            assert np.hypot(place[0] - true.x_m, place[1] - true.y_m) < 0.02
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_lane_zero_is_at_the_kerb(side: DrivingSide, tmp_path: Path) -> None:
+    lines = [beside(straight((0, 0), (60, 0)), 3.5 * k) for k in range(3)]
+    files = converted(small_roads({"1": lines}, side=side), tmp_path)
+    assert NetworkIds.read(files.ids).pieces["10" if side == "left" else "12"][0].sumo_lane == "1_0"
+    assert (document(files).get("lefthand") == "true") is (side == "left")
+
+
+def test_lanes_of_one_road_keep_their_own_limit_and_width(tmp_path: Path) -> None:
+    roads = small_roads({"1": [beside(straight((0, 0), (60, 0)), 3.5 * k) for k in range(2)]})
+    slow = replace(roads.lanes["11"], speed_limit_mps=8.33)
+    narrow = replace(roads.lanes["10"], polygon=roads.lanes["10"].centerline.linestring.buffer(1.5, cap_style="flat"))
+    root = document(converted(replace(roads, lanes={"10": narrow, "11": slow}), tmp_path))
+    lanes = {lane.attrib["id"]: lane.attrib for lane in root.iterfind("edge/lane")}
+    assert [float(lanes[f"1_{k}"]["speed"]) for k in (0, 1)] == [8.33, 13.89]
+    assert [float(lanes[f"1_{k}"]["width"]) for k in (0, 1)] == [3.5, 3.0]
+
+
+def test_a_lane_without_a_limit_gets_the_usual_one_and_a_connector_that_of_its_lanes(tmp_path: Path) -> None:
+    groups = {"1": [straight((0, 0), (50, 0))], "2": [straight((60, 0), (100, 0))]}
+    roads = small_roads(groups, [Ways("1", "2", limit_mps=None)], limits={"1": None, "2": 8.0})
+    files = converted(roads, tmp_path)
+    ids, net = NetworkIds.read(files.ids), read_network(files.network)
+    assert net.lanes[ids.pieces["10"][0].sumo_lane].speed_mps == 13.89
+    assert net.lanes[ids.pieces["70000"][0].sumo_lane].speed_mps == 8.0
+    assert check_map(files, roads).wrong_limits == ()
+
+
+# --- right of way ------------------------------------------------------------------------------
+
+
+def test_without_signs_the_major_road_has_priority(tmp_path: Path) -> None:
+    root = document(converted(crossing(limits={"12": 19.0, "14": 19.0, "22": 19.0, "24": 19.0}), tmp_path))
+    found = states(root)
+    assert found["12", "24"] == "M"
+    assert found["11", "23"] == "m"
+    assert found["12", "23"] == "m", "a turn across the oncoming traffic"
+
+
+def test_stop_signs_stop_the_approaches_where_they_stand(tmp_path: Path) -> None:
+    signs = {"12": StopLineKind.STOP_SIGN, "14": StopLineKind.STOP_SIGN}
+    root = document(converted(crossing(signs=signs), tmp_path))
+    found = states(root)
+    assert {found["12", "24"], found["14", "22"], found["12", "21"]} == {"s"}
+    assert found["11", "23"] == "M"
+    assert next(j.get("type") for j in root.iterfind("junction") if j.get("id") == "I900") == "priority_stop"
+
+
+def test_a_yield_sign_lets_the_approach_roll(tmp_path: Path) -> None:
+    found = states(document(converted(crossing(signs={"12": StopLineKind.YIELD}), tmp_path)))
+    assert found["12", "24"] == "m"
+    assert found["13", "21"] == "M"
+
+
+def test_an_all_way_stop_is_one(tmp_path: Path) -> None:
+    signs = {f"1{k}": StopLineKind.STOP_SIGN for k in range(1, 5)}
+    root = document(converted(crossing(signs=signs), tmp_path))
+    assert set(states(root).values()) == {"w"}
+    assert next(j.get("type") for j in root.iterfind("junction") if j.get("id") == "I900") == "allway_stop"
+
+
+def test_turns_across_wait_inside_the_junction_and_others_at_the_line(tmp_path: Path) -> None:
+    files = converted(crossing(lit=True), tmp_path)
+    ids = NetworkIds.read(files.ids)
+    roads = crossing(lit=True)
+    for connector in roads.connectors.values():
+        across = {("110", "220"), ("120", "230"), ("130", "240"), ("140", "210")}
+        waits = (connector.from_lane_id, connector.to_lane_id) in across
+        assert len(ids.pieces[connector.id]) == (2 if waits else 1)
+
+
+def test_oncoming_inner_lanes_know_each_other(tmp_path: Path) -> None:
+    lines = {"1": [straight((0, -1.75), (80, -1.75))], "2": [straight((80, 1.75), (0, 1.75))]}
+    root = document(converted(small_roads(lines), tmp_path))
+    pairs = {lane.attrib["id"]: n.attrib["lane"] for lane in root.iterfind("edge/lane") for n in lane.iterfind("neigh")}
+    assert pairs == {"1_0": "2_0", "2_0": "1_0"}
+
+
+def test_a_median_keeps_oncoming_lanes_strangers(tmp_path: Path) -> None:
+    lines = {"1": [straight((0, -4), (80, -4))], "2": [straight((80, 4), (0, 4))]}
+    root = document(converted(small_roads(lines), tmp_path))
+    assert root.find("edge/lane/neigh") is None
+
+
+# --- bad input ---------------------------------------------------------------------------------
+
+
+def test_a_map_without_lanes_is_refused(tmp_path: Path) -> None:
+    roads = Roads("void", "EPSG:32611", "right", {}, {}, {})
+    with pytest.raises(MapError, match="void has no lanes"):
+        convert(roads, tmp_path)
+
+
+def test_without_netconvert_the_way_out_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("interplan_sumo.maps.netconvert.find_spec", lambda _: None)
+    with pytest.raises(MapError, match=r"pip install 'interplan-sumo\[maps\]'"):
+        convert(WORLDS["crossing"], tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_netconvert_says_is_passed_on() -> None:
+    files = {"node-files": "<nodes/>", "edge-files": '<edges><edge id="e" from="a" to="b"/></edges>'}
+    with pytest.raises(MapError, match=r"netconvert refused the map: .*a.*"):
+        network(files, left_hand=False)
+
+
+def test_two_connectors_between_the_same_lanes_leave_one_missing(tmp_path: Path) -> None:
+    roads = WORLDS["crossing"]
+    twin = replace(next(iter(roads.connectors.values())), id="99999")
+    block = roads.roadblocks[twin.roadblock_id]
+    blocks = {**roads.roadblocks, block.id: replace(block, lane_ids=(*block.lane_ids, "99999"))}
+    doubled = replace(roads, connectors={**roads.connectors, "99999": twin}, roadblocks=blocks)
+    report = check_map(converted(doubled, tmp_path), doubled)
+    assert report.missing == ("99999",)
+    assert not report.ok
+
+
+# --- traffic -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*GOLDEN_MAPS, "grid", "grid, left, turned", "grid without lights", "crossing"])
+def test_a_minute_of_random_traffic_passes_without_accident(name: str, tmp_path: Path) -> None:
+    roads = WORLDS[name] if name in WORLDS else golden(name)
+    run = random_traffic(converted(roads, tmp_path), roads, tmp_path / "run", vehicles=40, seed=5)
+    assert run.vehicles >= 9
+    assert run.mean_speed_mps > 1.0
+    assert run.teleports == 0
+    assert run.collisions == 0
+    assert [o for o in run.overlaps if not o.askew] == []
+    assert run.without_cause == ()

@@ -1,0 +1,102 @@
+"""Scenarios as data: what is refused, what the hash sees, and the route as a line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from worlds import straight_road
+
+from interplan_sumo.errors import ScenarioError, UnknownNameError
+from interplan_sumo.scenario.route import goal_arc_m, route_centerline, route_lanes
+from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
+from interplan_sumo.scenario.suite import find_scenario, find_suite
+
+DENSE: Any = "dense"
+TANK: Any = "tank"
+ROAD = straight_road(lanes=3, length_m=300.0, cuts_m=((100.0, 110.0), (200.0, 210.0)))
+
+
+def staged(goal_lane: str = "51", start_lane: str = "13", **rest: object) -> Scenario:
+    return Scenario(
+        id="test/0",
+        family="test",
+        map="test",
+        start=LanePlace(start_lane, 10.0),
+        start_speed_mps=10.0,
+        goal=LanePlace(goal_lane, 50.0),
+        route=("1", "2", "3", "4", "5"),
+        **rest,  # type: ignore[arg-type]
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"duration_s": 0.0}, "duration_s is 0.0"),
+        ({"duration_s": 3.05}, "multiple of 0.1 s"),
+        ({"start_speed_mps": -1.0}, "start_speed_mps is -1.0"),
+        ({"start_speed_mps": float("nan")}, "start_speed_mps is nan"),
+        ({"route": ()}, "route is empty"),
+        ({"traffic": TrafficDemand(density=DENSE)}, "traffic.density is 'dense', expected none, low, medium, high"),
+        ({"obstacles": (Obstacle(LanePlace("11", 5.0), TANK),)}, r"obstacles\[0\]\.kind is 'tank'"),
+        ({"obstacles": (Obstacle(LanePlace("11", 5.0), length_m=-1.0),)}, r"obstacles\[0\] has the size"),
+        ({"jaywalkers": (Jaywalker(LanePlace("11", 5.0), LanePlace("11", 5.0, 9.0), 9.0),)}, r"speed_mps is 9.0"),
+    ],
+)
+def test_a_field_that_cannot_be_is_named(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        replace(staged(), **change)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"start": LanePlace("99", 5.0)}, "start: map .* has no lane '99'"),
+        ({"goal": LanePlace("51", 500.0)}, "goal: lane 51 is 90.0 m long, there is no place at 500.0 m"),
+        ({"route": ("1", "3", "5")}, "route jumps from roadblock 1 to 3"),
+        ({"route": ("1", "2", "77")}, "does not lie on the route"),
+        ({"obstacles": (Obstacle(LanePlace("88", 5.0)),)}, r"obstacles\[0\]: map .* has no lane '88'"),
+    ],
+)
+def test_what_does_not_fit_the_map_is_named(change: dict[str, object], message: str) -> None:
+    staged().check(ROAD)
+    with pytest.raises(ScenarioError, match=message):
+        replace(staged(), **change).check(ROAD)
+
+
+def test_the_hash_sees_every_field_and_seeds_give_different_chance() -> None:
+    one = staged()
+    assert one.hash() == staged().hash()
+    assert one.hash() != replace(one, start_speed_mps=10.1).hash()
+    assert one.hash() != replace(one, obstacles=(Obstacle(LanePlace("11", 5.0)),)).hash()
+    assert one.rng(0).random() == staged().rng(0).random() != one.rng(1).random()
+
+
+def test_the_route_follows_the_goal_lane_back_to_the_start() -> None:
+    assert route_lanes(ROAD, staged("51"))[::2] == ("11", "31", "51")
+    line = route_centerline(ROAD, staged("51"))
+    assert line.length_m == pytest.approx(300.0)
+    assert goal_arc_m(ROAD, staged("51")) == pytest.approx(260.0)
+
+
+def test_a_goal_off_the_route_is_an_error() -> None:
+    astray = replace(staged(), route=("3", "4", "5"), start=LanePlace("33", 10.0), goal=LanePlace("13", 1.0))
+    with pytest.raises(ScenarioError, match="goal lane 13 does not lie on the route"):
+        route_lanes(ROAD, astray)
+
+
+def test_the_site_is_the_first_obstacle_or_else_the_goal() -> None:
+    assert staged().site(ROAD) == "test/5@50"
+    blocked = replace(staged(), obstacles=(Obstacle(LanePlace("31", 47.0)),))
+    assert blocked.site(ROAD) == "test/3@40"
+
+
+def test_unknown_names_come_with_the_nearest_known_one() -> None:
+    with pytest.raises(
+        UnknownNameError, match=r"no scenario named 'lane_change_ltd/O'. Did you mean 'lane_change_ltd/0'"
+    ):
+        find_scenario("lane_change_ltd/O")
+    with pytest.raises(UnknownNameError, match=r"no suite named 'smoke'. Did you mean 'smoke==1'"):
+        find_suite("smoke")

@@ -1,0 +1,43 @@
+"""Every official scenario: it fits its map, has an expert, and is what its lock says."""
+
+from __future__ import annotations
+
+import pytest
+
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.proving.lock import lock, read_lock
+from interplan_sumo.scenario.route import goal_arc_m, route_centerline
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, expert, suites
+
+OFFICIAL = [scenario for suite in suites().values() for scenario in suite.scenarios]
+
+
+@pytest.mark.parametrize("scenario", OFFICIAL, ids=lambda s: s.id)
+def test_an_official_scenario_fits_its_map_and_its_goal_lies_ahead(scenario: Scenario) -> None:
+    roads = load_roads(scenario.map)
+    scenario.check(roads)
+    start = scenario.start.pose(roads)
+    start_m, _ = route_centerline(roads, scenario).project_point(start.x_m, start.y_m)
+    assert goal_arc_m(roads, scenario) > start_m + 50.0
+
+
+@pytest.mark.parametrize("scenario", OFFICIAL, ids=lambda s: s.id)
+def test_the_expert_starts_where_the_ego_does_and_gets_somewhere(scenario: Scenario) -> None:
+    roads = load_roads(scenario.map)
+    track = expert(scenario)
+    start = scenario.start.pose(roads)
+    assert track.x_m[0] == pytest.approx(start.x_m, abs=1e-6)
+    assert track.y_m[0] == pytest.approx(start.y_m, abs=1e-6)
+    line = route_centerline(roads, scenario)
+    arcs, _ = line.project(list(zip(track.x_m, track.y_m, strict=True)))
+    assert arcs[-1] - arcs[0] > 50.0
+
+
+@pytest.mark.parametrize("key", sorted(suites()))
+def test_a_suite_is_what_its_lock_says(key: str) -> None:
+    assert lock(suites()[key]) == read_lock(suites()[key])
+
+
+def test_the_default_suite_exists() -> None:
+    assert DEFAULT_SUITE in suites()

@@ -1,0 +1,174 @@
+"""The simulation on a shipped map: lights as SUMO has them, equal hashes, faults named."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import libsumo
+import numpy as np
+import pytest
+
+from interplan_planners.idm import IdmPlanner
+from interplan_planners.straight_ahead import StraightAhead
+from interplan_sumo.errors import MapError, VehicleTypeError
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.maps.store import MapFiles, find_map, load_roads
+from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
+from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.simulation import setup
+from interplan_sumo.simulation.episode import EpisodeOptions, drive
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.geometry import box_corners, penetration_m
+from interplan_sumo.world.signals import SignalStatus
+
+LTD = find_scenario("lane_change_ltd/0")
+HTD = find_scenario("lane_change_htd/0")
+ROADS = load_roads(LTD.map)
+
+
+def test_the_lights_that_planners_see_are_sumos_at_every_step() -> None:
+    ids = NetworkIds.read(find_map(LTD.map).ids)
+    ego = setup.start_state(LTD, ROADS)
+    seen: set[SignalStatus] = set()
+    with setup.open_traffic(LTD, ROADS) as traffic:
+        for _ in range(400):
+            signals = traffic.observe().signals
+            for connector, status in zip(signals.connector_ids, signals.status, strict=True):
+                light, link = ids.links[connector]
+                letter = libsumo.trafficlight.getRedYellowGreenState(light)[link]
+                assert {"g": 0, "y": 1, "r": 2}[letter.lower()] == status
+                seen.add(SignalStatus(int(status)))
+            traffic.place_ego(ego)
+            traffic.advance()
+    assert {SignalStatus.GREEN, SignalStatus.YELLOW, SignalStatus.RED} <= seen
+
+
+@pytest.mark.parametrize("scenario", [LTD, HTD], ids=lambda s: s.id)
+def test_equal_drives_are_equal_and_other_seeds_are_other_drives(scenario: Scenario) -> None:
+    hashes = [drive(scenario, IdmPlanner(), seed=seed).trace.hash() for seed in (0, 0, 1)]  # type: ignore[union-attr]
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+def overlaps(actors: Actors) -> int:
+    """Pairs of vehicles that penetrate by more than 5 cm."""
+    first, second = np.triu_indices(len(actors), 1)
+    near = np.hypot(actors.x_m[first] - actors.x_m[second], actors.y_m[first] - actors.y_m[second]) < 15.0
+    depth = penetration_m(actors.corners[first[near]], actors.corners[second[near]])
+    return int((depth > 0.05).sum())
+
+
+@pytest.mark.parametrize("scenario", [LTD, HTD], ids=lambda s: s.id)
+def test_a_drive_through_traffic_shows_no_overlap_and_a_gentle_first_step(scenario: Scenario) -> None:
+    episode = drive(scenario, IdmPlanner())
+    assert episode.fault is None
+    trace = episode.trace
+    assert trace is not None
+    assert sum(overlaps(trace.actors.at(k)) for k in range(0, len(trace), 5)) == 0
+    before, after = trace.actors.at(0), trace.actors.at(1)
+    assert before.ids == after.ids
+    assert (before.speed_mps - after.speed_mps).max() / 0.1 < 3.0
+    assert set(trace.actors.behaviour) <= {"conservative", "assertive"}
+
+
+def test_denser_traffic_is_denser() -> None:
+    counts = [
+        len(drive(replace(LTD, traffic=TrafficDemand(density)), StraightAhead()).trace.actors.at(0))  # type: ignore[union-attr]
+        for density in ("none", "low", "medium", "high")
+    ]
+    assert counts[0] == 0
+    assert counts[1] < counts[2] < counts[3]
+
+
+BLOCKED = replace(
+    HTD,
+    id="test/blocked",
+    obstacles=(Obstacle(LanePlace("402031", 150.0), turned_rad=0.6), Obstacle(LanePlace("402032", 215.0, -1.6))),
+)
+
+
+def test_background_cars_pass_an_obstacle_and_never_touch_it() -> None:
+    episode = drive(BLOCKED, IdmPlanner())
+    assert episode.fault is None
+    trace = episode.trace
+    assert trace is not None
+    start = trace.actors.at(0)
+    standing = [i for i in start.ids if trace.actors.behaviour[list(trace.actors.ids).index(i)] == ""]
+    assert len(standing) == 2
+    for frame in range(0, len(trace), 2):
+        actors = trace.actors.at(frame)
+        for name in standing:
+            row = actors.ids.index(name)
+            others = np.arange(len(actors)) != row
+            depth = penetration_m(
+                actors.corners[others], np.repeat(actors.corners[row : row + 1], others.sum(), axis=0)
+            )
+            assert depth.max() <= 0.05
+
+
+CROSSED = replace(
+    LTD,
+    id="test/crossed",
+    traffic=TrafficDemand("none"),
+    jaywalkers=(Jaywalker(LanePlace("402032", 150.0, -6.0), LanePlace("402032", 150.0, 9.0), 1.5),),
+)
+
+
+def test_a_jaywalker_waits_walks_with_its_true_velocity_and_stands_again() -> None:
+    episode = drive(CROSSED, StraightAhead())
+    trace = episode.trace
+    assert trace is not None
+    speed = np.array([trace.actors.at(k).speed_mps[0] for k in range(len(trace))])
+    assert trace.actors.at(0).kind[0] == ActorKind.PEDESTRIAN
+    walking = np.flatnonzero(speed > 0.0)
+    assert speed[walking] == pytest.approx(1.5)
+    places = np.array([[trace.actors.at(k).x_m[0], trace.actors.at(k).y_m[0]] for k in range(len(trace))])
+    moved = np.hypot(*np.diff(places, axis=0).T)
+    assert moved[walking[:-1]] == pytest.approx(0.15, abs=1e-6)
+    # The walk begins when the front bumper is 4 s of driving, 48 m, before the crossing.
+    noticed = trace.ego.state(int(walking[0]) - 1)
+    arc_m, _ = ROADS["402032"].centerline.project_point(noticed.x_m, noticed.y_m)
+    assert 48.0 - 1.2 <= 150.0 - (arc_m + trace.shape.length_m / 2) <= 48.0
+
+
+def test_background_cars_stop_for_a_jaywalker() -> None:
+    scenario = replace(CROSSED, id="test/crowd", traffic=TrafficDemand("high", "conservative"))
+    episode = drive(scenario, IdmPlanner())
+    trace = episode.trace
+    assert trace is not None
+    for frame in range(len(trace)):
+        actors = trace.actors.at(frame)
+        walker = int(np.flatnonzero(actors.kind == ActorKind.PEDESTRIAN)[0])
+        cars = np.flatnonzero(actors.kind == ActorKind.VEHICLE)
+        body = box_corners(*(getattr(actors, n)[walker] for n in ("x_m", "y_m", "heading_rad", "length_m", "width_m")))
+        touching = penetration_m(actors.corners[cars], np.repeat(body, len(cars), axis=0)) > 0.0
+        front_hits = touching & (actors.speed_mps[cars] > 0.5)
+        assert not front_hits.any(), f"frame {frame}"
+
+
+@pytest.fixture
+def damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the shipped map that may be damaged, found instead of the shipped one."""
+    folder = tmp_path / "map"
+    shutil.copytree(find_map(LTD.map).folder, folder)
+    monkeypatch.setattr(setup, "find_map", lambda name: MapFiles(name, "1.0", folder))
+    return folder
+
+
+@pytest.mark.parametrize("keep", [0.0, 0.3, 0.95])
+def test_a_truncated_network_is_one_clear_line_and_no_crash(damaged: Path, keep: float) -> None:
+    path = damaged / "map.net.xml.gz"
+    path.write_bytes(path.read_bytes()[: int(keep * path.stat().st_size)])
+    with pytest.raises(MapError, match=r"map\.net\.xml\.gz .*maps convert"):
+        drive(LTD, StraightAhead())
+
+
+def test_a_missing_network_and_a_wrong_vehicle_type_file_are_named(damaged: Path, tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.xml"
+    wrong.write_text('<additional><vType id="traffic" tau="-1"/></additional>')
+    with pytest.raises(VehicleTypeError, match=r"wrong\.xml, line 1: tau is -1"):
+        drive(LTD, StraightAhead(), options=EpisodeOptions(vehicle_types=wrong))
+    (damaged / "map.net.xml.gz").unlink()
+    with pytest.raises(MapError, match="no SUMO network"):
+        drive(LTD, StraightAhead())
