@@ -110,7 +110,9 @@ def _scenario_ids(incomplete: str) -> list[str]:
 PlannerOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--planner", help="A registered name, module:Class, or name?option=value&...", autocompletion=_planner_names
+        "--planner",
+        help="A registered name, module:Class, or name?option=value&... Default: the recommended one.",
+        autocompletion=_planner_names,
     ),
 ]
 MapArgument = Annotated[str, typer.Argument(help="A folder with a map.gpkg, or a shipped map's name.", metavar="DIR")]
@@ -142,12 +144,13 @@ def run(
     from interplan_sumo.batch import run as batch
     from interplan_sumo.batch.jobs import Overrides
     from interplan_sumo.batch.tasks import Limits
+    from interplan_sumo.planner import RECOMMENDED
     from interplan_sumo.scenario.suite import DEFAULT_SUITE
 
     folder = out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
     command = ["interplan-sumo", *context.obj, *([] if out else ["--out", str(folder)])]
     request = batch.RunRequest(
-        planners=tuple(planner or ()),
+        planners=tuple(planner or (RECOMMENDED,)),
         suite=suite or DEFAULT_SUITE,
         folder=folder,
         scenarios=tuple(scenarios or ()),
@@ -264,6 +267,18 @@ def show_scenario(
         import yaml
 
         print(yaml.safe_dump(details, sort_keys=False, allow_unicode=True), end="")
+
+
+@scenarios_app.command("freeze")
+def freeze_suite(suite: Annotated[str, typer.Option(help="NAME==VERSION of a suite that is not released yet.")]) -> None:
+    """Record the expert drives and the lock of a suite anew. For maintainers: it changes what scores mean."""
+    from interplan_sumo.proving.experts import write_experts
+    from interplan_sumo.proving.lock import write_lock
+    from interplan_sumo.scenario.suite import find_suite
+
+    chosen = find_suite(suite)
+    for path in (write_experts(chosen), write_lock(chosen)):
+        print(path)
 
 
 @planners_app.command("list")

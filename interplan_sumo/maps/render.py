@@ -20,7 +20,7 @@ PAPER = "#f4f1ea"
 ASPHALT = "#c9ccd1"
 JUNCTION = "#bcc0c6"
 EXTRA = "#d9cfe6"
-CARPARK = "#e3dccb"
+CARPARK = "#d3d6da"
 WALKWAY = "#e6ddc8"
 LANE_EDGE = "#ffffff"
 INK = "#3a3f47"
@@ -125,7 +125,7 @@ def _window(
     return low_x - 25.0, low_y - 25.0, high_x + 25.0, high_y + 25.0
 
 
-def _fill(axes: Axes, polygons: Iterable[shapely.Geometry], near: shapely.Geometry, **style: Any) -> None:
+def _fill(axes: Axes, polygons: Iterable[shapely.Geometry], near: shapely.Polygon, **style: Any) -> None:
     from matplotlib.collections import PathCollection
     from matplotlib.path import Path as Outline
 
@@ -138,7 +138,7 @@ def _fill(axes: Axes, polygons: Iterable[shapely.Geometry], near: shapely.Geomet
     axes.add_collection(PathCollection(paths, **style))
 
 
-def _surfaces(axes: Axes, roads: Roads, near: shapely.Geometry) -> None:
+def _surfaces(axes: Axes, roads: Roads, near: shapely.Polygon) -> None:
     layers = (
         (roads.walkways, WALKWAY, 1.0),
         (roads.carparks, CARPARK, 1.1),
@@ -147,10 +147,14 @@ def _surfaces(axes: Axes, roads: Roads, near: shapely.Geometry) -> None:
     )
     for areas, colour, order in layers:
         _fill(axes, (a.polygon for a in areas), near, facecolor=colour, edgecolor="none", zorder=order)
+    for area in roads.carparks:
+        middle = area.polygon.representative_point()
+        if near.intersects(middle):
+            axes.text(middle.x, middle.y, "P", fontsize=9, ha="center", va="center", color=INK, zorder=1.5)
     _fill(axes, (i.polygon for i in roads.intersections), near, facecolor=JUNCTION, edgecolor="none", zorder=1.4)
 
 
-def _lanes(axes: Axes, roads: Roads, near: shapely.Geometry, scale: float) -> tuple[float, float] | None:
+def _lanes(axes: Axes, roads: Roads, near: shapely.Polygon, scale: float) -> tuple[float, float] | None:
     """Draw the lanes; the span of their limits, None where no limit is known."""
     from matplotlib import colormaps
     from matplotlib.collections import LineCollection
@@ -193,7 +197,7 @@ def _lanes(axes: Axes, roads: Roads, near: shapely.Geometry, scale: float) -> tu
     return span
 
 
-def _connectors(axes: Axes, roads: Roads, near: shapely.Geometry, scale: float) -> None:
+def _connectors(axes: Axes, roads: Roads, near: shapely.Polygon, scale: float) -> None:
     from matplotlib.collections import LineCollection
 
     for turn, colour in TURN_COLOURS.items():
@@ -205,7 +209,7 @@ def _connectors(axes: Axes, roads: Roads, near: shapely.Geometry, scale: float) 
         )
 
 
-def _controls(axes: Axes, roads: Roads, near: shapely.Geometry) -> None:
+def _controls(axes: Axes, roads: Roads, near: shapely.Polygon) -> None:
     _fill(
         axes,
         (c.polygon for c in roads.crosswalks),
@@ -222,7 +226,7 @@ def _controls(axes: Axes, roads: Roads, near: shapely.Geometry) -> None:
         _fill(axes, polygons, near, facecolor=colour, edgecolor=colour, linewidth=0.8, zorder=6)
 
 
-def _limit_signs(axes: Axes, roads: Roads, near: shapely.Geometry) -> None:
+def _limit_signs(axes: Axes, roads: Roads, near: shapely.Polygon) -> None:
     """A round sign beside every roadblock whose limit differs from what leads into it."""
     for block in roads.roadblocks.values():
         if block.is_connector:
@@ -252,7 +256,7 @@ def _limit_signs(axes: Axes, roads: Roads, near: shapely.Geometry) -> None:
             )
 
 
-def _lane_ids(axes: Axes, roads: Roads, near: shapely.Geometry, scale: float) -> None:
+def _lane_ids(axes: Axes, roads: Roads, near: shapely.Polygon, scale: float) -> None:
     for lane in roads.lanes.values():
         pose = lane.centerline.pose_at(lane.centerline.length_m * 0.4)
         if shapely.contains_xy(near, pose.x_m, pose.y_m):

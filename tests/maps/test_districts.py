@@ -141,8 +141,9 @@ def test_all_surfaces_are_valid_single_polygons_with_ids_of_their_own(name: str)
 @every_district
 def test_every_lane_and_connector_lies_on_the_drivable_area(name: str) -> None:
     roads = draw(name)
-    paved = shapely.prepared.prep(roads.drivable_area.buffer(1e-3))
-    assert [lane.id for lane in pieces(roads) if not paved.covers(lane.polygon)] == []
+    paved = shapely.buffer(roads.drivable_area, 1e-3)
+    shapely.prepare(paved)
+    assert [lane.id for lane in pieces(roads) if not shapely.covers(paved, lane.polygon)] == []
     for lane in pieces(roads):
         assert roads.drivable(lane.centerline.points).all(), lane.id
 
@@ -160,8 +161,8 @@ def test_every_lane_can_be_reached_from_the_edge_of_the_map_and_leads_back_to_it
     ):
         for lane_id in ends:
             end = roads.lanes[lane_id].centerline.points[0 if follow == roads.outgoing else -1]
-            # Streets end at the edge of the map, never in the middle of it.
-            assert hull.exterior.distance(shapely.Point(end)) < 140.0, lane_id
+            # Streets end near the edge of the map, never in the middle of it.
+            assert shapely.distance(shapely.boundary(hull), shapely.Point(end)) < 140.0, lane_id
         seen, queue = set(ends), list(ends)
         while queue:
             lane_id = queue.pop()

@@ -25,7 +25,8 @@ _MASSACHUSETTS = lanes(2, 48, width_m=3.2)
 _FAIRFIELD = one_way(1, 32, width_m=3.4, parking_m=2.2)
 _DARTMOUTH = lanes(1, 40, width_m=3.3, parking_m=2.2)
 _CLARENDON = one_way(2, 40, width_m=3.1, parking_m=2.2)
-_HUNTINGTON = lanes(2, 48, width_m=3.2, median_m=1.6)
+_HUNTINGTON_IN = lanes(2, 48, width_m=3.2, median_m=1.6)
+_HUNTINGTON_OUT = lanes(1, 48, width_m=3.5, median_m=1.6, parking_m=2.4)
 
 _STREETS_RAD = math.radians(17.0)
 """The streets run east-north-east."""
@@ -123,7 +124,7 @@ PLAN = Plan(
             70,
             "huntington",
             points=(_at(-170, -430), _at(0, -290, 160), _at(105, -185)),
-            sections=_both(_HUNTINGTON),
+            sections=(Section(0, _HUNTINGTON_IN, _HUNTINGTON_OUT),),
             bus_stops=(BusStop("forward", 110), BusStop("backward", 140)),
         ),
     ),

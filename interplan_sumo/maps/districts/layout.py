@@ -6,7 +6,7 @@ Everything here is in the frame of a road: stations along its axis, and
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -88,32 +88,34 @@ class _Link:
     high: tuple[Junction, Mouth] | None
 
 
-def _links(plan: Plan) -> dict[str, list[_Link]]:
-    """The links of each road, in order of station."""
+def _links(plan: Plan, direction: Direction) -> dict[str, list[_Link]]:
+    """The links of each road as its traffic in one direction sees them, in order of station."""
     met: dict[str, list[tuple[float, Junction, Mapping[str, Mouth]]]] = {road.name: [] for road in plan.roads}
     for junction in plan.junctions:
         arms = mouths(plan, junction)
         for name in junction.roads:
-            station_m = next(mouth.station_m for mouth in arms.values() if mouth.road.name == name)
-            met[name].append((station_m, junction, arms))
-    links: dict[str, list[_Link]] = {}
-    for road in plan.roads:
-        own: list[_Link] = []
-        start: tuple[Junction, Mouth] | None = None
-        start_m, ended = 0.0, False
-        for _, junction, arms in sorted(met[road.name], key=lambda m: m[0]):
-            below, above = arms.get(f"{road.name}-"), arms.get(f"{road.name}+")
-            if below is not None:
-                cut_m = road.axis.snapped_m(below.cut_m)
-                if cut_m - start_m < SHORTEST_BLOCK_M:
-                    raise ValueError(f"{road.name}: no room before junction {junction.name}")
-                own.append(_Link(start_m, cut_m, start, (junction, below)))
-            ended = above is None
-            if above is not None:
-                start, start_m = (junction, above), road.axis.snapped_m(above.cut_m)
-        if not ended:
-            own.append(_Link(start_m, road.axis.length_m, start, None))
-        links[road.name] = own
+            if junction.takes(name, direction):
+                station_m = next(mouth.station_m for mouth in arms.values() if mouth.road.name == name)
+                met[name].append((station_m, junction, arms))
+    return {road.name: _links_of(road, sorted(met[road.name], key=lambda m: m[0])) for road in plan.roads}
+
+
+def _links_of(road: Road, met: Sequence[tuple[float, Junction, Mapping[str, Mouth]]]) -> list[_Link]:
+    links: list[_Link] = []
+    start: tuple[Junction, Mouth] | None = None
+    start_m, ended = 0.0, False
+    for _, junction, arms in met:
+        below, above = arms.get(f"{road.name}-"), arms.get(f"{road.name}+")
+        if below is not None:
+            cut_m = road.axis.snapped_m(below.cut_m)
+            if cut_m - start_m < SHORTEST_BLOCK_M:
+                raise ValueError(f"{road.name}: no room before junction {junction.name}")
+            links.append(_Link(start_m, cut_m, start, (junction, below)))
+        ended = above is None
+        if above is not None:
+            start, start_m = (junction, above), road.axis.snapped_m(above.cut_m)
+    if not ended:
+        links.append(_Link(start_m, road.axis.length_m, start, None))
     return links
 
 
@@ -173,15 +175,16 @@ def _cut_evenly(stretch: _Stretch, max_block_m: float) -> list[tuple[float, floa
 
 def layout(plan: Plan) -> Layout:
     """Cut all roads into blocks; ValueError says where a plan leaves no room."""
-    links = _links(plan)
     blocks: list[Block] = []
     joints: list[Joint] = []
     at_mouth: dict[tuple[int, str, bool], Block] = {}
     directions: tuple[Direction, Direction] = ("forward", "backward")
+    links = {direction: _links(plan, direction) for direction in directions}
     for road in plan.roads:
         for direction in directions:
             piece = 0
-            for link in links[road.name] if direction == "forward" else reversed(links[road.name]):
+            own = links[direction][road.name]
+            for link in own if direction == "forward" else reversed(own):
                 if way_at(road, direction, (link.low_m + link.high_m) / 2.0) is None:
                     continue
                 row: list[Block] = []

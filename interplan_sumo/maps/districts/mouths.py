@@ -113,7 +113,7 @@ def _fitted(plan: Plan, junction: Junction, mouths: Mapping[str, Mouth]) -> dict
 
     Kerbs round the corner with the wanted radius, and a crosswalk finds room.
     """
-    rays = sorted((_ray(plan, mouth) for mouth in mouths.values()), key=lambda ray: ray.pose.heading_rad)
+    rays = sorted((_ray(plan, junction, mouth) for mouth in mouths.values()), key=lambda ray: ray.pose.heading_rad)
     fitted = dict.fromkeys(mouths, SHORTEST_SETBACK_M)
     for ray, following in pairwise([*rays, rays[0]]):
         angle = float((following.pose.heading_rad - ray.pose.heading_rad) % (2.0 * np.pi))
@@ -129,7 +129,7 @@ def _fitted(plan: Plan, junction: Junction, mouths: Mapping[str, Mouth]) -> dict
     return {key: replace(mouth, setback_m=fitted[key]) for key, mouth in mouths.items()}
 
 
-def _ray(plan: Plan, mouth: Mouth) -> _Ray:
+def _ray(plan: Plan, junction: Junction, mouth: Mouth) -> _Ray:
     side = 1.0 if plan.driving_side == "right" else -1.0
     edges: list[float] = []
     both: tuple[tuple[Direction, Approach | None, float], ...] = (
@@ -137,6 +137,8 @@ def _ray(plan: Plan, mouth: Mouth) -> _Ray:
         (mouth.leaving, None, -side),
     )
     for direction, approach, across in both:
+        if not junction.takes(mouth.road.name, direction):
+            continue
         way = way_at(mouth.road, direction, mouth.cut_m)
         for strip in strips(way, approach, mouth.pushed_m) if way is not None else ():
             edges += [across * strip.inner_m, across * strip.kerb_m]

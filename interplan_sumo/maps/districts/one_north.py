@@ -220,8 +220,7 @@ PLAN = Plan(
             roads=("commonwealth", "biopolis"),
             control="yield",
             crosswalks=("biopolis-",),
-            # The median is closed: left in, left out.
-            banned=(("commonwealth-", "biopolis-"), ("biopolis-", "commonwealth+")),
+            carriageway="backward",  # left in, left out
         ),
         Junction(
             10,

@@ -172,8 +172,14 @@ class Junction:
     """Least radius of the kerb at corners."""
     setbacks_m: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """Distance of an arm's stop line from the middle, where the rule does not please."""
+    carriageway: Direction | None = None
+    """Only this carriageway of the first road belongs to the junction: the median is closed and the other runs past."""
     banned: tuple[tuple[str, str], ...] = ()
     """Movements not allowed, as (from arm, to arm)."""
+
+    def takes(self, road: str, direction: Direction) -> bool:
+        """Whether traffic in one direction of a road that it names passes through the junction."""
+        return road != self.roads[0] or self.carriageway in (None, direction)
 
 
 @dataclass(frozen=True, slots=True)

@@ -247,8 +247,7 @@ PLAN = Plan(
             roads=("boulevard", "linq_lane"),
             control="stop",
             crosswalks=("linq_lane+",),
-            # The median is closed: right in, right out.
-            banned=(("boulevard+", "linq_lane+"), ("linq_lane+", "boulevard-")),
+            carriageway="forward",  # right in, right out
         ),
         Junction(
             11,
