@@ -45,7 +45,7 @@ test-all: setup
 	$(BIN)/python -m pytest -n $(WORKERS)
 
 golden: setup
-	$(BIN)/python -m pytest -n $(WORKERS) -k golden
+	@PYTHONPATH=.:planners $(BIN)/python -m tests.golden_table
 
 smoke: $(VENV)/.installed
 	$(BIN)/interplan-sumo doctor

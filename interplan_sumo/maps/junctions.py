@@ -367,3 +367,16 @@ def path_conflicts(roads: Roads, connectors: Sequence[Connector]) -> NDArray[np.
 
 def _block(roads: Roads, connector: Connector) -> str:
     return roads.lanes[connector.from_lane_id].roadblock_id
+
+
+def brushing_m(one: Connector, other: Connector) -> tuple[float, float] | None:
+    """From where to where a path runs within a car's width of another one that it does not cross; None if it does.
+
+    SUMO finds crossings of centre lines by itself, but not paths that merely brush past each other.
+    """
+    line, foe = one.centerline, other.centerline.linestring
+    if one.to_lane_id == other.to_lane_id or line.linestring.intersects(foe):
+        return None
+    arc = np.linspace(0.0, line.length_m, max(2, int(np.ceil(line.length_m / 0.25))))
+    near = arc[shapely.distance(shapely.points(line.poses_at(arc)[:, :2]), foe) < CAR_CORRIDOR_M]
+    return (float(near[0]), float(near[-1])) if near.size else None

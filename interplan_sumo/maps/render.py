@@ -297,7 +297,12 @@ def _legend(axes: Axes, roads: Roads, limits: tuple[float, float] | None, title:
         entries.append(Patch(facecolor=EXTRA, label="parking or bus bay"))
     side = f"{title} ({roads.driving_side}-hand traffic)"
     box = axes.legend(
-        handles=entries, title=side, loc=_free_corner(axes, roads), fontsize=8, title_fontsize=10, framealpha=0.9
+        handles=entries,
+        title=side,
+        loc=_free_corner(axes, roads, 200.0 / scale, (28.0 + 15.0 * len(entries)) / scale),
+        fontsize=8,
+        title_fontsize=10,
+        framealpha=0.9,
     )
     box.set_zorder(10)
     low_x, high_x = axes.get_xlim()
@@ -308,16 +313,16 @@ def _legend(axes: Axes, roads: Roads, limits: tuple[float, float] | None, title:
     axes.text(x_m, y_m + 7.0 / scale, f"{bar_m:.0f} m", fontsize=9, color=INK, zorder=9)
 
 
-def _free_corner(axes: Axes, roads: Roads) -> _Corner:
-    """The corner with the fewest lanes; the scale bar has the lower left one."""
+def _free_corner(axes: Axes, roads: Roads, width_m: float, height_m: float) -> _Corner:
+    """The corner where a box of this size hides the fewest lanes; the scale bar has the lower left one."""
     (low_x, high_x), (low_y, high_y) = axes.get_xlim(), axes.get_ylim()
     points = np.concatenate([lane.centerline.points for lane in roads.lanes.values()] or [np.zeros((0, 2))])
-    x, y = (points[:, 0] - low_x) / (high_x - low_x), (points[:, 1] - low_y) / (high_y - low_y)
-    shown = (x >= 0.0) & (x <= 1.0) & (y >= 0.0) & (y <= 1.0)
-    right, top = x > 0.8, y > 0.75
+    x, y = points[:, 0], points[:, 1]
+    shown = (x >= low_x) & (x <= high_x) & (y >= low_y) & (y <= high_y)
+    right, top = x > high_x - width_m, y > high_y - height_m
     corners: tuple[tuple[_Corner, Any], ...] = (
-        ("lower right", right & (y < 0.25)),
+        ("lower right", right & (y < low_y + height_m)),
         ("upper right", right & top),
-        ("upper left", (x < 0.2) & top),
+        ("upper left", (x < low_x + width_m) & top),
     )
     return min(corners, key=lambda corner: int((corner[1] & shown).sum()))[0]

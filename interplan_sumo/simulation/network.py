@@ -20,16 +20,17 @@ import defusedxml.ElementTree
 import numpy as np
 import shapely
 from defusedxml import DefusedXmlException
+from numpy.typing import NDArray
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.world.geometry import Polyline
 
 SHAPE_TOLERANCE_M = 0.005
 """Lane shapes are thinned out to this deviation: overlaps are judged to a hundredth of a car's width."""
-
-
 STRIP_M = 25.0
 """Length of the pieces that lanes are searched in."""
+HALF_PASSAGE_M = 1.15
+"""A car on the centre line keeps clear of what stays this far from it: half its width and a hand's breadth more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +124,12 @@ class Network:
         """All lanes in short pieces and a spatial index over them."""
         strips = tuple(strip for lane in self.lanes.values() for strip in lane.strips)
         return strips, shapely.STRtree([strip.polygon for strip in strips])
+
+    @cached_property
+    def passages(self) -> NDArray[Any]:
+        """Per strip the area that a car on the centre line sweeps, `HALF_PASSAGE_M` to both sides."""
+        lines = [strip.line.linestring for strip in self.strips[0]]
+        return np.asarray(shapely.buffer(lines, HALF_PASSAGE_M, cap_style="flat"))
 
     def lanes_at(self, x_m: float, y_m: float) -> frozenset[str]:
         """Lanes that contain a point, in SUMO's frame."""

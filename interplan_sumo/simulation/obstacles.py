@@ -5,20 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
 from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
 from interplan_sumo.simulation.network import Network
+from interplan_sumo.simulation.passage import reached
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import box_polygons
 from interplan_sumo.world.roads import Roads
 
-HALF_PASSAGE_M = 1.15
-"""A car on the centre line keeps clear of what stays this far from it: half its width and a hand's breadth more."""
 MERGE_WITHIN_M = 8.0
 """Blocked stretches of a lane nearer to one another than this are one: no car fits between."""
-
-
 SWING_OUT_M = 6.0
 """Cars queue this far before an obstacle: a lane change from rest needs the room to swing out."""
 
@@ -66,27 +62,9 @@ def blockages(network: Network, obstacles: Actors, origin_m: tuple[float, float]
         obstacles.width_m,
     )
     for box in boxes:
-        for lane_id, (start_m, end_m) in _reaches(network, box).items():
-            found.setdefault(lane_id, []).append((start_m, end_m))
+        for lane_id, (start_m, end_m) in reached(network, box).items():
+            found.setdefault(lane_id, []).append((max(0.0, start_m - SWING_OUT_M), end_m))
     return tuple(Blockage(lane, *span) for lane in sorted(found) for span in _merged(found[lane]))
-
-
-def _reaches(network: Network, box: shapely.Polygon) -> dict[str, tuple[float, float]]:
-    """Normal lanes whose passage a box reaches into, with the SUMO positions from and to."""
-    strips, tree = network.strips
-    reached: dict[str, tuple[float, float]] = {}
-    for hit in np.sort(tree.query(box, predicate="intersects")):
-        strip = strips[hit]
-        lane = strip.lane
-        part = shapely.intersection(shapely.buffer(strip.line.linestring, HALF_PASSAGE_M, cap_style="flat"), box)
-        if lane.internal or part.area < 1e-6:
-            continue
-        arcs, _ = strip.line.project(shapely.get_coordinates(part))
-        start_m = max(0.0, lane.position_of(strip.start_m + float(arcs.min())) - SWING_OUT_M)
-        end_m = lane.position_of(strip.start_m + float(arcs.max()))
-        before = reached.get(lane.id, (start_m, end_m))
-        reached[lane.id] = (min(before[0], start_m), max(before[1], end_m))
-    return reached
 
 
 def _merged(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:

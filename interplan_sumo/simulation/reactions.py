@@ -278,26 +278,33 @@ def decide(
     return decisions
 
 
-def stop_for(
-    agents: Iterable[Agent], covers: Iterable[Mapping[str, Cover]], decisions: dict[str, Decision], dt_s: float
+def yield_to(
+    agents: Iterable[Agent],
+    things: Iterable[tuple[str, Mapping[str, Cover]]],
+    decisions: dict[str, Decision],
+    dt_s: float,
 ) -> dict[str, Decision]:
-    """`decisions` with the speeds lowered that agents need to stop before what stands or walks in their corridor.
+    """`decisions` with the speeds lowered that agents need to follow, or stop before, what is in their corridor.
 
-    `covers` holds one mapping per thing. Everyone stops for it, whatever the
-    type; it counts as standing.
+    `things` are names and covers of pedestrians (nameless) and of bodies of
+    other agents, which do not concern their own driver. Everyone yields to
+    them, whatever the type.
     """
     decided = dict(decisions)
-    things = list(covers)
+    listed = list(things)
     for agent in agents:
-        gaps = [
-            agent.corridor[lane] + part.start_m - agent.position_m
-            for cover_ in things
-            for lane, part in cover_.items()
+        speeds_mps = [
+            _next_speed_mps(
+                agent, agent.corridor[lane] + part.start_m - agent.position_m, max(0.0, part.speed_mps), dt_s
+            )
+            for name, covers in listed
+            if name != agent.id
+            for lane, part in covers.items()
             if lane in agent.corridor and agent.corridor[lane] + part.end_m > agent.position_m
         ]
-        if not gaps:
+        if not speeds_mps:
             continue
-        speed_mps = _next_speed_mps(agent, min(gaps), 0.0, dt_s)
+        speed_mps = min(speeds_mps)
         before = decided.get(agent.id)
         overlap, reacting = (before.overlap, before.reacting) if before is not None else (0.0, False)
         if before is not None and before.treatment is Treatment.IGNORE:

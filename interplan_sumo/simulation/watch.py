@@ -1,4 +1,4 @@
-"""Watch: which agents the ego and the pedestrians concern, and what each does about them, step after step."""
+"""Watch: which agents the ego, the pedestrians and askew bodies concern, and what each does about them, step after step."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import shapely
 
 from interplan_sumo.simulation import reactions
 from interplan_sumo.simulation.anchor import Anchor
+from interplan_sumo.simulation.askew import AskewBodies
 from interplan_sumo.simulation.network import Network
 from interplan_sumo.simulation.reactions import Agent, Attention, Cover, Decision, EgoOnNetwork, Treatment
 from interplan_sumo.simulation.vehicle_types import VehicleType
@@ -72,6 +73,7 @@ class Watch:
         self._watchers: dict[str, set[str]] = {}  # SUMO lane -> agents that have it in their corridor
         self._memory: dict[str, Attention] = {}
         self._treated: set[str] = set()
+        self._askew = AskewBodies(network, drivers)
         self._calm: EgoOnNetwork | None = None
         self._at_start = True
         self._known_names: Sequence[str] = ()
@@ -92,6 +94,7 @@ class Watch:
         """The agent has left."""
         self._memory.pop(name, None)
         self._treated.discard(name)
+        self._askew.forget(name)
         self._forget_corridor(name)
 
     def _forget_corridor(self, name: str) -> None:
@@ -108,16 +111,20 @@ class Watch:
         `walked` are the areas that walking pedestrians will cover, in SUMO's frame.
         """
         on_network, ahead = self._locate(ego, anchor)
-        walkers = [reactions.cover(self._network, area, (0.0, 0.0)) for area in walked]
-        calm = on_network.alone and ego.speed_mps >= 0.0 and not (walkers or self._treated or self._at_start)
+        suspects = self._askew.suspects(driving.names, driving.heading_rad, driving.speed_mps)
+        calm = on_network.alone and ego.speed_mps >= 0.0
+        calm = calm and not (walked or suspects or self._treated or self._at_start)
         if calm:  # everyone behind follows the ego, as SUMO does by itself; caught up with when that ends
             self._calm = on_network
             return Verdict({}, straddles=False)
         self._follow(driving)
+        things = [("", reactions.cover(self._network, area, (0.0, 0.0))) for area in walked]
+        lanes = [self._corridors[name][0] for name in driving.names] if suspects else ()
+        things += self._askew.covers(suspects, lanes, driving.front_x, driving.front_y, driving.speed_mps)
         if self._calm is not None:
             self._decide(self._calm, {}, (), driving, ego)
             self._calm = None
-        decisions = self._decide(on_network, ahead, walkers, driving, ego)
+        decisions = self._decide(on_network, ahead, things, driving, ego)
         self._at_start = False
         for name in self._treated - decisions.keys():
             decisions[name] = LEAVE
@@ -134,11 +141,11 @@ class Watch:
         self,
         on_network: EgoOnNetwork,
         ahead: Mapping[float, Mapping[str, Cover]],
-        walkers: Sequence[Mapping[str, Cover]],
+        things: Sequence[tuple[str, Mapping[str, Cover]]],
         driving: Driving,
         ego: EgoState,
     ) -> dict[str, Decision]:
-        """What each agent that the ego or a pedestrian may concern does about it."""
+        """What each agent that the ego or one of `things` may concern does about it."""
         concerned: set[str] = set()
         for covers in (on_network.covers, *ahead.values()):
             for lane in covers:
@@ -147,7 +154,7 @@ class Watch:
             concerned |= self._watchers.get(on_network.anchor_lane, set())
         rows = [row for row in self._within_reach(driving, ego) if driving.names[row] in concerned]
         known = self._memory.keys() | self._treated
-        for covers in walkers:
+        for _, covers in things:
             for lane in covers:
                 known |= self._watchers.get(lane, set())
         if known:
@@ -155,7 +162,7 @@ class Watch:
             rows = sorted([*rows, *(row for row, name in enumerate(driving.names) if name in known)])
         agents = [self._agent(driving, row) for row in rows]
         decisions = reactions.decide(agents, on_network, ahead, self._memory, self._dt_s, at_start=self._at_start)
-        return reactions.stop_for(agents, walkers, decisions, self._dt_s) if walkers else decisions
+        return reactions.yield_to(agents, things, decisions, self._dt_s) if things else decisions
 
     def _within_reach(self, driving: Driving, ego: EgoState) -> list[int]:
         """Rows of the agents whom the ego, were it their leader, would make brake noticeably."""

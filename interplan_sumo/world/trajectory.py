@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 
@@ -35,8 +34,7 @@ class Trajectory:
             array = frozen(value)
             if array.shape != (count,):
                 raise ValueError(f"Trajectory.{name} has shape {array.shape}, expected ({count},)")
-            # A sum is finite only if every term is; a sum that overflows is looked at term by term.
-            if not isfinite(float(array.sum())) and not np.isfinite(array).all():
+            if not np.isfinite(array).all():
                 raise ValueError(f"Trajectory.{name} holds a number that is not finite")
             object.__setattr__(self, name, array)
         if count < 2:

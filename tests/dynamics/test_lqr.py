@@ -5,13 +5,12 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from golden_controller import case_names, ego_state, read_case
+from golden_controller import aim_pairs, case_names, loop_pairs, read_case, step_pairs
 from hypothesis import given
 from hypothesis import strategies as st
 from worlds import ego, straight_plan
 
-from interplan_sumo.dynamics import bicycle
-from interplan_sumo.dynamics.lqr import LARGEST_INVERSE, Command, follow, target, track
+from interplan_sumo.dynamics.lqr import LARGEST_INVERSE, Command, target, track
 from interplan_sumo.dynamics.rear_axle import center_of
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats
@@ -46,36 +45,15 @@ def euler_arc(curvature: float, speed: float, dt_s: float, count: int) -> Trajec
 @pytest.mark.parametrize("name", case_names())
 def test_one_step_agrees_with_nuplan_in_every_stored_number(name: str) -> None:
     case = read_case(name)
-    wanted = case.expected
-    aim = target(case.ego, case.plan)
-    assert aim.speed_mps == pytest.approx(wanted["reference_velocity"], abs=TIGHT)
-    assert aim.curvature_per_m == pytest.approx(wanted["curvature_profile"], abs=TIGHT)
-    assert aim.lateral_error_m == pytest.approx(wanted["lateral_error"], abs=TIGHT)
-    assert aim.heading_error_rad == pytest.approx(wanted["heading_error"], abs=TIGHT)
-    command = track(case.ego, case.plan)
-    assert command.acceleration_mps2 == pytest.approx(wanted["acceleration_command"], abs=TIGHT)
-    assert command.tire_rate_radps == pytest.approx(wanted["steering_rate_command"], abs=TIGHT)
-    assert_same_state(follow(case.ego, case.plan, 0.1), ego_state(wanted["state_after_one_step"], case.start_us), 1e-8)
+    assert {p.what: p.difference for p in aim_pairs(case) if not p.difference <= TIGHT} == {}
+    assert {p.what: p.difference for p in step_pairs(case) if not p.difference <= 1e-8} == {}
 
 
 @pytest.mark.parametrize("name", [name for name in case_names() if name.startswith("loop_")])
 def test_fifty_steps_agree_with_nuplan(name: str) -> None:
-    case = read_case(name)
-    loop = case.expected["closed_loop"]
-    state = case.ego
-    for acceleration, rate in loop["commands"]:
-        command = track(state, case.plan)
-        assert command == Command(
-            pytest.approx(acceleration, abs=CLOSED_LOOP),  # pyright: ignore[reportArgumentType]
-            pytest.approx(rate, abs=CLOSED_LOOP),  # pyright: ignore[reportArgumentType]
-        )
-        state = bicycle.step(state, command.acceleration_mps2, command.tire_rate_radps, 0.1)
-    assert_same_state(state, ego_state(loop["state_after"], case.start_us), CLOSED_LOOP)
-
-
-def assert_same_state(state: EgoState, wanted: EgoState, tolerance: float) -> None:
-    for name in EgoState.__slots__:
-        assert getattr(state, name) == pytest.approx(getattr(wanted, name), abs=tolerance), name
+    found = list(loop_pairs(read_case(name)))
+    assert sum(p.count for p in found) > 100
+    assert {p.what: p.difference for p in found if not p.difference <= CLOSED_LOOP} == {}
 
 
 def test_the_golden_cases_are_all_there() -> None:

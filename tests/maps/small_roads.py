@@ -44,8 +44,10 @@ def straight(start: tuple[float, float], end: tuple[float, float]) -> Floats:
 
 
 def beside(points: Floats, right_m: float) -> Floats:
-    """A line moved to its right."""
-    return shapely.get_coordinates(shapely.LineString(points).offset_curve(-right_m))
+    """A line moved to its right, vertex by vertex."""
+    ahead = np.asarray(np.gradient(points, axis=0))
+    to_right = np.stack((ahead[:, 1], -ahead[:, 0]), axis=1)
+    return points + right_m * to_right / np.hypot(ahead[:, 0], ahead[:, 1])[:, None]
 
 
 def curve(start: Floats, start_rad: float, end: Floats, end_rad: float) -> Floats:

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.metrics.golden_metrics import GOLDEN, OURS, TOLERANCE, Case, case_folders, pairs, read_case
+from tests.golden_values import TOLERANCE
+from tests.metrics.golden_metrics import GOLDEN, OURS, Case, case_folders, pairs, read_case
 
 FOLDERS = case_folders()
 cached_case = cache(read_case)

@@ -1,33 +1,21 @@
 from __future__ import annotations
 
-import json
-import os
-from pathlib import Path
-from typing import Any
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_planners.common.idm_policy import IdmDriver, idm_acceleration_mps2, idm_step
+from tests.planners.golden_idm import Case, pairs, read_cases
 
-GOLDEN = Path(os.environ.get("INTERPLAN_GOLDEN", Path(__file__).parents[1] / "golden")) / "nuplan_idm"
-CASES: list[dict[str, Any]] = json.loads((GOLDEN / "idm_cases.json").read_text())["cases"]
+CASES = read_cases()
 DRIVER = IdmDriver(target_speed_mps=13.4)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
-def test_the_solve_agrees_with_nuplan(case: dict[str, Any]) -> None:
-    p, agent, lead, wanted = case["parameters"], case["agent"], case["lead"], case["expected"]
-    driver = IdmDriver(
-        p["target_velocity"], p["min_gap_to_lead_agent"], p["headway_time"], p["accel_max"], p["decel_max"]
-    )
-    gap_m = lead["progress"] - lead["length_rear"] - agent["progress"]
-    acceleration = idm_acceleration_mps2(driver, agent["velocity"], gap_m, lead["velocity"])
-    assert acceleration == pytest.approx(wanted["unclipped_acceleration"], rel=1e-9, abs=1e-9)
-    moved_m, speed = idm_step(driver, agent["velocity"], gap_m, lead["velocity"], case["sampling_time"])
-    assert agent["progress"] + moved_m == pytest.approx(wanted["progress"], abs=1e-9)
-    assert speed == pytest.approx(wanted["velocity"], abs=1e-9)
+def test_the_solve_agrees_with_nuplan(case: Case) -> None:
+    # relative to the size: accelerations reach hundreds where the gap is gone
+    far_off = {p.what: p.difference for p in pairs(case) if not p.difference <= 1e-9 * max(1.0, abs(p.expected[0]))}
+    assert far_off == {}
 
 
 def test_all_golden_cases_are_there() -> None:
