@@ -18,7 +18,15 @@ import typer
 
 from interplan_sumo import __version__
 from interplan_sumo.errors import InputError, InterplanError
-from interplan_sumo.report.printing import Form, print_entries, print_json, print_table, progress, write_page
+from interplan_sumo.report.printing import (
+    Form,
+    print_comparison,
+    print_entries,
+    print_json,
+    print_table,
+    progress,
+    write_page,
+)
 
 if TYPE_CHECKING:
     from interplan_sumo.batch.run_folder import StoredRun
@@ -185,7 +193,10 @@ def report(
     as_markdown: Annotated[bool, typer.Option("--markdown", help="Print the table as Markdown.")] = False,
     html: Annotated[Path | None, typer.Option(help="Write one self-contained page.", metavar="FILE")] = None,
     paper: Annotated[bool, typer.Option("--paper", help="Add the published rows for comparison.")] = False,
-    why: Annotated[bool, typer.Option("--why", help="One sentence for every zero.")] = False,
+    why: Annotated[bool, typer.Option("--why", help="One sentence for every zero and every lost gate.")] = False,
+    details: Annotated[
+        bool, typer.Option("--details", help="Every drive with its score and what cost points.")
+    ] = False,
 ) -> int:
     """The paper's table of one or more runs, with faults, missing rows and intervals over seeds."""
     from interplan_sumo.batch.run_folder import read_run
@@ -194,7 +205,8 @@ def report(
     forms: list[Form] = [form for form, wanted in asked if wanted]
     if len(forms) > 1:
         raise InputError(f"--{forms[0]} and --{forms[1]} both print on stdout; give one of them")
-    return _report([read_run(folder) for folder in folders], forms[0] if forms else "text", html, paper, why)
+    runs = [read_run(folder) for folder in folders]
+    return _report(runs, forms[0] if forms else "text", html, paper=paper, why=why, details=details)
 
 
 @app.command()
@@ -205,16 +217,32 @@ def score(
     as_json: JsonOption = False,
 ) -> int:
     """Score stored traces again, under any profile, without simulating."""
-    from interplan_sumo.batch.rescore import rescore
-    from interplan_sumo.batch.run_folder import read_run, write_rows
+    from interplan_sumo.batch.run_folder import write_rows
     from interplan_sumo.metrics.score import DEFAULT_PROFILE
 
-    scored, problems = rescore(read_run(folder), profile or DEFAULT_PROFILE)
-    for problem in problems:
-        print(f"not scored: {problem}", file=sys.stderr)
+    scored = _rescored(folder, profile or DEFAULT_PROFILE)
     if out is not None:
         write_rows(out, scored.rows.values())
     return _report([scored], "json" if as_json else "text")
+
+
+@app.command()
+def compare(
+    folder_a: Annotated[Path, typer.Argument(help="A run folder.", metavar="DIR_A")],
+    folder_b: Annotated[Path, typer.Argument(help="The run folder to hold against it.", metavar="DIR_B")],
+    planner_a: Annotated[str | None, typer.Option(help="Which planner, where DIR_A holds several.")] = None,
+    planner_b: Annotated[str | None, typer.Option(help="Which planner, where DIR_B holds several.")] = None,
+    profile: Annotated[str | None, typer.Option(help="Score both again under this profile first.")] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """B against A, paired on equal scenario and seed: the mean difference with its interval, and what changed most."""
+    from interplan_sumo.batch.run_folder import read_run
+    from interplan_sumo.report.compare import compare as compare_runs
+
+    run_a, run_b = (read_run(f) if profile is None else _rescored(f, profile) for f in (folder_a, folder_b))
+    found = compare_runs(run_a, run_b, planner_a, planner_b)
+    print_comparison(found, as_json=as_json)
+    return DONE if found.complete else INCOMPLETE
 
 
 @app.command()
@@ -270,7 +298,9 @@ def show_scenario(
 
 
 @scenarios_app.command("freeze")
-def freeze_suite(suite: Annotated[str, typer.Option(help="NAME==VERSION of a suite that is not released yet.")]) -> None:
+def freeze_suite(
+    suite: Annotated[str, typer.Option(help="NAME==VERSION of a suite that is not released yet.")],
+) -> None:
     """Record the expert drives and the lock of a suite anew. For maintainers: it changes what scores mean."""
     from interplan_sumo.proving.experts import write_experts
     from interplan_sumo.proving.lock import write_lock
@@ -385,16 +415,25 @@ def _in_words(value: Any) -> Any:
             return value
 
 
-def _report(
-    runs: Sequence[StoredRun], form: Form, html: Path | None = None, paper: bool = False, why: bool = False
-) -> int:
+def _rescored(folder: Path, profile: str) -> StoredRun:
+    """A stored run under another profile; what could not be scored is said on stderr."""
+    from interplan_sumo.batch.rescore import rescore
+    from interplan_sumo.batch.run_folder import read_run
+
+    scored, problems = rescore(read_run(folder), profile)
+    for problem in problems:
+        print(f"not scored: {problem}", file=sys.stderr)
+    return scored
+
+
+def _report(runs: Sequence[StoredRun], form: Form, html: Path | None = None, **options: bool) -> int:
     """Print the table of the runs, write the page if one is asked for; the exit code."""
     from interplan_sumo.report.table import make_table
 
     table = make_table(runs)
     if html is not None:
-        write_page(table, html, paper=paper)
-    print_table(table, form, paper=paper, why=why)
+        write_page(table, html, paper=options.get("paper", False))
+    print_table(table, form, **options)
     return DONE if table.complete else INCOMPLETE
 
 

@@ -20,7 +20,8 @@ import pytest
 
 from interplan_sumo.cli import main
 from interplan_sumo.maps.store import find_map
-from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
+from interplan_sumo.planner import RECOMMENDED
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, Suite, find_suite
 
 FIRST = find_suite(DEFAULT_SUITE).scenarios[0].id
 SLOW = "tests.batch.rude_planners:Slow"
@@ -79,7 +80,9 @@ def test_help_needs_none_of_the_heavy_libraries() -> None:
     assert out.strip().endswith("[]")
 
 
-@pytest.mark.parametrize("command", ["", "run", "report", "score", "scenarios list", "planners list", "maps list"])
+@pytest.mark.parametrize(
+    "command", ["", "run", "report", "score", "compare", "scenarios list", "planners list", "maps list"]
+)
 def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = ran(capsys, *command.split(), "--help")
     assert (code, err) == (0, "")
@@ -113,6 +116,24 @@ def test_scenarios_show_prints_what_is_staged(capsys: pytest.CaptureFixture[str]
     code, out, _ = ran(capsys, "scenarios", "show", FIRST)
     assert code == 0
     assert f"id: {FIRST}" in out
+
+
+def test_scenarios_freeze_records_experts_and_lock_anew(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shipped = find_suite(DEFAULT_SUITE).folder
+    before = {path.name: path.read_bytes() for path in shipped.iterdir() if path.is_file()}
+    monkeypatch.setattr(Suite, "folder", property(lambda _: tmp_path / "suite"))  # the shipped one must stay
+    code, out, _ = ran(capsys, "scenarios", "freeze", "--suite", DEFAULT_SUITE)
+    assert code == 0
+    assert out.split() == [str(tmp_path / "suite" / name) for name in ("experts.parquet", "lock.json")]
+    lock = json.loads((tmp_path / "suite" / "lock.json").read_text())
+    assert set(lock["scenarios"]) == {s.id for s in find_suite(DEFAULT_SUITE).scenarios}
+    assert (tmp_path / "suite" / "experts.parquet").stat().st_size > 0
+    assert {path.name: path.read_bytes() for path in shipped.iterdir() if path.is_file()} == before
+    code, _, err = ran(capsys, "scenarios", "freeze", "--suite", "smok==1")
+    assert code == 2
+    assert "Did you mean 'smoke==1'?" in err
 
 
 def test_planners_list_recommends_exactly_one(capsys: pytest.CaptureFixture[str]) -> None:
@@ -201,7 +222,8 @@ def test_lists_are_tables_for_people(command: str, capsys: pytest.CaptureFixture
         ("scenarios show lane_chnge_ltd/0", "Did you mean 'lane_change_ltd/0'?"),
         ("scenarios list --suite smok==1", "Did you mean 'smoke==1'?"),
         ("run --planner idn", "no planner named 'idn'. Did you mean 'idm'?"),
-        ("run", "no planner given"),
+        ("compare nowhere nowhere", "nowhere is not a run folder"),
+        ("compare nowhere", "Missing argument"),
         ("run --planner idm --set density=hihg", "Did you mean 'high'?"),
         ("run --planner idm --set speed=1", "no setting to override named 'speed'"),
         ("run --planner idm --traffic nowhere.xml", "nowhere.xml"),
@@ -277,6 +299,64 @@ def test_score_prints_the_table_under_another_profile(
     code, _, err = ran(capsys, "score", folder, "--profile", "nuplam")
     assert code == 2
     assert "Did you mean 'nuplan'?" in err
+
+
+def test_a_run_without_a_planner_drives_the_recommended_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    arguments = ("run", "--limit", 1, "--workers", 0, "--out", tmp_path / "run", "--quiet", "--json")
+    assert [row["planner"] for row in said(capsys, *arguments)["rows"]] == [RECOMMENDED]
+
+
+def test_compare_pairs_two_planners_drive_by_drive(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    planners = ("--planner-a", "straight_ahead", "--planner-b", "idm")
+    found = said(capsys, "compare", folder, folder, *planners, "--json")
+    rows = {row["planner"]: row["interplan"] for row in said(capsys, "report", folder, "--json")["rows"]}
+    assert found["overall"]["difference"] == pytest.approx(rows["idm"] - rows["straight_ahead"], abs=1e-3)
+    assert [change["scenario_id"] for change in found["changes"]] == [FIRST]
+    assert said(capsys, "compare", folder, folder, *planners, "--profile", "nuplan", "--json")["profile"] == "nuplan"
+    code, out, _ = ran(capsys, "compare", folder, folder, *planners)
+    assert code == 0
+    assert "b - a" in out
+    code, _, err = ran(capsys, "compare", folder, folder)
+    assert code == 2
+    assert "name one: --planner-a" in err
+
+
+def test_compare_is_incomplete_where_a_drive_is_missing(
+    folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    shutil.copytree(folder, tmp_path / "run")
+    (tmp_path / "run" / "results.jsonl").write_text("")
+    code, out, _ = ran(capsys, "compare", folder, tmp_path / "run", "--planner-a", "idm", "--json")
+    assert code == 3
+    assert json.loads(out)["missing"]["b"] == [{"scenario_id": FIRST, "seed": 0}]
+
+
+def test_score_names_a_damaged_trace_scores_the_rest_and_ends_with_3(
+    folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    place = tmp_path / "run"
+    shutil.copytree(folder, place)
+    trace = next(place.glob("traces/*/idm-*/seed0/ego.parquet"))
+    trace.write_bytes(trace.read_bytes()[:-100])
+    code, out, err = ran(capsys, "score", place, "--json")
+    assert code == 3
+    assert err.count("\n") == 1
+    assert str(trace) in err
+    report = json.loads(out)
+    assert report["complete"] is False
+    assert {row["planner"]: row["interplan"] is None for row in report["rows"]} == {
+        "straight_ahead": False,
+        "idm": True,
+    }
+
+
+def test_scoring_again_needs_no_sumo(folder: Path) -> None:
+    code = (
+        f"import sys; from interplan_sumo.cli import main; main(['score', {str(folder)!r}, '--profile', 'nuplan']);"
+        "print([m for m in ('libsumo', 'interplan_sumo.simulation.sumo') if m in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.strip().endswith("[]")
 
 
 def test_json_of_a_run_is_alone_on_stdout_whatever_the_planner_prints(

@@ -41,6 +41,12 @@ def rescore(
 
 def _scored(run: StoredRun, row: Row, overrides: Overrides, profile: str) -> dict[str, Any]:
     scenario = overrides.applied(find_scenario(row["scenario_id"]))
+    older = [name for name in ("scenario_hash", "trace", "trace_hash") if name not in row]
+    if older:
+        raise InputError(
+            f"{run.path / 'results.jsonl'}: the line of {scenario.id}, seed {row['seed']}, has no {older[0]}; "
+            "an older version wrote it: score it with that one, or delete the line and repeat the run"
+        )
     if scenario.hash() != row["scenario_hash"]:
         raise InputError(
             f"{run.path}: scenario {scenario.id} has changed since it was driven; use the version that drove it"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from interplan_sumo.maps.check import MapReport, check_map
-from interplan_sumo.maps.districts import draw
+from interplan_sumo.maps.districts import DISTRICTS, draw
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import MapFiles, write_maps_manifest
@@ -27,3 +27,8 @@ def build_district(name: str, root: Path, version: str = VERSION) -> MapReport:
     convert(roads, files.folder)
     write_maps_manifest(root)
     return check_map(files, roads)
+
+
+def build_districts(root: Path, version: str = VERSION) -> dict[str, MapReport]:
+    """`build_district` for all of them, by name."""
+    return {name: build_district(name, root, version) for name in DISTRICTS}

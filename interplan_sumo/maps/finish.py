@@ -1,8 +1,8 @@
 """The last hand on a network from netconvert: exact shapes, our right of way, nothing that varies between runs.
 
-netconvert numbers the links, makes internal lanes and splits them where a car
-waits inside a junction. What it works out from the order of the arms around a
-node (who crosses whom, who goes first) is replaced by what the geometry says.
+netconvert numbers the links and makes the internal lanes. What it works out
+from the order of the arms around a node (who crosses whom, who goes first) is
+replaced by what the geometry says.
 """
 
 from __future__ import annotations
@@ -40,13 +40,9 @@ def finish(plan: NetworkPlan, root: Element) -> NetworkIds:
             connector: (node, index)
             for node, program in plan.programs.items()
             for index, connector in enumerate(program.links)
+            if connector in pieces
         },
     )
-
-
-def networktext_of(root: Element) -> str:
-    """The network as a document."""
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
 
 
 def network_text(root: Element) -> str:
@@ -57,26 +53,19 @@ def network_text(root: Element) -> str:
 def _ways(plan: NetworkPlan, root: Element) -> dict[Key, Way]:
     lanes = {text_of(lane, "id"): lane for lane in root.iterfind("edge/lane")}
     connections: dict[Key, Element] = {}
-    onward: dict[str, Element] = {}
     for connection in root.iterfind("connection"):
         start, end, from_lane, to_lane = (text_of(connection, name) for name in ("from", "to", "fromLane", "toLane"))
-        if start.startswith(":"):
-            onward[f"{start}_{from_lane}"] = connection
-        else:
+        if not start.startswith(":"):
             connections[start, end, from_lane, to_lane] = connection
     ways: dict[Key, Way] = {}
     for link in plan.links:
         connection = connections.pop(link.key, None)
         if connection is None:
             raise MapError(f"netconvert dropped the way from {link.from_edge} to {link.to_edge} at {link.node}")
-        chain: list[Element] = []
-        via = connection.get("via")
-        while via is not None:
-            chain.append(lanes[via])
-            via = onward[via].get("via")
-        if not chain:
+        lane = lanes.get(connection.get("via", ""))
+        if lane is None:
             raise MapError(f"netconvert made no lane for the way from {link.from_edge} to {link.to_edge}")
-        ways[link.key] = Way(link, connection, tuple(chain))
+        ways[link.key] = Way(link, connection, lane)
     if connections:
         start, end, *_ = next(iter(connections))
         raise MapError(f"netconvert added a way from {start} to {end} that the map does not have")
@@ -103,13 +92,9 @@ def _lay_lanes(plan: NetworkPlan, root: Element, ways: dict[Key, Way]) -> dict[s
             lane.set("speed", _speed(plan, stretch.lane_id))
             lay(lane, stretch, mean_m)
     for way in ways.values():
-        whole = way.link.stretch
-        lengths = [float(text_of(lane, "length")) for lane in way.lanes]
-        bounds = whole.start_m + np.cumsum([0.0, *lengths]) * (whole.length_m / sum(lengths))
-        bounds[-1] = whole.end_m
-        for lane, start_m, end_m in zip(way.lanes, bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
-            lane.set("speed", _speed(plan, whole.lane_id))
-            lay(lane, Stretch(whole.lane_id, start_m, end_m), end_m - start_m)
+        stretch = way.link.stretch
+        way.lane.set("speed", _speed(plan, stretch.lane_id))
+        lay(way.lane, stretch, stretch.length_m)
     return pieces
 
 

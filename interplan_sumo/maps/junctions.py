@@ -186,25 +186,17 @@ def junction(roads: Roads, connector_ids: Iterable[str], signs: Mapping[str, Sig
         yields = conflicts.copy()
     else:
         strength = _strengths(approaches, approach_of, movements, opposite)
-        yields = np.zeros_like(conflicts)
-        for i, j in zip(*np.nonzero(np.triu(conflicts)), strict=True):
-            rows = (int(i), int(j))
-            lights = [connectors[k].has_traffic_light for k in rows]
-            ranks: list[tuple[float, ...]] = []
-            for k, has_light in zip(rows, lights, strict=True):
-                a = approach_of[k]
-                if not all(lights):
-                    rank = (float(not has_light), float(approaches[a].sign), float(strength[a]), float(movements[k]))
-                elif (
-                    opposite.get(approach_of[rows[0]]) == approach_of[rows[1]]
-                    or len({approach_of[r] for r in rows}) == 1
-                ):
-                    rank = (float(movements[k]),)
-                else:  # never green together: who waits inside for a gap at the end of his green clears the junction
-                    rank = (-float(movements[k]),)
-                ranks.append((*rank, round(_swerve_m(connectors[k]), 1), float(k)))
-            later = rows if ranks[0] > ranks[1] else rows[::-1]
-            yields[later] = True
+        ranks = [
+            (
+                bool(lit) and not c.has_traffic_light,
+                *((Sign.NONE, 0) if c.has_traffic_light else (approaches[a].sign, strength[a])),
+                m,
+                round(_swerve_m(c), 1),
+                row,
+            )
+            for row, (c, a, m) in enumerate(zip(connectors, approach_of, movements, strict=True))
+        ]
+        yields = conflicts & np.array([[one > other for other in ranks] for one in ranks], dtype=np.bool_)
     return Junction(connectors, approaches, approach_of, opposite, movements, conflicts, yields, all_way)
 
 

@@ -12,7 +12,7 @@ import shapely
 
 from interplan_sumo.maps import junctions, signals_plan
 from interplan_sumo.maps.edges import Edge, LaneGroup, Stretch, lane_group
-from interplan_sumo.maps.junctions import DEFAULT_LIMIT_MPS, Junction, Movement, end_port, start_port
+from interplan_sumo.maps.junctions import DEFAULT_LIMIT_MPS, Junction, end_port, start_port
 from interplan_sumo.maps.signals_plan import Program
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
@@ -20,8 +20,6 @@ from interplan_sumo.world.roads import Roads
 STRAIGHTENED_M = 0.002
 """Shapes drop vertices that lie this close to the line without them: a fifth of the promised fidelity."""
 _ORIGIN_GRID_M = 100.0
-_WAITING_CLEARANCE_M = 2.25  # half a lane and half a metre to the path that one waits for
-_SHORTEST_WAITING_M = 3.0  # nearer to the stop line than this one waits at the line itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +33,6 @@ class Link:
     to_lane: int
     stretch: Stretch
     connector_id: str | None = None
-    waiting_m: float | None = None
-    """Where a car that turns across oncoming traffic waits inside the junction."""
 
     @property
     def key(self) -> tuple[str, str, str, str]:
@@ -108,56 +104,17 @@ def network_plan(roads: Roads) -> NetworkPlan:
     ]
     taken: set[tuple[str, str]] = set()
     for node, meeting in meetings.items():
-        for row, connector in enumerate(meeting.connectors):
+        for connector in meeting.connectors:
             if (connector.from_lane_id, connector.to_lane_id) in taken:
                 continue  # SUMO knows one connection between two lanes; `maps check` lists the other as missing
             taken.add((connector.from_lane_id, connector.to_lane_id))
             start = groups[roads.lanes[connector.from_lane_id].roadblock_id].last[connector.from_lane_id]
             end = groups[roads.lanes[connector.to_lane_id].roadblock_id].first[connector.to_lane_id]
             whole = Stretch(connector.id, 0.0, connector.centerline.length_m)
-            waiting_m = _waiting_m(meeting, row, programs.get(node))
-            links.append(Link(node, *start, *end, whole, connector.id, waiting_m))
+            links.append(Link(node, *start, *end, whole, connector.id))
     points = np.concatenate([lane.centerline.points for lane in roads.lanes.values()])
     origin = np.floor(points.min(axis=0) / _ORIGIN_GRID_M) * _ORIGIN_GRID_M
     return NetworkPlan(roads, (float(origin[0]), float(origin[1])), groups, tuple(links), meetings, programs)
-
-
-def _waiting_m(meeting: Junction, row: int, program: Program | None) -> float | None:
-    """How far into the junction a turn across oncoming traffic may go before it yields; None: the stop line.
-
-    Only where nothing but the oncoming traffic can hold it up: SUMO lets such
-    cars into the junction unasked.
-    """
-    facing = meeting.opposite.get(meeting.approach_of[row])
-    if meeting.movements[row] < Movement.FAR_TURN or facing is None or meeting.all_way_stop:
-        return None
-    connector = meeting.connectors[row]
-    if connector.has_traffic_light:
-        if program is None:
-            return None
-        at = program.links.index(connector.id)
-        if not any(state[at] == "g" for _, state in program.phases):
-            return None
-    else:
-        ahead = np.flatnonzero(meeting.yields[row])
-        sign = meeting.approaches[meeting.approach_of[row]].sign
-        if sign or not ahead.size or any(meeting.approach_of[j] != facing for j in ahead):
-            return None
-    oncoming = [
-        meeting.connectors[j].centerline.linestring
-        for j in np.flatnonzero(meeting.conflicts[row])
-        if meeting.approach_of[j] == facing
-    ]
-    if not oncoming:
-        return None
-    line = connector.centerline
-    arc = np.arange(0.0, line.length_m, 0.25)
-    places = shapely.points(line.poses_at(arc)[:, :2])
-    near = np.array([shapely.distance(places, other) for other in oncoming]).min(axis=0) < _WAITING_CLEARANCE_M
-    if not near.any():
-        return None
-    waiting_m = float(arc[np.argmax(near)])
-    return waiting_m if _SHORTEST_WAITING_M <= waiting_m < line.length_m - 1.0 else None
 
 
 def node_points(plan: NetworkPlan) -> dict[str, Floats]:

@@ -1,4 +1,4 @@
-"""Right of way in a network from netconvert: who crosses whom, who yields and where one waits, as the plan says.
+"""Right of way in a network from netconvert: who crosses whom and who yields, as the plan says.
 
 netconvert decides by the order of the arms around a node, which misleads at
 dual carriageways, skewed arms and ramps. Its links and internal lanes stay; the
@@ -28,15 +28,11 @@ _CLEAR_VIEW_M = 100.0  # where paths only merge, drivers see each other from afa
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A link as netconvert built it: its connection, and the internal lanes that it runs over."""
+    """A link as netconvert built it: its connection, and the internal lane that it runs over."""
 
     link: Link
     connection: Element
-    lanes: tuple[Element, ...]
-
-    @property
-    def waits_inside(self) -> bool:
-        return len(self.lanes) > 1
+    lane: Element
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +52,6 @@ class _Node:
         row = self.rows[at]
         return Sign.NONE if self.junction is None or row is None else self._approach(row).sign
 
-    def faces(self, at: int, other: int) -> bool:
-        """Whether two links come from approaches that face each other."""
-        row, foe = self.rows[at], self.rows[other]
-        if self.junction is None or row is None or foe is None:
-            return False
-        return self.junction.opposite.get(self.junction.approach_of[row]) == self.junction.approach_of[foe]
-
     def _approach(self, row: int) -> Approach:
         assert self.junction is not None
         return self.junction.approaches[self.junction.approach_of[row]]
@@ -77,15 +66,14 @@ def text_of(element: Element, name: str) -> str:
 
 
 def set_right_of_way(plan: NetworkPlan, root: Element, ways: Mapping[Key, Way]) -> None:
-    """Write requests, link states, waiting places and junction types in place."""
+    """Write requests, link states and junction types in place."""
     leaving: dict[str, list[Way]] = defaultdict(list)
     for connection in root.iterfind("connection"):  # SUMO numbers the links of a lane in the order of the file
         key = cast("Key", tuple(connection.get(name) for name in ("from", "to", "fromLane", "toLane")))
         if key in ways:
             leaving[f"{key[0]}_{key[2]}"].append(ways[key])
-    waiting = {text_of(j, "id"): j for j in root.iterfind("junction") if j.get("type") == "internal"}
     for element in root.iterfind("junction"):
-        if element.get("type") in ("internal", "dead_end"):
+        if element.get("type") == "dead_end":
             continue
         node = _node(
             plan, text_of(element, "id"), [w for i in text_of(element, "incLanes").split() for w in leaving[i]]
@@ -98,8 +86,6 @@ def set_right_of_way(plan: NetworkPlan, root: Element, ways: Mapping[Key, Way]) 
             if _only_merges(node, at):
                 way.connection.set("visibility", f"{_CLEAR_VIEW_M:g}")
             way.connection.extend(_brushes(node, at))
-            if way.waits_inside:
-                _set_waiting_place(waiting[text_of(way.lanes[1], "id")], node, at)
 
 
 def _node(plan: NetworkPlan, id_: str, ways: Sequence[Way]) -> _Node:
@@ -120,11 +106,11 @@ def _set_requests(element: Element, node: _Node) -> None:
     requests = element.findall("request")
     if len(requests) != len(node.ways):
         raise MapError(f"netconvert made {len(requests)} links at {node.id}, the map has {len(node.ways)}")
-    for at, (request, way) in enumerate(zip(requests, node.ways, strict=True)):
+    for at, request in enumerate(requests):
         request.set("index", str(at))
         request.set("response", _bits(node.response[at]))
         request.set("foes", _bits(node.foes[at]))
-        request.set("cont", "1" if way.waits_inside else "0")
+        request.set("cont", "0")
 
 
 def _bits(row: NDArray[np.bool_]) -> str:
@@ -168,17 +154,3 @@ def _brushes(node: _Node, at: int) -> Iterator[Element]:
             foe = node.ways[int(k)].connection
             ends = {name: text_of(foe, name) for name in ("from", "to", "fromLane", "toLane")}
             yield Element("conflict", {**ends, "startPos": f"{stretch[0]:.2f}", "endPos": f"{stretch[1]:.2f}"})
-
-
-def _set_waiting_place(element: Element, node: _Node, at: int) -> None:
-    """Whom a car that waits inside lets pass (approach lanes) and whom it watches on the junction (internal lanes)."""
-    if node.rows[at] is None:
-        raise MapError(f"netconvert made a waiting place at {node.id} where the map has none")
-    asked = [
-        f"{node.ways[k].link.from_edge}_{node.ways[k].link.from_lane}"
-        for k in np.flatnonzero(node.response[at])
-        if node.faces(at, int(k))
-    ]
-    first = text_of(node.ways[at].lanes[0], "id")
-    element.set("incLanes", " ".join(dict.fromkeys((first, *asked))))
-    element.set("intLanes", " ".join(text_of(node.ways[k].lanes[0], "id") for k in np.flatnonzero(node.foes[at])))

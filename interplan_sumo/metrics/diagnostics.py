@@ -7,16 +7,21 @@ from typing import Any
 import numpy as np
 import shapely
 
+from interplan_sumo.metrics.association import runs
 from interplan_sumo.metrics.collisions import STOPPED_MPS
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.followers import hardest_braking
+from interplan_sumo.metrics.lane_crossings import find_crossings
+from interplan_sumo.metrics.manoeuvres import aborted_changes, accepted_gaps
+from interplan_sumo.metrics.red_lights import red_light_runs
 from interplan_sumo.metrics.result import MetricResult
 from interplan_sumo.metrics.time_to_collision import span_with_ego_s
 from interplan_sumo.world.geometry import Floats, box_corners
 
 
 def diagnostics(facts: Facts) -> MetricResult:
-    """Nearest approach, time to collision at true velocities, jerk, standing, planner time, braking behind the ego.
+    """Nearest approach, time to collision at true velocities, braking behind the ego, accepted gaps, aborted lane
+    changes, red lights, waiting, jerk, planner time.
 
     Series: distance to the nearest actor and time to collision, infinite where
     there is nobody; speed, lane ("" off the lanes) and offset from its centre
@@ -24,14 +29,17 @@ def diagnostics(facts: Facts) -> MetricResult:
     """
     distance = distances_m(facts)
     time_to_collision = true_times_s(facts)
-    standing = facts.speed_mps <= STOPPED_MPS
+    crossings = find_crossings(facts.roads, facts.body_lanes, facts.trace.ego.time_us)
     detail = {
         "distance_m": _least(facts, distance),
         "time_to_collision_s": _least(facts, time_to_collision),
         "jerk_mps3": _percentiles(np.abs(facts.comfort_signals.get("jerk_mps3", np.zeros(0)))),
-        "standing_s": float(standing[1:].sum()) * facts.step_us * 1e-6,
+        "waiting": waiting(facts),
         "planner_s": _percentiles(facts.trace.plan_wall_s),
         "braking_behind": hardest_braking(facts),
+        "accepted_gaps": accepted_gaps(facts, crossings),
+        "aborted_lane_changes": aborted_changes(facts, crossings),
+        "red_lights_run": red_light_runs(facts),
     }
     per_frame = {
         "distance_m": _per_frame(facts, distance),
@@ -84,6 +92,18 @@ def offsets_m(facts: Facts) -> Floats:
         rows = [frame for frame, other in enumerate(first) if other == lane_id]
         offset[rows] = facts.roads[lane_id].centerline.project(facts.centre[rows])[1]
     return offset
+
+
+def waiting(facts: Facts) -> dict[str, Any]:
+    """How long the ego stood in all, and its longest wait with the time at which that began."""
+    standing = facts.speed_mps <= STOPPED_MPS
+    stretches = [(first, end) for first, end in runs(standing.tolist()) if standing[first]]
+    # a step counts if it ends at rest, so the first frame has none
+    waits = [(end - max(first, 1), max(first, 1) - 1) for first, end in stretches if end > 1]
+    steps, since = max(waits, key=lambda wait: wait[0], default=(0, 0))
+    step_s = facts.step_us * 1e-6
+    longest = {"duration_s": steps * step_s, "time_s": float(facts.time_s[since])} if steps else None
+    return {"total_s": float(standing[1:].sum()) * step_s, "longest": longest}
 
 
 def _per_frame(facts: Facts, per_row: Floats) -> Floats:

@@ -13,7 +13,7 @@ from rich.text import Text
 from interplan_sumo.batch.run_folder import Row
 from interplan_sumo.report.published import SOURCE, published_rows
 from interplan_sumo.report.table import COLUMNS, Cell, Line, Table, faulty
-from interplan_sumo.report.why import why_zero
+from interplan_sumo.report.why import lost_points, why_lost
 
 LISTED = 20
 """So many faults, missing rows or zeros are listed on a terminal; the rest is counted."""
@@ -35,6 +35,16 @@ def as_json(table: Table, *, paper: bool = False, why: bool = False) -> dict[str
                 {"scenario_id": r["scenario_id"], "seed": r["seed"], **r["fault"]} for r in line.rows if r["fault"]
             ],
             "missing": [{"scenario_id": scenario, "seed": seed} for scenario, _, seed in line.missing],
+            "drives": [
+                {
+                    "scenario_id": r["scenario_id"],
+                    "family": r["family"],
+                    "seed": r["seed"],
+                    "score": _rounded(_percent(r)),
+                    "lost": lost_points(r),
+                }
+                for r in line.rows
+            ],
             "done": {c.key: [line.cells[c.key].done, line.cells[c.key].asked] for c in COLUMNS},
             "intervals": {
                 c.key: [_rounded(bound) for bound in interval]
@@ -43,7 +53,7 @@ def as_json(table: Table, *, paper: bool = False, why: bool = False) -> dict[str
             },
         }
         if why:
-            row["why"] = [{"scenario_id": r["scenario_id"], "seed": r["seed"], "reason": s} for r, s in zeros(line)]
+            row["why"] = [{"scenario_id": r["scenario_id"], "seed": r["seed"], "reason": s} for r, s in reasons(line)]
         rows.append(row)
     report: dict[str, Any] = {
         "suite": table.suite,
@@ -57,10 +67,9 @@ def as_json(table: Table, *, paper: bool = False, why: bool = False) -> dict[str
     return report
 
 
-def zeros(line: Line) -> list[tuple[Row, str]]:
-    """The rows with a score of zero or a fault, each with its sentence."""
-    found = [(row, why_zero(row)) for row in line.rows]
-    return [(row, sentence) for row, sentence in found if sentence is not None]
+def reasons(line: Line) -> list[tuple[Row, str]]:
+    """The rows with a fault, a score of zero or a lost gate, one sentence at a time."""
+    return [(row, sentence) for row in line.rows for sentence in why_lost(row)]
 
 
 def as_csv(table: Table, *, paper: bool = False) -> str:
@@ -122,7 +131,9 @@ def notes(table: Table, *, paper: bool = False) -> list[str]:
     return found
 
 
-def as_text(table: Table, *, width: int = 200, paper: bool = False, why: bool = False) -> RenderableType:
+def as_text(
+    table: Table, *, width: int = 200, paper: bool = False, why: bool = False, details: bool = False
+) -> RenderableType:
     """The table and its notes for a terminal of `width` characters; columns that no line has are left out."""
     parts: list[RenderableType] = [_grid(table, width, paper), *(Text(note) for note in notes(table, paper=paper))]
     faults = [f"{_name(row)}: {row['fault']['class']} fault: {row['fault']['message']}" for row in faulty(table.lines)]
@@ -132,11 +143,13 @@ def as_text(table: Table, *, width: int = 200, paper: bool = False, why: bool = 
         for scenario, planner, seed in line.missing
         if not any(row["fault"] and (row["scenario_id"], row["seed"]) == (scenario, seed) for row in line.rows)
     ]
-    reasons = [f"{_name(row)}: {sentence}" for line in table.lines for row, sentence in zeros(line)] if why else []
+    lost = [f"{_name(row)}: {sentence}" for line in table.lines for row, sentence in reasons(line)] if why else []
+    drives = [_drive(row) for line in table.lines for row in line.rows] if details else []
     for title, entries, limit in (
         ("Faults", faults, LISTED),
         ("Not run yet", missing, LISTED),
-        ("Why zero", reasons, 0),
+        ("Why: zeros and lost gates", lost, 0),
+        ("Every drive", drives, 0),
     ):
         if entries:
             parts.append(Text(f"\n{title} ({len(entries)})", style="bold"))
@@ -161,6 +174,18 @@ def _grid(table: Table, width: int, paper: bool) -> Grid:
         style = "dim" if upright and number >= ours else ""
         grid.add_row(*(Text(text, style=style) for text in row), end_section=upright and number == ours - 1)
     return grid
+
+
+def _drive(row: Row) -> str:
+    """One drive with its score and what cost points."""
+    score = _percent(row)
+    return (
+        f"{'-' if score is None else f'{score:.1f}':>5}  {_name(row)}: {'; '.join(lost_points(row)) or 'nothing lost'}"
+    )
+
+
+def _percent(row: Row) -> float | None:
+    return None if row["score"] is None else 100.0 * row["score"]
 
 
 def _name(row: Row) -> str:

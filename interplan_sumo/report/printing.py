@@ -14,14 +14,17 @@ from interplan_sumo.errors import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from interplan_sumo.report.compare import Comparison
     from interplan_sumo.report.progress import LiveProgress, PlainProgress
     from interplan_sumo.report.table import Table
 
 Form = Literal["text", "json", "csv", "markdown"]
 
 
-def print_table(table: Table, form: Form = "text", *, paper: bool = False, why: bool = False) -> None:
-    """The paper's table on stdout."""
+def print_table(
+    table: Table, form: Form = "text", *, paper: bool = False, why: bool = False, details: bool = False
+) -> None:
+    """The paper's table on stdout; `details` are for people, JSON has them anyway."""
     from interplan_sumo.report import formats
 
     match form:
@@ -33,7 +36,17 @@ def print_table(table: Table, form: Form = "text", *, paper: bool = False, why: 
             print(formats.as_markdown(table, paper=paper), end="")
         case "text":
             place = console()
-            place.print(formats.as_text(table, width=place.width, paper=paper, why=why))
+            place.print(formats.as_text(table, width=place.width, paper=paper, why=why, details=details))
+
+
+def print_comparison(found: Comparison, *, as_json: bool) -> None:
+    """A comparison of two runs on stdout."""
+    from interplan_sumo.report import compare_formats
+
+    if as_json:
+        print_json(compare_formats.comparison_json(found))
+    else:
+        console().print(compare_formats.comparison_text(found))
 
 
 def write_page(table: Table, path: Path, *, paper: bool = False) -> None:

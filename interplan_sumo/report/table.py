@@ -150,20 +150,22 @@ def make_table(runs: Sequence[StoredRun]) -> Table:
                     f"{run.path} has {what} {run.manifest[what]}, {first.path} has {first.manifest[what]}; "
                     "report them separately"
                 )
-    names = [_label(planner, run) for run in runs for planner in _planners(run)]
+    names = [planner_label(planner, run) for run in runs for planner in planners_of(run)]
     lines: list[Line] = []
     for run in runs:
-        for planner in _planners(run):
-            name = _label(planner, run)
+        for planner in planners_of(run):
+            name = planner_label(planner, run)
             lines.append(_line(run, planner, f"{name} ({run.path.name})" if names.count(name) > 1 else name))
     return Table(first.manifest["suite"], first.manifest["profile"], tuple(lines))
 
 
-def _planners(run: StoredRun) -> list[str]:
+def planners_of(run: StoredRun) -> list[str]:
+    """The planners that a run was asked for, in order."""
     return list(dict.fromkeys(planner for _, planner, _ in run.keys))
 
 
-def _label(planner: str, run: StoredRun) -> str:
+def planner_label(planner: str, run: StoredRun) -> str:
+    """A planner and how its traffic was changed, as tables name it."""
     overrides = run.manifest["overrides"]
     said = ", ".join(f"{key}={value.partition(' ')[0]}" for key, value in overrides.items())
     return f"{planner} [{said}]" if said else planner

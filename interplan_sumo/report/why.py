@@ -18,30 +18,30 @@ TITLES = {
 }
 
 
-def why_zero(row: Row) -> str | None:
-    """The sentence for a fault or for a score of zero: the first gate at zero; None if there is nothing to explain."""
+def why_lost(row: Row) -> list[str]:
+    """A sentence for the fault, for each gate that took points, or for a score of zero without any; else nothing."""
     if row["fault"]:
-        return _fault(row)
-    if row["score"] != 0.0:
-        return None
-    for name in row["gates"]:
-        if row["metrics"][name]["score"] == 0.0:
-            return _sentence(row, name)
-    return "every weighted metric is zero"
+        return [fault_sentence(row)]
+    lost = [metric_sentence(row, name) for name in row["gates"] if row["metrics"][name]["score"] < 1.0]
+    return lost or (["every weighted metric is zero"] if row["score"] == 0.0 else [])
 
 
 def lost_points(row: Row) -> list[str]:
     """A sentence for the fault, or for each judged metric below 1, gates first."""
     if row["fault"]:
-        return [_fault(row)]
-    return [_sentence(row, name) for name in (*row["gates"], *row["weights"]) if row["metrics"][name]["score"] < 1.0]
+        return [fault_sentence(row)]
+    return [
+        metric_sentence(row, name) for name in (*row["gates"], *row["weights"]) if row["metrics"][name]["score"] < 1.0
+    ]
 
 
-def _fault(row: Row) -> str:
+def fault_sentence(row: Row) -> str:
+    """Whose fault, and what happened."""
     return f"{row['fault']['class']} fault: {row['fault']['message']}"
 
 
-def _sentence(row: Row, name: str) -> str:
+def metric_sentence(row: Row, name: str) -> str:
+    """What a metric of the row says about the points it lost."""
     title = TITLES.get(name, name.replace("_", " "))
     reason = row["metrics"][name].get("reason")
     return f"{title}: {reason}" if reason else title

@@ -40,7 +40,7 @@ class AskewBodies:
         if self._names is names:
             turned_rad = np.abs(wrap_angle(heading_rad - self._heading_rad))
             turning = np.flatnonzero((turned_rad > TURNING_RAD) & (speed_mps < SLOW_MPS))
-            self._suspects.update(names[row] for row in turning)
+            self._suspects.update(names[int(row)] for row in turning)
         self._names, self._heading_rad = names, heading_rad
         return [row for row, name in enumerate(names) if name in self._suspects] if self._suspects else []
 

@@ -31,6 +31,7 @@ STRIP_M = 25.0
 """Length of the pieces that lanes are searched in."""
 HALF_PASSAGE_M = 1.15
 """A car on the centre line keeps clear of what stays this far from it: half its width and a hand's breadth more."""
+NOWHERE_M = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +131,17 @@ class Network:
         """Per strip the area that a car on the centre line sweeps, `HALF_PASSAGE_M` to both sides."""
         lines = [strip.line.linestring for strip in self.strips[0]]
         return np.asarray(shapely.buffer(lines, HALF_PASSAGE_M, cap_style="flat"))
+
+    @cached_property
+    def nowhere(self) -> tuple[float, float]:
+        """A point far from all lanes, yet within the 100 m in which SUMO insists on finding a road."""
+        points = np.concatenate([lane.line.points for lane in self.lanes.values()])
+        easternmost = points[points[:, 0].argmax()]
+        return float(easternmost[0]) + NOWHERE_M, float(easternmost[1])
+
+    def touches_lane(self, box: shapely.Polygon) -> bool:
+        """Whether a box in SUMO's frame reaches into any lane."""
+        return len(self.strips[1].query(box, predicate="intersects")) > 0
 
     def lanes_at(self, x_m: float, y_m: float) -> frozenset[str]:
         """Lanes that contain a point, in SUMO's frame."""

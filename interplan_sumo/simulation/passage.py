@@ -22,12 +22,12 @@ def reached(
     strips, tree = network.strips
     found: dict[str, tuple[float, float]] = {}
     for hit in np.sort(tree.query(box, predicate="intersects")):
-        strip = strips[hit]
+        strip = strips[int(hit)]
         lane = strip.lane
         if lane.internal or lane.id in besides:
             continue
-        part = shapely.intersection(network.passages[hit], box)
-        if part.area < _TOUCH_M2:
+        part = shapely.intersection(network.passages[int(hit)], box)
+        if shapely.area(part) < _TOUCH_M2:
             continue
         arcs, _ = strip.line.project(shapely.get_coordinates(part))
         start_m = lane.position_of(strip.start_m + float(arcs.min()))

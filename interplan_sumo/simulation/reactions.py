@@ -20,7 +20,7 @@ Nothing here knows SUMO: arrays and names in, decisions out.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
 from math import cos, sin
@@ -304,15 +304,11 @@ def yield_to(
         ]
         if not speeds_mps:
             continue
-        speed_mps = min(speeds_mps)
-        before = decided.get(agent.id)
-        overlap, reacting = (before.overlap, before.reacting) if before is not None else (0.0, False)
-        if before is not None and before.treatment is Treatment.IGNORE:
-            decided[agent.id] = replace(before, speed_mps=speed_mps)
-            continue
-        if before is not None and before.speed_mps is not None:
-            speed_mps = min(speed_mps, before.speed_mps)
-        decided[agent.id] = Decision(Treatment.IMPOSE, overlap, reacting, speed_mps)
+        before = decided.get(agent.id, Decision(Treatment.IMPOSE, 0.0, False))
+        if before.speed_mps is not None:
+            speeds_mps.append(before.speed_mps)
+        treatment = Treatment.IGNORE if before.treatment is Treatment.IGNORE else Treatment.IMPOSE
+        decided[agent.id] = Decision(treatment, before.overlap, before.reacting, min(speeds_mps))
     return decided
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import cos, degrees, inf, isfinite, pi, sin
+from math import cos, degrees, hypot, inf, isfinite, sin
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ import shapely
 from interplan_sumo.errors import TrafficError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation.anchor import Anchor, find_anchor
+from interplan_sumo.simulation.bodies import Bodies
 from interplan_sumo.simulation.network import Network
 from interplan_sumo.simulation.obstacles import Blockage
 from interplan_sumo.simulation.pedestrians import Crowd
@@ -118,7 +119,9 @@ class SumoTraffic:
         self._frozen: set[str] = set()
         self._anchor: Anchor | None = None
         self._ego_route = ego_route
+        self._strayed = False
         self._started = False
+        self._bodies = Bodies(DT_S)
         self._signals: Signals | None = None
         self._next_switch_s = 0.0
         command = [
@@ -132,7 +135,7 @@ class SumoTraffic:
         _is_open = True
         try:
             self._index_lights()
-            self._spawn(types, spawns, tokens)
+            self._spawn(types, spawns, tokens, blocked)
             self._block(blocked)
             if with_ego:
                 self._add_ego(ego)
@@ -155,7 +158,9 @@ class SumoTraffic:
 
     # --- set-up --------------------------------------------------------------------------------
 
-    def _spawn(self, types: VehicleTypes, spawns: tuple[Spawn, ...], tokens: tuple[str, ...]) -> None:
+    def _spawn(
+        self, types: VehicleTypes, spawns: tuple[Spawn, ...], tokens: tuple[str, ...], blocked: tuple[Blockage, ...]
+    ) -> None:
         drivers = {driver.id: self._as_loaded(driver) for driver in (*types.members, *types.others)}
         self._names = [f"a{i}" for i in range(len(spawns))]
         self._tokens = dict(zip(self._names, tokens, strict=True))
@@ -165,7 +170,7 @@ class SumoTraffic:
             for name, driver in self._drivers.items()
         }
         routes = {name: s.route for name, s in zip(self._names, spawns, strict=True)}
-        self._watch = Watch(self._network, self._origin, self._shape, self._drivers, routes, DT_S)
+        self._watch = Watch(self._network, self._origin, self._shape, self._drivers, routes, blocked, DT_S)
         for name, each in zip(self._names, spawns, strict=True):
             lane = self._network.lanes[each.lane]
             with _Commanding(f"vehicle.add of an agent of type {each.driver.id!r} on lane {each.lane}"):
@@ -305,16 +310,37 @@ class SumoTraffic:
         reach_m = self._shape.length_m / 2.0
         front = (x_m + reach_m * cos(heading_rad), y_m + reach_m * sin(heading_rad))
         anchor = find_anchor(self._network, front, heading_rad, self._anchor, self._ego_route)
+        if anchor is not None and not self._touches_road(ego, anchor):
+            anchor = None
         self._anchor = anchor
         with _Commanding(f"moveToXY of the ego to ({ego.x_m:.2f}, {ego.y_m:.2f})"):
             sumo.vehicle.setSpeed(EGO, max(0.0, speed_mps))
             if anchor is None:
-                sumo.vehicle.moveToXY(EGO, "", -1, *front, _navigation_deg(heading_rad), ANYWHERE)
+                sumo.vehicle.moveToXY(EGO, "", -1, *self._network.nowhere, 0.0, ANYWHERE)
+                self._strayed = True
                 return
             lane = self._network.lanes[anchor.lane]
             angle_deg = _navigation_deg(anchor.heading_rad)
-            keep = KEEP_ROUTE if anchor.on_route else ANYWHERE
+            keep = KEEP_ROUTE if anchor.on_route and self._is_on_route() else ANYWHERE
+            self._strayed = keep is ANYWHERE
             sumo.vehicle.moveToXY(EGO, lane.edge, lane.index, anchor.x_m, anchor.y_m, angle_deg, keep)
+
+    def _is_on_route(self) -> bool:
+        """Whether SUMO's ego has its route; wherever it is put beside it, SUMO gives it another."""
+        if not self._strayed:
+            return True
+        edge = sumo.vehicle.getRoute(EGO)[sumo.vehicle.getRouteIndex(EGO)]
+        if edge not in self._ego_route or sumo.vehicle.getRoadID(EGO).startswith(":"):
+            return False  # SUMO takes no new route inside a junction
+        sumo.vehicle.setRoute(EGO, self._ego_route[self._ego_route.index(edge) :])
+        return True
+
+    def _touches_road(self, ego: EgoState, anchor: Anchor) -> bool:
+        """Off the road nobody minds the ego, so SUMO must not see it either."""
+        near_m = hypot(anchor.x_m - ego.x_m + self._origin[0], anchor.y_m - ego.y_m + self._origin[1])
+        if near_m < self._shape.length_m / 2.0:  # an anchor under the box
+            return True
+        return self._network.touches_lane(shapely.Polygon(ego.corners(self._shape) - self._origin))
 
     def advance(self) -> None:
         with _Commanding("simulationStep"):
@@ -325,6 +351,7 @@ class SumoTraffic:
         self._started = True
         if arrived:
             gone = set(arrived)
+            self._bodies.keep([name not in gone for name in self._present])
             self._present = [name for name in self._present if name not in gone]
             self._index_present()
             for name in gone:
@@ -343,10 +370,9 @@ class SumoTraffic:
             fronts = [position(name) for name in self._present]
             angles = [vehicle.getAngle(name) for name in self._present]
             speeds = [vehicle.getSpeed(name) for name in self._present]
-        front = np.array(fronts, dtype=np.float64).reshape(-1, 2)
-        self._front_x, self._front_y = front[:, 0], front[:, 1]
-        self._heading_rad = (pi / 2.0 - np.radians(angles) + pi) % (2.0 * pi) - pi
-        self._speed_mps = np.array(speeds)
+        self._bodies.move(fronts, angles, speeds)
+        self._front_x, self._front_y = self._bodies.front_m.T
+        self._heading_rad, self._speed_mps = self._bodies.heading_rad, self._bodies.speed_mps
 
     def _read_signals(self) -> Signals:
         """The lights; asked for only when one of them may have switched."""

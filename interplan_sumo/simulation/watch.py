@@ -1,4 +1,4 @@
-"""Watch: which agents the ego, the pedestrians and askew bodies concern, and what each does about them, step after step."""
+"""Watch: whom the ego, pedestrians and askew bodies concern, and what each does about them, step after step."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from interplan_sumo.simulation import reactions
 from interplan_sumo.simulation.anchor import Anchor
 from interplan_sumo.simulation.askew import AskewBodies
 from interplan_sumo.simulation.network import Network
+from interplan_sumo.simulation.obstacles import Blockage
 from interplan_sumo.simulation.reactions import Agent, Attention, Cover, Decision, EgoOnNetwork, Treatment
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import EgoShape, EgoState
@@ -60,6 +61,7 @@ class Watch:
         shape: EgoShape,
         drivers: Mapping[str, VehicleType],
         routes: Mapping[str, tuple[str, ...]],
+        blocked: Sequence[Blockage],
         dt_s: float,
     ) -> None:
         self._network = network
@@ -67,6 +69,7 @@ class Watch:
         self._shape = shape
         self._drivers = drivers
         self._routes = routes
+        self._blocked = blocked
         self._dt_s = dt_s
         self._anticipations_s = tuple(sorted({driver.anticipation_s for driver in drivers.values()} - {0.0}))
         self._corridors: dict[str, tuple[str, dict[str, float]]] = {}
@@ -74,10 +77,11 @@ class Watch:
         self._memory: dict[str, Attention] = {}
         self._treated: set[str] = set()
         self._askew = AskewBodies(network, drivers)
+        self._pierced_lane: str | None = None
         self._calm: EgoOnNetwork | None = None
         self._at_start = True
         self._known_names: Sequence[str] = ()
-        self._known_numbers = np.zeros((4, 0))
+        self._known_numbers = np.zeros((5, 0))
 
     def _follow(self, driving: Driving) -> None:
         """Note on which SUMO lane each agent is now."""
@@ -114,6 +118,7 @@ class Watch:
         suspects = self._askew.suspects(driving.names, driving.heading_rad, driving.speed_mps)
         calm = on_network.alone and ego.speed_mps >= 0.0
         calm = calm and not (walked or suspects or self._treated or self._at_start)
+        calm = calm and not self._pierces(driving, anchor)
         if calm:  # everyone behind follows the ego, as SUMO does by itself; caught up with when that ends
             self._calm = on_network
             return Verdict({}, straddles=False)
@@ -122,9 +127,9 @@ class Watch:
         lanes = [self._corridors[name][0] for name in driving.names] if suspects else ()
         things += self._askew.covers(suspects, lanes, driving.front_x, driving.front_y, driving.speed_mps)
         if self._calm is not None:
-            self._decide(self._calm, {}, (), driving, ego)
+            self._decide(self._calm, {}, (), driving, ego, anchor)
             self._calm = None
-        decisions = self._decide(on_network, ahead, things, driving, ego)
+        decisions = self._decide(on_network, ahead, things, driving, ego, anchor)
         self._at_start = False
         for name in self._treated - decisions.keys():
             decisions[name] = LEAVE
@@ -144,6 +149,7 @@ class Watch:
         things: Sequence[tuple[str, Mapping[str, Cover]]],
         driving: Driving,
         ego: EgoState,
+        anchor: Anchor | None,
     ) -> dict[str, Decision]:
         """What each agent that the ego or one of `things` may concern does about it."""
         concerned: set[str] = set()
@@ -162,7 +168,58 @@ class Watch:
             rows = sorted([*rows, *(row for row, name in enumerate(driving.names) if name in known)])
         agents = [self._agent(driving, row) for row in rows]
         decisions = reactions.decide(agents, on_network, ahead, self._memory, self._dt_s, at_start=self._at_start)
-        return reactions.yield_to(agents, things, decisions, self._dt_s) if things else decisions
+        if things:
+            decisions = reactions.yield_to(agents, things, decisions, self._dt_s)
+        pierces = self._pierces(driving, anchor)
+        blind = [
+            each
+            for each in agents
+            if each.id in decisions and (pierces or decisions[each.id].treatment is Treatment.IGNORE)
+        ]
+        return reactions.yield_to(blind, self._ahead(blind, driving), decisions, self._dt_s) if blind else decisions
+
+    def _ahead(self, agents: Sequence[Agent], driving: Driving) -> list[tuple[str, dict[str, Cover]]]:
+        """Everyone and every obstacle in the corridors of agents.
+
+        SUMO's drivers know the nearest vehicle ahead only: whoever is told to
+        overlook the ego overlooks what lies behind it, too, and whoever
+        follows an ego that passes others too closely would follow it through them.
+        """
+        lanes = {lane for agent in agents for lane in agent.corridor}
+        found: list[tuple[str, dict[str, Cover]]] = []
+        for row, name in enumerate(driving.names):
+            lane, _ = self._corridors[name]
+            if lane in lanes:
+                front_m = driving.position_m(name)
+                rear_m = front_m - self._drivers[name].length_m
+                found.append((name, {lane: Cover(0.0, rear_m, front_m, float(driving.speed_mps[row]))}))
+        found += [("", {b.lane: Cover(0.0, b.start_m, b.end_m, 0.0)}) for b in self._blocked if b.lane in lanes]
+        return found
+
+    def _pierces(self, driving: Driving, anchor: Anchor | None) -> bool:
+        """Whether SUMO's ego, a car at the anchor, stands in an agent or in an obstacle, or has on this lane.
+
+        SUMO keeps the order of the cars on a lane: whom the ego has passed
+        through stays hidden behind it until the ego gets to another lane.
+        """
+        if anchor is None or anchor.lane != self._pierced_lane:
+            self._pierced_lane = None
+        if anchor is None:
+            return False
+        if self._pierced_lane is None and self._stands_in_somebody(driving, anchor):
+            self._pierced_lane = anchor.lane
+        return self._pierced_lane is not None
+
+    def _stands_in_somebody(self, driving: Driving, anchor: Anchor) -> bool:
+        length_m = self._shape.length_m
+        rear_m = anchor.position_m - length_m
+        if any(b.lane == anchor.lane and b.start_m < anchor.position_m and rear_m < b.end_m for b in self._blocked):
+            return True
+        cosine, sine = cos(anchor.heading_rad), sin(anchor.heading_rad)
+        dx, dy = driving.front_x - anchor.x_m, driving.front_y - anchor.y_m
+        along_m, across_m = cosine * dx + sine * dy, cosine * dy - sine * dx
+        beside = np.abs(across_m) < self._shape.width_m
+        return bool((beside & (along_m > -length_m) & (along_m < self._numbers(driving.names)[4])).any())
 
     def _within_reach(self, driving: Driving, ego: EgoState) -> list[int]:
         """Rows of the agents whom the ego, were it their leader, would make brake noticeably."""
@@ -177,7 +234,7 @@ class Watch:
         return np.flatnonzero(dx * dx + dy * dy <= reach_m * reach_m).tolist()
 
     def _numbers(self, names: Sequence[str]) -> Floats:
-        """(4, N) standstill gap, headway, 1 / (2 sqrt(a b)), and gap at which braking is noticeable per wished gap."""
+        """(5, N) standstill gap, headway, 1 / (2 sqrt(a b)), noticeable per wished gap, length."""
         if self._known_names is not names:
             drivers = [self._drivers[name] for name in names]
             self._known_names = names
@@ -187,6 +244,7 @@ class Watch:
                     [d.tau_s for d in drivers],
                     [0.5 / sqrt(d.accel_mps2 * d.decel_mps2) for d in drivers],
                     [sqrt(d.accel_mps2 / NOTICEABLE_MPS2) for d in drivers],
+                    [d.length_m for d in drivers],
                 ]
             )
         return self._known_numbers

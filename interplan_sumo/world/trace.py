@@ -14,7 +14,8 @@ planners never see it. `plan_wall_s` is a measurement and not hashed.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
@@ -293,31 +294,47 @@ class Trace:
 
     @classmethod
     def read(cls, folder: Path, shape: EgoShape = PACIFICA) -> Trace:
-        """Read what `write` wrote; InputError names a file that is missing or damaged."""
-        tables: dict[str, pd.DataFrame] = {}
-        for name in ("ego", "actors", "signals", "plans"):
-            path = folder / f"{name}.parquet"
-            try:
-                tables[name] = pd.read_parquet(path)
-            except Exception as error:
-                raise InputError(f"cannot read {path}: {error}; run the job again to write it anew") from error
-        ego_table = tables["ego"]
+        """Read what `write` wrote; InputError names a file that is missing, damaged, foreign or of another version."""
+        ego_table = _read_table(folder, "ego", EGO_COLUMNS)
+        actor_rows = _read_table(folder, "actors", ACTOR_COLUMNS)
+        signal_rows = _read_table(folder, "signals", SIGNAL_COLUMNS)
+        plan_rows = _read_table(folder, "plans", PLAN_COLUMNS)
         frames = len(ego_table)
-        code = {s.name: int(s) for s in SignalStatus}
-        signal_rows = tables["signals"]
-        split = np.searchsorted(signal_rows["frame"].to_numpy(), np.arange(frames + 1))
-        connectors = signal_rows["lane_connector_id"].astype(str).to_numpy(object)
-        status = np.array([code[s] for s in signal_rows["status"]], dtype=np.int8)
-        plan_rows = tables["plans"]
-        plan_frame = plan_rows["frame"].to_numpy()
-        plan_split = np.searchsorted(plan_frame, np.arange(int(plan_frame[-1]) + 2 if len(plan_frame) else 1))
-        columns = [plan_rows[n].to_numpy(np.float64) for n in ("time_us", "x", "y", "heading")]
-        wall = ego_table["plan_wall_s"].to_numpy(np.float64)
-        return cls(
-            EgoTrack.from_frame(ego_table, shape),
-            ActorTable.from_frame(tables["actors"], frames),
-            tuple(Signals(tuple(connectors[a:b]), status[a:b]) for a, b in pairwise(split)),
-            tuple(Trajectory(columns[0][a:b] * 1e-6, *(c[a:b] for c in columns[1:])) for a, b in pairwise(plan_split)),
-            wall[np.isfinite(wall)],
-            shape,
-        )
+        with _blamed(folder, "ego"):
+            ego = EgoTrack.from_frame(ego_table, shape)
+            wall = ego_table["plan_wall_s"].to_numpy(np.float64)
+        with _blamed(folder, "actors"):
+            actors = ActorTable.from_frame(actor_rows, frames)
+        with _blamed(folder, "signals"):
+            code = {s.name: int(s) for s in SignalStatus}
+            split = np.searchsorted(signal_rows["frame"].to_numpy(), np.arange(frames + 1))
+            connectors = signal_rows["lane_connector_id"].astype(str).to_numpy(object)
+            status = np.array([code[s] for s in signal_rows["status"]], dtype=np.int8)
+            signals = tuple(Signals(tuple(connectors[a:b]), status[a:b]) for a, b in pairwise(split))
+        with _blamed(folder, "plans"):
+            plan_frame = plan_rows["frame"].to_numpy()
+            plan_split = np.searchsorted(plan_frame, np.arange(int(plan_frame[-1]) + 2 if len(plan_frame) else 1))
+            columns = [plan_rows[n].to_numpy(np.float64) for n in PLAN_COLUMNS[1:]]
+            plans = tuple(
+                Trajectory(columns[0][a:b] * 1e-6, *(c[a:b] for c in columns[1:])) for a, b in pairwise(plan_split)
+            )
+        return cls(ego, actors, signals, plans, wall[np.isfinite(wall)], shape)
+
+
+def _read_table(folder: Path, name: str, columns: Sequence[str]) -> pd.DataFrame:
+    with _blamed(folder, name):
+        table = pd.read_parquet(folder / f"{name}.parquet")
+        absent = [column for column in columns if column not in table]
+        if absent:
+            raise ValueError(f"no trace of this version, it lacks the columns {', '.join(absent)}")
+    return table
+
+
+@contextmanager
+def _blamed(folder: Path, name: str) -> Generator[None]:
+    """Whatever a file holds instead of a table of a trace becomes an InputError that names it."""
+    try:
+        yield
+    except Exception as error:
+        said = f"unknown value {error}" if isinstance(error, KeyError) else str(error)
+        raise InputError(f"cannot read {folder / name}.parquet: {said}; run the job again to write it anew") from error

@@ -192,7 +192,7 @@ def test_a_planners_fault_stays_a_zero_under_any_profile(tmp_path: Path) -> None
     assert [row["score"] for row in again.rows.values()] == [0.0]
 
 
-@pytest.mark.parametrize("damage", ["missing", "truncated", "foreign"])
+@pytest.mark.parametrize("damage", ["missing", "truncated", "of another drive", "foreign", "older"])
 def test_a_damaged_trace_is_named_and_the_rest_is_scored(damage: str, official: StoredRun, tmp_path: Path) -> None:
     stored = copied(official, tmp_path / "run")
     first, *others = stored.rows.values()
@@ -202,6 +202,10 @@ def test_a_damaged_trace_is_named_and_the_rest_is_scored(damage: str, official: 
     elif damage == "truncated":
         content = (place / "actors.parquet").read_bytes()
         (place / "actors.parquet").write_bytes(content[: len(content) // 2])
+    elif damage == "foreign":
+        pd.DataFrame({"frame": [0], "what": ["no trace"]}).to_parquet(place / "plans.parquet")
+    elif damage == "older":
+        pd.read_parquet(place / "ego.parquet").drop(columns=["center_x"]).to_parquet(place / "ego.parquet")
     else:
         shutil.rmtree(place)
         shutil.copytree(stored.path / others[0]["trace"], place)
@@ -210,6 +214,16 @@ def test_a_damaged_trace_is_named_and_the_rest_is_scored(damage: str, official: 
     assert str(place) in problems[0]
     assert len(again.rows) == len(stored.rows) - 1
     assert len(again.missing) == 1
+
+
+def test_a_line_of_an_older_version_is_named_and_the_rest_is_scored(official: StoredRun) -> None:
+    key, row = next(iter(official.rows.items()))
+    older = {name: value for name, value in row.items() if name != "trace_hash"}
+    again, problems = rescore(replace(official, rows=official.rows | {key: older}), "interplan-paper")
+    assert len(problems) == 1
+    assert "results.jsonl: the line of" in problems[0]
+    assert "has no trace_hash" in problems[0]
+    assert len(again.rows) == len(official.rows) - 1
 
 
 def test_a_scenario_that_has_changed_since_is_not_scored(official: StoredRun) -> None:

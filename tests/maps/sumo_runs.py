@@ -68,7 +68,8 @@ class TrafficRun:
 
     @property
     def without_cause(self) -> tuple[Braking, ...]:
-        return tuple(b for b in self.brakings if b.cause == "none")
+        """Hard brakings at junctions for which there is no reason."""
+        return tuple(b for b in self.brakings if b.cause == "none" and b.at_junction)
 
 
 @dataclass(frozen=True, slots=True)

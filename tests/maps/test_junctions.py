@@ -128,12 +128,6 @@ def test_a_turn_across_yields_to_oncoming_traffic_on_the_same_road() -> None:
         assert meeting.yields[row(meeting, "13", "24"), row(meeting, "11", "24")]
 
 
-def test_under_a_light_the_cross_street_lets_a_waiting_turn_clear_the_junction() -> None:
-    meeting = only_junction(crossing(lit=True))
-    assert meeting.yields[row(meeting, "12", "24"), row(meeting, "13", "24")]
-    assert meeting.yields[row(meeting, "14", "22"), row(meeting, "13", "24")]
-
-
 def test_a_way_past_the_light_yields_to_those_under_it() -> None:
     roads = crossing(lit=True)
     slip = next(c for c in roads.connectors.values() if (c.from_lane_id, c.to_lane_id) == ("130", "220"))

@@ -190,14 +190,24 @@ def test_an_all_way_stop_is_one(tmp_path: Path) -> None:
     assert next(j.get("type") for j in root.iterfind("junction") if j.get("id") == "I900") == "allway_stop"
 
 
-def test_turns_across_wait_inside_the_junction_and_others_at_the_line(tmp_path: Path) -> None:
-    files = converted(crossing(lit=True), tmp_path)
-    ids = NetworkIds.read(files.ids)
+def test_every_connector_is_one_lane_of_the_network(tmp_path: Path) -> None:
     roads = crossing(lit=True)
-    for connector in roads.connectors.values():
-        across = {("110", "220"), ("120", "230"), ("130", "240"), ("140", "210")}
-        waits = (connector.from_lane_id, connector.to_lane_id) in across
-        assert len(ids.pieces[connector.id]) == (2 if waits else 1)
+    ids = NetworkIds.read(converted(roads, tmp_path).ids)
+    assert {len(ids.pieces[connector]) for connector in roads.connectors} == {1}
+
+
+def test_paths_that_brush_past_each_other_are_told_to_sumo(tmp_path: Path) -> None:
+    groups = {
+        "1": [straight((-60, 0), (-10, 0))], "2": [straight((10, 0), (60, 0))],
+        "3": [straight((60, 1.5), (10, 1.5))], "4": [straight((-10, 1.5), (-60, 1.5))],
+    }  # fmt: skip
+    root = document(converted(small_roads(groups, [Ways("1", "2"), Ways("3", "4")]), tmp_path))
+    told = {
+        (c.attrib["from"], f.attrib["from"], float(f.attrib["startPos"]), float(f.attrib["endPos"]))
+        for c in root.iterfind("connection")
+        for f in c.iterfind("conflict")
+    }
+    assert told == {("1", "3", 0.0, 20.0), ("3", "1", 0.0, 20.0)}
 
 
 def test_oncoming_inner_lanes_know_each_other(tmp_path: Path) -> None:
@@ -235,8 +245,9 @@ def test_what_netconvert_says_is_passed_on() -> None:
         network(files, left_hand=False)
 
 
-def test_two_connectors_between_the_same_lanes_leave_one_missing(tmp_path: Path) -> None:
-    roads = WORLDS["crossing"]
+@pytest.mark.parametrize("name", ["crossing", "crossing with lights"])
+def test_two_connectors_between_the_same_lanes_leave_one_missing(name: str, tmp_path: Path) -> None:
+    roads = WORLDS[name]
     twin = replace(next(iter(roads.connectors.values())), id="99999")
     block = roads.roadblocks[twin.roadblock_id]
     blocks = {**roads.roadblocks, block.id: replace(block, lane_ids=(*block.lane_ids, "99999"))}

@@ -29,8 +29,8 @@ GOLDEN = golden_values.GOLDEN / "nuplan_metrics"
 Json = dict[str, Any]
 
 
-def case_folders() -> list[Path]:
-    return sorted(path.parent for path in GOLDEN.glob("cases/*/case.json"))
+def case_folders(golden: Path = GOLDEN) -> list[Path]:
+    return sorted(path.parent for path in golden.glob("cases/*/case.json"))
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Case:
 
 
 @cache
-def roads_of(file: str) -> Roads:
-    return read_map(GOLDEN / file)
+def roads_of(file: Path) -> Roads:
+    return read_map(file)
 
 
 def read_case(folder: Path) -> Case:
@@ -60,7 +60,7 @@ def read_case(folder: Path) -> Case:
         tracks = pd.read_csv(folder / "tracks.csv.gz", dtype={"track_token": str})
         actors = ActorTable.from_frame(tracks, len(ego), keep_order=True)
     trace = Trace(ego, actors, (Signals.none(),) * len(ego), (), np.zeros(0), shape)
-    facts = Facts(trace, roads_of(about["map"]["file"]), expert)
+    facts = Facts(trace, roads_of(folder.parents[1] / about["map"]["file"]), expert)
     expected = json.loads((folder / "expected.json").read_text())
     return Case(folder, about, expected, facts, score_facts(facts, "nuplan"))
 

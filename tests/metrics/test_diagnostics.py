@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.metrics.diagnostics import diagnostics, distances_m
-from interplan_sumo.metrics.followers import hardest_braking
+from interplan_sumo.metrics.followers import LARGEST_ANGLE_RAD, LONGEST_GAP_M, hardest_braking
 from interplan_sumo.world.actors import Actors
 from tests.metrics.staging import drive_at, facts_of
 from tests.worlds import cars, drive, straight_road
@@ -60,11 +60,18 @@ def test_a_rear_end_ahead_of_time_is_seen():
     assert detail(faster_behind)["time_to_collision_s"]["least"] == pytest.approx(3.0)
 
 
-def test_standing_time_counts_the_steps_that_end_at_rest():
-    assert detail(None, x_m=np.full(31, 50.0), speed_mps=[*[5.0] * 11, *[0.05] * 20])["standing_s"] == pytest.approx(
-        2.0
-    )
-    assert detail(None, x_m=np.full(31, 50.0), speed_mps=0.0501)["standing_s"] == 0.0
+def test_waiting_counts_the_steps_that_end_at_rest():
+    waited = detail(None, x_m=np.full(31, 50.0), speed_mps=[*[5.0] * 11, *[0.05] * 20])["waiting"]
+    assert waited["total_s"] == pytest.approx(2.0)
+    assert waited["longest"] == pytest.approx({"duration_s": 2.0, "time_s": 1.0})
+    assert detail(None, x_m=np.full(31, 50.0), speed_mps=0.0501)["waiting"] == {"total_s": 0.0, "longest": None}
+
+
+def test_the_longest_of_several_waits_is_named():
+    speeds = [*[0.0] * 5, *[3.0] * 5, *[0.0] * 8, *[3.0] * 3]
+    waited = detail(None, x_m=np.full(21, 50.0), speed_mps=speeds)["waiting"]
+    assert waited["total_s"] == pytest.approx(1.2)
+    assert waited["longest"] == pytest.approx({"duration_s": 0.8, "time_s": 0.9})
 
 
 def test_planner_times_are_summed_up():
@@ -95,6 +102,25 @@ def test_the_hardest_braking_of_a_follower_is_named():
     assert found["deceleration_mps2"] == pytest.approx(4.0)
     assert found["time_s"] == pytest.approx(0.2)
     assert found["gap_m"] == pytest.approx(20.0 - CONTACT_M)
+
+
+@pytest.mark.parametrize(("gap_m", "follows"), [(LONGEST_GAP_M - 0.1, True), (LONGEST_GAP_M + 0.1, False)])
+def test_a_follower_is_near(gap_m: float, follows: bool):
+    x_m = 50.0 - CONTACT_M - gap_m
+    assert (braking([cars((x_m, 0.0, speed)) for speed in (10.0, 9.0)]) is not None) == follows
+
+
+@pytest.mark.parametrize(("off_rad", "follows"), [(-0.01, True), (0.01, False)])
+def test_a_follower_drives_in_the_direction_of_the_ego(off_rad: float, follows: bool):
+    turned = LARGEST_ANGLE_RAD + off_rad
+    place = (50.0 - 15.0 * np.cos(turned), -15.0 * np.sin(turned))
+    assert (braking([cars((*place, speed, turned)) for speed in (10.0, 9.0)]) is not None) == follows
+
+
+@pytest.mark.parametrize(("more_m", "follows"), [(-0.01, True), (0.01, False)])
+def test_a_follower_has_some_of_the_ego_in_its_way(more_m: float, follows: bool):
+    y_m = (2.297 + 2.0) / 2 + more_m
+    assert (braking(behind(10.0, 9.0, y_m=y_m)) is not None) == follows
 
 
 def test_only_a_follower_counts():

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from interplan_sumo.metrics.facts import Facts
+from interplan_sumo.metrics.progress import nuplan_progress
 from interplan_sumo.metrics.score import ScoreSheet, score
-from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import Pose
-from interplan_sumo.world.trace import ActorTable, Trace
-from tests.metrics.golden_metrics import GOLDEN, Case, read_case
+from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
+from tests.golden_values import SHIPPED
+from tests.metrics.golden_metrics import Case, case_folders, read_case
 from tests.metrics.staging import (
     Move,
     mirror,
@@ -26,13 +30,16 @@ from tests.metrics.staging import (
 )
 from tests.worlds import cars, drive, straight_road
 
+STORED = SHIPPED / "nuplan_metrics"
+RUNS = tuple(folder.name for folder in case_folders(STORED) if folder.name.startswith("run_"))
+"""Closed-loop drives of planners."""
 DRIVES = ("run_cross_simple_replay", "run_curve_pdm_reactive", "coll_many_in_one_run", "assoc_cut_the_corner")
 
 cached_case = cache(read_case)
 
 
 def golden(name: str) -> Case:
-    return cached_case(GOLDEN / "cases" / name)
+    return cached_case(STORED / "cases" / name)
 
 
 def scores(sheet: ScoreSheet) -> dict[str, float | None]:
@@ -41,6 +48,25 @@ def scores(sheet: ScoreSheet) -> dict[str, float | None]:
 
 def same(sheet: ScoreSheet, other: ScoreSheet) -> bool:
     return scores(sheet) == pytest.approx(scores(other), abs=1e-6)
+
+
+def figures(sheet: ScoreSheet) -> dict[str, Any]:
+    """Every score and every figure behind it by name; texts and truths as they are."""
+    found: dict[str, Any] = {}
+
+    def collect(name: str, value: Any) -> None:
+        match value:
+            case dict():
+                for key, part in value.items():
+                    collect(f"{name}.{key}", part)
+            case list():
+                for number, part in enumerate(value):
+                    collect(f"{name}.{number}", part)
+            case _:
+                found[name] = value
+
+    collect("", sheet.as_json())
+    return {name: value for name, value in found.items() if not name.endswith(".reason")}
 
 
 def rescored(case: Case, move: Move, *, mirrored: bool = False) -> ScoreSheet:
@@ -60,7 +86,8 @@ def test_turning_and_shifting_the_world_changes_no_score(name: str, angle: float
     case = golden(name)
     origin = case.facts.centre[0]
     turn = rotation(angle, (0.0, 0.0))
-    assert same(rescored(case, lambda xy: turn(xy - origin) + origin + shift), case.sheet)
+    moved = rescored(case, lambda xy: turn(xy - origin) + origin + shift)
+    assert figures(moved) == pytest.approx(figures(case.sheet), abs=1e-6)
 
 
 @pytest.mark.parametrize("name", [*DRIVES, "lht_ramp_merge", "vehicle_bus_left_turn"])
@@ -86,12 +113,43 @@ def with_another(trace: Trace, other: Actors) -> Trace:
     return replace(trace, actors=ActorTable(frame=frame, starts=np.concatenate(([0], np.cumsum(counts))), **columns))
 
 
-@pytest.mark.parametrize("bearing", [0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
-def test_an_actor_out_of_reach_changes_nothing(bearing: float):
+@settings(max_examples=12, deadline=None)
+@given(
+    bearing=st.floats(-np.pi, np.pi),
+    distance_m=st.floats(400.0, 1e4),
+    speed_mps=st.floats(0.0, 30.0),
+    heading=st.floats(-np.pi, np.pi),
+    kind=st.sampled_from(ActorKind),
+)
+def test_an_actor_out_of_reach_changes_nothing(
+    bearing: float, distance_m: float, speed_mps: float, heading: float, kind: ActorKind
+):
     case = golden("run_curve_pdm_reactive")
-    x, y = case.facts.centre[0] + 400.0 * np.array([np.cos(bearing), np.sin(bearing)])
-    crowded = with_another(case.facts.trace, cars((float(x), float(y), 5.0), prefix="far"))
+    x, y = case.facts.centre[0] + distance_m * np.array([np.cos(bearing), np.sin(bearing)])
+    far = cars((float(x), float(y), speed_mps, heading), kind=kind, prefix="far")
+    crowded = with_another(case.facts.trace, far)
     assert scores(score(crowded, case.facts.roads, case.facts.expert, profile="nuplan")) == scores(case.sheet)
+
+
+def at_pace(case: Case, pace: float) -> Trace:
+    """The ego on its stored way at another pace: in frame k it is where it was in frame k times the pace."""
+    ego = case.facts.trace.ego
+    frames = np.minimum((np.arange(len(ego)) * pace).astype(np.int64), len(ego) - 1)
+    columns = {c.name: getattr(ego, c.name)[frames] for c in fields(EgoTrack) if c.name != "time_us"}
+    return replace(case.facts.trace, ego=EgoTrack(ego.time_us, **columns))
+
+
+@pytest.mark.parametrize("name", RUNS)
+@settings(max_examples=5, deadline=None)
+@given(pace=st.floats(0.0, 1.5), more=st.floats(0.0, 1.5))
+def test_faster_is_never_less_progress_on_the_stored_way(name: str, pace: float, more: float):
+    case = golden(name)
+    slower, faster = (
+        nuplan_progress(Facts(at_pace(case, p), case.facts.roads, case.facts.expert)) for p in (pace, pace + more)
+    )
+    assert faster.score is not None
+    assert slower.score is not None
+    assert faster.score >= slower.score - 1e-6
 
 
 @pytest.mark.parametrize("name", ["run_cross_simple_replay", "coll_many_in_one_run"])

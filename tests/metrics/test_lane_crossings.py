@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from interplan_sumo.metrics.lane_crossings import Crossing, find_crossings, lane_crossings
 from tests.metrics.staging import drive_at, facts_of, lane_y_m
@@ -41,3 +42,14 @@ def test_a_drive_across_two_lanes_is_counted():
     result = lane_crossings(facts_of(drive_at(20.0 + np.arange(20.0), y_m), ROAD))
     assert result.score is None
     assert (result.detail["count"], result.detail["failed_share"]) == (1, 0.0)
+
+
+@pytest.mark.parametrize(("failed", "within"), [(3, True), (4, False)])
+def test_three_failures_in_ten_are_within_nuplans_bound(failed: int, within: bool):
+    body: list[frozenset[str] | None] = [ONE]
+    for number in range(10):
+        body += [ASTRIDE, body[-1] if number < failed else TWO if body[-1] == ONE else ONE]
+    facts = facts_of(drive_at(20.0 + np.arange(float(len(body)))), ROAD)
+    facts.__dict__["body_lanes"] = tuple(body)  # where the body is said to be, instead of a drive that long
+    detail = lane_crossings(facts).detail
+    assert (detail["count"], detail["failed_share_within"]) == (10, within)

@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.metrics.collisions import STOPPED_MPS
+from interplan_sumo.metrics.comfort import BOUNDS
+from interplan_sumo.metrics.drivable_area import TOLERANCE_M
+from interplan_sumo.metrics.driving_direction import FORBIDDEN_M, TOLERATED_M
 from interplan_sumo.metrics.facts import Facts
+from interplan_sumo.metrics.followers import LONGEST_GAP_M
+from interplan_sumo.metrics.manoeuvres import REACH_M
+from interplan_sumo.metrics.progress import FLOOR_M, LEAST_RATIO
+from interplan_sumo.metrics.published import UNKNOWN_START_SCORE
 from interplan_sumo.metrics.result import MetricResult, plain
 from interplan_sumo.metrics.score import PROFILES, SCORING_VERSION, Gate, score, score_facts, weighted_score
+from interplan_sumo.metrics.speed_limit import OVERSPEED_SCALE_MPS
+from interplan_sumo.metrics.time_to_collision import LEAST_S
 from interplan_sumo.scenario.scenario import LanePlace, Obstacle, Scenario
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import Pose
@@ -161,3 +172,57 @@ def test_a_term_that_cannot_be_judged_leaves_the_mean(monkeypatch: pytest.Monkey
     sheet = score_facts(facts_of(), "nuplan")
     assert "driving_direction" not in sheet.gates
     assert sheet.score == 1.0
+
+
+CONDITIONS = {
+    "always": "",
+    "with_obstacles": " (with obstacles)",
+    "free_lane": " (lane free)",
+    "blocked_lane": " (lane blocked)",
+}
+DOCS = Path(__file__).parents[2] / "docs" / "metrics.md"
+
+
+def documented_table() -> list[str]:
+    """The table of gates and weights in Markdown, as PROFILES has it."""
+    names = dict.fromkeys(term.name for profile in PROFILES.values() for term in profile.terms)
+    lines = [f"| metric | {' | '.join(f'`{name}`' for name in PROFILES)} |", "|---" * (len(PROFILES) + 1) + "|"]
+    for name in names:
+        cells: list[str] = []
+        for profile in PROFILES.values():
+            terms = [term for term in profile.terms if term.name == name]
+            kinds = ["gate" if isinstance(term, Gate) else f"weight {term.weight:g}" for term in terms]
+            said = [kind + CONDITIONS[term.judged.__name__] for kind, term in zip(kinds, terms, strict=True)]
+            cells.append(", ".join(said) or "-")
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return lines
+
+
+def test_the_documented_table_is_the_one_that_scores():
+    assert "\n".join(documented_table()) in DOCS.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "number",
+    [
+        f"{STOPPED_MPS:g} m/s",
+        f"{TOLERANCE_M:g} m or more",
+        f"below {TOLERATED_M:g} m scores 1, below {FORBIDDEN_M:g} m 0.5",
+        f"ratio below is at least {LEAST_RATIO:g}",
+        f"both at least {FLOOR_M:g} m",
+        f"more than {LEAST_S:g} s",
+        f"mean overspeed / {OVERSPEED_SCALE_MPS:g} m/s",
+        f"{UNKNOWN_START_SCORE:g} where the start",
+        f"at most {LONGEST_GAP_M:g} m away",
+        f"(at most {REACH_M:g} m)",
+        *(f"{high:.2f} " for _, high in BOUNDS.values()),
+    ],
+)
+def test_documented_thresholds_are_those_in_force(number: str):
+    assert number in " ".join(DOCS.read_text(encoding="utf-8").split())
+
+
+def test_every_diagnostic_is_documented():
+    found = score_facts(facts_of()).metrics["diagnostics"].detail
+    text = DOCS.read_text(encoding="utf-8")
+    assert [key for key in found if key not in text] == []

@@ -70,6 +70,32 @@ def test_why_gives_one_sentence_for_every_zero() -> None:
     assert "nudge/1, idm, seed 0: at-fault collision: drove into vehicle 7 at 3.0 s" in shown
 
 
+def test_why_has_a_sentence_for_every_lost_gate_of_a_drive() -> None:
+    half = drive("nudge/0", 0.5, no_collision=0.5, no_collision_because="drove into standing traffic cone 3 at 2.0 s")
+    two = drive("nudge/1", 0.0, no_collision=0.0, drivable_area=0.0)
+    nothing = drive("nudge/2", 0.0, progress=0.0, lane_changes=0.0)
+    (row,) = as_json(make_table([stored(half, two, nothing, drive("nudge/3", 0.9, progress=0.8))]), why=True)["rows"]
+    assert [(entry["scenario_id"], entry["reason"]) for entry in row["why"]] == [
+        ("nudge/0", "at-fault collision: drove into standing traffic cone 3 at 2.0 s"),
+        ("nudge/1", "at-fault collision"),
+        ("nudge/1", "drivable area left"),
+        ("nudge/2", "every weighted metric is zero"),
+    ]
+
+
+def test_details_are_every_drive_with_what_it_lost() -> None:
+    (row,) = as_json(table())["rows"]
+    assert [(d["scenario_id"], d["score"], d["lost"]) for d in row["drives"]] == [
+        ("nudge/0", 100.0, []),
+        ("nudge/1", 0.0, ["at-fault collision: drove into vehicle 7 at 3.0 s"]),
+        ("overtake/0", 0.0, ["planner fault: plan() raised ValueError"]),
+    ]
+    shown = text(table(), details=True)
+    assert "100.0  nudge/0, idm, seed 0: nothing lost" in shown
+    assert "  0.0  nudge/1, idm, seed 0: at-fault collision" in shown
+    assert "    -  nudge/1, idm, seed 0: timeout fault: killed" in text(incomplete(), details=True)
+
+
 def test_text_lists_faults_and_leaves_out_columns_that_nobody_has() -> None:
     shown = text(table())
     assert "overtake/0, idm, seed 0: planner fault: plan() raised ValueError" in shown

@@ -70,6 +70,27 @@ def test_a_missing_or_damaged_file_is_named(tmp_path: Path) -> None:
         Trace.read(tmp_path / "nowhere")
 
 
+@pytest.mark.parametrize(
+    ("name", "column", "values", "words"),
+    [
+        ("actors", "type", "SPACESHIP", "unknown value 'SPACESHIP'"),
+        ("signals", "status", "PURPLE", "unknown value 'PURPLE'"),
+        ("ego", "heading", "north", "could not convert"),
+        ("plans", "x", None, "lacks the columns x"),
+    ],
+)
+def test_a_file_that_holds_something_else_is_named(
+    name: str, column: str, values: str | None, words: str, tmp_path: Path
+) -> None:
+    trace().write(tmp_path)
+    file = tmp_path / f"{name}.parquet"
+    table = pd.read_parquet(file)
+    table = table.drop(columns=[column]) if values is None else table.assign(**{column: values})
+    table.to_parquet(file)
+    with pytest.raises(InputError, match=rf"{name}\.parquet: .*{words}"):
+        Trace.read(tmp_path)
+
+
 def test_a_track_with_a_short_column_is_refused() -> None:
     track = trace().ego
     with pytest.raises(ValueError, match=r"EgoTrack\.x_m has shape \(3,\), expected \(4,\)"):

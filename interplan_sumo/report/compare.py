@@ -1,0 +1,224 @@
+"""Compare: two runs drive by drive, on equal scenario and seed, so that what both find hard cancels out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from interplan_sumo.batch.run_folder import Row, StoredRun
+from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
+from interplan_sumo.report.table import BOOTSTRAP_SEED, RESAMPLES, planner_label, planners_of
+from interplan_sumo.report.why import fault_sentence, metric_sentence
+from interplan_sumo.world.geometry import Floats
+
+TIE = 1e-6
+"""Scores, 0 to 1, this close are equal: scores of one drive agree to this across machines."""
+WAY_OUT = {
+    "suite": "only drives of one suite can be compared",
+    "suite_hash": "the suite has changed in between: drive both with one version",
+    "profile": "--profile NAME scores both again",
+}
+"""What must be the same in both manifests, and what to do where it is not."""
+
+DriveKey = tuple[str, int]
+"""Scenario id and seed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One drive that both runs have."""
+
+    scenario_id: str
+    family: str
+    seed: int
+    a: float
+    b: float
+    """Scores, 0 to 1."""
+    reason: str
+    """What the worse of the two lost that the other did not; empty for a tie."""
+
+    @property
+    def difference(self) -> float:
+        return self.b - self.a
+
+    @property
+    def winner(self) -> str:
+        """`a`, `b` or `tie`."""
+        return "tie" if abs(self.difference) <= TIE else "b" if self.difference > 0.0 else "a"
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """The comparison over all drives, or over those of one family; scores 0 to 100."""
+
+    scenarios: int
+    drives: int
+    a: float | None
+    b: float | None
+    difference: float | None
+    """Mean of b less a, over the scenarios, of the mean over the seeds; None without drives."""
+    interval: tuple[float, float] | None
+    """95 % of the bootstrap means when scenarios, or the seeds of a single one, are drawn again; None for one drive."""
+    wins: int
+    """Drives where b is better."""
+    losses: int
+    ties: int
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What `compare` found: b against a."""
+
+    a: str
+    b: str
+    """Run folder and planner, as the user knows them."""
+    suite: str
+    profile: str
+    overall: Share
+    families: dict[str, Share]
+    changes: tuple[Change, ...]
+    """Drives of both runs, the largest change first."""
+    missing_a: tuple[DriveKey, ...]
+    missing_b: tuple[DriveKey, ...]
+    """Drives that only the other run has a score for, or that neither has."""
+
+    @property
+    def complete(self) -> bool:
+        return not (self.missing_a or self.missing_b)
+
+
+def compare(
+    run_a: StoredRun, run_b: StoredRun, planner_a: str | None = None, planner_b: str | None = None
+) -> Comparison:
+    """Planner `planner_b` of the second run against `planner_a` of the first, on all drives that either was to do.
+
+    A planner need not be named where its run holds only one, or where the other
+    run holds the same. RunFolderError if the runs differ in suite, profile or
+    scoring version; InputError if the planner is not told.
+    """
+    for what, way_out in WAY_OUT.items():
+        if run_a.manifest[what] != run_b.manifest[what]:
+            raise RunFolderError(
+                f"{run_a.path} has {what.replace('_', ' ')} {run_a.manifest[what]}, {run_b.path} has "
+                f"{run_b.manifest[what]}; {way_out}"
+            )
+    sure_a, sure_b = _sure_planner(run_a, planner_a), _sure_planner(run_b, planner_b)
+    planner_a = sure_a or _same_planner(run_a, sure_b, "a")
+    planner_b = sure_b or _same_planner(run_b, sure_a, "b")
+    drives_a, drives_b = _drives(run_a, planner_a), _drives(run_b, planner_b)
+    versions = {row["version"] for row in (*drives_a.values(), *drives_b.values()) if row and "version" in row}
+    if len(versions) > 1:
+        raise RunFolderError(
+            f"{run_a.path} and {run_b.path} hold scores of different scoring versions ({sorted(versions)}); "
+            "--profile NAME scores both again"
+        )
+    changes: list[Change] = []
+    for key in drives_a:
+        row_a, row_b = drives_a[key], drives_b.get(key)
+        if row_a and row_b:
+            changes.append(_change(row_a, row_b))
+    families = {family: [c for c in changes if c.family == family] for family in (c.family for c in changes)}
+    keys = list(dict.fromkeys((*drives_a, *drives_b)))
+    return Comparison(
+        a=f"{run_a.path.name}: {planner_label(planner_a, run_a)}",
+        b=f"{run_b.path.name}: {planner_label(planner_b, run_b)}",
+        suite=run_a.manifest["suite"],
+        profile=run_a.manifest["profile"],
+        overall=_share(changes),
+        families={family: _share(members) for family, members in families.items()},
+        changes=tuple(sorted(changes, key=lambda c: (-abs(c.difference), c.scenario_id, c.seed))),
+        missing_a=tuple(key for key in keys if not drives_a.get(key)),
+        missing_b=tuple(key for key in keys if not drives_b.get(key)),
+    )
+
+
+def _sure_planner(run: StoredRun, name: str | None) -> str | None:
+    """The planner that was named, or the only one of the run; UnknownNameError for one that it does not hold."""
+    held = planners_of(run)
+    if name is None:
+        return held[0] if len(held) == 1 else None
+    if name not in held:
+        raise UnknownNameError(f"planner in {run.path}", name, held)
+    return name
+
+
+def _same_planner(run: StoredRun, other: str | None, side: str) -> str:
+    """The planner of the other run, if this run of several planners holds it as well."""
+    held = planners_of(run)
+    if other in held:
+        return other
+    raise InputError(f"{run.path} holds {len(held)} planners ({', '.join(held)}); name one: --planner-{side} NAME")
+
+
+def _drives(run: StoredRun, planner: str) -> dict[DriveKey, Row | None]:
+    """Every drive that was asked of a planner, None where there is no score."""
+    rows = {(key[0], key[2]): run.rows.get(key) for key in run.keys if key[1] == planner}
+    return {key: row if row is not None and row["score"] is not None else None for key, row in rows.items()}
+
+
+def _change(row_a: Row, row_b: Row) -> Change:
+    a, b = float(row_a["score"]), float(row_b["score"])
+    reason = ""
+    if abs(b - a) > TIE:
+        worse, better = (row_a, row_b) if a < b else (row_b, row_a)
+        reason = f"{'a' if a < b else 'b'}: {_lost(worse, better)}"
+    return Change(row_a["scenario_id"], row_a["family"], row_a["seed"], a, b, reason)
+
+
+def _lost(worse: Row, better: Row) -> str:
+    """Why one drive of a scenario scored less than the other: its fault, else the metrics that it did worse in."""
+    if worse["fault"]:
+        return fault_sentence(worse)
+    judged = {} if better["fault"] else {name: better["metrics"][name]["score"] for name in _judged(better)}
+    names = [name for name in _judged(worse) if worse["metrics"][name]["score"] < judged.get(name, 1.0)]
+    gates = [name for name in names if name in worse["gates"]]
+    return "; ".join(metric_sentence(worse, name) for name in gates or names) or "other weights"
+
+
+def _judged(row: Row) -> tuple[str, ...]:
+    return (*row["gates"], *row["weights"])
+
+
+def _share(changes: Sequence[Change]) -> Share:
+    by_scenario: dict[str, list[Change]] = {}
+    for change in changes:
+        by_scenario.setdefault(change.scenario_id, []).append(change)
+
+    def means(name: str) -> Floats:
+        per_scenario = [np.mean([getattr(c, name) for c in members]) for members in by_scenario.values()]
+        return 100.0 * np.array(per_scenario, dtype=np.float64)
+
+    winners = [change.winner for change in changes]
+    some = bool(changes)
+    return Share(
+        scenarios=len(by_scenario),
+        drives=len(changes),
+        a=float(means("a").mean()) if some else None,
+        b=float(means("b").mean()) if some else None,
+        difference=float(means("difference").mean()) if some else None,
+        # of a single scenario all there is to draw again are its seeds
+        interval=mean_interval(means("difference") if len(by_scenario) > 1 else _differences(changes)),
+        wins=winners.count("b"),
+        losses=winners.count("a"),
+        ties=winners.count("tie"),
+    )
+
+
+def _differences(changes: Sequence[Change]) -> Floats:
+    return 100.0 * np.array([change.difference for change in changes], dtype=np.float64)
+
+
+def mean_interval(values: Floats) -> tuple[float, float] | None:
+    """95 % percentile bootstrap of the mean of values (K,), one per scenario; None for fewer than two.
+
+    Scenarios are drawn again and keep their seeds together, because drives of
+    one scenario are not independent. The generator is fixed: the same values
+    give the same interval.
+    """
+    if len(values) < 2:
+        return None
+    rng = np.random.default_rng(BOOTSTRAP_SEED)
+    low, high = np.percentile(values[rng.integers(0, len(values), (RESAMPLES, len(values)))].mean(axis=1), (2.5, 97.5))
+    return float(low), float(high)

@@ -1,0 +1,212 @@
+"""Random scenarios on the shipped maps and an ego that drives like a lost soul, for the tests of the traffic's sanity."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from math import atan2, cos, hypot, sin, tan
+
+import numpy as np
+
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.maps.store import find_map, load_roads
+from interplan_sumo.scenario.route import route_centerline
+from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
+from interplan_sumo.simulation.network import read_network
+from interplan_sumo.simulation.setup import open_traffic, start_state
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.geometry import Floats, Polyline, penetration_m
+from interplan_sumo.world.roads import Roads
+
+DT_S = 0.1
+OVERLAP_M = 0.05
+"""Two agents overlap if their boxes penetrate by more than this."""
+JUMP_M = 0.5
+"""An agent may move by its speed, a lane change's step across and this much rounding: SUMO scales lanes of an edge."""
+
+
+def random_scenario(
+    name: str, rng: np.random.Generator, number: int, *, obstacles: bool = False, jaywalker: bool = False
+) -> Scenario:
+    """A drive of up to 500 m from a random lane on, with random traffic; `obstacles` and a `jaywalker` on its way."""
+    roads = load_roads(name)
+    while True:
+        lane = list(roads.lanes)[rng.integers(len(roads.lanes))]
+        way = _way(roads, lane, rng)
+        length_m = roads[lane].centerline.length_m
+        if length_m > 40.0 and sum(roads[each].centerline.length_m for each in way) > 150.0:
+            break
+    start_m = float(rng.uniform(0.1, 0.5) * length_m) if len(way) > 1 else float(rng.uniform(5.0, 0.3 * length_m))
+    goal = way[-1]
+    demand = TrafficDemand(
+        str(rng.choice(("low", "medium", "high"))),  # type: ignore[arg-type]
+        str(rng.choice(("conservative", "assertive", "mixed"))),  # type: ignore[arg-type]
+        str(rng.choice(("none", "low", "medium", "high"))),  # type: ignore[arg-type]
+    )
+    places = _places(roads, way, start_m, rng)
+    things = tuple(
+        Obstacle(place, str(rng.choice(("car", "truck", "cone", "barrier"))), float(rng.uniform(-0.8, 0.8)))  # type: ignore[arg-type]
+        for place in places[: int(rng.integers(1, 4))]
+    )
+    crossing = places[-1] if places else LanePlace(goal, 0.0)
+    walker = Jaywalker(
+        LanePlace(crossing.lane, crossing.arc_m, -6.0),
+        LanePlace(crossing.lane, crossing.arc_m, 9.0),
+        float(rng.uniform(1.0, 1.9)),
+    )
+    return Scenario(
+        id=f"random/{number}",
+        family="random",
+        map=name,
+        start=LanePlace(lane, start_m),
+        start_speed_mps=float(rng.uniform(0.0, 12.0)),
+        goal=LanePlace(goal, roads[goal].centerline.length_m * 0.9),
+        route=tuple(roads[each].roadblock_id for each in way),
+        traffic=demand,
+        obstacles=things if obstacles else (),
+        jaywalkers=(walker,) if jaywalker and places else (),
+    )
+
+
+def _way(roads: Roads, lane: str, rng: np.random.Generator) -> list[str]:
+    """Lanes and connectors from a lane on, ending on a lane."""
+    way, driven_m = [lane], roads[lane].centerline.length_m
+    while driven_m < 500.0:
+        ways = roads.outgoing(way[-1])
+        if not ways:
+            break
+        connector = ways[int(rng.integers(len(ways)))]
+        (after,) = roads.outgoing(connector)
+        if roads[after].roadblock_id in {roads[each].roadblock_id for each in way}:
+            break
+        way += [connector, after]
+        driven_m += roads[connector].centerline.length_m + roads[after].centerline.length_m
+    return way
+
+
+def _places(roads: Roads, way: list[str], start_m: float, rng: np.random.Generator) -> list[LanePlace]:
+    """Random places on the way's lanes and their neighbours, 30 m and more ahead of the start, nearest first."""
+    found: list[tuple[float, LanePlace]] = []
+    driven_m = -start_m
+    for each in way:
+        length_m = roads[each].centerline.length_m
+        first_m = max(3.0, 30.0 - driven_m)
+        if each in roads.lanes and first_m < length_m - 3.0 and driven_m < 150.0:
+            arc_m = float(rng.uniform(first_m, length_m - 3.0))
+            siblings = roads.roadblocks[roads[each].roadblock_id].lane_ids
+            lane = siblings[int(rng.integers(len(siblings)))]
+            arc_m = min(arc_m, roads[lane].centerline.length_m - 1.0)
+            found.append((driven_m + arc_m, LanePlace(lane, arc_m, float(rng.uniform(-1.8, 1.8)))))
+        driven_m += length_m
+    return [place for _, place in found]
+
+
+def lost_soul(line: Polyline, start: EgoState, rng: np.random.Generator, steps: int) -> list[EgoState]:
+    """An ego that drives along a line at a wandering offset: changes lanes, stops, backs, leaves the road, returns."""
+    egos, x, y, heading, speed = [start], start.x_m, start.y_m, start.heading_rad, start.speed_mps
+    offset_m, wished_mps, steer = 0.0, speed, 0.0
+    for step in range(1, steps + 1):
+        if step % 25 == 1:
+            offset_m = float(rng.choice((0.0, 1.75, -1.75, 3.5, -3.5, 7.0, -12.0, 15.0)))
+        if step % 40 == 1:
+            wished_mps = float(rng.choice((0.0, -2.5, 4.0, 8.0, 12.0, 15.0)))
+        speed += float(np.clip(wished_mps - speed, -0.6, 0.25))
+        arc_m, _ = line.project_point(x, y)
+        aim = line.pose_at(min(arc_m + 10.0, line.length_m), offset_m)
+        wanted = float(np.clip(1.2 * _wrapped(atan2(aim.y_m - y, aim.x_m - x) - heading), -0.5, 0.5))
+        steer += float(np.clip((wanted if speed >= 0.0 else -wanted) - steer, -0.08, 0.08))
+        heading = _wrapped(heading + DT_S * speed * tan(steer) / PACIFICA.wheelbase_m)
+        x, y = x + DT_S * speed * cos(heading), y + DT_S * speed * sin(heading)
+        egos.append(EgoState(DT_S * step, x, y, heading, vx_mps=speed))
+    return egos
+
+
+def _wrapped(angle_rad: float) -> float:
+    return atan2(sin(angle_rad), cos(angle_rad))
+
+
+@dataclass
+class Findings:
+    """What went wrong in a run, in words, and a digest of all that happened."""
+
+    faults: list[str] = field(default_factory=list)
+    hash: str = ""
+    agents: int = 0
+
+
+def overlapping(actors: Actors, frozen: frozenset[str] = frozenset()) -> list[tuple[str, str, float]]:
+    """Pairs that penetrate by more than 5 cm, with the depth; pairs of two `frozen` actors excepted."""
+    first, second = np.triu_indices(len(actors), 1)
+    near = np.hypot(actors.x_m[first] - actors.x_m[second], actors.y_m[first] - actors.y_m[second]) < 20.0
+    first, second = first[near], second[near]
+    depth = penetration_m(actors.corners[first], actors.corners[second])
+    return [
+        (actors.ids[a], actors.ids[b], float(d))
+        for a, b, d in zip(first, second, depth, strict=True)
+        if d > OVERLAP_M and not (actors.ids[a] in frozen and actors.ids[b] in frozen)
+    ]
+
+
+def audited(scenario: Scenario, *, seed: int = 0, steps: int = 300, wild: bool = True) -> Findings:
+    """Drive the scenario with a lost soul (`wild`), or an ego that drives on along its route, and list all faults."""
+    roads = load_roads(scenario.map)
+    start = start_state(scenario, roads)
+    line = route_centerline(roads, scenario)
+    rng = np.random.default_rng(seed)
+    egos = lost_soul(line, start, rng, steps) if wild else _parked(start, steps)
+    found, digest = Findings(), hashlib.sha256()
+    ends = _ends(scenario)
+    with open_traffic(scenario, roads, seed=seed) as traffic:
+        before: Actors | None = None
+        known: set[tuple[str, str]] = set()
+        standing = frozenset(traffic.observe().actors.ids) - traffic.behaviours.keys()
+        found.agents = len(traffic.behaviours)
+        for step in range(steps):
+            actors = traffic.observe().actors
+            for column in (actors.x_m, actors.y_m, actors.heading_rad, actors.vx_mps, actors.vy_mps):
+                digest.update(np.ascontiguousarray(column).tobytes())
+            for a, b, depth in overlapping(actors, standing):
+                if (a, b) not in known:
+                    known.add((a, b))
+                    kinds = [traffic.behaviours.get(each, "standing") for each in (a, b)]
+                    found.faults.append(
+                        f"t={step / 10:.1f}: {a} ({kinds[0]}) and {b} ({kinds[1]}) overlap {depth:.2f} m"
+                    )
+            if before is not None:
+                found.faults += _jumps(before, actors, ends, step)
+            before = actors
+            traffic.react(egos[step])
+            traffic.place_ego(egos[step + 1])
+            traffic.advance()
+    found.hash = digest.hexdigest()
+    return found
+
+
+def _parked(start: EgoState, steps: int) -> list[EgoState]:
+    return [EgoState(DT_S * k, start.x_m, start.y_m, start.heading_rad) for k in range(steps + 1)]
+
+
+def _ends(scenario: Scenario) -> Floats:
+    """(N, 2) where the network ends, in the map frame: the only places where agents may leave it."""
+    files = find_map(scenario.map)
+    network, ids = read_network(files.network), NetworkIds.read(files.ids)
+    ends = [lane.line.points[-1] for lane in network.lanes.values() if not lane.internal and not network.links[lane.id]]
+    return np.array(ends) + ids.origin_m
+
+
+def _jumps(before: Actors, after: Actors, ends: Floats, step: int) -> list[str]:
+    faults: list[str] = []
+    row_of = {name: row for row, name in enumerate(after.ids)}
+    for row, name in enumerate(before.ids):
+        x, y = float(before.x_m[row]), float(before.y_m[row])
+        if name not in row_of:
+            away_m = float(np.hypot(*(ends - (x, y)).T).min())
+            if away_m > 30.0:
+                faults.append(f"t={step / 10:.1f}: {name} vanished {away_m:.0f} m from the end of the network")
+            continue
+        there = row_of[name]
+        moved_m = hypot(after.x_m[there] - x, after.y_m[there] - y)
+        if moved_m > DT_S * max(before.speed_mps[row], after.speed_mps[there]) + JUMP_M:
+            faults.append(f"t={step / 10:.1f}: {name} jumped {moved_m:.2f} m")
+    return faults
