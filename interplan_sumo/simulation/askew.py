@@ -13,11 +13,12 @@ from math import cos
 
 import numpy as np
 
+from interplan_sumo.simulation.driving import Driving
 from interplan_sumo.simulation.network import Network
 from interplan_sumo.simulation.passage import reached
 from interplan_sumo.simulation.reactions import Cover
 from interplan_sumo.simulation.vehicle_types import VehicleType
-from interplan_sumo.world.geometry import Floats, box_polygons, wrap_angle
+from interplan_sumo.world.geometry import box_polygons, wrap_angle
 
 SLOW_MPS = 7.0
 """At 3.5 m in 3 s across, a car this fast or faster never turns so far that its rear leaves its lane."""
@@ -31,39 +32,34 @@ class AskewBodies:
     def __init__(self, network: Network, drivers: Mapping[str, VehicleType]) -> None:
         self._network = network
         self._drivers = drivers
-        self._names: Sequence[str] = ()
-        self._heading_rad: Floats = np.zeros(0)
         self._suspects: set[str] = set()
 
-    def suspects(self, names: Sequence[str], heading_rad: Floats, speed_mps: Floats) -> list[int]:
+    def suspects(self, driving: Driving) -> list[int]:
         """Rows of agents that may be askew; to be called once per step."""
-        if self._names is names:
-            turned_rad = np.abs(wrap_angle(heading_rad - self._heading_rad))
-            turning = np.flatnonzero((turned_rad > TURNING_RAD) & (speed_mps < SLOW_MPS))
-            self._suspects.update(names[int(row)] for row in turning)
-        self._names, self._heading_rad = names, heading_rad
-        return [row for row, name in enumerate(names) if name in self._suspects] if self._suspects else []
+        if driving.most_turned_rad > TURNING_RAD:
+            turning = np.abs(wrap_angle(driving.turned_rad)) > TURNING_RAD
+            slow = np.flatnonzero(turning & (driving.speed_mps < SLOW_MPS))
+            self._suspects.update(driving.names[int(row)] for row in slow)
+        return [row for row, name in enumerate(driving.names) if name in self._suspects] if self._suspects else []
 
-    def covers(
-        self, rows: Sequence[int], lanes: Sequence[str], front_x: Floats, front_y: Floats, speed_mps: Floats
-    ) -> list[tuple[str, dict[str, Cover]]]:
+    def covers(self, rows: Sequence[int], lanes: Sequence[str], driving: Driving) -> list[tuple[str, dict[str, Cover]]]:
         """Per askew agent what its body covers of lanes that SUMO thinks free, and how fast it moves along them.
 
         `rows` are suspects; who turns out to stay inside its lanes is one no more.
         """
         found: list[tuple[str, dict[str, Cover]]] = []
         for row in rows:
-            name, lane = self._names[row], lanes[row]
-            driver, heading = self._drivers[name], float(self._heading_rad[row])
-            x = front_x[row] - driver.length_m / 2.0 * np.cos(heading)
-            y = front_y[row] - driver.length_m / 2.0 * np.sin(heading)
+            name, lane = driving.names[row], lanes[row]
+            driver, heading = self._drivers[name], float(driving.heading_rad[row])
+            x = driving.front_x[row] - driver.length_m / 2.0 * np.cos(heading)
+            y = driving.front_y[row] - driver.length_m / 2.0 * np.sin(heading)
             (box,) = box_polygons([x], [y], [heading], [driver.length_m], [driver.width_m])
             own = self._network.continuations(lane) if lane else frozenset[str]()
             spans = reached(self._network, box, own)
             if not spans:
                 self._suspects.discard(name)
                 continue
-            found.append((name, self._moving(spans, heading, float(speed_mps[row]))))
+            found.append((name, self._moving(spans, heading, float(driving.speed_mps[row]))))
         return found
 
     def _moving(

@@ -35,27 +35,34 @@ class Bodies:
         """(N, 2) middle of the front bumper."""
         self.heading_rad: Floats = np.zeros(0)
         self.speed_mps: Floats = np.zeros(0)
-        self._moved = False
+        self.turned_rad: Floats = np.zeros(0)
+        """By SUMO's angle since the step before, not wrapped; none in the first step."""
+        self.most_turned_rad = 0.0
+        """The largest of `turned_rad`, to either side."""
 
     def move(self, front_m: ArrayLike, angle_deg: ArrayLike, speed_mps: ArrayLike) -> None:
         """Take over SUMO's positions, navigation angles and speeds after a step, held to what a body can do."""
         front = np.array(front_m, dtype=np.float64).reshape(-1, 2)
         heading = (pi / 2.0 - np.radians(angle_deg) + pi) % (2.0 * pi) - pi
         speed = np.array(speed_mps, dtype=np.float64)
-        if self._moved:
-            most_rad = SHARPEST_TURN_PER_M * self._dt_s * speed + TURN_SLACK_RAD
-            turned = wrap_angle(heading - self.heading_rad)
-            too_far = np.abs(turned) > most_rad
-            if too_far.any():
-                reached = wrap_angle(self.heading_rad + np.clip(turned, -most_rad, most_rad))
-                heading = np.where(too_far, reached, heading)
-            most_m = STRETCH * self._dt_s * speed + SLIDE_M
+        self.turned_rad, self.most_turned_rad = np.zeros(0), 0.0
+        if len(front) and len(self.front_m):
+            self.turned_rad = turned = heading - self.heading_rad
+            self.most_turned_rad = float(max(turned.max(), -turned.min()))
+            if self.most_turned_rad > TURN_SLACK_RAD:
+                heading = self._followed(heading, speed)
             went = front - self.front_m
-            went_m = np.hypot(went[:, 0], went[:, 1])
-            if (went_m > most_m).any():
-                front = self.front_m + went * np.minimum(1.0, most_m / np.maximum(went_m, 1e-9))[:, None]
+            most_m = STRETCH * self._dt_s * speed + SLIDE_M
+            squared = went[:, 0] ** 2 + went[:, 1] ** 2
+            if (squared > most_m * most_m).any():
+                front = self.front_m + went * np.minimum(1.0, most_m / np.sqrt(np.maximum(squared, 1e-9)))[:, None]
         self.front_m, self.heading_rad, self.speed_mps = front, heading, speed
-        self._moved = True
+
+    def _followed(self, heading_rad: Floats, speed_mps: Floats) -> Floats:
+        turned = wrap_angle(self.turned_rad)
+        most_rad = SHARPEST_TURN_PER_M * self._dt_s * speed_mps + TURN_SLACK_RAD
+        reached = wrap_angle(self.heading_rad + np.clip(turned, -most_rad, most_rad))
+        return np.where(np.abs(turned) > most_rad, reached, heading_rad)
 
     def keep(self, stays: list[bool]) -> None:
         """Drop the rows of agents that have left."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
+from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Jaywalker, Scenario
 from interplan_sumo.world.actors import ActorKind, Actors
@@ -64,6 +66,7 @@ class Crowd:
         self._walks = [walk(jaywalker, roads, route) for _, jaywalker in rows]
         self._route = route
         self._dt_s = dt_s
+        self._boxes: dict[str, shapely.Polygon] = {}
         self._walked_s: list[float | None] = [None] * len(rows)  # None: still waiting
 
     def notice(self, ego: EgoState, shape: EgoShape) -> None:
@@ -106,15 +109,35 @@ class Crowd:
         areas: list[shapely.Polygon] = []
         for i in walking:
             left_s = min(FORESIGHT_S, self._walks[i].duration_s - (self._walked_s[i] or 0.0))
-            x, y = actors.x_m[i] - origin_m[0], actors.y_m[i] - origin_m[1]
-            ends = box_polygons(
-                (x, x + actors.vx_mps[i] * left_s),
-                (y, y + actors.vy_mps[i] * left_s),
-                (actors.heading_rad[i],) * 2,
-                (PEDESTRIAN_LENGTH_M,) * 2,
-                (PEDESTRIAN_WIDTH_M,) * 2,
-            )
-            hull = shapely.convex_hull(shapely.union_all(ends))
+            hull = shapely.convex_hull(shapely.union_all(_boxes(actors, int(i), origin_m, (0.0, left_s))))
             if isinstance(hull, shapely.Polygon):
                 areas.append(hull)
         return areas
+
+    def standing(self, origin_m: tuple[float, float]) -> dict[str, shapely.Polygon]:
+        """The boxes of those who wait or have arrived, by place: equal keys mean equal boxes. In SUMO's frame."""
+        found: dict[str, shapely.Polygon] = {}
+        actors: Actors | None = None
+        for i, (each, walked) in enumerate(zip(self._walks, self._walked_s, strict=True)):
+            if walked is not None and walked < each.duration_s:
+                continue
+            place = f"{self.ids[i]} {'waits' if walked is None else 'has arrived'}"
+            if place not in self._boxes:
+                actors = actors or self.observe()
+                (self._boxes[place],) = _boxes(actors, i, origin_m, (0.0,))
+            found[place] = self._boxes[place]
+        return found
+
+
+def _boxes(actors: Actors, row: int, origin_m: tuple[float, float], after_s: tuple[float, ...]) -> NDArray[Any]:
+    """A pedestrian's box after some times at its present velocity, in SUMO's frame."""
+    ahead_s = np.array(after_s)
+    x, y = actors.x_m[row] - origin_m[0], actors.y_m[row] - origin_m[1]
+    many = len(after_s)
+    return box_polygons(
+        x + actors.vx_mps[row] * ahead_s,
+        y + actors.vy_mps[row] * ahead_s,
+        (actors.heading_rad[row],) * many,
+        (PEDESTRIAN_LENGTH_M,) * many,
+        (PEDESTRIAN_WIDTH_M,) * many,
+    )

@@ -19,6 +19,7 @@ from interplan_sumo.errors import TrafficError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation.anchor import Anchor, find_anchor
 from interplan_sumo.simulation.bodies import Bodies
+from interplan_sumo.simulation.driving import Driving
 from interplan_sumo.simulation.network import Network
 from interplan_sumo.simulation.obstacles import Blockage
 from interplan_sumo.simulation.pedestrians import Crowd
@@ -26,7 +27,7 @@ from interplan_sumo.simulation.reactions import Decision, Treatment
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.traffic import Scene
 from interplan_sumo.simulation.vehicle_types import ENTRY, VehicleType, VehicleTypes
-from interplan_sumo.simulation.watch import Driving, Watch
+from interplan_sumo.simulation.watch import Watch
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.signals import Signals, SignalStatus
@@ -284,19 +285,22 @@ class SumoTraffic:
         if not self._with_ego:
             return
         walked: Sequence[shapely.Polygon] = ()
+        standing: Mapping[str, shapely.Polygon] = {}
         if self._crowd is not None:
             self._crowd.notice(ego, self._shape)
-            walked = self._crowd.foreseen(self._origin)
+            walked, standing = self._crowd.foreseen(self._origin), self._crowd.standing(self._origin)
         driving = Driving(
             self._present,
             self._front_x,
             self._front_y,
             self._heading_rad,
             self._speed_mps,
+            self._bodies.turned_rad,
+            self._bodies.most_turned_rad,
             self._lanes_now,
             self._position_m,
         )
-        verdict = self._watch.judge(ego, self._anchor, walked, driving)
+        verdict = self._watch.judge(ego, self._anchor, walked, standing, driving)
         for name, decision in verdict.decisions.items():
             self._treat(name, decision)
         self._freeze(ego, verdict.straddles)
@@ -310,7 +314,7 @@ class SumoTraffic:
         reach_m = self._shape.length_m / 2.0
         front = (x_m + reach_m * cos(heading_rad), y_m + reach_m * sin(heading_rad))
         anchor = find_anchor(self._network, front, heading_rad, self._anchor, self._ego_route)
-        if anchor is not None and not self._touches_road(ego, anchor):
+        if anchor is not None and not self._touches_road(ego, front, anchor):
             anchor = None
         self._anchor = anchor
         with _Commanding(f"moveToXY of the ego to ({ego.x_m:.2f}, {ego.y_m:.2f})"):
@@ -335,10 +339,9 @@ class SumoTraffic:
         sumo.vehicle.setRoute(EGO, self._ego_route[self._ego_route.index(edge) :])
         return True
 
-    def _touches_road(self, ego: EgoState, anchor: Anchor) -> bool:
+    def _touches_road(self, ego: EgoState, front: tuple[float, float], anchor: Anchor) -> bool:
         """Off the road nobody minds the ego, so SUMO must not see it either."""
-        near_m = hypot(anchor.x_m - ego.x_m + self._origin[0], anchor.y_m - ego.y_m + self._origin[1])
-        if near_m < self._shape.length_m / 2.0:  # an anchor under the box
+        if hypot(anchor.x_m - front[0], anchor.y_m - front[1]) < self._shape.width_m / 2.0:
             return True
         return self._network.touches_lane(shapely.Polygon(ego.corners(self._shape) - self._origin))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, sin, sqrt
 
@@ -12,8 +12,10 @@ import shapely
 from interplan_sumo.simulation import reactions
 from interplan_sumo.simulation.anchor import Anchor
 from interplan_sumo.simulation.askew import AskewBodies
+from interplan_sumo.simulation.driving import Driving
 from interplan_sumo.simulation.network import Network
 from interplan_sumo.simulation.obstacles import Blockage
+from interplan_sumo.simulation.passage import reached
 from interplan_sumo.simulation.reactions import Agent, Attention, Cover, Decision, EgoOnNetwork, Treatment
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import EgoShape, EgoState
@@ -22,21 +24,8 @@ from interplan_sumo.world.geometry import Floats
 NOTICEABLE_MPS2 = 0.05
 """An agent whom the ego makes brake by less than this is left in peace: half of what counts as a reaction."""
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Driving:
-    """All agents at one instant, as they are read from SUMO, in SUMO's frame."""
-
-    names: Sequence[str]
-    front_x: Floats  # (N,)
-    front_y: Floats  # (N,)
-    heading_rad: Floats  # (N,)
-    speed_mps: Floats  # (N,)
-    lanes: Callable[[], Sequence[str]]
-    """The SUMO lane of each, '' is nowhere; asked for only when somebody may have to react."""
-    position_m: Callable[[str], float]
-    """Lane position of the front bumper of one agent."""
-
+BEND_M = 0.3
+"""A lane bends away from its direction at the ego's front by less than this within the ego's length."""
 
 LEAVE = Decision(Treatment.LEAVE, 0.0, False)
 
@@ -78,6 +67,7 @@ class Watch:
         self._treated: set[str] = set()
         self._askew = AskewBodies(network, drivers)
         self._pierced_lane: str | None = None
+        self._stands: dict[str, dict[str, Cover]] = {}
         self._calm: EgoOnNetwork | None = None
         self._at_start = True
         self._known_names: Sequence[str] = ()
@@ -108,24 +98,31 @@ class Watch:
                 self._watchers[lane].discard(name)
 
     def judge(
-        self, ego: EgoState, anchor: Anchor | None, walked: Sequence[shapely.Polygon], driving: Driving
+        self,
+        ego: EgoState,
+        anchor: Anchor | None,
+        walked: Sequence[shapely.Polygon],
+        standing: Mapping[str, shapely.Polygon],
+        driving: Driving,
     ) -> Verdict:
         """What everyone does about the ego at `ego`, which SUMO sees at `anchor`, and about pedestrians.
 
-        `walked` are the areas that walking pedestrians will cover, in SUMO's frame.
+        `walked` are the areas that walking pedestrians will cover, `standing`
+        the boxes of those who stand, by name and place; in SUMO's frame.
         """
         on_network, ahead = self._locate(ego, anchor)
-        suspects = self._askew.suspects(driving.names, driving.heading_rad, driving.speed_mps)
+        suspects = self._askew.suspects(driving)
         calm = on_network.alone and ego.speed_mps >= 0.0
-        calm = calm and not (walked or suspects or self._treated or self._at_start)
+        things = self._in_the_way(standing) if standing else []
+        calm = calm and not (walked or things or suspects or self._treated or self._at_start)
         calm = calm and not self._pierces(driving, anchor)
         if calm:  # everyone behind follows the ego, as SUMO does by itself; caught up with when that ends
             self._calm = on_network
             return Verdict({}, straddles=False)
         self._follow(driving)
-        things = [("", reactions.cover(self._network, area, (0.0, 0.0))) for area in walked]
+        things += [("", reactions.cover(self._network, area, (0.0, 0.0))) for area in walked]
         lanes = [self._corridors[name][0] for name in driving.names] if suspects else ()
-        things += self._askew.covers(suspects, lanes, driving.front_x, driving.front_y, driving.speed_mps)
+        things += self._askew.covers(suspects, lanes, driving)
         if self._calm is not None:
             self._decide(self._calm, {}, (), driving, ego, anchor)
             self._calm = None
@@ -141,6 +138,14 @@ class Watch:
                 if not decision.reacting and decision.overlap == 0.0:
                     self._memory.pop(name, None)
         return Verdict(decisions, on_network.straddles)
+
+    def _in_the_way(self, standing: Mapping[str, shapely.Polygon]) -> list[tuple[str, Mapping[str, Cover]]]:
+        """Covers of the pedestrians who stand where cars drive; the kerb is not in the way."""
+        for place, box in standing.items():
+            if place not in self._stands:
+                spans = reached(self._network, box).items()
+                self._stands[place] = {lane: Cover(0.0, start_m, end_m, 0.0) for lane, (start_m, end_m) in spans}
+        return [("", self._stands[place]) for place in standing if self._stands[place]]
 
     def _decide(
         self,
@@ -213,13 +218,19 @@ class Watch:
     def _stands_in_somebody(self, driving: Driving, anchor: Anchor) -> bool:
         length_m = self._shape.length_m
         rear_m = anchor.position_m - length_m
-        if any(b.lane == anchor.lane and b.start_m < anchor.position_m and rear_m < b.end_m for b in self._blocked):
-            return True
-        cosine, sine = cos(anchor.heading_rad), sin(anchor.heading_rad)
+        for each in self._blocked:
+            if each.lane == anchor.lane and each.start_m < anchor.position_m and rear_m < each.end_m:
+                return True
         dx, dy = driving.front_x - anchor.x_m, driving.front_y - anchor.y_m
-        along_m, across_m = cosine * dx + sine * dy, cosine * dy - sine * dx
+        lengths_m = self._numbers(driving.names)[4]
+        reach_m = lengths_m + length_m  # farther away no front belongs to a body that touches the ego
+        near = np.flatnonzero(dx * dx + dy * dy < reach_m * reach_m)
+        if not len(near):
+            return False
+        cosine, sine = cos(anchor.heading_rad), sin(anchor.heading_rad)
+        along_m, across_m = cosine * dx[near] + sine * dy[near], cosine * dy[near] - sine * dx[near]
         beside = np.abs(across_m) < self._shape.width_m
-        return bool((beside & (along_m > -length_m) & (along_m < self._numbers(driving.names)[4])).any())
+        return bool((beside & (along_m > -length_m) & (along_m < lengths_m[near])).any())
 
     def _within_reach(self, driving: Driving, ego: EgoState) -> list[int]:
         """Rows of the agents whom the ego, were it their leader, would make brake noticeably."""
@@ -256,9 +267,21 @@ class Watch:
         position_m, speed_mps = driving.position_m(name), float(driving.speed_mps[row])
         return Agent(name, self._drivers[name], position_m, speed_mps, limit_mps, ahead)
 
+    def _well_inside(self, ego: EgoState, anchor: Anchor) -> bool:
+        """Whether the box certainly lies inside the anchor lane, a normal one, and nowhere else: the quickest way."""
+        lane = self._network.lanes[anchor.lane]
+        length_m, half_m = self._shape.length_m, self._shape.length_m / 2.0
+        if lane.internal or not length_m + BEND_M < anchor.position_m < lane.length_m - BEND_M:
+            return False
+        cosine, sine = cos(ego.heading_rad), sin(ego.heading_rad)
+        dx = ego.x_m + half_m * cosine - self._origin[0] - anchor.x_m
+        dy = ego.y_m + half_m * sine - self._origin[1] - anchor.y_m
+        lateral_m = abs(dy * cos(anchor.heading_rad) - dx * sin(anchor.heading_rad))
+        askew_m = length_m * abs(sin(ego.heading_rad - anchor.heading_rad))
+        return lateral_m + askew_m + self._shape.width_m / 2.0 + BEND_M < lane.width_m / 2.0
+
     def _locate(self, ego: EgoState, anchor: Anchor | None) -> tuple[EgoOnNetwork, dict[float, Mapping[str, Cover]]]:
         """The ego on the lanes, and what its swept box covers per anticipation time."""
-        corners = ego.corners(self._shape) - self._origin
         heading = ego.heading_rad
         velocity = (
             ego.vx_mps * cos(heading) - ego.vy_mps * sin(heading),
@@ -266,6 +289,12 @@ class Watch:
         )
         lane = anchor.lane if anchor is not None else None
         position_m = anchor.position_m if anchor is not None else 0.0
+        if anchor is not None and not self._anticipations_s and self._well_inside(ego, anchor):
+            speed_mps = velocity[0] * cos(anchor.heading_rad) + velocity[1] * sin(anchor.heading_rad)
+            alone = {anchor.lane: Cover(1.0, position_m - self._shape.length_m, position_m, speed_mps)}
+            centre = frozenset((anchor.lane,))
+            return EgoOnNetwork(alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True), {}
+        corners = ego.corners(self._shape) - self._origin
         if lane is not None and not self._anticipations_s:
             alone = reactions.cover_of_one_lane(self._network.lanes[lane], position_m, corners, velocity)
             if alone is not None:

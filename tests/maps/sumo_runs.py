@@ -20,7 +20,7 @@ from interplan_sumo.maps.network_reader import Network, read_network
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.resources import routes_root
 from interplan_sumo.world.geometry import box_corners, penetration_m, wrap_angle
-from interplan_sumo.world.roads import Lane, Roads
+from interplan_sumo.world.roads import Connector, Lane, Roads
 
 STEP_S = 0.1
 HARD_MPS2 = 4.5
@@ -283,11 +283,16 @@ def _overlaps(roads: Roads, frames: dict[float, list[_Car]]) -> tuple[Overlap, .
 
 
 def _askew(roads: Roads, car: _Car) -> bool:
-    line = roads[car.lane_id].centerline
-    back = line.pose_at(max(0.0, car.arc_m - LENGTH_M))
-    front = line.pose_at(car.arc_m)
+    """Whether a car stands across its path: its heading against the chord from rear to front on the path."""
+    lane, back_m = roads[car.lane_id], car.arc_m - LENGTH_M
+    front = lane.centerline.pose_at(car.arc_m)
+    if back_m < 0.0 and isinstance(lane, Connector):
+        before = roads.lanes[lane.from_lane_id].centerline
+        back = before.pose_at(before.length_m + back_m)
+    else:
+        back = lane.centerline.pose_at(max(0.0, back_m))
     chord = np.arctan2(front.y_m - back.y_m, front.x_m - back.x_m)
-    return car.lane_id in roads.lanes and abs(float(wrap_angle(car.heading_rad - chord))) > np.radians(4.0)
+    return abs(float(wrap_angle(car.heading_rad - chord))) > np.radians(4.0)
 
 
 class _Judge:

@@ -1,4 +1,4 @@
-"""Random scenarios on the shipped maps and an ego that drives like a lost soul, for the tests of the traffic's sanity."""
+"""Random scenarios on the shipped maps and an ego that drives like a lost soul: is the traffic sane?"""
 
 from __future__ import annotations
 
@@ -49,12 +49,7 @@ def random_scenario(
         Obstacle(place, str(rng.choice(("car", "truck", "cone", "barrier"))), float(rng.uniform(-0.8, 0.8)))  # type: ignore[arg-type]
         for place in places[: int(rng.integers(1, 4))]
     )
-    crossing = places[-1] if places else LanePlace(goal, 0.0)
-    walker = Jaywalker(
-        LanePlace(crossing.lane, crossing.arc_m, -6.0),
-        LanePlace(crossing.lane, crossing.arc_m, 9.0),
-        float(rng.uniform(1.0, 1.9)),
-    )
+    walkers = (_across(roads, places[-1], rng),) if places else ()
     return Scenario(
         id=f"random/{number}",
         family="random",
@@ -65,7 +60,7 @@ def random_scenario(
         route=tuple(roads[each].roadblock_id for each in way),
         traffic=demand,
         obstacles=things if obstacles else (),
-        jaywalkers=(walker,) if jaywalker and places else (),
+        jaywalkers=walkers if jaywalker else (),
     )
 
 
@@ -100,6 +95,21 @@ def _places(roads: Roads, way: list[str], start_m: float, rng: np.random.Generat
             found.append((driven_m + arc_m, LanePlace(lane, arc_m, float(rng.uniform(-1.8, 1.8)))))
         driven_m += length_m
     return [place for _, place in found]
+
+
+def _across(roads: Roads, place: LanePlace, rng: np.random.Generator) -> Jaywalker:
+    """From 1 m beside the outermost lane of one side to 1 m beside that of the other."""
+    lanes = roads.roadblocks[roads[place.lane].roadblock_id].lane_ids
+    ends: list[LanePlace] = []
+    for lane, side in ((lanes[0], 1.0), (lanes[-1], -1.0)):
+        line = roads[lane].centerline
+        arc_m = min(place.arc_m, line.length_m - 0.5)
+        boundary = roads[lane].left_boundary if side > 0.0 else roads[lane].right_boundary
+        half_m = float(np.hypot(*(boundary.points - (line.pose_at(arc_m).x_m, line.pose_at(arc_m).y_m)).T).min())
+        ends.append(LanePlace(lane, arc_m, side * (half_m + 1.0)))
+    if rng.random() < 0.5:
+        ends.reverse()
+    return Jaywalker(ends[0], ends[1], float(rng.uniform(1.0, 1.9)))
 
 
 def lost_soul(line: Polyline, start: EgoState, rng: np.random.Generator, steps: int) -> list[EgoState]:

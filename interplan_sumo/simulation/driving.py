@@ -1,0 +1,26 @@
+"""Driving: all agents at one instant, as those see them who decide what each does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from interplan_sumo.world.geometry import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Driving:
+    """All agents at one instant, as they are read from SUMO, in SUMO's frame."""
+
+    names: Sequence[str]
+    front_x: Floats  # (N,)
+    front_y: Floats  # (N,)
+    heading_rad: Floats  # (N,)
+    speed_mps: Floats  # (N,)
+    turned_rad: Floats  # (N,) since the step before, not wrapped; empty in the first step
+    most_turned_rad: float
+    """The largest of `turned_rad`, to either side."""
+    lanes: Callable[[], Sequence[str]]
+    """The SUMO lane of each, '' is nowhere; asked for only when somebody may have to react."""
+    position_m: Callable[[str], float]
+    """Lane position of the front bumper of one agent."""
