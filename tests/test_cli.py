@@ -221,6 +221,7 @@ def test_lists_are_tables_for_people(command: str, capsys: pytest.CaptureFixture
     [
         ("scenarios show lane_chnge_ltd/0", "Did you mean 'lane_change_ltd/0'?"),
         ("scenarios list --suite smok==1", "Did you mean 'smoke==1'?"),
+        ("run --nope 1", "See: interplan-sumo run --help"),
         ("run --planner idn", "no planner named 'idn'. Did you mean 'idm'?"),
         ("compare nowhere nowhere", "nowhere is not a run folder"),
         ("compare nowhere", "Missing argument"),

@@ -14,7 +14,7 @@ from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic, start_state
-from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats, Polyline, penetration_m
 from interplan_sumo.world.roads import Roads
@@ -22,6 +22,7 @@ from interplan_sumo.world.roads import Roads
 DT_S = 0.1
 OVERLAP_M = 0.05
 """Two agents overlap if their boxes penetrate by more than this."""
+STANDING_MPS = 0.5
 JUMP_M = 0.5
 """An agent may move by its speed, a lane change's step across and this much rounding: SUMO scales lanes of an edge."""
 
@@ -154,8 +155,18 @@ def overlapping(actors: Actors, frozen: frozenset[str] = frozenset()) -> list[tu
     return [
         (actors.ids[a], actors.ids[b], float(d))
         for a, b, d in zip(first, second, depth, strict=True)
-        if d > OVERLAP_M and not (actors.ids[a] in frozen and actors.ids[b] in frozen)
+        if d > OVERLAP_M
+        and not (actors.ids[a] in frozen and actors.ids[b] in frozen)
+        and not _walked_into(actors, int(a), int(b))
     ]
+
+
+def _walked_into(actors: Actors, a: int, b: int) -> bool:
+    """Whether a pedestrian is in touch with a car that stands: pedestrians yield to nobody."""
+    return any(
+        actors.kind[one] == ActorKind.PEDESTRIAN and actors.speed_mps[other] < STANDING_MPS
+        for one, other in ((a, b), (b, a))
+    )
 
 
 def audited(scenario: Scenario, *, seed: int = 0, steps: int = 300, wild: bool = True) -> Findings:

@@ -1,0 +1,107 @@
+"""Commands: parsing and printing only; the work is in the library.
+
+Exit codes: 0 done; 1 a fault of ours or of SUMO; 2 bad input; 3 the run is incomplete.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from interplan_sumo import __version__
+from interplan_sumo.cli import runs
+from interplan_sumo.cli.listings import planners_app, scenarios_app
+from interplan_sumo.cli.maps import maps_app
+from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, OUR_FAULT, JsonOption
+from interplan_sumo.errors import InputError, InterplanError
+from interplan_sumo.report.printing import print_json
+
+app = typer.Typer(name="interplan-sumo", rich_markup_mode="rich", **LOOKS)
+app.add_typer(runs.app)
+app.add_typer(scenarios_app, name="scenarios")
+app.add_typer(planners_app, name="planners")
+app.add_typer(maps_app, name="maps")
+
+
+_UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; its exit code. The one place where errors become a line on stderr."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = app(args=given, prog_name="interplan-sumo", standalone_mode=False, obj=given)
+        sys.stdout.flush()
+        return int(code or DONE)
+    except _UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            error.show()  # type: ignore[attr-defined]
+            return BAD_INPUT
+        message = " ".join(str(error.format_message()).split())  # type: ignore[attr-defined]
+        return _failed(
+            f"{message if message.endswith(('.', '?')) else f'{message}.'} See: interplan-sumo {_command(given)}--help",
+            BAD_INPUT,
+        )
+    except InputError as error:
+        return _failed(str(error), BAD_INPUT)
+    except InterplanError as error:
+        return _failed(str(error), OUR_FAULT)
+    except BrokenPipeError:  # the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+
+
+def _failed(message: str, code: int) -> int:
+    print(f"error: {' '.join(message.split())}", file=sys.stderr)
+    return code
+
+
+def _command(arguments: Sequence[str]) -> str:
+    """The commands that were named before something went wrong: `scenarios list `."""
+    groups = {g.name: g.typer_instance for g in app.registered_groups if g.name and g.typer_instance}
+    words, here = "", app
+    for word in arguments:
+        commands = [*here.registered_commands, *(runs.app.registered_commands if here is app else ())]
+        names = {c.name or getattr(c.callback, "__name__", "") for c in commands}
+        if word not in names and not (here is app and word in groups):
+            break
+        words += f"{word} "
+        here = groups.get(word, typer.Typer()) if here is app else typer.Typer()
+    return words
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        print(f"interplan-sumo {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def interplan_sumo(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    """Can a motion planner cope with rare, interactive traffic? A closed-loop benchmark on SUMO."""
+
+
+@app.command()
+def doctor(as_json: JsonOption = False) -> int:
+    """Versions, native libraries, data files, and a two-second self-test."""
+    from dataclasses import asdict
+
+    from interplan_sumo.doctor import examine
+
+    found = examine()
+    if as_json:
+        print_json({"ok": found.ok, **asdict(found)})
+    else:
+        for name, value in {**found.versions, **found.machine}.items():
+            print(f"{name:>16}  {value}")
+        for check in found.checks:
+            print(f"{'ok' if check.ok else 'FAILED':>16}  {check.name}: {check.detail}")
+    return DONE if found.ok else OUR_FAULT
