@@ -1,9 +1,10 @@
-"""How fast the closed loop is beside bare SUMO, all in one run: python benchmarks/episode_speed.py [--repeats 5]
+"""How fast the closed loop is beside bare SUMO, all in one run: python benchmarks/episode_speed.py [--agents 150]
 
 (a) bare libsumo: the same traffic, the ego moved, position, angle, speed and lane of every vehicle read
 (b) the whole episode with StraightAhead: reactions and recording included
 (c) the same with scoring
 
+More agents than the scenario has are found on the oncoming lanes and farther up and down the road.
 The three are run in turn, so that a noisy machine is noisy for all of them.
 """
 
@@ -27,9 +28,16 @@ from interplan_sumo.scenario.suite import expert, find_scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic
-from interplan_sumo.simulation.spawning import ego_sumo_route, spawn
+from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, ego_sumo_route, spawn
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA
+
+MANY = 100
+
+
+def reach_m(agents: int) -> tuple[float, float]:
+    """How far behind and ahead of the ego lanes are filled."""
+    return (1000.0, 1000.0) if agents > MANY else (BEHIND_M, AHEAD_M)
 
 
 def bare(scenario: Scenario, agents: int, steps: int) -> float:
@@ -38,7 +46,7 @@ def bare(scenario: Scenario, agents: int, steps: int) -> float:
     files = find_map(scenario.map)
     network, ids = read_network(files.network), NetworkIds.read(files.ids)
     types = read_vehicle_types(vehicle_type_file(scenario.traffic.behaviour))
-    spawns = spawn(scenario, roads, network, ids, types, PACIFICA, (), scenario.rng(0))[:agents]
+    spawns = spawn(scenario, roads, network, ids, types, PACIFICA, (), scenario.rng(0), reach_m(agents))[:agents]
     libsumo.start(
         ["sumo", "-n", str(network.path), "-a", str(types.path), "--step-length", "0.1", "--insertion-checks", "none",
          "--lanechange.duration", "3", "--default.speeddev", "0", "--collision.action", "none",
@@ -78,7 +86,7 @@ def bare(scenario: Scenario, agents: int, steps: int) -> float:
 def episode(scenario: Scenario, agents: int) -> tuple[float, float, int, int]:
     """(Steps per second of the episode, the same with scoring, agents at the start, steps)."""
     roads = load_roads(scenario.map)
-    with open_traffic(scenario, roads, most_agents=agents) as traffic:
+    with open_traffic(scenario, roads, most_agents=agents, reach_m=reach_m(agents)) as traffic:
         count = len(traffic.observe().actors)
         began = time.perf_counter()
         drive: Episode = run_loop(
@@ -100,7 +108,9 @@ def main() -> None:
     parser.add_argument("--agents", type=int, default=40)
     parser.add_argument("--repeats", type=int, default=5)
     options = parser.parse_args()
-    scenario = replace(find_scenario(options.scenario))
+    scenario = find_scenario(options.scenario)
+    if options.agents > MANY:
+        scenario = replace(scenario, traffic=replace(scenario.traffic, oncoming="high"))
     rates: list[tuple[float, float, float]] = []
     count = steps = 0
     for _ in range(options.repeats + 1):  # the first one warms up

@@ -95,16 +95,22 @@ def target(state: EgoState, plan: Trajectory, shape: EgoShape = PACIFICA) -> Tar
         grid_heading, grid_x, grid_y = (np.interp(grid_s, time_s, v) for v in (heading, x_m, y_m))
     step_x_m, step_y_m = grid_x[1:] - grid_x[:-1], grid_y[1:] - grid_y[:-1]
     forward_m = step_x_m * np.cos(grid_heading[:-1]) + step_y_m * np.sin(grid_heading[:-1])
-    speed = _speeds(forward_m)
-
     at = now_s / GRID_S
-    last = min(count - 1, int(at) + HORIZON_STEPS)
-    curvature = _curvatures(speed, np.diff(_unwrapped(grid_heading)).tolist(), last)
+    unwrapped = _unwrapped(grid_heading)
+    turn_rad = unwrapped[1:] - unwrapped[:-1]
+    if turn_rad.any():
+        speed = _speeds(forward_m)
+        last = min(count - 1, int(at) + HORIZON_STEPS)
+        curvature = _curvatures(speed, turn_rad.tolist(), last)
+        speed_mps = _held(speed, at + HORIZON_STEPS)
+    else:  # a straight plan: the curvature fit has the solution 0, and one speed is all that is left to know
+        curvature = [0.0]
+        speed_mps = _speed_at(forward_m, at + HORIZON_STEPS)
 
     plan_x, plan_y, plan_heading = (float(np.interp(now_s, time_s, v)) for v in (x_m, y_m, heading))
     ego_x, ego_y = rear_axle_of(state.x_m, state.y_m, state.heading_rad, shape)
     return Target(
-        speed_mps=_held(speed, at + HORIZON_STEPS),
+        speed_mps=speed_mps,
         curvature_per_m=tuple([_held(curvature, at + i) for i in range(HORIZON_STEPS)]),
         lateral_error_m=-(ego_x - plan_x) * sin(plan_heading) + (ego_y - plan_y) * cos(plan_heading),
         heading_error_rad=wrap_angle(state.heading_rad - plan_heading),
@@ -201,6 +207,16 @@ def _speeds(forward_m: Floats) -> list[float]:
         return _solved_speeds(forward_m.tolist())
     # A sum over rows has a fixed order of additions; a matrix product of BLAS has not.
     return (_speed_inverse(len(forward_m)) * forward_m).sum(axis=1).tolist()
+
+
+def _speed_at(forward_m: Floats, at: float) -> float:
+    """`_held` of the fitted speeds at one place, without the others."""
+    count = len(forward_m)
+    if count > LARGEST_INVERSE:
+        return _held(_solved_speeds(forward_m.tolist()), at)
+    first = min(int(at), count - 1)
+    rows = _speed_inverse(count)[first : first + 2]
+    return _held((rows * forward_m).sum(axis=1).tolist(), at - first)
 
 
 @lru_cache(maxsize=64)

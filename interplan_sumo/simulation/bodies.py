@@ -9,7 +9,7 @@ turns no faster than its wheels allow, and slides no faster than in a lane chang
 
 from __future__ import annotations
 
-from math import pi
+from math import degrees, pi
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,11 @@ STRETCH = 1.2
 """SUMO scales the lanes of an edge to one length; on the outer lane of a bend cars go faster than they say."""
 SLIDE_M = 0.2
 """Per step, for the lateral speed of a lane change, 3.5 m in 3 s."""
+
+
+def navigation_deg(heading_rad: float) -> float:
+    """SUMO's angle: degrees clockwise from north."""
+    return round((90.0 - degrees(heading_rad)) % 360.0, 6)
 
 
 class Bodies:

@@ -117,8 +117,8 @@ class Network:
     """Normal edges: lanes by index."""
     links: Mapping[str, tuple[NetworkLink, ...]]
     """Ways on from each normal lane."""
-    first_state: Mapping[str, str]
-    """State string of each traffic light's program at time 0."""
+    programs: Mapping[str, tuple[str, ...]]
+    """State strings of each traffic light's program, from time 0 on."""
 
     @cached_property
     def strips(self) -> tuple[tuple[Strip, ...], shapely.STRtree]:
@@ -208,6 +208,11 @@ class Network:
     def _lanes_on(self) -> dict[tuple[str, ...], frozenset[str]]:
         return {}
 
+    @cached_property
+    def first_state(self) -> Mapping[str, str]:
+        """State string of each traffic light's program at time 0."""
+        return {light: states[0] for light, states in self.programs.items()}
+
     def opens_freely(self, link: NetworkLink) -> bool:
         """Whether a car may drive through at time 0 without yielding."""
         if link.light is None:
@@ -269,7 +274,12 @@ def _network(path: Path, root: Element) -> Network:
             if end not in lanes:
                 raise ValueError(f"a connection names lane {end}, which does not exist")
         links[link.from_lane].append(link)
-    programs = {logic.attrib["id"]: next(iter(logic.iter("phase"))).attrib["state"] for logic in root.iter("tlLogic")}
+    programs: dict[str, tuple[str, ...]] = {}
+    for logic in root.iter("tlLogic"):
+        states = tuple(phase.attrib["state"] for phase in logic.iter("phase"))
+        if not states:
+            raise ValueError(f"traffic light {logic.attrib['id']} has no phase")
+        programs.setdefault(logic.attrib["id"], states)
     return Network(path, lanes, edges, {lane: tuple(found) for lane, found in links.items()}, programs)
 
 

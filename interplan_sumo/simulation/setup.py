@@ -14,7 +14,7 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.obstacles import blockages, standing_actors
 from interplan_sumo.simulation.pedestrians import Crowd
-from interplan_sumo.simulation.spawning import ego_sumo_route, spawn
+from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, ego_sumo_route, spawn
 from interplan_sumo.simulation.sumo import DT_S as STEP_S
 from interplan_sumo.simulation.sumo import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
@@ -37,11 +37,12 @@ def open_traffic(
     shape: EgoShape = PACIFICA,
     with_ego: bool = True,
     most_agents: int | None = None,
+    reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
 ) -> SumoTraffic:
     """SUMO with the scenario's traffic at t = 0. InputError if a file cannot be used, TrafficError if SUMO fails.
 
     `with_ego` False gives the twin run without an ego; `most_agents` cuts the
-    traffic short, for measurements.
+    traffic short and `reach_m` spreads it (behind, ahead of the ego), for measurements.
     """
     scenario.check(roads)
     files = find_map(scenario.map)
@@ -56,7 +57,7 @@ def open_traffic(
     if scenario.jaywalkers:
         line = route_centerline(roads, scenario)
         crowd = Crowd(scenario, roads, line, tokens[len(scenario.obstacles) :], STEP_S)
-    spawns = spawn(scenario, roads, network, ids, types, shape, blocked, rng)[:most_agents]
+    spawns = spawn(scenario, roads, network, ids, types, shape, blocked, rng, reach_m)[:most_agents]
     names = opaque_ids(len(spawns), rng, besides=tokens)
     route = ego_sumo_route(network, ids, route_lanes(roads, scenario))
     return SumoTraffic(

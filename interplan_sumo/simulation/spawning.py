@@ -69,9 +69,13 @@ class _Stretch:
 
 def spawn(
     scenario: Scenario, roads: Roads, network: Network, ids: NetworkIds, types: VehicleTypes, shape: EgoShape,
-    blocked: tuple[Blockage, ...], rng: np.random.Generator,
+    blocked: tuple[Blockage, ...], rng: np.random.Generator, reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
 ) -> tuple[Spawn, ...]:  # fmt: skip
-    """All agents of a scenario at the start, in a fixed order; none on a blocked stretch."""
+    """All agents of a scenario at the start, in a fixed order; none on a blocked stretch.
+
+    `reach_m` is how far behind and ahead of the ego lanes are filled.
+    """
+    behind_m, ahead_m = reach_m
     spawns: list[Spawn] = []
     used: set[str] = set()
     start = roads[scenario.start.lane]
@@ -79,8 +83,8 @@ def spawn(
     own = roads.roadblocks[start.roadblock_id].lane_ids
     plan: list[tuple[str, Density, float, float]] = []
     demand = scenario.traffic
-    plan.extend((lane, demand.density, BEHIND_M, AHEAD_M) for lane in own)
-    plan.extend((lane, demand.oncoming, AHEAD_M, BEHIND_M) for lane in oncoming_lanes(roads, scenario))
+    plan.extend((lane, demand.density, behind_m, ahead_m) for lane in own)
+    plan.extend((lane, demand.oncoming, ahead_m, behind_m) for lane in oncoming_lanes(roads, scenario))
     for lane_id, density, upstream_m, downstream_m in plan:
         if density == "none":
             continue

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import cos, degrees, hypot, inf, isfinite, sin
+from math import cos, hypot, inf, isfinite, sin
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,9 @@ import shapely
 from interplan_sumo.errors import TrafficError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation.anchor import Anchor, find_anchor
-from interplan_sumo.simulation.bodies import Bodies
+from interplan_sumo.simulation.bodies import Bodies, navigation_deg
 from interplan_sumo.simulation.driving import Driving
+from interplan_sumo.simulation.lights import Lights
 from interplan_sumo.simulation.network import Network
 from interplan_sumo.simulation.obstacles import Blockage
 from interplan_sumo.simulation.pedestrians import Crowd
@@ -57,8 +58,6 @@ FREEZE_RADIUS_M = 40.0
 """Agents this near to an ego that straddles two lanes keep their lane, unless their type says `interplan.swerve`."""
 KEEP_ROUTE = 1
 ANYWHERE = 2
-_STATUS = {"G": SignalStatus.GREEN, "g": SignalStatus.GREEN, "y": SignalStatus.YELLOW, "Y": SignalStatus.YELLOW,
-           "r": SignalStatus.RED, "u": SignalStatus.RED, "s": SignalStatus.RED}  # fmt: skip
 _KINDS = {"pedestrian": ActorKind.PEDESTRIAN, "bicycle": ActorKind.BICYCLE}
 
 _is_open = False
@@ -125,6 +124,7 @@ class SumoTraffic:
         self._bodies = Bodies(DT_S)
         self._signals: Signals | None = None
         self._next_switch_s = 0.0
+        self._lights = Lights(ids.links)
         command = [
             "sumo", "--net-file", str(network.path), "--additional-files", str(types.path), "--step-length", str(DT_S),
             "--collision.action", "none", "--time-to-teleport", "-1", "--insertion-checks", "none",
@@ -135,7 +135,6 @@ class SumoTraffic:
             sumo.start(command)
         _is_open = True
         try:
-            self._index_lights()
             self._spawn(types, spawns, tokens, blocked)
             self._block(blocked)
             if with_ego:
@@ -246,13 +245,6 @@ class SumoTraffic:
             sumo.vehicle.setLaneChangeMode(EGO, LANE_CHANGE_NONE)
         self.place_ego(ego)
 
-    def _index_lights(self) -> None:
-        """Where in the lights' state strings each controlled connector finds its letter."""
-        self._connectors = tuple(sorted(self._ids.links))
-        self._light_ids = tuple(sorted({light for light, _ in self._ids.links.values()}))
-        links = (self._ids.links[connector] for connector in self._connectors)
-        self._link_of = tuple((self._light_ids.index(light), index) for light, index in links)
-
     # --- one step ------------------------------------------------------------------------------
 
     @property
@@ -324,7 +316,7 @@ class SumoTraffic:
                 self._strayed = True
                 return
             lane = self._network.lanes[anchor.lane]
-            angle_deg = _navigation_deg(anchor.heading_rad)
+            angle_deg = navigation_deg(anchor.heading_rad)
             keep = KEEP_ROUTE if anchor.on_route and self._is_on_route() else ANYWHERE
             self._strayed = keep is ANYWHERE
             sumo.vehicle.moveToXY(EGO, lane.edge, lane.index, anchor.x_m, anchor.y_m, angle_deg, keep)
@@ -333,9 +325,12 @@ class SumoTraffic:
         """Whether SUMO's ego has its route; wherever it is put beside it, SUMO gives it another."""
         if not self._strayed:
             return True
-        edge = sumo.vehicle.getRoute(EGO)[sumo.vehicle.getRouteIndex(EGO)]
-        if edge not in self._ego_route or sumo.vehicle.getRoadID(EGO).startswith(":"):
+        lane = sumo.vehicle.getLaneID(EGO)  # getRoadID would crash while the ego is nowhere
+        if not lane or lane.startswith(":"):
             return False  # SUMO takes no new route inside a junction
+        edge = sumo.vehicle.getRoute(EGO)[sumo.vehicle.getRouteIndex(EGO)]
+        if edge not in self._ego_route:
+            return False
         sumo.vehicle.setRoute(EGO, self._ego_route[self._ego_route.index(edge) :])
         return True
 
@@ -344,6 +339,16 @@ class SumoTraffic:
         if hypot(anchor.x_m - front[0], anchor.y_m - front[1]) < self._shape.width_m / 2.0:
             return True
         return self._network.touches_lane(shapely.Polygon(ego.corners(self._shape) - self._origin))
+
+    def impose_signals(self, wanted: Mapping[str, SignalStatus]) -> None:
+        """Show connectors a status from now on until another is imposed; a light that is touched stops its program."""
+        lights = sumo.trafficlight
+        with _Commanding("imposing signals"):
+            concerned = {self._ids.links[each][0] for each in wanted if each in self._ids.links}
+            states = {light: lights.getRedYellowGreenState(light) for light in concerned}
+            for light, state in self._lights.imposed(wanted, states, self._network.programs).items():
+                lights.setRedYellowGreenState(light, state)
+        self._signals = None
 
     def advance(self) -> None:
         with _Commanding("simulationStep"):
@@ -382,10 +387,9 @@ class SumoTraffic:
         with _Commanding("reading the lights"):
             lights = sumo.trafficlight
             if self._signals is None or sumo.simulation.getTime() >= self._next_switch_s - 1e-6:
-                states = [lights.getRedYellowGreenState(light) for light in self._light_ids]
-                self._next_switch_s = min((lights.getNextSwitch(light) for light in self._light_ids), default=inf)
-                status = [_STATUS.get(states[light][link], SignalStatus.UNKNOWN) for light, link in self._link_of]
-                self._signals = Signals(self._connectors, np.array(status, dtype=np.int8))
+                states = [lights.getRedYellowGreenState(light) for light in self._lights.ids]
+                self._next_switch_s = min((lights.getNextSwitch(light) for light in self._lights.ids), default=inf)
+                self._signals = self._lights.signals(states)
         return self._signals
 
     # --- reacting ------------------------------------------------------------------------------
@@ -439,8 +443,3 @@ def _finite(what: str, *numbers: float) -> tuple[float, ...]:
     if not all(map(isfinite, values)):
         raise TrafficError(f"{what} holds a number that is not finite: {values}")
     return values
-
-
-def _navigation_deg(heading_rad: float) -> float:
-    """SUMO's angle: degrees clockwise from north."""
-    return round((90.0 - degrees(heading_rad)) % 360.0, 6)

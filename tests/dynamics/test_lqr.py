@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from worlds import ego, straight_plan
 
+from interplan_sumo.dynamics import lqr
 from interplan_sumo.dynamics.lqr import LARGEST_INVERSE, Command, target, track
 from interplan_sumo.dynamics.rear_axle import center_of
 from interplan_sumo.world.ego import PACIFICA, EgoState
@@ -209,3 +210,12 @@ def test_the_speed_fit_solves_its_normal_equations() -> None:
         now = max(0, count - 11)
         at = target(ego(float(x[now]), time_s=float(time_s[now])), plan)
         assert at.speed_mps == pytest.approx(wanted[min(now + 10, count - 1)], abs=1e-9)
+
+
+def test_the_quick_way_for_straight_plans_gives_what_the_whole_fit_gives() -> None:
+    rng = np.random.default_rng(5)
+    for count in (2, 3, 11, 80, 250):
+        forward_m = rng.uniform(0.0, 2.0, count)
+        profile = lqr._speeds(forward_m)
+        for at in (10.0, 10.25, 40.5, 0.0):
+            assert lqr._speed_at(forward_m, at) == lqr._held(profile, at)

@@ -23,6 +23,8 @@ from interplan_sumo.world.signals import SignalStatus
 SiteKind = Literal["straight", "curved", "connector"]
 REACTION_MPS2 = 0.1
 """A reaction is an acceleration this much below that of the identical run without an ego."""
+LEAST_LIMIT_MPS = 11.0
+"""Sites are on roads on which the follower may drive as fast as it is meant to."""
 BEGIN_S = 1.0
 AFTER_S = 2.0
 """How long a merge is watched after its end."""
@@ -66,22 +68,25 @@ class Outcome:
     stays_behind: bool
 
 
-def sites(name: str, kind: SiteKind, length_m: float = 170.0) -> list[Site]:
+def sites(name: str, kind: SiteKind, length_m: float = 150.0) -> list[Site]:
     """Where merges of a kind can be staged on a map, in the map's order."""
     roads = load_roads(name)
     found: list[Site] = []
     for lane in roads.lanes:
         chain = _chain(roads, lane, length_m)
         line = _line(roads, chain)
-        if line.length_m < length_m:
+        slowest_mps = min(roads[each].speed_limit_mps or 0.0 for each in chain)
+        if line.length_m < length_m or slowest_mps < LEAST_LIMIT_MPS:
             continue
         first_m = roads[lane].centerline.length_m
-        middle_m = first_m + roads[chain[1]].centerline.length_m / 2.0 if kind == "connector" else 95.0
         if kind == "connector":
-            fits = 90.0 < middle_m < line.length_m - 60.0 and roads[chain[1]].centerline.length_m > 10.0
+            across_m = roads[chain[1]].centerline.length_m if len(chain) > 1 else 0.0
+            middle_m = first_m + across_m / 2.0
+            fits = across_m > 10.0 and 80.0 < middle_m < line.length_m - 60.0
         else:
-            bend = np.ptp(np.unwrap(line.poses_at(np.arange(60.0, 130.0, 2.0))[:, 2]))
-            fits = first_m >= 150.0 and (bend < 0.03 if kind == "straight" else bend > 0.25)
+            middle_m = 80.0
+            bend = np.ptp(np.unwrap(line.poses_at(np.arange(50.0, 110.0, 2.0))[:, 2]))
+            fits = first_m >= 125.0 and (bend < 0.03 if kind == "straight" else bend > 0.15)
         if fits:
             found.append(Site(name, kind, tuple(chain), middle_m))
     return found
@@ -142,9 +147,10 @@ def measured(merge: Merge, types: VehicleTypes, blind: Floats | None = None) -> 
     if blind is None:
         blind, _, _ = _run(network, ids, types, spawn, driven, route, with_ego=False)
     speeds, fronts, length_m = _run(network, ids, types, spawn, driven, route, with_ego=True)
-    corridor = shapely.buffer(line.linestring, width_m / 2.0, cap_style="flat")
-    shares = [shapely.intersection(ego.polygon(PACIFICA), corridor).area for ego in driven]
-    overlaps = np.array(shares[: len(speeds)]) / (PACIFICA.length_m * PACIFICA.width_m)
+    driven_on = {piece.sumo_lane for each in merge.site.lanes for piece in ids.pieces[each]}
+    corridor = shapely.union_all([strip.polygon for each in driven_on for strip in network.lanes[each].strips])
+    boxes = [shapely.Polygon(ego.corners(PACIFICA) - ids.origin_m) for ego in driven[: len(speeds)]]
+    overlaps = shapely.area(shapely.intersection(boxes, corridor)) / (PACIFICA.length_m * PACIFICA.width_m)
     slower = (np.diff(blind) - np.diff(speeds)) / DT_S
     reacting = np.flatnonzero(slower >= REACTION_MPS2)
     reacted = int(reacting[0]) if len(reacting) else None

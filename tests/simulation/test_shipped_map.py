@@ -12,7 +12,7 @@ import pytest
 
 from interplan_planners.idm import IdmPlanner
 from interplan_planners.straight_ahead import StraightAhead
-from interplan_sumo.errors import MapError, VehicleTypeError
+from interplan_sumo.errors import MapError, TrafficError, VehicleTypeError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import MapFiles, find_map, load_roads
 from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
@@ -43,6 +43,27 @@ def test_the_lights_that_planners_see_are_sumos_at_every_step() -> None:
             traffic.place_ego(ego)
             traffic.advance()
     assert {SignalStatus.GREEN, SignalStatus.YELLOW, SignalStatus.RED} <= seen
+
+
+def test_imposed_signals_hold_are_seen_and_leave_the_other_lights_alone() -> None:
+    ids = NetworkIds.read(find_map(LTD.map).ids)
+    lights = sorted({light for light, _ in ids.links.values()})
+    mine = [connector for connector, (light, _) in ids.links.items() if light == lights[0]]
+    wanted = {c: SignalStatus.RED if i % 2 else SignalStatus.GREEN for i, c in enumerate(sorted(mine))}
+    ego = setup.start_state(LTD, ROADS)
+    with setup.open_traffic(LTD, ROADS) as traffic:
+        traffic.impose_signals(wanted)
+        others: set[int] = set()
+        for _ in range(300):
+            signals = traffic.observe().signals
+            status = dict(zip(signals.connector_ids, signals.status, strict=True))
+            assert all(status[connector] == imposed for connector, imposed in wanted.items())
+            others |= {int(status[c]) for c in status if c not in wanted}
+            traffic.place_ego(ego)
+            traffic.advance()
+        assert others >= {SignalStatus.GREEN, SignalStatus.YELLOW, SignalStatus.RED}
+        with pytest.raises(TrafficError, match="no traffic light controls connector 'x'"):
+            traffic.impose_signals({"x": SignalStatus.RED})
 
 
 @pytest.mark.parametrize("scenario", [LTD, HTD], ids=lambda s: s.id)

@@ -10,6 +10,7 @@ import pytest
 from networks import LANE_Y, agent, ego_at, traffic, types
 
 from interplan_sumo.errors import TrafficError
+from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types
 from interplan_sumo.world.ego import PACIFICA, EgoState
@@ -203,6 +204,40 @@ def test_importing_libsumo_leaves_the_environment_of_proj_alone() -> None:
     assert "sumo" not in os.environ.get("PROJ_DATA", "") + os.environ.get("PROJ_LIB", "")
 
 
+def oncoming(gap_m: float, against: Drive) -> tuple[list[float], list[float], list[float]]:
+    """Gaps, speeds and braking of a car that comes towards the ego at 12 m/s."""
+    cars = types("conservative")
+    front_m = 400.0 - (against(0).x_m + PACIFICA.length_m / 2 + gap_m)
+    gaps: list[float] = []
+    found: list[float] = []
+    with traffic(cars, (agent(cars, "w0_0", front_m, 12.0, ("w0",)),), against(0)) as run:
+        for step in range(200):
+            actors = run.observe().actors
+            found.append(float(actors.speed_mps[0]))
+            gaps.append(float(actors.x_m[0]) - 2.3 - against(step).x_m - PACIFICA.length_m / 2)
+            run.react(against(step))
+            run.place_ego(against(step + 1))
+            run.advance()
+    return gaps, found, (-np.diff(found) / 0.1).tolist()
+
+
+def test_an_oncoming_car_brakes_from_90_m_and_stands_before_an_ego_in_its_lane() -> None:
+    def against(step: int) -> EgoState:
+        """Steady at 8 m/s, and braking to a stand over the last of the way, as both must."""
+        time_s = 0.1 * step
+        braking_s = float(np.clip(time_s - 4.0, 0.0, 4.0))
+        return ego_at(
+            100.0 + 8.0 * min(time_s, 4.0) + 8.0 * braking_s - braking_s**2, 1.75, 8.0 - 2.0 * braking_s, time_s
+        )
+
+    gaps, found, braking = oncoming(130.0, against)
+    first = next(k for k, b in enumerate(braking) if b >= 0.1)
+    assert gaps[first] >= 90.0
+    assert min(gaps) > 0.5
+    assert found[-1] < 0.3
+    assert max(braking) <= 5.0
+
+
 def test_an_oncoming_car_stands_before_an_ego_in_its_lane() -> None:
     cars = types("conservative")
 
@@ -223,3 +258,50 @@ def test_an_oncoming_car_stands_before_an_ego_in_its_lane() -> None:
     assert min(gaps) > 0.5
     assert last < 0.3  # IDM creeps up to its standstill gap
     assert hardest <= 5.0
+
+
+def test_who_overlooks_the_ego_still_sees_the_car_beyond_it() -> None:
+    """The ego keeps its centre just outside the lane, where SUMO puts it into it: between two cars of that lane."""
+    cars = types("assertive")
+
+    def beside(step: int) -> EgoState:
+        return ego_at(100.0 + 0.4 * step, -7.0, 4.0, 0.1 * step)
+
+    spawns = (agent(cars, "e0_0", 130.0, 0.5), agent(cars, "e0_0", 80.0, 10.0))
+    spawns += tuple(agent(cars, "e0_1", at, speed) for at, speed in ((130.0, 0.5), (80.0, 10.0)))
+    with traffic(cars, spawns, beside(0)) as run:
+        for step in range(150):
+            actors = run.observe().actors
+            for y_m in LANE_Y[:2]:
+                lane = np.flatnonzero(np.abs(actors.y_m - y_m) < 1.0)
+                along = np.sort(actors.x_m[lane])
+                assert (np.diff(along) > 4.6).all(), step
+            run.react(beside(step))
+            run.place_ego(beside(step + 1))
+            run.advance()
+
+
+def test_an_ego_far_off_the_road_is_nowhere_and_comes_back() -> None:
+    cars = types("conservative")
+
+    def away(step: int) -> EgoState:
+        return ego_at(100.0 + 0.8 * step, -5.25 - 400.0 * np.sin(np.pi * min(step, 100) / 100.0), 8.0, 0.1 * step)
+
+    with traffic(cars, (agent(cars, "e0_1", 80.0, 12.0),), away(0)) as run:
+        found = speeds(run, away, 200)
+    assert max(found[20:80]) > 12.0  # nobody minds the ego while it is away
+    assert len(found) == 200
+
+
+@pytest.mark.parametrize("behaviour", ["conservative", "assertive", "mixed", "urban", "interplan_code"])
+def test_every_shipped_vehicle_type_file_drives(behaviour: str) -> None:
+    kinds = types(behaviour)
+    spawns = tuple(Spawn("e0_1", 40.0 + 40.0 * i, 8.0, driver, ("e0", "e1")) for i, driver in enumerate(kinds.members))
+    with traffic(kinds, spawns, merge(0)) as run:
+        for step in range(50):
+            run.react(merge(step))
+            run.place_ego(merge(step + 1))
+            run.advance()
+        actors = run.observe().actors
+    assert sorted(actors.length_m) == sorted(driver.length_m for driver in kinds.members)
+    assert (actors.speed_mps > 0.0).all()

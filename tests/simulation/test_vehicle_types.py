@@ -87,3 +87,17 @@ def test_an_edited_file_is_read_again(tmp_path: Path) -> None:
     assert read_vehicle_types(path).members[0].tau_s == 1.5
     path.write_text('<additional><vType id="traffic" tau="1.25"/></additional>')
     assert read_vehicle_types(path).members[0].tau_s == 1.25
+
+
+def test_city_traffic_has_trucks_buses_and_motorcycles() -> None:
+    urban = read_vehicle_types(vehicle_type_file("urban"))
+    lengths = {member.id: member.length_m for member in urban.members}
+    assert {"truck", "bus", "motorcycle"} < set(lengths)
+    assert lengths["motorcycle"] < lengths["conservative"] < lengths["truck"] < lengths["bus"]
+    assert sum(urban.probabilities) == pytest.approx(1.0)
+
+
+def test_the_published_codes_cautious_drivers_look_three_seconds_ahead() -> None:
+    cautious, plain = read_vehicle_types(vehicle_type_file("interplan_code")).members
+    assert (cautious.anticipation_s, plain.anticipation_s) == (3.0, 0.0)
+    assert cautious.react_overlap == plain.react_overlap == 0.0
