@@ -36,7 +36,7 @@ setup: $(VENV)/.installed-dev
 check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/basedpyright
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
 test: setup
 	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"

@@ -6,7 +6,9 @@ A planner is any object with the two methods of `Planner`; no base class.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import inspect
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, entry_points
@@ -111,6 +113,25 @@ def registered_planner(name: str) -> EntryPoint:
             "planner", name, points, "Or give module:Class. Just added it to pyproject.toml? Run: pip install -e ."
         )
     return points[name]
+
+
+def find_planner(name: str) -> None:
+    """Check that a registered name or the module of `module:Class` exists, importing neither the planner nor its class.
+
+    UnknownNameError or PlannerLoadError otherwise: what can be known before anything is started.
+    """
+    module, colon, _ = name.partition(":")
+    if not colon:
+        registered_planner(name)
+        return
+    try:
+        found = importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):
+        found = False
+    if not found:
+        raise PlannerLoadError(
+            f"planner {name!r}: there is no module {module!r}, neither installed nor in the folder {os.getcwd()}"
+        )
 
 
 def planners() -> list[PlannerInfo]:

@@ -230,7 +230,7 @@ def test_lists_are_tables_for_people(command: str, capsys: pytest.CaptureFixture
         ("run --planner idm --traffic nowhere.xml", "nowhere.xml"),
         ("run --planner idm --seeds many", "--seeds"),
         ("run --planner idm --scenarios nothing/*", "no scenario named 'nothing/*'"),
-        ("run --planner nowhere:Nobody --out {tmp}/run", "cannot import 'nowhere'"),
+        ("run --planner nowhere:Nobody --out {tmp}/run", "there is no module 'nowhere'"),
         ("run --planner idm?hedway_s=1 --out {tmp}/run", "Did you mean 'headway_s'?"),
         ("report nowhere", "nowhere is not a run folder"),
         ("report", "Missing argument"),

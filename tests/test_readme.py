@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -20,6 +23,28 @@ def test_the_planner_of_the_readme_conforms() -> None:
     names: dict[str, type[Planner]] = {}
     exec(code, names)
     assert not [finding for finding in check_planner(names["Careful"]()) if finding.severity == "error"]
+
+
+def test_the_planner_of_the_readme_runs_from_the_folder_that_it_lies_in(tmp_path: Path) -> None:
+    code = next(block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "class Careful" in block)
+    (tmp_path / "my_planner.py").write_text(code)
+    command = [sys.executable, "-c", "import sys; from interplan_sumo.cli import main; sys.exit(main())"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONSAFEPATH": "1"}
+    for arguments in (
+        "planners check my_planner:Careful",
+        "run --planner my_planner:Careful --suite smoke==1 --limit 1 --workers 1 --out out --quiet",
+    ):
+        done = subprocess.run(
+            [*command, *arguments.split()], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+    missing = subprocess.run(
+        [*command, "run", "--planner", "your_planner:Careful", "--out", "other"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert missing.returncode == 2
+    assert "there is no module 'your_planner'" in missing.stderr
+    assert not (tmp_path / "other").exists()
 
 
 COMMANDS = sorted(

@@ -24,7 +24,7 @@ from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.score import DEFAULT_PROFILE, SCORING_VERSION
-from interplan_sumo.planner import registered_planner
+from interplan_sumo.planner import find_planner
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.simulation.network import read_network
@@ -78,9 +78,8 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
         raise InputError(f"limit is {request.limit}, expected 1 or more")
     if request.workers < 0:
         raise InputError(f"workers is {request.workers}, expected 0 (in this process) or more")
-    for name in (spec.partition("?")[0] for spec in request.planners):
-        if ":" not in name:
-            registered_planner(name)
+    for spec in request.planners:
+        find_planner(spec.partition("?")[0])
     suite = find_suite(request.suite)
     scenarios = chosen(suite.scenarios, request.scenarios, request.limit)
     jobs = jobs_for(scenarios, request.planners, request.seeds, request.overrides)

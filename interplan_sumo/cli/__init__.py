@@ -33,6 +33,8 @@ _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code. The one place where errors become a line on stderr."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if os.getcwd() not in sys.path:  # planners of the folder one works in; last, so that nothing there hides a library
+        sys.path.append(os.getcwd())
     try:
         code = app(args=given, prog_name="interplan-sumo", standalone_mode=False, obj=given)
         sys.stdout.flush()
