@@ -56,7 +56,7 @@ class Past:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What a planner sees at one step: everything within 100 m unless the scenario hides it."""
+    """What a planner sees at one step: everything within 100 m."""
 
     time_s: float
     ego: EgoState

@@ -21,7 +21,7 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -309,11 +309,6 @@ def place_folder(fresh: Path, final: Path) -> None:
         shutil.rmtree(final)
     final.parent.mkdir(parents=True, exist_ok=True)
     os.rename(fresh, final)
-
-
-def in_order(rows: Mapping[JobKey, Row], keys: Sequence[JobKey]) -> list[Row]:
-    """The rows in the order of the jobs, whichever ended first."""
-    return [rows[key] for key in keys if key in rows]
 
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:

@@ -24,7 +24,6 @@ from interplan_sumo.world.roads import LaneLike, Roads
 
 DEVIATION_BAR_M = 0.05
 """No lane or connector may lie further than this from its source."""
-DEVIATION_TARGET_M = 0.01
 LIMIT_TOLERANCE_MPS = 0.001
 _SHORT_M = 1.0  # the nominal length of shorter pieces is dominated by SUMO's smallest one
 

@@ -56,7 +56,6 @@ class Approach:
 
     block_ids: tuple[str, ...]
     heading_rad: float
-    end_xy: tuple[float, float]
     lane_count: int
     limit_mps: float
     sign: Sign
@@ -250,7 +249,6 @@ def _approaches(
             Approach(
                 block_ids=tuple(block for block, _, _ in arm),
                 heading_rad=arm[0][1],
-                end_xy=(float(arm[0][2][0]), float(arm[0][2][1])),
                 lane_count=len(lanes),
                 limit_mps=max((lane.speed_limit_mps or DEFAULT_LIMIT_MPS) for lane in lanes),
                 sign=max(signed, default=Sign.NONE),

@@ -70,8 +70,6 @@ class Obstacle:
     length_m: float | None = None
     """None takes the default of its kind."""
     width_m: float | None = None
-    hides: bool = False
-    """Whether pedestrians behind it, seen from the ego's centre, are hidden from the planner."""
 
     @property
     def size_m(self) -> tuple[float, float]:

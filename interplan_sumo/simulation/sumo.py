@@ -133,7 +133,7 @@ class SumoTraffic:
         ]  # fmt: skip
         with _Commanding(f"start with {network.path.name} and {types.path.name}"):
             sumo.start(command)
-        _is_open = True
+        self._open = _is_open = True
         try:
             self._spawn(types, spawns, tokens, blocked)
             self._block(blocked)
@@ -152,8 +152,8 @@ class SumoTraffic:
 
     def close(self) -> None:
         global _is_open
-        if _is_open:
-            _is_open = False
+        if self._open:
+            self._open = _is_open = False
             sumo.close()
 
     # --- set-up --------------------------------------------------------------------------------

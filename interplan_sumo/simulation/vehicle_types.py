@@ -127,7 +127,6 @@ class _Reader(ContentHandler):
         self._path = path
         self._locator: Any = None
         self._types: dict[str, dict[str, Any]] = {}
-        self._probability: dict[str, float] = {}
         self._distributions: dict[str, dict[str, float]] = {}
         self._open_type: str | None = None
         self._open_distribution: str | None = None

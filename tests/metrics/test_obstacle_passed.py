@@ -53,7 +53,7 @@ def test_of_a_way_across_the_farther_end_counts():
 
 
 def test_where_pedestrians_cross_the_bus_beside_them_is_scenery():
-    bus = Obstacle(LanePlace("11", 150.0, -3.0), "bus", hides=True)
+    bus = Obstacle(LanePlace("11", 150.0, -3.0), "bus")
     assert passing([50.0, 130.0], CROSSING, bus).score == 1.0
 
 

@@ -192,7 +192,11 @@ def test_only_one_simulation_may_be_open_in_a_process() -> None:
     cars = types("conservative")
     with traffic(cars, (), merge(0)), pytest.raises(TrafficError, match="already running"):
         traffic(cars, (), merge(0))
-    traffic(cars, (), merge(0)).close()  # and after closing another may start
+    first = traffic(cars, (), merge(0))  # and after closing another may start
+    first.close()
+    with traffic(cars, (), merge(0)) as second:
+        first.close()  # a second time, which is no concern of the one that is open now
+        second.advance()
 
 
 def test_a_pose_that_is_not_finite_never_reaches_sumo() -> None:
