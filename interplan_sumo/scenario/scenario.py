@@ -101,6 +101,23 @@ class TrafficDemand:
     """Vehicle-type file in routes/, without its ending."""
     oncoming: Density = "none"
     """Density on the oncoming lanes of a two-way road."""
+    flow: bool = False
+    """Whether vehicles keep entering where the filled lanes begin, at the same density."""
+
+
+VehicleKind = Literal["car", "truck", "bus", "motorcycle"]
+VEHICLE_KINDS: tuple[VehicleKind, ...] = ("car", "truck", "bus", "motorcycle")
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedVehicle:
+    """A moving vehicle that starts on a given place, besides those that the density brings."""
+
+    place: LanePlace
+    """Of its centre; on the centre line of a lane."""
+    speed_mps: float
+    kind: VehicleKind = "car"
+    """Its driver is drawn among the types of this kind in the scenario's vehicle-type file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +137,9 @@ class Scenario:
     traffic: TrafficDemand = TrafficDemand()
     obstacles: tuple[Obstacle, ...] = ()
     jaywalkers: tuple[Jaywalker, ...] = ()
+    occluder: int | None = None
+    """Index in `obstacles` of the bus that hides pedestrians behind it from the planner; None hides nobody."""
+    vehicles: tuple[PlacedVehicle, ...] = ()
     duration_s: float = 30.0
     exempt: tuple[str, ...] = ()
     """Gates that are not judged."""
@@ -142,6 +162,21 @@ class Scenario:
         for i, walker in enumerate(self.jaywalkers):
             if not 0.1 <= walker.speed_mps <= 5.0:
                 raise ScenarioError(f"{self.id}: jaywalkers[{i}].speed_mps is {walker.speed_mps}, expected 0.1 to 5")
+        if self.occluder is not None and not 0 <= self.occluder < len(self.obstacles):
+            raise ScenarioError(
+                f"{self.id}: occluder is {self.occluder}, expected the index of one of {len(self.obstacles)} obstacles"
+            )
+        for i, vehicle in enumerate(self.vehicles):
+            if vehicle.kind not in VEHICLE_KINDS:
+                known = ", ".join(VEHICLE_KINDS)
+                raise ScenarioError(f"{self.id}: vehicles[{i}].kind is {vehicle.kind!r}, expected one of {known}")
+            if not (np.isfinite(vehicle.speed_mps) and vehicle.speed_mps >= 0.0):
+                raise ScenarioError(f"{self.id}: vehicles[{i}].speed_mps is {vehicle.speed_mps}, expected 0 or more")
+            if vehicle.place.left_m != 0.0:
+                raise ScenarioError(
+                    f"{self.id}: vehicles[{i}].place.left_m is {vehicle.place.left_m}, expected 0: vehicles start on "
+                    "the centre line; what stands beside it is an obstacle"
+                )
         for name, density in (("density", self.traffic.density), ("oncoming", self.traffic.oncoming)):
             if density != "none" and density not in LARGEST_GAP_M:
                 raise ScenarioError(
@@ -180,6 +215,7 @@ class Scenario:
         places = [(f"obstacles[{i}]", obstacle.place) for i, obstacle in enumerate(self.obstacles)]
         for i, walker in enumerate(self.jaywalkers):
             places += [(f"jaywalkers[{i}].start", walker.start), (f"jaywalkers[{i}].end", walker.end)]
+        places += [(f"vehicles[{i}]", vehicle.place) for i, vehicle in enumerate(self.vehicles)]
         for name, place in places:
             try:
                 place.pose(roads)

@@ -12,12 +12,12 @@ from pathlib import Path
 import pandas as pd
 
 from interplan_sumo.errors import InputError, ScenarioError, UnknownNameError
-from interplan_sumo.scenario.families import lane_change
+from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.trace import EgoTrack
 
-DEFAULT_SUITE = "smoke==1"
+DEFAULT_SUITE = "interplan==1"
 """What `run` drives if it is not told."""
 
 
@@ -45,11 +45,19 @@ class Suite:
         return hashlib.sha256(lines.encode()).hexdigest()
 
 
+def _interplan() -> tuple[Scenario, ...]:
+    return tuple(scenario for family in FAMILIES.values() for scenario in family.scenarios)
+
+
+SMOKE_INDEX = {"construction": 2, "lane_change_mtd": 5, "lane_change_htd": 3}
+"""Which of a family's ten stands for it in the smoke suite; 0 where none is named."""
+
+
 def _smoke() -> tuple[Scenario, ...]:
-    return (lane_change.SCENARIOS["lane_change_ltd"][0], lane_change.SCENARIOS["lane_change_htd"][0])
+    return tuple(family.scenarios[SMOKE_INDEX.get(name, 0)] for name, family in FAMILIES.items())
 
 
-_SUITES: dict[str, Callable[[], tuple[Scenario, ...]]] = {"smoke==1": _smoke}
+_SUITES: dict[str, Callable[[], tuple[Scenario, ...]]] = {"interplan==1": _interplan, "smoke==1": _smoke}
 
 
 @cache

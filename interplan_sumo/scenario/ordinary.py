@@ -1,0 +1,294 @@
+"""Ordinary driving: the fourteen scenario types of nuPlan's challenge, as far as background traffic can stage them.
+
+A planner that masters these and fails on the families shows what the benchmark is about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+import shapely
+
+from interplan_sumo.scenario.families import lane_change
+from interplan_sumo.scenario.scenario import (
+    Behaviour,
+    Density,
+    Jaywalker,
+    LanePlace,
+    Obstacle,
+    PlacedVehicle,
+    Scenario,
+    TrafficDemand,
+    VehicleKind,
+)
+from interplan_sumo.scenario.sites import Site, UnsuitableError, edges_m, site_at, walk
+from interplan_sumo.world.geometry import wrap_angle
+from interplan_sumo.world.roads import Connector, Roads, Turn
+
+PARKING_M: Final = 2.0
+"""Width beside the lane in which a car can park without reaching into it."""
+PEOPLE_MPS: Final = 1.3
+"""People on a crosswalk walk at this speed."""
+
+Maker = Callable[[str, Roads, str, float, np.random.Generator], Scenario]
+
+
+def ordinary(id: str, roads: Roads, kind: str, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+    """A scenario of one of the `TYPES` at a place of a map; UnsuitableError with the reason if it does not do there."""
+    return TYPES[kind](id, roads, lane_id, at_m, rng)
+
+
+# --- at junctions ------------------------------------------------------------------------------
+
+
+def _crossing(
+    turn: Turn, *, light: bool | None, before_m: tuple[float, float], share: float
+) -> Maker:  # fmt: skip
+    """Comes to a junction and goes through it; `share` is the start speed as a share of the limit."""
+
+    def make(id: str, roads: Roads, lane_id: str, _at_m: float, rng: np.random.Generator) -> Scenario:
+        ways = [roads.connectors[i] for i in roads.outgoing(lane_id)]
+        ways = [w for w in ways if w.turn is turn and _bends(w, turn) and light in (None, w.has_traffic_light)]
+        if not ways:
+            raise UnsuitableError(f"no way {turn.name.lower()} leaves the lane")
+        way = ways[int(rng.integers(len(ways)))]
+        start, goal, route = _through(roads, way, float(np.round(rng.uniform(*before_m), 1)), 60.0)
+        return _scenario(id, roads, start, goal, route, rng, share=share, density=_some(rng), oncoming="low")
+
+    return make
+
+
+def _bends(way: Connector, turn: Turn) -> bool:
+    headings = way.centerline.segment_heading_rad
+    bend = abs(float(wrap_angle(headings[-1] - headings[0])))
+    return bend < np.radians(20.0) if turn is Turn.STRAIGHT else bend > np.radians(45.0)
+
+
+def _through(
+    roads: Roads, way: Connector, before_m: float, after_m: float
+) -> tuple[LanePlace, LanePlace, tuple[str, ...]]:
+    length_m = roads[way.from_lane_id].centerline.length_m
+    behind, start = walk(roads, way.from_lane_id, length_m, -before_m)
+    ahead, goal = walk(roads, way.to_lane_id, 0.0, after_m)
+    chain = (*reversed(behind), way.from_lane_id, way.id, way.to_lane_id, *ahead)
+    return start, goal, roads.route_through(chain)
+
+
+def _queue(id: str, roads: Roads, lane_id: str, _at_m: float, rng: np.random.Generator) -> Scenario:
+    """Stands behind others at a traffic light."""
+    way = _straight_light(roads, lane_id)
+    before_m = float(np.round(rng.uniform(14.0, 26.0), 1))
+    start, goal, route = _through(roads, way, before_m, 60.0)
+    room_m = before_m - 2.6
+    cars = [
+        PlacedVehicle(_ahead_of(roads, start, 2.6 + 2.0 + 2.5 + i * 7.5), 0.0)
+        for i in range(int((room_m - 2.0) // 7.5))
+    ]
+    return _scenario(id, roads, start, goal, route, rng, share=0.0, density="low", vehicles=cars)
+
+
+def _stopping(id: str, roads: Roads, lane_id: str, _at_m: float, rng: np.random.Generator) -> Scenario:
+    """Follows somebody to a traffic light."""
+    way = _straight_light(roads, lane_id)
+    start, goal, route = _through(roads, way, float(np.round(rng.uniform(60.0, 90.0), 1)), 50.0)
+    limit_mps = _limit_mps(roads, start)
+    lead = PlacedVehicle(_ahead_of(roads, start, 2.6 + 2.5 + 0.9 * limit_mps), round(0.6 * limit_mps, 1))
+    return _scenario(id, roads, start, goal, route, rng, share=0.6, density="low", vehicles=[lead])
+
+
+def _straight_light(roads: Roads, lane_id: str) -> Connector:
+    ways = [roads.connectors[i] for i in roads.outgoing(lane_id)]
+    ways = [w for w in ways if w.turn is Turn.STRAIGHT and w.has_traffic_light]
+    if not ways:
+        raise UnsuitableError("no traffic light with a way straight on ends the lane")
+    return ways[0]
+
+
+# --- along the road ----------------------------------------------------------------------------
+
+
+def _with_lead(kind: VehicleKind, gap_s: float, share: float) -> Maker:
+    """Follows a leader of a kind, `gap_s` ahead, at `share` of the limit."""
+
+    def make(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+        site = site_at(roads, lane_id, at_m, approach_m=20.0, beyond_m=200.0)
+        speed_mps = round(share * site.limit_mps, 1)
+        half_m = {"car": 2.5, "truck": 4.5, "bus": 6.5, "motorcycle": 1.2}[kind]
+        place = _ahead_of(roads, site.start, 2.6 + half_m + max(4.0, gap_s * speed_mps))
+        lead = PlacedVehicle(place, speed_mps, kind)
+        return _along(id, roads, site, rng, share=share, density="low", vehicles=[lead])
+
+    return make
+
+
+def _bend(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+    """Takes a bend that is felt at the limit with at least 1.5 m/s2 to the side (nuPlan's bound for the type)."""
+    site = site_at(roads, lane_id, at_m, approach_m=70.0, beyond_m=60.0)
+    line = roads[lane_id].centerline
+    around_m = np.linspace(max(at_m - 8.0, 0.0), min(at_m + 8.0, line.length_m), 9)
+    headings = np.unwrap([line.pose_at(float(s)).heading_rad for s in around_m])
+    curvature = abs(float(headings[-1] - headings[0])) / float(around_m[-1] - around_m[0])
+    felt_mps2 = curvature * site.limit_mps**2
+    if not 1.5 <= felt_mps2 <= 3.5:
+        raise UnsuitableError(f"at the limit the bend is felt with {felt_mps2:.1f} m/s2, expected 1.5 to 3.5")
+    return _along(id, roads, site, rng, share=0.9, density="low")
+
+
+def _fast(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+    """Drives fast on a fast road."""
+    site = site_at(roads, lane_id, at_m, approach_m=30.0, beyond_m=300.0)
+    if site.limit_mps < 17.0:
+        raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, expected 17 or more")
+    return _along(id, roads, site, rng, share=0.95, density="low")
+
+
+def _slow(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+    """Crawls and picks up speed in a slow street."""
+    site = site_at(roads, lane_id, at_m, approach_m=20.0, beyond_m=110.0)
+    if site.limit_mps > 11.5:
+        raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, expected 11.5 or less")
+    return _along(id, roads, site, rng, share=0.1, density="low")
+
+
+def _crowded(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+    """Dense traffic on a road of several lanes."""
+    site = site_at(roads, lane_id, at_m, approach_m=30.0, beyond_m=180.0)
+    if len(site.beside_start) < 3:
+        raise UnsuitableError(f"{len(site.beside_start)} lanes, expected 3 or more")
+    return _along(id, roads, site, rng, share=0.6, density="high")
+
+
+def _kerbside(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+    """Passes where people are picked up and dropped: vehicles stand beside the lane."""
+    site = site_at(roads, lane_id, at_m, approach_m=70.0, beyond_m=80.0)
+    beside_m = site.near_edge_m - site.width_m / 2.0
+    if site.lanes_near or beside_m < PARKING_M:
+        raise UnsuitableError(f"{beside_m:.1f} m beside the lane at the kerb, expected {PARKING_M} or more")
+    across_m = site.width_m / 2.0 + beside_m - 1.0
+    parked = [Obstacle(site.place(ahead_m, across_m), "car") for ahead_m in (-9.0, 0.0, 7.5)[: int(rng.integers(1, 4))]]
+    return _along(id, roads, site, rng, share=0.8, density="low", obstacles=parked)
+
+
+def _pedestrian(id: str, roads: Roads, lane_id: str, _at_m: float, rng: np.random.Generator) -> Scenario:
+    """Somebody crosses on a crosswalk, where no light holds the ego."""
+    ways = [roads.connectors[i] for i in roads.outgoing(lane_id)]
+    ways = [w for w in ways if w.turn is Turn.STRAIGHT and not w.has_traffic_light]
+    if not ways:
+        raise UnsuitableError("no way straight on without a traffic light leaves the lane")
+    crossing_m = _crosswalk_m(roads, ways[0])
+    start, goal, route = _through(roads, ways[0], float(np.round(rng.uniform(50.0, 70.0), 1)), 50.0)
+    lane = roads.lanes[lane_id]
+    left_m, right_m = edges_m(roads, lane, lane.centerline.length_m - 1.0)
+    from_left = bool(rng.random() < 0.5)
+    here_m, there_m = (left_m + 1.0, -right_m - 1.0) if from_left else (-right_m - 1.0, left_m + 1.0)
+    person = Jaywalker(
+        LanePlace(ways[0].id, crossing_m, round(here_m, 2)),
+        LanePlace(ways[0].id, crossing_m, round(there_m, 2)),
+        PEOPLE_MPS,
+    )
+    return _scenario(id, roads, start, goal, route, rng, share=0.6, density="none", jaywalkers=[person])
+
+
+def _crosswalk_m(roads: Roads, way: Connector) -> float:
+    """Where the first crosswalk crosses a connector, arc length."""
+    line = way.centerline
+    at_m = [
+        line.project_point(*shapely.get_coordinates(shapely.centroid(part))[0])[0]
+        for area in roads.crosswalks
+        if not (part := shapely.intersection(area.polygon, line.linestring)).is_empty
+    ]
+    if not at_m:
+        raise UnsuitableError("no crosswalk crosses the way on")
+    return round(min(at_m), 2)
+
+
+def _change(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+    """Changes to the next lane in light traffic, with time to do it."""
+    site = lane_change.suitable(roads, lane_id, at_m)
+    start = lane_change.starts(roads, site).get(1)
+    if start is None:
+        raise UnsuitableError("the goal's lane has no neighbour at the start")
+    return _scenario(id, roads, start, site.goal, site.route, rng, share=0.7, density="low")
+
+
+# --- parts -------------------------------------------------------------------------------------
+
+
+def _along(
+    id: str,
+    roads: Roads,
+    site: Site,
+    rng: np.random.Generator,
+    *,
+    share: float,
+    density: Density,
+    vehicles: Sequence[PlacedVehicle] = (),
+    obstacles: Sequence[Obstacle] = (),
+) -> Scenario:
+    return _scenario(
+        id, roads, site.start, site.goal, site.route, rng,
+        share=share, density=density, vehicles=vehicles, obstacles=obstacles,
+    )  # fmt: skip
+
+
+def _scenario(
+    id: str, roads: Roads, start: LanePlace, goal: LanePlace, route: tuple[str, ...], rng: np.random.Generator, *,
+    share: float, density: Density, oncoming: Density = "none", vehicles: Sequence[PlacedVehicle] = (),
+    obstacles: Sequence[Obstacle] = (), jaywalkers: Sequence[Jaywalker] = (),
+) -> Scenario:  # fmt: skip
+    behaviours: tuple[Behaviour, ...] = ("conservative", "mixed")
+    return Scenario(
+        id=id,
+        family=id.partition("/")[0].rpartition(".")[2],
+        map=roads.name,
+        start=start,
+        start_speed_mps=round(share * _limit_mps(roads, start), 1),
+        goal=goal,
+        route=route,
+        traffic=TrafficDemand(density, behaviours[int(rng.integers(2))], oncoming),
+        obstacles=tuple(obstacles),
+        jaywalkers=tuple(jaywalkers),
+        vehicles=tuple(vehicles),
+    )
+
+
+def _limit_mps(roads: Roads, place: LanePlace) -> float:
+    limit_mps = roads[place.lane].speed_limit_mps
+    if limit_mps is None:
+        raise UnsuitableError("the lane has no speed limit")
+    return limit_mps
+
+
+def _some(rng: np.random.Generator) -> Density:
+    return ("low", "medium")[int(rng.integers(2))]
+
+
+def _ahead_of(roads: Roads, start: LanePlace, ahead_m: float) -> LanePlace:
+    """A place ahead of the start, on its lane; UnsuitableError where the lane ends before."""
+    arc_m = round(start.arc_m + ahead_m, 2)
+    if arc_m > roads[start.lane].centerline.length_m - 3.0:
+        raise UnsuitableError("the lane ends before the car ahead would stand")
+    return LanePlace(start.lane, arc_m)
+
+
+TYPES: Final[dict[str, Maker]] = {
+    "starting_left_turn": _crossing(Turn.LEFT, light=None, before_m=(25.0, 45.0), share=0.5),
+    "starting_right_turn": _crossing(Turn.RIGHT, light=None, before_m=(25.0, 45.0), share=0.5),
+    "starting_straight_traffic_light_intersection_traversal": _crossing(
+        Turn.STRAIGHT, light=True, before_m=(30.0, 60.0), share=0.7
+    ),
+    "stopping_with_lead": _stopping,
+    "high_lateral_acceleration": _bend,
+    "high_magnitude_speed": _fast,
+    "low_magnitude_speed": _slow,
+    "traversing_pickup_dropoff": _kerbside,
+    "waiting_for_pedestrian_to_cross": _pedestrian,
+    "behind_long_vehicle": _with_lead("truck", 1.8, 0.6),
+    "stationary_in_traffic": _queue,
+    "near_multiple_vehicles": _crowded,
+    "changing_lane": _change,
+    "following_lane_with_lead": _with_lead("car", 1.8, 0.7),
+}
+"""The types of nuPlan's challenge and their makers."""

@@ -1,0 +1,265 @@
+"""Sites: places on any map that suit a family of scenarios, and a plain reason for each place that does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from interplan_sumo.scenario.scenario import LanePlace
+from interplan_sumo.world.geometry import wrap_angle
+from interplan_sumo.world.roads import DrivingSide, Lane, Roads
+
+STEP_M = 10.0
+"""Places are looked for this far apart along a lane."""
+BESIDE_M = 0.6
+"""Lanes whose edges lie this near to one another are neighbours; a median is wider."""
+OPPOSITE_RAD = np.radians(150.0)
+KERB_REACH_M = 30.0
+"""How far to the side the edge of the road is looked for."""
+ROOM_M = 16.0
+"""What happens at a site needs this much of its lane before and behind it."""
+IN_LANE_M = 6.0
+"""Start and goal keep this distance from the ends of their lane: the car's length and some."""
+CENTIMETRES = 2
+"""Measures are rounded to this many decimals: a site is data that people read."""
+
+
+class UnsuitableError(Exception):
+    """A place does not do; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A place on a lane, how the ego comes there and goes on, and what lies to its sides."""
+
+    map: str
+    lane: str
+    at_m: float
+    """Arc length on `lane`."""
+    start: LanePlace
+    goal: LanePlace
+    route: tuple[str, ...]
+    driving_side: DrivingSide
+    limit_mps: float
+    width_m: float
+    """Of the lane."""
+    left_edge_m: float
+    """From the lane's centre line to the left edge of what can be driven on, oncoming lanes included."""
+    right_edge_m: float
+    lanes_left: int = 0
+    """Lanes of the same direction on the left."""
+    lanes_right: int = 0
+    oncoming_m: float = 0.0
+    """Width of the oncoming lanes beside the own ones, if no median parts them."""
+    bend_rad: float = 0.0
+    """How far the road turns from the start to the goal."""
+    beside_start: tuple[str, ...] = ()
+    """All lanes of the ego's direction at the start, from left to right."""
+
+    @property
+    def kerb(self) -> int:
+        """Sign of `left_m` towards the near kerb: +1 where one drives on the left."""
+        return 1 if self.driving_side == "left" else -1
+
+    @property
+    def near_edge_m(self) -> float:
+        """To the edge of the road on the kerb's side."""
+        return self.left_edge_m if self.driving_side == "left" else self.right_edge_m
+
+    @property
+    def far_edge_m(self) -> float:
+        """To the edge of the road on the other side."""
+        return self.right_edge_m if self.driving_side == "left" else self.left_edge_m
+
+    @property
+    def lanes_near(self) -> int:
+        """Lanes of the same direction between this one and the kerb."""
+        return self.lanes_left if self.driving_side == "left" else self.lanes_right
+
+    @property
+    def lanes_far(self) -> int:
+        """Lanes of the same direction between this one and the middle of the road."""
+        return self.lanes_right if self.driving_side == "left" else self.lanes_left
+
+    def place(self, ahead_m: float, towards_kerb_m: float = 0.0) -> LanePlace:
+        """A place `ahead_m` behind the site in driving direction (negative: before it) and towards the near kerb."""
+        arc_m, left_m = self.at_m + ahead_m, self.kerb * towards_kerb_m
+        return LanePlace(self.lane, round(arc_m, CENTIMETRES), round(left_m, CENTIMETRES) + 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """A place that does not suit, and why."""
+
+    lane: str
+    at_m: float
+    reason: str
+
+
+def site_at(
+    roads: Roads, lane_id: str, at_m: float, *, approach_m: float, beyond_m: float, room_m: float = ROOM_M
+) -> Site:
+    """The site at a place; the ego starts `approach_m` before it and its goal lies `beyond_m` behind it.
+
+    The way there and on is the straightest one, without traffic lights.
+    Raises UnsuitableError with a plain reason.
+    """
+    lane = roads.lanes[lane_id]
+    if lane.speed_limit_mps is None:
+        raise UnsuitableError("the lane has no speed limit")
+    if not room_m <= at_m <= lane.centerline.length_m - room_m:
+        raise UnsuitableError(f"an end of the lane is nearer than {room_m:.0f} m")
+    before, start = walk(roads, lane_id, at_m, -approach_m)
+    after, goal = walk(roads, lane_id, at_m, beyond_m)
+    chain = (*reversed(before), lane_id, *after)
+    left_edge_m, right_edge_m = edges_m(roads, lane, at_m)
+    siblings = roads.roadblocks[lane.roadblock_id].lane_ids
+    index = siblings.index(lane_id)
+    headings = (start.pose(roads).heading_rad, goal.pose(roads).heading_rad)
+    return Site(
+        map=roads.name,
+        lane=lane_id,
+        at_m=round(at_m, CENTIMETRES),
+        start=start,
+        goal=goal,
+        route=roads.route_through(chain),
+        driving_side=roads.driving_side,
+        limit_mps=round(lane.speed_limit_mps, CENTIMETRES),
+        width_m=round(lane_width_m(lane, at_m), CENTIMETRES),
+        left_edge_m=round(left_edge_m, CENTIMETRES),
+        right_edge_m=round(right_edge_m, CENTIMETRES),
+        lanes_left=index,
+        lanes_right=len(siblings) - 1 - index,
+        oncoming_m=round(oncoming_width_m(roads, lane_id, at_m), CENTIMETRES),
+        bend_rad=round(float(wrap_angle(headings[1] - headings[0])), CENTIMETRES) + 0.0,
+        beside_start=roads.roadblocks[roads[start.lane].roadblock_id].lane_ids,
+    )
+
+
+def places(roads: Roads, step_m: float = STEP_M) -> Iterator[tuple[str, float]]:
+    """Every lane of the map, at places `step_m` apart."""
+    for lane in roads.lanes.values():
+        for at_m in np.arange(step_m, lane.centerline.length_m, step_m):
+            yield lane.id, float(at_m)
+
+
+def find_sites(
+    roads: Roads, choose: Callable[[Roads, str, float], Site], step_m: float = STEP_M
+) -> tuple[list[Site], list[Rejected]]:
+    """All places of a map for which `choose` gives a site, and the others with the reasons it raised."""
+    found: list[Site] = []
+    rejected: list[Rejected] = []
+    for lane_id, at_m in places(roads, step_m):
+        try:
+            found.append(choose(roads, lane_id, at_m))
+        except UnsuitableError as reason:
+            rejected.append(Rejected(lane_id, at_m, str(reason)))
+    return found, rejected
+
+
+# --- the way there and on ----------------------------------------------------------------------
+
+
+def walk(roads: Roads, lane_id: str, at_m: float, distance_m: float) -> tuple[list[str], LanePlace]:
+    """Lanes and connectors beyond `lane_id` in walking order, and the place `distance_m` away (negative: upstream).
+
+    Follows the straightest way without traffic lights; UnsuitableError where there is none.
+    """
+    here, left_m = lane_id, abs(distance_m)
+    room_m = at_m if distance_m < 0.0 else roads[here].centerline.length_m - at_m
+    chain: list[str] = []
+    while True:
+        line = roads[here].centerline
+        if left_m <= room_m - IN_LANE_M and isinstance(roads[here], Lane):
+            arc_m = room_m - left_m if distance_m < 0.0 else line.length_m - (room_m - left_m)
+            arc_m = max(arc_m, IN_LANE_M) if distance_m > 0.0 else min(arc_m, line.length_m - IN_LANE_M)
+            if IN_LANE_M <= arc_m <= line.length_m - IN_LANE_M:
+                return chain, LanePlace(here, round(arc_m, CENTIMETRES))
+        left_m -= room_m
+        here = _next(roads, here, upstream=distance_m < 0.0, walked_m=abs(distance_m) - left_m)
+        chain.append(here)
+        room_m = roads[here].centerline.length_m
+
+
+def _next(roads: Roads, here: str, *, upstream: bool, walked_m: float) -> str:
+    """The straightest way on from a lane or connector, without a traffic light."""
+    where = f"{max(walked_m, 0.0):.0f} m {'before' if upstream else 'behind'} it"
+    ways = roads.incoming(here) if upstream else roads.outgoing(here)
+    if not ways:
+        raise UnsuitableError(f"the road {'begins' if upstream else 'ends'} {where}")
+    if here in roads.connectors:
+        return ways[0]
+    free = [way for way in ways if not roads.connectors[way].has_traffic_light]
+    if not free:
+        raise UnsuitableError(f"there is a traffic light {where}")
+    bends = {way: _bend_rad(roads, way) for way in free}
+    best = min(free, key=lambda way: (bends[way], way))
+    if bends[best] > np.radians(45.0):
+        raise UnsuitableError(f"the road turns off {where}")
+    return best
+
+
+def _bend_rad(roads: Roads, lane_id: str) -> float:
+    headings = roads[lane_id].centerline.segment_heading_rad
+    return abs(float(wrap_angle(headings[-1] - headings[0])))
+
+
+# --- what lies to the sides --------------------------------------------------------------------
+
+
+def lane_width_m(lane: Lane, at_m: float) -> float:
+    """Width of a lane at a place, between its boundaries."""
+    pose = lane.centerline.pose_at(at_m)
+    point = (pose.x_m, pose.y_m)
+    return sum(abs(float(line.project(point)[1][0])) for line in (lane.left_boundary, lane.right_boundary))
+
+
+def edges_m(roads: Roads, lane: Lane, at_m: float) -> tuple[float, float]:
+    """From the centre line to the left and to the right edge of the drivable area, at most `KERB_REACH_M`."""
+    here = lane.centerline.pose_at(at_m)
+    found: list[float] = []
+    for side in (1.0, -1.0):
+        far = lane.centerline.pose_at(at_m, side * KERB_REACH_M)
+        ray = shapely.LineString([(here.x_m, here.y_m), (far.x_m, far.y_m)])
+        drivable = shapely.intersection(ray, _near_drivable(roads, ray))
+        parts = [part for part in shapely.get_parts(drivable) if part.length > 0.0]
+        first = min(parts, key=lambda part: part.distance(shapely.Point(here.x_m, here.y_m)), default=None)
+        found.append(0.0 if first is None else float(first.length))
+    return found[0], found[1]
+
+
+def _near_drivable(roads: Roads, ray: shapely.LineString) -> shapely.Geometry:
+    areas = (*roads.road_segments, *roads.intersections, *roads.generic_drivable_areas, *roads.carparks)
+    near = [area.polygon for area in areas if area.polygon.intersects(ray)]
+    return shapely.union_all(near)
+
+
+def oncoming_width_m(roads: Roads, lane_id: str, at_m: float) -> float:
+    """Width of the oncoming lanes that border on the own direction at a place; 0 where a median parts them."""
+    here = roads.lanes[lane_id]
+    siblings = roads.roadblocks[here.roadblock_id].lane_ids
+    inner = roads.lanes[siblings[0] if roads.driving_side == "right" else siblings[-1]]
+    side = 1.0 if roads.driving_side == "right" else -1.0
+    pose = here.centerline.pose_at(at_m)
+    arc_m, _ = inner.centerline.project_point(pose.x_m, pose.y_m)
+    heading = inner.centerline.pose_at(arc_m).heading_rad
+    reach_m = lane_width_m(inner, arc_m) / 2.0
+    width_m = 0.0
+    while reach_m < KERB_REACH_M:
+        there = inner.centerline.pose_at(arc_m, side * (reach_m + BESIDE_M))
+        lanes = [roads.lanes[i] for i in roads.lanes_at(there.x_m, there.y_m)]
+        opposite = [lane for lane in lanes if _turned(lane, there.x_m, there.y_m, heading) > OPPOSITE_RAD]
+        if not opposite:
+            break
+        at_other_m, _ = opposite[0].centerline.project_point(there.x_m, there.y_m)
+        lane_m = lane_width_m(opposite[0], at_other_m)
+        width_m, reach_m = width_m + lane_m, reach_m + lane_m
+    return width_m
+
+
+def _turned(lane: Lane, x_m: float, y_m: float, heading_rad: float) -> float:
+    arc_m, _ = lane.centerline.project_point(x_m, y_m)
+    return abs(float(wrap_angle(lane.centerline.pose_at(arc_m).heading_rad - heading_rad)))

@@ -1,0 +1,61 @@
+"""Generated scenarios: the same seed gives the same ones, on any map, for every family and ordinary type."""
+
+from __future__ import annotations
+
+from itertools import islice
+
+import pytest
+from worlds import straight_road
+
+from interplan_sumo.errors import UnknownNameError
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.scenario.families import FAMILIES
+from interplan_sumo.scenario.generate import Search
+from interplan_sumo.scenario.ordinary import TYPES
+from interplan_sumo.scenario.route import goal_arc_m, route_centerline
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_finds_places_on_every_district(family: str) -> None:
+    for name in ("strip", "one_north", "back_bay", "hazelwood"):
+        roads = load_roads(name)
+        made = list(islice(Search(roads, family, seed=3), 4))
+        assert [s.id for s in made] == [f"{name}.{family}/3-{k}" for k in range(4)]
+        assert {s.family for s in made} == {family}
+        assert len({s.site(roads) for s in made}) == 4
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_every_ordinary_type_finds_places_on_some_district(kind: str) -> None:
+    made = [s for name in ("one_north", "hazelwood", "strip") for s in islice(Search(load_roads(name), kind, 1), 2)]
+    assert len(made) >= 2
+    for scenario in made:
+        roads = load_roads(scenario.map)
+        start = scenario.start.pose(roads)
+        line = route_centerline(roads, scenario)
+        assert goal_arc_m(roads, scenario) > line.project_point(start.x_m, start.y_m)[0] + 30.0
+
+
+def test_equal_seeds_give_equal_scenarios_and_other_seeds_others() -> None:
+    roads = load_roads("hazelwood")
+    first, again, other = (list(islice(Search(roads, "overtake", seed), 5)) for seed in (0, 0, 1))
+    assert first == again
+    assert {s.hash() for s in first}.isdisjoint({s.hash() for s in other})
+
+
+def test_a_map_without_a_place_gives_nothing_and_says_why() -> None:
+    search = Search(straight_road(lanes=1, length_m=300.0), "overtake", 0)
+    assert list(search) == []
+    assert any("there is no oncoming lane beside it" in each.reason for each in search.rejected)
+
+
+def test_more_scenarios_than_sites_come_from_places_beside_them() -> None:
+    roads = straight_road(lanes=3, length_m=300.0)
+    made = list(islice(Search(roads, "construction", 0), 30))
+    assert len(made) == 30
+    assert len({s.id for s in made}) == 30
+
+
+def test_an_unknown_family_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(UnknownNameError, match="nudge"):
+        Search(load_roads("strip"), "nuge", 0)

@@ -1,0 +1,104 @@
+"""What must not change an episode: where the map lies, who is far away, and what the actors are called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from interplan_sumo.maps.geopackage_writer import write_map
+from interplan_sumo.maps.store import MapFiles, load_roads
+from interplan_sumo.maps.to_sumo import convert
+from interplan_sumo.metrics.score import score
+from interplan_sumo.planner import Mission, Observation, Past, Planner, load_planner
+from interplan_sumo.proving.experts import expert_drive
+from interplan_sumo.scenario.families import FAMILIES
+from interplan_sumo.scenario.scenario import LanePlace, PlacedVehicle, Scenario
+from interplan_sumo.simulation.episode import Episode, drive
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.trajectory import Trajectory
+from tests.metrics.staging import moved_roads
+
+SHORT_S = 12.0
+
+
+def ego_path(episode: Episode) -> np.ndarray:
+    assert episode.trace is not None
+    assert episode.fault is None
+    ego = episode.trace.ego
+    return np.stack((ego.x_m, ego.y_m, ego.heading_rad, ego.vx_mps))
+
+
+def scored(scenario: Scenario, episode: Episode) -> dict[str, float | None]:
+    assert episode.trace is not None
+    sheet = score(episode.trace, load_roads(scenario.map), expert_drive(scenario), scenario)
+    return {"score": sheet.score, **{name: result.score for name, result in sheet.metrics.items()}}
+
+
+@pytest.mark.parametrize("family", ["nudge", "lane_change_mtd"])
+def test_an_episode_on_a_shifted_map_gives_equal_scores(family: str, tmp_path: Path) -> None:
+    here = next(s for s in FAMILIES[family].scenarios if s.map == "back_bay")
+    files = MapFiles("elsewhere", "1.0", tmp_path / "elsewhere" / "1.0")
+    files.folder.mkdir(parents=True)
+    write_map(moved_roads(load_roads("back_bay"), lambda xy: xy + np.array([4096.0, -2048.0])), files.gpkg)
+    convert(load_roads(files.folder), files.folder)
+    there = replace(here, map=str(files.folder))
+    scores = [scored(s, drive(s, load_planner("idm"))) for s in (here, there)]
+    assert scores[0] == pytest.approx(scores[1], abs=1e-3)
+
+
+def test_a_vehicle_out_of_reach_changes_nothing() -> None:
+    scenario = replace(FAMILIES["nudge"].scenarios[2], duration_s=SHORT_S)
+    far = PlacedVehicle(LanePlace("302010", 100.0), 12.0)
+    assert _apart_m(scenario, far) > 300.0
+    alone, accompanied = (drive(s, load_planner("idm")) for s in (scenario, replace(scenario, vehicles=(far,))))
+    assert _number(accompanied) == _number(alone) + 1
+    np.testing.assert_array_equal(ego_path(alone), ego_path(accompanied))
+
+
+def _number(episode: Episode) -> int:
+    assert episode.trace is not None
+    return len(set(episode.trace.actors.ids))
+
+
+def _apart_m(scenario: Scenario, vehicle: PlacedVehicle) -> float:
+    roads = load_roads(scenario.map)
+    a, b = scenario.start.pose(roads), vehicle.place.pose(roads)
+    return float(np.hypot(a.x_m - b.x_m, a.y_m - b.y_m))
+
+
+class Renaming:
+    """A planner that sees everything under other names, and so in another order."""
+
+    def __init__(self, planner: Planner) -> None:
+        self.planner = planner
+
+    def start(self, mission: Mission) -> None:
+        self.names: dict[str, str] = {}
+        self.fresh: Iterator[int] = iter(np.random.default_rng(5).permutation(10_000).tolist())
+        self.planner.start(mission)
+
+    def plan(self, seen: Observation) -> Trajectory:
+        past = Past(seen.past.egos, tuple(self.renamed(actors) for actors in seen.past.actors))
+        return self.planner.plan(replace(seen, actors=self.renamed(seen.actors), past=past))
+
+    def renamed(self, actors: Actors) -> Actors:
+        for name in actors.ids:
+            if name not in self.names:
+                self.names[name] = f"{next(self.fresh):05d}"
+        ids = [self.names[name] for name in actors.ids]
+        order = np.argsort(ids)
+        columns = ("kind", "x_m", "y_m", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps")
+        return Actors(tuple(ids[i] for i in order), *(getattr(actors, name)[order] for name in columns))
+
+
+@pytest.mark.parametrize("planner", ["idm", "straight_ahead"])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_renaming_the_actors_changes_no_planners_motion(family: str, planner: str) -> None:
+    scenario = replace(FAMILIES[family].scenarios[0], duration_s=SHORT_S)
+    plain = drive(scenario, load_planner(planner))
+    renamed = drive(scenario, Renaming(load_planner(planner)))
+    np.testing.assert_allclose(ego_path(plain), ego_path(renamed), rtol=0.0, atol=1e-9)
