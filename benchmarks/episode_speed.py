@@ -4,6 +4,8 @@
 (b) the whole episode with StraightAhead: reactions and recording included
 (c) the same with scoring
 
+Then what the reactions cost per step beside SUMO's own step in the same run, with the ego in its lane and astride two.
+
 More agents than the scenario has are found on the oncoming lanes and farther up and down the road.
 The three are run in turn, so that a noisy machine is noisy for all of them.
 """
@@ -14,22 +16,26 @@ import argparse
 import statistics
 import time
 from dataclasses import replace
+from itertools import pairwise
+from math import cos, sin
 
 import libsumo
 import numpy as np
 
+from interplan_planners.idm import IdmPlanner
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.score import score
 from interplan_sumo.scenario.route import route_lanes
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import expert, find_scenario
+from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic
-from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, ego_sumo_route, spawn
+from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, populate
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
+from interplan_sumo.simulation.ways import ego_sumo_route
 from interplan_sumo.world.ego import PACIFICA
 
 MANY = 100
@@ -40,13 +46,19 @@ def reach_m(agents: int) -> tuple[float, float]:
     return (1000.0, 1000.0) if agents > MANY else (BEHIND_M, AHEAD_M)
 
 
+def astride_m(scenario: Scenario) -> float:
+    """Lateral offset at which the ego is astride its lane and a neighbour: left positive."""
+    return -1.6 if load_roads(scenario.map).right_of(scenario.start.lane) is not None else 1.6
+
+
 def bare(scenario: Scenario, agents: int, steps: int) -> float:
     """Steps per second of plain libsumo with the scenario's first `agents` agents."""
     roads = load_roads(scenario.map)
     files = find_map(scenario.map)
     network, ids = read_network(files.network), NetworkIds.read(files.ids)
     types = read_vehicle_types(vehicle_type_file(scenario.traffic.behaviour))
-    spawns = spawn(scenario, roads, network, ids, types, PACIFICA, (), scenario.rng(0), reach_m(agents))[:agents]
+    rng, reach = scenario.rng(0), reach_m(agents)
+    spawns = populate(scenario, roads, network, ids, types, PACIFICA, (), rng, reach).spawns[:agents]
     libsumo.start(
         ["sumo", "-n", str(network.path), "-a", str(types.path), "--step-length", "0.1", "--insertion-checks", "none",
          "--lanechange.duration", "3", "--default.speeddev", "0", "--collision.action", "none",
@@ -97,9 +109,48 @@ def episode(scenario: Scenario, agents: int) -> tuple[float, float, int, int]:
     assert trace is not None
     assert drive.fault is None, drive.fault
     scoring = time.perf_counter()
-    score(trace, roads, expert(scenario), scenario)
+    score(trace, roads, trace.ego, scenario)  # against itself: this is about time
     scored_s = time.perf_counter() - scoring
     return len(trace) / (driven - began), len(trace) / (driven - began + scored_s), count, len(trace)
+
+
+def reactions(scenario: Scenario, agents: int, beside_m: float) -> tuple[float, float, float]:
+    """Seconds per step that reacting, placing the ego and SUMO's step take while the ego drives as IDM does.
+
+    It keeps `beside_m` to the left of where IDM drives, and so never drives through the cars ahead.
+    """
+    roads = load_roads(scenario.map)
+    with open_traffic(scenario, roads, most_agents=agents, reach_m=reach_m(agents)) as traffic:
+        drive = run_loop(scenario, roads, IdmPlanner(), traffic, options=EpisodeOptions(), on_phase=lambda _: None)
+    assert drive.trace is not None
+    states = [drive.trace.ego.state(k) for k in range(len(drive.trace))]
+    egos = [
+        replace(s, x_m=s.x_m - beside_m * sin(s.heading_rad), y_m=s.y_m + beside_m * cos(s.heading_rad)) for s in states
+    ]
+    steps = len(egos) - 1
+    clock, step, spent = time.perf_counter, libsumo.simulationStep, [0.0, 0.0, 0.0]
+
+    def timed_step() -> None:
+        began = clock()
+        step()
+        spent[2] += clock() - began
+
+    with open_traffic(scenario, roads, most_agents=agents, reach_m=reach_m(agents)) as traffic:
+        libsumo.simulationStep = timed_step
+        try:
+            for now, then in pairwise(egos):
+                traffic.observe()
+                began = clock()
+                traffic.react(now)
+                reacted = clock()
+                traffic.place_ego(then)
+                spent[0] += reacted - began
+                spent[1] += clock() - reacted
+                traffic.advance()
+        finally:
+            libsumo.simulationStep = step
+    react_s, place_s, step_s = (each / steps for each in spent)
+    return react_s, place_s, step_s
 
 
 def main() -> None:
@@ -124,6 +175,14 @@ def main() -> None:
     print(f"(a) bare libsumo            {a:8.0f} steps/s")
     print(f"(b) episode                 {b:8.0f} steps/s   {ratio_b:.2f} of (a)")
     print(f"(c) episode and scoring     {c:8.0f} steps/s   {ratio_c:.2f} of (a)")
+    for name, beside_m in (("in its lane", 0.0), ("astride two lanes", astride_m(scenario))):
+        rows = [reactions(scenario, options.agents, beside_m) for _ in range(options.repeats + 1)][1:]
+        react_us, place_us, step_us = (1e6 * statistics.median(column) for column in zip(*rows, strict=True))
+        ratio = statistics.median(react / step for react, _, step in rows)
+        print(
+            f"ego {name:17s} reactions {react_us:4.0f} us ({ratio:.2f} of SUMO's step), "
+            f"placing it {place_us:3.0f} us, SUMO's step {step_us:4.0f} us"
+        )
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from interplan_sumo.maps.network import NetworkIds, SumoPiece
 from interplan_sumo.simulation.network import Network, read_network
 from interplan_sumo.simulation.setup import opaque_ids
 from interplan_sumo.simulation.spawning import Spawn
-from interplan_sumo.simulation.sumo import SumoTraffic
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA, EgoState
 

@@ -34,7 +34,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "testing": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"_check_worlds"},
     "proving": BASE | LAYER_0 | LAYER_1 | LAYER_2,
     "batch": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"proving"},
-    "report": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch"},
+    "report": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "proving"},
     "doctor": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch"},
     "cli": BASE | LAYER_0 | LAYER_1 | LAYER_2 | LAYER_3,
     "__main__": {"cli"},

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from interplan_sumo.batch.jobs import Job
+from interplan_sumo.batch.own_experts import own_expert
 from interplan_sumo.batch.phases import Publish
 from interplan_sumo.batch.run_folder import PART, place_folder, trace_place
 from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
@@ -35,6 +36,8 @@ class DriveSettings:
     profile: str
     vehicle_types: Path | None = None
     plan_limit_s: float = 10.0
+    own_scenarios: bool = False
+    """Whether they belong to no suite: their experts are driven, then."""
 
 
 def drive_jobs(settings: DriveSettings) -> OpenGroup:
@@ -62,8 +65,9 @@ def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
                 publish("score")
                 scored_s = time.perf_counter()
                 roads = load_roads(job.scenario.map)
-                sheet = score(episode.trace, roads, expert(job.scenario), job.scenario, settings.profile).as_json()
-                value |= sheet
+                own = settings.own_scenarios
+                reference = own_expert(job.scenario, settings.folder) if own else expert(job.scenario)
+                value |= score(episode.trace, roads, reference, job.scenario, settings.profile).as_json()
                 times_s["scoring"] = time.perf_counter() - scored_s
         times_s["total"] = time.perf_counter() - began_s
         value["times_s"] = {name: round(seconds, 6) for name, seconds in times_s.items()}

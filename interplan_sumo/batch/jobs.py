@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Literal, cast
 
 from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.scenario.files import is_scenario_file, read_scenarios
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, Density, Scenario
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, Suite, find_suite
 
 OVERRIDABLE = ("density", "behaviour")
 
@@ -30,6 +32,41 @@ class Job:
     @property
     def key(self) -> JobKey:
         return (self.scenario.id, self.planner, self.seed)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where the scenarios of a run come from."""
+
+    name: str
+    """`name==version` of a suite, or the names of files."""
+    hash: str
+    scenarios: tuple[Scenario, ...]
+    official: bool
+
+    @classmethod
+    def of(cls, suite: str | None, files: Sequence[str]) -> Source:
+        """A suite (the default one for None), or the scenarios of files; InputError if both are given."""
+        if not files:
+            found = find_suite(suite or DEFAULT_SUITE)
+            return cls(found.key, found.hash(), found.scenarios, official=True)
+        if suite is not None:
+            raise InputError(f"--suite {suite} and the file {files[0]} are two sources of scenarios; give one of them")
+        lines: dict[str, str] = {}
+        scenarios: list[Scenario] = []
+        for file in dict.fromkeys(files):
+            for scenario in read_scenarios(file):
+                if lines.setdefault(scenario.id, file) != file:
+                    raise InputError(f"{file}: {lines[scenario.id]} holds a scenario {scenario.id}, too; rename one")
+                scenarios.append(scenario)
+        name = ", ".join(Path(file).name for file in dict.fromkeys(files))
+        return cls(name, Suite(name, 0, tuple(scenarios)).hash(), tuple(scenarios), official=False)
+
+
+def split_files(given: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What `--scenarios` was given, as files and globs."""
+    files = tuple(each for each in given if is_scenario_file(each))
+    return files, tuple(each for each in given if each not in files)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,8 @@ from typing import Protocol
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.in_process import alarm_works
-from interplan_sumo.batch.jobs import Job, Overrides, chosen, jobs_for
+from interplan_sumo.batch.jobs import Job, Overrides, Source, chosen, jobs_for, split_files
+from interplan_sumo.batch.own_experts import keep_certified
 from interplan_sumo.batch.run_folder import Row, RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.versions import versions
@@ -26,7 +27,6 @@ from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.score import DEFAULT_PROFILE, SCORING_VERSION
 from interplan_sumo.planner import find_planner
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 
@@ -36,10 +36,11 @@ class RunRequest:
     """What to run, where to, and within which limits."""
 
     planners: tuple[str, ...]
-    suite: str
     folder: Path
+    suite: str | None = None
+    """`name==version`; None takes the default suite, or the files among `scenarios`."""
     scenarios: tuple[str, ...] = ()
-    """Globs over scenario ids; none means all."""
+    """Globs over scenario ids, none means all; and files with scenarios of one's own, which take the suite's place."""
     seeds: int = 1
     workers: int = 1
     """0 runs in this process."""
@@ -80,8 +81,9 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
         raise InputError(f"workers is {request.workers}, expected 0 (in this process) or more")
     for spec in request.planners:
         find_planner(spec.partition("?")[0])
-    suite = find_suite(request.suite)
-    scenarios = chosen(suite.scenarios, request.scenarios, request.limit)
+    files, globs = split_files(request.scenarios)
+    source = Source.of(request.suite, files)
+    scenarios = chosen(source.scenarios, globs, request.limit)
     jobs = jobs_for(scenarios, request.planners, request.seeds, request.overrides)
     if request.overrides.behaviour is not None:
         vehicle_type_file(request.overrides.behaviour)
@@ -89,8 +91,8 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
     overrides = request.overrides.canonical()
     library_versions = versions() | {"scoring": str(SCORING_VERSION)}
     benchmark = {
-        "suite": suite.key,
-        "suite_hash": suite.hash(),
+        "suite": source.name,
+        "suite_hash": source.hash,
         "profile": DEFAULT_PROFILE,
         "overrides": overrides,
         "versions": library_versions,
@@ -116,13 +118,17 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
             vehicle_types=request.overrides.vehicle_types and request.overrides.vehicle_types.resolve(),
             # In this process an alarm keeps the limit: unlike the drive's own it rests while a debugger is at work.
             plan_limit_s=float("inf") if request.workers == 0 and alarm_works() else request.limits.plan_s,
+            own_scenarios=not source.official,
         )
+        if not source.official:
+            folder.keep_scenarios(source.scenarios)
+            keep_certified(source.scenarios, files, request.folder)
         tasks = [Task(job.key, job.planner, job) for job in left]
         with _terminated_like_interrupted():
             outcomes = run_tasks(tasks, drive_jobs(settings), workers=request.workers, limits=request.limits)
             with contextlib.closing(outcomes):
                 for outcome in outcomes:
-                    row = _row(outcome, overrides, library_versions)
+                    row = _row(outcome, overrides, library_versions, official=source.official and not overrides)
                     folder.append(row)
                     if watch is not None:
                         watch.finished(row)
@@ -137,7 +143,7 @@ def check_inputs(scenarios: Iterable[Scenario], vehicle_types: Path | None) -> N
         read_vehicle_types(vehicle_types or vehicle_type_file(scenario.traffic.behaviour))
 
 
-def _row(outcome: Outcome, overrides: dict[str, str], library_versions: dict[str, str]) -> Row:
+def _row(outcome: Outcome, overrides: dict[str, str], library_versions: dict[str, str], *, official: bool) -> Row:
     """A line of results.jsonl."""
     job: Job = outcome.task.payload
     value, fault = outcome.value, outcome.fault
@@ -152,7 +158,7 @@ def _row(outcome: Outcome, overrides: dict[str, str], library_versions: dict[str
         "gates": value.get("gates", []),
         "weights": value.get("weights", {}),
         "fault": None if fault is None else {"class": fault.kind, "message": fault.message},
-        "official": not overrides,
+        "official": official,
         "overrides": overrides,
         "trace_hash": value.get("trace_hash"),
         "times_s": value.get("times_s", {"total": round(outcome.wall_s, 6)}),

@@ -5,6 +5,7 @@
 | manifest.json | what was asked for and with which versions; replaced as a whole |
 | results.jsonl | one line per finished job, appended and synced by the one parent that holds `lock` |
 | traces/<scenario>/<planner>/seed<k>/ | four Parquet files and scenario.json, renamed into place when complete |
+| scenarios.yaml, experts/ | only for one's own scenarios: these, and the drives that progress is measured against |
 
 A folder name is the id or planner with every run of other characters than
 letters, digits, dot and hyphen as one `_`, at most 60 of them, a hyphen, and the first
@@ -28,8 +29,11 @@ from typing import Any, Self
 
 from interplan_sumo.batch.jobs import JobKey, keys_of
 from interplan_sumo.errors import RunFolderError
+from interplan_sumo.scenario.files import scenario_text
+from interplan_sumo.scenario.scenario import Scenario
 
 FORMAT = 1
+OWN_SCENARIOS = "scenarios.yaml"
 PART = ".part-"
 """Begins the names of trace folders that are still being written."""
 
@@ -121,6 +125,13 @@ class RunFolder:
             os.close(self._results)
             self._results = -1
         self._lock.release()
+
+    def keep_scenarios(self, scenarios: Iterable[Scenario]) -> None:
+        """Keep scenarios that no suite holds, so that the folder can be scored again without the user's files."""
+        try:
+            _replace(self.path / OWN_SCENARIOS, "---\n".join(map(scenario_text, scenarios)))
+        except OSError as error:
+            raise _unwritable(self.path, error) from None
 
     def append(self, row: Row) -> None:
         """Write one finished job and wait until it is on the disk.

@@ -28,7 +28,9 @@ def run(
     context: typer.Context,
     planner: PlannerOption = None,
     suite: Annotated[str | None, typer.Option(help="NAME==VERSION.")] = None,
-    scenarios: Annotated[list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'.")] = None,
+    scenarios: Annotated[
+        list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'; or a FILE.yaml.")
+    ] = None,
     seeds: Annotated[int, typer.Option(help="Seeds 0 to N-1; seed 0 is the certified one.")] = 1,
     workers: Annotated[int | None, typer.Option(help="Processes; 0 runs in this one. Default: all cores.")] = None,
     out: Annotated[Path | None, typer.Option(help="The run folder; the same command on it goes on.")] = None,
@@ -49,13 +51,12 @@ def run(
     from interplan_sumo.batch.jobs import Overrides
     from interplan_sumo.batch.tasks import Limits
     from interplan_sumo.planner import RECOMMENDED
-    from interplan_sumo.scenario.suite import DEFAULT_SUITE
 
     folder = out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
     command = ["interplan-sumo", *context.obj, *([] if out else ["--out", str(folder)])]
     request = batch.RunRequest(
         planners=tuple(planner or (RECOMMENDED,)),
-        suite=suite or DEFAULT_SUITE,
+        suite=suite,
         folder=folder,
         scenarios=tuple(scenarios or ()),
         seeds=seeds,

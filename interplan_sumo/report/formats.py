@@ -124,7 +124,7 @@ def notes(table: Table, *, paper: bool = False) -> list[str]:
             f"INCOMPLETE: {count} job{'s have' if count > 1 else ' has'} no score; (done/asked) stands where a mean "
             "would leave them out. Repeat the run command with the same --out to complete it."
         )
-    if not all(line.official for line in table.lines):
+    if any(line.overrides for line in table.lines):
         found.append("Rows in square brackets were run with changed traffic: not comparable with official ones.")
     if paper:
         found.append(f"(paper): {SOURCE}.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
 from typing import Any
 
 from interplan_sumo.errors import ScenarioError
@@ -11,7 +12,7 @@ from interplan_sumo.metrics.lane_changes import lane_needs
 from interplan_sumo.metrics.result import plain
 from interplan_sumo.planner import planners
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import suites
+from interplan_sumo.scenario.suite import certificate_of, suites
 
 
 def scenario_entry(scenario: Scenario) -> dict[str, Any]:
@@ -20,6 +21,7 @@ def scenario_entry(scenario: Scenario) -> dict[str, Any]:
     need = lane_needs(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
     if need is None:
         raise ScenarioError(f"{scenario.id}: no way from lane {scenario.start.lane} to goal lane {scenario.goal.lane}")
+    proved = certificate_of(scenario)
     return {
         "id": scenario.id,
         "family": scenario.family,
@@ -29,7 +31,7 @@ def scenario_entry(scenario: Scenario) -> dict[str, Any]:
         "density": scenario.traffic.density,
         "behaviour": scenario.traffic.behaviour,
         "lane_changes": need,
-        "certificate": None,
+        "certificate": None if proved is None else asdict(proved),
         "hash": scenario.hash(),
     }
 

@@ -106,7 +106,7 @@ class Line:
 
     @property
     def official(self) -> bool:
-        return not self.overrides
+        return not self.overrides and all(row.get("official", True) for row in self.rows)
 
     @property
     def faults(self) -> dict[str, int]:

@@ -13,7 +13,6 @@ import shapely
 
 from interplan_sumo.scenario.families import lane_change
 from interplan_sumo.scenario.scenario import (
-    Behaviour,
     Density,
     Jaywalker,
     LanePlace,
@@ -35,11 +34,6 @@ PEOPLE_MPS: Final = 1.3
 Maker = Callable[[str, Roads, str, float, np.random.Generator], Scenario]
 
 
-def ordinary(id: str, roads: Roads, kind: str, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
-    """A scenario of one of the `TYPES` at a place of a map; UnsuitableError with the reason if it does not do there."""
-    return TYPES[kind](id, roads, lane_id, at_m, rng)
-
-
 # --- at junctions ------------------------------------------------------------------------------
 
 
@@ -55,7 +49,7 @@ def _crossing(
             raise UnsuitableError(f"no way {turn.name.lower()} leaves the lane")
         way = ways[int(rng.integers(len(ways)))]
         start, goal, route = _through(roads, way, float(np.round(rng.uniform(*before_m), 1)), 60.0)
-        return _scenario(id, roads, start, goal, route, rng, share=share, density=_some(rng), oncoming="low")
+        return _scenario(id, roads, start, goal, route, share=share, density=_some(rng), oncoming="low")
 
     return make
 
@@ -86,7 +80,7 @@ def _queue(id: str, roads: Roads, lane_id: str, _at_m: float, rng: np.random.Gen
         PlacedVehicle(_ahead_of(roads, start, 2.6 + 2.0 + 2.5 + i * 7.5), 0.0)
         for i in range(int((room_m - 2.0) // 7.5))
     ]
-    return _scenario(id, roads, start, goal, route, rng, share=0.0, density="low", vehicles=cars)
+    return _scenario(id, roads, start, goal, route, share=0.0, density="low", vehicles=cars)
 
 
 def _stopping(id: str, roads: Roads, lane_id: str, _at_m: float, rng: np.random.Generator) -> Scenario:
@@ -95,7 +89,7 @@ def _stopping(id: str, roads: Roads, lane_id: str, _at_m: float, rng: np.random.
     start, goal, route = _through(roads, way, float(np.round(rng.uniform(60.0, 90.0), 1)), 50.0)
     limit_mps = _limit_mps(roads, start)
     lead = PlacedVehicle(_ahead_of(roads, start, 2.6 + 2.5 + 0.9 * limit_mps), round(0.6 * limit_mps, 1))
-    return _scenario(id, roads, start, goal, route, rng, share=0.6, density="low", vehicles=[lead])
+    return _scenario(id, roads, start, goal, route, share=0.6, density="low", vehicles=[lead])
 
 
 def _straight_light(roads: Roads, lane_id: str) -> Connector:
@@ -112,18 +106,18 @@ def _straight_light(roads: Roads, lane_id: str) -> Connector:
 def _with_lead(kind: VehicleKind, gap_s: float, share: float) -> Maker:
     """Follows a leader of a kind, `gap_s` ahead, at `share` of the limit."""
 
-    def make(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+    def make(id: str, roads: Roads, lane_id: str, at_m: float, _rng: np.random.Generator) -> Scenario:
         site = site_at(roads, lane_id, at_m, approach_m=20.0, beyond_m=200.0)
         speed_mps = round(share * site.limit_mps, 1)
         half_m = {"car": 2.5, "truck": 4.5, "bus": 6.5, "motorcycle": 1.2}[kind]
         place = _ahead_of(roads, site.start, 2.6 + half_m + max(4.0, gap_s * speed_mps))
         lead = PlacedVehicle(place, speed_mps, kind)
-        return _along(id, roads, site, rng, share=share, density="low", vehicles=[lead])
+        return _along(id, roads, site, share=share, density="low", vehicles=[lead])
 
     return make
 
 
-def _bend(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+def _bend(id: str, roads: Roads, lane_id: str, at_m: float, _rng: np.random.Generator) -> Scenario:
     """Takes a bend that is felt at the limit with at least 1.5 m/s2 to the side (nuPlan's bound for the type)."""
     site = site_at(roads, lane_id, at_m, approach_m=70.0, beyond_m=60.0)
     line = roads[lane_id].centerline
@@ -133,31 +127,31 @@ def _bend(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Gener
     felt_mps2 = curvature * site.limit_mps**2
     if not 1.5 <= felt_mps2 <= 3.5:
         raise UnsuitableError(f"at the limit the bend is felt with {felt_mps2:.1f} m/s2, expected 1.5 to 3.5")
-    return _along(id, roads, site, rng, share=0.9, density="low")
+    return _along(id, roads, site, share=0.9, density="low")
 
 
-def _fast(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+def _fast(id: str, roads: Roads, lane_id: str, at_m: float, _rng: np.random.Generator) -> Scenario:
     """Drives fast on a fast road."""
     site = site_at(roads, lane_id, at_m, approach_m=30.0, beyond_m=300.0)
     if site.limit_mps < 17.0:
         raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, expected 17 or more")
-    return _along(id, roads, site, rng, share=0.95, density="low")
+    return _along(id, roads, site, share=0.95, density="low")
 
 
-def _slow(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+def _slow(id: str, roads: Roads, lane_id: str, at_m: float, _rng: np.random.Generator) -> Scenario:
     """Crawls and picks up speed in a slow street."""
     site = site_at(roads, lane_id, at_m, approach_m=20.0, beyond_m=110.0)
     if site.limit_mps > 11.5:
         raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, expected 11.5 or less")
-    return _along(id, roads, site, rng, share=0.1, density="low")
+    return _along(id, roads, site, share=0.1, density="low")
 
 
-def _crowded(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+def _crowded(id: str, roads: Roads, lane_id: str, at_m: float, _rng: np.random.Generator) -> Scenario:
     """Dense traffic on a road of several lanes."""
     site = site_at(roads, lane_id, at_m, approach_m=30.0, beyond_m=180.0)
     if len(site.beside_start) < 3:
         raise UnsuitableError(f"{len(site.beside_start)} lanes, expected 3 or more")
-    return _along(id, roads, site, rng, share=0.6, density="high")
+    return _along(id, roads, site, share=0.6, density="high")
 
 
 def _kerbside(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
@@ -168,7 +162,7 @@ def _kerbside(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.G
         raise UnsuitableError(f"{beside_m:.1f} m beside the lane at the kerb, expected {PARKING_M} or more")
     across_m = site.width_m / 2.0 + beside_m - 1.0
     parked = [Obstacle(site.place(ahead_m, across_m), "car") for ahead_m in (-9.0, 0.0, 7.5)[: int(rng.integers(1, 4))]]
-    return _along(id, roads, site, rng, share=0.8, density="low", obstacles=parked)
+    return _along(id, roads, site, share=0.8, density="low", obstacles=parked)
 
 
 def _pedestrian(id: str, roads: Roads, lane_id: str, _at_m: float, rng: np.random.Generator) -> Scenario:
@@ -188,7 +182,7 @@ def _pedestrian(id: str, roads: Roads, lane_id: str, _at_m: float, rng: np.rando
         LanePlace(ways[0].id, crossing_m, round(there_m, 2)),
         PEOPLE_MPS,
     )
-    return _scenario(id, roads, start, goal, route, rng, share=0.6, density="none", jaywalkers=[person])
+    return _scenario(id, roads, start, goal, route, share=0.6, density="none", jaywalkers=[person])
 
 
 def _crosswalk_m(roads: Roads, way: Connector) -> float:
@@ -204,13 +198,13 @@ def _crosswalk_m(roads: Roads, way: Connector) -> float:
     return round(min(at_m), 2)
 
 
-def _change(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+def _change(id: str, roads: Roads, lane_id: str, at_m: float, _rng: np.random.Generator) -> Scenario:
     """Changes to the next lane in light traffic, with time to do it."""
     site = lane_change.suitable(roads, lane_id, at_m)
     start = lane_change.starts(roads, site).get(1)
     if start is None:
         raise UnsuitableError("the goal's lane has no neighbour at the start")
-    return _scenario(id, roads, start, site.goal, site.route, rng, share=0.7, density="low")
+    return _scenario(id, roads, start, site.goal, site.route, share=0.7, density="low")
 
 
 # --- parts -------------------------------------------------------------------------------------
@@ -220,7 +214,6 @@ def _along(
     id: str,
     roads: Roads,
     site: Site,
-    rng: np.random.Generator,
     *,
     share: float,
     density: Density,
@@ -228,17 +221,16 @@ def _along(
     obstacles: Sequence[Obstacle] = (),
 ) -> Scenario:
     return _scenario(
-        id, roads, site.start, site.goal, site.route, rng,
+        id, roads, site.start, site.goal, site.route,
         share=share, density=density, vehicles=vehicles, obstacles=obstacles,
     )  # fmt: skip
 
 
 def _scenario(
-    id: str, roads: Roads, start: LanePlace, goal: LanePlace, route: tuple[str, ...], rng: np.random.Generator, *,
+    id: str, roads: Roads, start: LanePlace, goal: LanePlace, route: tuple[str, ...], *,
     share: float, density: Density, oncoming: Density = "none", vehicles: Sequence[PlacedVehicle] = (),
     obstacles: Sequence[Obstacle] = (), jaywalkers: Sequence[Jaywalker] = (),
 ) -> Scenario:  # fmt: skip
-    behaviours: tuple[Behaviour, ...] = ("conservative", "mixed")
     return Scenario(
         id=id,
         family=id.partition("/")[0].rpartition(".")[2],
@@ -247,7 +239,7 @@ def _scenario(
         start_speed_mps=round(share * _limit_mps(roads, start), 1),
         goal=goal,
         route=route,
-        traffic=TrafficDemand(density, behaviours[int(rng.integers(2))], oncoming),
+        traffic=TrafficDemand(density, "urban", oncoming),
         obstacles=tuple(obstacles),
         jaywalkers=tuple(jaywalkers),
         vehicles=tuple(vehicles),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from interplan_sumo.world.geometry import Pose, wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
 
 Density = Literal["none", "low", "medium", "high"]
-Behaviour = Literal["conservative", "assertive", "mixed"]
+Behaviour = Literal["conservative", "assertive", "mixed", "urban"]
 
 LARGEST_GAP_M: dict[str, float] = {"low": 100.0, "medium": 50.0, "high": 33.0}
 """interPlan's densities: centre gaps are uniform from 10 m up to these."""
@@ -190,8 +190,8 @@ class Scenario:
         return f"{self.map}/{block}@{int(first.arc_m // SITE_BIN_M) * int(SITE_BIN_M)}"
 
     def canonical(self) -> dict[str, object]:
-        """Plain data, for files and for the hash."""
-        return asdict(self)
+        """Plain data, for files and for the hash: measures are floats, however they were written."""
+        return {key: _as_measured(key, value) for key, value in asdict(self).items()}
 
     def hash(self) -> str:
         """SHA-256 of the canonical JSON."""
@@ -229,3 +229,15 @@ class Scenario:
         for here, there in zip(self.route, self.route[1:], strict=False):
             if there not in roads.outgoing_roadblocks(here):
                 raise ScenarioError(f"{self.id}: route jumps from roadblock {here} to {there}, which are not joined")
+
+
+_MEASURES = ("_m", "_mps", "_rad", "_s")
+
+
+def _as_measured(key: str, value: Any) -> Any:
+    """`value` of a field with every measure in it as a float: 5 m and 5.0 m are one scenario."""
+    if isinstance(value, dict):
+        return {name: _as_measured(name, part) for name, part in cast("dict[str, Any]", value).items()}
+    if isinstance(value, tuple):
+        return tuple(_as_measured(key, part) for part in cast("tuple[Any, ...]", value))
+    return float(value) if isinstance(value, int) and key.endswith(_MEASURES) else value

@@ -12,6 +12,8 @@ from pathlib import Path
 import pandas as pd
 
 from interplan_sumo.errors import InputError, ScenarioError, UnknownNameError
+from interplan_sumo.scenario import certificates
+from interplan_sumo.scenario.certificates import Certificate, Summary
 from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.ego import PACIFICA
@@ -89,6 +91,8 @@ def find_scenario(scenario_id: str) -> Scenario:
 @cache
 def _experts(folder: Path) -> dict[str, pd.DataFrame]:
     path = folder / "experts.parquet"
+    if not path.is_file():
+        return {}
     try:
         table = pd.read_parquet(path)
     except Exception as error:
@@ -96,11 +100,40 @@ def _experts(folder: Path) -> dict[str, pd.DataFrame]:
     return {str(name): rows for name, rows in table.groupby("scenario_id", observed=True)}
 
 
+@cache
+def _certificates(folder: Path) -> dict[str, Certificate]:
+    path = folder / certificates.FILE
+    return certificates.read_certificates(path) if path.is_file() else {}
+
+
+@cache
+def _summaries(folder: Path) -> dict[str, Summary]:
+    path = folder / certificates.FILE
+    return certificates.read_summaries(path) if path.is_file() else {}
+
+
+def _suites_with(scenario: Scenario) -> list[Suite]:
+    return [suite for suite in suites().values() if any(s.id == scenario.id for s in suite.scenarios)]
+
+
 def expert(scenario: Scenario) -> EgoTrack:
-    """The stored drive that progress is measured against; ScenarioError if the scenario has none."""
-    for suite in suites().values():
-        if any(s.id == scenario.id for s in suite.scenarios):
-            rows = _experts(suite.folder).get(scenario.id)
-            if rows is not None:
-                return EgoTrack.from_frame(rows, PACIFICA)
+    """The stored drive that progress is measured against; ScenarioError if the scenario has none.
+
+    That of the certificate, whatever was overridden in the scenario; where a
+    suite has none, a drive that was recorded for it.
+    """
+    belongs = _suites_with(scenario)
+    for suite in belongs:
+        if scenario.id in _certificates(suite.folder):
+            return _certificates(suite.folder)[scenario.id].track
+    for suite in belongs:
+        rows = _experts(suite.folder).get(scenario.id)
+        if rows is not None:
+            return EgoTrack.from_frame(rows, PACIFICA)
     raise ScenarioError(f"{scenario.id} has no expert drive to measure progress against")
+
+
+def certificate_of(scenario: Scenario) -> Summary | None:
+    """What is proved of an official scenario; None if nothing is, or if it was changed since."""
+    found = [_summaries(suite.folder).get(scenario.id) for suite in _suites_with(scenario)]
+    return next((each for each in found if each is not None and each.scenario_hash == scenario.hash()), None)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos
+from math import cos, hypot, sin
 
-import numpy as np
-import shapely
-
-from interplan_sumo.simulation.network import Network
+from interplan_sumo.simulation.network import Network, Strip
+from interplan_sumo.simulation.tiles import ego_ring
+from interplan_sumo.world.ego import EgoShape, EgoState
 
 REACH_M = 20.0
 """Beyond this distance from any lane the ego is off the network."""
@@ -18,6 +17,8 @@ LOCAL_M = 15.0
 """The ego moves less than this in a step, and its box reaches no farther."""
 OFF_ROUTE_PENALTY_M = 5.0
 """A lane off the ego's route must be nearer by more than a lane's width."""
+BEND_M = 0.3
+"""A lane bends away from its direction at the ego's front by less than this within the ego's length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +53,9 @@ def find_anchor(
         stays = _still_on(network, before, front, heading_rad)
         if stays is not None:
             return stays
-    point = shapely.Point(front)
-    return _nearest(network, point, LANE_CHANGE_PENALTY_M, heading_rad, before, route) or _nearest(
-        network, point, REACH_M, heading_rad, before, route
+    kept = network.continuations(before.lane) if before is not None else frozenset[str]()
+    return _nearest(network, front, LANE_CHANGE_PENALTY_M, heading_rad, kept, route) or _nearest(
+        network, front, REACH_M, heading_rad, kept, route
     )
 
 
@@ -64,10 +65,10 @@ def _still_on(network: Network, before: Anchor, front: tuple[float, float], head
     if lane.internal:
         return None
     here_m = lane.arc_of(before.position_m)
-    arc_m, lateral_m = lane.line.project_point(*front, (here_m - LOCAL_M, here_m + LOCAL_M))
-    if abs(lateral_m) > lane.width_m / 2.0 or not 0.0 < arc_m < lane.line.length_m:
+    arc_m, lateral_m = lane.track.project(*front, (here_m - LOCAL_M, here_m + LOCAL_M))
+    if abs(lateral_m) > lane.width_m / 2.0 or not 0.0 < arc_m < lane.track.length_m:
         return None
-    pose = lane.line.pose_at(arc_m)
+    pose = lane.track.pose_at(arc_m)
     if cos(pose.heading_rad - heading_rad) < 0.0:
         return None
     x_m, y_m = round(pose.x_m, 6), round(pose.y_m, 6)
@@ -76,35 +77,49 @@ def _still_on(network: Network, before: Anchor, front: tuple[float, float], head
 
 def _nearest(
     network: Network,
-    front: shapely.Point,
+    front: tuple[float, float],
     reach_m: float,
     heading_rad: float,
-    before: Anchor | None,
+    kept: frozenset[str],
     route: tuple[str, ...],
 ) -> Anchor | None:
-    strips, tree = network.strips
-    kept = network.continuations(before.lane) if before is not None else frozenset[str]()
-    best: tuple[float, str, Anchor] | None = None
-    hits = tree.query(front, predicate="dwithin", distance=reach_m)
-    away_m = shapely.distance(tree.geometries[hits], front)
-    for i in np.lexsort((hits, away_m)):
-        if best is not None and away_m[i] > best[0]:
+    """The anchor of the least cost on lanes of the ego's direction that lie within reach."""
+    x, y = front
+    least: tuple[float, str] | None = None
+    best: tuple[Strip, float, bool] | None = None
+    for strip, away_m in network.strips_around(x, y, reach_m):
+        if least is not None and away_m > least[0]:
             break  # nothing farther can cost less
-        strip = strips[hits[i]]
-        lane = strip.lane
-        arc_m, lateral_m = strip.line.project_point(front.x, front.y)
-        pose = strip.line.pose_at(arc_m)
-        if cos(pose.heading_rad - heading_rad) < 0.0:
+        arc_m, lateral_m = strip.track.project(x, y)
+        line_m = abs(lateral_m)  # the distance from the line, beyond its ends too
+        if line_m > reach_m and not strip.reaches(x, y, reach_m):
             continue
-        on_route = network.on_route(lane.id, route)
-        cost = abs(lateral_m)  # the distance from the line, beyond its ends too
-        cost += 0.0 if on_route else OFF_ROUTE_PENALTY_M
-        cost += 0.0 if lane.id in kept else LANE_CHANGE_PENALTY_M
-        if best is None or (cost, lane.id) < best[:2]:
-            x_m, y_m = round(pose.x_m, 6), round(pose.y_m, 6)
-            best = (
-                cost,
-                lane.id,
-                Anchor(lane.id, lane.position_of(strip.start_m + arc_m), x_m, y_m, pose.heading_rad, on_route),
-            )
-    return best[2] if best is not None else None
+        if cos(strip.track.heading_at(arc_m) - heading_rad) < 0.0:
+            continue
+        on_route = network.on_route(strip.lane.id, route)
+        cost = line_m + (0.0 if on_route else OFF_ROUTE_PENALTY_M)
+        cost += 0.0 if strip.lane.id in kept else LANE_CHANGE_PENALTY_M
+        if least is None or (cost, strip.lane.id) < least:
+            least, best = (cost, strip.lane.id), (strip, arc_m, on_route)
+    if best is None:
+        return None
+    strip, arc_m, on_route = best
+    pose, position_m = strip.track.pose_at(arc_m), strip.lane.position_of(strip.start_m + arc_m)
+    return Anchor(strip.lane.id, position_m, round(pose.x_m, 6), round(pose.y_m, 6), pose.heading_rad, on_route)
+
+
+def touches_road(
+    network: Network, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float], anchor: Anchor
+) -> bool:
+    """Whether the ego's box reaches into any lane."""
+    lane, half_m, reach_m = network.lanes[anchor.lane], shape.width_m / 2.0, shape.length_m / 2.0
+    dx = ego.x_m - origin_m[0] + reach_m * cos(ego.heading_rad) - anchor.x_m
+    dy = ego.y_m - origin_m[1] + reach_m * sin(ego.heading_rad) - anchor.y_m
+    away_m = hypot(dx, dy)
+    if away_m < half_m:
+        return True
+    if half_m < anchor.position_m < lane.length_m - half_m:
+        nearer_m = half_m * cos(anchor.heading_rad - ego.heading_rad) - BEND_M
+        if away_m - nearer_m < lane.width_m / 2.0:  # a front corner is well inside the lane
+            return True
+    return network.touches_lane(ego_ring(ego, shape, origin_m))

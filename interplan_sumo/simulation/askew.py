@@ -9,7 +9,7 @@ behind would drive into the rear. So they are told of it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import cos
+from math import cos, pi
 
 import numpy as np
 
@@ -37,7 +37,8 @@ class AskewBodies:
     def suspects(self, driving: Driving) -> list[int]:
         """Rows of agents that may be askew; to be called once per step."""
         if driving.most_turned_rad > TURNING_RAD:
-            turning = np.abs(wrap_angle(driving.turned_rad)) > TURNING_RAD
+            turned = driving.turned_rad if driving.most_turned_rad < pi else wrap_angle(driving.turned_rad)
+            turning = np.abs(turned) > TURNING_RAD
             slow = np.flatnonzero(turning & (driving.speed_mps < SLOW_MPS))
             self._suspects.update(driving.names[int(row)] for row in slow)
         return [row for row, name in enumerate(driving.names) if name in self._suspects] if self._suspects else []
@@ -45,11 +46,11 @@ class AskewBodies:
     def covers(self, rows: Sequence[int], lanes: Sequence[str], driving: Driving) -> list[tuple[str, dict[str, Cover]]]:
         """Per askew agent what its body covers of lanes that SUMO thinks free, and how fast it moves along them.
 
-        `rows` are suspects; who turns out to stay inside its lanes is one no more.
+        `rows` are suspects, `lanes` where they are; who turns out to stay inside its lanes is one no more.
         """
         found: list[tuple[str, dict[str, Cover]]] = []
-        for row in rows:
-            name, lane = driving.names[row], lanes[row]
+        for row, lane in zip(rows, lanes, strict=True):
+            name = driving.names[row]
             driver, heading = self._drivers[name], float(driving.heading_rad[row])
             x = driving.front_x[row] - driver.length_m / 2.0 * np.cos(heading)
             y = driving.front_y[row] - driver.length_m / 2.0 * np.sin(heading)

@@ -44,6 +44,7 @@ class Bodies:
         """By SUMO's angle since the step before, not wrapped; none in the first step."""
         self.most_turned_rad = 0.0
         """The largest of `turned_rad`, to either side."""
+        self._new: list[int] = []
 
     def move(self, front_m: ArrayLike, angle_deg: ArrayLike, speed_mps: ArrayLike) -> None:
         """Take over SUMO's positions, navigation angles and speeds after a step, held to what a body can do."""
@@ -51,6 +52,9 @@ class Bodies:
         heading = (pi / 2.0 - np.radians(angle_deg) + pi) % (2.0 * pi) - pi
         speed = np.array(speed_mps, dtype=np.float64)
         self.turned_rad, self.most_turned_rad = np.zeros(0), 0.0
+        if self._new:
+            rows, self._new = self._new, []
+            self.front_m[rows], self.heading_rad[rows] = front[rows], heading[rows]
         if len(front) and len(self.front_m):
             self.turned_rad = turned = heading - self.heading_rad
             self.most_turned_rad = float(max(turned.max(), -turned.min()))
@@ -68,6 +72,15 @@ class Bodies:
         most_rad = SHARPEST_TURN_PER_M * self._dt_s * speed_mps + TURN_SLACK_RAD
         reached = wrap_angle(self.heading_rad + np.clip(turned, -most_rad, most_rad))
         return np.where(np.abs(turned) > most_rad, reached, heading_rad)
+
+    def insert(self, rows: list[int]) -> None:
+        """Make room for agents who have come, at these rows of the new order; they begin where SUMO says next."""
+        old = [row for row in range(len(self.front_m) + len(rows)) if row not in set(rows)]
+        front, heading, speed = self.front_m, self.heading_rad, self.speed_mps
+        many = len(old) + len(rows)
+        self.front_m, self.heading_rad, self.speed_mps = np.zeros((many, 2)), np.zeros(many), np.zeros(many)
+        self.front_m[old], self.heading_rad[old], self.speed_mps[old] = front, heading, speed
+        self._new = rows
 
     def keep(self, stays: list[bool]) -> None:
         """Drop the rows of agents that have left."""

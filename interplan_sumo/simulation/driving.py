@@ -20,7 +20,7 @@ class Driving:
     turned_rad: Floats  # (N,) since the step before, not wrapped; empty in the first step
     most_turned_rad: float
     """The largest of `turned_rad`, to either side."""
-    lanes: Callable[[], Sequence[str]]
-    """The SUMO lane of each, '' is nowhere; asked for only when somebody may have to react."""
-    position_m: Callable[[str], float]
-    """Lane position of the front bumper of one agent."""
+    lanes: Callable[[Sequence[str]], list[str]]
+    """The SUMO lanes of agents, '' is nowhere; asked for only when they may have to react."""
+    positions_m: Callable[[Sequence[str]], list[float]]
+    """Lane positions of the front bumpers of agents."""

@@ -23,7 +23,8 @@ from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.history import PAST_STEPS, invented_past
 from interplan_sumo.simulation.setup import open_traffic, start_state
-from interplan_sumo.simulation.traffic import Scene, Traffic
+from interplan_sumo.simulation.sight import occluding_box, visible
+from interplan_sumo.simulation.traffic import Traffic
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.roads import Roads
@@ -32,8 +33,6 @@ from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
 from interplan_sumo.world.trajectory import Trajectory
 
 DT_S = 0.1
-SIGHT_M = 100.0
-"""How far a planner sees."""
 
 FaultClass = Literal["planner", "traffic"]
 Phase = Literal["setup", "plan", "simulate", "record"]
@@ -158,7 +157,9 @@ def _run(
     route, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
     ego = start_state(scenario, roads)
     scene = traffic.observe()
-    past = invented_past(roads, ego, scene.actors, DT_S)
+    occluder = occluding_box(scenario, roads)
+    in_sight = visible(scene.actors, ego, occluder)
+    past = invented_past(roads, ego, in_sight, DT_S)
     egos, others = deque(past.egos, PAST_STEPS), deque(past.actors, PAST_STEPS)
     mission = Mission(roads, scenario.route, scenario.goal.pose(roads), options.shape, DT_S)
     on_phase("plan")
@@ -171,7 +172,7 @@ def _run(
         if route.project_point(ego.x_m, ego.y_m)[0] > goal_m:
             return True
 
-        seen = Observation(ego.time_s, ego, _in_sight(scene, ego), scene.signals, Past(tuple(egos), tuple(others)))
+        seen = Observation(ego.time_s, ego, in_sight, scene.signals, Past(tuple(egos), tuple(others)))
         on_phase("plan")
         plan = _planned(planner, seen, record, options.plan_limit_s)
         on_phase("simulate")
@@ -181,7 +182,7 @@ def _run(
         stepping = time.perf_counter()
         traffic.react(ego)
         egos.append(ego)
-        others.append(seen.actors)
+        others.append(in_sight)
         record.simulation_s += time.perf_counter() - stepping
         ego = follow(ego, plan, DT_S, options.shape)
         stepping = time.perf_counter()
@@ -189,11 +190,8 @@ def _run(
         traffic.advance()
         scene = traffic.observe()
         record.simulation_s += time.perf_counter() - stepping
+        in_sight = visible(scene.actors, ego, occluder)
     return False
-
-
-def _in_sight(scene: Scene, ego: EgoState) -> Actors:
-    return scene.actors.within(ego.x_m, ego.y_m, SIGHT_M)
 
 
 def _planned(planner: Planner, seen: Observation, record: _Record, limit_s: float) -> Trajectory:

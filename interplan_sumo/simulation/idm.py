@@ -12,7 +12,8 @@ from math import sqrt
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
 EXPONENT = 4.0
-_SMALLEST_GAP_M = 0.1
+SMALLEST_GAP_M = 0.1
+"""Gaps below this count as this."""
 
 
 def acceleration_mps2(
@@ -23,10 +24,15 @@ def acceleration_mps2(
     A gap below 0.1 m counts as 0.1 m. Not clipped.
     """
     desired_mps = min(limit_mps * driver.speed_factor, driver.max_speed_mps)
-    closing = speed_mps * (speed_mps - leader_mps) / (2.0 * sqrt(driver.accel_mps2 * driver.decel_mps2))
-    wished_gap_m = driver.min_gap_m + max(0.0, speed_mps * driver.tau_s + closing)
-    ratio = wished_gap_m / max(gap_m, _SMALLEST_GAP_M)
+    comfort_mps2 = 2.0 * sqrt(driver.accel_mps2 * driver.decel_mps2)
+    ratio = wished_gap_m(driver, speed_mps, leader_mps, comfort_mps2) / max(gap_m, SMALLEST_GAP_M)
     return driver.accel_mps2 * (1.0 - (speed_mps / desired_mps) ** EXPONENT - ratio * ratio)
+
+
+def wished_gap_m(driver: VehicleType, speed_mps: float, leader_mps: float, comfort_mps2: float) -> float:
+    """The gap that a driver wants behind a leader; `comfort_mps2` is 2 sqrt(a b) of his acceleration and braking."""
+    closing = speed_mps * (speed_mps - leader_mps) / comfort_mps2
+    return driver.min_gap_m + max(0.0, speed_mps * driver.tau_s + closing)
 
 
 def largest_speed_mps(allowed: list[float], meets: Sequence[Callable[[float], bool]]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from interplan_sumo.errors import TrafficError
 from interplan_sumo.world.signals import Signals, SignalStatus
@@ -22,13 +23,29 @@ class Lights:
         self._links = links
         self._connectors = tuple(sorted(links))
         self.ids = tuple(sorted({light for light, _ in links.values()}))
-        numbered = (links[connector] for connector in self._connectors)
-        self._link_of = tuple((self.ids.index(light), index) for light, index in numbered)
+        rows: list[int] = []
+        self._indices: list[list[int]] = []  # per light, of its connectors in its state string
+        for light in self.ids:
+            mine = [row for row, connector in enumerate(self._connectors) if links[connector][0] == light]
+            self._indices.append([links[self._connectors[row]][1] for row in mine])
+            rows += mine
+        self._order = np.argsort(np.array(rows, dtype=np.int64), kind="stable")
+        self._known: dict[tuple[int, str], NDArray[np.int8]] = {}
 
     def signals(self, states: list[str]) -> Signals:
         """What the connectors show, from one state string per light in the order of `ids`."""
-        status = [_STATUS.get(states[light][link], SignalStatus.UNKNOWN) for light, link in self._link_of]
-        return Signals(self._connectors, np.array(status, dtype=np.int8))
+        if not states:
+            return Signals.none()
+        status = np.concatenate([self._shown(light, state) for light, state in enumerate(states)])
+        return Signals(self._connectors, status[self._order])
+
+    def _shown(self, light: int, state: str) -> NDArray[np.int8]:
+        """What one light's connectors show; states recur, so each is translated once."""
+        shown = self._known.get((light, state))
+        if shown is None:
+            status = [_STATUS.get(state[index], SignalStatus.UNKNOWN) for index in self._indices[light]]
+            shown = self._known[light, state] = np.array(status, dtype=np.int8)
+        return shown
 
     def imposed(
         self, wanted: Mapping[str, SignalStatus], states: Mapping[str, str], programs: Mapping[str, Iterable[str]]

@@ -23,7 +23,9 @@ from defusedxml import DefusedXmlException
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.world.geometry import Polyline
+from interplan_sumo.simulation.tiles import Area, Grid, Ring, Tile, tiles_between
+from interplan_sumo.simulation.track import Track
+from interplan_sumo.world.geometry import Floats, Polyline
 
 SHAPE_TOLERANCE_M = 0.005
 """Lane shapes are thinned out to this deviation: overlaps are judged to a hundredth of a car's width."""
@@ -74,6 +76,11 @@ class NetworkLane:
         return position_m * self.line.length_m / self.length_m
 
     @cached_property
+    def track(self) -> Track:
+        """The line in plain floats."""
+        return Track(self.line)
+
+    @cached_property
     def strips(self) -> tuple[Strip, ...]:
         """The lane in short pieces, upstream to downstream."""
         line = self.line.resampled(STRIP_M)
@@ -91,12 +98,14 @@ class NetworkLane:
                 rows = slice(first, last + 1)
                 polygon = shapely.Polygon(np.concatenate((left[rows], right[rows][::-1])))
                 valid = polygon if polygon.is_valid else shapely.convex_hull(polygon)
-                strips.append(Strip(self, float(line.arc_m[first]), Polyline(line.points[rows]), valid))
+                strips.append(
+                    Strip(self, float(line.arc_m[first]), Polyline(line.points[rows]), valid, left[rows], right[rows])
+                )
                 first = last
         return tuple(strips)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Strip:
     """A short piece of a lane: what is found and cut fast."""
 
@@ -105,6 +114,29 @@ class Strip:
     """Arc length on the lane's line where the piece begins."""
     line: Polyline
     polygon: shapely.Geometry
+    left: Floats
+    """(N, 2) left ends of the cuts across the lane at the line's vertices."""
+    right: Floats
+    """(N, 2) right ends."""
+
+    @cached_property
+    def track(self) -> Track:
+        """The line in plain floats."""
+        return Track(self.line)
+
+    @cached_property
+    def tiles(self) -> tuple[Tile, ...]:
+        """The polygon in convex pieces."""
+        return tiles_between(self.left, self.right, self.polygon)
+
+    def holds(self, x_m: float, y_m: float) -> bool:
+        """Whether a point lies in the polygon or on its edge."""
+        return any(tile.holds(x_m, y_m) for tile in self.tiles)
+
+    def reaches(self, x_m: float, y_m: float, reach_m: float) -> bool:
+        """Whether a point lies within reach of the polygon."""
+        around = (x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
+        return any(not tile.apart(*around) and tile.distance_m(x_m, y_m) <= reach_m for tile in self.tiles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,14 +171,25 @@ class Network:
         easternmost = points[points[:, 0].argmax()]
         return float(easternmost[0]) + NOWHERE_M, float(easternmost[1])
 
-    def touches_lane(self, box: shapely.Polygon) -> bool:
-        """Whether a box in SUMO's frame reaches into any lane."""
-        return len(self.strips[1].query(box, predicate="intersects")) > 0
+    @cached_property
+    def _grid(self) -> Grid:
+        return Grid(shapely.bounds([strip.polygon for strip in self.strips[0]]))
 
-    def lanes_at(self, x_m: float, y_m: float) -> frozenset[str]:
-        """Lanes that contain a point, in SUMO's frame."""
-        strips, tree = self.strips
-        return frozenset(strips[i].lane.id for i in tree.query(shapely.Point(x_m, y_m), predicate="intersects"))
+    def strips_near(self, area: Area) -> list[Strip]:
+        """The strips whose upright rectangles meet an area's, in the order of `strips`."""
+        strips = self.strips[0]
+        return [strips[i] for i in self._grid.within(area.low_x, area.low_y, area.high_x, area.high_y)]
+
+    def strips_around(self, x_m: float, y_m: float, reach_m: float) -> list[tuple[Strip, float]]:
+        """Strips that may lie within reach of a point, nearest first; none is nearer than the distance beside it."""
+        strips = self.strips[0]
+        found = self._grid.around(x_m, y_m, reach_m)
+        return [(strips[i], away_m) for away_m, i in found]
+
+    def touches_lane(self, box: Ring) -> bool:
+        """Whether a box in SUMO's frame reaches into any lane."""
+        area = Area.of(box)
+        return any(len(area.on(tile)) > 0 for strip in self.strips_near(area) for tile in strip.tiles)
 
     @cached_property
     def incoming(self) -> Mapping[str, tuple[NetworkLink, ...]]:
@@ -276,11 +319,22 @@ def _network(path: Path, root: Element) -> Network:
         links[link.from_lane].append(link)
     programs: dict[str, tuple[str, ...]] = {}
     for logic in root.iter("tlLogic"):
-        states = tuple(phase.attrib["state"] for phase in logic.iter("phase"))
-        if not states:
+        phases = [(float(phase.attrib["duration"]), phase.attrib["state"]) for phase in logic.iter("phase")]
+        if not phases:
             raise ValueError(f"traffic light {logic.attrib['id']} has no phase")
-        programs.setdefault(logic.attrib["id"], states)
+        programs.setdefault(logic.attrib["id"], _from_time_0(phases, float(logic.get("offset", "0"))))
     return Network(path, lanes, edges, {lane: tuple(found) for lane, found in links.items()}, programs)
+
+
+def _from_time_0(phases: list[tuple[float, str]], offset_s: float) -> tuple[str, ...]:
+    """The states of a program in the order in which they come; SUMO begins it `offset_s` after time 0."""
+    left_s = -offset_s % sum(duration_s for duration_s, _ in phases)
+    states = [state for _, state in phases]
+    for first, (duration_s, _) in enumerate(phases):
+        if left_s < duration_s:
+            return (*states[first:], *states[:first])
+        left_s -= duration_s
+    return tuple(states)
 
 
 def _lane(edge: str, row: Mapping[str, Any], internal: bool) -> NetworkLane:

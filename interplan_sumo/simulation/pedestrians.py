@@ -4,28 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
-from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Jaywalker, Scenario
+from interplan_sumo.scenario.trigger import trigger_distance_m
+from interplan_sumo.simulation.tiles import Ring, hull
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoShape, EgoState
-from interplan_sumo.world.geometry import Polyline, box_polygons
+from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import Roads
 
-NEAREST_TRIGGER_M = 8.0
-FARTHEST_TRIGGER_M = 50.0
-TRIGGER_TIME_S = 4.0
 FORESIGHT_S = 3.0
 """Background drivers see this far ahead where a walking pedestrian will be."""
-
-
-def trigger_distance_m(ego_mps: float) -> float:
-    """How near, along the route, the ego's front bumper must be to the crossing for the walk to begin."""
-    return max(NEAREST_TRIGGER_M, min(FARTHEST_TRIGGER_M, TRIGGER_TIME_S * ego_mps))
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,16 +94,15 @@ class Crowd:
         length, width = np.full(size, PEDESTRIAN_LENGTH_M), np.full(size, PEDESTRIAN_WIDTH_M)
         return Actors(self.ids, kind, x, y, heading, length, width, vx, vy)
 
-    def foreseen(self, origin_m: tuple[float, float]) -> list[shapely.Polygon]:
+    def foreseen(self, origin_m: tuple[float, float]) -> list[Ring]:
         """What walking pedestrians cover from now to `FORESIGHT_S` later, in SUMO's frame."""
         actors = self.observe()
         walking = np.flatnonzero(actors.speed_mps > 0.0)
-        areas: list[shapely.Polygon] = []
-        for i in walking:
+        areas: list[Ring] = []
+        for i in walking.tolist():
             left_s = min(FORESIGHT_S, self._walks[i].duration_s - (self._walked_s[i] or 0.0))
-            hull = shapely.convex_hull(shapely.union_all(_boxes(actors, int(i), origin_m, (0.0, left_s))))
-            if isinstance(hull, shapely.Polygon):
-                areas.append(hull)
+            ends = (actors.corners[i] - origin_m, actors.corners[i] - origin_m + left_s * _velocity(actors, i))
+            areas.append(hull([(x, y) for x, y in np.concatenate(ends).tolist()]))
         return areas
 
     def standing(self, origin_m: tuple[float, float]) -> dict[str, shapely.Polygon]:
@@ -124,20 +115,10 @@ class Crowd:
             place = f"{self.ids[i]} {'waits' if walked is None else 'has arrived'}"
             if place not in self._boxes:
                 actors = actors or self.observe()
-                (self._boxes[place],) = _boxes(actors, i, origin_m, (0.0,))
+                self._boxes[place] = shapely.Polygon(actors.corners[i] - origin_m)
             found[place] = self._boxes[place]
         return found
 
 
-def _boxes(actors: Actors, row: int, origin_m: tuple[float, float], after_s: tuple[float, ...]) -> NDArray[Any]:
-    """A pedestrian's box after some times at its present velocity, in SUMO's frame."""
-    ahead_s = np.array(after_s)
-    x, y = actors.x_m[row] - origin_m[0], actors.y_m[row] - origin_m[1]
-    many = len(after_s)
-    return box_polygons(
-        x + actors.vx_mps[row] * ahead_s,
-        y + actors.vy_mps[row] * ahead_s,
-        (actors.heading_rad[row],) * many,
-        (PEDESTRIAN_LENGTH_M,) * many,
-        (PEDESTRIAN_WIDTH_M,) * many,
-    )
+def _velocity(actors: Actors, row: int) -> Floats:
+    return np.array((actors.vx_mps[row], actors.vy_mps[row]))

@@ -14,25 +14,24 @@ goes on until f = 0. From that follows one of four ways to treat him:
 | yes | yes, driving his way | LEAVE him to SUMO, which follows the ego |
 | yes | no, or oncoming, backing, athwart | IMPOSE the speed that IDM demands |
 
-Nothing here knows SUMO: arrays and names in, decisions out.
+Nothing here knows SUMO: arrays and names in, decisions out. The small values
+are tuples, not data classes: a step makes dozens of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
-from math import cos, sin
-
-import numpy as np
-import shapely
+from math import inf, sqrt
+from typing import NamedTuple
 
 from interplan_sumo.simulation.anchor import LOCAL_M
-from interplan_sumo.simulation.idm import acceleration_mps2
-from interplan_sumo.simulation.network import Network, NetworkLane, NetworkLink
+from interplan_sumo.simulation.idm import SMALLEST_GAP_M, acceleration_mps2, wished_gap_m
+from interplan_sumo.simulation.network import Network, NetworkLane, NetworkLink, Strip
+from interplan_sumo.simulation.tiles import Area, Ring, area_m2, hull
 from interplan_sumo.simulation.vehicle_types import VehicleType
-from interplan_sumo.world.geometry import Floats, Polyline
 
 FULLY_MERGED = 0.98
 """Overlap from which the ego counts as fully merged: a box never lies to the last per cent in one lane."""
@@ -53,8 +52,7 @@ class Treatment(Enum):
     IMPOSE = "impose"
 
 
-@dataclass(frozen=True, slots=True)
-class Cover:
+class Cover(NamedTuple):
     """What the ego's box covers of one SUMO lane."""
 
     share: float
@@ -66,8 +64,7 @@ class Cover:
     """The ego's speed along the lane, negative when it comes towards its traffic."""
 
 
-@dataclass(frozen=True, slots=True)
-class EgoOnNetwork:
+class EgoOnNetwork(NamedTuple):
     """The ego as the reaction layer needs it, in SUMO's frame."""
 
     covers: Mapping[str, Cover]
@@ -85,8 +82,7 @@ class EgoOnNetwork:
     """Whether the box lies wholly inside the anchor lane and nowhere else."""
 
 
-@dataclass(frozen=True, slots=True)
-class Agent:
+class Agent(NamedTuple):
     """What a decision needs to know of one agent."""
 
     id: str
@@ -107,8 +103,7 @@ class Attention:
     centre_in_corridor_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Decision:
+class Decision(NamedTuple):
     """The outcome for one agent."""
 
     treatment: Treatment
@@ -120,66 +115,66 @@ class Decision:
 
 
 def cover_of_one_lane(
-    lane: NetworkLane, near_m: float, corners: Floats, velocity_mps: tuple[float, float]
+    lane: NetworkLane, near_m: float, corners: Ring, velocity_mps: tuple[float, float]
 ) -> dict[str, Cover] | None:
-    """What a box (4, 2) in SUMO's frame covers if it lies wholly inside one normal lane; None if it does not.
+    """What a box in SUMO's frame covers if it lies wholly inside one normal lane; None if it does not.
 
     The quick way for most steps: normal lanes do not overlap, so there is
     nothing else to find. `near_m` is a lane position within a box length.
     """
     if lane.internal:
         return None
-    here_m = lane.arc_of(near_m)
-    arcs, lateral = lane.line.project(corners, (here_m - LOCAL_M, here_m + LOCAL_M))
-    first, last = float(arcs.min()), float(arcs.max())
-    if max(-lateral.min(), lateral.max()) > lane.width_m / 2.0 or first <= 0.0 or last >= lane.line.length_m:
+    track, here_m, half_m = lane.track, lane.arc_of(near_m), lane.width_m / 2.0
+    arcs: list[float] = []
+    for x, y in corners:
+        arc_m, left_m = track.project(x, y, (here_m - LOCAL_M, here_m + LOCAL_M))
+        if abs(left_m) > half_m:
+            return None
+        arcs.append(arc_m)
+    first, last = min(arcs), max(arcs)
+    if first <= 0.0 or last >= track.length_m:
         return None
-    return {
-        lane.id: Cover(
-            1.0, lane.position_of(first), lane.position_of(last), _along(lane.line, first, last, velocity_mps)
-        )
-    }
+    speed_mps = track.speed_along((first + last) / 2.0, velocity_mps)
+    return {lane.id: Cover(1.0, lane.position_of(first), lane.position_of(last), speed_mps)}
 
 
-def _along(line: Polyline, first_m: float, last_m: float, velocity_mps: tuple[float, float]) -> float:
-    """The part of a velocity along a line at the middle between two arc lengths."""
-    heading = line.segment_heading_rad[line.arc_m[1:-1].searchsorted((first_m + last_m) / 2.0)]
-    return velocity_mps[0] * cos(heading) + velocity_mps[1] * sin(heading)
+def cover(near: Iterable[Strip], area: Area, velocity_mps: tuple[float, float]) -> dict[str, Cover]:
+    """What an area in SUMO's frame covers of each lane; `velocity_mps` is the ego's, in the same frame.
 
-
-def cover(network: Network, box: shapely.Polygon, velocity_mps: tuple[float, float]) -> dict[str, Cover]:
-    """What a box in SUMO's frame covers of each lane; `velocity_mps` is the ego's, in the same frame."""
-    strips, tree = network.strips
-    hits = np.sort(tree.query(box))
-    parts = shapely.intersection(tree.geometries[hits], box)
-    shares = shapely.area(parts) / box.area
+    `near` are the strips of lanes that the area may touch; lanes come in their order.
+    """
+    whole_m2 = abs(area_m2(area.ring))
     covers: dict[str, Cover] = {}
-    for i in np.flatnonzero(shares > _TOUCH):
-        strip = strips[hits[i]]
-        lane = strip.lane
-        arcs, _ = strip.line.project(shapely.get_coordinates(parts[i]))
-        first, last = float(arcs.min()), float(arcs.max())
+    for strip in near:
+        track, parts_m2 = strip.track, 0.0
+        first, last = inf, -inf
+        for tile in strip.tiles:
+            part = area.on(tile)
+            if not part:
+                continue
+            parts_m2 += abs(area_m2(part))
+            for x, y in part:
+                arc_m = track.arc_on(tile.segment, x, y) if tile.segment is not None else track.project(x, y)[0]
+                first, last = min(first, arc_m), max(last, arc_m)
+        share = parts_m2 / whole_m2
+        if share <= _TOUCH:
+            continue
+        lane, before = strip.lane, covers.get(strip.lane.id)
         start_m, end_m = lane.position_of(strip.start_m + first), lane.position_of(strip.start_m + last)
-        before = covers.get(lane.id)
         if before is None:
-            covers[lane.id] = Cover(float(shares[i]), start_m, end_m, _along(strip.line, first, last, velocity_mps))
+            covers[lane.id] = Cover(share, start_m, end_m, track.speed_along((first + last) / 2.0, velocity_mps))
         else:
-            share, start_m, end_m = (
-                before.share + float(shares[i]),
-                min(start_m, before.start_m),
-                max(end_m, before.end_m),
-            )
-            covers[lane.id] = Cover(share, start_m, end_m, before.speed_mps)
+            start_m, end_m = min(start_m, before.start_m), max(end_m, before.end_m)
+            covers[lane.id] = Cover(before.share + share, start_m, end_m, before.speed_mps)
     return covers
 
 
-def swept(box: shapely.Polygon, velocity_mps: tuple[float, float], time_s: float) -> shapely.Polygon:
+def swept(box: Ring, velocity_mps: tuple[float, float], time_s: float) -> Ring:
     """The area that a box covers in `time_s` at constant velocity and heading."""
     if time_s <= 0.0 or velocity_mps == (0.0, 0.0):
         return box
-    there = shapely.transform(box, lambda xy: xy + np.multiply(velocity_mps, time_s))
-    hull = shapely.convex_hull(shapely.union(box, there))
-    return hull if isinstance(hull, shapely.Polygon) else box
+    dx, dy = velocity_mps[0] * time_s, velocity_mps[1] * time_s
+    return hull([*box, *((x + dx, y + dy) for x, y in box)])
 
 
 def corridor(network: Network, lane: str, route: tuple[str, ...]) -> dict[str, float]:
@@ -244,23 +239,30 @@ def decide(
     decisions: dict[str, Decision] = {}
     for agent in agents:
         covers = ego.covers if agent.driver.anticipation_s <= 0.0 else ahead[agent.driver.anticipation_s]
-        met = [(agent.corridor[lane], covers[lane], lane) for lane in covers if lane in agent.corridor]
-        met = [(start_m, part, lane) for start_m, part, lane in met if start_m + part.end_m > agent.position_m]
-        overlap = min(1.0, sum(part.share for _, part, _ in met))
-        anchor_m = agent.corridor.get(ego.anchor_lane) if ego.anchor_lane is not None else None
-        rear_m = agent.position_m - agent.driver.length_m  # SUMO may brake for whatever is not wholly behind
+        corridor, position_m = agent.corridor, agent.position_m
+        overlap, nearest_m, nearest, leads = 0.0, inf, None, False
+        for lane, part in covers.items():
+            start_m = corridor.get(lane)
+            if start_m is None or start_m + part.end_m <= position_m:
+                continue  # not his way, or behind him
+            overlap += part.share
+            leads = leads or lane in ego.centre_lanes
+            if start_m + part.start_m < nearest_m:
+                nearest_m, nearest = start_m + part.start_m, part
+        anchor_m = corridor.get(ego.anchor_lane) if ego.anchor_lane is not None else None
+        rear_m = position_m - agent.driver.length_m  # SUMO may brake for whatever is not wholly behind
         sees = anchor_m is not None and anchor_m + ego.anchor_position_m > rear_m
         attention = memory.get(agent.id)
         if attention is None:
-            if not met and not sees:
+            if nearest is None and not sees:
                 continue
             attention = memory[agent.id] = Attention()
-        if not met:
+        if nearest is None:
             attention.reacting = False
             attention.centre_in_corridor_s = 0.0
             decisions[agent.id] = Decision(Treatment.IGNORE if sees else Treatment.LEAVE, 0.0, False)
             continue
-        leads = any(lane in ego.centre_lanes for _, _, lane in met)
+        overlap = min(1.0, overlap)
         attention.centre_in_corridor_s = attention.centre_in_corridor_s + dt_s if leads else 0.0
         if overlap >= min(agent.driver.react_overlap, FULLY_MERGED):
             attention.reacting = True
@@ -268,48 +270,59 @@ def decide(
             attention.reacting = True
         if not attention.reacting:
             decisions[agent.id] = Decision(Treatment.IGNORE if sees else Treatment.LEAVE, overlap, False)
-            continue
-        start_m, part, _ = min(met, key=lambda m: m[0] + m[1].start_m)
-        if sees and part.speed_mps >= ATHWART * ego.speed_mps and ego.speed_mps >= 0.0:
+        elif sees and nearest.speed_mps >= ATHWART * ego.speed_mps and ego.speed_mps >= 0.0:
             decisions[agent.id] = Decision(Treatment.LEAVE, overlap, True)
-            continue
-        speed_mps = _next_speed_mps(agent, start_m + part.start_m - agent.position_m, part.speed_mps, dt_s)
-        decisions[agent.id] = Decision(Treatment.IMPOSE, overlap, True, speed_mps)
+        else:
+            speed_mps = _next_speed_mps(agent, nearest_m - position_m, nearest.speed_mps, dt_s)
+            decisions[agent.id] = Decision(Treatment.IMPOSE, overlap, True, speed_mps)
     return decisions
 
 
 def yield_to(
     agents: Iterable[Agent],
-    things: Iterable[tuple[str, Mapping[str, Cover]]],
-    decisions: dict[str, Decision],
+    things: Mapping[str, Sequence[tuple[str, Cover]]],
+    decisions: Mapping[str, Decision],
     dt_s: float,
 ) -> dict[str, Decision]:
     """`decisions` with the speeds lowered that agents need to follow, or stop before, what is in their corridor.
 
-    `things` are names and covers of pedestrians (nameless) and of bodies of
-    other agents, which do not concern their own driver. Everyone yields to
-    them, whatever the type.
+    `things` are, by SUMO lane, names and covers of pedestrians (nameless) and
+    of bodies of other agents, which do not concern their own driver. Everyone
+    yields to them, whatever the type.
     """
     decided = dict(decisions)
-    listed = list(things)
     for agent in agents:
-        speeds_mps = [
-            _next_speed_mps(
-                agent, agent.corridor[lane] + part.start_m - agent.position_m, max(0.0, part.speed_mps), dt_s
-            )
-            for name, covers in listed
-            if name != agent.id
-            for lane, part in covers.items()
-            if lane in agent.corridor and agent.corridor[lane] + part.end_m > agent.position_m
-        ]
-        if not speeds_mps:
+        leader = _hardest_to_follow(agent, things)
+        if leader is None:
             continue
+        speed_mps = _next_speed_mps(agent, *leader, dt_s)
         before = decided.get(agent.id, Decision(Treatment.IMPOSE, 0.0, False))
         if before.speed_mps is not None:
-            speeds_mps.append(before.speed_mps)
+            speed_mps = min(speed_mps, before.speed_mps)
         treatment = Treatment.IGNORE if before.treatment is Treatment.IGNORE else Treatment.IMPOSE
-        decided[agent.id] = Decision(treatment, before.overlap, before.reacting, min(speeds_mps))
+        decided[agent.id] = Decision(treatment, before.overlap, before.reacting, speed_mps)
     return decided
+
+
+def _hardest_to_follow(agent: Agent, things: Mapping[str, Sequence[tuple[str, Cover]]]) -> tuple[float, float] | None:
+    """Gap and speed, not below 0, of the thing ahead for which IDM brakes hardest: largest wished gap per gap."""
+    name, driver, position_m, speed_mps, _, ahead = agent
+    comfort_mps2 = 2.0 * sqrt(driver.accel_mps2 * driver.decel_mps2)
+    found: tuple[float, float] | None = None
+    most = -1.0
+    for lane, parts in things.items():
+        start_m = ahead.get(lane)
+        if start_m is None:
+            continue
+        for other, part in parts:
+            if other == name or start_m + part.end_m <= position_m:
+                continue
+            gap_m, leader_mps = start_m + part.start_m - position_m, max(0.0, part.speed_mps)
+            wished_m = wished_gap_m(driver, speed_mps, leader_mps, comfort_mps2)
+            ratio = wished_m / max(gap_m, SMALLEST_GAP_M)
+            if ratio > most:
+                most, found = ratio, (gap_m, leader_mps)
+    return found
 
 
 def _next_speed_mps(agent: Agent, gap_m: float, leader_mps: float, dt_s: float) -> float:

@@ -11,13 +11,15 @@ from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.route import route_centerline, route_lanes
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.simulation.network import read_network
-from interplan_sumo.simulation.obstacles import blockages, standing_actors
+from interplan_sumo.simulation.flow import Flow, Inflow, draw_arrivals
+from interplan_sumo.simulation.network import Network, read_network
+from interplan_sumo.simulation.obstacles import Blockage, blockages, standing_actors
 from interplan_sumo.simulation.pedestrians import Crowd
-from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, ego_sumo_route, spawn
+from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, FilledLane, populate
 from interplan_sumo.simulation.sumo import DT_S as STEP_S
-from interplan_sumo.simulation.sumo import SumoTraffic
-from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic
+from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
+from interplan_sumo.simulation.ways import ego_sumo_route
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.roads import Roads
 
@@ -57,13 +59,31 @@ def open_traffic(
     if scenario.jaywalkers:
         line = route_centerline(roads, scenario)
         crowd = Crowd(scenario, roads, line, tokens[len(scenario.obstacles) :], STEP_S)
-    spawns = spawn(scenario, roads, network, ids, types, shape, blocked, rng, reach_m)[:most_agents]
+    population = populate(scenario, roads, network, ids, types, shape, blocked, rng, reach_m)
+    spawns = population.spawns[:most_agents]
     names = opaque_ids(len(spawns), rng, besides=tokens)
+    flow = None
+    if scenario.traffic.flow:
+        flow = open_flow(scenario, network, population.filled, blocked, types, rng, besides=(*tokens, *names))
     route = ego_sumo_route(network, ids, route_lanes(roads, scenario))
     return SumoTraffic(
         network, ids, types, spawns, names, start_state(scenario, roads), route, shape,
-        standing=standing, blocked=blocked, crowd=crowd, with_ego=with_ego,
+        standing=standing, blocked=blocked, crowd=crowd, flow=flow, with_ego=with_ego,
     )  # fmt: skip
+
+
+def open_flow(
+    scenario: Scenario, network: Network, filled: tuple[FilledLane, ...], blocked: tuple[Blockage, ...],
+    types: VehicleTypes, rng: np.random.Generator, besides: tuple[str, ...],
+) -> Flow:  # fmt: skip
+    """Queues upstream of all filled lanes, with ids of their own."""
+    drawn = [draw_arrivals(each, types, scenario.duration_s, rng) for each in filled]
+    taken = {stretch.lane.id for each in filled for stretch in each.chain}
+    inflows = [
+        Inflow(network, each, blocked, arrivals, speed_mps, STEP_S, taken)
+        for each, (arrivals, speed_mps) in zip(filled, drawn, strict=True)
+    ]
+    return Flow(inflows, opaque_ids(sum(len(arrivals) for arrivals, _ in drawn), rng, besides))
 
 
 def opaque_ids(count: int, rng: np.random.Generator, besides: tuple[str, ...] = ()) -> tuple[str, ...]:

@@ -2,21 +2,26 @@
 
 Lane by lane, from the downstream end: centre gaps uniform from 10 m up to the
 density's largest (interPlan's numbers), and the highest speed that is safe.
+Vehicles that the scenario places stand where it says; the others leave them room.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from math import sqrt
 
 import numpy as np
 
+from interplan_sumo.errors import ScenarioError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, SMALLEST_GAP_M, Density, Scenario
 from interplan_sumo.simulation.idm import acceleration_mps2, largest_speed_mps
-from interplan_sumo.simulation.network import Network, NetworkLane, NetworkLink
+from interplan_sumo.simulation.network import Network
 from interplan_sumo.simulation.obstacles import Blockage
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
+from interplan_sumo.simulation.ways import ROUTE_M, Stretch, chain_through, closed_spans, continued_route
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
@@ -27,8 +32,6 @@ BEHIND_M = 120.0
 """How far behind the ego lanes are filled."""
 CLEAR_M = 3.0
 """Nobody starts nearer than this to an obstacle."""
-ROUTE_M = 1500.0
-"""Length of an agent's route: longer than 30 s of driving at any limit of ours."""
 HOLD_S = 3.0
 """Nobody may hit anybody within this time if all hold their speed (benchmark.md)."""
 HARDEST_FIRST_BRAKING_MPS2 = 2.9
@@ -37,6 +40,8 @@ CAR_LENGTH_M = 5.0
 """Gaps are meant for cars up to this length; longer vehicles add the rest."""
 STOPPING_MPS2 = 1.5
 """Comfortable braking towards a light or a junction that may not be open."""
+LINE_M = 1.0
+"""SUMO's drivers stop this far before the end of their lane."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,30 +58,67 @@ class Spawn:
     """SUMO edges."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FilledLane:
+    """A chain of lanes that has been filled, and where the filling ended."""
+
+    chain: list[Stretch]
+    begin_m: float
+    """Where the filled part begins, along the chain."""
+    next_m: float
+    """Where the centre of the next vehicle upstream would have been."""
+    largest_gap_m: float
+
+
 @dataclass(frozen=True, slots=True)
-class _Stretch:
-    """A SUMO lane as a part of a chain of lanes that follow one another; the ego's projection is at 0 m."""
+class Population:
+    """Everyone at the start."""
 
-    lane: NetworkLane
-    start_m: float
-    link: NetworkLink | None
-    """The way on that the chain takes."""
-
-    @property
-    def end_m(self) -> float:
-        return self.start_m + self.lane.length_m
+    spawns: tuple[Spawn, ...]
+    """In a fixed order, those whom the scenario places first."""
+    filled: tuple[FilledLane, ...]
 
 
-def spawn(
+@dataclass(frozen=True, slots=True)
+class _Fixed:
+    """A vehicle on a chain whose place and speed are given: the ego, or one that the scenario places."""
+
+    centre_m: float
+    length_m: float
+    speed_mps: float
+    driver: VehicleType | None
+    """None: the ego."""
+    limit_mps: float
+
+    def room_m(self) -> float:
+        """From its centre to the next one ahead, at least."""
+        longer_m = max(0.0, self.length_m - CAR_LENGTH_M) if self.driver is not None else 0.0
+        return SMALLEST_GAP_M + longer_m
+
+    def follows(self, gap_m: float, leader_mps: float) -> bool:
+        """Whether it may start this far behind a leader."""
+        if not safe(self.speed_mps, gap_m, leader_mps):
+            return False
+        braking = -HARDEST_FIRST_BRAKING_MPS2
+        driver = self.driver
+        return driver is None or (
+            acceleration_mps2(driver, self.speed_mps, self.limit_mps, gap_m, leader_mps) >= braking
+        )
+
+
+def populate(
     scenario: Scenario, roads: Roads, network: Network, ids: NetworkIds, types: VehicleTypes, shape: EgoShape,
     blocked: tuple[Blockage, ...], rng: np.random.Generator, reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
-) -> tuple[Spawn, ...]:  # fmt: skip
-    """All agents of a scenario at the start, in a fixed order; none on a blocked stretch.
+) -> Population:  # fmt: skip
+    """All agents of a scenario at the start; none that is drawn stands on a blocked stretch.
 
     `reach_m` is how far behind and ahead of the ego lanes are filled.
+    ScenarioError or VehicleTypeError if a placed vehicle cannot start.
     """
     behind_m, ahead_m = reach_m
-    spawns: list[Spawn] = []
+    placed = [_placed(scenario, i, roads, network, ids, types, rng) for i in range(len(scenario.vehicles))]
+    spawns = list(placed)
+    filled: list[FilledLane] = []
     used: set[str] = set()
     start = roads[scenario.start.lane]
     ego_x, ego_y, _ = start.centerline.poses_at(scenario.start.arc_m)[0]
@@ -89,14 +131,62 @@ def spawn(
         if density == "none":
             continue
         arc_m, _ = roads[lane_id].centerline.project_point(ego_x, ego_y)
-        chain = _chain(network, *ids.sumo_place(lane_id, arc_m), used, upstream_m, downstream_m)
+        chain = chain_through(network, *ids.sumo_place(lane_id, arc_m), used, upstream_m, downstream_m)
         used.update(stretch.lane.id for stretch in chain)
-        ego = (scenario.start_speed_mps, shape.length_m) if lane_id == start.id else None
-        if chain:
-            span = (max(chain[0].start_m, -upstream_m), min(chain[-1].end_m, downstream_m))
-            closed = _closed(chain, blocked)
-            spawns += _fill(network, chain, span, closed, LARGEST_GAP_M[density], types, ego, rng)
-    return tuple(spawns)
+        if not chain:
+            continue
+        fixed = _fixed(chain, placed)
+        if lane_id == start.id:
+            fixed.append(_Fixed(0.0, shape.length_m, scenario.start_speed_mps, None, 0.0))
+        fixed.sort(key=lambda each: -each.centre_m)
+        span = (max(chain[0].start_m, -upstream_m), min(chain[-1].end_m, downstream_m))
+        closed = closed_spans(chain, blocked)
+        found, next_m = _fill(network, chain, span, closed, LARGEST_GAP_M[density], types, fixed, rng)
+        spawns += found
+        filled.append(FilledLane(chain, span[0], next_m, LARGEST_GAP_M[density]))
+    return Population(tuple(spawns), tuple(filled))
+
+
+def _placed(
+    scenario: Scenario, number: int, roads: Roads, network: Network, ids: NetworkIds, types: VehicleTypes,
+    rng: np.random.Generator,
+) -> Spawn:  # fmt: skip
+    """One of the vehicles that the scenario places: its centre where it says, at the speed that it says."""
+    vehicle = scenario.vehicles[number]
+    what = f"{scenario.id}: vehicles[{number}]"
+    lane = roads[vehicle.place.lane]
+    if not isinstance(lane, Lane):
+        raise ScenarioError(f"{what} starts on connector {lane.id}, inside a junction; place it on a lane")
+    driver = types.draw_kind(vehicle.kind, rng)
+    half_m, length_m = driver.length_m / 2.0, lane.centerline.length_m
+    if not half_m <= vehicle.place.arc_m <= length_m - half_m:
+        raise ScenarioError(
+            f"{what} ({vehicle.kind}, {driver.length_m:g} m long) reaches beyond lane {lane.id} at "
+            f"{vehicle.place.arc_m:g} m; place its centre between {half_m:.1f} and {length_m - half_m:.1f} m"
+        )
+    if vehicle.speed_mps > driver.max_speed_mps:
+        raise ScenarioError(
+            f"{what}.speed_mps is {vehicle.speed_mps:g}, its type {driver.id!r} reaches {driver.max_speed_mps:g}"
+        )
+    sumo_lane, fraction = ids.sumo_place(lane.id, vehicle.place.arc_m + half_m)
+    position_m = fraction * network.lanes[sumo_lane].length_m
+    return Spawn(sumo_lane, position_m, vehicle.speed_mps, driver, continued_route(network, sumo_lane, ROUTE_M, rng))
+
+
+def _fixed(chain: list[Stretch], placed: Sequence[Spawn]) -> list[_Fixed]:
+    """Those of the placed vehicles that start on a chain."""
+    stretches = {stretch.lane.id: stretch for stretch in chain}
+    return [
+        _Fixed(
+            stretches[each.lane].start_m + each.position_m - each.driver.length_m / 2.0,
+            each.driver.length_m,
+            each.speed_mps,
+            each.driver,
+            stretches[each.lane].lane.limit_mps,
+        )
+        for each in placed
+        if each.lane in stretches
+    ]
 
 
 def oncoming_lanes(roads: Roads, scenario: Scenario) -> tuple[str, ...]:
@@ -119,104 +209,33 @@ def oncoming_lanes(roads: Roads, scenario: Scenario) -> tuple[str, ...]:
     return ()
 
 
-def continued_route(
-    network: Network, lane: str, length_m: float, rng: np.random.Generator | None = None
-) -> tuple[str, ...]:
-    """SUMO edges from a normal lane on, without changing lane where it can be helped: straight on, else at random.
-
-    Without `rng` the first way is taken.
-    """
-    here = network.lanes[lane]
-    route = [here.edge]
-    driven_m = 0.0
-    while driven_m < length_m:
-        driven_m += here.length_m
-        ways = network.links[here.id]
-        if not ways:
-            break
-        straight = [way for way in ways if way.direction == "s"]
-        pool = straight or ways
-        way = pool[int(rng.integers(len(pool)))] if rng is not None else next(iter(pool))
-        here = network.lanes[way.to_lane]
-        if here.edge in route:  # SUMO's lane choice is at its best on routes without loops
-            break
-        route.append(here.edge)
-    return tuple(route)
-
-
-def ego_sumo_route(network: Network, ids: NetworkIds, lanes: tuple[str, ...]) -> tuple[str, ...]:
-    """SUMO edges along a chain of lanes and connectors of the map, and straight on behind its end."""
-    edges: list[str] = []
-    for lane_id in lanes:
-        for piece in ids.pieces[lane_id]:
-            lane = network.lanes[piece.sumo_lane]
-            if not lane.internal and (not edges or edges[-1] != lane.edge):
-                edges.append(lane.edge)
-    last = next(p.sumo_lane for p in reversed(ids.pieces[lanes[-1]]) if not network.lanes[p.sumo_lane].internal)
-    return (*edges, *(edge for edge in continued_route(network, last, 500.0)[1:] if edge not in edges))
-
-
-def _chain(
-    network: Network, sumo_lane: str, fraction: float, used: set[str], upstream_m: float, downstream_m: float
-) -> list[_Stretch]:
-    """The lane and what precedes and follows it straight on, from upstream to downstream."""
-    here = network.lanes[sumo_lane]
-    at_m = -fraction * here.length_m
-    taken = set(used)
-    if here.internal or here.id in taken:
-        return []
-    ahead: list[_Stretch] = []
-    start_m, lane = at_m, here
-    while True:
-        taken.add(lane.id)
-        ways = network.links[lane.id]
-        straight = [way for way in ways if way.direction == "s"]
-        way = next(iter(straight or ways), None)
-        ahead.append(_Stretch(lane, start_m, way))
-        start_m += lane.length_m
-        if way is None or start_m > downstream_m or way.to_lane in taken:
-            break
-        for inner in way.via:
-            ahead.append(_Stretch(network.lanes[inner], start_m, None))
-            start_m += network.lanes[inner].length_m
-        lane = network.lanes[way.to_lane]
-    behind: list[_Stretch] = []
-    end_m, lane = at_m, here
-    while end_m > -upstream_m:
-        ways = network.incoming.get(lane.id, ())
-        way = next((w for w in ways if w.direction == "s" and w.from_lane not in taken), None)
-        if way is None:
-            break
-        for inner in reversed(way.via):
-            end_m -= network.lanes[inner].length_m
-            behind.insert(0, _Stretch(network.lanes[inner], end_m, None))
-        lane = network.lanes[way.from_lane]
-        taken.add(lane.id)
-        end_m -= lane.length_m
-        behind.insert(0, _Stretch(lane, end_m, way))
-    return behind + ahead
-
-
 def _fill(
-    network: Network, chain: list[_Stretch], span: tuple[float, float], closed: list[tuple[float, float]],
-    largest_gap_m: float, types: VehicleTypes, ego: tuple[float, float] | None, rng: np.random.Generator,
-) -> list[Spawn]:  # fmt: skip
-    """Agents on one chain, from its downstream end. `ego` is (speed, length) on the ego's own lane."""
+    network: Network, chain: list[Stretch], span: tuple[float, float], closed: list[tuple[float, float]],
+    largest_gap_m: float, types: VehicleTypes, fixed: Sequence[_Fixed], rng: np.random.Generator,
+) -> tuple[list[Spawn], float]:  # fmt: skip
+    """Agents on one chain, from its downstream end, and where the next one would have been.
+
+    `fixed` are the vehicles on the chain whose places are given, from downstream on.
+    """
     placed: list[tuple[Spawn, float]] = []  # with the place of the rear bumper along the chain
     leader: tuple[float, float] | None = None  # rear bumper and speed
+    waiting = list(fixed)
     lowest_m, centre_m = span
     while True:
         centre_m -= rng.uniform(SMALLEST_GAP_M, largest_gap_m)
-        if ego is not None and centre_m < SMALLEST_GAP_M:
-            (speed_mps, length_m), ego = ego, None
-            while placed and not _safe(speed_mps, placed[-1][1] - length_m / 2, placed[-1][0].speed_mps):
-                placed.pop()
-            leader = (-length_m / 2, speed_mps)
-            if centre_m > -SMALLEST_GAP_M:  # this slot is the ego's
-                centre_m = 0.0
-                continue
+        taken = False
+        while waiting and centre_m < waiting[0].centre_m + waiting[0].room_m():
+            here = waiting.pop(0)
+            _make_room(placed, here)
+            leader = (here.centre_m - here.length_m / 2, here.speed_mps)
+            if centre_m > here.centre_m - SMALLEST_GAP_M:  # this slot is its
+                centre_m, taken = here.centre_m, True
+        if taken:
+            continue
         if centre_m < lowest_m:
-            return [spawn for spawn, _ in placed]
+            for here in waiting:
+                _make_room(placed, here)
+            return [spawn for spawn, _ in placed], centre_m
         driver = types.draw(rng)
         centre_m -= max(0.0, driver.length_m - CAR_LENGTH_M)
         front_m = centre_m + driver.length_m / 2
@@ -228,7 +247,9 @@ def _fill(
             continue
         standing = min((start_m for start_m, _ in closed if start_m > front_m), default=None)
         ahead = leader if standing is None or (leader is not None and leader[0] < standing) else (standing, 0.0)
-        speed_mps = _start_speed_mps(network, chain, stretch, front_m, driver, ahead)
+        follows = (ahead[0] - front_m, ahead[1]) if ahead is not None else None
+        line_m = _next_line_m(network, chain, front_m)
+        speed_mps = start_speed_mps(driver, stretch.lane.limit_mps, line_m, follows)
         if speed_mps is None:
             continue
         route = continued_route(network, stretch.lane.id, ROUTE_M, rng)
@@ -236,31 +257,45 @@ def _fill(
         leader = (rear_m, speed_mps)
 
 
-def _closed(chain: list[_Stretch], blocked: tuple[Blockage, ...]) -> list[tuple[float, float]]:
-    """Blocked stretches along a chain."""
-    starts = {stretch.lane.id: stretch.start_m for stretch in chain}
-    return [(starts[b.lane] + b.start_m, starts[b.lane] + b.end_m) for b in blocked if b.lane in starts]
+def _make_room(placed: list[tuple[Spawn, float]], here: _Fixed) -> None:
+    """Take away those ahead of a fixed vehicle that it could not follow."""
+    front_m = here.centre_m + here.length_m / 2
+    while placed and not here.follows(placed[-1][1] - front_m, placed[-1][0].speed_mps):
+        placed.pop()
 
 
-def _safe(speed_mps: float, gap_m: float, leader_mps: float) -> bool:
+def _next_line_m(network: Network, chain: list[Stretch], front_m: float) -> float | None:
+    """How far ahead the next junction is that may not be open at the start."""
+    for part in chain:
+        if part.end_m >= front_m and part.link is not None and not network.opens_freely(part.link):
+            return part.end_m - front_m
+    return None
+
+
+def safe(speed_mps: float, gap_m: float, leader_mps: float) -> bool:
     """Nobody hits anybody within the hold time."""
     return gap_m > 0.5 and (speed_mps - leader_mps) * HOLD_S <= gap_m - 0.5
 
 
-def _start_speed_mps(
-    network: Network, chain: list[_Stretch], stretch: _Stretch, front_m: float, driver: VehicleType,
-    leader: tuple[float, float] | None,
+def start_speed_mps(
+    driver: VehicleType, limit_mps: float, line_m: float | None, leader: tuple[float, float] | None,
+    *, hardest_mps2: float = HARDEST_FIRST_BRAKING_MPS2,
 ) -> float | None:  # fmt: skip
-    """The highest safe start speed; None where even standing is not safe."""
-    limit_mps = stretch.lane.limit_mps
+    """The highest safe start speed; None where even standing is not safe.
+
+    `line_m` is how far ahead the next junction is that may not be open,
+    `leader` the gap to, and the speed of, the next one ahead, `hardest_mps2`
+    the hardest braking that following it, or stopping, may take at once.
+    """
     allowed = [limit_mps * driver.speed_factor, driver.max_speed_mps]
-    for part in chain:  # the next junction that may not be open
-        if part.end_m >= front_m and part.link is not None and not network.opens_freely(part.link):
-            allowed.append(sqrt(2.0 * STOPPING_MPS2 * max(0.0, part.end_m - front_m - 1.0)))
-            break
+    meets: list[Callable[[float], bool]] = []
+    if line_m is not None:
+        room_m = max(0.0, line_m - LINE_M)
+        allowed.append(sqrt(2.0 * STOPPING_MPS2 * room_m))
+        meets.append(partial(_stops_mildly, driver, limit_mps, room_m, hardest_mps2))
     if leader is None:
-        return largest_speed_mps(allowed, [])
-    gap_m, leader_mps = leader[0] - front_m, leader[1]
+        return largest_speed_mps(allowed, meets)
+    gap_m, leader_mps = leader
     if gap_m <= driver.min_gap_m:
         return None
 
@@ -268,9 +303,15 @@ def _start_speed_mps(
         return acceleration_mps2(driver, speed_mps, limit_mps, gap_m, speed_mps) >= 0.0
 
     def brakes_mildly(speed_mps: float) -> bool:
-        return acceleration_mps2(driver, speed_mps, limit_mps, gap_m, leader_mps) >= -HARDEST_FIRST_BRAKING_MPS2
+        return acceleration_mps2(driver, speed_mps, limit_mps, gap_m, leader_mps) >= -hardest_mps2
 
     def holds(speed_mps: float) -> bool:
-        return _safe(speed_mps, gap_m, leader_mps)
+        return safe(speed_mps, gap_m, leader_mps)
 
-    return largest_speed_mps(allowed, [in_equilibrium, brakes_mildly, holds])
+    return largest_speed_mps(allowed, [*meets, in_equilibrium, brakes_mildly, holds])
+
+
+def _stops_mildly(driver: VehicleType, limit_mps: float, room_m: float, hardest_mps2: float, speed_mps: float) -> bool:
+    """Whether one stops at a line `room_m` ahead with a mild first step; SUMO's IDM keeps no gap to it (measured)."""
+    free = replace(driver, min_gap_m=0.0)
+    return speed_mps == 0.0 or acceleration_mps2(free, speed_mps, limit_mps, room_m, 0.0) >= -hardest_mps2

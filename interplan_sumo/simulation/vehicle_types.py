@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import lru_cache
@@ -45,6 +45,26 @@ PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
 }
 
 
+CLASSES: Final[Mapping[str, Mapping[str, float]]] = {
+    "bus": {"length": 12.0, "width": 2.5, "accel": 1.2, "decel": 4.0, "emergencyDecel": 7.0, "maxSpeed": 100 / 3.6},
+    "coach": {"length": 14.0, "width": 2.6, "accel": 2.0, "decel": 4.0, "emergencyDecel": 7.0, "maxSpeed": 100 / 3.6},
+    "delivery": {"length": 6.5, "width": 2.16},
+    "emergency": {"length": 6.5, "width": 2.16},
+    "truck": {"length": 7.1, "width": 2.4, "accel": 1.3, "decel": 4.0, "emergencyDecel": 7.0, "maxSpeed": 130 / 3.6},
+    "trailer": {"length": 16.5, "width": 2.55, "accel": 1.1, "decel": 4.0, "emergencyDecel": 7.0,
+                "maxSpeed": 130 / 3.6},
+    "motorcycle": {"length": 2.2, "width": 0.9, "accel": 6.0, "decel": 10.0, "emergencyDecel": 10.0},
+    "moped": {"length": 2.1, "width": 0.78, "accel": 1.1, "decel": 7.0, "emergencyDecel": 10.0, "maxSpeed": 60 / 3.6},
+    "bicycle": {"length": 1.6, "width": 0.65, "minGap": 0.5, "accel": 1.2, "decel": 3.0, "emergencyDecel": 7.0,
+                "maxSpeed": 50 / 3.6},
+}  # fmt: skip
+"""What SUMO 1.28 takes for attributes that a type of one of these classes leaves out, where that is not a car's."""
+CLASS_OF_KIND: Final[Mapping[str, str]] = {
+    "car": "passenger", "truck": "truck", "bus": "bus", "motorcycle": "motorcycle",
+}  # fmt: skip
+"""SUMO's vehicle class of each kind of vehicle that a scenario can place."""
+
+
 @dataclass(frozen=True, slots=True)
 class VehicleType:
     """One driver-and-vehicle type, with what the reaction layer computes with. SUMO reads the rest itself."""
@@ -57,8 +77,9 @@ class VehicleType:
     accel_mps2: float = 2.6
     decel_mps2: float = 4.5
     emergency_decel_mps2: float = 9.0
-    max_speed_mps: float = 55.0
+    max_speed_mps: float = 200 / 3.6
     speed_factor: float = 1.0
+    vehicle_class: str = "passenger"
     react_overlap: float = 0.0
     """Share of the ego's box inside the driver's lane from which the driver reacts, 0 to 1."""
     anticipation_s: float = 0.0
@@ -80,12 +101,29 @@ class VehicleTypes:
 
     def draw(self, rng: np.random.Generator) -> VehicleType:
         """One member, by probability; one draw from `rng` whatever the file, so that files can be compared."""
-        at = rng.random() * sum(self.probabilities)
-        for member, probability in zip(self.members, self.probabilities, strict=True):
-            at -= probability
-            if at < 0.0:
-                return member
-        return self.members[-1]
+        return _drawn(self.members, self.probabilities, rng)
+
+    def draw_kind(self, kind: str, rng: np.random.Generator) -> VehicleType:
+        """One member of a kind of vehicle, by probability; VehicleTypeError if there is none."""
+        wanted = CLASS_OF_KIND[kind]
+        pairs = zip(self.members, self.probabilities, strict=True)
+        able = [(member, share) for member, share in pairs if member.vehicle_class == wanted and share > 0.0]
+        if not able:
+            raise VehicleTypeError(
+                f'{self.path}: no vType that {ENTRY!r} stands for is a {kind} (vClass="{wanted}"), but the scenario '
+                f"places one; add one to the file, or pass another file with --traffic"
+            )
+        members, shares = zip(*able, strict=True)
+        return _drawn(members, shares, rng)
+
+
+def _drawn(members: Sequence[VehicleType], shares: Sequence[float], rng: np.random.Generator) -> VehicleType:
+    at = rng.random() * sum(shares)
+    for member, share in zip(members, shares, strict=True):
+        at -= share
+        if at < 0.0:
+            return member
+    return members[-1]
 
 
 def vehicle_type_file(behaviour: str) -> Path:
@@ -182,6 +220,7 @@ class _Reader(ContentHandler):
                 near = get_close_matches(key, (*NUMBERS, *OTHER_ATTRIBUTES), n=1)
                 guess = f"; did you mean {near[0]!r}?" if near else ""
                 raise self._error(f"vType {type_id!r} has an unknown attribute {key!r}{guess}")
+        numbers["vClass"] = values.get("vClass", "passenger")
         self._types[type_id] = numbers
         self._open_type = type_id
         if self._open_distribution is not None:
@@ -242,7 +281,8 @@ def _vehicle_type(name: str, numbers: Mapping[str, Any]) -> VehicleType:
     names = {
         "length": "length_m", "width": "width_m", "tau": "tau_s", "minGap": "min_gap_m", "accel": "accel_mps2",
         "decel": "decel_mps2", "emergencyDecel": "emergency_decel_mps2", "maxSpeed": "max_speed_mps",
-        "speedFactor": "speed_factor", "interplan.reactOverlap": "react_overlap",
+        "speedFactor": "speed_factor", "vClass": "vehicle_class", "interplan.reactOverlap": "react_overlap",
         "interplan.anticipation": "anticipation_s", "interplan.swerve": "swerve",
     }  # fmt: skip
-    return VehicleType(name, **{names[key]: value for key, value in numbers.items() if key in names})
+    known: dict[str, Any] = {**CLASSES.get(numbers["vClass"], {}), **numbers}
+    return VehicleType(name, **{names[key]: value for key, value in known.items() if key in names})

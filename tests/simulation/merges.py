@@ -12,9 +12,11 @@ import shapely
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.simulation.network import Network, read_network
-from interplan_sumo.simulation.spawning import Spawn, continued_route
-from interplan_sumo.simulation.sumo import DT_S, SumoTraffic
+from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.sumo import DT_S
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import VehicleTypes
+from interplan_sumo.simulation.ways import continued_route
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import Roads

@@ -23,8 +23,9 @@ DT_S = 0.1
 OVERLAP_M = 0.05
 """Two agents overlap if their boxes penetrate by more than this."""
 STANDING_MPS = 0.5
-JUMP_M = 0.5
-"""An agent may move by its speed, a lane change's step across and this much rounding: SUMO scales lanes of an edge."""
+JUMP_M = 0.6
+"""The centre of an agent may move by its speed and this much more: a lane change's step across, the turn of its body
+about its front, and rounding, as SUMO scales the lanes of an edge."""
 
 
 def random_scenario(

@@ -61,3 +61,14 @@ def test_who_has_left_takes_its_row_along() -> None:
     assert bodies.front_m[:, 0].tolist() == [0, 20]
     bodies.move([(0.1, 0), (20.3, 0)], [90, 70], [1, 3])
     assert bodies.turned_rad == pytest.approx([0.0, 0.0])
+
+
+def test_who_comes_begins_where_sumo_says_and_the_others_move_on() -> None:
+    bodies = Bodies(DT_S)
+    bodies.insert([0, 1])
+    bodies.move([(0, 0), (20, 0)], [90, 70], [1, 3])
+    bodies.insert([1])
+    bodies.move([(0.1, 0), (500, 40), (20.3, 0)], [90, 200, 70], [1, 9, 3])
+    assert bodies.front_m[:, 0].tolist() == [0.1, 500, 20.3]
+    assert bodies.heading_rad[1] == pytest.approx(np.radians(90.0 - 200.0))
+    assert bodies.turned_rad == pytest.approx([0.0, 0.0, 0.0])

@@ -44,8 +44,8 @@ def driving(yaw_rad: float, turned_rad: float, speed_mps: float) -> Driving:
         speed_mps=np.array([speed_mps]),
         turned_rad=np.array([turned_rad]),
         most_turned_rad=abs(turned_rad),
-        lanes=lambda: ["e0_1"],
-        position_m=lambda _: 100.0,
+        lanes=lambda _: ["e0_1"],
+        positions_m=lambda _: [100.0],
     )
 
 

@@ -6,7 +6,8 @@ import pytest
 from networks import LANE_Y, two_way_road
 
 from interplan_sumo.simulation import reactions
-from interplan_sumo.simulation.reactions import Agent, Attention, Decision, EgoOnNetwork, Treatment
+from interplan_sumo.simulation.reactions import Agent, Attention, Cover, Decision, EgoOnNetwork, Treatment
+from interplan_sumo.simulation.tiles import Area, Ring
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import PACIFICA, EgoState
 
@@ -24,10 +25,20 @@ def follower(overlap: float, lane: str = "e0_1", position_m: float = 60.0, antic
     return Agent("a", driver(overlap, anticipation_s), position_m, 10.0, 15.0, ahead)
 
 
+def ring(ego: EgoState) -> Ring:
+    return [(x, y) for x, y in ego.corners(PACIFICA).tolist()]
+
+
+def cover(ring: Ring, velocity_mps: tuple[float, float]) -> dict[str, Cover]:
+    area = Area.of(ring)
+    return reactions.cover(NETWORK.strips_near(area), area, velocity_mps)
+
+
 def seen(y_m: float, anchor: str, speed_mps: float = 8.0, x_m: float = 100.0, heading_rad: float = 0.0) -> EgoOnNetwork:
     ego = EgoState(0.0, x_m, y_m, heading_rad, vx_mps=speed_mps)
-    covers = reactions.cover(NETWORK, ego.polygon(PACIFICA), (speed_mps, 0.0))
-    return EgoOnNetwork(covers, NETWORK.lanes_at(x_m, y_m), anchor, x_m + 2.6, speed_mps, True)
+    covers = cover(ring(ego), (speed_mps, 0.0))
+    centre = frozenset(strip.lane.id for strip in NETWORK.strips[0] if strip.holds(x_m, y_m))
+    return EgoOnNetwork(covers, centre, anchor, x_m + 2.6, speed_mps, True)
 
 
 def decision(agent: Agent, ego: EgoOnNetwork, memory: dict[str, Attention] | None = None, **rest: bool) -> Decision:
@@ -113,9 +124,9 @@ def test_an_imposed_speed_brakes_no_harder_than_the_emergency_deceleration() -> 
 def test_anticipation_looks_at_the_swept_box() -> None:
     ego = EgoState(0.0, 100.0, at_overlap(-0.5), 0.2, vx_mps=8.0)
     velocity = (7.84, 1.59)
-    box = ego.polygon(PACIFICA)
-    now = reactions.cover(NETWORK, box, velocity)
-    soon = reactions.cover(NETWORK, reactions.swept(box, velocity, 2.0), velocity)
+    box = ring(ego)
+    now = cover(box, velocity)
+    soon = cover(reactions.swept(box, velocity, 2.0), velocity)
     assert "e0_1" not in now
     on_network = EgoOnNetwork(now, frozenset({"e0_0"}), "e0_0", 102.6, 8.0, True)
     agent = follower(0.0, anticipation_s=2.0)

@@ -11,9 +11,10 @@ import shapely
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, maps
 from interplan_sumo.simulation.network import Network, NetworkLink, read_network
-from interplan_sumo.simulation.spawning import Spawn, continued_route
-from interplan_sumo.simulation.sumo import SumoTraffic
+from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
+from interplan_sumo.simulation.ways import continued_route
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Polyline, box_corners, penetration_m
 from interplan_sumo.world.signals import SignalStatus

@@ -9,16 +9,18 @@ from pathlib import Path
 import libsumo
 import numpy as np
 import pytest
+from random_drives import random_scenario
 
 from interplan_planners.idm import IdmPlanner
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.errors import MapError, TrafficError, VehicleTypeError
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.store import MapFiles, find_map, load_roads
+from interplan_sumo.maps.store import MapFiles, find_map, load_roads, maps
 from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation import setup
 from interplan_sumo.simulation.episode import EpisodeOptions, drive
+from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import box_corners, penetration_m
 from interplan_sumo.world.signals import SignalStatus
@@ -70,6 +72,62 @@ def test_imposed_signals_hold_are_seen_and_leave_the_other_lights_alone() -> Non
 def test_equal_drives_are_equal_and_other_seeds_are_other_drives(scenario: Scenario) -> None:
     hashes = [drive(scenario, IdmPlanner(), seed=seed).trace.hash() for seed in (0, 0, 1)]  # type: ignore[union-attr]
     assert hashes[0] == hashes[1] != hashes[2]
+
+
+Snapshot = dict[str, tuple[float, float, float, float, str]]
+
+
+def snapshot() -> tuple[Snapshot, list[str]]:
+    """SUMO's own words on every vehicle (x, y, angle, speed, lane) and every light."""
+    of, lights = libsumo.vehicle, libsumo.trafficlight
+    vehicles = {
+        name: (*of.getPosition(name), of.getAngle(name), of.getSpeed(name), of.getLaneID(name))
+        for name in of.getIDList()
+    }
+    return vehicles, [lights.getRedYellowGreenState(light) for light in lights.getIDList()]
+
+
+@pytest.mark.parametrize("name", sorted(maps()))
+def test_without_an_ego_a_district_equals_plain_sumo_to_the_bit(name: str) -> None:
+    roads = load_roads(name)
+    scenario = random_scenario(name, np.random.default_rng(11), 11)
+    scenario = replace(scenario, traffic=TrafficDemand("high", "mixed", "high"))
+    ego = setup.start_state(scenario, roads)
+    ours: list[tuple[Snapshot, list[str]]] = []
+    of = libsumo.vehicle
+    with setup.open_traffic(scenario, roads, with_ego=False) as traffic:
+        agents = {
+            each: (of.getTypeID(each), of.getRoute(each), of.getLaneIndex(each), of.getLanePosition(each),
+                   of.getSpeed(each))
+            for each in of.getIDList()
+        }  # fmt: skip
+        for _ in range(300):
+            ours.append(snapshot())
+            traffic.react(ego)
+            traffic.place_ego(ego)
+            traffic.advance()
+    network, types = find_map(name).network, vehicle_type_file("mixed")
+    libsumo.start(
+        ["sumo", "-n", str(network), "-a", str(types), "--step-length", "0.1", "--insertion-checks", "none",
+         "--lanechange.duration", "3", "--default.speeddev", "0", "--collision.action", "none",
+         "--time-to-teleport", "-1", "--no-step-log", "true", "--no-warnings", "true"]
+    )  # fmt: skip
+    try:
+        for each in sorted(agents, key=lambda each: int(each[1:])):
+            kind, route, lane, position_m, speed_mps = agents[each]
+            libsumo.route.add(each, route)
+            start = {"departPos": f"{position_m:.6f}", "departSpeed": f"{speed_mps:.6f}"}
+            of.add(each, each, kind, departLane=str(lane), **start)
+        plain: list[tuple[Snapshot, list[str]]] = []
+        for _ in range(300):
+            libsumo.simulationStep()
+            plain.append(snapshot())
+    finally:
+        libsumo.close()
+    assert len(agents) > 15
+    assert len({tuple(lights) for _, lights in ours}) > 1
+    assert sum(vehicle[3] > 1.0 for vehicle in ours[100][0].values()) > 5
+    assert ours == plain
 
 
 def overlaps(actors: Actors) -> int:

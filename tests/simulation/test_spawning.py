@@ -14,6 +14,7 @@ from interplan_sumo.simulation import spawning
 from interplan_sumo.simulation.idm import acceleration_mps2
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.vehicle_types import VehicleType
+from interplan_sumo.simulation.ways import chain_through, continued_route
 
 NETWORK = two_way_road()
 EGO_X = 160.0
@@ -21,10 +22,10 @@ EGO_LENGTH_M = 5.176
 
 
 def fill(seed: int, largest_gap_m: float, behaviour: str = "mixed", ego_mps: float | None = 10.0) -> list[Spawn]:
-    chain = spawning._chain(NETWORK, "e0_0", EGO_X / 400.0, set(), 120.0, 300.0)
-    ego = (ego_mps, EGO_LENGTH_M) if ego_mps is not None else None
+    chain = chain_through(NETWORK, "e0_0", EGO_X / 400.0, set(), 120.0, 300.0)
+    ego = [spawning._Fixed(0.0, EGO_LENGTH_M, ego_mps, None, 0.0)] if ego_mps is not None else []
     rng = np.random.default_rng(seed)
-    return spawning._fill(NETWORK, chain, (-120.0, 300.0), [], largest_gap_m, types(behaviour), ego, rng)
+    return spawning._fill(NETWORK, chain, (-120.0, 300.0), [], largest_gap_m, types(behaviour), ego, rng)[0]
 
 
 def place(spawn: Spawn) -> tuple[float, float]:
@@ -65,5 +66,5 @@ def test_a_car_is_never_nearer_to_the_ego_than_the_smallest_gap(seed: int) -> No
 
 
 def test_a_route_ends_where_the_network_ends() -> None:
-    assert spawning.continued_route(NETWORK, "e0_1", 5000.0) == ("e0", "e1")
-    assert spawning.continued_route(NETWORK, "w1_0", 5000.0) == ("w1", "w0")
+    assert continued_route(NETWORK, "e0_1", 5000.0) == ("e0", "e1")
+    assert continued_route(NETWORK, "w1_0", 5000.0) == ("w1", "w0")

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 
+import libsumo
 import numpy as np
 import pytest
 from networks import LANE_Y, agent, ego_at, traffic, types
 
 from interplan_sumo.errors import TrafficError
 from interplan_sumo.simulation.spawning import Spawn
-from interplan_sumo.simulation.sumo import SumoTraffic
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types
 from interplan_sumo.world.ego import PACIFICA, EgoState
 
@@ -153,7 +156,6 @@ def test_an_ego_that_leaves_the_road_backs_and_turns_breaks_nothing_and_equal_ru
 
 
 def test_without_an_ego_the_traffic_equals_plain_sumo_to_the_bit() -> None:
-    import libsumo
     from networks import NETWORK_FILE
 
     cars = types("assertive")
@@ -205,7 +207,11 @@ def test_a_pose_that_is_not_finite_never_reaches_sumo() -> None:
 
 
 def test_importing_libsumo_leaves_the_environment_of_proj_alone() -> None:
-    assert "sumo" not in os.environ.get("PROJ_DATA", "") + os.environ.get("PROJ_LIB", "")
+    code = "import os, interplan_sumo.simulation.sumo; print({k: v for k, v in os.environ.items() if 'PROJ_' in k})"
+    env = {key: value for key, value in os.environ.items() if "PROJ_" not in key}
+    for given in ({}, {"PROJ_DATA": "mine"}):
+        ran = subprocess.run([sys.executable, "-c", code], env=env | given, capture_output=True, text=True, check=True)
+        assert ran.stdout.strip() == str(given)
 
 
 def oncoming(gap_m: float, against: Drive) -> tuple[list[float], list[float], list[float]]:
@@ -265,24 +271,34 @@ def test_an_oncoming_car_stands_before_an_ego_in_its_lane() -> None:
 
 
 def test_who_overlooks_the_ego_still_sees_the_car_beyond_it() -> None:
-    """The ego keeps its centre just outside the lane, where SUMO puts it into it: between two cars of that lane."""
+    """The ego creeps up to a standing car, its centre just outside that car's lane, its front just inside.
+
+    SUMO puts it into the lane, and knows only the nearest vehicle ahead: an
+    assertive driver who is told to overlook it would overlook the car, too.
+    """
     cars = types("assertive")
 
     def beside(step: int) -> EgoState:
-        return ego_at(100.0 + 0.4 * step, -7.0, 4.0, 0.1 * step)
+        return ego_at(119.0 + 0.02 * step, -6.95, 0.2, 0.1 * step, heading_rad=-0.05)
 
-    spawns = (agent(cars, "e0_0", 130.0, 0.5), agent(cars, "e0_0", 80.0, 10.0))
-    spawns += tuple(agent(cars, "e0_1", at, speed) for at, speed in ((130.0, 0.5), (80.0, 10.0)))
+    spawns = (agent(cars, "e0_0", 130.0, 0.0, ("e0",)), agent(cars, "e0_0", 60.0, 10.0))
     with traffic(cars, spawns, beside(0)) as run:
+        libsumo.vehicle.setSpeed("a0", 0.0)
+        libsumo.vehicle.setLaneChangeMode("a1", 0)
+        places: list[float] = []
+        speeds: list[float] = []
         for step in range(150):
             actors = run.observe().actors
-            for y_m in LANE_Y[:2]:
-                lane = np.flatnonzero(np.abs(actors.y_m - y_m) < 1.0)
-                along = np.sort(actors.x_m[lane])
-                assert (np.diff(along) > 4.6).all(), step
+            standing, coming = np.argsort(-actors.x_m)
+            assert actors.x_m[standing] - actors.x_m[coming] > 4.6, step
+            places.append(float(actors.x_m[coming]))
+            speeds.append(float(actors.speed_mps[coming]))
             run.react(beside(step))
             run.place_ego(beside(step + 1))
             run.advance()
+    assert speeds[-1] < 0.3  # it stands behind the car, in the ego, which is none of its concern
+    assert places[-1] > 119.0
+    assert -np.diff(speeds).min() / 0.1 < 4.0
 
 
 def test_an_ego_far_off_the_road_is_nowhere_and_comes_back() -> None:

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from networks import NETWORK_FILE
 
 from interplan_sumo.errors import UnknownNameError, VehicleTypeError
-from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
+from interplan_sumo.simulation.vehicle_types import CLASS_OF_KIND, CLASSES, read_vehicle_types, vehicle_type_file
 
 
 def file(folder: Path, text: str) -> Path:
@@ -101,3 +102,52 @@ def test_the_published_codes_cautious_drivers_look_three_seconds_ahead() -> None
     cautious, plain = read_vehicle_types(vehicle_type_file("interplan_code")).members
     assert (cautious.anticipation_s, plain.anticipation_s) == (3.0, 0.0)
     assert cautious.react_overlap == plain.react_overlap == 0.0
+
+
+def test_what_a_class_leaves_out_is_what_sumo_takes(tmp_path: Path) -> None:
+    import libsumo
+
+    names = ["passenger", *CLASSES]
+    rows = "".join(f'<vType id="{name}" vClass="{name}" carFollowModel="IDM"/>' for name in names)
+    path = file(
+        tmp_path, f'<additional>{rows}<vTypeDistribution id="traffic" vTypes="{" ".join(names)}"/></additional>'
+    )
+    members = read_vehicle_types(path).members
+    libsumo.start(["sumo", "-n", str(NETWORK_FILE), "-a", str(path), "--no-step-log", "true"])
+    try:
+        kind = libsumo.vehicletype
+        for each in members:
+            ours = (
+                each.length_m, each.width_m, each.min_gap_m, each.tau_s, each.accel_mps2, each.decel_mps2,
+                each.emergency_decel_mps2, each.max_speed_mps, each.speed_factor,
+            )  # fmt: skip
+            theirs = (
+                kind.getLength(each.id), kind.getWidth(each.id), kind.getMinGap(each.id), kind.getTau(each.id),
+                kind.getAccel(each.id), kind.getDecel(each.id), kind.getEmergencyDecel(each.id),
+                kind.getMaxSpeed(each.id), kind.getSpeedFactor(each.id),
+            )  # fmt: skip
+            assert ours == pytest.approx(theirs, abs=1e-6), each.id
+    finally:
+        libsumo.close()
+
+
+def test_a_kind_is_drawn_among_its_own_class_by_probability() -> None:
+    urban = read_vehicle_types(vehicle_type_file("urban"))
+    rng = np.random.default_rng(0)
+    drawn = {kind: {urban.draw_kind(kind, rng).id for _ in range(30)} for kind in CLASS_OF_KIND}
+    assert drawn == {
+        "car": {"conservative", "assertive"},
+        "truck": {"truck"},
+        "bus": {"bus"},
+        "motorcycle": {"motorcycle"},
+    }
+
+
+def test_a_kind_whose_only_types_have_no_probability_is_not_there(tmp_path: Path) -> None:
+    path = file(
+        tmp_path,
+        '<additional><vType id="a"/><vType id="b" vClass="bus"/>'
+        '<vTypeDistribution id="traffic" vTypes="a b" probabilities="1 0"/></additional>',
+    )
+    with pytest.raises(VehicleTypeError, match=r"types\.xml: no vType .* is a bus"):
+        read_vehicle_types(path).draw_kind("bus", np.random.default_rng(0))

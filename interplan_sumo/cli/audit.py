@@ -1,0 +1,42 @@
+"""The command `scenarios audit`."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, planner_names
+from interplan_sumo.report.printing import print_json, progress
+
+
+def audit(
+    suite: Annotated[str, typer.Argument(help="NAME==VERSION.")],
+    planner: Annotated[
+        str, typer.Option(help="Who drives, for the look at what happens.", autocompletion=planner_names)
+    ] = "idm",
+    below: Annotated[float | None, typer.Option(help="Only scenarios where it has fewer points, 0 to 100.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes; 0 runs in this one. Default: all cores.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Keep the run in this folder; it resumes there.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Sort the scenarios of a suite by what they ask, unsound ones apart; with --below, find the hard ones."""
+    from interplan_sumo.batch.audit import findings
+    from interplan_sumo.batch.processes import available_cores
+    from interplan_sumo.batch.run import RunRequest, run
+    from interplan_sumo.report.audit_table import audit_entry, print_audit
+
+    with contextlib.ExitStack() as stack:
+        folder = out or Path(stack.enter_context(tempfile.TemporaryDirectory())) / "run"
+        workers = available_cores() if workers is None else workers
+        request = RunRequest(planners=(planner,), folder=folder, suite=suite, workers=workers)
+        with progress(quiet=quiet) as watch:
+            stored = run(request, watch)
+        found = list(findings(stored, below))
+    entry = audit_entry(suite, planner, below, found)
+    print_json(entry) if as_json else print_audit(entry)
+    return INCOMPLETE if stored.missing else DONE

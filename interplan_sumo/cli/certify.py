@@ -1,0 +1,86 @@
+"""Command `scenarios certify`: prove each scenario of a suite solvable, or check the stored proofs."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from interplan_sumo.cli.options import DONE, INCOMPLETE, OUR_FAULT, JsonOption
+from interplan_sumo.report.printing import print_json
+
+if TYPE_CHECKING:
+    from interplan_sumo.batch.certify_job import Proof
+
+
+def certify(
+    suite: Annotated[str | None, typer.Option(help="NAME==VERSION.")] = None,
+    scenarios: Annotated[list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes; 0 works in this one. Default: all cores.")] = None,
+    check: Annotated[bool, typer.Option("--check", help="Only replay the stored drives and judge them again.")] = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Prove scenarios solvable: search a drive that passes, and store it with the suite as its expert.
+
+    Exit code 3 if a scenario could not be certified, 1 if a stored proof does not hold.
+    """
+    from interplan_sumo.batch.certify_job import proofs
+    from interplan_sumo.batch.jobs import chosen
+    from interplan_sumo.batch.processes import available_cores
+    from interplan_sumo.scenario import certificates
+    from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
+
+    one = find_suite(suite or DEFAULT_SUITE)
+    wanted = chosen(one.scenarios, tuple(scenarios or ()))
+    path = one.folder / certificates.FILE
+    stored = certificates.read_certificates(path) if path.is_file() else {}
+    found: list[Proof] = []
+    for proof in proofs(
+        wanted, workers=available_cores() if workers is None else workers, stored=stored if check else None
+    ):
+        found.append(proof)
+        print(f"[{len(found)}/{len(wanted)}] {_line(proof)}", file=sys.stderr, flush=True)
+    found.sort(key=lambda proof: [s.id for s in wanted].index(proof.scenario.id))
+    failed = [proof for proof in found if proof.certificate is None]
+    if not check:
+        known = {s.id: s.hash() for s in one.scenarios}
+        kept = {name: c for name, c in stored.items() if known.get(name) == c.summary.scenario_hash}
+        kept = {name: c for name, c in kept.items() if name not in {proof.scenario.id for proof in found}}
+        kept |= {proof.scenario.id: proof.certificate for proof in found if proof.certificate is not None}
+        certificates.write_certificates(path, kept.values())
+    _print(found, str(path), as_json=as_json)
+    return DONE if not failed else OUR_FAULT if check else INCOMPLETE
+
+
+def _line(proof: Proof) -> str:
+    if proof.certificate is None:
+        return f"{proof.scenario.id}: {'; '.join(proof.problems)}"
+    summary = proof.certificate.summary
+    return (
+        f"{proof.scenario.id}: score {summary.score:.3f}, {summary.distance_m:.0f} of "
+        f"{summary.reference_distance_m:.0f} m, {proof.simulations} simulations, {proof.wall_s:.1f} s"
+    )
+
+
+def _print(found: list[Proof], path: str, *, as_json: bool) -> None:
+    if as_json:
+        from dataclasses import asdict
+
+        rows = [
+            {
+                "id": proof.scenario.id,
+                "certificate": None if proof.certificate is None else asdict(proof.certificate.summary),
+                "problems": list(proof.problems),
+                "simulations": proof.simulations,
+                "wall_s": round(proof.wall_s, 3),
+            }
+            for proof in found
+        ]
+        print_json({"ok": all(proof.certificate is not None for proof in found), "file": path, "scenarios": rows})
+        return
+    certified = [proof for proof in found if proof.certificate is not None]
+    for proof in found:
+        if proof.certificate is None:
+            print(_line(proof))
+    print(f"{len(certified)} of {len(found)} certified: {path}")

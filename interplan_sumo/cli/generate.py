@@ -1,0 +1,56 @@
+"""Command `scenarios generate`: new scenarios on any map."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption
+from interplan_sumo.report.printing import print_json
+
+
+def generate(
+    map: Annotated[str, typer.Option(help="A shipped map's name, or a folder with a map.gpkg and its network.")],
+    family: Annotated[str, typer.Option(help="A family, an ordinary type, 'all' families or all 'ordinary' types.")],
+    out: Annotated[Path, typer.Option(help="The folder for scenarios, certificates and reports.")],
+    count: Annotated[int, typer.Option(help="How many of each family.")] = 10,
+    seed: Annotated[int, typer.Option(help="Equal seeds give equal scenarios.")] = 0,
+    certify: Annotated[bool, typer.Option(help="Look for a drive that passes each.")] = True,
+    workers: Annotated[int | None, typer.Option(help="Processes for that; 0 works in this one. Default: all.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what the folder holds.")] = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Find sites on a map and make new scenarios there, each checked and, where a drive passes, certified.
+
+    Exit code 3 if the map has no room for as many as were asked for.
+    """
+    from interplan_sumo.batch.certify_job import proofs
+    from interplan_sumo.batch.processes import available_cores
+    from interplan_sumo.maps.store import load_roads
+    from interplan_sumo.proving.certificates import Verdict
+    from interplan_sumo.proving.generation import check_folder, families_of, write_generated
+    from interplan_sumo.proving.generation import generate as generated
+
+    check_folder(out, overwrite=overwrite)
+    roads = load_roads(map)
+    made = [generated(roads, name, count, seed) for name in families_of(family)]
+    scenarios = [scenario for each in made for scenario in each.scenarios]
+    verdicts: list[Verdict] = []
+    if certify:
+        for proof in proofs(scenarios, workers=available_cores() if workers is None else workers):
+            reason = "; ".join(proof.problems) or None
+            verdicts.append(Verdict(proof.scenario.id, proof.certificate, reason, proof.simulations))
+            done = "certified" if proof.certificate is not None else f"not certified: {reason}"
+            print(f"[{len(verdicts)}/{len(scenarios)}] {proof.scenario.id}: {done}", file=sys.stderr, flush=True)
+    total, passed = write_generated(out, made, verdicts, overwrite=overwrite)
+    short = {each.family: len(each.scenarios) for each in made if len(each.scenarios) < count}
+    if as_json:
+        print_json({"folder": str(out), "scenarios": total, "certified": passed if certify else None, "short": short})
+    else:
+        print(f"{total} scenarios{f', {passed} certified' if certify else ''}: {out}")
+        for name, number in short.items():
+            print(f"{name}: {number} of {count}; {out / 'rejected.csv'} says why places do not suit")
+    return INCOMPLETE if short else DONE

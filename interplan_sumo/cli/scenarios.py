@@ -1,0 +1,160 @@
+"""Commands about scenarios: list, show, export, validate, render."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, JsonOption, scenario_ids
+from interplan_sumo.errors import InputError
+from interplan_sumo.report.printing import print_entries, print_json
+
+if TYPE_CHECKING:
+    from interplan_sumo.scenario.scenario import Scenario
+
+scenarios_app = typer.Typer(help="The official scenarios, and one's own.", **LOOKS)
+
+
+@scenarios_app.command("list")
+def list_scenarios(
+    suite: Annotated[str | None, typer.Option(help="NAME==VERSION; default: all suites.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """The official scenarios: where each is and what its traffic does."""
+    from interplan_sumo.report.listings import scenario_entry
+    from interplan_sumo.scenario.suite import find_suite, suites
+
+    chosen = [find_suite(suite)] if suite else list(suites().values())
+    scenarios = {s.id: s for one in chosen for s in one.scenarios}
+    print_entries([scenario_entry(s) for s in scenarios.values()], as_json=as_json, hide=("hash", "certificate"))
+
+
+@scenarios_app.command("show")
+def show_scenario(
+    scenario_id: Annotated[
+        str, typer.Argument(help="A scenario id, such as nudge/0.", metavar="ID", autocompletion=scenario_ids)
+    ],
+    as_json: JsonOption = False,
+) -> None:
+    """One scenario: where it is, what stands in the way, what the traffic does."""
+    from interplan_sumo.report.listings import scenario_details
+    from interplan_sumo.scenario.suite import find_scenario
+
+    details = scenario_details(find_scenario(scenario_id))
+    if as_json:
+        print_json(details)
+    else:
+        import yaml
+
+        print(yaml.safe_dump(details, sort_keys=False, allow_unicode=True), end="")
+
+
+@scenarios_app.command("export")
+def export_scenario(
+    scenario_id: Annotated[
+        str, typer.Argument(help="A scenario id, such as nudge/0.", metavar="ID", autocompletion=scenario_ids)
+    ],
+    file: Annotated[Path, typer.Argument(help="Written over, if it is there.", metavar="FILE.yaml")],
+) -> None:
+    """Write a scenario as a file to edit; `run --scenarios FILE.yaml` drives it."""
+    from interplan_sumo.scenario.files import write_scenario
+    from interplan_sumo.scenario.suite import find_scenario
+
+    write_scenario(find_scenario(scenario_id), file)
+    print(f"wrote {file}; check it: interplan-sumo scenarios validate {file}")
+
+
+@scenarios_app.command("validate")
+def validate_scenarios(
+    files: Annotated[list[Path] | None, typer.Argument(help="Scenario files.", metavar="FILE.yaml...")] = None,
+    suite: Annotated[str | None, typer.Option(help="NAME==VERSION: the scenarios of a suite.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Only geometry: do not start SUMO for the traffic.")] = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Are scenarios sound at the start? One line for each breach of the rules; exit code 2 if there is any."""
+    from interplan_sumo.proving.start_checks import validate
+
+    found, problems = _to_validate(files or [], suite)
+    for source, scenario in found:
+        problems += [(source, scenario.id, text) for text in validate(scenario, with_traffic=not quick)]
+    if as_json:
+        rows = [dict(zip(("source", "id", "problem"), problem, strict=True)) for problem in problems]
+        print_json({"ok": not problems, "scenarios": len(found), "problems": rows})
+    else:
+        for problem in problems:
+            print(f"error: {': '.join(part for part in problem if part)}", file=sys.stderr)
+        print(f"{_count(len(found), 'scenario')}, {_count(len(problems), 'problem')}")
+    return BAD_INPUT if problems else DONE
+
+
+@scenarios_app.command("render")
+def render_scenario(
+    what: Annotated[
+        str,
+        typer.Argument(
+            help="A scenario id; or a file or NAME==VERSION, of which several are drawn as one sheet.",
+            metavar="ID|FILE.yaml|SUITE",
+            autocompletion=scenario_ids,
+        ),
+    ],
+    picture: Annotated[Path, typer.Argument(help="Its ending says which kind.", metavar="FILE.png")],
+) -> None:
+    """Draw a scenario: ego, route, goal, obstacles, pedestrians and their ways, the traffic at the start."""
+    from interplan_sumo.maps.store import load_roads
+    from interplan_sumo.report import scenario_picture
+
+    scenarios = _named(what)
+    if len(scenarios) == 1:
+        scenario_picture.render_scenario(scenarios[0], load_roads(scenarios[0].map), picture)
+    else:
+        scenario_picture.contact_sheet(scenarios, picture)
+    print(f"wrote {picture}")
+
+
+@scenarios_app.command("freeze")
+def freeze_suite(
+    suite: Annotated[str, typer.Option(help="NAME==VERSION of a suite that is not released yet.")],
+) -> None:
+    """Record the expert drives and the lock of a suite anew. For maintainers: it changes what scores mean."""
+    from interplan_sumo.proving.experts import write_experts
+    from interplan_sumo.proving.lock import write_lock
+    from interplan_sumo.scenario.suite import find_suite
+
+    chosen = find_suite(suite)
+    for path in (write_experts(chosen), write_lock(chosen)):
+        print(path)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number or 'no'} {what}{'s' * (number != 1)}"
+
+
+def _named(what: str) -> tuple[Scenario, ...]:
+    """The scenarios of a file or a suite, or the one with this id."""
+    from interplan_sumo.scenario.files import is_scenario_file, read_scenarios
+    from interplan_sumo.scenario.suite import find_scenario, find_suite
+
+    if is_scenario_file(what):
+        return read_scenarios(what)
+    return find_suite(what).scenarios if "==" in what else (find_scenario(what),)
+
+
+def _to_validate(files: list[Path], suite: str | None) -> tuple[list[tuple[str, Scenario]], list[tuple[str, str, str]]]:
+    """Scenarios with where they come from; and (source, id, problem) of files that cannot be read."""
+    from interplan_sumo.errors import ScenarioError
+    from interplan_sumo.scenario.files import read_scenarios
+    from interplan_sumo.scenario.suite import find_suite
+
+    if not files and suite is None:
+        raise InputError("nothing to validate; name a FILE.yaml, or a suite with --suite")
+    found = [(suite, scenario) for scenario in find_suite(suite).scenarios] if suite is not None else []
+    problems: list[tuple[str, str, str]] = []
+    for file in files:
+        try:
+            found += [(str(file), scenario) for scenario in read_scenarios(file)]
+        except ScenarioError as error:
+            problems.append(("", "", str(error)))
+    return found, problems

@@ -1,0 +1,54 @@
+"""What an audit found, as a table and as plain data."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from interplan_sumo.batch.run_folder import Row
+from interplan_sumo.proving.audit import ASKED, DEFECTS, Finding
+from interplan_sumo.report.why import lost_points
+
+
+def audit_entry(suite: str, planner: str, below: float | None, found: Sequence[tuple[Row, Finding]]) -> dict[str, Any]:
+    """Counts per class, and every scenario with its class and the reasons for lost points."""
+    counts = Counter(each.kind for _, each in found)
+    return {
+        "suite": suite,
+        "planner": planner,
+        "below": below,
+        "scenarios": len(found),
+        "classes": {name: counts[name] for name in (*DEFECTS, *ASKED)},
+        "findings": [
+            {
+                "scenario_id": each.scenario_id,
+                "class": each.kind,
+                "score": round(100.0 * row["score"], 1),
+                "details": list(each.details),
+                "lost": lost_points(row),
+            }
+            for row, each in found
+        ],
+    }
+
+
+def print_audit(entry: dict[str, Any]) -> None:
+    """The counts, then a line for every defect, and for every scenario if they were chosen by score."""
+    console = Console()
+    chosen = "" if entry["below"] is None else f" with less than {entry['below']:g} points"
+    table = Table(title=f"{entry['suite']}: {entry['scenarios']} scenarios{chosen}, driven by {entry['planner']}")
+    table.add_column("class")
+    table.add_column("scenarios", justify="right")
+    table.add_column("share", justify="right")
+    for name, count in entry["classes"].items():
+        share = f"{100.0 * count / entry['scenarios']:.0f} %" if entry["scenarios"] else "-"
+        table.add_row(name, str(count), share, style="bold" if name in DEFECTS and count else "")
+    console.print(table)
+    for each in entry["findings"]:
+        if each["class"] in DEFECTS or entry["below"] is not None:
+            said = "; ".join(each["details"] or each["lost"])
+            print(f"{each['scenario_id']}: {each['class']}, {each['score']} points: {said}")

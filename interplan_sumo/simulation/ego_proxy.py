@@ -1,0 +1,87 @@
+"""The ego's proxy: a car in SUMO, on the centre line of one lane, that stands for the ego.
+
+Its place and speed are set from outside in every step; they are never read back.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+from interplan_sumo.simulation.anchor import Anchor, find_anchor, touches_road
+from interplan_sumo.simulation.bodies import navigation_deg
+from interplan_sumo.simulation.network import Network
+from interplan_sumo.simulation.sumo import Commanding, finite, sumo
+from interplan_sumo.world.ego import EgoShape, EgoState
+
+EGO = "ego"
+EGO_TYPE = "interplan_ego"
+SPEED_AS_TOLD = 32
+"""SUMO's speed mode without any of its own rules."""
+NO_LANE_CHANGE = 0
+KEEP_ROUTE = 1
+ANYWHERE = 2
+
+
+class EgoProxy:
+    """The proxy of one episode."""
+
+    def __init__(
+        self, network: Network, origin_m: tuple[float, float], shape: EgoShape, route: tuple[str, ...], ego: EgoState
+    ) -> None:
+        """Add it to SUMO; `route` are SUMO edges."""
+        self._network = network
+        self._origin = origin_m
+        self._shape = shape
+        self._route = route
+        self._strayed = False
+        self.anchor: Anchor | None = None
+        """Where SUMO sees the ego; None while it is off the road."""
+        with Commanding("adding the ego"):
+            kind = sumo.vehicletype
+            kind.copy("DEFAULT_VEHTYPE", EGO_TYPE)
+            kind.setLength(EGO_TYPE, shape.length_m)
+            kind.setWidth(EGO_TYPE, shape.width_m)
+            kind.setSpeedDeviation(EGO_TYPE, 0.0)
+            kind.setSpeedFactor(EGO_TYPE, 5.0)
+            kind.setMaxSpeed(EGO_TYPE, 60.0)
+            sumo.route.add(EGO, route)
+            speed_mps = max(0.0, ego.speed_mps)
+            sumo.vehicle.add(EGO, EGO, EGO_TYPE, departLane="0", departPos="0", departSpeed=f"{speed_mps:.6f}")
+            sumo.vehicle.setSpeedMode(EGO, SPEED_AS_TOLD)
+            sumo.vehicle.setLaneChangeMode(EGO, NO_LANE_CHANGE)
+        self.place(ego)
+
+    def place(self, ego: EgoState) -> None:
+        """Put it where the ego will be after the step; TrafficError for a pose that is not finite."""
+        x_m, y_m = finite("the ego's x", ego.x_m - self._origin[0]), finite("the ego's y", ego.y_m - self._origin[1])
+        heading_rad, speed_mps = finite("its heading", ego.heading_rad), finite("its speed", ego.speed_mps)
+        reach_m = self._shape.length_m / 2.0
+        front = (x_m + reach_m * cos(heading_rad), y_m + reach_m * sin(heading_rad))
+        anchor = find_anchor(self._network, front, heading_rad, self.anchor, self._route)
+        if anchor is not None and not touches_road(self._network, ego, self._shape, self._origin, anchor):
+            anchor = None  # off the road nobody minds the ego, so SUMO must not see it either
+        self.anchor = anchor
+        with Commanding("moveToXY of the ego to ({:.2f}, {:.2f})", ego.x_m, ego.y_m):
+            sumo.vehicle.setSpeed(EGO, max(0.0, speed_mps))
+            if anchor is None:
+                sumo.vehicle.moveToXY(EGO, "", -1, *self._network.nowhere, 0.0, ANYWHERE)
+                self._strayed = True
+                return
+            lane = self._network.lanes[anchor.lane]
+            angle_deg = navigation_deg(anchor.heading_rad)
+            keep = KEEP_ROUTE if anchor.on_route and self._is_on_route() else ANYWHERE
+            self._strayed = keep is ANYWHERE
+            sumo.vehicle.moveToXY(EGO, lane.edge, lane.index, anchor.x_m, anchor.y_m, angle_deg, keep)
+
+    def _is_on_route(self) -> bool:
+        """Whether it has its route; wherever it is put beside it, SUMO gives it another."""
+        if not self._strayed:
+            return True
+        lane = sumo.vehicle.getLaneID(EGO)  # getRoadID would crash while the ego is nowhere
+        if not lane or lane.startswith(":"):
+            return False  # SUMO takes no new route inside a junction
+        edge = sumo.vehicle.getRoute(EGO)[sumo.vehicle.getRouteIndex(EGO)]
+        if edge not in self._route:
+            return False
+        sumo.vehicle.setRoute(EGO, self._route[self._route.index(edge) :])
+        return True

@@ -1,0 +1,332 @@
+"""Background traffic on libsumo: SUMO's cars, put on the road, held to our rules about the ego, and read back.
+
+The ego is a proxy car; its true pose is kept by the closed loop and never read back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import shapely
+
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.simulation.driving import Driving
+from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE, EgoProxy
+from interplan_sumo.simulation.flow import Flow
+from interplan_sumo.simulation.lights import Lights
+from interplan_sumo.simulation.network import Network, NetworkLink
+from interplan_sumo.simulation.obstacles import Blockage
+from interplan_sumo.simulation.pedestrians import Crowd
+from interplan_sumo.simulation.reactions import Decision, Treatment
+from interplan_sumo.simulation.roster import Roster
+from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, finite, open_simulation, sumo
+from interplan_sumo.simulation.tiles import Ring
+from interplan_sumo.simulation.traffic import Scene
+from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
+from interplan_sumo.simulation.watch import FREEZE_RADIUS_M, Watch
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.ego import EgoShape, EgoState
+from interplan_sumo.world.signals import Signals, SignalStatus
+
+SPEED_MODE_DEFAULT = 31
+SPEED_MODE_IMPOSED = 25
+"""Safe speed, right of way and red lights are kept; the bounds of acceleration and braking are ours."""
+LANE_CHANGE_DEFAULT = 1621
+
+
+class SumoTraffic:
+    """Traffic on one SUMO network. Use as a context manager, or call `close`."""
+
+    def __init__(
+        self,
+        network: Network,
+        ids: NetworkIds,
+        types: VehicleTypes,
+        spawns: tuple[Spawn, ...],
+        tokens: tuple[str, ...],
+        ego: EgoState,
+        ego_route: tuple[str, ...],
+        shape: EgoShape,
+        *,
+        standing: Actors | None = None,
+        blocked: tuple[Blockage, ...] = (),
+        crowd: Crowd | None = None,
+        flow: Flow | None = None,
+        with_ego: bool = True,
+    ) -> None:
+        """Start SUMO, put everyone where they begin.
+
+        `tokens` are the agents' ids as others see them. `ego_route` are SUMO
+        edges. `standing` are obstacles, `blocked` the stretches of lanes that
+        they block. `flow` brings more agents as time goes on. `with_ego` False
+        leaves the ego out of SUMO altogether: the twin run against which
+        reactions are measured.
+        """
+        self._network = network
+        self._ids = ids
+        self._shape = shape
+        self._crowd = crowd
+        self._flow = flow
+        self._ego = ego
+        self._proxy: EgoProxy | None = None
+        self._started = False
+        self._treated: dict[str, tuple[bool, bool]] = {}  # told to overlook the ego, given a speed
+        self._frozen: frozenset[str] = frozenset()
+        self._added = 0
+        self._coming: set[str] = set()
+        self._speeding: dict[str, float] = {}  # who starts above the limit -> speed factor afterwards
+        self._lights = Lights(ids.links)
+        self._signals: Signals | None = None
+        self._next_switch_s = 0.0
+        standing = standing if standing is not None else Actors.none()
+        self._roster = Roster(types.path, standing, crowd, ids.origin_m, DT_S)
+        open_simulation(network.path, types.path)
+        self._open = True
+        try:
+            self._drivers = {each.id: self._as_loaded(each) for each in (*types.members, *types.others)}
+            anticipations_s = {spawn.driver.anticipation_s for spawn in spawns}
+            if flow is not None:
+                anticipations_s.update(driver.anticipation_s for driver in types.members)
+            self._watch = Watch(network, ids.origin_m, shape, self._roster, anticipations_s, blocked, DT_S)
+            for token, each in zip(tokens, spawns, strict=True):
+                self._add(token, each)
+            self._block(blocked)
+            if with_ego:
+                self._proxy = EgoProxy(network, ids.origin_m, shape, ego_route, ego)
+            self.advance()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> SumoTraffic:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        if self._open:
+            self._open = False
+            close_simulation()
+
+    # --- set-up --------------------------------------------------------------------------------
+
+    def _add(self, token: str, each: Spawn) -> None:
+        """An agent who will be there after the next step."""
+        name, lane = f"a{self._added}", self._network.lanes[each.lane]
+        self._added += 1
+        driver = self._drivers[each.driver.id]
+        speeds = each.speed_mps > lane.limit_mps * driver.speed_factor + 1e-6  # only if the scenario places it so
+        with Commanding("vehicle.add of an agent of type {!r} on lane {}", driver.id, each.lane):
+            sumo.route.add(name, each.route)
+            sumo.vehicle.add(
+                name, name, driver.id, departLane=str(lane.index), departPos=f"{each.position_m:.6f}",
+                departSpeed="max" if speeds else f"{each.speed_mps:.6f}",
+            )  # fmt: skip
+            if speeds:  # SUMO refuses a start above the limit, so this driver's limit is another one for that moment
+                sumo.vehicle.setSpeedFactor(name, each.speed_mps / lane.limit_mps)
+                self._speeding[name] = driver.speed_factor
+        self._roster.enlist(name, token, driver, each.route)
+        self._coming.add(name)
+
+    def _block(self, blocked: tuple[Blockage, ...]) -> None:
+        """Stopped proxies where obstacles block a lane; nobody but SUMO's own drivers sees them."""
+        for i, each in enumerate(blocked):
+            name, lane = f"obstacle{i}", self._network.lanes[each.lane]
+            length_m = max(0.5, each.end_m - each.start_m)
+            front_m = round(min(max(each.end_m, length_m), lane.length_m) - 0.005, 2)
+            with Commanding(f"blocking lane {each.lane} at {each.start_m:.1f} m"):
+                sumo.vehicletype.copy("DEFAULT_VEHTYPE", name)
+                sumo.vehicletype.setLength(name, length_m)
+                sumo.route.add(name, (lane.edge,))
+                sumo.vehicle.add(
+                    name, name, name, departLane=str(lane.index), departPos=f"{front_m:.2f}", departSpeed="0"
+                )
+                sumo.vehicle.setStop(name, lane.edge, front_m, lane.index, 1e6)
+                sumo.vehicle.setLaneChangeMode(name, NO_LANE_CHANGE)
+
+    def _as_loaded(self, driver: VehicleType) -> VehicleType:
+        """The type with the numbers that SUMO uses, its class defaults included."""
+        with Commanding(f"reading vType {driver.id!r}"):
+            get = sumo.vehicletype
+            return replace(
+                driver,
+                length_m=get.getLength(driver.id),
+                width_m=get.getWidth(driver.id),
+                tau_s=get.getTau(driver.id),
+                min_gap_m=get.getMinGap(driver.id),
+                accel_mps2=get.getAccel(driver.id),
+                decel_mps2=get.getDecel(driver.id),
+                emergency_decel_mps2=get.getEmergencyDecel(driver.id),
+                max_speed_mps=get.getMaxSpeed(driver.id),
+                speed_factor=get.getSpeedFactor(driver.id),
+            )
+
+    # --- one step ------------------------------------------------------------------------------
+
+    @property
+    def behaviours(self) -> Mapping[str, str]:
+        return self._roster.behaviours
+
+    def observe(self) -> Scene:
+        return Scene(self._roster.actors(), self._read_signals())
+
+    def react(self, ego: EgoState) -> None:
+        self._ego = ego
+        if self._proxy is None:
+            self._freeze(frozenset())
+            return
+        walked: Sequence[Ring] = ()
+        standing: Mapping[str, shapely.Polygon] = {}
+        origin_m = self._ids.origin_m
+        if self._crowd is not None:
+            self._crowd.notice(ego, self._shape)
+            walked, standing = self._crowd.foreseen(origin_m), self._crowd.standing(origin_m)
+        roster, bodies = self._roster, self._roster.bodies
+        driving = Driving(
+            roster.names,
+            roster.front_x,
+            roster.front_y,
+            bodies.heading_rad,
+            bodies.speed_mps,
+            bodies.turned_rad,
+            bodies.most_turned_rad,
+            self._lanes_of,
+            self._positions_m,
+        )
+        verdict = self._watch.judge(ego, self._proxy.anchor, walked, standing, driving)
+        with Commanding("treating the agents"):
+            for name, decision in verdict.decisions.items():
+                self._treat(name, decision)
+        self._freeze(verdict.keep_lane)
+
+    def place_ego(self, ego: EgoState) -> None:
+        if self._proxy is not None:
+            self._proxy.place(ego)
+
+    def impose_signals(self, wanted: Mapping[str, SignalStatus]) -> None:
+        """Show connectors a status from now on until another is imposed; a light that is touched stops its program."""
+        lights = sumo.trafficlight
+        with Commanding("imposing signals"):
+            concerned = {self._ids.links[each][0] for each in wanted if each in self._ids.links}
+            states = {light: lights.getRedYellowGreenState(light) for light in concerned}
+            for light, state in self._lights.imposed(wanted, states, self._network.programs).items():
+                lights.setRedYellowGreenState(light, state)
+        self._signals = None
+
+    def advance(self) -> None:
+        if self._flow is not None and self._started:
+            come = self._flow.entry(self._roster, self._ego, self._shape, self._ids.origin_m, self._opens)
+            if come is not None:
+                self._add(*come)
+                self._freeze(self._frozen | self._beside(come[1]))  # until everyone sees who has come
+        with Commanding("simulationStep"):
+            sumo.simulationStep()
+            gone = frozenset(sumo.simulation.getArrivedIDList())
+            departed = self._coming.intersection(sumo.simulation.getDepartedIDList()) if self._coming else None
+        if self._crowd is not None and self._started:
+            self._crowd.advance()
+        self._started = True
+        if gone:
+            self._forget(gone & set(self._roster.names))
+        if departed:
+            self._welcome(departed)
+        self._read()
+
+    def _beside(self, each: Spawn) -> frozenset[str]:
+        """Agents near one who is about to come: they could not see him before they change lane."""
+        lane, roster = self._network.lanes[each.lane], self._roster
+        place = lane.track.pose_at(lane.arc_of(each.position_m))
+        away_m = np.hypot(roster.front_x - place.x_m, roster.front_y - place.y_m)
+        return frozenset([roster.names[row] for row in np.flatnonzero(away_m <= FREEZE_RADIUS_M)])
+
+    def _forget(self, gone: frozenset[str]) -> None:
+        """Agents at the end of their routes."""
+        self._roster.leave(gone)
+        for name in gone:
+            self._watch.forget(name)
+            self._treated.pop(name, None)
+        self._frozen -= gone
+
+    def _welcome(self, come: set[str]) -> None:
+        """Agents who have entered with this step."""
+        self._coming -= come
+        self._roster.join(come)
+        with Commanding("giving agents their own speed limit back"):
+            for name in sorted(come & self._speeding.keys()):
+                sumo.vehicle.setSpeedFactor(name, self._speeding.pop(name))
+
+    def _opens(self, link: NetworkLink) -> bool:
+        """Whether one may drive through now without yielding."""
+        if link.light is None:
+            return link.major
+        light, index = link.light
+        with Commanding("reading light {}", light):
+            return sumo.trafficlight.getRedYellowGreenState(light)[index] == "G"
+
+    # --- reading -------------------------------------------------------------------------------
+
+    def _read(self) -> None:
+        """Read all agents in one pass over plain getters, which are faster than subscriptions."""
+        vehicle, names = sumo.vehicle, self._roster.names
+        with Commanding("reading the agents"):
+            position = vehicle.getPosition
+            fronts = [position(name) for name in names]
+            angles = [vehicle.getAngle(name) for name in names]
+            speeds = [vehicle.getSpeed(name) for name in names]
+        self._roster.bodies.move(fronts, angles, speeds)
+
+    def _read_signals(self) -> Signals:
+        """The lights; asked for only when one of them may have switched."""
+        with Commanding("reading the lights"):
+            lights = sumo.trafficlight
+            if self._signals is None or sumo.simulation.getTime() >= self._next_switch_s - 1e-6:
+                states = [lights.getRedYellowGreenState(light) for light in self._lights.ids]
+                self._next_switch_s = min((lights.getNextSwitch(light) for light in self._lights.ids), default=inf)
+                self._signals = self._lights.signals(states)
+        return self._signals
+
+    # --- reacting ------------------------------------------------------------------------------
+
+    def _lanes_of(self, names: Sequence[str]) -> list[str]:
+        lane_of = sumo.vehicle.getLaneID
+        with Commanding("reading the agents' lanes"):
+            return [lane_of(name) for name in names]
+
+    def _positions_m(self, names: Sequence[str]) -> list[float]:
+        position_of = sumo.vehicle.getLanePosition
+        with Commanding("reading the agents' positions"):
+            return [position_of(name) for name in names]
+
+    def _treat(self, name: str, decision: Decision) -> None:
+        ignored, imposed = self._treated.get(name, (False, False))
+        ignore, impose = decision.treatment is Treatment.IGNORE, decision.speed_mps is not None
+        if not (ignore or ignored or impose or imposed):
+            return
+        vehicle = sumo.vehicle
+        if ignore != ignored:
+            vehicle.setParameter(name, "carFollowModel.ignoreIDs", EGO if ignore else "")
+            vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore else "")
+        if impose and not imposed:
+            vehicle.setSpeedMode(name, SPEED_MODE_IMPOSED)
+        if decision.speed_mps is not None:
+            vehicle.setSpeed(name, finite("an imposed speed", decision.speed_mps))
+        elif imposed:
+            vehicle.setSpeed(name, -1.0)
+            vehicle.setSpeedMode(name, SPEED_MODE_DEFAULT)
+        self._treated[name] = (ignore, impose)
+
+    def _freeze(self, wanted: frozenset[str]) -> None:
+        """Who must keep the lane, and who must no longer."""
+        if wanted == self._frozen:
+            return
+        with Commanding("setLaneChangeMode"):
+            for name in sorted(wanted - self._frozen):
+                sumo.vehicle.setLaneChangeMode(name, NO_LANE_CHANGE)
+            for name in sorted(self._frozen - wanted):
+                sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_DEFAULT)
+        self._frozen = wanted

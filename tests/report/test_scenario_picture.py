@@ -1,0 +1,131 @@
+"""Pictures of scenarios: everything staged is in them, and the route runs from left to right."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from interplan_sumo.errors import InputError
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.report import scenario_drawing as drawing
+from interplan_sumo.report import scenario_picture as picture
+from interplan_sumo.report.scenario_drawing import View, behaviour_colours
+from interplan_sumo.report.scenario_picture import contact_sheet, render_scenario
+from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
+
+image = pytest.importorskip("matplotlib.image")
+
+LANE = "402032"
+BUSY = Scenario(
+    id="mine/0",
+    family="mine",
+    map="strip",
+    start=LanePlace(LANE, 20.0),
+    start_speed_mps=12.0,
+    goal=LanePlace("402030", 200.0),
+    route=("40203",),
+    traffic=TrafficDemand("medium", "mixed"),
+)
+CROSSED = replace(
+    BUSY,
+    id="mine/1",
+    traffic=TrafficDemand(),
+    goal=LanePlace(LANE, 200.0),
+    obstacles=(
+        Obstacle(LanePlace(LANE, 104.0, -3.6), "bus"),
+        Obstacle(LanePlace(LANE, 130.0), "cone"),
+        Obstacle(LanePlace(LANE, 132.0), "worker"),
+        Obstacle(LanePlace(LANE, 134.0), "barrier"),
+    ),
+    jaywalkers=(Jaywalker(LanePlace(LANE, 112.0, -5.0), LanePlace(LANE, 112.0, 8.0), 1.5),),
+    occluder=0,
+)
+ROADS = load_roads("strip")
+
+
+def pixels(path: Path) -> np.ndarray:
+    return np.round(image.imread(path)[..., :3] * 255).astype(int)
+
+
+def shows(shot: np.ndarray, colour: str) -> int:
+    """Pixels of exactly this colour."""
+    wanted = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    return int((shot == wanted).all(axis=2).sum())
+
+
+def test_a_picture_of_traffic_shows_ego_goal_and_drivers(tmp_path: Path) -> None:
+    render_scenario(BUSY, ROADS, tmp_path / "busy.png")
+    shot = pixels(tmp_path / "busy.png")
+    assert shot.shape[1] == picture.WIDTH
+    for colour in (drawing.EGO, drawing.GOAL, *drawing.BEHAVIOURS.values()):
+        assert shows(shot, colour) > 50
+    assert shows(shot, drawing.PERSON) == 0
+    ego = np.argwhere((shot[:-60] == [0x1D, 0x4E, 0xD8]).all(axis=2))[:, 1]
+    goal = np.argwhere((shot[:-60] == [0x15, 0x80, 0x3D]).all(axis=2))[:, 1]
+    assert ego.mean() < 0.25 * picture.WIDTH < 0.75 * picture.WIDTH < goal.mean()
+
+
+def test_a_picture_of_a_crossing_shows_all_that_stands_and_walks_twice(tmp_path: Path) -> None:
+    render_scenario(CROSSED, ROADS, tmp_path / "crossed.png")
+    shot = pixels(tmp_path / "crossed.png")
+    for colour in (drawing.PERSON, drawing.CONE, drawing.WORKER, drawing.BARRIER):
+        assert shows(shot, colour) > 50
+    assert shot.shape[0] > 700  # the close-up lies below
+    render_scenario(replace(CROSSED, obstacles=(), occluder=None, jaywalkers=()), ROADS, tmp_path / "bare.png")
+    assert pixels(tmp_path / "bare.png").shape[0] < 450
+
+
+def test_equal_calls_write_equal_files(tmp_path: Path) -> None:
+    for name in ("one.png", "two.png"):
+        render_scenario(CROSSED, ROADS, tmp_path / name)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+
+
+def test_a_sheet_has_a_row_per_family_and_as_many_columns_as_its_largest(tmp_path: Path) -> None:
+    other = replace(CROSSED, id="other/0", family="other")
+    contact_sheet([BUSY, CROSSED, other], tmp_path / "sheet.png")
+    height, width, _ = pixels(tmp_path / "sheet.png").shape
+    assert width == 2 * (picture.CELL[0] + picture.GAP) + picture.GAP
+    assert height == 2 * (picture.CELL[1] + picture.CELL_TITLE + picture.GAP) + picture.GAP + picture.FOOT
+    many = [replace(CROSSED, id=f"mine/{i}") for i in range(picture.COLUMNS + 1)]
+    contact_sheet(many, tmp_path / "many.png")
+    assert pixels(tmp_path / "many.png").shape[0] == height
+
+
+def test_nothing_to_draw_and_files_that_cannot_be_written_are_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InputError, match="no scenarios to draw"):
+        contact_sheet([], tmp_path / "sheet.png")
+    with pytest.raises(InputError, match=r"pictures end in \.png"):
+        render_scenario(CROSSED, ROADS, tmp_path / "crossed.docx")
+    with pytest.raises(InputError, match=r"cannot write .*no/crossed\.png: No such file"):
+        render_scenario(CROSSED, ROADS, tmp_path / "no" / "crossed.png")
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(InputError, match=r"needs matplotlib; run: pip install 'interplan-sumo\[plots\]'"):
+        render_scenario(BUSY, ROADS, tmp_path / "busy.png")
+
+
+def test_types_of_drivers_keep_their_colours_and_others_get_one() -> None:
+    assert behaviour_colours(["mixed", "assertive"])["assertive"] == drawing.BEHAVIOURS["assertive"]
+    assert behaviour_colours(["truck", "bus"]) == behaviour_colours(["bus", "truck", "bus"])
+    assert len(set(behaviour_colours(["bus", "truck", "assertive", "conservative"]).values())) == 4
+
+
+@given(
+    x_m=st.floats(-1e4, 1e4), y_m=st.floats(-1e4, 1e4), turned_rad=st.floats(-7.0, 7.0), ahead_m=st.floats(0.1, 100.0)
+)
+def test_a_view_turns_its_heading_to_the_right_and_keeps_distances(
+    x_m: float, y_m: float, turned_rad: float, ahead_m: float
+) -> None:
+    view = View(x_m, y_m, turned_rad, 60.0, 20.0, 10.0)
+    ahead = (x_m + ahead_m * np.cos(turned_rad), y_m + ahead_m * np.sin(turned_rad))
+    assert view.points(ahead) == pytest.approx((ahead_m, 0.0), abs=1e-6)
+    corners = view.points(view.outline.exterior.coords)
+    assert corners[:4] == pytest.approx(np.array(((30, 10), (-30, 10), (-30, -10), (30, -10))), abs=1e-6)

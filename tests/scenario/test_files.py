@@ -1,0 +1,296 @@
+"""Scenario files: what is written is read again unchanged, and every fault is one line that says where it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from interplan_sumo.errors import InputError, ScenarioError
+from interplan_sumo.scenario import files
+from interplan_sumo.scenario.files import read_scenario, read_scenarios, write_scenario, write_scenarios
+from interplan_sumo.scenario.scenario import (
+    OBSTACLES,
+    VEHICLE_KINDS,
+    Jaywalker,
+    LanePlace,
+    Obstacle,
+    PlacedVehicle,
+    Scenario,
+    TrafficDemand,
+)
+
+WHOLE = Scenario(
+    id="crossing/0",
+    family="jaywalker",
+    map="one_north",
+    start=LanePlace("101010", 20.0),
+    start_speed_mps=8.0,
+    goal=LanePlace("102020", 35.5),
+    route=("10101", "10151", "10202"),
+    traffic=TrafficDemand("low", "assertive", "high", flow=True),
+    obstacles=(
+        Obstacle(LanePlace("101010", 60.0, 2.4), "bus", 0.02, width_m=2.5),
+        Obstacle(LanePlace("101010", 90.0), "cone"),
+    ),
+    jaywalkers=(Jaywalker(LanePlace("101010", 67.5, 3.0), LanePlace("101010", 67.5, -8.0), 1.4),),
+    occluder=0,
+    vehicles=(PlacedVehicle(LanePlace("101010", 8.0), 7.5, "truck"),),
+    duration_s=25.0,
+    exempt=("driving_direction",),
+)
+LEAST = Scenario("mine/0", "mine", "strip", LanePlace("402032", 20.0), 12.0, LanePlace("402030", 260.0), ("40203",))
+TEXT = """\
+format: 1
+id: crossing/0
+family: jaywalker
+map: one_north
+start: {lane: '101010', arc_m: 20.0}
+start_speed_mps: 8.0
+goal: {lane: '102020', arc_m: 35.5}
+route: ['10101', '10151', '10202']
+traffic: {density: low, behaviour: assertive, oncoming: high, flow: true}
+obstacles:
+- place: {lane: '101010', arc_m: 60.0, left_m: 2.4}
+  kind: bus
+  turned_rad: 0.02
+  width_m: 2.5
+- place: {lane: '101010', arc_m: 90.0}
+  kind: cone
+jaywalkers:
+- start: {lane: '101010', arc_m: 67.5, left_m: 3.0}
+  end: {lane: '101010', arc_m: 67.5, left_m: -8.0}
+  speed_mps: 1.4
+occluder: 0
+vehicles:
+- place: {lane: '101010', arc_m: 8.0}
+  speed_mps: 7.5
+  kind: truck
+duration_s: 25.0
+exempt: [driving_direction]
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "mine.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+# --- round trip ----------------------------------------------------------------------------------
+
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+SIZES = st.none() | st.floats(1e-3, 1e3)
+NAMES = st.text(st.characters(exclude_categories=("Cs",)), min_size=1, max_size=12)
+PLACES = st.builds(LanePlace, NAMES, NUMBERS, NUMBERS)
+OBSTACLE = st.builds(Obstacle, PLACES, st.sampled_from(sorted(OBSTACLES)), NUMBERS, SIZES, SIZES)  # type: ignore[arg-type]
+WALKERS = st.builds(Jaywalker, PLACES, PLACES, st.floats(0.1, 5.0))
+DENSITIES = st.sampled_from(("none", "low", "medium", "high"))
+DEMANDS = st.builds(
+    TrafficDemand, DENSITIES, st.sampled_from(("conservative", "assertive", "mixed")), DENSITIES, st.booleans()
+)
+VEHICLES = st.builds(
+    PlacedVehicle, st.builds(LanePlace, NAMES, NUMBERS), st.floats(0.0, 60.0), st.sampled_from(VEHICLE_KINDS)
+)
+
+
+@st.composite
+def scenarios(draw: st.DrawFn) -> Scenario:
+    obstacles = tuple(draw(st.lists(OBSTACLE, max_size=3)))
+    return Scenario(
+        id=draw(NAMES),
+        family=draw(NAMES),
+        map=draw(NAMES),
+        start=draw(PLACES),
+        start_speed_mps=draw(st.floats(0.0, 60.0)),
+        goal=draw(PLACES),
+        route=tuple(draw(st.lists(NAMES, min_size=1, max_size=30))),
+        traffic=draw(DEMANDS),
+        obstacles=obstacles,
+        jaywalkers=tuple(draw(st.lists(WALKERS, max_size=2))),
+        occluder=draw(st.none() | st.integers(0, len(obstacles) - 1)) if obstacles else None,
+        vehicles=tuple(draw(st.lists(VEHICLES, max_size=2))),
+        duration_s=draw(st.integers(1, 600)) / 10.0,
+        exempt=tuple(draw(st.lists(NAMES, max_size=2))),
+    )
+
+
+@given(st.lists(scenarios(), min_size=1, max_size=3, unique_by=lambda scenario: scenario.id))
+def test_what_is_written_is_read_again_with_the_same_hash(many: list[Scenario]) -> None:
+    file = files._File("mine.yaml")
+    for scenario in many:
+        (node,) = files.yaml.compose_all(files.scenario_text(scenario), Loader=files.yaml.SafeLoader)
+        again = file.scenario(node)
+        assert again == scenario
+        assert again.hash() == scenario.hash()
+
+
+@pytest.mark.parametrize("scenario", [WHOLE, LEAST], ids=lambda s: s.id)
+def test_a_file_holds_what_was_written(scenario: Scenario, tmp_path: Path) -> None:
+    write_scenario(scenario, tmp_path / "mine.yaml")
+    assert read_scenario(tmp_path / "mine.yaml") == scenario
+    assert read_scenario(tmp_path / "mine.yaml").hash() == scenario.hash()
+
+
+def test_a_file_can_be_read_by_people_and_leaves_defaults_out(tmp_path: Path) -> None:
+    assert files.scenario_text(WHOLE) == TEXT
+    assert files.scenario_text(LEAST).splitlines()[-1] == "route: ['40203']"
+    assert read_scenario(written(tmp_path, TEXT)) == WHOLE
+
+
+def test_several_scenarios_are_several_documents_in_order(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    write_scenarios((WHOLE, LEAST), path)
+    assert read_scenarios(path) == (WHOLE, LEAST)
+    with pytest.raises(ScenarioError, match=r"mine\.yaml holds 2 scenarios \(crossing/0, mine/0\), expected one"):
+        read_scenario(path)
+
+
+def test_numbers_of_numpy_are_written_as_numbers(tmp_path: Path) -> None:
+    place: Any = LanePlace("402032", np.float64(20.5))
+    write_scenario(replace(LEAST, start=place), tmp_path / "mine.yaml")
+    assert "arc_m: 20.5}" in (tmp_path / "mine.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("number", "value"), [("20", 20.0), ("2e1", 20.0), ("+20.", 20.0), (".5", 0.5), ("010", 10.0), ("-0.0", -0.0)]
+)
+def test_numbers_mean_what_people_mean(number: str, value: float, tmp_path: Path) -> None:
+    found = read_scenario(written(tmp_path, TEXT.replace("arc_m: 60.0", f"arc_m: {number}")))
+    assert str(found.obstacles[0].place.arc_m) == str(value)
+
+
+def test_ids_of_digits_need_no_quotes_and_repeated_parts_can_be_named_once(tmp_path: Path) -> None:
+    bare = (
+        TEXT.replace("'", "")
+        .replace("start: {lane", "start: &here {lane", 1)
+        .replace("place: {lane: 101010, arc_m: 8.0}", "place: *here")
+    )
+    found = read_scenario(written(tmp_path, bare))
+    assert replace(found, vehicles=WHOLE.vehicles) == WHOLE
+    assert found.vehicles[0].place == WHOLE.start
+
+
+# --- faults --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("format: 1\n", "", "line 1: there is no format; begin the scenario with `format: 1`"),
+        ("format: 1", "format: 2", "line 1: format is 2, this version reads one format, 1"),
+        ("format: 1", "format: yes", "line 1: format is yes, expected a whole number"),
+        ("format: 1", "format: 1\nformat: 1", "line 2: format is 1, this version reads one format, 1"),
+        ("id: crossing/0\n", "", "line 1: id is missing, expected text"),
+        ("id: crossing/0", "id:", "line 2: id is empty, expected text"),
+        ("id: crossing/0", "id: yes", "id is yes, expected text. If the text is meant, put it in quotes: 'yes'"),
+        ("id: crossing/0", "id: a\nid: b", "line 3: id is given twice; leave one out"),
+        ("arc_m: 60.0", "arc_m: far", "line 11: obstacles[0].place.arc_m is far, expected a number"),
+        ("arc_m: 60.0", "arc_m: '60'", "line 11: obstacles[0].place.arc_m is '60', expected a number"),
+        ("arc_m: 60.0", "arc_m: true", "line 11: obstacles[0].place.arc_m is true, expected a number"),
+        ("arc_m: 60.0", "arc_m: .nan", "line 11: obstacles[0].place.arc_m is .nan, expected a number"),
+        ("arc_m: 60.0", "arc_m: 1e999", "line 11: obstacles[0].place.arc_m is 1e999, expected a number"),
+        ("arc_m: 60.0", "arc_m: 1:30", "line 11: obstacles[0].place.arc_m is 1:30, expected a number"),
+        ("arc_m: 60.0", "arc_m: 60.0, arc_m: 1", "line 11: obstacles[0].place.arc_m is given twice; leave one out"),
+        (", arc_m: 60.0", "", "line 11: obstacles[0].place.arc_m is missing, expected a number"),
+        (
+            "arc_m: 60.0",
+            "arc: 60.0",
+            "line 11: there is no field obstacles[0].place.arc. Did you mean obstacles[0].place.arc_m?",
+        ),
+        ("arc_m: 60.0", "zz: 1", "there is no field obstacles[0].place.zz. Known are: lane, arc_m, left_m"),
+        ("arc_m: 60.0", "[1]: 1", "there is no field obstacles[0].place.a list. Known are"),
+        (
+            "kind: bus",
+            "kind: buss",
+            "line 12: obstacles[0].kind is buss, expected one of car, bus, truck, cone, barrier, sign, worker. "
+            "Did you mean 'bus'?",
+        ),
+        ("kind: bus", "kind: tank", "obstacles[0].kind is tank, expected one of car, bus, truck, cone, barrier"),
+        ("kind: bus", "kind: {a: 1}", "obstacles[0].kind is a mapping, expected one of car"),
+        ("density: low", "density: null", "traffic.density is empty, expected one of none, low, medium, high"),
+        ("flow: true", "flow: yes", "traffic.flow is yes, expected true or false"),
+        ("flow: true", "flow: 'true'", "traffic.flow is 'true', expected true or false"),
+        ("width_m: 2.5", "width_m: wide", "obstacles[0].width_m is wide, expected a number"),
+        ("occluder: 0", "occluder: 0.0", "line 21: occluder is 0.0, expected a whole number"),
+        ("occluder: 0", "occluder: 2", "line 1: crossing/0: occluder is 2, expected the index of one of 2 obstacles"),
+        ("route: ['10101', '10151', '10202']", "route: 10101", "line 8: route is 10101, expected a list of text"),
+        ("'10151'", "[10151]", "line 8: route[1] is a list, expected text"),
+        ("exempt: [driving_direction]", "exempt: {a: 1}", "exempt is a mapping, expected a list of text"),
+        ("obstacles:\n", "obstacle:\n", "line 10: there is no field obstacle. Did you mean obstacles?"),
+        ("start: {lane: '101010', arc_m: 20.0}", "start: 3", "start is 3, expected the keys lane, arc_m, left_m"),
+        ("speed_mps: 1.4", "speed_mps: 9", "crossing/0: jaywalkers[0].speed_mps is 9.0, expected 0.1 to 5"),
+        ("start: {lane", "start: {lane: {", "line 5: this is not YAML: "),
+        ("id: ", "id:\t\t- {", "this is not YAML: "),
+        ("id: crossing/0", "id: !!binary aGVsbG8=", "line 2: id is aGVsbG8=, expected text"),
+        (TEXT, f"{TEXT}---\n{TEXT}", "line 29: there is a second scenario crossing/0, the first is in line 1"),
+        (TEXT, f"{TEXT}---\n", "line 29: this is empty, expected a scenario: the keys id, family, map, start"),
+        (TEXT, "- 1", "line 1: this is a list, expected a scenario"),
+        (TEXT, "", "is empty; `interplan-sumo scenarios export ID"),
+        (TEXT, "a: \x07", "this is not YAML: "),
+        (TEXT, "[" * 5000, "this is no scenario: lists inside lists without end"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_one_line_that_names_the_file_and_what_would_be_right(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
+    assert old in TEXT
+    path = written(tmp_path, TEXT.replace(old, new, 1))
+    with pytest.raises(ScenarioError) as caught:
+        read_scenarios(path)
+    said = str(caught.value)
+    assert said.startswith(str(path))
+    assert message in said
+    assert "\n" not in said
+
+
+def test_a_name_may_hold_any_character(tmp_path: Path) -> None:
+    strange = replace(LEAST, id="a\x85b\u2028\ufeff: #'\"\t\n\u00e4\U0001f600 ")
+    write_scenario(strange, tmp_path / "mine.yaml")
+    assert read_scenario(tmp_path / "mine.yaml") == strange
+
+
+def test_the_largest_numbers_are_numbers(tmp_path: Path) -> None:
+    found = read_scenario(written(tmp_path, TEXT.replace("arc_m: 60.0", "arc_m: 1e308")))
+    assert found.obstacles[0].place.arc_m == 1e308
+
+
+def test_null_takes_back_what_may_be_missing(tmp_path: Path) -> None:
+    found = read_scenario(written(tmp_path, TEXT.replace("width_m: 2.5", "width_m: null")))
+    assert found.obstacles[0].width_m is None
+
+
+def test_a_file_that_cannot_be_read_or_written_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"cannot read .*nowhere\.yaml: No such file"):
+        read_scenarios(tmp_path / "nowhere.yaml")
+    with pytest.raises(ScenarioError, match=r"cannot read .*: Is a directory"):
+        read_scenarios(tmp_path)
+    with pytest.raises(InputError, match=r"cannot write .*mine\.yaml: No such file or directory; give another file"):
+        write_scenario(LEAST, tmp_path / "no" / "mine.yaml")
+    (tmp_path / "bytes.yaml").write_bytes(b"id: \xff")
+    with pytest.raises(ScenarioError, match=r"bytes\.yaml is not UTF-8 text \(byte 4\)"):
+        read_scenarios(tmp_path / "bytes.yaml")
+
+
+def test_a_file_of_any_size_is_not_read_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(tmp_path, TEXT)
+    monkeypatch.setattr(files, "LARGEST_BYTES", len(TEXT))
+    assert read_scenario(path) == WHOLE
+    monkeypatch.setattr(files, "LARGEST_BYTES", len(TEXT) - 1)
+    with pytest.raises(ScenarioError, match="is larger than"):
+        read_scenario(path)
+
+
+def test_a_name_means_a_file_by_its_ending_or_because_it_is_there(tmp_path: Path) -> None:
+    assert files.is_scenario_file("mine.yaml")
+    assert files.is_scenario_file("MINE.YML")
+    assert not files.is_scenario_file("nudge/0")
+    assert not files.is_scenario_file("nudge/*")
+    (tmp_path / "plain").write_text("")
+    assert files.is_scenario_file(str(tmp_path / "plain"))
+    assert not files.is_scenario_file(str(tmp_path))
