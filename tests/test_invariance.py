@@ -14,7 +14,7 @@ from interplan_sumo.maps.store import MapFiles, load_roads
 from interplan_sumo.maps.to_sumo import convert
 from interplan_sumo.metrics.score import score
 from interplan_sumo.planner import Mission, Observation, Past, Planner, load_planner
-from interplan_sumo.proving.experts import expert_drive
+from interplan_sumo.proving.reference import reference_drive
 from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.scenario import LanePlace, PlacedVehicle, Scenario
 from interplan_sumo.simulation.episode import Episode, drive
@@ -34,7 +34,7 @@ def ego_path(episode: Episode) -> np.ndarray:
 
 def scored(scenario: Scenario, episode: Episode) -> dict[str, float | None]:
     assert episode.trace is not None
-    sheet = score(episode.trace, load_roads(scenario.map), expert_drive(scenario), scenario)
+    sheet = score(episode.trace, load_roads(scenario.map), reference_drive(scenario).ego, scenario)
     return {"score": sheet.score, **{name: result.score for name, result in sheet.metrics.items()}}
 
 

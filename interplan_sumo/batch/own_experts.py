@@ -51,9 +51,9 @@ def own_expert(scenario: Scenario, run_folder: Path) -> EgoTrack:
             return EgoTrack.from_frame(pd.read_parquet(path), PACIFICA)
         except Exception as error:  # pyarrow has many
             raise InputError(f"cannot read {path}: {error}; delete it, and it is driven again") from None
-    from interplan_sumo.proving.experts import expert_drive
+    from interplan_sumo.proving.reference import reference_drive
 
-    track = expert_drive(scenario)
+    track = reference_drive(scenario).ego
     _keep(track, path)
     return EgoTrack.from_frame(track.to_frame(PACIFICA), PACIFICA)
 

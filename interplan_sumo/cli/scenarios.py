@@ -118,14 +118,11 @@ def render_scenario(
 def freeze_suite(
     suite: Annotated[str, typer.Option(help="NAME==VERSION of a suite that is not released yet.")],
 ) -> None:
-    """Record the expert drives and the lock of a suite anew. For maintainers: it changes what scores mean."""
-    from interplan_sumo.proving.experts import write_experts
+    """Write the lock of a suite anew. For maintainers: it says what the scenarios are; certify them afterwards."""
     from interplan_sumo.proving.lock import write_lock
     from interplan_sumo.scenario.suite import find_suite
 
-    chosen = find_suite(suite)
-    for path in (write_experts(chosen), write_lock(chosen)):
-        print(path)
+    print(write_lock(find_suite(suite)))
 
 
 def _count(number: int, what: str) -> str:

@@ -206,7 +206,7 @@ def _speeds(forward_m: Floats) -> list[float]:
     if len(forward_m) > LARGEST_INVERSE:
         return _solved_speeds(forward_m.tolist())
     # A sum over rows has a fixed order of additions; a matrix product of BLAS has not.
-    return (_speed_inverse(len(forward_m)) * forward_m).sum(axis=1).tolist()
+    return (speed_inverse(len(forward_m)) * forward_m).sum(axis=1).tolist()
 
 
 def _speed_at(forward_m: Floats, at: float) -> float:
@@ -215,12 +215,12 @@ def _speed_at(forward_m: Floats, at: float) -> float:
     if count > LARGEST_INVERSE:
         return _held(_solved_speeds(forward_m.tolist()), at)
     first = min(int(at), count - 1)
-    rows = _speed_inverse(count)[first : first + 2]
+    rows = speed_inverse(count)[first : first + 2]
     return _held((rows * forward_m).sum(axis=1).tolist(), at - first)
 
 
 @lru_cache(maxsize=64)
-def _speed_inverse(count: int) -> Floats:
+def speed_inverse(count: int) -> Floats:
     """(M, M) what takes displacements to fitted speeds, for plans of usual length."""
     rows = [_solved_speeds([float(i == j) for i in range(count)]) for j in range(count)]
     return np.array(rows).T.copy()

@@ -9,14 +9,12 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
-import pandas as pd
-
-from interplan_sumo.errors import InputError, ScenarioError, UnknownNameError
+from interplan_sumo.errors import ScenarioError, UnknownNameError
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate, Summary
 from interplan_sumo.scenario.families import FAMILIES
+from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.trace import EgoTrack
 
 DEFAULT_SUITE = "interplan==1"
@@ -39,12 +37,16 @@ class Suite:
     @property
     def folder(self) -> Path:
         """Where the lock and the experts of the suite lie."""
-        return Path(str(files("interplan_sumo"))) / "scenario" / "suites" / f"{self.name}-{self.version}"
+        return _folder(self.name, self.version)
 
     def hash(self) -> str:
         """SHA-256 over the scenarios' hashes, in order of their ids."""
         lines = "\n".join(f"{s.id} {s.hash()}" for s in sorted(self.scenarios, key=lambda s: s.id))
         return hashlib.sha256(lines.encode()).hexdigest()
+
+
+def _folder(name: str, version: int) -> Path:
+    return Path(str(files("interplan_sumo"))) / "scenario" / "suites" / f"{name}-{version}"
 
 
 def _interplan() -> tuple[Scenario, ...]:
@@ -59,7 +61,15 @@ def _smoke() -> tuple[Scenario, ...]:
     return tuple(family.scenarios[SMOKE_INDEX.get(name, 0)] for name, family in FAMILIES.items())
 
 
-_SUITES: dict[str, Callable[[], tuple[Scenario, ...]]] = {"interplan==1": _interplan, "smoke==1": _smoke}
+def _common() -> tuple[Scenario, ...]:
+    return read_scenarios(_folder("common", 1) / "scenarios.yaml")
+
+
+_SUITES: dict[str, Callable[[], tuple[Scenario, ...]]] = {
+    "interplan==1": _interplan,
+    "common==1": _common,
+    "smoke==1": _smoke,
+}
 
 
 @cache
@@ -89,18 +99,6 @@ def find_scenario(scenario_id: str) -> Scenario:
 
 
 @cache
-def _experts(folder: Path) -> dict[str, pd.DataFrame]:
-    path = folder / "experts.parquet"
-    if not path.is_file():
-        return {}
-    try:
-        table = pd.read_parquet(path)
-    except Exception as error:
-        raise InputError(f"cannot read the expert drives at {path}: {error}; reinstall interplan-sumo") from error
-    return {str(name): rows for name, rows in table.groupby("scenario_id", observed=True)}
-
-
-@cache
 def _certificates(folder: Path) -> dict[str, Certificate]:
     path = folder / certificates.FILE
     return certificates.read_certificates(path) if path.is_file() else {}
@@ -119,17 +117,11 @@ def _suites_with(scenario: Scenario) -> list[Suite]:
 def expert(scenario: Scenario) -> EgoTrack:
     """The stored drive that progress is measured against; ScenarioError if the scenario has none.
 
-    That of the certificate, whatever was overridden in the scenario; where a
-    suite has none, a drive that was recorded for it.
+    That of the certificate, whatever was overridden in the scenario.
     """
-    belongs = _suites_with(scenario)
-    for suite in belongs:
+    for suite in _suites_with(scenario):
         if scenario.id in _certificates(suite.folder):
             return _certificates(suite.folder)[scenario.id].track
-    for suite in belongs:
-        rows = _experts(suite.folder).get(scenario.id)
-        if rows is not None:
-            return EgoTrack.from_frame(rows, PACIFICA)
     raise ScenarioError(f"{scenario.id} has no expert drive to measure progress against")
 
 

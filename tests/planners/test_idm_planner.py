@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road
 
-from interplan_planners.idm import IdmDecision, IdmPlanner
+from interplan_planners.common.frozen_world import IdmDecision
+from interplan_planners.idm import IdmPlanner
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.plan_check import check_plan

@@ -294,9 +294,9 @@ SCENARIOS: Final[tuple[Scenario, ...]] = (
             lanes_right=1,
         ),
         crash="t_bone",
-        towards_kerb_m=0.0,
+        towards_kerb_m=0.3,
         density="low",
-        behaviour="mixed",
+        behaviour="assertive",
     ),
     accident(  # the kerb lane of two
         "accident/8",

@@ -34,14 +34,16 @@ def overtake(
     site: Site,
     offset_m: float,
     oncoming: Density = "none",
+    flow: bool = False,
     behind_m: tuple[float, ...] = (),
     kind: ObstacleKind = "car",
     behaviour: Behaviour = "mixed",
 ) -> Scenario:
     """A parked vehicle that one passes, 0.3 m clear, `offset_m` off the lane's centre line, on the oncoming side.
 
-    `behind_m` are the distances, centre to centre, of cars that follow the ego
-    at its speed. ScenarioError if the road has no room, or if the ego could stay on its own side.
+    With `flow` the oncoming traffic does not end. `behind_m` are the distances,
+    centre to centre, of cars that follow the ego at its speed. ScenarioError if
+    the road has no room, or if the ego could stay on its own side.
     """
     _, _, width_m = OBSTACLES[kind]
     if offset_m <= max(LARGEST_OFFSET_M, site.width_m / 2.0):
@@ -63,7 +65,7 @@ def overtake(
         start_speed_mps=speed_mps,
         goal=site.goal,
         route=site.route,
-        traffic=TrafficDemand(oncoming=oncoming, behaviour=behaviour, flow=oncoming != "none"),
+        traffic=TrafficDemand(oncoming=oncoming, behaviour=behaviour, flow=flow),
         obstacles=(parked,),
         vehicles=tuple(followers),
         exempt=("driving_direction",),
@@ -95,6 +97,7 @@ def drawn(id: str, site: Site, rng: np.random.Generator) -> Scenario:
         site=site,
         offset_m=float(np.round(rng.uniform(least_m, most_m), 2)),
         oncoming=densities[int(rng.integers(3))],
+        flow=bool(rng.random() < 0.5),
         behind_m=followers,
         behaviour=("conservative", "assertive", "mixed")[int(rng.integers(3))],
     )
@@ -143,6 +146,7 @@ SCENARIOS: Final[tuple[Scenario, ...]] = (
         ),
         offset_m=2.1,
         oncoming="low",
+        flow=True,
         behaviour="conservative",
     ),
     overtake(  # a faster road
@@ -229,6 +233,7 @@ SCENARIOS: Final[tuple[Scenario, ...]] = (
         ),
         offset_m=1.9,
         oncoming="medium",
+        flow=True,
         behaviour="conservative",
     ),
     overtake(  # dense oncoming traffic in a narrow street
@@ -271,6 +276,7 @@ SCENARIOS: Final[tuple[Scenario, ...]] = (
         ),
         offset_m=1.9,
         oncoming="low",
+        flow=True,
         behind_m=(16.0,),
         behaviour="mixed",
     ),
@@ -294,6 +300,7 @@ SCENARIOS: Final[tuple[Scenario, ...]] = (
         ),
         offset_m=2.3,
         oncoming="medium",
+        flow=True,
         behind_m=(14.0,),
         behaviour="assertive",
     ),

@@ -1,1 +1,1 @@
-"""What several planners share: route search, centreline paths, corridors and the Intelligent Driver Model."""
+"""What several planners share, from lane search and paths to forecasts, batch scoring and lane-change decisions."""

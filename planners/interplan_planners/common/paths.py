@@ -1,21 +1,142 @@
-"""Paths for the ego's box centre along lane centre lines, and plans on them."""
+"""Paths for the ego along lane centre lines, quick projections on them, and plans on them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from interplan_sumo.world.ego import EgoState
-from interplan_sumo.world.geometry import Floats, Polyline
+from interplan_sumo.world.ego import EgoShape, EgoState
+from interplan_sumo.world.geometry import Floats, Ints, Polyline, frozen
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trajectory import Trajectory
+
+_STRIDE = 4
+"""Every so manieth vertex of a path is looked at before the segments in between."""
+_SPAN = 2 * _STRIDE
+"""Segments on either side of the nearest such vertex that are looked at."""
 
 
 def centerline(roads: Roads, lane_ids: Iterable[str]) -> Polyline:
     """The centre lines of a chain of lanes and connectors as one line; arc length 0 is where the first lane starts."""
     return Polyline(np.concatenate([roads[lane_id].centerline.points for lane_id in lane_ids]))
+
+
+def shifted(line: Polyline, left_m: float | Floats) -> Polyline:
+    """A line parallel to another, `left_m` to its left; an array (N,) shifts vertex by vertex.
+
+    On the inner side of a bend that is narrower than the shift, the vertices
+    that would lead backwards are left out.
+    """
+    before, after = line.points[:-1], line.points[1:]
+    unit = (after - before) / np.diff(line.arc_m)[:, None]
+    tangent = np.concatenate((unit[:1], unit[:-1] + unit[1:], unit[-1:]))
+    tangent /= np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-9)[:, None]
+    left = np.broadcast_to(np.asarray(left_m, dtype=np.float64), (len(line.points),))
+    points = line.points + left[:, None] * np.stack((-tangent[:, 1], tangent[:, 0]), axis=1)
+    if not (((points[1:] - points[:-1]) * unit).sum(axis=1) > 0.0).all():
+        arc_m, _ = line.project(points)
+        highest_m = np.maximum.accumulate(arc_m)
+        points = points[np.concatenate(([True], arc_m[1:] > highest_m[:-1]))]
+    return Polyline(points)
+
+
+class Path:
+    """A line with quick projections of many points that lie near it.
+
+    The nearest of every fourth vertex is sought first, then the nearest point
+    on the segments around it: equal to `Polyline.project` for points that are
+    nearer to the line than the line is to itself.
+    """
+
+    def __init__(self, line: Polyline) -> None:
+        """`line` should have vertices about 1 m apart, as centre lines have."""
+        self.line = line
+        points = line.points
+        self._coarse_at: Ints = frozen(np.unique(np.append(np.arange(0, len(points), _STRIDE), len(points) - 1)), int)
+        self._coarse = points[self._coarse_at]
+        self._length = np.diff(line.arc_m)
+        unit = (points[1:] - points[:-1]) / self._length[:, None]
+        self.unit: Floats = np.ascontiguousarray(unit.T)
+        """(2, S) directions of the segments."""
+        starts = (np.ascontiguousarray(points[:-1, i]) for i in (0, 1))
+        self._columns = (*starts, *self.unit, self._length, line.arc_m)
+        gap_m = np.diff(line.arc_m[self._coarse_at])
+        self.coarse_m = float(gap_m.max())
+        """Largest distance between the vertices that are looked at first."""
+        self.fine_m = float(np.median(self._length))
+        """Usual length of a segment."""
+
+    @property
+    def length_m(self) -> float:
+        return self.line.length_m
+
+    def nearest_vertices(self, x_m: Floats, y_m: Floats, between_m: tuple[float, float]) -> tuple[Ints, Floats]:
+        """For points (M,): the nearest of every fourth vertex within a stretch, as an index, and its distance."""
+        arc = self.line.arc_m[self._coarse_at]
+        first = max(int(arc.searchsorted(between_m[0])) - 1, 0)
+        last = max(min(int(arc.searchsorted(between_m[1])) + 1, len(arc)), first + 1)
+        at = self._coarse[first:last]
+        off_x, off_y = x_m[:, None] - at[:, 0], y_m[:, None] - at[:, 1]
+        distance2 = off_x * off_x + off_y * off_y
+        best = distance2.argmin(axis=1)
+        return self._coarse_at[first + best], np.sqrt(distance2[np.arange(len(best)), best])
+
+    def project_near(self, x_m: Floats, y_m: Floats, segments: Ints, span: int = _SPAN) -> tuple[Floats, Floats, Ints]:
+        """Arc length, lateral offset (left positive) and segment, (M, ...) each, of points (M, ...).
+
+        Looks at `span` segments on either side of given segments (M,).
+        """
+        last = len(self._length) - 1
+        rows = np.minimum(np.maximum(segments[:, None] + np.arange(-span, span + 1), 0), last)
+        shape = (len(rows),) + (1,) * (x_m.ndim - 1) + (rows.shape[1],)
+        start_x, start_y, unit_x, unit_y, length = (column[rows].reshape(shape) for column in self._columns[:5])
+        rel_x, rel_y = x_m[..., None] - start_x, y_m[..., None] - start_y
+        along = np.minimum(np.maximum(rel_x * unit_x + rel_y * unit_y, 0.0), length)
+        off_x, off_y = rel_x - along * unit_x, rel_y - along * unit_y
+        distance2 = off_x * off_x + off_y * off_y
+        best = distance2.argmin(axis=-1)
+        at = np.arange(best.size) * rows.shape[1] + best.ravel()
+        segment = np.minimum(np.maximum(segments.reshape(shape[:-1]) - span + best, 0), last)
+        along, off_x, off_y, distance2 = (a.ravel()[at].reshape(best.shape) for a in (along, off_x, off_y, distance2))
+        side = self._columns[2][segment] * off_y - self._columns[3][segment] * off_x
+        return self._columns[5][segment] + along, np.copysign(np.sqrt(distance2), side), segment
+
+    def project(self, x_m: Floats, y_m: Floats, between_m: tuple[float, float] | None = None) -> tuple[Floats, Floats]:
+        """Arc length (M,) and lateral offset (M,), left positive, of points (M,); `between_m` narrows the search."""
+        vertices, _ = self.nearest_vertices(x_m, y_m, between_m or (0.0, self.length_m))
+        return self.project_near(x_m, y_m, vertices)[:2]
+
+
+def center_poses(
+    paths: Sequence[Path], path_of: Ints, progress_m: Floats, shape: EgoShape
+) -> tuple[Floats, Floats, Floats]:
+    """x, y, heading (N, T) of the box centre where the rear axle is at arc lengths (N, T) of paths `path_of` (N,)."""
+    x_m, y_m, heading_rad = (np.empty_like(progress_m) for _ in range(3))
+    for i, path in enumerate(paths):
+        rows = np.flatnonzero(path_of == i)
+        if not rows.size:
+            continue
+        poses = path.line.poses_at(progress_m[rows].ravel()).reshape(len(rows), -1, 3)
+        x_m[rows], y_m[rows], heading_rad[rows] = poses[..., 0], poses[..., 1], poses[..., 2]
+    ahead_m = shape.rear_axle_to_center_m
+    return x_m + ahead_m * np.cos(heading_rad), y_m + ahead_m * np.sin(heading_rad), heading_rad
+
+
+def rear_axle_plan(
+    line: Polyline, time_s: ArrayLike, progress_m: ArrayLike, speed_mps: ArrayLike, shape: EgoShape
+) -> Trajectory:
+    """A plan whose rear axle lies on a line at arc lengths (N,), which are clamped to it."""
+    x_m, y_m, heading_rad = line.poses_at(progress_m).T
+    ahead_m = shape.rear_axle_to_center_m
+    return Trajectory(
+        np.asarray(time_s, float),
+        x_m + ahead_m * np.cos(heading_rad),
+        y_m + ahead_m * np.sin(heading_rad),
+        heading_rad,
+        np.asarray(speed_mps, float),
+    )
 
 
 def plan_along(path: Polyline, time_s: ArrayLike, progress_m: ArrayLike, speed_mps: ArrayLike) -> Trajectory:

@@ -1,0 +1,214 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road
+
+from interplan_planners.common.scoring import LOOK_AHEAD_S
+from interplan_planners.pdm_closed import PdmClosedPlanner, PdmDecision
+from interplan_sumo.dynamics.lqr import follow
+from interplan_sumo.plan_check import check_plan
+from interplan_sumo.planner import Mission
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.signals import Signals
+from interplan_sumo.world.trajectory import Trajectory
+
+ROAD = straight_road(lanes=2, length_m=500.0, limit_mps=12.0, cuts_m=((300.0, 310.0),))
+STRAIGHT_ON = mission(ROAD, ("11", "21", "31"))
+WIDE = straight_road(lanes=3, length_m=500.0, limit_mps=12.0)
+CROSSING = junction()
+
+
+def started(job: Mission = STRAIGHT_ON, **options: object) -> PdmClosedPlanner:
+    planner = PdmClosedPlanner(**options)  # pyright: ignore[reportArgumentType]
+    planner.start(job)
+    return planner
+
+
+def decide(state: EgoState, actors: Actors | None = None, planner: PdmClosedPlanner | None = None) -> PdmDecision:
+    planner = planner or started()
+    plan = planner.plan(observation(state, actors))
+    check_plan(plan, state, state.time_s)
+    assert planner.decision is not None
+    return planner.decision
+
+
+def driven(
+    planner: PdmClosedPlanner, state: EgoState, steps: int, actors: Actors | None = None, lights: Signals | None = None
+) -> EgoState:
+    for _ in range(steps):
+        plan = planner.plan(observation(state, actors, lights))
+        check_plan(plan, state, state.time_s)
+        state = follow(state, plan, 0.1)
+    return state
+
+
+def rear_axle(plan: Trajectory) -> Floats:
+    d = PACIFICA.rear_axle_to_center_m
+    return np.stack((plan.x_m - d * np.cos(plan.heading_rad), plan.y_m - d * np.sin(plan.heading_rad)), axis=1)
+
+
+# --- proposals -----------------------------------------------------------------------------------
+
+
+def test_fifteen_proposals_of_four_seconds_make_a_plan_of_eight() -> None:
+    planner = started()
+    plan = planner.plan(observation(ego(50.0, 0.0, 8.0, time_s=3.0)))
+    assert plan.time_s == pytest.approx(3.0 + 0.1 * np.arange(81))
+    assert planner.decision is not None
+    assert planner.decision.drives.x_m.shape == (15, 41)
+
+
+def test_the_rear_axle_is_put_on_the_centre_line() -> None:
+    road = curved_road(radius_m=40.0, run_in_m=80.0, limit_mps=8.0)
+    planner = started(mission(road, ("11",)), lateral_offsets_m=(0.0,))
+    _, left_m = road["11"].centerline.project(rear_axle(planner.plan(observation(ego_on(road, "11", 60.0, 8.0)))))
+    assert left_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_on_a_free_road_it_takes_the_limit_in_the_middle() -> None:
+    decision = decide(ego(50.0, 0.0, 12.0))
+    assert decision.best == 4
+    assert decision.scores.total[4] == 1.0
+    state = driven(started(), ego(50.0, 0.0, 10.0), 80)
+    assert state.vx_mps == pytest.approx(12.0, abs=0.3)
+    assert state.y_m == pytest.approx(0.0, abs=0.05)
+
+
+def test_offsets_and_fractions_are_options() -> None:
+    planner = started(lateral_offsets_m=(0.0, 0.5), speed_fractions=(0.5, 1.0), proposal_horizon_s=2.0, horizon_s=3.0)
+    decision = decide(ego(50.0, 0.0, 8.0), planner=planner)
+    assert decision.drives.x_m.shape == (4, 21)
+    assert decision.drives.y_m[3, -1] > 0.2
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ({"fallback_limit_mps": 0.0}, "fallback_limit_mps is 0.0, expected more than 0"),
+        ({"speed_fractions": (0.5, -1.0)}, r"speed_fractions\[1\] is -1.0, expected more than 0"),
+        ({"lateral_offsets_m": ()}, "must each hold a number"),
+        ({"horizon_s": 2.0}, "horizon_s is 2.0, expected at least proposal_horizon_s"),
+    ],
+)
+def test_senseless_options_are_refused(option: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        PdmClosedPlanner(**option)  # pyright: ignore[reportArgumentType]
+
+
+# --- what it does --------------------------------------------------------------------------------
+
+
+def test_it_nudges_around_what_leaves_a_metre_to_spare() -> None:
+    """A car half beside the lane: the middle line is barred, a metre to the left is not."""
+    parked = cars((110.0, -5.4), width_m=1.9)
+    state = driven(started(mission(WIDE, ("12",))), ego(50.0, -3.5, 10.0), 90, parked)
+    assert state.x_m > 120.0
+
+
+def test_it_cannot_pass_what_fills_the_lane() -> None:
+    state = driven(started(), ego(70.0, 0.0, 10.0), 100, cars((110.0, 0.0)))
+    assert state.vx_mps < 0.3
+    assert state.x_m + PACIFICA.length_m / 2 < 110.0 - 2.4
+
+
+def test_it_follows_whoever_is_ahead() -> None:
+    planner, state = started(), ego(50.0, 0.0, 10.0)
+    for k in range(130):
+        state = follow(state, planner.plan(observation(state, cars((70.0 + 0.6 * k, 0.0, 6.0)))), 0.1)
+    gap_m = 70.0 + 0.6 * 130 - 2.4 - state.x_m - PACIFICA.length_m / 2
+    assert state.vx_mps == pytest.approx(6.0, abs=0.4)
+    assert 5.0 < gap_m < 14.0
+
+
+def test_it_sees_a_pedestrian_coming() -> None:
+    """Who will be on the lane when the ego gets there is braked for before being on it."""
+    state, planner = ego(50.0, 0.0, 10.0), started()
+    for k in range(40):
+        walker = pedestrians((85.0, -5.0 + 0.14 * k, 1.4, np.pi / 2))
+        state = follow(state, planner.plan(observation(state, walker)), 0.1)
+        if k == 20:  # the walker is still 2.2 m beside the middle of the lane
+            assert state.vx_mps < 9.0
+    assert state.x_m + PACIFICA.length_m / 2 < 85.0
+
+
+def test_it_stops_at_red_and_goes_at_green() -> None:
+    job = mission(CROSSING, ("1", "14", "8"))
+    planner = started(job)
+    state = driven(planner, ego_on(CROSSING, "1", 30.0, 8.0), 100, lights=signals(red=("12", "13", "14")))
+    assert state.vx_mps < 0.3
+    assert -15.0 < state.x_m + PACIFICA.length_m / 2 < -12.0
+    state = driven(planner, state, 60, lights=signals(green=("14",)))
+    assert state.x_m > -8.0
+
+
+def test_what_touches_the_ego_now_is_ignored() -> None:
+    decision = decide(ego(50.0, 0.0, 8.0), cars((54.5, 0.0)))
+    assert decision.scores.no_collision[decision.best] == 1.0
+    assert not decision.braking
+
+
+@pytest.mark.parametrize(("speed", "braking"), [(4.9, True), (5.1, False)])
+def test_the_emergency_brake_works_up_to_five_metres_per_second(speed: float, braking: bool) -> None:
+    wall = cars(*((54.0, y_m, 0.0, np.pi / 2) for y_m in (-4.0, 0.0, 4.0)), length_m=6.0)
+    planner = started()
+    plan = planner.plan(observation(ego(50.0, 0.0, speed), wall))
+    assert planner.decision is not None
+    assert planner.decision.braking is braking
+    if braking:
+        after = follow(ego(50.0, 0.0, speed), plan, 0.1)
+        assert after.ax_mps2 == pytest.approx(-4.05 / 3.0, abs=0.05)  # a third passes the lag in the first step
+
+
+def test_far_from_every_path_it_brakes_straight_on() -> None:
+    planner = started()
+    planner.plan(observation(ego(50.0, 0.0, 8.0)))
+    plan = planner.plan(observation(ego(50.0, -7.5, 8.0, heading_rad=0.3)))
+    assert planner.decision is None
+    assert plan.heading_rad == pytest.approx(0.3)
+
+
+def test_static_objects_count_half() -> None:
+    decision = decide(ego(50.0, 0.0, 12.0), cars((64.0, 0.0), kind=ActorKind.BARRIER))
+    assert set(decision.scores.no_collision.tolist()) <= {0.5, 1.0}
+    assert 0.5 in decision.scores.no_collision
+
+
+# --- episodes ------------------------------------------------------------------------------------
+
+
+def test_paths_are_fixed_at_the_start_unless_they_are_to_be_rebuilt() -> None:
+    for rebuild, on_lane in ((False, 0.0), (True, -3.5)):
+        planner = started(mission(WIDE, ("11",)), rebuild=rebuild, lateral_offsets_m=(0.0,))
+        planner.plan(observation(ego(50.0, 0.0, 8.0)))
+        plan = planner.plan(observation(ego(60.0, -1.9, 8.0)))
+        assert rear_axle(plan)[-1, 1] == pytest.approx(on_lane)
+
+
+def test_a_route_that_begins_elsewhere_is_corrected() -> None:
+    late = Mission(ROAD, ("3",), STRAIGHT_ON.goal)
+    state = driven(started(late), ego(250.0, 0.0, 10.0), 60)
+    assert state.x_m > 300.0
+
+
+def test_a_new_episode_forgets_the_last() -> None:
+    planner = started()
+    planner.plan(observation(ego(50.0, 0.0, 8.0)))
+    planner.start(mission(WIDE, ("13",)))
+    fresh = started(mission(WIDE, ("13",))).plan(observation(ego(50.0, -7.0, 8.0)))
+    assert (planner.plan(observation(ego(50.0, -7.0, 8.0))).x_m == fresh.x_m).all()
+
+
+def test_equal_scenes_give_equal_plans() -> None:
+    rng = np.random.default_rng(5)
+    rows = rng.uniform((0, -8, 0, -3), (140, 8, 10, 3), (60, 4))
+    crowd = cars(*(tuple(row) for row in rows.tolist()))
+    one, other = (started().plan(observation(ego(50.0, 0.4, 9.0), crowd)) for _ in range(2))
+    assert (one.x_m == other.x_m).all()
+    assert (one.heading_rad == other.heading_rad).all()
+
+
+def test_the_forecast_covers_what_the_score_looks_at() -> None:
+    assert LOOK_AHEAD_S[-1] == 0.9

@@ -1,0 +1,47 @@
+"""Stages for the start checks: a straight road, its scenarios, and a second drivable strip beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import shapely
+from worlds import LANE_WIDTH_M, straight_road
+
+from interplan_sumo.scenario.scenario import LanePlace, Obstacle, Scenario
+from interplan_sumo.world.roads import Area, Roads
+
+ONE_LANE = straight_road(lanes=1, length_m=300.0, limit_mps=13.9)
+"""From the origin towards +x, the centre line of lane 11 is the x axis."""
+TWO_LANES = straight_road(lanes=2, length_m=300.0, limit_mps=13.9)
+"""Lane 12 lies to the right of lane 11."""
+
+
+def widened(roads: Roads, width_m: float = LANE_WIDTH_M) -> Roads:
+    """The road with a drivable strip on its left that belongs to nobody's direction: as good as an oncoming lane."""
+    strip = shapely.box(0.0, LANE_WIDTH_M / 2.0, 300.0, LANE_WIDTH_M / 2.0 + width_m)
+    return replace(roads, generic_drivable_areas=(Area("9", strip),))
+
+
+def staged(family: str = "test", **changes: Any) -> Scenario:
+    """A scenario on lane 11, from 20 m to 200 m, at 10 m/s."""
+    base = Scenario(
+        id=f"{family}/0",
+        family=family,
+        map="test",
+        start=LanePlace("11", 20.0),
+        start_speed_mps=10.0,
+        goal=LanePlace("11", 200.0),
+        route=("1",),
+    )
+    return replace(base, **changes)
+
+
+def cone(arc_m: float, left_m: float = 0.0) -> Obstacle:
+    """0.5 m square."""
+    return Obstacle(LanePlace("11", arc_m, left_m), "cone")
+
+
+def car(arc_m: float, left_m: float = 0.0, turned_rad: float = 0.0) -> Obstacle:
+    """4.6 m by 1.85 m."""
+    return Obstacle(LanePlace("11", arc_m, left_m), "car", turned_rad)

@@ -1,0 +1,124 @@
+"""The commands about scenarios: export, validate, render, and `run` on a file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from interplan_sumo.cli import main
+from interplan_sumo.scenario.files import read_scenario
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
+
+QUIET = next(s for s in find_suite(DEFAULT_SUITE).scenarios if s.traffic.density == "none" and s.obstacles)
+
+
+def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    capsys.readouterr()
+    code = main([str(argument) for argument in arguments])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.fixture
+def file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """An official scenario, exported."""
+    assert ran(capsys, "scenarios", "export", QUIET.id, tmp_path / "mine.yaml")[0] == 0
+    return tmp_path / "mine.yaml"
+
+
+@pytest.mark.parametrize("command", ["export", "validate", "render", "show", "list"])
+def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = ran(capsys, "scenarios", command, "--help")
+    assert (code, err) == (0, "")
+    assert f"interplan-sumo scenarios {command}" in out
+
+
+def test_an_exported_scenario_is_the_official_one(file: Path) -> None:
+    assert read_scenario(file) == QUIET
+    assert read_scenario(file).hash() == QUIET.hash()
+
+
+def test_validate_finds_an_official_scenario_sound(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(capsys, "scenarios", "validate", file) == (0, "1 scenario, no problems\n", "")
+    code, out, _ = ran(capsys, "scenarios", "validate", file, "--json")
+    assert (code, json.loads(out)) == (0, {"ok": True, "scenarios": 1, "problems": []})
+
+
+def test_validate_says_each_problem_in_a_line(file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    text = file.read_text()
+    speed = f"start_speed_mps: {QUIET.start_speed_mps}"
+    assert speed in text
+    file.write_text(text.replace(speed, "start_speed_mps: 40.0"))
+    (tmp_path / "torn.yaml").write_text("format: 1\nid: {")
+    code, out, err = ran(capsys, "scenarios", "validate", tmp_path / "torn.yaml", file)
+    assert code == 2
+    lines = err.splitlines()
+    assert len(lines) >= 2
+    assert all(line.startswith("error: ") for line in lines)
+    assert "torn.yaml, line 2: this is not YAML" in lines[0]
+    assert any(f"mine.yaml: {QUIET.id}: start_speed_mps: 40.0 is above the limit" in line for line in lines)
+    assert out == f"1 scenario, {len(lines)} problems\n"
+    code, out, err = ran(capsys, "scenarios", "validate", file, "--quick", "--json")
+    assert (code, err) == (2, "")
+    found = json.loads(out)
+    assert found["ok"] is False
+    assert {"source", "id", "problem"} == found["problems"][0].keys()
+
+
+def test_validate_checks_a_suite(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = ran(capsys, "scenarios", "validate", "--suite", DEFAULT_SUITE, "--quick")
+    assert (code, err) == (0, "")
+    assert out == f"{len(find_suite(DEFAULT_SUITE).scenarios)} scenarios, no problems\n"
+
+
+def test_render_draws_an_id_a_file_and_a_sheet(file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    for what in (QUIET.id, file):
+        place = tmp_path / "one.png"
+        assert ran(capsys, "scenarios", "render", what, place)[:2] == (0, f"wrote {place}\n")
+        assert place.read_bytes().startswith(b"\x89PNG")
+    first = (tmp_path / "one.png").read_bytes()
+    again = file.read_text().replace(f"id: {QUIET.id}", "id: mine/1")
+    file.write_text(f"{file.read_text()}---\n{again}")
+    assert ran(capsys, "scenarios", "render", file, tmp_path / "sheet.png")[0] == 0
+    assert (tmp_path / "sheet.png").read_bytes() != first
+
+
+def test_run_drives_a_file(file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    arguments = ("run", "--planner", "straight_ahead", "--scenarios", file, "--workers", 0, "--out", tmp_path / "run")
+    code, out, _ = ran(capsys, *arguments, "--quiet", "--json")
+    assert code == 0
+    report = json.loads(out)
+    assert (report["suite"], report["complete"]) == ("mine.yaml", True)
+    (row,) = [json.loads(line) for line in (tmp_path / "run" / "results.jsonl").read_text().splitlines()]
+    assert (row["scenario_id"], row["official"]) == (QUIET.id, False)
+    file.unlink()
+    code, out, _ = ran(capsys, "score", tmp_path / "run", "--profile", "nuplan", "--json")
+    assert (code, json.loads(out)["profile"]) == (0, "nuplan")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("scenarios export nudg/0 {tmp}/x.yaml", "Did you mean 'nudge/0'?"),
+        ("scenarios export nudge/0 {tmp}/no/x.yaml", "cannot write"),
+        ("scenarios validate", "nothing to validate; name a FILE.yaml, or a suite with --suite"),
+        ("scenarios validate --suite interplan==9", "Did you mean 'interplan==1'?"),
+        ("scenarios render nudg/0 {tmp}/x.png", "Did you mean 'nudge/0'?"),
+        ("scenarios render interplan==9 {tmp}/x.png", "Did you mean 'interplan==1'?"),
+        ("scenarios render {tmp}/x.yaml {tmp}/x.png", "cannot read"),
+        ("scenarios render nudge/0 {tmp}/x.docx", "pictures end in .png"),
+        ("run --scenarios {tmp}/nowhere.yaml --quiet", "cannot read"),
+        ("run --scenarios mine.yaml --suite smoke==1 --quiet", "give one of them"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    code, out, err = ran(capsys, *arguments.format(tmp=tmp_path).split())
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert words in err
