@@ -80,7 +80,7 @@ def test_a_fresh_environment_runs_and_scores_a_scenario_outside_the_checkout(bui
     command = scripts / "interplan-sumo"
 
     listed = json.loads(run([command, "scenarios", "list", "--suite", "smoke==1", "--json"], tmp_path))
-    assert {"lane_change_ltd/0", "lane_change_htd/0"} <= {row["id"] for row in listed}
+    assert {"lane_change_ltd/0", "nudge/0"} <= {row["id"] for row in listed}
     names = {row["name"] for row in json.loads(run([command, "planners", "list", "--json"], tmp_path))}
     assert {"idm", "straight_ahead"} <= names
 

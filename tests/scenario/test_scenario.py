@@ -95,8 +95,8 @@ def test_the_site_is_the_first_obstacle_or_else_the_goal() -> None:
 
 def test_unknown_names_come_with_the_nearest_known_one() -> None:
     with pytest.raises(
-        UnknownNameError, match=r"no scenario named 'lane_change_ltd/O'. Did you mean 'lane_change_ltd/0'"
+        UnknownNameError, match=r"no scenario named 'lane_chnge_ltd/0'. Did you mean 'lane_change_ltd/0'"
     ):
-        find_scenario("lane_change_ltd/O")
+        find_scenario("lane_chnge_ltd/0")
     with pytest.raises(UnknownNameError, match=r"no suite named 'smoke'. Did you mean 'smoke==1'"):
         find_suite("smoke")

@@ -91,13 +91,14 @@ def drawn(id: str, site: Site, rng: np.random.Generator) -> Scenario:
     if most_m < least_m:
         raise UnsuitableError("the oncoming lane is too narrow to pass on")
     densities: tuple[Density, ...] = ("none", "low", "medium")
+    oncoming = densities[int(rng.integers(3))]
     followers = tuple(d for d in (15.0, 32.0) if site.start.arc_m - d > 5.0 and rng.random() < 0.3)
     return overtake(
         id,
         site=site,
         offset_m=float(np.round(rng.uniform(least_m, most_m), 2)),
-        oncoming=densities[int(rng.integers(3))],
-        flow=bool(rng.random() < 0.5),
+        oncoming=oncoming,
+        flow=oncoming == "low" and bool(rng.random() < 0.5),  # denser traffic without an end leaves no gap
         behind_m=followers,
         behaviour=("conservative", "assertive", "mixed")[int(rng.integers(3))],
     )
