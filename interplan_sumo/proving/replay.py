@@ -16,14 +16,16 @@ from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
 def replay(scenario: Scenario, track: EgoTrack, *, seed: int = 0) -> Trace:
     """The episode in which the ego moves as given, up to the last state or the last frame of the scenario.
 
+    It begins with the scenario's own first state, exactly: a stored one is rounded.
     The closed loop, but for the ego's next state: it is taken from the table
     and not from a plan, so the trace holds no plans. TrafficError if SUMO fails.
     """
     frames = min(len(track), round(scenario.duration_s / DT_S))
-    states = [track.state(k) for k in range(frames)]
+    roads = load_roads(scenario.map)
+    states = [start_state(scenario, roads), *(track.state(k) for k in range(1, frames))]
     actors: list[Actors] = []
     signals: list[Signals] = []
-    with open_traffic(scenario, load_roads(scenario.map), seed=seed) as traffic:
+    with open_traffic(scenario, roads, seed=seed) as traffic:
         behaviours = dict(traffic.behaviours)
         for k in range(frames):
             scene = traffic.observe()

@@ -10,9 +10,10 @@ One file per suite, `certificates.parquet`. A row is a state of a drive:
 | vx, vy, ax, ay, tire_steering_angle, tire_steering_rate, angular_velocity, angular_acceleration | car frame |
 | center_x, center_y | of the box |
 
-These are nuPlan's fields of an ego state. Numbers but the time are integers in millionths of metre, radian and second, so
-that a drive is read back as it was driven, to the last bit. The summaries lie
-in the file's footer, under the key `certificates`: a list as JSON.
+These are nuPlan's fields of an ego state. Numbers but the time are integers in
+millionths of metre, radian and second, so that a drive is read back as it was
+driven, to the last bit. The summaries lie in the file's footer, under the key
+`certificates`: a list as JSON.
 """
 
 from __future__ import annotations
@@ -86,7 +87,10 @@ def write_certificates(path: Path, certificates: Iterable[Certificate]) -> None:
     summaries = json.dumps([asdict(c.summary) for c in ordered], sort_keys=True, separators=(",", ":"))
     table = pa.table(columns).replace_schema_metadata({_KEY: summaries.encode()})
     path.parent.mkdir(parents=True, exist_ok=True)
-    pq.write_table(table, path, compression="zstd", compression_level=19, use_dictionary=["scenario_id"])
+    options: dict[str, Any] = {
+        "use_dictionary": ["scenario_id"]
+    }  # numbers that differ from row to row have no use for it
+    pq.write_table(table, path, compression="zstd", compression_level=19, **options)
 
 
 def read_summaries(path: Path) -> dict[str, Summary]:
