@@ -107,7 +107,7 @@ def course(scenario: Scenario, roads: Roads) -> Course:
     if goal_m <= start_m:
         raise ScenarioError(f"{scenario.id}: the goal lies {start_m - goal_m:.1f} m behind the start")
     count = int(np.ceil((goal_m - start_m + BEFORE_M + BEYOND_M) / GRID_M)) + 1
-    arc_m = start_m - BEFORE_M + GRID_M * np.arange(count)
+    arc_m = (start_m - BEFORE_M + GRID_M * np.arange(count)).astype(np.float64)
     chains = _chains(roads, scenario)
     tracks = tuple(_track(roads, scenario, line, arc_m, chain) for chain in chains)
     kept = _of_use(scenario, tracks)

@@ -7,14 +7,14 @@ simulator has the last word.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import fields, replace
 
 import numpy as np
 
 from interplan_sumo.proving.course import GRID_M, Course
+from interplan_sumo.proving.lattice import cheapest_timing
 from interplan_sumo.proving.recording import Recording
-from interplan_sumo.proving.timing import STEP_FRAMES, Gate, Timing
+from interplan_sumo.proving.timing import STEP_FRAMES, Gate, Margins, Outlook, Pace, Start, Timing
 from interplan_sumo.proving.ways import HALF_LENGTH_M, Way
 from interplan_sumo.simulation.episode import DT_S
 from interplan_sumo.simulation.idm import acceleration_mps2
@@ -36,31 +36,30 @@ LAST_STEPS = 6
 """Later than so many steps before the end nobody need begin to pass."""
 
 
-def courteous(
-    course: Course,
-    way: Way,
-    base: Recording,
-    steps: int,
-    plan: Callable[[Recording, Gate], Timing | None],
-) -> list[tuple[Timing, Gate]]:
+def courteous(outlook: Outlook, way: Way, start: Start, margins: Margins, pace: Pace) -> list[tuple[Timing, Gate]]:
     """Timings that enter the oncoming lane when a cautious driver lets the ego pass, the cheapest first.
 
-    `base` is a recording in which the ego stays on its side; `plan` plans
-    against a recording so that the ego enters at a gate.
+    The outlook's recording is one in which the ego stays on its side. `way` is
+    the one on which it starts. Each timing comes with the gate that holds it to
+    the moment in which it enters.
     """
-    entry_m, exit_m = _swerve(course, way)
-    drivers = _drivers(course)
+    entry_m, exit_m = _swerve(outlook.course, way)
+    base, alone = outlook.others, _without_coming(outlook.others)
+    drivers = _drivers(outlook.course)
+
+    def planned(others: Recording, gate: Gate) -> Timing | None:
+        return cheapest_timing(replace(outlook, others=others), start, margins, pace, gate)
+
     found: list[tuple[Timing, Gate]] = []
-    alone = _without_coming(base)
-    for step in range(steps - LAST_STEPS):
+    for step in range((outlook.frames - start.frame) // STEP_FRAMES - LAST_STEPS):
         gate = Gate(entry_m, step)
-        timing = plan(alone, gate)
+        timing = planned(alone, gate)
         for turn in range(GUESSES):
             guess = None if timing is None else _yielded(base, drivers, timing, entry_m, exit_m)
             if timing is None or guess is None or (turn == 0 and _meets(guess, timing, entry_m, exit_m)):
                 timing = None
                 break
-            timing = plan(guess, gate)
+            timing = planned(guess, gate)
         if timing is not None and timing.to_goal:
             found.append((timing, gate))
     return sorted(found, key=lambda each: each[0].cost)

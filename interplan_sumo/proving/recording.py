@@ -42,7 +42,7 @@ class Recording:
     """(N, F) speed along the line, negative against it."""
     across_mps: Floats
     """(N, F) speed to the left."""
-    yields: NDArray[np.bool_]
+    follows: NDArray[np.bool_]
     """(N, F) whether it drives the ego's way, and so stays behind the ego once it is."""
     walks: NDArray[np.bool_]
     """(N,) whether it is a pedestrian."""
@@ -133,18 +133,26 @@ def _unrolled(
     half_across = np.abs(sin) * boxes[:, 3] / 2.0 + np.abs(cos) * boxes[:, 4] / 2.0
     along = boxes[:, 5] * np.cos(line_heading) + boxes[:, 6] * np.sin(line_heading)
     across = -boxes[:, 5] * np.sin(line_heading) + boxes[:, 6] * np.cos(line_heading)
-    many = len(behaviour)
-    table = np.full((7, many, frames), np.nan)
-    yields = np.abs(wrap_angle(turned)) < np.arccos(SAME_WAY)
-    values = (arc - half_along, arc + half_along, left - half_across, left + half_across, along, across, yields)
-    kept = frame < frames
-    for column, value in zip(table, values, strict=True):
-        column[number[kept], frame[kept]] = value[kept]
+    follows = (np.abs(wrap_angle(turned)) < np.arccos(SAME_WAY)) & (not walks)
+    kept, many = frame < frames, len(behaviour)
+
+    def table(values: Floats) -> Floats:
+        cells = np.full((many, frames), np.nan)
+        cells[number[kept], frame[kept]] = values[kept]
+        return cells
+
+    near, far, right, left_side, along, across, follow = (
+        table(np.asarray(values, dtype=np.float64))
+        for values in (
+            arc - half_along, arc + half_along, left - half_across, left + half_across, along, across, follows,
+        )
+    )  # fmt: skip
     last = min(recorded, frames) - 1
     if 0 <= last < frames - 1:
         ahead_s = DT_S * np.arange(1, frames - last)
-        for column, speed in ((0, 4), (1, 4), (2, 5), (3, 5)):
-            table[column, :, last + 1 :] = table[column, :, last, None] + table[speed, :, last, None] * ahead_s
-        for column in (4, 5, 6):
-            table[column, :, last + 1 :] = table[column, :, last, None]
-    return Recording(*table[:6], np.nan_to_num(table[6]) > 0.0, np.full(many, walks), behaviour)
+        for place, speed in ((near, along), (far, along), (right, across), (left_side, across)):
+            place[:, last + 1 :] = place[:, last, None] + speed[:, last, None] * ahead_s
+        for column in (along, across, follow):
+            column[:, last + 1 :] = column[:, last, None]
+    walking = np.full(many, walks)
+    return Recording(near, far, right, left_side, along, across, np.nan_to_num(follow) > 0.0, walking, behaviour)

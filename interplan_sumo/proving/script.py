@@ -198,7 +198,7 @@ def _plan(ego: EgoState, push_mps2: float, steering_radps: float, shape: EgoShap
     pull = LATERAL_WEIGHT * lateral_effect**2 + HEADING_WEIGHT * heading_effect**2
     rate = steering_radps * (pull + TIRE_RATE_WEIGHT) / max(pull, 0.1)
     count = round(PLAN_S / DT_S)
-    after_s = DT_S * np.arange(count + 1)
+    after_s = (DT_S * np.arange(count + 1)).astype(np.float64)
     speeds = np.maximum(0.0, speed + slope * after_s)
     tires = np.clip(ego.tire_angle_rad + rate * after_s, -LARGEST_TIRE_RAD, LARGEST_TIRE_RAD)
     travelled = DT_S * (speeds[:-1] + speeds[1:]) / 2.0

@@ -1,9 +1,10 @@
 """Search: drives tried one after the other, the simulator in the loop.
 
-Each try is planned against the traffic that the try before was recorded in: at
-first as if everybody went on as they begin, then knowing how they took the
-ego's last drive. A plan is driven by the ego's own tracker and bicycle without
-the simulator, then replayed through the traffic.
+Each try is planned against the traffic that the tries before were recorded in;
+the first one as if everybody went on as they begin. A plan is driven by the
+ego's own tracker and bicycle without the simulator, then replayed through the
+traffic. Some manners of driving are tried in turn, from the most comfortable
+on.
 """
 
 from __future__ import annotations
@@ -11,28 +12,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import reduce
+from typing import Final
 
 import numpy as np
 
 from interplan_sumo.maps.store import load_roads
+from interplan_sumo.metrics.collisions import rows_in_contact
 from interplan_sumo.proving.course import course
 from interplan_sumo.proving.courtesy import courteous, entry_arc_m
-from interplan_sumo.proving.occupancy import Margins
+from interplan_sumo.proving.lattice import cheapest_timing
 from interplan_sumo.proving.recording import Recording, recording, red_frames, walkers
 from interplan_sumo.proving.reference import route_distance_m
 from interplan_sumo.proving.replay import first_frame, replay
-from interplan_sumo.proving.script import driven, path
-from interplan_sumo.proving.timing import (
-    CALM_PACE,
-    FIRM_PACE,
-    QUICK_PACE,
-    STEP_FRAMES,
-    Gate,
-    Pace,
-    Start,
-    Timing,
-    timing,
-)
+from interplan_sumo.proving.script import driven, path, rounded
+from interplan_sumo.proving.timing import CALM, FIRM, QUICK, Gate, Margins, Outlook, Pace, Start, Timing
 from interplan_sumo.proving.ways import Side, Swerve, Way, blocked_by, way
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.episode import DT_S
@@ -40,18 +33,15 @@ from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.trace import EgoTrack, Trace
 
-TRIES_PER_STYLE = 4
-EASY_COST = 5.0
-"""A plan this cheap is not compared with other manners to pass."""
-
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """How one tries to drive."""
+    """A manner of driving."""
 
     clearance_m: float
     ramp_m: float
     haste: float
+    """These three as in `Swerve`."""
     margins: Margins
     pace: Pace
     memory: int
@@ -60,26 +50,31 @@ class Style:
     """Whether to count on oncoming drivers to brake for the ego."""
 
 
-CALM = Margins()
-TIGHT = Margins(front_m=0.7, front_s=1.1, rear_m=0.8, rear_s=0.6, comfort_s=0.5)
-WIDE = Margins(front_m=2.5, front_s=1.5, rear_m=2.5, rear_s=1.5, comfort_s=1.4)
-LEAST_SHARE = 0.65
+USUAL: Final = Margins()
+TIGHT: Final = Margins(front_m=0.7, front_s=1.1, rear_m=0.8, rear_s=0.6, comfort_s=0.5)
+WIDE: Final = Margins(front_m=2.5, front_s=1.5, rear_m=2.5, rear_s=1.5, comfort_s=1.4)
+STYLES: Final = (
+    Style(0.4, 28.0, 1.0, USUAL, CALM, 1),
+    Style(0.4, 28.0, 1.0, USUAL, FIRM, 2),
+    Style(0.3, 40.0, 1.5, TIGHT, QUICK, 1),
+    Style(0.3, 20.0, 1.3, TIGHT, QUICK, 1),
+    Style(0.6, 40.0, 1.0, WIDE, CALM, 2),
+    Style(0.3, 15.0, 1.0, TIGHT, QUICK, 2),
+    Style(0.3, 24.0, 1.3, TIGHT, CALM, 1, courtesy=True),
+    Style(0.3, 16.0, 1.0, TIGHT, CALM, 1, courtesy=True),
+    Style(0.2, 24.0, 1.0, USUAL, QUICK, 3),
+    Style(0.4, 12.0, 1.0, TIGHT, QUICK, 3),
+)
+"""From the most comfortable and likely one on."""
+TRIES_PER_STYLE: Final = 4
+EASY_COST: Final = 5.0
+"""A plan this cheap is not compared with other sides to pass on."""
+LEAST_SHARE: Final = 0.65
 """Plans that get less far than this share of the reference distance are not tried."""
 MOST_CHANCES, REFINEMENTS = 4, 4
 """How many oncoming drivers are put to the test, and how often a try with one is improved."""
-STYLES: tuple[Style, ...] = (
-    Style(0.4, 28.0, 1.0, CALM, CALM_PACE, 1),
-    Style(0.4, 28.0, 1.0, CALM, FIRM_PACE, 2),
-    Style(0.3, 40.0, 1.5, TIGHT, QUICK_PACE, 1),
-    Style(0.3, 20.0, 1.3, TIGHT, QUICK_PACE, 1),
-    Style(0.6, 40.0, 1.0, WIDE, CALM_PACE, 2),
-    Style(0.3, 15.0, 1.0, TIGHT, QUICK_PACE, 2),
-    Style(0.3, 24.0, 1.3, TIGHT, CALM_PACE, 1, courtesy=True),
-    Style(0.3, 16.0, 1.0, TIGHT, CALM_PACE, 1, courtesy=True),
-    Style(0.2, 24.0, 1.0, CALM, QUICK_PACE, 3),
-    Style(0.4, 12.0, 1.0, TIGHT, QUICK_PACE, 3),
-)
-"""From the most comfortable and likely one on."""
+
+States = tuple[EgoState, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +82,7 @@ class Attempt:
     """One try: the drive, and what came of it in the traffic."""
 
     track: EgoTrack
-    """All states, one more than the trace has frames unless the goal line ended the drive."""
+    """All states; the last one lies beyond the goal line, or at the end of the last second."""
     trace: Trace
     style: Style
 
@@ -104,82 +99,80 @@ def attempts(scenario: Scenario, reference: Trace) -> Iterator[Attempt]:
 
 
 class _Search:
-    def __init__(self, scenario: Scenario, reference: Trace) -> None:
-        self._scenario = scenario
-        self._course = course(scenario, load_roads(scenario.map))
-        self._frames = round(scenario.duration_s / DT_S)
-        self._start = start_state(scenario, self._course.roads)
-        self._red = red_frames(self._course, reference.signals, self._frames)
-        self._guess = recording(self._course, self._first_guess(reference), self._frames)
-        self._least_m = LEAST_SHARE * route_distance_m(self._course.roads, scenario, reference.ego)
-        self._recordings: list[Recording] = []
-        self._ways: dict[Swerve, tuple[Way, ...]] = {}
-        self._driven: set[tuple[EgoState, ...]] = set()
+    """What is known of a scenario, and the tries that come of it."""
 
-    def _first_guess(self, reference: Trace) -> Trace:
-        """What to plan the first try against: the reference where it took place in this very scene."""
-        hindered = self._scenario.obstacles or self._scenario.jaywalkers
-        return first_frame(self._scenario) if hindered else reference
+    def __init__(self, scenario: Scenario, reference: Trace) -> None:
+        roads = load_roads(scenario.map)
+        self._scenario, self._course = scenario, course(scenario, roads)
+        self._frames = round(scenario.duration_s / DT_S)
+        self._first = rounded(start_state(scenario, roads))
+        self._red = red_frames(self._course, reference.signals, self._frames)
+        hindered = bool(scenario.obstacles or scenario.jaywalkers)
+        known = first_frame(scenario) if hindered else reference  # else it took place in this very scene
+        self._guess = recording(self._course, known, self._frames)
+        self._least_m = LEAST_SHARE * route_distance_m(roads, scenario, reference.ego)
+        self._recordings: list[Recording] = []
+        self._in_the_dark = True
+        """Whether nobody was watched yet but after a crash; then any drive is worth a try for what it shows."""
+        self._ways: dict[Swerve, tuple[Way, ...]] = {}
+        self._tried: set[States] = set()
 
     def plainly(self, style: Style) -> Iterator[Attempt]:
-        """Tries against the last recordings, in the manner that promises most."""
+        """Tries against the last recordings, on the side that promises most."""
         for _ in range(TRIES_PER_STYLE):
-            recent = self._recordings[-style.memory :] or [self._guess]
-            others = reduce(Recording.joined, recent)
-            found: list[tuple[float, tuple[EgoState, ...]]] = []
-            for ways in self._manoeuvres(style):
+            others = reduce(Recording.joined, self._recordings[-style.memory :] or [self._guess])
+            found: list[tuple[Timing, States]] = []
+            for ways in self._sides(style):
                 planned = self._planned(ways, others, style)
-                if planned is not None and planned[1] not in self._driven and self._is_worth(planned[0]):
-                    found.append((planned[0].cost, planned[1]))
+                if planned is not None and planned[1] not in self._tried:
+                    found.append(planned)
                     if planned[0].cost < EASY_COST:
                         break
-            if not found:
+            worth = [each for each in found if self._gets_far(each[0])] or (found if self._in_the_dark else [])
+            if not worth:
                 return
-            yield self._attempt(min(found, key=lambda each: each[0])[1], style)
+            yield self._attempt(min(worth, key=lambda each: each[0].cost)[1], style)
 
     def courteously(self, style: Style) -> Iterator[Attempt]:
-        """Tries that count on an oncoming driver to let the ego pass, each refined once the answer is known."""
-        for ways in self._manoeuvres(style):
-            entry_m = entry_arc_m(self._course, ways[self._course.start_track])
-            if entry_m is None or self._course.scenario.traffic.oncoming == "none":
-                continue
-            never = Gate(entry_m, self._frames)
-            waiting = self._planned(ways, self._recordings[-1], style, never)
+        """Tries that count on an oncoming driver to let the ego pass, each improved once the answer is known."""
+        if self._scenario.traffic.oncoming == "none":
+            return
+        for ways in self._sides(style):
+            own = ways[self._course.start_track]
+            entry_m = entry_arc_m(self._course, own)
+            waiting = None
+            if entry_m is not None:
+                waiting = self._planned(ways, self._recordings[-1], style, Gate(entry_m, self._frames))
             if waiting is None:
                 continue
-            attempt = self._attempt(waiting[1], style)
-            yield attempt
-            base = self._recordings[-1]
-
-            def plan(others: Recording, gate: Gate, ways: tuple[Way, ...] = ways) -> Timing | None:
-                return self._timing(ways, others, style, gate)
-
-            steps = self._frames // STEP_FRAMES
-            chances = courteous(self._course, ways[self._course.start_track], base, steps, plan)
-            for guessed, gate in chances[:MOST_CHANCES]:
-                states = self._driven_by(ways, guessed)
+            yield self._attempt(waiting[1], style)
+            outlook, start = self._outlook(ways, self._recordings[-1]), self._start(self._first)
+            for timing, gate in courteous(outlook, own, start, style.margins, style.pace)[:MOST_CHANCES]:
+                states: States | None = self._driven(ways, timing, (self._first,))
                 for _ in range(REFINEMENTS):
-                    if states is None or states in self._driven:
+                    if states is None or states in self._tried:
                         break
                     yield self._attempt(states, style)
                     refined = self._planned(ways, self._recordings[-1], style, gate)
                     states = None if refined is None else refined[1]
 
-    def _is_worth(self, plan: Timing) -> bool:
-        """Whether a plan gets far enough; the first one shows at least what the others do."""
-        advanced_m = float(plan.arc_m[-1]) - self._course.start_m
-        return plan.to_goal or advanced_m >= self._least_m or not self._recordings
-
-    def _attempt(self, states: tuple[EgoState, ...], style: Style) -> Attempt:
+    def _attempt(self, states: States, style: Style) -> Attempt:
         """Replay a drive and take note of how the traffic took it."""
-        self._driven.add(states)
+        self._tried.add(states)
         track = EgoTrack.of(states)
         trace = replay(self._scenario, track)
         self._recordings.append(recording(self._course, trace, self._frames))
+        self._in_the_dark = bool(len(rows_in_contact(trace.ego.corners(trace.shape), trace.actors)))
         return Attempt(track, trace, style)
 
-    def _manoeuvres(self, style: Style) -> list[tuple[Way, ...]]:
-        """The ways of each manner to pass what stands on the tracks."""
+    def _gets_far(self, timing: Timing) -> bool:
+        """Whether a plan gets far enough to pass."""
+        return timing.to_goal or float(timing.arc_m[-1]) - self._course.start_m >= self._least_m
+
+    # --- planning ------------------------------------------------------------------------------
+
+    def _sides(self, style: Style) -> list[tuple[Way, ...]]:
+        """The ways of each side on which to pass what stands on the tracks."""
         closed = any(blocked_by(self._course, track, style.clearance_m) for track in self._course.tracks)
         sides: tuple[Side | None, ...] = (None, "left", "right") if closed else (None,)
         swerves = [Swerve(side, style.clearance_m, style.ramp_m, style.haste) for side in sides]
@@ -188,48 +181,37 @@ class _Search:
                 self._ways[swerve] = tuple(way(self._course, track, swerve) for track in self._course.tracks)
         return [self._ways[swerve] for swerve in swerves]
 
-    def _timing(
-        self,
-        ways: tuple[Way, ...],
-        others: Recording,
-        style: Style,
-        gate: Gate | None = None,
-        start: Start | None = None,
-    ) -> Timing | None:
-        first = start or Start(0, self._course.start_m, self._start.vx_mps, self._course.start_track)
-        return timing(self._course, ways, others, self._red, first, self._frames, style.margins, style.pace, gate)
+    def _outlook(self, ways: tuple[Way, ...], others: Recording) -> Outlook:
+        return Outlook(self._course, ways, others, self._red, self._frames)
 
-    def _driven_by(
-        self, ways: tuple[Way, ...], plan: Timing, before: tuple[EgoState, ...] = ()
-    ) -> tuple[EgoState, ...]:
-        return driven(self._course, path(self._course, ways, plan), plan, before or (self._start,), self._frames)
+    def _start(self, now: EgoState, frame: int = 0) -> Start:
+        arc_m, _, _ = self._course.unrolled(np.array([[now.x_m, now.y_m]]))
+        return Start(frame, float(arc_m[0]), now.vx_mps, self._course.start_track)
+
+    def _driven(self, ways: tuple[Way, ...], timing: Timing, before: States) -> States:
+        return driven(self._course, path(self._course, ways, timing), timing, before, self._frames)
 
     def _planned(
         self, ways: tuple[Way, ...], others: Recording, style: Style, gate: Gate | None = None
-    ) -> tuple[Timing, tuple[EgoState, ...]] | None:
+    ) -> tuple[Timing, States] | None:
         """A timing and the drive that follows it; None if there is none.
 
         When a jaywalker sets off depends on the ego. So the drive is planned as if
         nobody crossed, up to where the first one sets off; from there on it is
         planned anew, knowing that walk, and so on.
         """
-        plan = self._timing(ways, others, style, gate)
-        if plan is None:
-            return None
-        states = self._driven_by(ways, plan)
+        start, before = self._start(self._first), (self._first,)
         known: tuple[int | None, ...] = (None,) * len(self._scenario.jaywalkers)
-        for _ in range(len(known) + 1 if known else 0):
-            walks, began = walkers(self._course, states, self._frames)
-            fresh = [b for a, b in zip(known, began, strict=True) if b is not None and b != a]
-            if not fresh:
-                break
-            known = began
-            at = min(min(fresh), len(states) - 1)
-            now = states[at]
-            arc, _, _ = self._course.unrolled(np.array([[now.x_m, now.y_m]]))
-            start = Start(at, float(arc[0]), now.vx_mps, self._course.start_track)
-            plan = self._timing(ways, others.joined(walks), style, gate, start)
-            if plan is None:
+        around = others
+        for _ in range(2 * len(known) + 1):
+            timing = cheapest_timing(self._outlook(ways, around), start, style.margins, style.pace, gate)
+            if timing is None:
                 return None
-            states = self._driven_by(ways, plan, states[: at + 1])
-        return plan, states
+            states = self._driven(ways, timing, before)
+            walks, began = walkers(self._course, states, self._frames) if known else (None, ())
+            fresh = [b for a, b in zip(known, began, strict=True) if b is not None and b != a]
+            if walks is None or not fresh or min(fresh) >= len(states) - 1:
+                return timing, states
+            around, known = others.joined(walks), began
+            before, start = states[: min(fresh) + 1], self._start(states[min(fresh)], min(fresh))
+        return None

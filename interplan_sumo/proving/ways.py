@@ -16,6 +16,7 @@ from interplan_sumo.world.geometry import Floats, box_corners
 Side = Literal["left", "right"]
 
 HALF_LENGTH_M, HALF_WIDTH_M = PACIFICA.length_m / 2.0, PACIFICA.width_m / 2.0
+REAR_CELLS = round(PACIFICA.rear_axle_to_center_m / GRID_M)
 NUDGE_M = 1.5
 """Up to this lateral offset one keeps to the own lane."""
 SAME_SWERVE_M = 25.0
@@ -72,9 +73,10 @@ def way(course: Course, track: Track, swerve: Swerve) -> Way:
     filled = np.where(exists, left, np.interp(course.arc_m, course.arc_m[exists], left[exists]))
     xy = course.points(filled)
     heading = headings_of(xy)
-    closed, straight_cap = _obstructed(course, xy, heading)
+    body = held_back(heading)
+    closed, straight_cap = _obstructed(course, xy, body)
     closed |= ~exists
-    closed |= _off_road(course, xy, heading, aside != 0.0)
+    closed |= _off_road(course, xy, body, aside != 0.0)
     if "driving_direction" not in course.scenario.exempt:
         closed |= _against_traffic(course, xy, heading, np.abs(aside) > SWERVING_M)
     cap = np.minimum(np.minimum(track.limit_mps, _bend_cap_mps(xy, heading, swerve.haste)), straight_cap)
@@ -85,6 +87,11 @@ def headings_of(xy: Floats) -> Floats:
     """(G,) smooth headings along points (G, 2), not wrapped."""
     dx, dy = np.gradient(xy[:, 0]), np.gradient(xy[:, 1])
     return smoothed(np.unwrap(np.arctan2(dy, dx)), 2)
+
+
+def held_back(values: Floats) -> Floats:
+    """(G,) values at the rear axle for each place of the centre: the car heads where its rear axle goes."""
+    return np.concatenate((np.repeat(values[:1], REAR_CELLS), values[:-REAR_CELLS]))
 
 
 def blocked_by(course: Course, track: Track, clearance_m: float) -> list[tuple[float, float, float, float]]:

@@ -1,0 +1,30 @@
+"""Certifying in worker processes: the same as in this one, whatever the order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from interplan_sumo.batch.certify_job import proofs
+from interplan_sumo.scenario.certificates import Certificate
+from interplan_sumo.scenario.suite import find_scenario
+
+SCENARIOS = [find_scenario("nudge/0"), find_scenario("nudge/2")]
+
+
+def test_a_worker_finds_and_checks_what_this_process_finds() -> None:
+    here = {p.scenario.id: p.certificate for p in proofs(SCENARIOS, workers=0) if p.certificate is not None}
+    assert set(here) == {s.id for s in SCENARIOS}
+    (there,) = proofs(SCENARIOS[1:], workers=1)
+    assert there.certificate is not None
+    assert there.certificate.as_json() == here["nudge/2"].as_json()
+    worse = {**here, "nudge/0": Certificate(replace(here["nudge/0"].summary, score=0.5), here["nudge/0"].track)}
+    checked = {p.scenario.id: p for p in proofs(SCENARIOS, workers=0, stored=worse)}
+    assert checked["nudge/2"].problems == ()
+    assert checked["nudge/0"].certificate is None
+    assert "score" in checked["nudge/0"].problems[0]
+
+
+def test_a_scenario_without_a_stored_certificate_does_not_pass_the_check() -> None:
+    (proof,) = proofs(SCENARIOS[:1], workers=0, stored={})
+    assert proof.certificate is None
+    assert proof.problems == ("no certificate is stored",)

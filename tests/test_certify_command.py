@@ -1,0 +1,57 @@
+"""`scenarios certify`: finds, stores and checks proofs, and says what is missing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Generator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from interplan_sumo.cli import main
+from interplan_sumo.scenario.certificates import FILE, Certificate, read_certificates, write_certificates
+from interplan_sumo.scenario.suite import Suite
+
+COMMAND = ("scenarios", "certify", "--suite", "smoke==1", "--scenarios", "nudge/*", "--workers", "0", "--json")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Generator[Path]:
+    """In place of the suite's own folder, which must stay as it is."""
+    monkeypatch.setattr(Suite, "folder", property(lambda _: tmp_path))
+    yield tmp_path
+
+
+def test_proofs_are_found_stored_and_checked(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(list(COMMAND)) == 0
+    said = json.loads(capsys.readouterr().out)
+    (row,) = said["scenarios"]
+    assert said["ok"]
+    assert row["id"] == "nudge/0"
+    assert row["certificate"]["score"] >= 0.9
+    stored = read_certificates(folder / FILE)
+    assert list(stored) == ["nudge/0"]
+
+    assert main([*COMMAND, "--check"]) == 0
+    assert json.loads(capsys.readouterr().out)["ok"]
+
+    worse = Certificate(replace(stored["nudge/0"].summary, score=0.95), stored["nudge/0"].track)
+    write_certificates(folder / FILE, [worse])
+    assert main([*COMMAND, "--check"]) == 1
+    (row,) = json.loads(capsys.readouterr().out)["scenarios"]
+    assert row["certificate"] is None
+    assert "score" in row["problems"][0]
+
+
+def test_what_has_no_proof_fails_the_check_and_leaves_the_folder_alone(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*COMMAND, "--check"]) == 1
+    assert "no certificate is stored" in capsys.readouterr().out
+    assert list(folder.iterdir()) == []
+
+
+def test_an_unknown_scenario_is_bad_input(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scenarios", "certify", "--suite", "smoke==1", "--scenarios", "nodge/0"]) == 2
+    assert "nodge/0" in capsys.readouterr().err
