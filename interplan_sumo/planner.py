@@ -25,7 +25,7 @@ from interplan_sumo.world.signals import Signals
 from interplan_sumo.world.trajectory import Trajectory
 
 ENTRY_POINT_GROUP = "interplan_sumo.planners"
-RECOMMENDED = "idm"
+RECOMMENDED = "foresight"
 """The best planner so far; `make benchmark` runs it."""
 
 

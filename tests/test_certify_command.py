@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,10 +16,10 @@ COMMAND = ("scenarios", "certify", "--suite", "smoke==1", "--scenarios", "nudge/
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Generator[Path]:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """In place of the suite's own folder, which must stay as it is."""
     monkeypatch.setattr(Suite, "folder", property(lambda _: tmp_path))
-    yield tmp_path
+    return tmp_path
 
 
 def test_proofs_are_found_stored_and_checked(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

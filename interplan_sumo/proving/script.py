@@ -8,6 +8,7 @@ same `follow`: feasible by construction.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from math import cos, sin, tan
 
 import numpy as np
@@ -35,8 +36,8 @@ PLAN_S = 1.5
 """Length of the plans; the tracker looks 1 s ahead."""
 SPEED_GAIN_PER_S, PLACE_GAIN_PER_S2 = 1.0, 0.4
 """How the driver corrects what it is off its timing by."""
-RETURN_S, SHORTEST_RETURN_M = 1.5, 6.0
-"""Each plan leads back to the line within this time, over this length at least."""
+RETURN_S, SHORTEST_RETURN_M = 0.7, 4.5
+"""The rear axle is steered back to the line within this time, over this length at least."""
 STEERING_RADPS, LARGEST_TIRE_RAD = 0.6, 0.6
 FELT_MPS2 = (-3.8, 2.1)
 """Acceleration along the car as the metric of comfort has it; its bounds are -4.05 and 2.4."""
@@ -136,18 +137,64 @@ def _places(line: Path, timing: Timing, count: int) -> Floats:
 
 
 def _softened(places_m: Floats, begin_m: float, speed_mps: float, push_mps2: float) -> Floats:
-    """(K,) the nearest places to (K,) that begin with the given state and have little jerk: a smoothing spline."""
-    count = len(places_m)
-    first = begin_m + speed_mps * DT_S * np.arange(-2, 1) + 0.5 * push_mps2 * (DT_S * np.arange(-2, 1)) ** 2
-    third = np.zeros((count - 1, count + 2))  # third differences of the two places before and all K
-    at = np.arange(count - 1)
-    for shift, weight in enumerate((-1.0, 3.0, -3.0, 1.0)):
-        third[at, at + shift] = weight
-    third *= (SOFTENING_S / DT_S) ** 3
-    fixed, free = third[:, :3], third[:, 3:]
-    left = np.eye(count - 1) + free.T @ free
-    right = places_m[1:] - free.T @ (fixed @ first)
-    return np.concatenate(([begin_m], np.linalg.solve(left, right)))
+    """(K,) the nearest places to (K,) that begin with the given state and have little jerk: a smoothing spline.
+
+    Minimises |z - places|^2 + weight^2 |third differences of z|^2 over all but
+    the first place; two places before it stand for speed and acceleration.
+    """
+    count = len(places_m) - 1
+    weight = (SOFTENING_S / DT_S) ** 3
+    before = [begin_m + speed_mps * t + 0.5 * push_mps2 * t * t for t in (-2.0 * DT_S, -DT_S, 0.0)]
+    right = places_m[1:].tolist()
+    # What the third differences of the known places pull at the first three unknown ones.
+    known = [-before[i] + 3.0 * _at(before, i + 1) - 3.0 * _at(before, i + 2) for i in range(3)]
+    for row, pull in enumerate(known[:count]):
+        for shift, share in enumerate(_THIRD):
+            if row - shift >= 0:
+                right[row - shift] -= weight * weight * share * pull
+    return np.array([begin_m, *_solved(count, right)])
+
+
+_THIRD = (1.0, -3.0, 3.0, -1.0)
+"""A third difference from its last value backwards."""
+
+
+def _at(values: list[float], index: int) -> float:
+    return values[index] if index < len(values) else 0.0
+
+
+@lru_cache(maxsize=64)
+def _factors(count: int) -> tuple[list[float], list[list[float]]]:
+    """The matrix of the spline over `count` places as L D L': D, and the three subdiagonals of L by column."""
+    square = (SOFTENING_S / DT_S) ** 6
+    bands = [[0.0] * count for _ in range(4)]  # bands[d][j] is the entry (j + d, j)
+    for row in range(count):
+        for one, share in enumerate(_THIRD):
+            for other in range(one, 4):
+                if row - other >= 0:
+                    bands[other - one][row - other] += square * share * _THIRD[other]
+    pivots: list[float] = []
+    below: list[list[float]] = [[0.0] * count for _ in range(4)]  # below[d][j] is L's entry (j + d, j)
+    for j in range(count):
+        pivot = 1.0 + bands[0][j] - sum(below[k][j - k] ** 2 * pivots[j - k] for k in (1, 2, 3) if j >= k)
+        pivots.append(pivot)
+        for d in (1, 2, 3):
+            if j + d < count:
+                rest = sum(below[d + k][j - k] * below[k][j - k] * pivots[j - k] for k in range(1, 4 - d) if j >= k)
+                below[d][j] = (bands[d][j] - rest) / pivot
+    return pivots, below
+
+
+def _solved(count: int, right: list[float]) -> list[float]:
+    """The places from the right-hand side, in a fixed order of additions: equal on every machine."""
+    pivots, below = _factors(count)
+    forward: list[float] = []
+    for j in range(count):
+        forward.append(right[j] - sum(below[k][j - k] * forward[j - k] for k in (1, 2, 3) if j >= k))
+    places = [value / pivot for value, pivot in zip(forward, pivots, strict=True)]
+    for j in range(count - 1, -1, -1):
+        places[j] -= sum(below[d][j] * places[j + d] for d in (1, 2, 3) if j + d < count)
+    return places
 
 
 def _place_on(line: Path, ego: EgoState, near_m: float) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from interplan_sumo.metrics.time_to_collision import overlap_span_s
 from interplan_sumo.proving.course import GRID_M, Course, Track, smoothed
 from interplan_sumo.world.ego import PACIFICA
-from interplan_sumo.world.geometry import Floats, box_corners
+from interplan_sumo.world.geometry import Floats, Pose, box_corners
 
 Side = Literal["left", "right"]
 
@@ -23,6 +23,8 @@ SAME_SWERVE_M = 25.0
 """Obstacles nearer to one another along the road are passed in one swerve."""
 TOUCH_M = 0.1
 """Room beside the ego's box that the tracker may need."""
+SWAY_M = 0.2
+"""Room beside what it goes straight on to, should it head a little off its way."""
 LOOKAHEAD_S = 1.15
 """A standing obstacle straight ahead is kept this far away; the metric asks for more than 0.95 s."""
 OFF_ROAD_M = 0.1
@@ -74,7 +76,7 @@ def way(course: Course, track: Track, swerve: Swerve) -> Way:
     xy = course.points(filled)
     heading = headings_of(xy)
     body = held_back(heading)
-    closed, straight_cap = _obstructed(course, xy, body)
+    closed, straight_cap = _obstructed(course, xy, body, swerve.clearance_m)
     closed |= ~exists
     closed |= _off_road(course, xy, body, aside != 0.0)
     if "driving_direction" not in course.scenario.exempt:
@@ -146,24 +148,31 @@ def quintic(share: Floats) -> Floats:
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
 
-def _obstructed(course: Course, xy: Floats, heading: Floats) -> tuple[NDArray[np.bool_], Floats]:
+def _obstructed(course: Course, xy: Floats, heading: Floats, clearance_m: float) -> tuple[NDArray[np.bool_], Floats]:
     """(G,) where the ego would touch an obstacle, and the speed at which one straight ahead is far enough away."""
     closed = np.zeros(len(xy), dtype=np.bool_)
     cap = np.full(len(xy), np.inf)
-    grown = np.broadcast_to((PACIFICA.length_m + TOUCH_M, PACIFICA.width_m + 2 * TOUCH_M), (len(xy), 2))
-    unit = np.stack((np.cos(heading), np.sin(heading)), axis=1)
     for obstacle in course.scenario.obstacles:
-        pose = obstacle.pose(course.roads)
-        many = len(xy)
-        begin_m, cease_m = overlap_span_s(
-            xy, heading, grown, unit,
-            np.broadcast_to((pose.x_m, pose.y_m), (many, 2)), np.full(many, pose.heading_rad),
-            np.broadcast_to(obstacle.size_m, (many, 2)), np.zeros((many, 2)),
-        )  # fmt: skip
+        pose, size_m = obstacle.pose(course.roads), obstacle.size_m
+        begin_m, cease_m = _straight_on_m(xy, heading, min(TOUCH_M, 0.5 * clearance_m), pose, size_m)
+        closed |= (begin_m <= 0.0) & (cease_m >= 0.0)
+        begin_m, cease_m = _straight_on_m(xy, heading, min(SWAY_M, 0.7 * clearance_m), pose, size_m)
         meets = (begin_m <= cease_m) & (cease_m >= 0.0)
-        closed |= meets & (begin_m <= 0.0)
         cap = np.where(meets, np.minimum(cap, np.maximum(begin_m, 0.0) / LOOKAHEAD_S), cap)
     return closed, cap
+
+
+def _straight_on_m(
+    xy: Floats, heading: Floats, room_m: float, pose: Pose, size_m: tuple[float, float]
+) -> tuple[Floats, Floats]:
+    """(G,) after how many metres straight on the ego, `room_m` wider on either side, begins and ceases to touch a box."""
+    many = len(xy)
+    grown_m = (PACIFICA.length_m + room_m, PACIFICA.width_m + 2.0 * room_m)
+    return overlap_span_s(
+        xy, heading, np.broadcast_to(grown_m, (many, 2)), np.stack((np.cos(heading), np.sin(heading)), axis=1),
+        np.broadcast_to((pose.x_m, pose.y_m), (many, 2)), np.full(many, pose.heading_rad),
+        np.broadcast_to(size_m, (many, 2)), np.zeros((many, 2)),
+    )  # fmt: skip
 
 
 def _off_road(course: Course, xy: Floats, heading: Floats, where: NDArray[np.bool_]) -> NDArray[np.bool_]:

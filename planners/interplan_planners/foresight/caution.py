@@ -1,0 +1,86 @@
+"""Caution: where lights hold the ego, where it waits before what blocks its way, and where people may step out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from interplan_planners.foresight.courses import BRAKING_MPS2, DRAWN_M, RUN_IN_M, Base, Course, shortest_m
+from interplan_planners.foresight.scene import Scene
+from interplan_planners.foresight.standing import Blockage
+from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.world.ego import EgoShape
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.signals import SignalStatus
+
+BESIDE_M = 2.2
+"""The drawn point is beside when it is this far before what it passes: the front is 1.5 m before it."""
+RUN_UP_M = 7.0
+"""Kept before an oncoming lane is used, to be rolling when it gets free."""
+SWING_SHARE = 1.9
+"""Of the shortest move to the side: what the ego keeps to move out gently."""
+LEAST_WAITING_GAP_M = 1.5
+WAITING_BRAKING_MPS2 = 2.0
+YELLOW_BRAKING_MPS2 = 3.0
+"""At yellow the ego stops if this is enough for it."""
+PASSED_LINE_M = 1.0
+"""Who is farther than this beyond a stop line goes on."""
+LONG_M = 7.0
+"""Vehicles longer than this hide people."""
+HIDING_M = 4.5
+"""If they stand nearer than this to the course."""
+STEP_OUT_MPS = 4.6
+"""A speed from which the ego can stop for somebody who steps out: 0.3 s to react and 3.5 m/s2."""
+STEP_OUT_BEFORE_M, STEP_OUT_BEYOND_M = 9.0, 2.0
+"""Around the front of what hides him."""
+
+
+def red_stops(scene: Scene, base: Base, at_m: float) -> list[float]:
+    """Arc lengths of a base at which lights hold an ego whose rear axle is at `at_m`."""
+    signals = scene.seen.signals
+    if not len(signals):
+        return []
+    status = dict(zip(signals.connector_ids, signals.status.tolist(), strict=True))
+    front_m = at_m + scene.shape.front_m
+    stopping_m = scene.speed_mps**2 / (2.0 * YELLOW_BRAKING_MPS2)
+    found: list[float] = []
+    for lane_id, start_m in zip(base.way.lanes, (base.way.starts_m + RUN_IN_M).tolist(), strict=True):
+        shows = status.get(lane_id)
+        if start_m < front_m - PASSED_LINE_M:
+            continue
+        if shows == SignalStatus.RED or (shows == SignalStatus.YELLOW and start_m - front_m > stopping_m):
+            found.append(start_m)
+    return found
+
+
+def soonest_stop_m(front_m: float, speed_mps: float) -> float:
+    """Where a front bumper can be stopped without haste."""
+    return front_m + speed_mps * speed_mps / (2.0 * WAITING_BRAKING_MPS2) + 0.2
+
+
+def waiting_m(blocked: Blockage, front_m: float, speed_mps: float, shape: EgoShape) -> float:
+    """Where the front bumper waits before a blockage: far enough away to get round it from a standstill."""
+    swing_m = LEAST_WAITING_GAP_M
+    if blocked.passages:
+        widest_m = max(abs(passage.offset_m) for passage in blocked.passages)
+        swing_m = max(BESIDE_M + SWING_SHARE * shortest_m(widest_m) + DRAWN_M - shape.front_m, swing_m)
+        if any(passage.oncoming for passage in blocked.passages):
+            swing_m += RUN_UP_M
+    # what it is too late for is not made worse
+    return max(blocked.start_m - swing_m, min(soonest_stop_m(front_m, speed_mps), blocked.start_m - 1.0))
+
+
+def cautious_limits(course: Course, arc_m: float, scene: Scene) -> Floats:
+    """(S,) the limits of a course, lowered where people may step out before something long that stands beside it."""
+    actors = scene.traffic.actors
+    limit = course.limit_mps
+    long = np.flatnonzero(scene.stays & (actors.kind == ActorKind.VEHICLE) & (actors.length_m > LONG_M))
+    for row in long.tolist():
+        s, d = course.path.project(actors.corners[row][:, 0], actors.corners[row][:, 1])
+        front_m = float(s.max())
+        if float(np.abs(d).min()) > HIDING_M or front_m < arc_m or float(np.ptp(s)) < 1.0:
+            continue
+        metres = np.arange(len(limit))
+        before_m = np.maximum(front_m - STEP_OUT_BEFORE_M - scene.shape.front_m - metres, 0.0)
+        slow = np.sqrt(STEP_OUT_MPS**2 + 2.0 * BRAKING_MPS2 * before_m)
+        limit = np.where(metres < front_m + STEP_OUT_BEYOND_M, np.minimum(limit, slow), limit)
+    return limit

@@ -1,0 +1,238 @@
+"""Manoeuvres: the courses that the ego may choose from, and what each is worth beside speed and safety."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from interplan_planners.common.ground import Ground
+from interplan_planners.common.route_correction import corrected_route
+from interplan_planners.common.route_search import LaneFinder, lanes_of_route
+from interplan_planners.common.ways import Ways
+from interplan_planners.foresight.caution import BESIDE_M
+from interplan_planners.foresight.courses import (
+    Base,
+    Course,
+    base_of,
+    changed,
+    drawn_point,
+    kept,
+    passed,
+    returned,
+    shortest_m,
+)
+from interplan_planners.foresight.scene import Scene, curvature_per_m
+from interplan_planners.foresight.standing import Blockage, Passage, blockage
+from interplan_sumo.planner import Mission
+from interplan_sumo.world.ego import EgoState
+from interplan_sumo.world.geometry import wrap_angle
+
+LOOK_M = 75.0
+"""Things that stand in the way are thought of from this distance on."""
+PAST_M = 2.4
+"""The drawn point begins to return this far behind what it passes: the rest of the car follows its way."""
+NEW_LANE_M = 0.9
+"""Who passes with a larger offset is in the neighbour lane, where others come from behind."""
+ON_LINE_M, ON_LINE_RAD = 0.25, 0.05
+"""Nearer than this the ego is on a line and need not be brought to it."""
+OFF_LINE_M, UNCOMMITTED_M = 0.6, 0.7
+"""Who keeps a lane farther off its line than the first may come back otherwise; who is nearer than the second may still
+do anything."""
+LEAVABLE_M = 1.4
+"""A change can be given up while the centre is no farther than this from the old lane's line."""
+RECALLABLE_M = 2.2
+"""So can a pass."""
+ALMOST_BESIDE_M = 0.8
+"""Nearer than this to the offset of a pass the ego may reach it when it is beside already."""
+GENTLE = 1.7
+"""How much longer the gentler way back is."""
+BEYOND_LANE = 1.5
+"""A change may take this much of what is left of the lane: it may be finished on the next."""
+
+# Worths are in points of progress: ten of them are the way that the limit allows within the horizon.
+PER_CHANGE, PER_URGENT_CHANGE, ROOM_PER_CHANGE_M = 8.0, 6.0, 140.0
+"""What each lane change that is left to the goal costs, and what comes on top as the room for it runs out."""
+BLOCKED, BLOCKED_FADES_M = 3.0, 80.0
+"""For a lane that is blocked ahead."""
+BEGINNING = 0.6
+"""For a change, so that it is not made for nothing; for a pass it is half of this."""
+AGAINST_TRAFFIC = 1.0
+RESOLVED = 0.4
+"""What it is worth to go on with what has been begun."""
+ANEW, GIVING_UP = 0.2, 1.0
+"""What it costs to do the same on another way, and to go back to the lane that was being left."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Option:
+    """A course and what it is worth."""
+
+    course: Course
+    worth: float
+    """For its lane and the way ahead on it; at most about 0."""
+    begun: float = 0.0
+    """Minus what beginning it costs, or what it is worth to go on with it."""
+
+    @property
+    def bonus(self) -> float:
+        return self.worth + self.begun
+
+
+class Manoeuvres:
+    """All that may be done on one mission; lays out each lane's base once."""
+
+    def __init__(self, mission: Mission, ego: EgoState, fallback_limit_mps: float, change_time_s: float) -> None:
+        self._mission = mission
+        self._fallback_limit_mps = fallback_limit_mps
+        self._change_time_s = change_time_s
+        roads = mission.roads
+        route = corrected_route(roads, mission.route, ego.pose)
+        self._ways = Ways(mission, route, fallback_limit_mps)
+        self._lanes = LaneFinder(roads, route)
+        self.ground = Ground(roads, lanes_of_route(roads, route))
+        self._bases: dict[tuple[int, str], Base] = {}
+        self._kept: dict[tuple[int, str], Course] = {}
+
+    # --- lanes ---------------------------------------------------------------------------------
+
+    def base(self, index: int, lane_id: str) -> Base:
+        """The base of the way from a lane of the route's block `index` on."""
+        key = (index, lane_id)
+        if key not in self._bases:
+            way = self._ways.from_lane(index, lane_id)
+            self._bases[key] = base_of(self._mission.roads, way, index, self._fallback_limit_mps)
+        return self._bases[key]
+
+    def kept(self, base: Base) -> Course:
+        """Stay on a base's line."""
+        key = (base.index, base.way.lanes[0])
+        if key not in self._kept:
+            self._kept[key] = kept(base)
+        return self._kept[key]
+
+    def here(self, ego: EgoState) -> Course:
+        """Keep to whatever lane the ego is on."""
+        return self.back_to(self.base(*self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad)), ego)
+
+    def back_to(self, base: Base, ego: EgoState, stretch: float = 1.0) -> Course:
+        """Come to a base's line and stay on it; `stretch` makes the way longer."""
+        shape = self._mission.shape
+        axle, own = ego.rear_axle(shape), self.kept(base)
+        at_m, left_m = own.path.line.project_point(axle.x_m, axle.y_m)
+        turned = wrap_angle(axle.heading_rad - own.path.line.pose_at(at_m).heading_rad)
+        if abs(left_m) < ON_LINE_M and abs(turned) < ON_LINE_RAD:
+            return own
+        way_m = stretch * max(3.0 * ego.speed_mps, shortest_m(left_m) + 4.0, 10.0)
+        return returned(base, axle, curvature_per_m(ego, shape), way_m)
+
+    def worth(self, base: Base, at_m: float, blocked: Blockage | None) -> float:
+        """What it is worth to be at an arc length of a base: 0 on a free way to the goal's lane, else less."""
+        _, lane_id = base.lane_at(at_m)
+        needed = self._ways.changes_needed.get(lane_id, 4)
+        room_m = max(base.room_m - at_m, 0.0)
+        urgency = min(max(1.0 - room_m / (ROOM_PER_CHANGE_M * max(needed, 1)), 0.0), 1.0)
+        worth = -needed * (PER_CHANGE + PER_URGENT_CHANGE * urgency)
+        if blocked is not None:
+            away_m = max(blocked.start_m - at_m, 0.0)
+            worth -= BLOCKED * max(1.0 - away_m / BLOCKED_FADES_M, 0.0)
+        return worth
+
+    # --- what may be done ----------------------------------------------------------------------
+
+    def options(self, scene: Scene, course: Course) -> tuple[list[Option], Blockage | None]:
+        """Courses to choose from, the present one first; and what blocks the way along the present base."""
+        ego, shape, base = scene.ego, scene.shape, course.base
+        at_m, left_m = base.line.project_point(scene.axle.x_m, scene.axle.y_m)
+        blocked = self._blocked(scene, base, at_m - (shape.length_m - shape.front_m))
+        free, worth = self.worth(base, at_m, None), self.worth(base, at_m, blocked)
+        found: list[Option] = []
+        if course.kind == "keep":
+            found.append(Option(course, worth))
+            if abs(left_m) > OFF_LINE_M:
+                found += [Option(self.back_to(base, ego, stretch), worth, -ANEW) for stretch in (1.0, GENTLE)]
+        elif course.kind == "change":
+            found.append(Option(course, free, RESOLVED))
+            old = course.old
+            assert old is not None
+            old_m, old_left_m = old.line.project_point(ego.x_m, ego.y_m)
+            if abs(old_left_m) < LEAVABLE_M:
+                behind = self._blocked(scene, old, old_m - 3.0)
+                found.append(Option(self.back_to(old, ego), self.worth(old, old_m, behind), -GIVING_UP))
+        else:
+            grown = blocked is not None and not set(blocked.ids) <= set(course.around)  # there is more to pass
+            found.append(Option(course, worth) if grown else Option(course, free, RESOLVED))
+            arc_m, _ = course.path.line.project_point(scene.axle.x_m, scene.axle.y_m)
+            passing = arc_m > course.beside_m[1] - 2.0
+            if passing or abs(base.line.project_point(ego.x_m, ego.y_m)[1]) < RECALLABLE_M:
+                found.append(Option(self.back_to(base, ego), worth, 0.0 if passing else -GIVING_UP))
+            if passing:
+                found.append(Option(self.back_to(base, ego, GENTLE), worth))
+
+        uncommitted = course.kind != "change" and abs(left_m) < UNCOMMITTED_M
+        if blocked is not None and (uncommitted or course.kind == "keep" or blocked.ids != course.around):
+            for passage in blocked.passages:
+                found += self._passes(scene, base, blocked, passage, at_m, free)
+        if uncommitted:
+            found += self._changes(scene, base, at_m)
+        return found, blocked
+
+    def _blocked(self, scene: Scene, base: Base, from_m: float) -> Blockage | None:
+        return blockage(base, from_m, LOOK_M, scene.traffic, scene.stays, scene.shape, self.ground)
+
+    def _changes(self, scene: Scene, base: Base, at_m: float) -> list[Option]:
+        """Changes to the neighbours of the lane that the ego is on."""
+        shape, axle = scene.shape, scene.axle
+        index, lane_id = base.lane_at(at_m + shape.rear_axle_to_center_m)
+        longest_m = (base.lane_end_m(at_m) - at_m) * BEYOND_LANE
+        found: list[Option] = []
+        for neighbour, _ in self._ways.beside(lane_id):
+            there = self.base(index, neighbour.id)
+            there_m, there_left_m = there.line.project_point(axle.x_m, axle.y_m)
+            shortest = shortest_m(there_left_m)
+            way_m = min(max(self._change_time_s * scene.speed_mps, shortest + 3.0), longest_m)
+            if way_m < shortest:
+                continue
+            worth = self.worth(there, there_m, self._blocked(scene, there, there_m - 2.0))
+            course = changed(base, there, axle, scene.curvature_per_m, way_m)
+            found.append(Option(course, worth, -BEGINNING))
+        return found
+
+    def _passes(
+        self, scene: Scene, base: Base, block: Blockage, passage: Passage, axle_m: float, worth: float
+    ) -> list[Option]:
+        """Ways past what blocks the base, on one side."""
+        shape, roads, speed = scene.shape, self._mission.roads, scene.speed_mps
+        drawn = drawn_point(scene.axle)
+        at_m, left_m = base.line.project_point(drawn.x_m, drawn.y_m)
+        there_m, over_m = block.start_m - BESIDE_M, block.end_m + PAST_M
+        least_m = shortest_m(passage.offset_m - left_m)
+        if abs(passage.offset_m - left_m) < ALMOST_BESIDE_M:
+            there_m = max(there_m, at_m + 1.1 * least_m)
+        room_m = there_m - at_m
+        # the less room there is, the slower
+        most_mps = 4.0 + 14.0 * min(max(passage.clear_m - 0.25, 0.0), 0.6)
+        new: Base | None = None
+        index, lane_id = base.lane_at(axle_m + shape.rear_axle_to_center_m)
+        neighbour = roads.left_of(lane_id) if passage.offset_m > 0.0 else roads.right_of(lane_id)
+        if neighbour is not None and abs(passage.offset_m) > NEW_LANE_M:
+            new = self.base(index, neighbour.id)
+
+        lengths = (max(2.2 * speed, 1.8 * least_m), max(3.4 * speed, 2.5 * least_m))
+        outs = [
+            (there_m - length_m, there_m)
+            for length_m in sorted({min(length_m, room_m) for length_m in lengths})
+            if length_m >= 1.1 * least_m
+        ]
+        at_once_m = max(self._change_time_s * speed, 1.8 * least_m)
+        if new is not None and at_once_m < room_m - 3.0:
+            outs.append((at_m, at_m + at_once_m))  # where others drive beside, the first gap is the best
+        way_back_m = max(2.4 * max(min(speed, most_mps), 4.0), 1.3 * least_m)
+        found: list[Option] = []
+        for out_m in outs:
+            course = passed(
+                base, scene.axle, scene.curvature_per_m, passage.offset_m, out_m, (over_m, over_m + way_back_m),
+                block.ids, passage.oncoming, most_mps, new,
+            )  # fmt: skip
+            if course is not None:
+                begun = -0.5 * BEGINNING - (AGAINST_TRAFFIC if passage.oncoming else 0.0)
+                found.append(Option(course, worth, begun))
+        return found

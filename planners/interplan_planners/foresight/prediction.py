@@ -1,0 +1,322 @@
+"""Where the others will be if they keep to their lanes: as fast as the road, the lights and those ahead let them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, sqrt
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from interplan_planners.common.forecast import Forecast
+from interplan_planners.common.paths import centerline
+from interplan_sumo.planner import Observation
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.ego import EgoShape
+from interplan_sumo.world.geometry import Floats, Polyline, wrap_angle
+from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.signals import SignalStatus
+
+STEP_S = 0.2
+MOVING_MPS = 0.3
+"""Slower ones are taken to stay where they are."""
+CHAIN_M = 160.0
+"""How far ahead a lane is followed."""
+LARGEST_TURN_RAD = 1.0
+"""Who is turned more than this to every lane under him keeps to none."""
+FALLBACK_LIMIT_MPS = 14.0
+# How others are taken to drive: nuPlan's IDM.
+ACCELERATION_MPS2, BRAKING_MPS2, HEADWAY_S, MIN_GAP_M = 1.0, 2.0, 1.5, 1.0
+HARDEST_BRAKING_MPS2 = 6.0
+RELAXED_MPS2 = 0.4
+"""A gap that is only short, not closing, is widened no faster than with this."""
+NOT_FASTER_MPS2, STARTED_MPS = 0.1, 3.0
+"""What those before the ego accelerate at most once they are faster than the second."""
+BEND_MPS2 = 3.0
+BRAKING_FRAMES, PAST_STEP_S = 5, 0.1
+BRAKING_ON_S, NOTED_BRAKING_MPS2 = 2.0, -0.6
+"""Who brakes harder than this goes on braking for some time."""
+TURNED_FOR_S = 1.6
+"""Who is turned to his lane goes on like that for so long, less and less."""
+IN_LANE_M = 1.6
+"""Who is farther from a lane's line leads nobody on it."""
+LEAD_WITHIN_M = 90.0
+EGO = -1
+"""Stands for the ego where a row of the actors is expected."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """A lane and where it leads, straightest first."""
+
+    lanes: tuple[str, ...]
+    starts_m: Floats
+    line: Polyline
+    limit_mps: float
+    bend_mps: Floats
+    """(S,) what bends allow, for each metre."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Traffic:
+    """Everybody as of now: the forecast, and which lane each is on."""
+
+    actors: Actors
+    forecast: Forecast
+    lane_of: tuple[str | None, ...]
+    """The lane or connector that an actor follows; None for those that follow none."""
+    arc_m: Floats
+    """(A,) of the box centre along it; 0 for those that follow none."""
+    left_m: Floats
+    """(A,) offset to its left."""
+    turned_rad: Floats
+    """(A,) heading relative to it."""
+
+
+class Prediction:
+    """Forecasts along lanes. Remembers what it has learned of the map, and nothing of the actors."""
+
+    def __init__(self, roads: Roads) -> None:
+        self._roads = roads
+        self._ids = (*roads.lanes, *roads.connectors)
+        self._tree = shapely.STRtree([roads[lane_id].polygon for lane_id in self._ids])
+        self._chains: dict[str, Chain] = {}
+
+    def chain(self, lane_id: str) -> Chain:
+        """Where a lane leads."""
+        if lane_id not in self._chains:
+            self._chains[lane_id] = self._followed(lane_id)
+        return self._chains[lane_id]
+
+    def crosses(self, lane_id: str, way_id: str) -> bool:
+        """Whether the way from a lane into a connector leads into a junction: others leave or arrive there, too."""
+        connector = self._roads.connectors.get(way_id)
+        if connector is None or connector.from_lane_id != lane_id:
+            return False
+        branches = len(self._roads.outgoing(lane_id)) > 1
+        return branches or connector.has_traffic_light or len(self._roads.incoming(connector.to_lane_id)) > 1
+
+    def _followed(self, lane_id: str) -> Chain:
+        roads = self._roads
+        lanes = [lane_id]
+        length_m = roads[lane_id].centerline.length_m
+        while length_m < CHAIN_M:
+            ahead = [i for i in roads.outgoing(lanes[-1]) if i not in lanes]
+            if not ahead:
+                break
+            lanes.append(straightest(roads, ahead))
+            length_m += roads[lanes[-1]].centerline.length_m
+        line = centerline(roads, lanes)
+        starts_m = np.concatenate(([0.0], np.cumsum([roads[i].centerline.length_m for i in lanes])[:-1]))
+        own = [limit for i in lanes if (limit := roads[i].speed_limit_mps)]
+        metres = np.arange(int(line.length_m) + 1, dtype=np.float64)
+        before = np.interp(metres - 2.0, line.arc_m, line.vertex_heading_rad)
+        after = np.interp(metres + 2.0, line.arc_m, line.vertex_heading_rad)
+        bend_mps = np.sqrt(BEND_MPS2 / np.maximum(np.abs(after - before) / 4.0, 1e-6))
+        return Chain(tuple(lanes), starts_m, line, own[0] if own else FALLBACK_LIMIT_MPS, bend_mps)
+
+    def traffic(self, seen: Observation, shape: EgoShape, horizon_s: float) -> Traffic:
+        """Everybody at `seen`, forecast along the lanes for `horizon_s`."""
+        actors = seen.actors
+        steps = round(horizon_s / STEP_S)
+        lane_of, arc_m, left_m, turned_rad = self._places(actors)
+        speed = np.where(actors.kind <= ActorKind.BICYCLE, actors.speed_mps, 0.0)
+        rides = np.array([lane is not None for lane in lane_of], dtype=np.bool_)
+        follows = rides & (speed > MOVING_MPS) & (np.abs(turned_rad) < LARGEST_TURN_RAD)
+        ahead_s = STEP_S * np.arange(steps + 1)
+
+        x_m = actors.x_m[:, None] + actors.vx_mps[:, None] * ahead_s
+        y_m = actors.y_m[:, None] + actors.vy_mps[:, None] * ahead_s
+        still = speed <= MOVING_MPS
+        x_m[still], y_m[still] = actors.x_m[still, None], actors.y_m[still, None]
+        heading = np.repeat(actors.heading_rad[:, None], steps + 1, axis=1)
+        backs = actors.vx_mps * np.cos(actors.heading_rad) + actors.vy_mps * np.sin(actors.heading_rad) < 0.0
+        speeds = np.repeat(np.where(backs, -speed, np.where(still, 0.0, speed))[:, None], steps + 1, axis=1)
+
+        rows = np.flatnonzero(follows)
+        if rows.size:
+            queue = self._queue(seen, shape, rows, lane_of, arc_m, left_m, speed)
+            most_mps2 = np.where(_leads_ego(seen, rows), NOT_FASTER_MPS2, ACCELERATION_MPS2)
+            moved_m, along_mps = _rolled(queue, arc_m[rows], speed[rows], most_mps2, _braking_mps2(seen, rows), steps)
+            speeds[rows] = along_mps
+            by_lane: dict[str, list[int]] = {}
+            for place, row in enumerate(rows.tolist()):
+                lane = lane_of[row]
+                assert lane is not None
+                by_lane.setdefault(lane, []).append(place)
+            for lane, places in by_lane.items():
+                line, here = self.chain(lane).line, rows[places]
+                at_m = arc_m[here, None] + moved_m[places]
+                poses = line.poses_at(at_m.ravel()).reshape(len(places), steps + 1, 3)
+                beyond_m = np.maximum(at_m - line.length_m, 0.0)
+                towards = poses[..., 2]
+                # who is turned, as in a lane change, goes on like that for a while, then along the lane again
+                fading = np.maximum(0.0, 1.0 - ahead_s / TURNED_FOR_S)
+                drift_mps = speed[here] * np.sin(np.clip(turned_rad[here], -0.3, 0.3))
+                until_s = np.minimum(ahead_s, TURNED_FOR_S)
+                off_m = left_m[here, None] + drift_mps[:, None] * until_s * (1.0 - 0.5 * until_s / TURNED_FOR_S)
+                x_m[here] = poses[..., 0] - off_m * np.sin(towards) + beyond_m * np.cos(towards)
+                y_m[here] = poses[..., 1] + off_m * np.cos(towards) + beyond_m * np.sin(towards)
+                heading[here] = towards + turned_rad[here, None] * fading
+        is_agent = actors.kind <= ActorKind.BICYCLE
+        forecast = Forecast(actors.ids, is_agent, actors.length_m, actors.width_m, x_m, y_m, heading, speeds, STEP_S)
+        return Traffic(actors, forecast, lane_of, arc_m, left_m, turned_rad)
+
+    def _places(self, actors: Actors) -> tuple[tuple[str | None, ...], Floats, Floats, Floats]:
+        """Per actor: the lane under it whose direction fits best, where on it, how far beside it, how turned."""
+        count = len(actors)
+        lane_of: list[str | None] = [None] * count
+        arc_m, left_m, turned_rad = np.zeros(count), np.zeros(count), np.zeros(count)
+        vehicles = np.flatnonzero((actors.kind == ActorKind.VEHICLE) | (actors.kind == ActorKind.BICYCLE))
+        if not vehicles.size:
+            return tuple(lane_of), arc_m, left_m, turned_rad
+        points = shapely.points(actors.x_m[vehicles], actors.y_m[vehicles])
+        at, found = self._tree.query(points, predicate="within")
+        best: dict[int, tuple[float, int]] = {}
+        for place, polygon in sorted(zip(at.tolist(), found.tolist(), strict=True)):
+            row = int(vehicles[place])
+            line = self._roads[self._ids[polygon]].centerline
+            s_m, d_m = line.project_point(float(actors.x_m[row]), float(actors.y_m[row]))
+            turned = float(wrap_angle(float(actors.heading_rad[row]) - line.pose_at(s_m).heading_rad))
+            rank = abs(turned) + 0.1 * abs(d_m)
+            if row not in best or rank < best[row][0] - 1e-9:
+                best[row] = (rank, polygon)
+                lane_of[row] = self._ids[polygon]
+                arc_m[row], left_m[row], turned_rad[row] = s_m, d_m, turned
+        return tuple(lane_of), arc_m, left_m, turned_rad
+
+    def _queue(
+        self,
+        seen: Observation,
+        shape: EgoShape,
+        rows: NDArray[np.int64],
+        lane_of: tuple[str | None, ...],
+        arc_m: Floats,
+        left_m: Floats,
+        speed_mps: Floats,
+    ) -> _Queue:
+        """Who is ahead of each of those that follow lanes, the ego and red lights included."""
+        actors, ego = seen.actors, seen.ego
+        on: dict[str, list[tuple[float, int]]] = {}
+        for row, lane in enumerate(lane_of):
+            if lane is not None and abs(left_m[row]) < IN_LANE_M:
+                on.setdefault(lane, []).append((float(arc_m[row]), row))
+        for polygon in self._tree.query(shapely.Point(ego.x_m, ego.y_m), predicate="within").tolist():
+            lane = self._ids[polygon]
+            line = self._roads[lane].centerline
+            s_m, _ = line.project_point(ego.x_m, ego.y_m)
+            if abs(wrap_angle(ego.heading_rad - line.pose_at(s_m).heading_rad)) < LARGEST_TURN_RAD:
+                on.setdefault(lane, []).append((s_m, EGO))
+        red = seen.signals.with_status(SignalStatus.RED)
+
+        count = len(rows)
+        gap_m, lead_mps = np.full(count, inf), np.zeros(count)
+        lead, limit_mps = np.full(count, count, dtype=np.int64), np.empty(count)
+        place_of = {row: place for place, row in enumerate(rows.tolist())}
+        bends: list[Floats] = []
+        for row, place in place_of.items():
+            lane = lane_of[row]
+            assert lane is not None
+            chain, at_m = self.chain(lane), float(arc_m[row])
+            limit_mps[place] = max(chain.limit_mps, float(speed_mps[row]))
+            bends.append(chain.bend_mps)
+            front_m = at_m + 0.5 * float(actors.length_m[row])
+            for link, start_m in zip(chain.lanes, chain.starts_m.tolist(), strict=True):
+                if start_m - front_m > LEAD_WITHIN_M:
+                    break
+                if link != lane and link in red and start_m > front_m - 1.0:
+                    gap_m[place] = start_m - front_m
+                    break
+                ahead = [(start_m + s, j) for s, j in on.get(link, ()) if start_m + s > at_m and j != row]
+                if ahead:
+                    s_m, j = min(ahead)
+                    length_m = shape.length_m if j == EGO else float(actors.length_m[j])
+                    gap_m[place] = s_m - 0.5 * length_m - front_m
+                    lead[place] = place_of.get(j, count)
+                    lead_mps[place] = ego.speed_mps if j == EGO else float(speed_mps[j])
+                    break
+        longest = max(len(bend) for bend in bends)
+        bend_mps = np.stack([np.pad(bend, (0, longest - len(bend)), mode="edge") for bend in bends])
+        return _Queue(gap_m, lead, lead_mps, limit_mps, bend_mps)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Queue:
+    """What R drivers have ahead of them."""
+
+    gap_m: Floats  # (R,) from bumper to bumper, or to a red light; infinite if there is nothing
+    lead: NDArray[np.int64]  # (R,) which of them leads; R for somebody else, who goes on at his speed
+    lead_mps: Floats  # (R,) his speed now
+    limit_mps: Floats  # (R,)
+    bend_mps: Floats  # (R, S) what bends allow, for each metre of the driver's chain
+
+
+def _rolled(
+    queue: _Queue, start_m: Floats, speed_mps: Floats, most_mps2: Floats, braking_mps2: Floats, steps: int
+) -> tuple[Floats, Floats]:
+    """Distance travelled and speed (R, steps + 1) of R drivers: IDM behind whoever leads each of them.
+
+    Nobody accelerates harder than `most_mps2` (R,); those who brake go on for a while with `braking_mps2` (R,).
+    """
+    count, softness = len(start_m), 2.0 * sqrt(ACCELERATION_MPS2 * BRAKING_MPS2)
+    foreign, lead, own = queue.lead == count, np.minimum(queue.lead, count - 1), np.arange(count)
+    moved, v = np.zeros(count), speed_mps.copy()
+    moved_m, along_mps = np.zeros((steps + 1, count)), np.empty((steps + 1, count))
+    along_mps[0] = v
+    last = queue.bend_mps.shape[1] - 1
+    for k in range(1, steps + 1):
+        lead_moved = np.where(foreign, queue.lead_mps * (k - 1) * STEP_S, moved[lead])
+        lead_v = np.where(foreign, queue.lead_mps, v[lead])
+        gap = np.maximum(queue.gap_m + lead_moved - moved, 0.5)
+        wanted = np.maximum(MIN_GAP_M + v * HEADWAY_S + v * (v - lead_v) / softness, 0.0)
+        bend = queue.bend_mps[own, np.minimum((start_m + moved).astype(np.int64), last)]
+        free = (v / np.maximum(np.minimum(queue.limit_mps, bend), 0.5)) ** 4
+        a = ACCELERATION_MPS2 * (1.0 - np.minimum(free, 4.0) - (wanted / gap) ** 2)
+        closing = np.maximum(v - lead_v, 0.0)
+        needed = -(closing * closing) / (2.0 * np.maximum(gap - MIN_GAP_M, 0.5))
+        a = np.minimum(np.maximum(a, needed - RELAXED_MPS2), most_mps2)
+        if k * STEP_S <= BRAKING_ON_S:
+            a = np.minimum(a, braking_mps2)
+        after = np.maximum(v + STEP_S * np.maximum(a, -HARDEST_BRAKING_MPS2), 0.0)
+        moved = moved + 0.5 * STEP_S * (v + after)
+        v = after
+        moved_m[k], along_mps[k] = moved, v
+    return moved_m.T, along_mps.T
+
+
+def straightest(roads: Roads, ways: Sequence[str]) -> str:
+    """Of several lanes or connectors the one that bends least; of equals the first."""
+
+    def bend_rad(lane_id: str) -> float:
+        headings = roads[lane_id].centerline.segment_heading_rad
+        return abs(float(wrap_angle(headings[-1] - headings[0])))
+
+    return min(ways, key=bend_rad)
+
+
+def _leads_ego(seen: Observation, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(R,) who drives before the ego in its direction: a gap behind them must not be counted on to grow."""
+    actors, ego = seen.actors, seen.ego
+    cos, sin = np.cos(ego.heading_rad), np.sin(ego.heading_rad)
+    ahead_m = (actors.x_m[rows] - ego.x_m) * cos + (actors.y_m[rows] - ego.y_m) * sin
+    along_mps = actors.vx_mps[rows] * cos + actors.vy_mps[rows] * sin
+    return (ahead_m > 0.0) & (along_mps > STARTED_MPS)
+
+
+def _braking_mps2(seen: Observation, rows: NDArray[np.int64]) -> Floats:
+    """(R,) acceleration over the last half second of those who brake; infinite for the rest."""
+    found = np.full(len(rows), inf)
+    if len(seen.past.actors) < BRAKING_FRAMES:
+        return found
+    before = seen.past.actors[-BRAKING_FRAMES]
+    speed_of = dict(zip(before.ids, before.speed_mps.tolist(), strict=True))
+    actors = seen.actors
+    for place, row in enumerate(rows.tolist()):
+        was = speed_of.get(actors.ids[row])
+        if was is not None:
+            change = (float(actors.speed_mps[row]) - was) / (BRAKING_FRAMES * PAST_STEP_S)
+            if change < NOTED_BRAKING_MPS2:
+                found[place] = change
+    return found

@@ -1,0 +1,50 @@
+"""One step as the planner sees it: the ego, the others with their forecast, and who of them stays where he is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import tan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from interplan_planners.foresight.prediction import Traffic
+from interplan_sumo.planner import Observation
+from interplan_sumo.world.ego import EgoShape, EgoState
+from interplan_sumo.world.geometry import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What all parts of the planner need of one step."""
+
+    seen: Observation
+    shape: EgoShape
+    traffic: Traffic
+    stays: NDArray[np.bool_]
+    """(A,) who is taken to stay where he is."""
+
+    @property
+    def ego(self) -> EgoState:
+        return self.seen.ego
+
+    @property
+    def speed_mps(self) -> float:
+        """The ego's, never negative."""
+        return max(self.seen.ego.speed_mps, 0.0)
+
+    @cached_property
+    def axle(self) -> Pose:
+        """The ego's rear axle, the point that follows paths."""
+        return self.seen.ego.rear_axle(self.shape)
+
+    @property
+    def curvature_per_m(self) -> float:
+        """Of the rear axle's way, left positive."""
+        return curvature_per_m(self.seen.ego, self.shape)
+
+
+def curvature_per_m(ego: EgoState, shape: EgoShape) -> float:
+    """Curvature of the rear axle's way, left positive."""
+    return tan(ego.tire_angle_rad) / shape.wheelbase_m
