@@ -165,7 +165,7 @@ def _obstructed(course: Course, xy: Floats, heading: Floats, clearance_m: float)
 def _straight_on_m(
     xy: Floats, heading: Floats, room_m: float, pose: Pose, size_m: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """(G,) after how many metres straight on the ego, `room_m` wider on either side, begins and ceases to touch a box."""
+    """(G,) after how many metres straight on the ego, `room_m` wider on each side, begins and ceases to touch a box."""
     many = len(xy)
     grown_m = (PACIFICA.length_m + room_m, PACIFICA.width_m + 2.0 * room_m)
     return overlap_span_s(
