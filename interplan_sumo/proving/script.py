@@ -42,7 +42,7 @@ STEERING_RADPS, LARGEST_TIRE_RAD = 0.6, 0.6
 FELT_MPS2 = (-3.8, 2.1)
 """Acceleration along the car as the metric of comfort has it; its bounds are -4.05 and 2.4."""
 PUSH_MPS2 = (-4.5, 2.5)
-SOFTENING_S = 0.4
+SOFTENING_S = 0.5
 """Changes of acceleration are spread over about twice this time, so that nobody feels a jerk."""
 DECIMALS = 6
 """States are rounded to these, so that they can be stored exactly."""
