@@ -32,7 +32,7 @@ from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.signals import Signals
 
-PLANNERS = ("idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed")
+PLANNERS = ("foresight", "idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed")
 ROAD = straight_road(lanes=1, length_m=300.0, limit_mps=13.9, cuts_m=((120.0, 135.0),))
 WIDE = straight_road(lanes=3, length_m=300.0, limit_mps=13.9, cuts_m=((120.0, 135.0),))
 BARE = straight_road(lanes=2, length_m=300.0, limit_mps=None)
