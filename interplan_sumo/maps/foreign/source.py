@@ -1,0 +1,116 @@
+"""A foreign map as its file tells it, before nuPlan's rules are imposed on it.
+
+All coordinates are metres in the projected system `SourceMap.crs`, x east and
+y north. Every line of a lane runs with the traffic; "left" is geometrically left.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import shapely
+
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.roads import DrivingSide, StopLineKind
+
+UNPLACED_CRS = "EPSG:32631"
+"""Stands in where a file does not say where on earth it lies: metres that nobody should look up on a globe."""
+UNPLACED_ORIGIN_M = (500_000.0, 1_000_000.0)
+"""Added to the coordinates of such a file, so that they lie within the system."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SourceLane:
+    """A lane for cars as the file has it; lanes may join directly, and overlap where they fork, merge or cross."""
+
+    id: str
+    """The file's own."""
+    left: Floats
+    """(N, 2) left boundary, in the direction of travel."""
+    right: Floats
+    """(M, 2) right boundary, in the direction of travel."""
+    successors: tuple[str, ...] = ()
+    """Ids that follow directly; they may lie beyond the file."""
+    predecessors: tuple[str, ...] = ()
+    left_neighbour: str | None = None
+    """The lane of the same direction that adjoins on the left, whether or not one may change to it."""
+    right_neighbour: str | None = None
+    speed_limit_mps: float | None = None
+    """None where the file knows none."""
+    in_intersection: bool = False
+    """The file says so; where it says nothing, overlaps with other lanes tell."""
+    lights_at_start: tuple[str, ...] = ()
+    """Traffic lights that one must pass to enter this lane."""
+    lights_at_end: tuple[str, ...] = ()
+    """Traffic lights that one must pass to leave this lane."""
+    sign_at_end: StopLineKind | None = None
+    """STOP_SIGN or YIELD for those who leave this lane."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SourceStopLine:
+    """A line (or the middle of a band) at which the traffic of some lanes stops."""
+
+    id: str
+    points: Floats
+    """(N, 2) across the lanes."""
+    kind: StopLineKind
+    lane_ids: tuple[str, ...] = ()
+    """The lanes at whose end (for a lane inside an intersection: at whose start) it holds; empty if the file is mute."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LeftOut:
+    """Something of the file that is no lane for cars, with the reason in words."""
+
+    id: str
+    reason: str
+    """Such as "bicycle lane"; equal reasons are counted together."""
+    polygon: shapely.Polygon | None = None
+    """Given where a car may stand on it: it then counts as drivable."""
+
+
+@dataclass(frozen=True, eq=False)
+class SourceMap:
+    """One foreign map."""
+
+    name: str
+    format: str
+    crs: str
+    driving_side: DrivingSide
+    lanes: Mapping[str, SourceLane]
+    stop_lines: tuple[SourceStopLine, ...] = ()
+    crosswalks: tuple[shapely.Polygon, ...] = ()
+    walkways: tuple[shapely.Polygon, ...] = ()
+    carparks: tuple[shapely.Polygon, ...] = ()
+    drivable: tuple[shapely.Polygon, ...] = ()
+    """Paved areas beyond the lanes, or around them, where the file draws such."""
+    left_out: tuple[LeftOut, ...] = ()
+    notes: tuple[str, ...] = ()
+    """What else a user should know: assumptions made, data that could not be used. One sentence each."""
+
+    @property
+    def reasons(self) -> Counter[str]:
+        """How much was left out for each reason."""
+        return Counter(item.reason for item in self.left_out)
+
+
+@dataclass(frozen=True, slots=True)
+class SourceCount:
+    """What a second, independent reading of a file finds; keys are the file's own ids."""
+
+    lane_length_m: Mapping[str, float]
+    """Every lane for cars, with the length of its middle."""
+    links: frozenset[tuple[str, str]]
+    """(from, to) of every direct way between two such lanes, both in the file."""
+    leaving: int
+    """Ways that lead to lanes beyond the file or come from there."""
+    lit: frozenset[str]
+    """Lanes at whose start or end a traffic light is named."""
+    limit_mps: Mapping[str, float]
+    """Speed limits of those lanes that have one."""
+    crosswalks: int = 0
+    left_out: Mapping[str, int] = field(default_factory=dict[str, int])
+    """How many lanes of other kinds there are, by kind."""
