@@ -58,7 +58,7 @@ class SourceStopLine:
     """(N, 2) across the lanes."""
     kind: StopLineKind
     lane_ids: tuple[str, ...] = ()
-    """The lanes at whose end (for a lane inside an intersection: at whose start) it holds; empty if the file is mute."""
+    """The lanes at whose end (at whose start, for one inside an intersection) it holds; empty if the file is mute."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
