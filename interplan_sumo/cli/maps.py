@@ -22,28 +22,90 @@ def list_maps(as_json: JsonOption = False) -> None:
     print_entries(map_entries(), as_json=as_json)
 
 
+@maps_app.command("import")
+def import_map(
+    source: Annotated[Path, typer.Argument(help="A map file, or a folder that holds one.", metavar="SOURCE")],
+    out: Annotated[Path, typer.Option(help="The map's folder to be; the map takes its name.", metavar="DIR")],
+    format: Annotated[str, typer.Option(help="nuplan, argoverse2, lanelet2, commonroad or sumo.")],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the map that the folder holds.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Read a foreign map into nuPlan's schema and build its SUMO network; says what could not be taken over."""
+    from interplan_sumo.maps.foreign.importing import import_map as bring_in
+    from interplan_sumo.maps.geopackage import read_map
+
+    files, record = bring_in(source, format, out, overwrite=overwrite)
+    roads = read_map(files.gpkg, files.name)
+    left_out = {reason: len(ids) for reason, ids in record.left_out.items()}
+    if as_json:
+        print_json(
+            {
+                "name": files.name, "path": str(files.folder), "lanes": len(roads.lanes),
+                "connectors": len(roads.connectors), "left_out": left_out, "notes": record.notes,
+            }
+        )  # fmt: skip
+        return
+    print(f"{files.folder}: {len(roads.lanes)} lanes, {len(roads.connectors)} connectors")
+    for reason, count in left_out.items():
+        print(f"left out: {count} x {reason}")
+    for note in record.notes:
+        print(f"note: {note}")
+    print(f"measure it: interplan-sumo maps check {out} --source {source}")
+
+
 @maps_app.command("check")
 def check_map(
     folder: MapArgument,
-    source: Annotated[Path | None, typer.Option(help="Compare the network with this map.gpkg.", metavar="FILE")] = None,
+    source: Annotated[
+        Path | None, typer.Option(help="Compare with this file: a map.gpkg, or what was imported.", metavar="FILE")
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """How faithful a map's SUMO network is: deviations, missing and extra ways, lights, broken rules."""
+    """How faithful a map's SUMO network is: deviations, missing and extra ways, lights, broken rules.
+
+    With --source, an imported map is also held against a second reading of the
+    file that it came from: no lane, link, light or limit may be lost.
+    """
     from interplan_sumo.maps.check import check_map as check
+    from interplan_sumo.maps.foreign.importing import NUPLAN, check_source
+    from interplan_sumo.maps.foreign.record import read_record
     from interplan_sumo.maps.geopackage import read_map
     from interplan_sumo.maps.store import find_map, load_roads
 
     files = find_map(folder)
-    report = check(files, load_roads(folder) if source is None else read_map(source, files.name))
+    record = read_record(files.folder)
+    foreign = source is not None and record is not None and record.format != NUPLAN and source.suffix != ".gpkg"
+    roads = load_roads(folder) if source is None or foreign else read_map(source, files.name)
+    details = check(files, roads).as_json()
+    if foreign:
+        assert source is not None
+        assert record is not None
+        report = check_source(roads, record, source)
+        details["source"] = report.as_json()
+        details["problems"] = [*report.problems, *details["problems"]]
+        details["ok"] = details["ok"] and not report.problems
+        details["source"].pop("problems")
     if as_json:
-        print_json(report.as_json())
+        print_json(details)
     else:
-        details = report.as_json()
-        problems = details.pop("problems")
-        print_entries([{"": key, "value": _in_words(value)} for key, value in details.items()], as_json=False)
-        for problem in problems:
-            print(f"problem: {problem}")
-    return DONE if report.ok else OUR_FAULT
+        _print_check(details)
+    return DONE if details["ok"] else OUR_FAULT
+
+
+def _print_check(details: dict[str, Any]) -> None:
+    problems, source = details.pop("problems"), details.pop("source", None)
+    print_entries([{"": key, "value": _in_words(value)} for key, value in details.items()], as_json=False)
+    if source is not None:
+        print(f"\nagainst {source['file']} ({source['format']}):")
+        rows = [
+            {"": key, "file": _in_words(pair["file"]), "map": _in_words(pair["map"])}
+            for key, pair in source.items()
+            if isinstance(pair, dict)
+        ]
+        rows.append({"": "leaving", "file": source["leaving"], "map": ""})
+        print_entries(rows, as_json=False)
+    for problem in problems:
+        print(f"problem: {problem}")
 
 
 @maps_app.command("convert")

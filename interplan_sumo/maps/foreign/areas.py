@@ -1,0 +1,134 @@
+"""Surfaces of an imported map: lanes clipped apart, intersections, plain areas."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from interplan_sumo.maps.foreign.ribbon import largest, polygons_in, sound
+from interplan_sumo.maps.foreign.signs import Controls
+from interplan_sumo.maps.rules import overlapping
+from interplan_sumo.world.roads import (
+    Area,
+    Connector,
+    Intersection,
+    IntersectionKind,
+    Lane,
+    Roadblock,
+)
+
+_TOUCH_M = 0.01
+"""Surfaces that should touch are grown by this before they are joined."""
+_MEETING_M2 = 0.5
+"""Connectors that share more than this lie in one intersection."""
+
+
+def clipped(surfaces: Mapping[str, shapely.Polygon]) -> dict[str, shapely.Polygon]:
+    """The surfaces without what they share: of two that overlap, the later one gives way."""
+    found = dict(surfaces)
+    ids = list(surfaces)
+    shapes = np.array([surfaces[id_] for id_ in ids], dtype=object)
+    for one, other, _ in sorted(overlapping(shapes)):
+        left = shapely.difference(found[ids[other]], shapely.buffer(found[ids[one]], _TOUCH_M / 2.0))
+        rest = largest(left)
+        if not rest.is_empty:
+            found[ids[other]] = rest
+    return found
+
+
+def surface_of(polygons: Sequence[shapely.Polygon]) -> shapely.Polygon:
+    """The one surface that some polygons side by side cover, gaps of a millimetre between them closed."""
+    if len(polygons) == 1:
+        return polygons[0]
+    grown = shapely.union_all([shapely.buffer(p, _TOUCH_M, join_style="mitre") for p in polygons])
+    shrunk = shapely.buffer(grown, -_TOUCH_M, join_style="mitre")
+    parts = [shapely.Polygon(part.exterior) for part in polygons_in(shrunk)]
+    return sound(parts[0]) if len(parts) == 1 else largest(shapely.convex_hull(grown))
+
+
+def numbered(shapes: Sequence[shapely.Geometry]) -> tuple[Area, ...]:
+    """Areas counted from 1, one for each part of the shapes."""
+    parts: list[shapely.Polygon] = []
+    for shape in shapes:
+        parts += polygons_in(shape if shapely.is_valid(shape) else shapely.make_valid(shape))
+    return tuple(Area(str(k), part) for k, part in enumerate(parts, start=1) if not part.is_empty)
+
+
+def intersections(
+    lanes: Mapping[str, Lane],
+    connectors: Mapping[str, Connector],
+    roadblocks: Mapping[str, Roadblock],
+    controls: Controls,
+) -> tuple[tuple[Intersection, ...], dict[str, Roadblock]]:
+    """The places where connectors meet, and the roadblocks that now name theirs.
+
+    Connectors meet where they share the end of a roadblock, or more ground than lanes side by side do.
+    """
+    group = _groups(lanes, connectors)
+    members: dict[int, list[str]] = defaultdict(list)
+    for id_, number in group.items():
+        members[number].append(id_)
+    areas: list[Intersection] = []
+    place_of: dict[str, str] = {}
+    for number, ids in enumerate(members.values(), start=1):
+        blocks = {connectors[id_].roadblock_id for id_ in ids}
+        ends = {(roadblocks[b].from_id, roadblocks[b].to_id) for b in blocks}
+        kind = _kind(ids, ends, controls)
+        shape = surface_of([shapely.buffer(connectors[id_].polygon, _TOUCH_M) for id_ in ids])
+        areas.append(Intersection(str(number), shape, kind))
+        place_of |= dict.fromkeys(blocks, str(number))
+    named = {
+        id_: replace(block, intersection_id=place_of[id_]) if id_ in place_of else block
+        for id_, block in roadblocks.items()
+    }
+    return tuple(areas), named
+
+
+def _kind(ids: Sequence[str], ends: set[tuple[str | None, str | None]], controls: Controls) -> IntersectionKind:
+    if any(id_ in controls.lights for id_ in ids):
+        return IntersectionKind.TRAFFIC_LIGHT
+    if any(id_ in controls.signs for id_ in ids):
+        return IntersectionKind.STOP_SIGN
+    if len(ends) == 1:
+        return IntersectionKind.PASS_THROUGH
+    if len({start for start, _ in ends}) == 1:
+        return IntersectionKind.LANE_BRANCH
+    if len({end for _, end in ends}) == 1:
+        return IntersectionKind.LANE_MERGE
+    return IntersectionKind.DEFAULT
+
+
+def _groups(lanes: Mapping[str, Lane], connectors: Mapping[str, Connector]) -> dict[str, int]:
+    """Connector -> number of its intersection."""
+    ids = list(connectors)
+    parent = list(range(len(ids)))
+
+    def find(k: int) -> int:
+        while parent[k] != k:
+            parent[k] = parent[parent[k]]
+            k = parent[k]
+        return k
+
+    def join(a: int, b: int) -> None:
+        a, b = sorted((find(a), find(b)))
+        parent[b] = a
+
+    ports: dict[tuple[str, str], int] = {}
+    for k, id_ in enumerate(ids):
+        connector = connectors[id_]
+        for port in (
+            (lanes[connector.from_lane_id].roadblock_id, "end"),
+            (lanes[connector.to_lane_id].roadblock_id, "start"),
+        ):
+            join(k, ports.setdefault(port, k))
+    shapes = np.array([connectors[id_].polygon for id_ in ids], dtype=object)
+    one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    one, other = one[one < other], other[one < other]
+    shared = shapely.area(shapely.intersection(shapes[one], shapes[other]))
+    for a, b in zip(one[shared > _MEETING_M2].tolist(), other[shared > _MEETING_M2].tolist(), strict=True):
+        join(a, b)
+    return {id_: find(k) for k, id_ in enumerate(ids)}

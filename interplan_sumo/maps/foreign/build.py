@@ -1,0 +1,246 @@
+"""From a foreign map to `Roads`: lanes that never overlap, connectors between them, roadblocks, intersections."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps.foreign import signs
+from interplan_sumo.maps.foreign.areas import clipped, intersections, numbered, surface_of
+from interplan_sumo.maps.foreign.pieces import MARGIN_M, links, pieces
+from interplan_sumo.maps.foreign.record import Origin
+from interplan_sumo.maps.foreign.ribbon import Ribbon
+from interplan_sumo.maps.foreign.sections import Stretch, sections
+from interplan_sumo.maps.foreign.source import SourceMap
+from interplan_sumo.maps.foreign.ways import Ground, Node, Way, ways
+from interplan_sumo.world.geometry import Polyline, wrap_angle
+from interplan_sumo.world.roads import Connector, Lane, Roadblock, Roads, Turn
+
+BLOCKS_BEFORE_WAYS = 1_000_000
+"""Roadblocks count from 1, roadblock connectors from here."""
+LANES_PER_BLOCK = 100
+"""Lane and connector ids are those of their block times this, plus the place in it."""
+_STRAIGHT_RAD, _U_TURN_RAD = np.radians(30.0), np.radians(150.0)
+_SHORTEST_M = 0.05  # a lane or connector without length has no direction
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """Roads made of a foreign map, and how."""
+
+    roads: Roads
+    origins: Mapping[str, tuple[Origin, ...]]
+    """By lane and connector id: the stretches of lanes of the file that it consists of, in driving order."""
+    left_out: Mapping[str, tuple[str, ...]]
+    """Ids of the file by the reason why they are no lanes of the map."""
+    notes: tuple[str, ...]
+
+
+def build(source: SourceMap) -> Built:
+    """The map in nuPlan's terms; MapError if the file has no lane.
+
+    See `pieces` for what becomes a lane and what a connector. A roadblock is a
+    stretch of lanes side by side; a roadblock connector holds all connectors
+    between the same two. Ids are new; `Built.origins` says what came from where.
+    """
+    if not source.lanes:
+        raise MapError(f"{source.name}: the file holds no lane for cars")
+    parts = sections(source)
+    joined = links(source.lanes, parts)
+    drawing = _Drawing(source, Ground(parts, pieces(source.lanes, parts, joined), joined))
+    drawing.draw_lanes()
+    drawing.draw_connectors()
+    left_out: dict[str, list[str]] = defaultdict(list)
+    for item in source.left_out:
+        left_out[item.reason].append(item.id)
+    reasons = {reason: tuple(ids) for reason, ids in left_out.items()}
+    return Built(drawing.roads(), drawing.origins, reasons, (*source.notes, *drawing.notes()))
+
+
+@dataclass(eq=False)
+class _Drawing:
+    source: SourceMap
+    ground: Ground
+    lanes: dict[str, Lane] = field(default_factory=dict[str, Lane])
+    connectors: dict[str, Connector] = field(default_factory=dict[str, Connector])
+    roadblocks: dict[str, Roadblock] = field(default_factory=dict[str, Roadblock])
+    origins: dict[str, tuple[Origin, ...]] = field(default_factory=dict[str, tuple[Origin, ...]])
+    id_of: dict[Node, str] = field(default_factory=dict[Node, str])
+    ways: dict[str, Way] = field(default_factory=dict[str, Way])
+    used: set[Node] = field(default_factory=set[Node])
+
+    # --- lanes -----------------------------------------------------------------------------------
+
+    def draw_lanes(self) -> None:
+        surfaces: dict[str, shapely.Polygon] = {}
+        grounds: dict[str, shapely.Polygon] = {}
+        members: dict[str, list[str]] = {}
+        for s, section_pieces in enumerate(self.ground.pieces):
+            for p, piece in enumerate(section_pieces):
+                if not piece.is_lane:
+                    continue
+                block = str(len(members) + 1)
+                members[block] = []
+                ribbon = self.ground.surface(s, p)
+                grounds[block] = ribbon.outline()
+                for i in range(ribbon.lanes):
+                    id_ = str(int(block) * LANES_PER_BLOCK + i)
+                    self.id_of[Node(s, p, i)] = id_
+                    self.used.add(Node(s, p, i))
+                    members[block].append(id_)
+                    surfaces[id_] = ribbon.polygon(i)
+                    self.lanes[id_] = self._lane(Node(s, p, i), id_, block, ribbon)
+        for id_, polygon in clipped(surfaces).items():
+            lane = self.lanes[id_]
+            self.lanes[id_] = Lane(
+                id_, lane.roadblock_id, lane.index, lane.centerline, polygon, lane.left_boundary, lane.right_boundary,
+                lane.speed_limit_mps,
+            )  # fmt: skip
+        for block, polygon in clipped(grounds).items():
+            self.roadblocks[block] = Roadblock(block, polygon, tuple(members[block]))
+
+    def _lane(self, node: Node, id_: str, block: str, ribbon: Ribbon) -> Lane:
+        line = ribbon.centerline(node.lane)
+        self.origins[id_] = self._origins((node,), line)
+        first = self.ground.sections[node.section].columns[node.lane][0]
+        return Lane(
+            id=id_,
+            roadblock_id=block,
+            index=node.lane,
+            centerline=line,
+            polygon=ribbon.polygon(node.lane),
+            left_boundary=ribbon.boundary(node.lane),
+            right_boundary=ribbon.boundary(node.lane + 1),
+            speed_limit_mps=self.source.lanes[first].speed_limit_mps,
+        )
+
+    # --- connectors ------------------------------------------------------------------------------
+
+    def draw_connectors(self) -> None:
+        between: dict[tuple[str, str], list[Way]] = defaultdict(list)
+        for way in ways(self.ground):
+            if way.ribbon.length_m < _SHORTEST_M:
+                continue
+            ends = (self.lanes[self.id_of[node]].roadblock_id for node in (way.start, way.end))
+            between[next(ends), next(ends)].append(way)
+            self.used.update(way.parts)
+        for number, ((start, end), found) in enumerate(sorted(between.items(), key=_by_blocks)):
+            block = str(BLOCKS_BEFORE_WAYS + number + 1)
+            found.sort(key=lambda way: (way.start.lane, way.end.lane, way.start, way.end))
+            ids = [str(int(block) * LANES_PER_BLOCK + k) for k in range(len(found))]
+            for id_, way in zip(ids, found, strict=True):
+                self.ways[id_] = way
+                self.connectors[id_] = self._connector(way, id_, block)
+            shape = surface_of([self.connectors[id_].polygon for id_ in ids])
+            self.roadblocks[block] = Roadblock(block, shape, tuple(ids), is_connector=True, from_id=start, to_id=end)
+
+    def _connector(self, way: Way, id_: str, block: str) -> Connector:
+        line = way.ribbon.centerline()
+        self.origins[id_] = self._origins(way.parts, line)
+        polygon = way.ribbon.polygon()
+        if polygon.is_empty:
+            polygon = shapely.buffer(line.linestring, 1.0, cap_style="flat")
+        return Connector(
+            id=id_,
+            roadblock_id=block,
+            from_lane_id=self.id_of[way.start],
+            to_lane_id=self.id_of[way.end],
+            centerline=line,
+            polygon=polygon,
+            left_boundary=way.ribbon.boundary(0),
+            right_boundary=way.ribbon.boundary(1),
+            speed_limit_mps=self._limit_mps(way),
+            turn=_turn(line),
+        )
+
+    def _limit_mps(self, way: Way) -> float | None:
+        """The lowest limit on the way; on a mere joint that of the lane before it."""
+        own = [node for node in way.parts if self.ground.piece(node).length_m > 2.0 * MARGIN_M]
+        known = [limit for node in own for limit in self._limits(node)]
+        return min(known, default=self.lanes[self.id_of[way.start]].speed_limit_mps)
+
+    def _limits(self, node: Node) -> Iterable[float]:
+        for source_id, *_ in self._stretches(node):
+            limit = self.source.lanes[source_id].speed_limit_mps
+            if limit is not None:
+                yield limit
+
+    # --- where things come from ------------------------------------------------------------------
+
+    def _stretches(self, node: Node) -> tuple[Stretch, ...]:
+        """Lanes of the file along a node."""
+        piece = self.ground.piece(node)
+        return self.ground.sections[node.section].stretches(node.lane, piece.start_m, piece.end_m)
+
+    def _origins(self, nodes: Sequence[Node], line: Polyline) -> tuple[Origin, ...]:
+        """Origins along a line, whose length the nodes share by theirs."""
+        rows = [row for node in nodes for row in self._stretches(node)]
+        total = sum(row.length_m for row in rows) or 1.0
+        found: list[Origin] = []
+        at = 0.0
+        for source_id, first, last, length_m in rows:
+            to = at + length_m / total * line.length_m
+            found.append(Origin(source_id, round(first, 6), round(last, 6), round(at, 3), round(to, 3)))
+            at = to
+        return tuple(found)
+
+    def notes(self) -> list[str]:
+        """What of the file could not be used."""
+        found: list[str] = []
+        for here, there, gap_m in self.ground.torn:
+            ends = (self._stretches(node)[k][0] for node, k in ((here, -1), (there, 0)))
+            found.append(f"the link from {next(ends)} to {next(ends)} is left out: {gap_m:.1f} m lie between the two")
+        lost: dict[str, float] = defaultdict(float)
+        for node in self.ground.nodes():
+            if node not in self.used:
+                for source_id, _, _, length_m in self._stretches(node):
+                    lost[source_id] += length_m
+        found += [
+            f"lane {source_id}: {length_m:.1f} m of it are left out: an overlap that leads from no lane or to none"
+            for source_id, length_m in lost.items()
+            if length_m > 2.0 * MARGIN_M
+        ]
+        return found
+
+    # --- the whole -------------------------------------------------------------------------------
+
+    def roads(self) -> Roads:
+        controls = signs.controls(self.source, self.ground, self.id_of, self.ways)
+        stop_lines, connectors = signs.place(self.source, controls, self.lanes, self.connectors)
+        areas, roadblocks = intersections(self.lanes, connectors, self.roadblocks, controls)
+        paved = [*self.source.drivable, *(item.polygon for item in self.source.left_out if item.polygon is not None)]
+        surfaces = shapely.union_all([shapely.buffer(lane.polygon, 0.01) for lane in self.lanes.values()])
+        return Roads(
+            name=self.source.name,
+            crs=self.source.crs,
+            driving_side=self.source.driving_side,
+            lanes=self.lanes,
+            connectors=connectors,
+            roadblocks=roadblocks,
+            intersections=areas,
+            stop_lines=stop_lines,
+            crosswalks=numbered(self.source.crosswalks),
+            walkways=numbered(self.source.walkways),
+            carparks=numbered(self.source.carparks),
+            road_segments=numbered([surfaces]),
+            generic_drivable_areas=numbered(paved),
+        )
+
+
+def _by_blocks(item: tuple[tuple[str, str], list[Way]]) -> tuple[int, int]:
+    return int(item[0][0]), int(item[0][1])
+
+
+def _turn(line: Polyline) -> Turn:
+    headings = line.segment_heading_rad
+    turned = float(wrap_angle(headings[-1] - headings[0]))
+    if abs(turned) <= _STRAIGHT_RAD:
+        return Turn.STRAIGHT
+    if abs(turned) >= _U_TURN_RAD:
+        return Turn.U_TURN
+    return Turn.LEFT if turned > 0.0 else Turn.RIGHT

@@ -1,0 +1,179 @@
+"""Ribbons: parallel lanes as cross-sections, so that neighbours share every vertex however they are cut."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from interplan_sumo.world.geometry import Floats, Polyline
+
+SPACING_M = 0.9
+"""Cross-sections are at most this far apart: nuPlan's planners take headings from the vertices."""
+_SAME_M = 0.01  # vertices closer than this along a line are one
+
+
+@dataclass(frozen=True, eq=False)
+class Ribbon:
+    """A stretch of `n` parallel lanes: the points of their `n + 1` boundaries at K cross-sections."""
+
+    across: Floats
+    """(K, n + 1, 2) metres; boundaries from left to right, cross-sections in the direction of travel."""
+
+    @classmethod
+    def of(cls, boundaries: Sequence[Floats]) -> Ribbon:
+        """The ribbon between lines of (N, 2) points each, from left to right.
+
+        Lines are matched by their relative arc length, and every vertex of
+        each makes a cross-section. ValueError for a line without length.
+        """
+        lines = [Polyline(points) for points in boundaries]
+        longest_m = max(line.length_m for line in lines)
+        grid = np.linspace(0.0, 1.0, 1 + max(1, int(np.ceil(longest_m / SPACING_M))))
+        inner = np.concatenate([line.arc_m[1:-1] / line.length_m for line in lines] or [grid[:0]])
+        shares = np.sort(inner[(inner * longest_m > _SAME_M) & ((1.0 - inner) * longest_m > _SAME_M)])
+        shares = shares[np.diff(shares, prepend=-1.0) * longest_m > _SAME_M]
+        # Vertices first: a point of the grid that lies beside one is not needed.
+        beside = np.abs(grid[1:-1, None] - shares[None, :]).min(axis=1, initial=1.0) * longest_m < SPACING_M / 3.0
+        shares = np.unique(np.concatenate((grid[:1], shares, grid[1:-1][~beside], grid[-1:])))
+        gaps = np.diff(shares) * longest_m
+        middles = (shares[:-1] + shares[1:])[gaps > SPACING_M] / 2.0
+        shares = np.sort(np.concatenate((shares, middles)))
+        return cls(np.stack([line.poses_at(shares * line.length_m)[:, :2] for line in lines], axis=1))
+
+    @property
+    def lanes(self) -> int:
+        return self.across.shape[1] - 1
+
+    @cached_property
+    def middles(self) -> Floats:
+        """(K, n, 2) the middle of each lane."""
+        return (self.across[:, :-1] + self.across[:, 1:]) / 2.0
+
+    @cached_property
+    def arcs_m(self) -> Floats:
+        """(K, n) distance along the middle of each lane."""
+        steps = np.hypot(*np.moveaxis(np.diff(self.middles, axis=0), -1, 0))
+        return np.concatenate((np.zeros((1, self.lanes)), np.cumsum(steps, axis=0)))
+
+    @cached_property
+    def station_m(self) -> Floats:
+        """(K,) distance along the ribbon, the mean of its lanes."""
+        return self.arcs_m.mean(axis=1)
+
+    @property
+    def length_m(self) -> float:
+        return float(self.station_m[-1])
+
+    def cut(self, start_m: float, end_m: float) -> Ribbon:
+        """The ribbon between two stations, `start_m` < `end_m`."""
+        at = self.station_m
+        inside = self.across[(at > start_m + _SAME_M) & (at < end_m - _SAME_M)]
+        return Ribbon(np.concatenate((self._at(start_m)[None], inside, self._at(end_m)[None])))
+
+    def _at(self, station_m: float) -> Floats:
+        """(n + 1, 2) the cross-section at a station."""
+        row = int(np.clip(np.searchsorted(self.station_m, station_m) - 1, 0, len(self.across) - 2))
+        first, last = self.station_m[row : row + 2].tolist()
+        share = min(1.0, max(0.0, (station_m - first) / (last - first))) if last > first else 0.0
+        return (1.0 - share) * self.across[row] + share * self.across[row + 1]
+
+    def joined(self, other: Ribbon) -> Ribbon:
+        """This ribbon followed by another of as many lanes; a seam where both nearly meet becomes one cross-section."""
+        gap_m = float(np.hypot(*(other.across[0] - self.across[-1]).T).max())
+        return Ribbon(np.concatenate((self.across, other.across[1 if gap_m < 2.0 * _SAME_M else 0 :])))
+
+    def lane(self, index: int) -> Ribbon:
+        """One lane of it."""
+        return Ribbon(self.across[:, index : index + 2])
+
+    def moved(self, start: Floats, end: Floats) -> Ribbon:
+        """The ribbon with its ends moved by two vectors (2,), and what lies between in proportion."""
+        share = (self.station_m / max(self.length_m, 1e-9))[:, None, None]
+        return Ribbon(self.across + (1.0 - share) * start + share * end)
+
+    # --- one lane as nuPlan wants it ---------------------------------------------------------------
+
+    def centerline(self, index: int = 0) -> Polyline:
+        """The middle of a lane with evenly spaced vertices; ValueError if it has no length."""
+        line = Polyline(self.middles[:, index])
+        count = max(1, int(np.ceil(line.length_m / SPACING_M)))
+        return Polyline(line.poses_at(np.linspace(0.0, line.length_m, count + 1))[:, :2])
+
+    def boundary(self, index: int) -> Polyline:
+        """A boundary, counted from the left."""
+        return Polyline(self.across[:, index])
+
+    def polygon(self, index: int = 0) -> shapely.Polygon:
+        """The surface of a lane, valid; where its boundaries cross, the largest part of it."""
+        return sound(shapely.Polygon(np.concatenate((self.across[:, index], self.across[::-1, index + 1]))))
+
+    def outline(self) -> shapely.Polygon:
+        """The surface of all lanes together."""
+        return sound(shapely.Polygon(np.concatenate((self.across[:, 0], self.across[::-1, -1]))))
+
+
+def bridge(before: Ribbon, after: Ribbon) -> Ribbon:
+    """A ribbon of one lane from the end of one to the start of another, on a curve that leaves and arrives straight."""
+    start, end = before.middles[-1, 0], after.middles[0, 0]
+    reach_m = float(np.hypot(*(end - start)))
+    leave, arrive = _direction(before, -1) * reach_m, _direction(after, 0) * reach_m
+    share = np.linspace(0.0, 1.0, 2 + int(np.ceil(reach_m / SPACING_M)))[:, None]
+    middle = (
+        (2 * share**3 - 3 * share**2 + 1) * start
+        + (share**3 - 2 * share**2 + share) * leave
+        + (3 * share**2 - 2 * share**3) * end
+        + (share**3 - share**2) * arrive
+    )
+    ahead = np.gradient(middle, axis=0)
+    normal = np.stack((-ahead[:, 1], ahead[:, 0]), axis=1) / np.hypot(*ahead.T)[:, None]
+    half = [float(np.hypot(*(r.across[k, 0] - r.across[k, 1]))) / 2.0 for r, k in ((before, -1), (after, 0))]
+    width = (1.0 - share) * half[0] + share * half[1]
+    return Ribbon(np.stack((middle + width * normal, middle - width * normal), axis=1))
+
+
+def _direction(ribbon: Ribbon, at: int) -> Floats:
+    """(2,) unit vector of travel at the first (0) or last (-1) cross-section of a single lane."""
+    line = ribbon.centerline()
+    heading = line.segment_heading_rad[at]
+    return np.array([np.cos(heading), np.sin(heading)])
+
+
+def sound(polygon: shapely.Polygon) -> shapely.Polygon:
+    """The polygon, or the largest part of what it becomes when its flaws are undone; empty if nothing is left."""
+    if polygon.is_valid:
+        return polygon
+    return largest(shapely.make_valid(polygon))
+
+
+def largest(shape: shapely.Geometry) -> shapely.Polygon:
+    """The largest polygon of a geometry; an empty one if it has none."""
+    return max(polygons_in(shape), key=shapely.area, default=shapely.Polygon())
+
+
+def polygons_in(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    """The polygons that a geometry consists of; its lines and points are left out."""
+    parts = shapely.get_parts(shapely.get_parts(shape))  # a collection may hold multi-polygons
+    return [part for part in parts.tolist() if isinstance(part, shapely.Polygon) and not part.is_empty]
+
+
+def cells(ribbon: Ribbon, length_m: float) -> tuple[NDArray[np.object_], Floats]:
+    """A ribbon cut crosswise into cells of about `length_m`.
+
+    Returns (C, n) polygons, one per cell and lane, and the (C + 1,) stations of the cuts.
+    """
+    count = max(1, round(ribbon.length_m / length_m))
+    stations = np.linspace(0.0, ribbon.length_m, count + 1)
+    at = np.array([np.interp(stations, ribbon.station_m, column) for column in _columns(ribbon)])
+    points = at.reshape(ribbon.lanes + 1, 2, count + 1).transpose(2, 0, 1)
+    quads = np.stack((points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]), axis=2)
+    return np.asarray(shapely.polygons(quads)), stations
+
+
+def _columns(ribbon: Ribbon) -> Floats:
+    """((n + 1) * 2, K) every coordinate along the ribbon."""
+    return ribbon.across.reshape(len(ribbon.across), -1).T
