@@ -1,4 +1,4 @@
-"""The part of a large map around a place, whole and consistent in itself."""
+"""The part of a large map around a place or several, whole and consistent in itself."""
 
 from __future__ import annotations
 
@@ -23,11 +23,17 @@ def crop(roads: Roads, x_m: float, y_m: float, radius_m: float) -> Roads:
     circle or overlap a lane or connector that stays. Ids do not change.
     MapError if no lane reaches into the circle.
     """
-    if not (math.isfinite(x_m) and math.isfinite(y_m) and math.isfinite(radius_m) and radius_m > 0.0):
-        raise ValueError(f"a crop needs a place and a positive radius, got ({x_m}, {y_m}) and {radius_m} m")
-    near = roads.lanes_near(x_m, y_m, radius_m)
+    return crop_around(roads, ((x_m, y_m),), radius_m)
+
+
+def crop_around(roads: Roads, places: Sequence[tuple[float, float]], radius_m: float) -> Roads:
+    """`crop` with a circle around each of several places, one or more."""
+    if not (places and np.isfinite(places).all() and math.isfinite(radius_m) and radius_m > 0.0):
+        raise ValueError(f"a crop needs finite places and a positive radius, got {list(places)} and {radius_m} m")
+    near = {id_ for place in places for id_ in roads.lanes_near(*place, radius_m)}
     blocks = {roads.lanes[id_].roadblock_id for id_ in near if id_ in roads.lanes}
     if not blocks:
+        x_m, y_m = places[0]
         raise MapError(f"map {roads.name}: no lane within {radius_m:g} m of ({x_m:.1f}, {y_m:.1f})")
     lanes = {id_: lane for id_, lane in roads.lanes.items() if lane.roadblock_id in blocks}
     connectors = {
@@ -38,7 +44,7 @@ def crop(roads: Roads, x_m: float, y_m: float, radius_m: float) -> Roads:
     roadblocks = _kept_blocks(roads, blocks, connectors.keys())
 
     surfaces = [lane.polygon for lane in (*lanes.values(), *connectors.values())]
-    around = _Around(shapely.Point(x_m, y_m), radius_m, surfaces)
+    around = _Around(shapely.MultiPoint(places), radius_m, surfaces)
     named = {stop for connector in connectors.values() for stop in connector.stop_line_ids}
     stops = list(roads.stop_lines.values())
     crossings = {block.intersection_id for block in roadblocks.values()}
@@ -79,10 +85,10 @@ def _kept_blocks(roads: Roads, blocks: Set[str], members: Set[str]) -> dict[str,
 
 
 class _Around:
-    """Which things lie in a circle or on lanes that stay."""
+    """Which things lie in one of the circles or on lanes that stay."""
 
-    def __init__(self, center: shapely.Point, radius_m: float, lanes: Sequence[shapely.Polygon]) -> None:
-        self._center = center
+    def __init__(self, centers: shapely.MultiPoint, radius_m: float, lanes: Sequence[shapely.Polygon]) -> None:
+        self._centers = centers
         self._radius_m = radius_m
         self._lanes = shapely.STRtree(lanes)
 
@@ -91,7 +97,7 @@ class _Around:
         shapes = np.array([thing.polygon for thing in things], dtype=object)
         held = np.zeros(len(shapes), dtype=np.bool_)
         if len(shapes):
-            held |= shapely.dwithin(shapes, self._center, self._radius_m)
+            held |= shapely.dwithin(shapes, self._centers, self._radius_m)
             rows, lanes = self._lanes.query(shapes, predicate="intersects")
             held[rows[shapely.relate_pattern(shapes[rows], self._lanes.geometries[lanes], "T********")]] = True
         return held

@@ -17,12 +17,10 @@ import shapely
 from numpy.typing import NDArray
 
 from interplan_sumo.world.geometry import wrap_angle
-from interplan_sumo.world.roads import Connector, Roads, StopLineKind, Turn
+from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Connector, Roads, StopLineKind, Turn
 
 CAR_CORRIDOR_M = 2.0
 """Paths whose corridors of this width overlap are in conflict: a wide car with mirrors."""
-DEFAULT_LIMIT_MPS = 13.89
-"""Where the map knows no limit: 50 km/h, the usual one in towns."""
 _SAME_ARM_RAD = np.radians(30.0)
 _SAME_ARM_M = 25.0
 _OPPOSITE_RAD = np.radians(50.0)
@@ -250,7 +248,7 @@ def _approaches(
                 block_ids=tuple(block for block, _, _ in arm),
                 heading_rad=arm[0][1],
                 lane_count=len(lanes),
-                limit_mps=max((lane.speed_limit_mps or DEFAULT_LIMIT_MPS) for lane in lanes),
+                limit_mps=max((lane.speed_limit_mps or USUAL_LIMIT_MPS) for lane in lanes),
                 sign=max(signed, default=Sign.NONE),
             )
         )

@@ -12,10 +12,10 @@ import shapely
 
 from interplan_sumo.maps import junctions, signals_plan
 from interplan_sumo.maps.edges import Edge, LaneGroup, Stretch, lane_group
-from interplan_sumo.maps.junctions import DEFAULT_LIMIT_MPS, Junction, end_port, start_port
+from interplan_sumo.maps.junctions import Junction, end_port, start_port
 from interplan_sumo.maps.signals_plan import Program
 from interplan_sumo.world.geometry import Floats
-from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Roads
 
 STRAIGHTENED_M = 0.002
 """Shapes drop vertices that lie this close to the line without them: a fifth of the promised fidelity."""
@@ -80,7 +80,7 @@ class NetworkPlan:
         if lane.speed_limit_mps is not None and lane.speed_limit_mps > 0.0:
             return lane.speed_limit_mps
         if lane_id in self.roads.lanes:
-            return DEFAULT_LIMIT_MPS
+            return USUAL_LIMIT_MPS
         connector = self.roads.connectors[lane_id]
         return min(self.limit_mps(connector.from_lane_id), self.limit_mps(connector.to_lane_id))
 

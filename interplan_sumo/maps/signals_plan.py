@@ -11,8 +11,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from interplan_sumo.maps.junctions import DEFAULT_LIMIT_MPS, Junction, Movement
-from interplan_sumo.world.roads import Roads
+from interplan_sumo.maps.junctions import Junction, Movement
+from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Roads
 
 # Times of urban practice (MUTCD, ITE): yellow 1 s + v / (2 * 3.05 m/s2), all red until the longest path is clear.
 REACTION_S = 1.0
@@ -68,7 +68,7 @@ def program(roads: Roads, junction: Junction, number: int) -> Program:
 
 
 def _limit(roads: Roads, lane_id: str) -> float:
-    return roads.lanes[lane_id].speed_limit_mps or DEFAULT_LIMIT_MPS
+    return roads.lanes[lane_id].speed_limit_mps or USUAL_LIMIT_MPS
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:

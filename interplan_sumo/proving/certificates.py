@@ -82,7 +82,7 @@ def check_certificate(scenario: Scenario, certificate: Certificate) -> list[str]
     stored = certificate.summary
     if (stored.scenario_id, stored.scenario_hash) != (scenario.id, scenario.hash()):
         return [f"it is for another scenario: {stored.scenario_id} with hash {stored.scenario_hash[:12]}"]
-    wrong = unreachable(start_state(scenario, load_roads(scenario.map)), certificate.track)
+    wrong = unreachable(start_state(scenario, load_roads(scenario.map, scenario.maps_beside)), certificate.track)
     if wrong:
         return wrong
     trace = replay(scenario, certificate.track)
@@ -114,7 +114,7 @@ def shortcomings(scenario: Scenario, sheet: ScoreSheet, summary: Summary) -> lis
 
 
 def _judged(scenario: Scenario, trace: Trace, reference: Trace) -> tuple[ScoreSheet, Summary]:
-    roads = load_roads(scenario.map)
+    roads = load_roads(scenario.map, scenario.maps_beside)
     sheet = score(trace, roads, reference.ego, scenario)
     line, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
     last = trace.ego.state(len(trace) - 1)

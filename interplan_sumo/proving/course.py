@@ -150,6 +150,9 @@ def _chains(roads: Roads, scenario: Scenario) -> list[tuple[str, ...]]:
 def _followed(roads: Roads, route: tuple[str, ...], at: int, lane: str, need: Mapping[str, int]) -> tuple[str, ...]:
     """A lane and what follows it along the route; of several ways the one with the fewest lane changes left."""
     chain = [lane]
+    if lane in roads.connectors:  # a drive may begin inside a junction
+        chain += roads.outgoing(lane)
+        at += 1
     while at + 2 < len(route):
         ways = [
             way

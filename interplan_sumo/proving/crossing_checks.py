@@ -22,7 +22,7 @@ from interplan_sumo.scenario.trigger import trigger_distance_m
 from interplan_sumo.simulation.pedestrians import Walk, walk
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, box_corners, box_polygons, penetration_m
-from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Roads
 
 BRAKING_MPS2: Final = 3.0
 """Who brakes like this from the trigger on touches nobody (decisions.md)."""
@@ -40,11 +40,10 @@ def crossing_problems(scenario: Scenario, roads: Roads) -> list[str]:
     walks = [walk(jaywalker, roads, route_centerline(roads, scenario)) for jaywalker in scenario.jaywalkers]
     problems = [*_where_they_stand(scenario, roads, walks), *_occluder(scenario, roads, walks)]
     site = scenario.jaywalkers[0].start.lane
-    limit_mps = roads[site].speed_limit_mps
-    if limit_mps is None or limit_mps > HIGHEST_LIMIT_MPS + LIMIT_SLACK_MPS:
-        said = "unknown" if limit_mps is None else f"{3.6 * limit_mps:.0f} km/h"
+    limit_mps = roads[site].speed_limit_mps or USUAL_LIMIT_MPS
+    if limit_mps > HIGHEST_LIMIT_MPS + LIMIT_SLACK_MPS:
         problems.append(
-            f"jaywalkers[0].start.lane: the speed limit of lane {site} is {said}, expected at most "
+            f"jaywalkers[0].start.lane: the speed limit of lane {site} is {3.6 * limit_mps:.0f} km/h, expected at most "
             f"{3.6 * HIGHEST_LIMIT_MPS:.0f} km/h where people step into the road"
         )
     for speed_mps, said in _speeds(scenario, limit_mps):
@@ -52,10 +51,10 @@ def crossing_problems(scenario: Scenario, roads: Roads) -> list[str]:
     return problems
 
 
-def _speeds(scenario: Scenario, limit_mps: float | None) -> list[tuple[float, str]]:
+def _speeds(scenario: Scenario, limit_mps: float) -> list[tuple[float, str]]:
     start_mps = scenario.start_speed_mps
     speeds = [(start_mps, f"its start speed, {start_mps:.1f} m/s")]
-    if limit_mps is not None and abs(limit_mps - start_mps) > LIMIT_SLACK_MPS:
+    if abs(limit_mps - start_mps) > LIMIT_SLACK_MPS:
         speeds.append((limit_mps, f"the limit, {limit_mps:.1f} m/s"))
     return speeds
 

@@ -1,19 +1,24 @@
-"""Generated scenarios: sound ones only, with certificates where a drive passes, as a folder that `run` accepts."""
+"""Generated scenarios: sound ones only, with certificates where a drive passes, as a folder that `run` accepts.
+
+A map that is not shipped goes into the folder, too, so that it can be driven anywhere.
+"""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.maps.store import MapFiles, load_roads
+from interplan_sumo.proving.carried_maps import carry_map
 from interplan_sumo.proving.certificates import Verdict
 from interplan_sumo.proving.start_checks import start_problems
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.families import FAMILIES
-from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.scenario.files import MAPS, write_scenarios
 from interplan_sumo.scenario.generate import Search
 from interplan_sumo.scenario.ordinary import TYPES
 from interplan_sumo.scenario.scenario import Scenario
@@ -44,23 +49,46 @@ def families_of(name: str) -> tuple[str, ...]:
     return GROUPS.get(name, (name,))
 
 
-def generate(roads: Roads, family: str, count: int, seed: int) -> Generated:
-    """`count` sound scenarios, fewer where the map has no room for more; UnknownNameError for an unknown family."""
+def generate(roads: Roads, family: str, count: int, seed: int, *, maps_beside: Path | None = None) -> Generated:
+    """`count` sound scenarios, fewer where the map has no room for more; UnknownNameError for an unknown family.
+
+    `maps_beside` is the maps root in which the map lies if it is not shipped.
+    """
     search = Search(roads, family, seed)
     made = Generated(family, rejected=search.rejected)
     if count < 1:
         raise InputError(f"count is {count}, expected 1 or more")
-    for number, scenario in enumerate(search):
+    for number, found in enumerate(search):
+        scenario = replace(found, maps_beside=maps_beside)
         problems = start_problems(scenario, roads)
         if problems:
-            site = scenario.site(roads)
-            lane, at_m = scenario.goal.lane, scenario.goal.arc_m
-            search.rejected.append(Rejected(lane, at_m, f"{scenario.id} at {site}: {problems[0]}"))
+            search.rejected.append(_unsound(scenario, roads, problems[0]))
         else:
             made.scenarios.append(scenario)
         if len(made.scenarios) == count or number + 1 >= count * CANDIDATES_PER_SCENARIO:
             break
     return made
+
+
+def _unsound(scenario: Scenario, roads: Roads, problem: str) -> Rejected:
+    goal = scenario.goal
+    return Rejected(goal.lane, goal.arc_m, f"{scenario.id} at {scenario.site(roads)}: {problem}")
+
+
+def carry(made: Sequence[Generated], files: MapFiles, folder: Path) -> None:
+    """Store what the scenarios need of their map in the folder, and let them take place there.
+
+    Those that the part of the map is no longer sound for are rejected; traffic
+    may begin elsewhere where the map was cut.
+    """
+    roads = load_roads(files.folder)
+    carried = carry_map(files, roads, (scenario for each in made for scenario in each.scenarios), folder / MAPS)
+    part = load_roads(carried.folder)
+    for each in made:
+        there = [replace(scenario, maps_beside=folder.resolve() / MAPS) for scenario in each.scenarios]
+        problems = [start_problems(scenario, part) if len(part.lanes) < len(roads.lanes) else [] for scenario in there]
+        each.scenarios = [scenario for scenario, found in zip(there, problems, strict=True) if not found]
+        each.rejected += [_unsound(s, part, found[0]) for s, found in zip(there, problems, strict=True) if found]
 
 
 def write_generated(

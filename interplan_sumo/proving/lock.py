@@ -80,7 +80,7 @@ def network_hash(map_name: str) -> str:
 
 def initial_actors_hash(scenario: Scenario) -> str:
     """Over the actors of seed 0 at t = 0, to the millimetre."""
-    with open_traffic(scenario, load_roads(scenario.map)) as traffic:
+    with open_traffic(scenario, load_roads(scenario.map, scenario.maps_beside)) as traffic:
         actors = traffic.observe().actors
         lines = [f"{i} {traffic.behaviours.get(i, '')}".encode() for i in actors.ids]
     columns = (actors.x_m, actors.y_m, actors.heading_rad, actors.length_m, actors.width_m, actors.speed_mps)

@@ -51,7 +51,7 @@ def staged(kind: str, count: int = 4) -> list[Staged]:
     found: list[Staged] = []
     for candidate in _candidates(kind):
         scenario = replace(candidate, id=f"{kind}/{len(found)}", family=kind)
-        if start_problems(scenario, load_roads(scenario.map)):
+        if start_problems(scenario, load_roads(scenario.map, scenario.maps_beside)):
             continue
         verdict: Verdict = certify(scenario)
         if verdict.certificate is None:

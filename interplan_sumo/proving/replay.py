@@ -21,7 +21,7 @@ def replay(scenario: Scenario, track: EgoTrack, *, seed: int = 0) -> Trace:
     and not from a plan, so the trace holds no plans. TrafficError if SUMO fails.
     """
     frames = min(len(track), round(scenario.duration_s / DT_S))
-    roads = load_roads(scenario.map)
+    roads = load_roads(scenario.map, scenario.maps_beside)
     states = [start_state(scenario, roads), *(track.state(k) for k in range(1, frames))]
     actors: list[Actors] = []
     signals: list[Signals] = []
@@ -41,5 +41,5 @@ def replay(scenario: Scenario, track: EgoTrack, *, seed: int = 0) -> Trace:
 
 def first_frame(scenario: Scenario, *, seed: int = 0) -> Trace:
     """A trace of the first frame only."""
-    roads = load_roads(scenario.map)
+    roads = load_roads(scenario.map, scenario.maps_beside)
     return replay(scenario, EgoTrack.of([start_state(scenario, roads)]), seed=seed)

@@ -102,7 +102,7 @@ class _Search:
     """What is known of a scenario, and the tries that come of it."""
 
     def __init__(self, scenario: Scenario, reference: Trace) -> None:
-        roads = load_roads(scenario.map)
+        roads = load_roads(scenario.map, scenario.maps_beside)
         self._scenario, self._course = scenario, course(scenario, roads)
         self._frames = round(scenario.duration_s / DT_S)
         self._first = rounded(start_state(scenario, roads))

@@ -58,7 +58,7 @@ def start_problems(scenario: Scenario, roads: Roads, *, with_traffic: bool = Tru
 def validate(scenario: Scenario, *, with_traffic: bool = True) -> list[str]:
     """`start_problems` on the scenario's own map; a map that cannot be used is a problem, too."""
     try:
-        roads = load_roads(scenario.map)
+        roads = load_roads(scenario.map, scenario.maps_beside)
     except InputError as error:
         return [f"map: {error}"]
     return start_problems(scenario, roads, with_traffic=with_traffic)

@@ -30,8 +30,7 @@ def traffic_problems(scenario: Scenario, roads: Roads) -> list[str]:
     as well), and who brakes at 3 m/s2 or more in the first step while the ego holds its speed.
     Obstacles and pedestrians count as well, but not what they do to one another.
     """
-    demand = scenario.traffic
-    if demand.density == demand.oncoming == "none" and not scenario.vehicles:
+    if not scenario.has_traffic:
         return []
     with open_traffic(scenario, roads) as traffic:
         before = traffic.observe().actors

@@ -24,7 +24,7 @@ from interplan_sumo.scenario.scenario import (
 )
 from interplan_sumo.scenario.sites import Site, UnsuitableError, edges_m, site_at, walk
 from interplan_sumo.world.geometry import wrap_angle
-from interplan_sumo.world.roads import Connector, Roads, Turn
+from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Connector, Roads, Turn
 
 PARKING_M: Final = 2.0
 """Width beside the lane in which a car can park without reaching into it."""
@@ -247,10 +247,7 @@ def _scenario(
 
 
 def _limit_mps(roads: Roads, place: LanePlace) -> float:
-    limit_mps = roads[place.lane].speed_limit_mps
-    if limit_mps is None:
-        raise UnsuitableError("the lane has no speed limit")
-    return limit_mps
+    return roads[place.lane].speed_limit_mps or USUAL_LIMIT_MPS
 
 
 def _some(rng: np.random.Generator) -> Density:

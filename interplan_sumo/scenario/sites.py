@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
 from interplan_sumo.scenario.scenario import LanePlace
 from interplan_sumo.world.geometry import wrap_angle
-from interplan_sumo.world.roads import DrivingSide, Lane, Roads
+from interplan_sumo.world.roads import USUAL_LIMIT_MPS, DrivingSide, Lane, Roads
 
 STEP_M = 10.0
 """Places are looked for this far apart along a lane."""
@@ -23,6 +23,8 @@ ROOM_M = 16.0
 """What happens at a site needs this much of its lane before and behind it."""
 IN_LANE_M = 6.0
 """Start and goal keep this distance from the ends of their lane: the car's length and some."""
+SHORTER = (1.0, 0.7, 0.5, 0.3)
+"""Where the road is too short for the usual way to a site and on from it, these shares of it are tried."""
 CENTIMETRES = 2
 """Measures are rounded to this many decimals: a site is data that people read."""
 
@@ -44,6 +46,7 @@ class Site:
     route: tuple[str, ...]
     driving_side: DrivingSide
     limit_mps: float
+    """Of the lane, or the usual one where the map knows none."""
     width_m: float
     """Of the lane."""
     left_edge_m: float
@@ -58,6 +61,8 @@ class Site:
     """How far the road turns from the start to the goal."""
     beside_start: tuple[str, ...] = ()
     """All lanes of the ego's direction at the start, from left to right."""
+    run_up_m: float | None = None
+    """From the start to the site, where that is less than usual."""
 
     @property
     def kerb(self) -> int:
@@ -108,8 +113,6 @@ def site_at(
     Raises UnsuitableError with a plain reason.
     """
     lane = roads.lanes[lane_id]
-    if lane.speed_limit_mps is None:
-        raise UnsuitableError("the lane has no speed limit")
     if not room_m <= at_m <= lane.centerline.length_m - room_m:
         raise UnsuitableError(f"an end of the lane is nearer than {room_m:.0f} m")
     before, start = walk(roads, lane_id, at_m, -approach_m)
@@ -127,7 +130,7 @@ def site_at(
         goal=goal,
         route=roads.route_through(chain),
         driving_side=roads.driving_side,
-        limit_mps=round(lane.speed_limit_mps, CENTIMETRES),
+        limit_mps=round(lane.speed_limit_mps or USUAL_LIMIT_MPS, CENTIMETRES),
         width_m=round(lane_width_m(lane, at_m), CENTIMETRES),
         left_edge_m=round(left_edge_m, CENTIMETRES),
         right_edge_m=round(right_edge_m, CENTIMETRES),
@@ -137,6 +140,25 @@ def site_at(
         bend_rad=round(float(wrap_angle(headings[1] - headings[0])), CENTIMETRES) + 0.0,
         beside_start=roads.roadblocks[roads[start.lane].roadblock_id].lane_ids,
     )
+
+
+def roomiest_site_at(roads: Roads, lane_id: str, at_m: float, *, approach_m: float, beyond_m: float) -> Site:
+    """`site_at` with the usual way to the site and on, or with as much of it as the road has, at least 30 %.
+
+    UnsuitableError, with the reason why not even that does.
+    """
+    reason: UnsuitableError | None = None
+    for share in SHORTER:
+        try:
+            site = site_at(
+                roads, lane_id, at_m, approach_m=share * approach_m, beyond_m=share * beyond_m, room_m=share * ROOM_M
+            )
+        except UnsuitableError as error:
+            reason = error
+        else:
+            return site if share == 1.0 else replace(site, run_up_m=round(share * approach_m, CENTIMETRES))
+    assert reason is not None
+    raise reason
 
 
 def places(roads: Roads, step_m: float = STEP_M) -> Iterator[tuple[str, float]]:

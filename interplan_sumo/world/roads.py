@@ -24,6 +24,9 @@ from interplan_sumo.world.geometry import Polyline
 
 DrivingSide = Literal["left", "right"]
 
+USUAL_LIMIT_MPS = 13.89
+"""Stands in where a map knows no limit: 50 km/h, the usual one in towns."""
+
 
 class Turn(IntEnum):
     """Turn of a connector, with nuPlan's codes."""

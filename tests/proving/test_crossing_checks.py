@@ -74,7 +74,7 @@ def test_who_brakes_from_the_trigger_on_is_never_walked_into() -> None:
     assert not any("brakes" in text for text in crossing_problems(jaywalk(crossing(ahead_m=-3.0)), ONE_LANE))
 
 
-@pytest.mark.parametrize(("limit_mps", "sound"), [(13.93, True), (13.95, False), (None, False)])
+@pytest.mark.parametrize(("limit_mps", "sound"), [(13.93, True), (13.95, False), (None, True)])
 def test_the_limit_is_50_km_h_or_less(limit_mps: float | None, sound: bool) -> None:
     found = crossing_problems(jaywalk(crossing()), straight_road(length_m=300.0, limit_mps=limit_mps))
     assert (found == []) == sound

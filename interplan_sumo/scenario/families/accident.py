@@ -9,7 +9,7 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.families.shapes import CLEARANCE_M, PASSING_M, reach_m, start_speed_mps
 from interplan_sumo.scenario.scenario import Behaviour, Density, LanePlace, Obstacle, Scenario, TrafficDemand
-from interplan_sumo.scenario.sites import Site, UnsuitableError, site_at
+from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.roads import Roads
 
@@ -80,7 +80,7 @@ def accident(
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     """A road with a second lane to pass on, of whatever direction; UnsuitableError otherwise."""
-    site = site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
+    site = roomiest_site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
     if site.limit_mps > FASTEST_MPS:
         raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, crashes stand on roads of {FASTEST_MPS} or less")
     if site.lanes_far + site.lanes_near == 0 and site.oncoming_m < PACIFICA.width_m:

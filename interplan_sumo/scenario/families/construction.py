@@ -10,7 +10,7 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.families.shapes import LARGEST_OFFSET_M, PASSING_M, start_speed_mps
 from interplan_sumo.scenario.scenario import OBSTACLES, Behaviour, Density, LanePlace, Obstacle, Scenario, TrafficDemand
-from interplan_sumo.scenario.sites import Site, UnsuitableError, site_at
+from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 
@@ -130,7 +130,7 @@ _LAYOUT: Final = {"row": _row, "taper": _taper, "ring": _ring, "wedge": _wedge}
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     """A stretch without lights whose lane can be left, or passed on the own side; UnsuitableError otherwise."""
-    site = site_at(roads, lane_id, at_m, approach_m=APPROACH_M[1], beyond_m=BEYOND_M)
+    site = roomiest_site_at(roads, lane_id, at_m, approach_m=APPROACH_M[1], beyond_m=BEYOND_M)
     if site.limit_mps > FASTEST_MPS:
         raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, works need {FASTEST_MPS} or less")
     if site.lanes_far + site.lanes_near == 0 and site.oncoming_m == 0.0:

@@ -11,7 +11,7 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.families.shapes import start_speed_mps
 from interplan_sumo.scenario.scenario import OBSTACLES, Jaywalker, LanePlace, Obstacle, Scenario
-from interplan_sumo.scenario.sites import Site, UnsuitableError, site_at
+from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
 from interplan_sumo.scenario.trigger import trigger_distance_m
 from interplan_sumo.world.roads import Roads
 
@@ -115,7 +115,7 @@ def walking_speeds_mps(site: Site, *, far: bool) -> tuple[float, float]:
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     """A road of at most 50 km/h with a kerb near enough to come from; UnsuitableError otherwise."""
-    site = site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
+    site = roomiest_site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
     if site.limit_mps > FASTEST_MPS:
         raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, jaywalkers need {FASTEST_MPS} or less")
     walking_speeds_mps(site, far=False)

@@ -16,7 +16,7 @@ FAMILIES: Final[dict[str, Density]] = {
     "lane_change_mtd": "medium",
     "lane_change_htd": "high",
 }
-APPROACHES_M: Final = (280.0, 240.0, 200.0, 160.0)
+APPROACHES_M: Final = (280.0, 240.0, 200.0, 160.0, 120.0)
 """From the start to the goal line: the longest that a place has room for."""
 PER_CHANGE_M: Final = 70.0
 """A lane change takes about this much road; nothing is asked for that physics forbids."""

@@ -9,7 +9,7 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.families.shapes import LARGEST_OFFSET_M, PASSING_M, start_speed_mps
 from interplan_sumo.scenario.scenario import OBSTACLES, LanePlace, Obstacle, ObstacleKind, Scenario
-from interplan_sumo.scenario.sites import Site, UnsuitableError, site_at
+from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
 from interplan_sumo.world.roads import Roads
 
 APPROACH_M: Final = 70.0
@@ -46,7 +46,7 @@ def nudge(id: str, *, site: Site, offset_m: float, kind: ObstacleKind = "car", t
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     """A kerb lane of a road that is not too fast, and wide enough to pass on; UnsuitableError otherwise."""
-    site = site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
+    site = roomiest_site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
     if site.limit_mps > FASTEST_MPS:
         raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, cars park on roads of {FASTEST_MPS} or less")
     if site.lanes_near:

@@ -19,7 +19,7 @@ from interplan_sumo.scenario.scenario import (
     Scenario,
     TrafficDemand,
 )
-from interplan_sumo.scenario.sites import Site, UnsuitableError, site_at
+from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.roads import Roads
 
@@ -74,7 +74,7 @@ def overtake(
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     """A two-way road with one lane per direction and room to pass; UnsuitableError otherwise."""
-    site = site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
+    site = roomiest_site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
     if site.limit_mps > FASTEST_MPS:
         raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, cars park on roads of {FASTEST_MPS} or less")
     if site.lanes_near + site.lanes_far:

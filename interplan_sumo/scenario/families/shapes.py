@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import cos, sin
+from math import cos, sin, sqrt
 from typing import Final
 
 from interplan_sumo.scenario.scenario import Obstacle
@@ -18,11 +18,17 @@ LARGEST_OFFSET_M: Final = 1.4
 """The ego can pass on its own side of the road up to this lateral offset (decisions.md, nudge)."""
 START_SHARE: Final = 0.8
 """The ego starts at this share of the speed limit."""
+EASY_MPS2: Final = 2.0
+STANDOFF_M: Final = 12.0
+"""With a short run-up the ego can stop at `EASY_MPS2` so far before the site; half of it is the car's own length."""
 
 
 def start_speed_mps(site: Site) -> float:
-    """A usual speed for a car under way on this road."""
-    return round(START_SHARE * site.limit_mps, 1)
+    """A usual speed for a car under way on this road, less where the run-up is too short to stop from it at ease."""
+    usual_mps = START_SHARE * site.limit_mps
+    if site.run_up_m is not None:
+        usual_mps = min(usual_mps, sqrt(2.0 * EASY_MPS2 * max(site.run_up_m - STANDOFF_M, 1.0)))
+    return round(usual_mps, 1)
 
 
 def reach_m(obstacles: Iterable[Obstacle], kerb: int) -> tuple[float, float]:
