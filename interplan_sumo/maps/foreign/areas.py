@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.foreign.ribbon import largest, polygons_in, sound
+from interplan_sumo.maps.foreign.ribbon import largest, polygons_in
 from interplan_sumo.maps.foreign.signs import Controls
 from interplan_sumo.maps.rules import overlapping
 from interplan_sumo.world.roads import (
@@ -41,13 +41,12 @@ def clipped(surfaces: Mapping[str, shapely.Polygon]) -> dict[str, shapely.Polygo
 
 
 def surface_of(polygons: Sequence[shapely.Polygon]) -> shapely.Polygon:
-    """The one surface that some polygons side by side cover, gaps of a millimetre between them closed."""
+    """The one surface that some polygons side by side cover, without holes; their hull where they lie apart."""
     if len(polygons) == 1:
         return polygons[0]
     grown = shapely.union_all([shapely.buffer(p, _TOUCH_M, join_style="mitre") for p in polygons])
-    shrunk = shapely.buffer(grown, -_TOUCH_M, join_style="mitre")
-    parts = [shapely.Polygon(part.exterior) for part in polygons_in(shrunk)]
-    return sound(parts[0]) if len(parts) == 1 else largest(shapely.convex_hull(grown))
+    whole = polygons_in(grown)
+    return shapely.Polygon(whole[0].exterior) if len(whole) == 1 else largest(shapely.convex_hull(grown))
 
 
 def numbered(shapes: Sequence[shapely.Geometry]) -> tuple[Area, ...]:

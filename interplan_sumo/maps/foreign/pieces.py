@@ -33,6 +33,8 @@ SHORTEST_BETWEEN_M = 20.0
 """A free stretch between two overlaps: a shorter one lies within an intersection, and nobody should wait there."""
 SHORTEST_WHOLE_M = 1.5
 """A section free from end to end."""
+CROSSING_SHARE, LONGEST_CROSSING_M = 0.4, 80.0
+"""A section no longer than this, of which so much overlaps, leads through an intersection: all of it is connectors."""
 STUB_M = 2.0
 """The lane that stands where an overlap leads out of the map."""
 
@@ -171,6 +173,8 @@ def _turns(
     """Lanes and connectors in turn along a section, from the cells that are taken."""
     if not taken.any():
         return (Piece(0.0, length_m, length_m >= SHORTEST_WHOLE_M or open_start or open_end),)
+    if taken.mean() >= CROSSING_SHARE and length_m <= LONGEST_CROSSING_M:
+        taken = np.ones_like(taken)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], taken, [False])).astype(np.int8)))
     busy = [
         [max(0.0, float(stations[a]) - MARGIN_M), min(length_m, float(stations[b]) + MARGIN_M)]
