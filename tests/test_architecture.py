@@ -15,7 +15,7 @@ PLANNERS = ROOT / "planners" / "interplan_planners"
 # Each room and the rooms it may import from. A module of the package's root is a room of its own.
 BASE = {"errors", "resources"}
 LAYER_0 = {"world"}
-LAYER_1 = {"maps", "dynamics", "planner", "plan_check", "scenario", "tiny_worlds"}
+LAYER_1 = {"maps", "dynamics", "planner", "plan_check", "recordings", "scenario", "tiny_worlds"}
 LAYER_2 = {"simulation", "metrics"}
 LAYER_3 = {"proving", "batch", "report", "testing", "doctor"}
 MAY_IMPORT: dict[str, set[str]] = {
@@ -26,6 +26,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "plan_check": BASE | LAYER_0,
     "dynamics": BASE | LAYER_0,
     "maps": BASE | LAYER_0,
+    "recordings": BASE | LAYER_0,
     "scenario": BASE | LAYER_0,
     "tiny_worlds": BASE | LAYER_0 | {"planner"},
     "_check_worlds": BASE | LAYER_0 | {"planner", "tiny_worlds"},

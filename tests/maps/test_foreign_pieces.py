@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -58,13 +60,13 @@ def test_lanes_that_only_follow_one_another_are_one_section() -> None:
         ({"lights_at_start": ("7",)}, 2),
     ],
 )
-def test_a_section_ends_where_something_changes(change: dict[str, object], sections_found: int) -> None:
+def test_a_section_ends_where_something_changes(change: dict[str, Any], sections_found: int) -> None:
     lanes = linked([straight("a", 0, 50), straight("b", 50, 100, **change)], [("a", "b")])
     assert len(sections(world(lanes))) == sections_found
 
 
 @pytest.mark.parametrize("change", [{"lights_at_end": ("7",)}, {"sign_at_end": StopLineKind.YIELD}])
-def test_a_section_ends_at_a_light_or_a_sign(change: dict[str, object]) -> None:
+def test_a_section_ends_at_a_light_or_a_sign(change: dict[str, Any]) -> None:
     lanes = linked([straight("a", 0, 50, **change), straight("b", 50, 100)], [("a", "b")])
     assert len(sections(world(lanes))) == 2
 

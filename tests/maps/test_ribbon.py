@@ -58,13 +58,22 @@ def test_neighbours_share_their_boundary_exactly_wherever_they_are_cut() -> None
     assert shapely.area(shapely.intersection(piece.polygon(0), piece.polygon(1))) < 1e-9
 
 
+@pytest.mark.parametrize("gap_m", [0.4, -0.4])
+def test_ends_that_nearly_meet_are_welded_half_way(gap_m: float) -> None:
+    one = straight(1.5, -1.5)
+    both = one.joined(Ribbon(one.across + np.array((20.0 + gap_m, 0.0))))
+    assert both.length_m == pytest.approx(40.0 + gap_m)
+    assert (np.diff(both.across[:, 0, 0]) > 0.0).all()
+    assert 20.0 + gap_m / 2.0 == pytest.approx(both.across[np.argmin(abs(both.across[:, 0, 0] - 20.0)), 0, 0], abs=0.01)
+
+
 def test_joined_ribbons_have_one_cross_section_at_the_seam() -> None:
     one = straight(1.5, -1.5)
     two = Ribbon(one.across + np.array((20.0, 0.0)))
     both = one.joined(two)
     assert len(both.across) == len(one.across) + len(two.across) - 1
     assert both.length_m == pytest.approx(40.0)
-    apart = one.joined(Ribbon(two.across + np.array((0.5, 0.0))))
+    apart = one.joined(Ribbon(two.across + np.array((0.7, 0.0))))
     assert len(apart.across) == len(one.across) + len(two.across)
 
 

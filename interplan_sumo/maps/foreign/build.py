@@ -106,7 +106,7 @@ class _Drawing:
 
     def _lane(self, node: Node, id_: str, block: str, ribbon: Ribbon) -> Lane:
         line = ribbon.centerline(node.lane)
-        self.origins[id_] = self._origins((node,), line)
+        self.origins[id_] = self._origins((node,), (0.0, 0.0), line)
         first = self.ground.sections[node.section].columns[node.lane][0]
         return Lane(
             id=id_,
@@ -141,7 +141,7 @@ class _Drawing:
 
     def _connector(self, way: Way, id_: str, block: str) -> Connector:
         line = way.ribbon.centerline()
-        self.origins[id_] = self._origins(way.parts, line)
+        self.origins[id_] = self._origins(way.parts, way.drawn_m, line)
         polygon = way.ribbon.polygon()
         if polygon.is_empty:
             polygon = shapely.buffer(line.linestring, 1.0, cap_style="flat")
@@ -177,16 +177,18 @@ class _Drawing:
         piece = self.ground.piece(node)
         return self.ground.sections[node.section].stretches(node.lane, piece.start_m, piece.end_m)
 
-    def _origins(self, nodes: Sequence[Node], line: Polyline) -> tuple[Origin, ...]:
-        """Origins along a line, whose length the nodes share by theirs."""
-        rows = [row for node in nodes for row in self._stretches(node)]
-        total = sum(row.length_m for row in rows) or 1.0
+    def _origins(self, nodes: Sequence[Node], drawn_m: Sequence[float], line: Polyline) -> tuple[Origin, ...]:
+        """Origins along a line, whose length the nodes, and what was drawn before and behind each, share by theirs."""
+        rows = [self._stretches(node) for node in nodes]
+        total = sum(drawn_m) + sum(row.length_m for own in rows for row in own)
         found: list[Origin] = []
         at = 0.0
-        for source_id, first, last, length_m in rows:
-            to = at + length_m / total * line.length_m
-            found.append(Origin(source_id, round(first, 6), round(last, 6), round(at, 3), round(to, 3)))
-            at = to
+        for own, gap_m in zip(rows, drawn_m, strict=False):
+            at += gap_m / total * line.length_m
+            for source_id, first, last, length_m in own:
+                to = at + length_m / total * line.length_m
+                found.append(Origin(source_id, round(first, 6), round(last, 6), round(at, 3), round(to, 3)))
+                at = to
         return tuple(found)
 
     def notes(self) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -14,8 +14,10 @@ from interplan_sumo.world.roads import Roads
 
 LENGTH_SHARE = 0.02
 """Two readings of a lane's length may differ by this share, since a curb and a centre line are not equally long,"""
-LENGTH_M = 0.5
-"""or by so much."""
+LENGTH_M = 1.5
+"""or by so much: where the sides of a short, wide lane differ, so do middles drawn in different ways."""
+TOTAL_SHARE = 0.005
+"""All lanes together may differ by this share."""
 COVERED_M = 1.5
 """A lane may lack so much at its ends: joints and margins where nothing follows."""
 LIMIT_MPS = 0.01
@@ -51,13 +53,18 @@ def compare(roads: Roads, record: ImportRecord, count: SourceCount) -> SourceRep
     """The map, by its record, against a second reading of its file."""
     found = _Found(roads, record)
     file_links, map_links = count.links, found.links()
-    lit = found.lit()
+    lit, unknown = found.lit(count.lit)
     limits = found.limits()
     problems = [
         *_different("lane", count.lane_length_m, found.covered),
         *_lengths(count, found),
+        *_total(sum(count.lane_length_m.values()), sum(found.length_m.values())),
         *_different("link", map(_arrow, file_links), map(_arrow, map_links)),
-        *_different("light at lane", count.lit, lit),
+        *(
+            f"lane {lane} lies at a traffic light in the file, and at none in the map"
+            for lane in sorted(count.lit - lit)
+        ),
+        *(f"connector {id_} lies under a traffic light that the file does not have" for id_ in unknown),
         *_limit_problems(count.limit_mps, limits),
     ]
     if count.crosswalks != len(roads.crosswalks):
@@ -110,15 +117,19 @@ class _Found:
                 found.update(_steps((start[-1], *self._origins.get(id_, ()), end[0])))
         return frozenset(found)
 
-    def lit(self) -> frozenset[str]:
-        """Lanes of the file that lie before or on a connector under a light, or follow it at once."""
+    def lit(self, in_file: Set[str]) -> tuple[frozenset[str], list[str]]:
+        """Lanes at a light that lie before, on or behind a connector under one; connectors without such a lane."""
         found: set[str] = set()
+        unknown: list[str] = []
         for id_, connector in self._roads.connectors.items():
             if connector.has_traffic_light:
                 start = self._origins.get(connector.from_lane_id, ())
                 end = self._origins.get(connector.to_lane_id, ())
-                found.update(row.source_id for row in (*start[-1:], *self._origins.get(id_, ()), *end[:1]))
-        return frozenset(found)
+                near = {row.source_id for row in (*start[-1:], *self._origins.get(id_, ()), *end[:1])} & in_file
+                found |= near
+                if not near:
+                    unknown.append(id_)
+        return frozenset(found), unknown
 
     def limits(self) -> dict[str, float]:
         """Lanes of the file with the limit that the map gives them: that of its lanes, else the lowest on the way."""
@@ -175,6 +186,11 @@ def _lengths(count: SourceCount, found: _Found) -> Iterable[str]:
             yield f"lane {lane}: {(1.0 - share) * length_m:.1f} of its {length_m:.1f} m are missing in the map"
         elif abs(found.length_m[lane] / share - length_m) > max(LENGTH_M, LENGTH_SHARE * length_m):
             yield f"lane {lane} is {length_m:.2f} m long in the file, {found.length_m[lane] / share:.2f} m in the map"
+
+
+def _total(file_m: float, map_m: float) -> Iterable[str]:
+    if abs(file_m - map_m) > max(LENGTH_M, TOTAL_SHARE * file_m):
+        yield f"all lanes together are {file_m:.1f} m long in the file, {map_m:.1f} m in the map"
 
 
 def _limit_problems(in_file: Mapping[str, float], in_map: Mapping[str, float]) -> Iterable[str]:

@@ -14,6 +14,8 @@ from interplan_sumo.world.geometry import Floats, Polyline
 
 SPACING_M = 0.9
 """Cross-sections are at most this far apart: nuPlan's planners take headings from the vertices."""
+WELDED_M = 0.6
+"""Ends no further apart than this are meant to be one."""
 _SAME_M = 0.01  # vertices closer than this along a line are one
 
 
@@ -83,9 +85,17 @@ class Ribbon:
         return (1.0 - share) * self.across[row] + share * self.across[row + 1]
 
     def joined(self, other: Ribbon) -> Ribbon:
-        """This ribbon followed by another of as many lanes; a seam where both nearly meet becomes one cross-section."""
+        """This ribbon followed by another of as many lanes; where they nearly meet they are welded half-way.
+
+        Ends further apart than `WELDED_M` are joined by a straight piece.
+        """
         gap_m = float(np.hypot(*(other.across[0] - self.across[-1]).T).max())
-        return Ribbon(np.concatenate((self.across, other.across[1 if gap_m < 2.0 * _SAME_M else 0 :])))
+        if gap_m > WELDED_M:
+            return Ribbon(np.concatenate((self.across, other.across)))
+        before = self.across[:-1][self.station_m[:-1] < max(self.length_m - gap_m, _SAME_M)]
+        after = other.across[1:][other.station_m[1:] > min(gap_m, other.length_m - _SAME_M)]
+        seam = (self.across[-1:] + other.across[:1]) / 2.0
+        return Ribbon(np.concatenate((before, seam, after)))
 
     def lane(self, index: int) -> Ribbon:
         """One lane of it."""

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from interplan_sumo.maps.foreign.ribbon import Ribbon
+from interplan_sumo.maps.foreign.ribbon import WELDED_M, Ribbon
 from interplan_sumo.maps.foreign.source import SourceLane, SourceMap
 
-ADJOINING_M = 0.6
+ADJOINING_M = WELDED_M
 """Neighbours whose boundaries are further apart than this at an end are not side by side."""
 
 Row = tuple[str, ...]

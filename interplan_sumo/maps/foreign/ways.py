@@ -39,6 +39,8 @@ class Way:
     end: Node
     ribbon: Ribbon
     """Of one lane, from end to start exactly."""
+    drawn_m: tuple[float, ...]
+    """Length of the curve drawn over a gap before each part and before the end; 0 where both meet."""
 
 
 @dataclass(eq=False)
@@ -89,12 +91,10 @@ def ways(ground: Ground) -> tuple[Way, ...]:
         if not ground.piece(start).is_lane:
             continue
         for parts, end in _paths(ground, start):
-            ribbon = _surface(ground, (start, *parts, end), torn)
-            if ribbon is None:
-                continue
+            way = _way(ground, (start, *parts, end), torn)
             known = best.get((start, end))
-            if known is None or ribbon.length_m < known.ribbon.length_m:
-                best[start, end] = Way(start, parts, end, ribbon)
+            if way is not None and (known is None or way.ribbon.length_m < known.ribbon.length_m):
+                best[start, end] = way
     ground.torn.extend((a, b, gap_m) for (a, b), gap_m in torn.items())
     return tuple(best.values())
 
@@ -110,9 +110,10 @@ def _paths(ground: Ground, start: Node) -> Iterator[tuple[tuple[Node, ...], Node
             stack += [(*path, node) for node in reversed(ground.following(path[-1])) if node not in path]
 
 
-def _surface(ground: Ground, path: Sequence[Node], torn: dict[tuple[Node, Node], float]) -> Ribbon | None:
-    """The surface between the first and the last lane of a path; None where the path is torn."""
+def _way(ground: Ground, path: Sequence[Node], torn: dict[tuple[Node, Node], float]) -> Way | None:
+    """What lies between the first and the last lane of a path; None where the path is torn."""
     found: Ribbon | None = None
+    drawn_m: list[float] = []
     before = ground.ribbon(path[0])
     for here, there in pairwise(path):
         after = ground.ribbon(there)
@@ -123,10 +124,12 @@ def _surface(ground: Ground, path: Sequence[Node], torn: dict[tuple[Node, Node],
         if gap_m > MEETING_M:
             curve = bridge(before, after)
             found = curve if found is None else found.joined(curve)
+        drawn_m.append(gap_m if gap_m > MEETING_M else 0.0)
         if there != path[-1]:
             found = after if found is None else found.joined(after)
         before = after
     if found is None:  # two lanes that meet, with nothing between: cannot be, joints give each a piece
         return None
     start, end = ground.ribbon(path[0]).middles[-1, 0], ground.ribbon(path[-1]).middles[0, 0]
-    return found.moved(start - found.middles[0, 0], end - found.middles[-1, 0])
+    whole = found.moved(start - found.middles[0, 0], end - found.middles[-1, 0])
+    return Way(path[0], tuple(path[1:-1]), path[-1], whole, tuple(drawn_m))

@@ -1,0 +1,1 @@
+"""Layer 1: recordings of real traffic, each format made a `Recording`."""

@@ -1,0 +1,124 @@
+"""maps import and maps check --source: what is printed, and one line for whatever goes wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from interplan_sumo.cli import main
+from tests.maps.argoverse_files import street, written
+
+
+def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    capsys.readouterr()
+    code = main([str(argument) for argument in arguments])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.fixture
+def tile(tmp_path: Path) -> Path:
+    """A small Argoverse 2 map file."""
+    return written(street(), tmp_path)
+
+
+def test_an_imported_map_is_named_after_its_folder_and_passes_both_checks(
+    capsys: pytest.CaptureFixture[str], tile: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "my_street"
+    code, said, _ = ran(capsys, "maps", "import", tile, "--format", "argoverse2", "--out", out, "--json")
+    assert code == 0
+    entry = json.loads(said)
+    assert entry["name"] == "my_street"
+    assert Path(entry["path"]) == out / "1.0"
+    assert entry["lanes"] > 0
+    assert {path.name for path in (out / "1.0").iterdir()} == {"map.gpkg", "map.net.xml.gz", "ids.json", "import.json"}
+    code, said, _ = ran(capsys, "maps", "check", out, "--source", tile, "--json")
+    assert code == 0
+    report = json.loads(said)
+    assert report["ok"] is True
+    assert report["source"]["lanes"]["file"] == report["source"]["lanes"]["map"] > 0
+    assert report["lane_deviation_m"]["max"] < 0.05
+
+
+def test_the_tables_for_people_show_the_file_beside_the_map(
+    capsys: pytest.CaptureFixture[str], tile: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "street"
+    code, said, _ = ran(capsys, "maps", "import", tile.parent, "--format", "argoverse2", "--out", out)
+    assert code == 0
+    assert "note: The format has no speed limits" in said
+    assert "maps check" in said
+    code, said, _ = ran(capsys, "maps", "check", out, "--source", tile)
+    assert code == 0
+    for word in ("lane_km", "against log_map_archive", "file", "map", "leaving"):
+        assert word in said
+
+
+def test_a_changed_source_file_fails_the_check(capsys: pytest.CaptureFixture[str], tile: Path, tmp_path: Path) -> None:
+    out = tmp_path / "street"
+    ran(capsys, "maps", "import", tile, "--format", "argoverse2", "--out", out)
+    content = json.loads(tile.read_text())
+    lost = next(iter(content["lane_segments"]))
+    del content["lane_segments"][lost]
+    tile.write_text(json.dumps(content))
+    code, said, _ = ran(capsys, "maps", "check", out, "--source", tile, "--json")
+    assert code == 1
+    problems = "\n".join(json.loads(said)["problems"])
+    assert "its checksum differs" in problems
+    assert f"lane {lost} of the map is not in the file" in problems
+
+
+def test_a_nuplan_map_is_taken_as_it_is(capsys: pytest.CaptureFixture[str], tile: Path, tmp_path: Path) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    ran(capsys, "maps", "import", tile, "--format", "argoverse2", "--out", first)
+    gpkg = first / "1.0" / "map.gpkg"
+    code, _, _ = ran(capsys, "maps", "import", gpkg, "--format", "nuplan", "--out", second)
+    assert code == 0
+    code, _, _ = ran(capsys, "maps", "check", second, "--source", gpkg)
+    assert code == 0
+
+
+@pytest.mark.parametrize(
+    ("source", "format", "words"),
+    [
+        ("nowhere.json", "argoverse2", "there is no file"),
+        (".", "lanelet2", r"holds 0 files \*\.osm; name one file"),
+        ("log_map_archive_a.json", "argovers2", "Did you mean 'argoverse2'"),
+        ("log_map_archive_a.json", "argoverse2", "log_map_archive_a.json"),
+        ("log_map_archive_a.json", "lanelet2", "log_map_archive_a.json"),
+        ("log_map_archive_a.json", "commonroad", "log_map_archive_a.json"),
+        ("log_map_archive_a.json", "sumo", "log_map_archive_a.json"),
+        ("log_map_archive_a.json", "nuplan", "log_map_archive_a.json"),
+    ],
+)
+def test_bad_input_is_one_clear_line(
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    source: str,
+    format: str,
+    words: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "log_map_archive_a.json").write_text("{ not a map")
+    code, said, error = ran(capsys, "maps", "import", source, "--format", format, "--out", "out")
+    assert code == 2
+    assert said == ""
+    assert len(error.strip().splitlines()) == 1
+    assert re.search(words, error), error
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_map_is_not_overwritten_unless_asked_for(
+    capsys: pytest.CaptureFixture[str], tile: Path, tmp_path: Path
+) -> None:
+    command = ("maps", "import", tile, "--format", "argoverse2", "--out", tmp_path / "street")
+    assert ran(capsys, *command)[0] == 0
+    code, _, error = ran(capsys, *command)
+    assert code == 2
+    assert "exists; name another folder with --out, or give --overwrite" in error
+    assert ran(capsys, *command, "--overwrite")[0] == 0
