@@ -294,7 +294,7 @@ def _legend(axes: Axes, roads: Roads, limits: tuple[float, float] | None, title:
             kmh = 3.6 * (limits[0] + share * (limits[1] - limits[0]))
             entries.append(Patch(facecolor=(*shades(share)[:3], 0.45), label=f"limit {kmh:.0f} km/h"))
     if roads.generic_drivable_areas:
-        entries.append(Patch(facecolor=EXTRA, label="parking or bus bay"))
+        entries.append(Patch(facecolor=EXTRA, label="other paved ground"))
     side = f"{title} ({roads.driving_side}-hand traffic)"
     box = axes.legend(
         handles=entries,
