@@ -140,7 +140,7 @@ def _overlapped(polygons: Sequence[NDArray[np.object_]], ways: Links) -> list[ND
     lane = np.concatenate([np.tile(np.arange(p.shape[1]), p.shape[0]) for p in polygons])
     cell = np.concatenate([np.repeat(np.arange(p.shape[0]), p.shape[1]) for p in polygons])
     one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
-    apart = section[one] != section[other]
+    apart = (section[one] != section[other]) & (one < other)
     one, other = one[apart], other[apart]
     joined = {((s, i), end) for (s, i), ends in ways.ahead.items() for end in ends}
     joined |= {(b, a) for a, b in joined}
@@ -153,6 +153,7 @@ def _overlapped(polygons: Sequence[NDArray[np.object_]], ways: Links) -> list[ND
     )
     one, other = one[~linked], other[~linked]
     common = shapely.area(shapely.intersection(shapes[one], shapes[other]))
+    one, other, common = np.append(one, other), np.append(other, one), np.append(common, common)
     # Cells of the other lane lie behind one another, so what they share with this one adds up, lane by lane.
     lanes_of = section[other] * (int(lane.max(initial=0)) + 1) + lane[other]
     order = np.lexsort((lanes_of, one))
