@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -118,12 +117,8 @@ class _Lines:
 
     def along(self, id_: str, line: Polyline) -> Polyline:
         """The line `id_`, turned to run the way `line` does."""
-        points: Floats = self._parts[id_]
-        start, end = line.points[0].tolist(), line.points[-1].tolist()
-        first, last = points[0].tolist(), points[-1].tolist()
-        same = math.dist(first, start) + math.dist(last, end)
-        turned = math.dist(last, start) + math.dist(first, end)
-        return Polyline(points if same <= turned else points[::-1])
+        own = Polyline(self._parts[id_])
+        return own if own.runs_with(line) else Polyline(own.points[::-1])
 
 
 def _polyline(table: Table, row: int) -> Polyline:

@@ -11,14 +11,13 @@ import shapely
 from numpy.typing import NDArray
 
 from interplan_sumo.maps import schema
-from interplan_sumo.world.geometry import Floats, Polyline
+from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Area, Connector, Lane, LaneLike, Roadblock, Roads
 
 MAX_OVERLAP_M = 0.01
 """Lanes drawn with separate vertices along a shared curve overlap by millimetres; nobody drives there."""
 MAX_SPACING_M = 1.5
 """Vertices of a centre line: planners take headings from the nearest one. Written files keep to 1 m."""
-_SKEW_M = 10.0  # beyond this length a lane is longer than its ends can be askew
 MAX_ID = 2**53
 """Ids beyond this do not survive nuPlan's columns of doubles."""
 
@@ -146,17 +145,8 @@ def _line_problems(roads: Roads) -> Iterator[str]:
             yield f"{here}: vertices of its centre line lie {widest:.2f} m apart, at most {MAX_SPACING_M:g} m allowed"
         if _signed_area(np.concatenate((lane.right_boundary.points, lane.left_boundary.points[::-1]))) <= 0.0:
             yield f"{here}: its left boundary is not on the left of its right one in the direction of travel"
-        elif lane.centerline.length_m > 1.0 and _runs_against(lane.centerline.points, lane.left_boundary):
+        elif lane.centerline.length_m > 1.0 and not lane.left_boundary.runs_with(lane.centerline):
             yield f"{here}: its centre line runs against its boundaries"
-
-
-def _runs_against(points: Floats, boundary: Polyline) -> bool:
-    """Whether a line runs the other way than a boundary beside it."""
-    if boundary.length_m > _SKEW_M:
-        before, after = boundary.project(points[[0, -1]])[0]
-        return bool(after <= before)
-    # The ends of a short lane may be more askew than it is long.
-    return float((points[-1] - points[0]) @ (boundary.points[-1] - boundary.points[0])) <= 0.0
 
 
 def _signed_area(ring: Floats) -> float:

@@ -37,6 +37,10 @@ _MOST_STEPS = 36_000
 _STEP_S = (1e-3, 60.0)
 _LONGEST_M = 10_000.0
 _FASTEST_MPS = 1_000.0
+_STILL_MPS = 1e-3
+"""What moves no faster does not tell where it heads."""
+_TAGS = ("obstacle", "dynamicObstacle", "staticObstacle")
+"""The first is that of version 2018b."""
 _NOT_READ = {"environmentObstacle": "part of the surroundings", "phantomObstacle": "phantom obstacle"}
 
 
@@ -65,7 +69,7 @@ class _State:
     """To the left of the heading; along y where there is no heading."""
 
 
-class _Unusable(Exception):  # noqa: N818  (never leaves this module)
+class _UnusableError(Exception):
     """An obstacle that the file describes in a way that makes no track; the message says why."""
 
 
@@ -87,17 +91,17 @@ def read_commonroad_recording(path: Path) -> Recording:
     for element in (one for one, static in obstacles if not static):
         try:
             tracks += _moving(file, element)
-        except _Unusable as reason:
+        except _UnusableError as reason:
             left_out[str(reason)] += 1
     steps = max((track.end_step for track in tracks), default=1)
     for element in (one for one, static in obstacles if static):
         try:
             tracks.append(_standing(file, element, steps))
-        except _Unusable as reason:
+        except _UnusableError as reason:
             left_out[str(reason)] += 1
     twice = [id_ for id_, count in Counter(track.id for track in tracks).items() if count > 1]
     if twice:
-        raise InputError(f"{file.path}: two obstacles have the id {twice[0]}; every obstacle needs its own")
+        raise InputError(f"{file.path}: two obstacles have the id {twice[0]!r}; every obstacle needs its own")
     notes += [f"Not read, {reason}: {count}." for reason, count in sorted(left_out.items()) if count]
     notes += [_task(file, element) for element in file.parts.get("planningProblem", ())]
     return Recording(
@@ -107,9 +111,6 @@ def read_commonroad_recording(path: Path) -> Recording:
         tracks=tuple(sorted(tracks, key=lambda track: track.id)),
         notes=tuple(notes),
     )
-
-
-_TAGS = ("obstacle", "dynamicObstacle", "staticObstacle")
 
 
 def _is_static(element: Element) -> bool:
@@ -134,14 +135,14 @@ def _moving_states(file: CommonRoadFile, element: Element) -> list[_State]:
     """The states of a dynamic obstacle by step, the first of each; those without a place are skipped."""
     later = element.findall("trajectory/state")
     if not later and element.find("occupancySet") is not None:
-        raise _Unusable("obstacles with areas instead of a trajectory")
+        raise _UnusableError("obstacles with areas instead of a trajectory")
     states = [_state(file, element, state) for state in (*element.iterfind("initialState"), *later)]
     by_step: dict[int, _State] = {}
     for state in states:
         if state is not None:
             by_step.setdefault(state.step, state)
     if not by_step:
-        raise _Unusable("obstacles without a place")
+        raise _UnusableError("obstacles without a place")
     return [by_step[step] for step in sorted(by_step)]
 
 
@@ -194,7 +195,7 @@ def _box(file: CommonRoadFile, owner: Element, *, static: bool) -> _Box:
     shape = owner.find("shape")
     boxes = [_part(file, owner, one, static=static) for one in _simple(shape)] if shape is not None else []
     if not boxes:
-        raise _Unusable("obstacles without a shape")
+        raise _UnusableError("obstacles without a shape")
     return boxes[0] if len(boxes) == 1 else _around(np.concatenate([_corners(box) for box in boxes]), static=static)
 
 
@@ -228,7 +229,7 @@ def _part(file: CommonRoadFile, owner: Element, shape: Element, *, static: bool)
             raise file.fault(owner, "the polygon of the shape has fewer than three points")
         box = _around(corners, static=static)
     else:
-        raise _Unusable(f"obstacles of shape {shape.tag[:30]}")
+        raise _UnusableError(f"obstacles of shape {shape.tag[:30]}")
     if not (0.0 < box.length_m < _LONGEST_M and 0.0 < box.width_m < _LONGEST_M):
         raise file.fault(owner, f"the shape measures {box.length_m:g} x {box.width_m:g} m, which nothing does")
     return box
@@ -276,7 +277,7 @@ def _standing(file: CommonRoadFile, element: Element, steps: int) -> Track:
     initial = element.find("initialState")
     state = _state(file, element, initial) if initial is not None else None
     if state is None:
-        raise _Unusable("obstacles without a place")
+        raise _UnusableError("obstacles without a place")
     box = _box(file, element, static=True)
     still = replace(state, heading_rad=state.heading_rad or 0.0, speed_mps=0.0, sideways_mps=0.0)
     poses, velocity_mps = _motion(file, element, [still], box)
@@ -305,18 +306,7 @@ def _motion(file: CommonRoadFile, element: Element, states: Sequence[_State], bo
     heading = np.zeros(len(states))
     velocity = np.zeros((len(states), 2))
     for row, state in enumerate(states):
-        given = state.speed_mps is not None
-        velocity[row] = (state.speed_mps, state.sideways_mps) if given else moved[row]
-        if state.heading_rad is not None:
-            heading[row] = state.heading_rad
-            if given:
-                velocity[row] = _turned(velocity[row], state.heading_rad)
-        elif velocity[row].any():
-            if not state.sideways_mps and given and moved[row].any():  # a speed without a direction
-                velocity[row] = moved[row] * state.speed_mps / math.hypot(*moved[row])
-            heading[row] = math.atan2(velocity[row, 1], velocity[row, 0])
-        else:
-            heading[row] = heading[max(row - 1, 0)]
+        heading[row], velocity[row] = _course(state, tuple(moved[row].tolist()), float(heading[max(row - 1, 0)]))
     if not (np.abs(velocity) < _FASTEST_MPS).all():
         raise file.fault(element, f"it moves at more than {_FASTEST_MPS:g} m/s")
     centre = xy + np.array([_turned((box.ahead_m, box.left_m), one) for one in heading.tolist()])
@@ -326,6 +316,18 @@ def _motion(file: CommonRoadFile, element: Element, states: Sequence[_State], bo
         return np.column_stack((placed, wrap_angle(turned))), file.frame.vectors(centre, velocity)
     except InputError as error:
         raise file.fault(element, str(error)) from error
+
+
+def _course(state: _State, moved_mps: tuple[float, float], last_rad: float) -> tuple[float, tuple[float, float]]:
+    """Heading and velocity at one step, in the file's coordinates; what a state leaves open is as it has moved."""
+    given = (state.speed_mps, state.sideways_mps) if state.speed_mps is not None else None
+    if state.heading_rad is not None:
+        return state.heading_rad, _turned(given, state.heading_rad) if given else moved_mps
+    velocity = given or moved_mps
+    if given and not given[1]:  # a speed without a direction
+        moves = math.hypot(*moved_mps) > _STILL_MPS
+        velocity = _turned(given, math.atan2(moved_mps[1], moved_mps[0]) if moves else last_rad)
+    return math.atan2(velocity[1], velocity[0]) if math.hypot(*velocity) > _STILL_MPS else last_rad, velocity
 
 
 def _moved_mps(xy: Floats, time_s: Floats) -> Floats:

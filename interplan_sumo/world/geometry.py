@@ -19,6 +19,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+_SHARES = np.linspace(0.0, 1.0, 9)
+
+
 def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     """`values` as a C-contiguous, read-only array; a copy only where needed."""
     array = np.ascontiguousarray(values, dtype=dtype)
@@ -179,6 +182,19 @@ class Polyline:
         inside = (self.arc_m > start_m + 1e-9) & (self.arc_m < end_m - 1e-9)
         ends = self.poses_at((start_m, end_m))[:, :2]
         return Polyline(np.concatenate((ends[:1], self.points[inside], ends[1:])))
+
+    def runs_with(self, other: Polyline) -> bool:
+        """Whether two lines beside one another run the same way, rings and U-turns included.
+
+        Compares the ends of the lines; of one that turns back on itself, all of
+        it: True unless it clearly runs the other way.
+        """
+        turns_back = np.hypot(*(other.points[-1] - other.points[0])) < 0.5 * other.length_m
+        shares = _SHARES if turns_back else _SHARES[[0, -1]]
+        here = self.poses_at(shares * self.length_m)[:, :2]
+        there = other.poses_at(shares * other.length_m)[:, :2]
+        same, turned = np.hypot(*(here - there).T).sum(), np.hypot(*(here - there[::-1]).T).sum()
+        return bool(same <= (1.05 if turns_back else 1.0) * turned)
 
     def joined(self, other: Polyline) -> Polyline:
         """This line followed by another one."""

@@ -91,6 +91,13 @@ def test_what_has_no_heading_heads_where_it_moves(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.tracks[0].velocity_mps, [(0.0, 20.0)] * 3, atol=1e-9)
 
 
+def test_a_speed_without_a_heading_points_where_it_moves_and_one_that_stands_keeps_its_heading(tmp_path: Path) -> None:
+    states = [state(0, 0, 0, None, 5.0), state(1, 0, -1, None, 5.0), state(2, 0, -1, None, 0.0)]
+    recording = read(tmp_path, moving(1, *states))
+    np.testing.assert_allclose(local(recording)[:, 2], -math.pi / 2)
+    np.testing.assert_allclose(recording.tracks[0].velocity_mps[0], (0.0, -5.0), atol=1e-9)
+
+
 def test_two_components_of_velocity_give_the_heading_of_a_point_mass(tmp_path: Path) -> None:
     text = state(0, 0, 0, None, 3.0).replace("</state>", "<velocityY><exact>4.0</exact></velocityY></state>")
     recording = read(tmp_path, moving(1, text))
@@ -238,7 +245,7 @@ def test_a_planning_problem_is_a_note_and_no_track(tmp_path: Path) -> None:
         (moving(1, state(0, 0, 0), shape=rectangle(0.0)), "the shape measures 0 x 1.8 m, which nothing does"),
         (moving(1, state(0, 0, 0, 0.0, 1001.0)), "it moves at more than 1000 m/s"),
         (moving(1, state(0, 0, 0)).replace("<x>0</x>", "<x>a</x>"), "x of position is 'a', expected a number"),
-        (moving(1, state(0, 0, 0)) + moving(1, state(0, 0, 0)), "two obstacles have the id 1"),
+        (moving(1, state(0, 0, 0)) + moving(1, state(0, 0, 0)), "two obstacles have the id '1'"),
     ],
 )
 def test_an_obstacle_that_cannot_be_is_named(parts: str, message: str, tmp_path: Path) -> None:

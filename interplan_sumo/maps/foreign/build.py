@@ -180,7 +180,7 @@ class _Drawing:
     def _origins(self, nodes: Sequence[Node], drawn_m: Sequence[float], line: Polyline) -> tuple[Origin, ...]:
         """Origins along a line, whose length the nodes, and what was drawn before and behind each, share by theirs."""
         rows = [self._stretches(node) for node in nodes]
-        total = sum(drawn_m) + sum(row.length_m for own in rows for row in own)
+        total = sum(drawn_m) + sum(row.length_m for own in rows for row in own) or 1.0
         found: list[Origin] = []
         at = 0.0
         for own, gap_m in zip(rows, drawn_m, strict=False):

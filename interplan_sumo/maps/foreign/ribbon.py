@@ -16,6 +16,8 @@ SPACING_M = 0.9
 """Cross-sections are at most this far apart: nuPlan's planners take headings from the vertices."""
 WELDED_M = 0.6
 """Ends no further apart than this are meant to be one."""
+_LEAST_SURFACE = 0.1  # share of length times width below which boundaries have changed sides
+_NARROWEST_M = 0.5
 _SAME_M = 0.01  # vertices closer than this along a line are one
 
 
@@ -105,6 +107,22 @@ class Ribbon:
         """The ribbon with its ends moved by two vectors (2,), and what lies between in proportion."""
         share = (self.station_m / max(self.length_m, 1e-9))[:, None, None]
         return Ribbon(self.across + (1.0 - share) * start + share * end)
+
+    def uncrossed(self) -> Ribbon:
+        """A ribbon of one lane, at even width around its middle where its boundaries change sides or turn back."""
+        (width_m,) = np.median(np.hypot(*np.moveaxis(np.diff(self.across, axis=1), -1, 0)), axis=0).tolist()
+        ring = np.concatenate((self.across[:, 1], self.across[::-1, 0])) - self.across[0, 0]
+        x, y = ring.T
+        signed_m2 = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2.0
+        line = self.centerline()
+        along = all(self.boundary(k).runs_with(line) for k in (0, 1) if np.ptp(self.across[:, k], axis=0).any())
+        if along and signed_m2 > _LEAST_SURFACE * width_m * self.length_m:
+            return self
+        heading = line.vertex_heading_rad
+        if line.length_m < 2.0 * width_m:  # too short to bend at this width
+            heading = np.full_like(heading, np.arctan2(*(line.points[-1] - line.points[0])[::-1]))
+        half = max(width_m, _NARROWEST_M) / 2.0 * np.stack((-np.sin(heading), np.cos(heading)), axis=1)
+        return Ribbon(np.stack((line.points + half, line.points - half), axis=1))
 
     # --- one lane as nuPlan wants it ---------------------------------------------------------------
 

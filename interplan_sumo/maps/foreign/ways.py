@@ -62,7 +62,8 @@ class Ground:
         key = section, piece
         if key not in self._ribbons:
             part = self.pieces[section][piece]
-            self._ribbons[key] = self.sections[section].ribbon.cut(part.start_m, part.end_m)
+            ribbon = self.sections[section].ribbon.cut(part.start_m, part.end_m)
+            self._ribbons[key] = ribbon.uncrossed() if ribbon.lanes == 1 else ribbon
         return self._ribbons[key]
 
     def ribbon(self, node: Node) -> Ribbon:
@@ -131,5 +132,5 @@ def _way(ground: Ground, path: Sequence[Node], torn: dict[tuple[Node, Node], flo
     if found is None:  # two lanes that meet, with nothing between: cannot be, joints give each a piece
         return None
     start, end = ground.ribbon(path[0]).middles[-1, 0], ground.ribbon(path[-1]).middles[0, 0]
-    whole = found.moved(start - found.middles[0, 0], end - found.middles[-1, 0])
+    whole = found.moved(start - found.middles[0, 0], end - found.middles[-1, 0]).uncrossed()
     return Way(path[0], tuple(path[1:-1]), path[-1], whole, tuple(drawn_m))

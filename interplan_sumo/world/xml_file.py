@@ -1,0 +1,57 @@
+"""XML files that others wrote: plain or gzipped, without entities, and with one clear line for damage."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, cast
+from xml.etree.ElementTree import Element, ParseError
+
+from defusedxml import DefusedXmlException
+from defusedxml.ElementTree import iterparse
+
+from interplan_sumo.errors import MapError
+
+_GZIP_MAGIC = b"\x1f\x8b"
+
+
+def elements(path: Path, root: str) -> Generator[Element]:
+    """The root element as it opens, then each of its children, complete; the tree lets go of a child after its turn.
+
+    MapError names the file if it is missing, damaged, holds entities or has another root than `root`.
+    """
+    with _damage_named(path), _opened(path) as stream:
+        depth, top = 0, None
+        for event, element in iterparse(stream, events=("start", "end")):
+            depth += 1 if event == "start" else -1
+            if top is None:
+                if element.tag != root:
+                    raise MapError(f"{path}: its root is <{element.tag[:40]}>, expected <{root}>; give such a file")
+                top = element
+                yield element
+            elif event == "end" and depth == 1:
+                yield element
+                top.remove(element)
+
+
+@contextmanager
+def _damage_named(path: Path) -> Generator[None]:
+    try:
+        yield
+    except FileNotFoundError:
+        raise MapError(f"no file at {path}; check the path") from None
+    except DefusedXmlException as error:
+        raise MapError(f"{path}: it defines entities ({type(error).__name__}); remove them") from error
+    except (ParseError, EOFError, zlib.error, gzip.BadGzipFile, UnicodeError, LookupError, ValueError) as error:
+        raise MapError(f"{path}: the file is damaged ({error}); copy or download it again") from error
+    except OSError as error:
+        raise MapError(f"{path}: the file cannot be read ({error})") from error
+
+
+def _opened(path: Path) -> IO[bytes]:
+    with path.open("rb") as stream:
+        zipped = stream.read(len(_GZIP_MAGIC)) == _GZIP_MAGIC
+    return cast(IO[bytes], gzip.open(path)) if zipped else path.open("rb")

@@ -1,0 +1,134 @@
+"""CommonRoad files for tests: written from a few words, and damaged at random."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+REALDATA = Path(os.environ.get("INTERPLAN_REALDATA", Path(__file__).parents[3] / "shared" / "realdata"))
+Points = Sequence[tuple[float, float]]
+
+
+def real_file(*parts: str) -> Path:
+    """A file of the real data; the test is skipped where there is none."""
+    path = REALDATA.joinpath(*parts)
+    if not path.is_file():
+        pytest.skip(f"no real data at {path} (INTERPLAN_REALDATA)")
+    return path
+
+
+def points(line: Points) -> str:
+    return "".join(f"<point><x>{x}</x><y>{y}</y></point>" for x, y in line)
+
+
+def lanelet(
+    id_: int,
+    x: tuple[float, float] = (0.0, 50.0),
+    y: float = 0.0,
+    inner: str = "",
+    *,
+    width: float = 3.5,
+    before: Sequence[int] = (),
+    after: Sequence[int] = (),
+) -> str:
+    """A straight lanelet from x[0] to x[1] (backwards if x[1] is less) whose left bound lies at y on its left."""
+    side = 1.0 if x[1] >= x[0] else -1.0
+    left = points([(x[0], y), (x[1], y)])
+    right = points([(x[0], y - side * width), (x[1], y - side * width)])
+    links = "".join(f'<predecessor ref="{one}"/>' for one in before) + "".join(f'<successor ref="{o}"/>' for o in after)
+    bounds = f"<leftBound>{left}</leftBound><rightBound>{right}</rightBound>"
+    return f'<lanelet id="{id_}">{bounds}{links}{inner}</lanelet>'
+
+
+def location(reference: str, shift: tuple[float, float] = (0.0, 0.0), turn: float = 0.0, scale: float = 1.0) -> str:
+    move = f"<xTranslation>{shift[0]}</xTranslation><yTranslation>{shift[1]}</yTranslation>"
+    move += f"<zRotation>{turn}</zRotation><scaling>{scale}</scaling>"
+    place = f"<geoReference>{reference}</geoReference><additionalTransformation>{move}</additionalTransformation>"
+    return f"<location><geoTransformation>{place}</geoTransformation></location>"
+
+
+def sign(id_: int, number: str, value: str | None = None) -> str:
+    extra = f"<additionalValue>{value}</additionalValue>" if value is not None else ""
+    element = f"<trafficSignElement><trafficSignID>{number}</trafficSignID>{extra}</trafficSignElement>"
+    return f'<trafficSign id="{id_}">{element}</trafficSign>'
+
+
+def scenario(*parts: str, version: str = "2020a", name: str = "DEU_Test-1_1_T-1", step_s: str = "0.1") -> str:
+    head = f'benchmarkID="{name}" commonRoadVersion="{version}" timeStepSize="{step_s}"'
+    return f'<?xml version="1.0" encoding="utf-8"?>\n<commonRoad {head}>{"".join(parts)}</commonRoad>\n'
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "scenario.xml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def state(
+    step: int, x: float, y: float, heading: float | None = 0.0, speed: float | None = 10.0, tag: str = "state"
+) -> str:
+    inner = f"<position>{points([(x, y)])}</position><time><exact>{step}</exact></time>"
+    inner += f"<orientation><exact>{heading}</exact></orientation>" if heading is not None else ""
+    inner += f"<velocity><exact>{speed}</exact></velocity>" if speed is not None else ""
+    return f"<{tag}>{inner}</{tag}>"
+
+
+def rectangle(length: float = 4.5, width: float = 1.8, inner: str = "") -> str:
+    return f"<shape><rectangle><length>{length}</length><width>{width}</width>{inner}</rectangle></shape>"
+
+
+def mutated(text: str, rng: np.random.Generator) -> bytes:
+    """An XML text, damaged in one of many ways."""
+    return _MUTATIONS[int(rng.integers(len(_MUTATIONS)))](text, rng)
+
+
+def _bytes_changed(text: str, rng: np.random.Generator) -> bytes:
+    content = np.frombuffer(text.encode(), dtype=np.uint8).copy()
+    places = rng.integers(len(content), size=int(rng.integers(1, 6)))
+    content[places] = rng.integers(1, 256, size=len(places))
+    return content.tobytes()
+
+
+def _cut(text: str, rng: np.random.Generator) -> bytes:
+    return text.encode()[: int(rng.integers(len(text)))]
+
+
+def _value_changed(text: str, rng: np.random.Generator) -> bytes:
+    pool = ("", "x", "-1", "0", "1e308", "-1e308", "nan", "inf", "1e-320", "99999999999", "ü", "1,2", "true")
+    spots = list(re.finditer(r"(?<=[>\"\s,])-?[0-9][0-9.]*(?=[<\"\s,])", text))
+    for spot in sorted(rng.choice(len(spots), size=int(rng.integers(1, 4))).tolist(), reverse=True):
+        start, end = spots[spot].span()
+        text = text[:start] + str(rng.choice(pool)) + text[end:]
+    return text.encode()
+
+
+def _element_changed(text: str, rng: np.random.Generator) -> bytes:
+    """An element that has no children removed, doubled, or given another name."""
+    spots = list(re.finditer(r"<(\w+)[^<>]*(?:/>|>[^<>]*</\1>)", text))
+    start, end = spots[int(rng.integers(len(spots)))].span()
+    piece = text[start:end]
+    other = (piece + piece, "", re.sub(r"\w+", "other", piece, count=1))[int(rng.integers(3))]
+    return (text[:start] + other + text[end:]).encode()
+
+
+def _attribute_changed(text: str, rng: np.random.Generator) -> bytes:
+    spots = list(re.finditer(r' (\w+)="([^"]*)"', text))
+    one, other = (spots[int(i)] for i in rng.integers(len(spots), size=2))
+    value = f' {one[1]}="{other[2]}"' if rng.random() < 0.6 else ""
+    return (text[: one.start()] + value + text[one.end() :]).encode()
+
+
+_MUTATIONS = (
+    _bytes_changed,
+    _cut,
+    _value_changed,
+    _value_changed,
+    _element_changed,
+    _element_changed,
+    _attribute_changed,
+)
