@@ -99,6 +99,10 @@ def _connections(plan: NetworkPlan) -> Iterable[str]:
         if link.node in plan.programs and not _is_lit(plan, link):
             attributes["uncontrolled"] = 1
         yield _tag("connection", attributes)
+    leading_on = {link.from_edge for link in plan.links}
+    for edge in plan.edges:
+        if edge.id not in leading_on and edge.to_node in plan.junctions:
+            yield _tag("connection", {"from": edge.id})  # leads nowhere: netconvert would guess a way
 
 
 def _ends(link: Link) -> dict[str, object]:

@@ -52,7 +52,7 @@ def build(source: SourceMap) -> Built:
         raise MapError(f"{source.name}: the file holds no lane for cars")
     parts = sections(source)
     joined = links(source.lanes, parts)
-    drawing = _Drawing(source, Ground(parts, pieces(source.lanes, parts, joined), joined))
+    drawing = _Drawing(source, Ground(parts, pieces(source.lanes, parts, joined), joined, source.driving_side))
     drawing.draw_lanes()
     drawing.draw_connectors()
     left_out: dict[str, list[str]] = defaultdict(list)
@@ -89,6 +89,9 @@ class _Drawing:
                 ribbon = self.ground.surface(s, p)
                 grounds[block] = ribbon.outline()
                 for i in range(ribbon.lanes):
+                    if Node(s, p, i) in self.ground.twins:
+                        self.used.add(Node(s, p, i))
+                        continue
                     id_ = str(int(block) * LANES_PER_BLOCK + i)
                     self.id_of[Node(s, p, i)] = id_
                     self.used.add(Node(s, p, i))
@@ -101,7 +104,7 @@ class _Drawing:
                 id_, lane.roadblock_id, lane.index, lane.centerline, polygon, lane.left_boundary, lane.right_boundary,
                 lane.speed_limit_mps,
             )  # fmt: skip
-        for block, polygon in clipped(grounds).items():
+        for block, polygon in clipped({block: grounds[block] for block, ids in members.items() if ids}).items():
             self.roadblocks[block] = Roadblock(block, polygon, tuple(members[block]))
 
     def _lane(self, node: Node, id_: str, block: str, ribbon: Ribbon) -> Lane:

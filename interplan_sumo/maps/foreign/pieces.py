@@ -35,7 +35,7 @@ SHORTEST_WHOLE_M = 1.5
 """A section free from end to end."""
 CROSSING_SHARE, LONGEST_CROSSING_M = 0.4, 80.0
 """A section no longer than this, of which so much overlaps, leads through an intersection: all of it is connectors."""
-STUB_M = 2.0
+STUB_M = 1.4
 """The lane that stands where an overlap leads out of the map."""
 
 LaneEnd = tuple[int, int]

@@ -8,15 +8,19 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
-from interplan_sumo.maps.foreign.pieces import Links, Piece
+from interplan_sumo.maps.foreign.pieces import OVERLAP_SHARE, Links, Piece
 from interplan_sumo.maps.foreign.ribbon import Ribbon, bridge
 from interplan_sumo.maps.foreign.sections import Section
+from interplan_sumo.world.geometry import wrap_angle
+from interplan_sumo.world.roads import DrivingSide
 
 MEETING_M = 0.3
 """Ends that lie no further apart than this are moved together; over a wider gap a curve is drawn."""
 FARTHEST_M = 80.0
 """No way is drawn over a wider gap: such a link is a fault of the file."""
+_ALONG_RAD = np.radians(45.0)
 MOST_PARTS = 24
 """Pieces in one way; longer chains of overlaps do not occur on roads."""
 
@@ -50,9 +54,17 @@ class Ground:
     sections: Sequence[Section]
     pieces: Sequence[Sequence[Piece]]
     links: Links
+    side: DrivingSide = "right"
     torn: list[tuple[Node, Node, float]] = field(default_factory=list[tuple[Node, Node, float]])
     """Links over a gap too wide to be one, with its width in metres."""
+    twins: dict[Node, Node] = field(init=False)
+    """Lanes that lie on another one where both lead out of the map, or into it, with that other: they are one."""
     _ribbons: dict[tuple[int, int], Ribbon] = field(default_factory=dict[tuple[int, int], Ribbon])
+
+    def __post_init__(self) -> None:
+        self.twins = {}
+        self.twins = _twins(self)
+        _part_opposed(self, self.side)
 
     def piece(self, node: Node) -> Piece:
         return self.pieces[node.section][node.piece]
@@ -66,6 +78,13 @@ class Ground:
             self._ribbons[key] = ribbon.uncrossed() if ribbon.lanes == 1 else ribbon
         return self._ribbons[key]
 
+    def narrow(self, node: Node, side: DrivingSide) -> None:
+        """Keep only the left or right half of a piece of one lane."""
+        across = self.surface(node.section, node.piece).across
+        middle = across.mean(axis=1)
+        halves = (across[:, 0], middle) if side == "left" else (middle, across[:, 1])
+        self._ribbons[node.section, node.piece] = Ribbon(np.stack(halves, axis=1))
+
     def ribbon(self, node: Node) -> Ribbon:
         """The ribbon of one lane of a piece."""
         return self.surface(node.section, node.piece).lane(node.lane)
@@ -77,11 +96,63 @@ class Ground:
                     yield Node(s, p, i)
 
     def following(self, node: Node) -> tuple[Node, ...]:
-        """The nodes into which a node leads."""
+        """The nodes into which a node leads, with those into which its twins do."""
+        one = (node, *(other for other, twin in self.twins.items() if twin == node))
+        found = (self.twins.get(ahead, ahead) for each in one for ahead in self._ahead(each))
+        return tuple(dict.fromkeys(found))
+
+    def _ahead(self, node: Node) -> tuple[Node, ...]:
         if node.piece + 1 < len(self.pieces[node.section]):
             return (Node(node.section, node.piece + 1, node.lane),)
         ahead = self.links.ahead.get((node.section, node.lane), ())
         return tuple(Node(s, 0, i) for s, i in ahead)
+
+
+def _twins(ground: Ground) -> dict[Node, Node]:
+    """Lanes at the ends of the map that lie on an earlier one of the same direction."""
+    found: dict[Node, Node] = {}
+    for at_end in (False, True):
+        nodes = [node for node in ground.nodes() if _is_loose(ground, node, at_end=at_end)]
+        for one, other in _lying_on(ground, nodes):
+            if one not in found and other not in found and _turned_rad(ground, one, other) < _ALONG_RAD:
+                found[other] = one
+    return found
+
+
+def _part_opposed(ground: Ground, side: DrivingSide) -> None:
+    """Lanes at the ends of the map that lie on an oncoming one keep the half of the road on which one drives."""
+    nodes = [node for node in ground.nodes() if any(_is_loose(ground, node, at_end=end) for end in (False, True))]
+    alone = [node for node in nodes if node not in ground.twins and ground.sections[node.section].lanes == 1]
+    opposed = [pair for pair in _lying_on(ground, alone) if _turned_rad(ground, *pair) > np.pi - _ALONG_RAD]
+    for node in dict.fromkeys(node for pair in opposed for node in pair):
+        ground.narrow(node, side)
+
+
+def _lying_on(ground: Ground, nodes: Sequence[Node]) -> list[tuple[Node, Node]]:
+    """Pairs of lanes that share too much of the surface of one of them, the earlier first."""
+    shapes = np.array([ground.ribbon(node).polygon() for node in nodes], dtype=object)
+    if not len(shapes):
+        return []
+    one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    one, other = one[one < other], other[one < other]
+    shared = shapely.area(shapely.intersection(shapes[one], shapes[other]))
+    smaller = np.minimum(shapely.area(shapes[one]), shapely.area(shapes[other]))
+    rows = np.flatnonzero(shared > OVERLAP_SHARE * smaller)
+    return sorted((nodes[int(one[k])], nodes[int(other[k])]) for k in rows)
+
+
+def _turned_rad(ground: Ground, one: Node, other: Node) -> float:
+    """The angle between the directions of two lanes."""
+    headings = [ground.ribbon(node).centerline().segment_heading_rad[0] for node in (one, other)]
+    return abs(float(wrap_angle(headings[1] - headings[0])))
+
+
+def _is_loose(ground: Ground, node: Node, *, at_end: bool) -> bool:
+    """Whether a lane begins (or ends) where the map does."""
+    parts = ground.pieces[node.section]
+    links = ground.links.ahead if at_end else ground.links.behind
+    at_edge = node.piece == (len(parts) - 1 if at_end else 0)
+    return len(parts) > 1 and at_edge and parts[node.piece].is_lane and not links.get((node.section, node.lane))
 
 
 def ways(ground: Ground) -> tuple[Way, ...]:
@@ -89,7 +160,7 @@ def ways(ground: Ground) -> tuple[Way, ...]:
     best: dict[tuple[Node, Node], Way] = {}
     torn: dict[tuple[Node, Node], float] = {}
     for start in ground.nodes():
-        if not ground.piece(start).is_lane:
+        if not ground.piece(start).is_lane or start in ground.twins:
             continue
         for parts, end in _paths(ground, start):
             way = _way(ground, (start, *parts, end), torn)
