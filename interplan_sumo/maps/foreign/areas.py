@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.foreign.ribbon import largest, polygons_in
+from interplan_sumo.maps.foreign.ribbon import largest, polygons_in, sound
 from interplan_sumo.maps.foreign.signs import Controls
 from interplan_sumo.maps.rules import overlapping
 from interplan_sumo.world.roads import (
@@ -34,7 +34,7 @@ def clipped(surfaces: Mapping[str, shapely.Polygon]) -> dict[str, shapely.Polygo
     shapes = np.array([surfaces[id_] for id_ in ids], dtype=object)
     for one, other, _ in sorted(overlapping(shapes)):
         left = shapely.difference(found[ids[other]], shapely.buffer(found[ids[one]], _TOUCH_M / 2.0))
-        rest = largest(left)
+        rest = sound(largest(left))
         if not rest.is_empty:
             found[ids[other]] = rest
     return found
@@ -46,7 +46,7 @@ def surface_of(polygons: Sequence[shapely.Polygon]) -> shapely.Polygon:
         return polygons[0]
     grown = shapely.union_all([shapely.buffer(p, _TOUCH_M, join_style="mitre") for p in polygons])
     whole = polygons_in(grown)
-    return shapely.Polygon(whole[0].exterior) if len(whole) == 1 else largest(shapely.convex_hull(grown))
+    return sound(shapely.Polygon(whole[0].exterior) if len(whole) == 1 else largest(shapely.convex_hull(grown)))
 
 
 def numbered(shapes: Sequence[shapely.Geometry]) -> tuple[Area, ...]:
@@ -54,7 +54,8 @@ def numbered(shapes: Sequence[shapely.Geometry]) -> tuple[Area, ...]:
     parts: list[shapely.Polygon] = []
     for shape in shapes:
         parts += polygons_in(shape if shapely.is_valid(shape) else shapely.make_valid(shape))
-    return tuple(Area(str(k), part) for k, part in enumerate(parts, start=1) if not part.is_empty)
+    neat = [part for part in map(sound, parts) if not part.is_empty]
+    return tuple(Area(str(k), part) for k, part in enumerate(neat, start=1))
 
 
 def intersections(

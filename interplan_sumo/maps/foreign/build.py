@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +12,7 @@ import shapely
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.foreign import signs
 from interplan_sumo.maps.foreign.areas import clipped, intersections, numbered, surface_of
-from interplan_sumo.maps.foreign.pieces import MARGIN_M, links, pieces
+from interplan_sumo.maps.foreign.pieces import JOINT_M, links, pieces
 from interplan_sumo.maps.foreign.record import Origin
 from interplan_sumo.maps.foreign.ribbon import Ribbon
 from interplan_sumo.maps.foreign.sections import Stretch, sections
@@ -162,16 +162,13 @@ class _Drawing:
         )
 
     def _limit_mps(self, way: Way) -> float | None:
-        """The lowest limit on the way; on a mere joint that of the lane before it."""
-        own = [node for node in way.parts if self.ground.piece(node).length_m > 2.0 * MARGIN_M]
-        known = [limit for node in own for limit in self._limits(node)]
-        return min(known, default=self.lanes[self.id_of[way.start]].speed_limit_mps)
-
-    def _limits(self, node: Node) -> Iterable[float]:
-        for source_id, *_ in self._stretches(node):
-            limit = self.source.lanes[source_id].speed_limit_mps
-            if limit is not None:
-                yield limit
+        """The lowest limit of the lanes of the file on the way; on a mere joint that of the lane before it."""
+        rows = [row for node in way.parts for row in self._stretches(node)]
+        own = [row for row in rows if row.length_m > 2.0 * JOINT_M or row.to_share - row.from_share > 0.99]
+        limits = [self.source.lanes[row.source_id].speed_limit_mps for row in own]
+        if not own:
+            return self.lanes[self.id_of[way.start]].speed_limit_mps
+        return min((limit for limit in limits if limit is not None), default=None)
 
     # --- where things come from ------------------------------------------------------------------
 
@@ -208,7 +205,7 @@ class _Drawing:
         found += [
             f"lane {source_id}: {length_m:.1f} m of it are left out: an overlap that leads from no lane or to none"
             for source_id, length_m in lost.items()
-            if length_m > 2.0 * MARGIN_M
+            if length_m > 2.0 * JOINT_M
         ]
         return found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Container, Iterable, Mapping, Set
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -54,7 +54,7 @@ def compare(roads: Roads, record: ImportRecord, count: SourceCount) -> SourceRep
     found = _Found(roads, record)
     file_links, map_links = count.links, found.links()
     lit, unknown = found.lit(count.lit)
-    limits = found.limits()
+    limits = found.limits(count.limit_mps)
     problems = [
         *_different("lane", count.lane_length_m, found.covered),
         *_lengths(count, found),
@@ -131,8 +131,12 @@ class _Found:
                     unknown.append(id_)
         return frozenset(found), unknown
 
-    def limits(self) -> dict[str, float]:
-        """Lanes of the file with the limit that the map gives them: that of its lanes, else the lowest on the way."""
+    def limits(self, in_file: Container[str]) -> dict[str, float]:
+        """Lanes of the file with the limit that the map gives them: that of its lanes, else the highest of its ways.
+
+        A way over several lanes takes the lowest of their limits, so a lane
+        without one in the file may lie under its neighbour's: such are left out.
+        """
         on_lanes: dict[str, float] = {}
         on_ways: dict[str, list[float]] = defaultdict(list)
         for id_, rows in self._origins.items():
@@ -142,7 +146,7 @@ class _Found:
                     on_lanes[row.source_id] = limit
                 elif limit is not None:
                     on_ways[row.source_id].append(limit)
-        return {key: max(values) for key, values in on_ways.items()} | on_lanes
+        return {key: max(values) for key, values in on_ways.items() if key in in_file} | on_lanes
 
 
 def _once(rows: Iterable[Origin]) -> tuple[float, float]:

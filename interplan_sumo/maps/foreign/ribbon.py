@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from interplan_sumo.maps.geopackage_writer import GRID_M
 from interplan_sumo.world.geometry import Floats, Polyline
 
 SPACING_M = 0.9
@@ -32,22 +33,27 @@ class Ribbon:
     def of(cls, boundaries: Sequence[Floats]) -> Ribbon:
         """The ribbon between lines of (N, 2) points each, from left to right.
 
-        Lines are matched by their relative arc length, and every vertex of
-        each makes a cross-section. ValueError for a line without length.
+        Lines are matched by their relative arc length, or vertex by vertex
+        where that brings them closer; every vertex of each makes a
+        cross-section. ValueError for a line without length.
         """
         lines = [Polyline(points) for points in boundaries]
         longest_m = max(line.length_m for line in lines)
+        knots = _matched(lines)
         grid = np.linspace(0.0, 1.0, 1 + max(1, int(np.ceil(longest_m / SPACING_M))))
-        inner = np.concatenate([line.arc_m[1:-1] / line.length_m for line in lines] or [grid[:0]])
-        shares = np.sort(inner[(inner * longest_m > _SAME_M) & ((1.0 - inner) * longest_m > _SAME_M)])
-        shares = shares[np.diff(shares, prepend=-1.0) * longest_m > _SAME_M]
+        inner = np.sort(np.concatenate([own[1:-1] for own in knots]))
+        inner = inner[(inner * longest_m > _SAME_M) & ((1.0 - inner) * longest_m > _SAME_M)]
+        inner = inner[np.diff(inner, prepend=-1.0) * longest_m > _SAME_M]
         # Vertices first: a point of the grid that lies beside one is not needed.
-        beside = np.abs(grid[1:-1, None] - shares[None, :]).min(axis=1, initial=1.0) * longest_m < SPACING_M / 3.0
-        shares = np.unique(np.concatenate((grid[:1], shares, grid[1:-1][~beside], grid[-1:])))
-        gaps = np.diff(shares) * longest_m
-        middles = (shares[:-1] + shares[1:])[gaps > SPACING_M] / 2.0
-        shares = np.sort(np.concatenate((shares, middles)))
-        return cls(np.stack([line.poses_at(shares * line.length_m)[:, :2] for line in lines], axis=1))
+        beside = np.abs(grid[1:-1, None] - inner[None, :]).min(axis=1, initial=1.0) * longest_m < SPACING_M / 3.0
+        shares = np.unique(np.concatenate((grid[:1], inner, grid[1:-1][~beside], grid[-1:])))
+        arcs = [np.interp(shares, own, line.arc_m) for own, line in zip(knots, lines, strict=True)]
+        pieces = np.maximum(1, np.ceil(np.max([np.diff(arc) for arc in arcs], axis=0) / SPACING_M)).astype(np.int64)
+        starts = np.repeat(shares[:-1], pieces)
+        within = np.concatenate([np.arange(count) / count for count in pieces])
+        shares = np.append(starts + within * np.repeat(np.diff(shares), pieces), shares[-1])
+        arcs = [np.interp(shares, own, line.arc_m) for own, line in zip(knots, lines, strict=True)]
+        return cls(np.stack([line.poses_at(arc)[:, :2] for line, arc in zip(lines, arcs, strict=True)], axis=1))
 
     @property
     def lanes(self) -> int:
@@ -145,6 +151,21 @@ class Ribbon:
         return sound(shapely.Polygon(np.concatenate((self.across[:, 0], self.across[::-1, -1]))))
 
 
+def _matched(lines: Sequence[Polyline]) -> list[Floats]:
+    """(N,) per line: at which share of the way across from all lines its vertices lie."""
+    own = [line.arc_m / line.length_m for line in lines]
+    if len({len(line.points) for line in lines}) > 1:
+        return own
+    common = np.mean(own, axis=0)
+    by_share = np.stack([line.poses_at(common * line.length_m)[:, :2] for line in lines])
+    by_vertex = np.stack([line.points for line in lines])
+
+    def apart_m(points: Floats) -> float:
+        return float(np.hypot(*np.moveaxis(np.diff(points, axis=0), -1, 0)).sum())
+
+    return [common] * len(lines) if apart_m(by_vertex) <= apart_m(by_share) else own
+
+
 def bridge(before: Ribbon, after: Ribbon) -> Ribbon:
     """A ribbon of one lane from the end of one to the start of another, on a curve that leaves and arrives straight."""
     start, end = before.middles[-1, 0], after.middles[0, 0]
@@ -172,10 +193,9 @@ def _direction(ribbon: Ribbon, at: int) -> Floats:
 
 
 def sound(polygon: shapely.Polygon) -> shapely.Polygon:
-    """The polygon, or the largest part of what it becomes when its flaws are undone; empty if nothing is left."""
-    if polygon.is_valid:
-        return polygon
-    return largest(shapely.make_valid(polygon))
+    """The polygon on the grid of map files, or the largest part of it where it has flaws; empty if nothing is left."""
+    whole = polygon if polygon.is_valid else largest(shapely.make_valid(polygon))
+    return largest(shapely.set_precision(whole, GRID_M))
 
 
 def largest(shape: shapely.Geometry) -> shapely.Polygon:

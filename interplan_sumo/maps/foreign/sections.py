@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from interplan_sumo.maps.foreign.ribbon import WELDED_M, Ribbon
 from interplan_sumo.maps.foreign.source import SourceLane, SourceMap
@@ -120,7 +121,10 @@ def _rows(lanes: Mapping[str, SourceLane]) -> tuple[Row, ...]:
 
 def _adjoin(left: SourceLane, right: SourceLane) -> bool:
     """Whether two lanes share their boundary from end to end."""
-    return all(float(np.hypot(*(left.right[k] - right.left[k]))) <= ADJOINING_M for k in (0, -1))
+    if any(float(np.hypot(*(left.right[k] - right.left[k]))) > ADJOINING_M for k in (0, -1)):
+        return False
+    one, other = shapely.linestrings(left.right), shapely.linestrings(right.left)
+    return bool(shapely.hausdorff_distance(one, other, densify=0.1) <= ADJOINING_M)
 
 
 def _continuation(lanes: Mapping[str, SourceLane], row: Row, row_of: Mapping[str, Row]) -> Row | None:

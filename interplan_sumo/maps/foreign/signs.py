@@ -96,7 +96,7 @@ def place(
         if drawn.kind not in placed or not drawn.lane_ids:
             band = shapely.buffer(shapely.LineString(drawn.points), _HALF_WIDTH_M, cap_style="flat")
             kind = drawn.kind if drawn.kind not in placed else StopLineKind.UNKNOWN
-            line = StopLine(str(len(stop_lines) + 1), largest(band), kind)
+            line = StopLine(str(len(stop_lines) + 1), sound(largest(band)), kind)
             if not line.polygon.is_empty:
                 stop_lines[line.id] = line
     renamed = {
@@ -126,7 +126,7 @@ def _across(id_: str, leaving: Sequence[tuple[Lane, Connector]], kind: StopLineK
     shape = shapely.convex_hull(shapely.union_all(bands))
     if not isinstance(shape, shapely.Polygon):  # a lane that ends in a point
         shape = shapely.buffer(leaving[0][0].centerline.linestring.interpolate(-STOP_LINE_M), STOP_LINE_M)
-    return StopLine(id_, shape, kind)
+    return StopLine(id_, sound(shape), kind)
 
 
 def _edge(lane: Lane, connector: Connector, *, left: bool) -> list[tuple[float, float]]:
