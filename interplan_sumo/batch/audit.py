@@ -28,4 +28,4 @@ def findings(run: StoredRun, below: float | None = None) -> Iterator[tuple[Row, 
         scenario = overrides.applied(own.get(key[0]) or find_scenario(key[0]))
         trace = Trace.read(run.path / row["trace"])
         detail = row["metrics"]["no_collision"].get("detail", {})
-        yield row, finding(scenario, load_roads(scenario.map), trace, detail)
+        yield row, finding(scenario, load_roads(scenario.map, scenario.maps_beside), trace, detail)

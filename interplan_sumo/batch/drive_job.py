@@ -64,7 +64,7 @@ def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
             if fault is None:
                 publish("score")
                 scored_s = time.perf_counter()
-                roads = load_roads(job.scenario.map)
+                roads = load_roads(job.scenario.map, job.scenario.maps_beside)
                 own = settings.own_scenarios
                 reference = own_expert(job.scenario, settings.folder) if own else expert(job.scenario)
                 value |= score(episode.trace, roads, reference, job.scenario, settings.profile).as_json()

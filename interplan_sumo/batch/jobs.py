@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal, cast
 
 from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.maps.store import MapFiles, find_map
 from interplan_sumo.scenario.files import is_scenario_file, read_scenarios
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, Density, Scenario
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, Suite, find_suite
@@ -41,6 +42,7 @@ class Source:
     name: str
     """`name==version` of a suite, or the names of files."""
     hash: str
+    """Over the scenarios, and the maps that came along with them."""
     scenarios: tuple[Scenario, ...]
     official: bool
 
@@ -60,7 +62,23 @@ class Source:
                     raise InputError(f"{file}: {lines[scenario.id]} holds a scenario {scenario.id}, too; rename one")
                 scenarios.append(scenario)
         name = ", ".join(Path(file).name for file in dict.fromkeys(files))
-        return cls(name, Suite(name, 0, tuple(scenarios)).hash(), tuple(scenarios), official=False)
+        own = own_maps(scenarios)
+        parts = [Suite(name, 0, tuple(scenarios)).hash(), *(f"{each.name} {each.hash()}" for each in own)]
+        digest = hashlib.sha256("\n".join(parts).encode()).hexdigest() if own else parts[0]
+        return cls(name, digest, tuple(scenarios), official=False)
+
+
+def own_maps(scenarios: Iterable[Scenario]) -> tuple[MapFiles, ...]:
+    """The maps that came along with the scenarios' files, by name; InputError if two have one name."""
+    found: dict[str, MapFiles] = {}
+    for scenario in scenarios:
+        beside = scenario.maps_beside
+        if beside is None or not (files := find_map(scenario.map, beside)).folder.is_relative_to(beside):
+            continue
+        other = found.setdefault(files.name, files)
+        if other.folder != files.folder and other.hash() != files.hash():
+            raise InputError(f"{other.folder} and {files.folder} are two maps of one name; run their scenarios apart")
+    return tuple(found[name] for name in sorted(found))
 
 
 def split_files(given: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -69,4 +69,4 @@ def _scored(run: StoredRun, row: Row, own: dict[str, Scenario], overrides: Overr
             f"{folder}: the trace is not the one that was driven; delete its line in results.jsonl and repeat the run"
         )
     reference = expert(scenario) if found is None else own_expert(found, run.path)
-    return score(trace, load_roads(scenario.map), reference, scenario, profile).as_json()
+    return score(trace, load_roads(scenario.map, scenario.maps_beside), reference, scenario, profile).as_json()

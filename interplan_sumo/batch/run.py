@@ -17,7 +17,7 @@ from typing import Protocol
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.in_process import alarm_works
-from interplan_sumo.batch.jobs import Job, Overrides, Source, chosen, jobs_for, split_files
+from interplan_sumo.batch.jobs import Job, Overrides, Source, chosen, jobs_for, own_maps, split_files
 from interplan_sumo.batch.own_experts import keep_certified
 from interplan_sumo.batch.run_folder import Row, RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
@@ -121,7 +121,7 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
             own_scenarios=not source.official,
         )
         if not source.official:
-            folder.keep_scenarios(source.scenarios)
+            folder.keep_scenarios(source.scenarios, own_maps(source.scenarios))
             keep_certified(source.scenarios, files, request.folder)
         tasks = [Task(job.key, job.planner, job) for job in left]
         with _terminated_like_interrupted():
@@ -138,8 +138,8 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
 def check_inputs(scenarios: Iterable[Scenario], vehicle_types: Path | None) -> None:
     """Read every map, network and vehicle-type file that the scenarios need; InputError before anything is driven."""
     for scenario in scenarios:
-        scenario.check(load_roads(scenario.map))
-        read_network(find_map(scenario.map).network)
+        scenario.check(load_roads(scenario.map, scenario.maps_beside))
+        read_network(find_map(scenario.map, scenario.maps_beside).network)
         read_vehicle_types(vehicle_types or vehicle_type_file(scenario.traffic.behaviour))
 
 
@@ -164,7 +164,7 @@ def _row(outcome: Outcome, overrides: dict[str, str], library_versions: dict[str
         "times_s": value.get("times_s", {"total": round(outcome.wall_s, 6)}),
         "versions": library_versions,
         "reached_goal": value.get("reached_goal", False),
-        "site": job.scenario.site(load_roads(job.scenario.map)),
+        "site": job.scenario.site(load_roads(job.scenario.map, job.scenario.maps_beside)),
         "scenario_hash": job.scenario.hash(),
         "trace": value.get("trace"),
     }

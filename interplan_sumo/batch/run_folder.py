@@ -6,6 +6,7 @@
 | results.jsonl | one line per finished job, appended and synced by the one parent that holds `lock` |
 | traces/<scenario>/<planner>/seed<k>/ | four Parquet files and scenario.json, renamed into place when complete |
 | scenarios.yaml, experts/ | only for one's own scenarios: these, and the drives that progress is measured against |
+| maps/ | only for one's own scenarios: the maps that came along with them |
 
 A folder name is the id or planner with every run of other characters than
 letters, digits, dot and hyphen as one `_`, at most 60 of them, a hyphen, and the first
@@ -29,7 +30,8 @@ from typing import Any, Self
 
 from interplan_sumo.batch.jobs import JobKey, keys_of
 from interplan_sumo.errors import RunFolderError
-from interplan_sumo.scenario.files import scenario_text
+from interplan_sumo.maps.store import MapFiles, copy_map
+from interplan_sumo.scenario.files import MAPS, scenario_text
 from interplan_sumo.scenario.scenario import Scenario
 
 FORMAT = 1
@@ -126,8 +128,14 @@ class RunFolder:
             self._results = -1
         self._lock.release()
 
-    def keep_scenarios(self, scenarios: Iterable[Scenario]) -> None:
-        """Keep scenarios that no suite holds, so that the folder can be scored again without the user's files."""
+    def keep_scenarios(self, scenarios: Iterable[Scenario], maps: Iterable[MapFiles] = ()) -> None:
+        """Keep scenarios that no suite holds and the maps that came along with them.
+
+        So the folder can be scored again without the user's files. MapError if a map cannot be copied.
+        """
+        for files in maps:
+            if not (self.path / MAPS / files.name).is_dir():  # the same one, by the hash of the benchmark
+                copy_map(files, self.path / MAPS)
         try:
             _replace(self.path / OWN_SCENARIOS, "---\n".join(map(scenario_text, scenarios)))
         except OSError as error:

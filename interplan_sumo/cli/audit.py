@@ -14,7 +14,7 @@ from interplan_sumo.report.printing import print_json, progress
 
 
 def audit(
-    suite: Annotated[str, typer.Argument(help="NAME==VERSION.")],
+    suite: Annotated[str, typer.Argument(help="NAME==VERSION, or a scenario file.", metavar="SUITE|FILE.yaml")],
     planner: Annotated[
         str, typer.Option(help="Who drives, for the look at what happens.", autocompletion=planner_names)
     ] = "idm",
@@ -24,16 +24,20 @@ def audit(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
     as_json: JsonOption = False,
 ) -> int:
-    """Sort the scenarios of a suite by what they ask, unsound ones apart; with --below, find the hard ones."""
+    """Sort the scenarios of a suite or file by what they ask, unsound ones apart; with --below, find the hard ones."""
     from interplan_sumo.batch.audit import findings
     from interplan_sumo.batch.processes import available_cores
     from interplan_sumo.batch.run import RunRequest, run
     from interplan_sumo.report.audit_table import audit_entry, print_audit
+    from interplan_sumo.scenario.files import is_scenario_file
 
     with contextlib.ExitStack() as stack:
         folder = out or Path(stack.enter_context(tempfile.TemporaryDirectory())) / "run"
         workers = available_cores() if workers is None else workers
-        request = RunRequest(planners=(planner,), folder=folder, suite=suite, workers=workers)
+        files = (suite,) if is_scenario_file(suite) else ()
+        request = RunRequest(
+            planners=(planner,), folder=folder, suite=None if files else suite, scenarios=files, workers=workers
+        )
         with progress(quiet=quiet) as watch:
             stored = run(request, watch)
         found = list(findings(stored, below))

@@ -1,39 +1,44 @@
-"""Command `scenarios certify`: prove each scenario of a suite solvable, or check the stored proofs."""
+"""Command `scenarios certify`: prove each scenario of a suite or a file solvable, or check the stored proofs."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from interplan_sumo.cli.options import DONE, INCOMPLETE, OUR_FAULT, JsonOption
+from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
     from interplan_sumo.batch.certify_job import Proof
+    from interplan_sumo.scenario.scenario import Scenario
 
 
 def certify(
     suite: Annotated[str | None, typer.Option(help="NAME==VERSION.")] = None,
-    scenarios: Annotated[list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'.")] = None,
+    scenarios: Annotated[
+        list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'; or a FILE.yaml.")
+    ] = None,
     workers: Annotated[int | None, typer.Option(help="Processes; 0 works in this one. Default: all cores.")] = None,
     check: Annotated[bool, typer.Option("--check", help="Only replay the stored drives and judge them again.")] = False,
     as_json: JsonOption = False,
 ) -> int:
-    """Prove scenarios solvable: search a drive that passes, and store it with the suite as its expert.
+    """Prove scenarios solvable: search a drive that passes, and store it with the suite or file as its expert.
 
     Exit code 3 if a scenario could not be certified, 1 if a stored proof does not hold.
     """
     from interplan_sumo.batch.certify_job import proofs
-    from interplan_sumo.batch.jobs import chosen
+    from interplan_sumo.batch.jobs import chosen, split_files
     from interplan_sumo.batch.processes import available_cores
     from interplan_sumo.scenario import certificates
-    from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
 
-    one = find_suite(suite or DEFAULT_SUITE)
-    wanted = chosen(one.scenarios, tuple(scenarios or ()))
-    path = one.folder / certificates.FILE
+    files, globs = split_files(scenarios or ())
+    everyone, path = _source(suite, files)
+    wanted = chosen(everyone, globs)
     stored = certificates.read_certificates(path) if path.is_file() else {}
     found: list[Proof] = []
     for proof in proofs(
@@ -44,13 +49,29 @@ def certify(
     found.sort(key=lambda proof: [s.id for s in wanted].index(proof.scenario.id))
     failed = [proof for proof in found if proof.certificate is None]
     if not check:
-        known = {s.id: s.hash() for s in one.scenarios}
+        known = {s.id: s.hash() for s in everyone}
+        if files:  # another file in this folder may have its certificates here, too
+            known = {name: c.summary.scenario_hash for name, c in stored.items()} | known
         kept = {name: c for name, c in stored.items() if known.get(name) == c.summary.scenario_hash}
         kept = {name: c for name, c in kept.items() if name not in {proof.scenario.id for proof in found}}
         kept |= {proof.scenario.id: proof.certificate for proof in found if proof.certificate is not None}
         certificates.write_certificates(path, kept.values())
     _print(found, str(path), as_json=as_json)
     return DONE if not failed else OUR_FAULT if check else INCOMPLETE
+
+
+def _source(suite: str | None, files: Sequence[str]) -> tuple[tuple[Scenario, ...], Path]:
+    """All scenarios of the suite or the file, and where their certificates lie."""
+    from interplan_sumo.scenario import certificates
+    from interplan_sumo.scenario.files import read_scenarios
+    from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
+
+    if files:
+        if suite is not None or len(files) > 1:
+            raise InputError(f"{files[0]} and {suite or files[1]} are two sources of scenarios; give one of them")
+        return read_scenarios(files[0]), Path(files[0]).parent / certificates.FILE
+    found = find_suite(suite or DEFAULT_SUITE)
+    return found.scenarios, found.folder / certificates.FILE
 
 
 def _line(proof: Proof) -> str:

@@ -25,18 +25,23 @@ def generate(
 ) -> int:
     """Find sites on a map and make new scenarios there, each checked and, where a drive passes, certified.
 
+    The folder also holds what they need of a map that is not shipped, so that it can be moved and driven anywhere.
     Exit code 3 if the map has no room for as many as were asked for.
     """
     from interplan_sumo.batch.certify_job import proofs
     from interplan_sumo.batch.processes import available_cores
-    from interplan_sumo.maps.store import load_roads
+    from interplan_sumo.maps.store import find_map, load_roads
+    from interplan_sumo.proving.carried_maps import own_maps_root
     from interplan_sumo.proving.certificates import Verdict
-    from interplan_sumo.proving.generation import check_folder, families_of, write_generated
+    from interplan_sumo.proving.generation import carry, check_folder, families_of, write_generated
     from interplan_sumo.proving.generation import generate as generated
 
     check_folder(out, overwrite=overwrite)
-    roads = load_roads(map)
-    made = [generated(roads, name, count, seed) for name in families_of(family)]
+    files = find_map(map)
+    root = own_maps_root(files)
+    made = [generated(load_roads(files.folder), name, count, seed, maps_beside=root) for name in families_of(family)]
+    if root is not None and any(each.scenarios for each in made):
+        carry(made, files, out, overwrite=overwrite)
     scenarios = [scenario for each in made for scenario in each.scenarios]
     verdicts: list[Verdict] = []
     if certify:

@@ -34,22 +34,27 @@ def list_scenarios(
 
 @scenarios_app.command("show")
 def show_scenario(
-    scenario_id: Annotated[
-        str, typer.Argument(help="A scenario id, such as nudge/0.", metavar="ID", autocompletion=scenario_ids)
+    what: Annotated[
+        str,
+        typer.Argument(
+            help="A scenario id, such as nudge/0; or a file.", metavar="ID|FILE.yaml", autocompletion=scenario_ids
+        ),
     ],
     as_json: JsonOption = False,
 ) -> None:
-    """One scenario: where it is, what stands in the way, what the traffic does."""
+    """One scenario: where it is, what stands in the way, what the traffic does. Of a file all, as a JSON list."""
     from interplan_sumo.report.listings import scenario_details
+    from interplan_sumo.scenario.files import is_scenario_file
     from interplan_sumo.scenario.suite import find_scenario
 
-    details = scenario_details(find_scenario(scenario_id))
+    is_file = is_scenario_file(what)
+    details = [scenario_details(each) for each in (_named(what) if is_file else (find_scenario(what),))]
     if as_json:
-        print_json(details)
+        print_json(details if is_file else details[0])
     else:
         import yaml
 
-        print(yaml.safe_dump(details, sort_keys=False, allow_unicode=True), end="")
+        print(yaml.safe_dump_all(details, sort_keys=False, allow_unicode=True), end="")
 
 
 @scenarios_app.command("export")
@@ -108,7 +113,7 @@ def render_scenario(
 
     scenarios = _named(what)
     if len(scenarios) == 1:
-        scenario_picture.render_scenario(scenarios[0], load_roads(scenarios[0].map), picture)
+        scenario_picture.render_scenario(scenarios[0], load_roads(scenarios[0].map, scenarios[0].maps_beside), picture)
     else:
         scenario_picture.contact_sheet(scenarios, picture)
     print(f"wrote {picture}")

@@ -41,14 +41,22 @@ def own_maps_root(files: MapFiles) -> Path | None:
     return root
 
 
-def carry_map(files: MapFiles, roads: Roads, scenarios: Iterable[Scenario], root: Path) -> MapFiles:
-    """Store what the scenarios need of a map in a root, over what has its name there; where it lies now.
+def carry_map(
+    files: MapFiles, roads: Roads, scenarios: Iterable[Scenario], root: Path,
+    *, overwrite: bool = False, whole_lanes: int = WHOLE_LANES,
+) -> MapFiles:  # fmt: skip
+    """Store what the scenarios need of a map in a root; where it lies now, which may be where it was.
 
-    Ids do not change. Equal scenarios on equal maps give equal bytes. MapError
-    if it cannot be written; a large map needs netconvert.
+    Ids do not change. Equal scenarios on equal maps give equal bytes. A map
+    with up to `whole_lanes` lanes goes whole. InputError if another map of this
+    name lies there and is not to be overwritten, MapError if it cannot be
+    written; cutting one down needs netconvert.
     """
     there = MapFiles(files.name, files.version, root / files.name / files.version)
-    if len(roads.lanes) <= WHOLE_LANES or there.folder.resolve() == files.folder.resolve():
+    lies_there = there.folder.resolve() == files.folder.resolve()
+    if not (overwrite or lies_there) and (root / files.name).exists():
+        raise InputError(f"{root / files.name} exists; name another folder with --out, or give --overwrite")
+    if len(roads.lanes) <= whole_lanes or lies_there:
         return copy_map(files, root)
     part = crop_around(roads, [place for each in scenarios for place in places_of(each, roads)], KEPT_M)
     if len(part.lanes) == len(roads.lanes):

@@ -34,7 +34,11 @@ NEIGHBOURS_M = (2.2, 5.5)
 ASIDE_M = 8.0
 """Lanes farther from start and goal lane than this are no way around an obstacle."""
 WITHOUT_LIMIT_MPS = 13.9
-"""Where the map knows no limit."""
+"""Where the map knows no limit, in bends no more than what pushes sideways by `BEND_MPS2`."""
+BEND_MPS2 = 2.0
+"""Of lateral acceleration; nuPlan's comfort allows 4.89."""
+BEND_OVER_M = 5.0
+"""Bends are measured over this length."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +188,7 @@ def _track(roads: Roads, scenario: Scenario, line: Polyline, arc_m: Floats, chai
         here = (arc_m >= arc[0] - GRID_M) & (arc_m <= arc[-1] + GRID_M)
         left[here] = np.interp(arc_m[here], arc, off)
         known = [place_limit_mps(roads, (lane_id,)), roads[lane_id].speed_limit_mps or np.inf]
-        limit[here] = min(*known, 60.0) if np.isfinite(min(known)) else WITHOUT_LIMIT_MPS
+        limit[here] = min(*known, 60.0) if np.isfinite(min(known)) else _usual_limit_mps(roads[lane_id].centerline)
         if lane_id == scenario.goal.lane:
             at_goal = True
     exists = np.flatnonzero(np.isfinite(left))
@@ -194,6 +198,13 @@ def _track(roads: Roads, scenario: Scenario, line: Polyline, arc_m: Floats, chai
         if at_goal:  # and its path goes on behind the goal, where the map may end
             left[exists[-1] + 1 :], limit[exists[-1] + 1 :] = left[exists[-1]], limit[exists[-1]]
     return Track(chain, left, limit, at_goal)
+
+
+def _usual_limit_mps(line: Polyline) -> float:
+    """Where the map knows none: what is comfortable in the sharpest bend of the lane."""
+    arc_m = np.arange(0.0, line.length_m + BEND_OVER_M, BEND_OVER_M)
+    bend_per_m = float(np.abs(np.diff(line.poses_at(arc_m)[:, 2])).max()) / BEND_OVER_M
+    return min(WITHOUT_LIMIT_MPS, float(np.sqrt(BEND_MPS2 / max(bend_per_m, 1e-6))))
 
 
 def _of_use(scenario: Scenario, tracks: tuple[Track, ...]) -> tuple[Track, ...]:

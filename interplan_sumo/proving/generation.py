@@ -75,14 +75,15 @@ def _unsound(scenario: Scenario, roads: Roads, problem: str) -> Rejected:
     return Rejected(goal.lane, goal.arc_m, f"{scenario.id} at {scenario.site(roads)}: {problem}")
 
 
-def carry(made: Sequence[Generated], files: MapFiles, folder: Path) -> None:
+def carry(made: Sequence[Generated], files: MapFiles, folder: Path, *, overwrite: bool = False) -> None:
     """Store what the scenarios need of their map in the folder, and let them take place there.
 
     Those that the part of the map is no longer sound for are rejected; traffic
-    may begin elsewhere where the map was cut.
+    may begin elsewhere where the map was cut. InputError as from `carry_map`.
     """
     roads = load_roads(files.folder)
-    carried = carry_map(files, roads, (scenario for each in made for scenario in each.scenarios), folder / MAPS)
+    scenarios = [scenario for each in made for scenario in each.scenarios]
+    carried = carry_map(files, roads, scenarios, folder / MAPS, overwrite=overwrite)
     part = load_roads(carried.folder)
     for each in made:
         there = [replace(scenario, maps_beside=folder.resolve() / MAPS) for scenario in each.scenarios]
@@ -98,36 +99,53 @@ def write_generated(
 
     InputError if the folder holds scenarios already and is not to be overwritten, or cannot be written.
     """
-    found = {verdict.scenario_id: verdict for verdict in verdicts}
     scenarios = [scenario for each in made for scenario in each.scenarios]
     check_folder(folder, overwrite=overwrite)
+    passed = write_proved(folder, scenarios, verdicts)
+    rows = [(each.family, r.lane, r.at_m, r.reason) for each in made for r in each.rejected]
+    write_rows(folder / REJECTED, ("family", "lane", "at_m", "reason"), rows)
+    return len(scenarios), passed
+
+
+def write_proved(folder: Path, scenarios: Sequence[Scenario], verdicts: Iterable[Verdict]) -> int:
+    """Write scenarios, certificates and the report into a folder, made if needed; how many are certified.
+
+    InputError if it cannot be written.
+    """
+    found = {verdict.scenario_id: verdict for verdict in verdicts}
+    passed = [v.certificate for v in found.values() if v.certificate is not None]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         write_scenarios(scenarios, folder / SCENARIOS)
-        passed = [v.certificate for v in found.values() if v.certificate is not None]
         certificates.write_certificates(folder / certificates.FILE, passed)
-        with (folder / REPORT).open("w", newline="", encoding="utf-8") as file:
-            rows = csv.writer(file)
-            rows.writerow(("scenario_id", "certified", "score", "simulations", "reason"))
-            for scenario in scenarios:
-                verdict = found.get(scenario.id)
-                proof = verdict.certificate if verdict is not None else None
-                rows.writerow(
-                    (
-                        scenario.id,
-                        proof is not None,
-                        "" if proof is None else proof.summary.score,
-                        "" if verdict is None else verdict.simulations,
-                        "not looked for" if verdict is None else verdict.reason or "",
-                    )
-                )
-        with (folder / REJECTED).open("w", newline="", encoding="utf-8") as file:
-            rows = csv.writer(file)
-            rows.writerow(("family", "lane", "at_m", "reason"))
-            rows.writerows((each.family, r.lane, r.at_m, r.reason) for each in made for r in each.rejected)
     except OSError as error:
-        raise InputError(f"cannot write {folder}: {error.strerror or error}") from None
-    return len(scenarios), len(passed)
+        raise _unwritable(folder, error) from None
+    rows = [_report_row(scenario, found.get(scenario.id)) for scenario in scenarios]
+    write_rows(folder / REPORT, ("scenario_id", "certified", "score", "simulations", "reason"), rows)
+    return len(passed)
+
+
+def _report_row(scenario: Scenario, verdict: Verdict | None) -> tuple[object, ...]:
+    if verdict is None:
+        return scenario.id, False, "", "", "not looked for"
+    proof = verdict.certificate
+    score = "" if proof is None else proof.summary.score
+    return scenario.id, proof is not None, score, verdict.simulations, verdict.reason or ""
+
+
+def write_rows(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table as CSV; InputError if it cannot be written."""
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            table = csv.writer(file)
+            table.writerow(names)
+            table.writerows(rows)
+    except OSError as error:
+        raise _unwritable(path.parent, error) from None
+
+
+def _unwritable(folder: Path, error: OSError) -> InputError:
+    return InputError(f"cannot write {folder}: {error.strerror or error}; give another folder as --out")
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:

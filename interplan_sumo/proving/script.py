@@ -38,6 +38,8 @@ SPEED_GAIN_PER_S, PLACE_GAIN_PER_S2 = 1.0, 0.4
 """How the driver corrects what it is off its timing by."""
 RETURN_S, SHORTEST_RETURN_M = 0.7, 4.5
 """The rear axle is steered back to the line within this time, over this length at least."""
+JOIN_M = 30.0
+"""A drive that begins beside the middle of its lane is there after this length."""
 STEERING_RADPS, LARGEST_TIRE_RAD = 0.6, 0.6
 FELT_MPS2 = (-3.8, 2.1)
 """Acceleration along the car as the metric of comfort has it; its bounds are -4.05 and 2.4."""
@@ -73,6 +75,8 @@ def path(course: Course, ways: tuple[Way, ...], timing: Timing) -> Path:
     for change in timing.changes:
         share = quintic((arc - change.from_m) / max(change.to_m - change.from_m, 1.0))
         left = (1.0 - share) * left + share * _filled(ways[change.way].left_m)
+    if course.scenario.start.left_m:
+        left = left + course.scenario.start.left_m * (1.0 - quintic((arc - course.start_m) / JOIN_M))
     xy = course.points(left)
     xy = np.stack((smoothed(xy[:, 0], 2), smoothed(xy[:, 1], 2)), axis=1)
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))))

@@ -29,12 +29,15 @@ def traffic_problems(scenario: Scenario, roads: Roads) -> list[str]:
     Overlaps, who would hit whom within 3 s if all held lane and speed (the ego
     as well), and who brakes at 3 m/s2 or more in the first step while the ego holds its speed.
     Obstacles and pedestrians count as well, but not what they do to one another.
+    Recorded road users do what they did: of them only overlaps are told.
     """
     if not scenario.has_traffic:
         return []
     with open_traffic(scenario, roads) as traffic:
         before = traffic.observe().actors
         agents = frozenset(traffic.behaviours)
+        if scenario.replayed:
+            return contact_problems(scenario, roads, before, agents, only_overlaps=True)
         traffic.react(start_state(scenario, roads))
         traffic.place_ego(_ego_one_step_on(scenario, roads))
         traffic.advance()
@@ -48,7 +51,9 @@ def _ego_one_step_on(scenario: Scenario, roads: Roads) -> EgoState:
     return EgoState(STEP_S, x_m, y_m, heading_rad, scenario.start_speed_mps)
 
 
-def contact_problems(scenario: Scenario, roads: Roads, actors: Actors, agents: frozenset[str]) -> list[str]:
+def contact_problems(
+    scenario: Scenario, roads: Roads, actors: Actors, agents: frozenset[str], *, only_overlaps: bool = False
+) -> list[str]:
     """Overlaps at the start and hits within the hold time in which one of the `agents`, by id, takes part."""
     rows, poses = zip((_EGO, ego_held(scenario, roads)), *held(roads, actors), strict=True)
     owner = np.array(rows)
@@ -56,6 +61,8 @@ def contact_problems(scenario: Scenario, roads: Roads, actors: Actors, agents: f
     contacts = first_contacts(np.stack(poses), sizes[owner - _EGO], owner)
     problems: list[str] = []
     for (first, second), frame in sorted(contacts.items(), key=lambda contact: (contact[1], contact[0])):
+        if only_overlaps and frame > 0:
+            continue
         if not any(row != _EGO and actors.ids[row] in agents for row in (first, second)):
             continue
         who = f"{_named(roads, actors, first)} and {_named(roads, actors, second)}"

@@ -2,7 +2,8 @@
 
 A file holds one scenario per YAML document, `format: 1` first, then the fields
 of `Scenario` by name; what has its default may be left out. The types of the
-dataclasses are the grammar: a new field needs nothing here.
+dataclasses are the grammar: a new field needs nothing here. Maps that are not
+shipped lie beside the file, in a folder `maps` laid out as nuPlan's maps root.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import re
 import types
 from collections.abc import Iterable
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from difflib import get_close_matches
 from functools import cache
 from math import isfinite
@@ -29,6 +30,10 @@ SUFFIXES: Final = (".yaml", ".yml")
 LINE_LENGTH: Final = 110
 LARGEST_BYTES: Final = 10_000_000
 """A file beyond this is no list of scenarios."""
+DEEPEST: Final = 100
+"""Levels of lists and mappings; a scenario has five."""
+MAPS: Final = "maps"
+"""The folder beside a scenario file for maps of its own."""
 
 # YAML 1.1 reads 010 as eight, 1:30 as ninety and 1e3 as text; people mean what JSON means.
 _NUMBER: Final = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?")
@@ -59,11 +64,12 @@ def read_scenarios(path: _Path) -> tuple[Scenario, ...]:
     """All scenarios of a file, in its order.
 
     Raises ScenarioError, one line that names the file, the line, the field and
-    what would be right. Whether a scenario fits its map is not looked at here.
+    what would be right. Whether a scenario fits its map is not looked at here,
+    but the scenarios know of the folder `maps` beside the file, if there is one.
     """
     text = _text(path)
     try:
-        documents = list(yaml.compose_all(text, Loader=yaml.SafeLoader))
+        documents = _documents(text)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f", line {mark.line + 1}" if mark is not None else ""
@@ -81,7 +87,8 @@ def read_scenarios(path: _Path) -> tuple[Scenario, ...]:
         if scenario.id in lines:
             file.fail(node, f"there is a second scenario {scenario.id}, the first is in line {lines[scenario.id]}")
         lines[scenario.id] = _line(node)
-    return scenarios
+    beside = Path(path).resolve().parent / MAPS
+    return tuple(replace(scenario, maps_beside=beside) for scenario in scenarios) if beside.is_dir() else scenarios
 
 
 def write_scenario(scenario: Scenario, path: _Path) -> None:
@@ -103,14 +110,33 @@ def scenario_text(scenario: Scenario) -> str:
     return yaml.safe_dump(plain, sort_keys=False, width=LINE_LENGTH, default_flow_style=None)
 
 
+def _documents(text: str) -> list[yaml.Node]:
+    """The nodes of all documents; RecursionError if they are nested beyond `DEEPEST`.
+
+    With libyaml where PyYAML has it, six times faster. Its composer overruns
+    the stack on deep nesting, so the depth is looked at before; where a file is
+    broken PyYAML itself knows better.
+    """
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    depth = 0
+    try:
+        for event in yaml.parse(text, Loader=loader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > DEEPEST:
+                raise RecursionError
+        return list(yaml.compose_all(text, Loader=loader))
+    except yaml.YAMLError:
+        return list(yaml.compose_all(text, Loader=yaml.SafeLoader))
+
+
 # --- the dataclasses as grammar ------------------------------------------------------------------
 
 
 @cache
 def _grammar(kind: type) -> dict[str, tuple[Field[Any], Any]]:
-    """The fields of a dataclass by name, each with its type."""
+    """The fields of a dataclass by name, each with its type; those that are not compared belong to no file."""
     hints = get_type_hints(kind)
-    return {field.name: (field, hints[field.name]) for field in fields(kind)}
+    return {field.name: (field, hints[field.name]) for field in fields(kind) if field.compare}
 
 
 def _is_required(field: Field[Any]) -> bool:
@@ -225,7 +251,7 @@ def _line(node: yaml.Node) -> int:
 def _scalar(node: yaml.ScalarNode, kind: Any) -> Any:
     """A text, number, truth or name of a choice; None if the node is none. Only bare words can be numbers or truths."""
     text: str = node.value
-    is_bare = node.style is None
+    is_bare = not node.style
     if kind is float:
         number = float(text) if is_bare and _NUMBER.fullmatch(text) else float("nan")
         return number if isfinite(number) else None
@@ -247,7 +273,7 @@ def _said(node: yaml.Node) -> str:
     if node.tag == _NULL_TAG:
         return "empty"
     text = str(node.value)
-    is_bare = isinstance(node, yaml.ScalarNode) and node.style is None
+    is_bare = isinstance(node, yaml.ScalarNode) and not node.style
     shown = text if len(text) <= 60 else f"{text[:57]}..."
     return shown if is_bare else repr(shown)
 

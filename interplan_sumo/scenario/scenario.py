@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
+from interplan_sumo.scenario.replayed import ReplayedTrack
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Pose, wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
@@ -21,6 +23,8 @@ LARGEST_GAP_M: dict[str, float] = {"low": 100.0, "medium": 50.0, "high": 33.0}
 """interPlan's densities: centre gaps are uniform from 10 m up to these."""
 SMALLEST_GAP_M = 10.0
 SITE_BIN_M = 10.0
+ADDED_LATER = frozenset({"replayed"})
+"""Fields of Scenario that came after suites had been frozen: a scenario without them keeps the hash that it had."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +147,13 @@ class Scenario:
     duration_s: float = 30.0
     exempt: tuple[str, ...] = ()
     """Gates that are not judged."""
+    replayed: tuple[ReplayedTrack, ...] = ()
+    """Recorded road users that move whatever the ego does. They are all the traffic there is, then."""
+    maps_beside: Path | None = field(default=None, compare=False)
+    """Folder of maps that lies beside the file it was read from: where to look for `map`, besides the shipped ones.
+
+    No part of what the scenario is: neither compared, nor hashed, nor written.
+    """
 
     def __post_init__(self) -> None:
         if self.duration_s <= 0 or abs(self.duration_s * 10 - round(self.duration_s * 10)) > 1e-9:
@@ -177,11 +188,40 @@ class Scenario:
                     f"{self.id}: vehicles[{i}].place.left_m is {vehicle.place.left_m}, expected 0: vehicles start on "
                     "the centre line; what stands beside it is an obstacle"
                 )
+        if self.replayed:
+            self._check_replayed()
         for name, density in (("density", self.traffic.density), ("oncoming", self.traffic.oncoming)):
             if density != "none" and density not in LARGEST_GAP_M:
                 raise ScenarioError(
                     f"{self.id}: traffic.{name} is {density!r}, expected none, {', '.join(LARGEST_GAP_M)}"
                 )
+
+    def _check_replayed(self) -> None:
+        """Recorded road users mind nobody, so there is nobody who would have to mind them but the ego."""
+        traffic = self.traffic
+        others = {
+            "traffic.density": traffic.density != "none",
+            "traffic.oncoming": traffic.oncoming != "none",
+            "traffic.flow": traffic.flow,
+            "vehicles": bool(self.vehicles),
+            "jaywalkers": bool(self.jaywalkers),
+        }
+        for name, given in others.items():
+            if given:
+                raise ScenarioError(
+                    f"{self.id}: replayed and {name} are both given, but recorded road users would drive through "
+                    f"others; leave one of them out"
+                )
+        ids = [track.id for track in self.replayed]
+        if len(set(ids)) < len(ids):
+            twice = next(id for i, id in enumerate(ids) if id in ids[:i])
+            raise ScenarioError(f"{self.id}: replayed holds track {twice!r} twice; leave one out")
+
+    @property
+    def has_traffic(self) -> bool:
+        """Whether anybody drives at the start, besides the ego."""
+        moving = self.traffic.density != "none" or self.traffic.oncoming != "none"
+        return moving or bool(self.vehicles or self.replayed)
 
     def site(self, roads: Roads) -> str:
         """Where it happens: `<map>/<roadblock id>@<10 m bin>` of the first obstacle or jaywalker, else of the goal."""
@@ -190,8 +230,17 @@ class Scenario:
         return f"{self.map}/{block}@{int(first.arc_m // SITE_BIN_M) * int(SITE_BIN_M)}"
 
     def canonical(self) -> dict[str, object]:
-        """Plain data, for files and for the hash: measures are floats, however they were written."""
-        return {key: _as_measured(key, value) for key, value in asdict(self).items()}
+        """Plain data, for files and for the hash: measures are floats, however they were written.
+
+        Fields of `ADDED_LATER` are left out while they have their default.
+        """
+        plain = asdict(self)
+        kept = [
+            each.name
+            for each in fields(self)
+            if each.compare and not (each.name in ADDED_LATER and plain[each.name] == each.default)
+        ]
+        return {name: _as_measured(name, plain[name]) for name in kept}
 
     def hash(self) -> str:
         """SHA-256 of the canonical JSON."""

@@ -103,7 +103,7 @@ def drive(
     tell = on_phase or (lambda _phase: None)
     tell("setup")
     began = time.perf_counter()
-    roads = load_roads(scenario.map)
+    roads = load_roads(scenario.map, scenario.maps_beside)
     try:
         traffic = open_traffic(scenario, roads, seed=seed, vehicle_types=options.vehicle_types, shape=options.shape)
     except TrafficError as error:

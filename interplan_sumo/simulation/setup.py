@@ -15,6 +15,7 @@ from interplan_sumo.simulation.flow import Flow, Inflow, draw_arrivals
 from interplan_sumo.simulation.network import Network, read_network
 from interplan_sumo.simulation.obstacles import Blockage, blockages, standing_actors
 from interplan_sumo.simulation.pedestrians import Crowd
+from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, FilledLane, populate
 from interplan_sumo.simulation.sumo import DT_S as STEP_S
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic
@@ -40,6 +41,27 @@ def open_traffic(
     with_ego: bool = True,
     most_agents: int | None = None,
     reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
+) -> SumoTraffic | ReplayedTraffic:
+    """The scenario's traffic at t = 0: recorded tracks where it has some, else SUMO as `open_sumo_traffic` has it."""
+    if scenario.replayed:
+        scenario.check(roads)
+        return _replays(scenario, roads, seed)
+    return open_sumo_traffic(
+        scenario, roads, seed=seed, vehicle_types=vehicle_types, shape=shape,
+        with_ego=with_ego, most_agents=most_agents, reach_m=reach_m,
+    )  # fmt: skip
+
+
+def open_sumo_traffic(
+    scenario: Scenario,
+    roads: Roads,
+    *,
+    seed: int = 0,
+    vehicle_types: Path | None = None,
+    shape: EgoShape = PACIFICA,
+    with_ego: bool = True,
+    most_agents: int | None = None,
+    reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
 ) -> SumoTraffic:
     """SUMO with the scenario's traffic at t = 0. InputError if a file cannot be used, TrafficError if SUMO fails.
 
@@ -47,7 +69,7 @@ def open_traffic(
     traffic short and `reach_m` spreads it (behind, ahead of the ego), for measurements.
     """
     scenario.check(roads)
-    files = find_map(scenario.map)
+    files = find_map(scenario.map, scenario.maps_beside)
     network = read_network(files.network)
     ids = NetworkIds.read(files.ids)
     types = read_vehicle_types(vehicle_types or vehicle_type_file(scenario.traffic.behaviour))
@@ -70,6 +92,12 @@ def open_traffic(
         network, ids, types, spawns, names, start_state(scenario, roads), route, shape,
         standing=standing, blocked=blocked, crowd=crowd, flow=flow, with_ego=with_ego,
     )  # fmt: skip
+
+
+def _replays(scenario: Scenario, roads: Roads, seed: int) -> ReplayedTraffic:
+    many = len(scenario.obstacles)
+    tokens = opaque_ids(many + len(scenario.replayed), scenario.rng(seed))
+    return ReplayedTraffic(scenario.replayed, tokens[many:], standing_actors(scenario, roads, tokens[:many]))
 
 
 def open_flow(

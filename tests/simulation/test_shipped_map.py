@@ -53,7 +53,7 @@ def test_imposed_signals_hold_are_seen_and_leave_the_other_lights_alone() -> Non
     mine = [connector for connector, (light, _) in ids.links.items() if light == lights[0]]
     wanted = {c: SignalStatus.RED if i % 2 else SignalStatus.GREEN for i, c in enumerate(sorted(mine))}
     ego = setup.start_state(LTD, ROADS)
-    with setup.open_traffic(LTD, ROADS) as traffic:
+    with setup.open_sumo_traffic(LTD, ROADS) as traffic:
         traffic.impose_signals(wanted)
         others: set[int] = set()
         for _ in range(300):
@@ -231,7 +231,7 @@ def damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of the shipped map that may be damaged, found instead of the shipped one."""
     folder = tmp_path / "map"
     shutil.copytree(find_map(LTD.map).folder, folder)
-    monkeypatch.setattr(setup, "find_map", lambda name: MapFiles(name, "1.0", folder))
+    monkeypatch.setattr(setup, "find_map", lambda name, _beside: MapFiles(name, "1.0", folder))
     return folder
 
 

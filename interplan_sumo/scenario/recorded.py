@@ -1,0 +1,301 @@
+"""Scenes from recordings: a scenario that begins where a recorded car was, among the road users around it.
+
+Either they follow their recorded tracks (`replayed`) or SUMO drives them on
+from where they were. What cannot be used is reported, never dropped unseen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import floor, inf
+from typing import Final, Literal
+
+import numpy as np
+
+from interplan_sumo.errors import ScenarioError, UnknownNameError
+from interplan_sumo.scenario.matching import LaneMatch, MatchedPath, matched_path
+from interplan_sumo.scenario.replayed import REPLAYED, ReplayedKind, ReplayedTrack
+from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
+from interplan_sumo.scenario.surroundings import Surroundings, surroundings
+from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.world.geometry import Floats, wrap_angle
+from interplan_sumo.world.recording import Recording, Track
+from interplan_sumo.world.roads import Connector, Roads
+
+Agents = Literal["sumo", "replayed"]
+FAMILY: Final = "recorded"
+STEP_S: Final = 0.1
+"""Of a scenario; recordings with another step are interpolated."""
+GOAL_M: Final = 150.0
+SUMO_DURATION_S: Final = 30.0
+LEAST_DURATION_S: Final = 1.0
+END_M: Final = 5.0
+"""The goal keeps this far from where the roads end."""
+ON_LANE_M: Final = 1.0
+"""The ego starts at most this far beside the centre line: its box stays in the lane."""
+DECIMALS_M: Final = 3
+DECIMALS_RAD: Final = 5
+_KIND: Final[dict[ActorKind, str]] = {kind: name for name, kind in REPLAYED.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedScene:
+    """What was made of one instant of a recording."""
+
+    scenario: Scenario
+    left_out: tuple[tuple[str, str], ...]
+    """Ids of tracks that are not in the scenario, each with the reason."""
+    notes: tuple[str, ...]
+    """What was assumed about the ego's way."""
+
+
+def scene(
+    recording: Recording,
+    roads: Roads,
+    *,
+    ego_id: str | None = None,
+    at_s: float = 0.0,
+    agents: Agents = "sumo",
+    goal_m: float = GOAL_M,
+    duration_s: float | None = None,
+) -> RecordedScene:
+    """The scenario that begins `at_s` after the recording does, with the ego in the place of track `ego_id`.
+
+    By default the ego is the car that measured. Its route follows its track;
+    where that is shorter than `goal_m` the route goes straight on up to there
+    or to where the roads end. The default duration is the rest of the recording
+    for replayed agents, 30 s for those that SUMO drives. ScenarioError if there
+    is no such track, or if it does not follow the lanes.
+    """
+    if recording.crs != roads.crs:
+        raise ScenarioError(
+            f"recording {recording.name} is in {recording.crs}, map {roads.name} in {roads.crs}; "
+            "import the map that belongs to it"
+        )
+    if not (np.isfinite(goal_m) and goal_m > PACIFICA.length_m):
+        raise ScenarioError(f"goal_m is {goal_m}, expected more than the ego's length, {PACIFICA.length_m} m")
+    step = _step(recording, at_s)
+    ego = _ego(recording, ego_id, step)
+    row = step - ego.first_step
+    path = matched_path(roads, ego.poses[row:])
+    if path is None:
+        raise ScenarioError(
+            f"recording {recording.name}: track {ego.id} is on no lane of map {roads.name} at {at_s:g} s; "
+            "name another time with --at, or another track with --ego"
+        )
+    route, goal, notes = _way(recording, roads, ego, path, goal_m)
+    bare = Scenario(
+        id=f"{roads.name}.{FAMILY}/{ego.id}-{step * recording.step_s:.1f}s-{agents}",
+        family=FAMILY,
+        map=roads.name,
+        start=_start(path.first),
+        start_speed_mps=round(float(np.hypot(*ego.velocity_mps[row])), DECIMALS_M),
+        goal=goal,
+        route=route,
+        duration_s=_duration_s(recording, step, agents, duration_s),
+    )
+    bare.check(roads)
+    others = [track for track in recording.tracks if track is not ego]
+    if agents == "replayed":
+        scenario, left_out = _replayed(bare, recording, others, step)
+    else:
+        around = surroundings(others, step, bare, roads)
+        scenario, left_out = _driven(bare, around), around.left_out
+    return RecordedScene(scenario, left_out, notes)
+
+
+# --- the ego -------------------------------------------------------------------------------------
+
+
+def _step(recording: Recording, at_s: float) -> int:
+    last_s = (recording.steps - 1) * recording.step_s
+    if not (np.isfinite(at_s) and 0.0 <= at_s <= last_s):
+        raise ScenarioError(f"recording {recording.name} lasts from 0 to {last_s:g} s, there is no scene at {at_s:g} s")
+    return round(at_s / recording.step_s)
+
+
+def _ego(recording: Recording, ego_id: str | None, step: int) -> Track:
+    """The track that the ego takes the place of."""
+    vehicles = {track.id: track for track in recording.tracks if track.kind is ActorKind.VEHICLE}
+    wanted = recording.ego_id if ego_id is None else ego_id
+    if wanted is None:
+        far = sorted(vehicles.values(), key=lambda track: (-_travelled_m(track), track.id))
+        names = ", ".join(track.id for track in far[:5]) or "none"
+        raise ScenarioError(
+            f"recording {recording.name} does not say which car measured; name a track with --ego, "
+            f"such as one of those that go farthest: {names}"
+        )
+    if wanted not in vehicles:
+        raise UnknownNameError("vehicle track", wanted, vehicles, f"(recording {recording.name})")
+    track = vehicles[wanted]
+    if track.at(step) is None:
+        raise ScenarioError(
+            f"recording {recording.name}: track {wanted} is there from {track.first_step * recording.step_s:.1f} to "
+            f"{(track.end_step - 1) * recording.step_s:.1f} s, not at {step * recording.step_s:.1f} s"
+        )
+    return track
+
+
+def _travelled_m(track: Track) -> float:
+    return float(np.hypot(*np.diff(track.poses[:, :2], axis=0).T).sum())
+
+
+def _start(first: LaneMatch) -> LanePlace:
+    left_m = min(max(first.left_m, -ON_LANE_M), ON_LANE_M)
+    return LanePlace(first.lane, floored_m(first.arc_m), round(left_m, DECIMALS_M))
+
+
+def floored_m(arc_m: float) -> float:
+    """An arc length to the millimetre, never beyond the end of its lane."""
+    return floor(arc_m * 10**DECIMALS_M) / 10**DECIMALS_M
+
+
+def _way(
+    recording: Recording, roads: Roads, ego: Track, path: MatchedPath, goal_m: float
+) -> tuple[tuple[str, ...], LanePlace, tuple[str, ...]]:
+    """Route, goal and notes: along the recorded path, then straight on until the goal is `goal_m` away."""
+    chain, is_simple = _one_lane_per_block(roads, path.chain)
+    ends = _ends_m(roads, chain, path.first)
+    recorded_m = ends[-1] - roads[chain[-1]].centerline.length_m + path.last.arc_m if is_simple else ends[-1]
+    notes: list[str] = []
+    if not path.is_whole:
+        notes.append(f"track {ego.id} leaves the lanes after {recorded_m:.0f} m; the route goes on along them")
+    if not is_simple:
+        notes.append(f"track {ego.id} comes back to where it was; the route ends before")
+    wanted_m = max(goal_m, recorded_m)
+    while ends[-1] < wanted_m or isinstance(roads[chain[-1]], Connector):
+        after = _straightest(roads, chain)
+        if after is None:
+            break
+        chain.append(after)
+        ends.append(ends[-1] + roads[after].centerline.length_m)
+    chain, ends = _up_to(roads, chain, ends, wanted_m)
+    last = roads[chain[-1]].centerline.length_m
+    reached_m = min(wanted_m, ends[-1] - min(END_M, last / 2.0))
+    goal = LanePlace(chain[-1], floored_m(max(reached_m - (ends[-1] - last), min(END_M, last / 2.0))))
+    at_m = ends[-1] - last + goal.arc_m
+    if at_m <= PACIFICA.length_m:
+        raise ScenarioError(
+            f"recording {recording.name}: the roads end {at_m:.1f} m ahead of track {ego.id}; name an earlier time "
+            "with --at, or another track with --ego"
+        )
+    if at_m > recorded_m:
+        notes.append(f"the track shows {recorded_m:.0f} m of the way, the goal lies {at_m:.0f} m ahead: straight on")
+    if at_m < goal_m - END_M:
+        notes.append(f"the roads end before {goal_m:.0f} m")
+    return roads.route_through(chain), goal, tuple(notes)
+
+
+def _one_lane_per_block(roads: Roads, chain: tuple[str, ...]) -> tuple[list[str], bool]:
+    """The lane in which each roadblock is left, up to where one would be entered again; whether that is all."""
+    lanes: list[str] = []
+    seen: set[str] = set()
+    for lane in chain:
+        block = roads[lane].roadblock_id
+        if lanes and roads[lanes[-1]].roadblock_id == block:
+            lanes[-1] = lane
+        elif block in seen:
+            return lanes, False
+        else:
+            lanes.append(lane)
+            seen.add(block)
+    return lanes, True
+
+
+def _ends_m(roads: Roads, chain: list[str], first: LaneMatch) -> list[float]:
+    """How far ahead of the start each lane of a chain ends."""
+    start = roads[first.lane].centerline.pose_at(first.arc_m)
+    begin_m, _ = roads[chain[0]].centerline.project_point(start.x_m, start.y_m)
+    return (np.cumsum([roads[lane].centerline.length_m for lane in chain]) - begin_m).tolist()
+
+
+def _straightest(roads: Roads, chain: list[str]) -> str | None:
+    """The way on that turns least, into a roadblock that the chain does not hold yet."""
+    seen = {roads[lane].roadblock_id for lane in chain}
+
+    def turn_rad(lane: str) -> float:
+        heading = roads[lane].centerline.segment_heading_rad
+        return abs(float(wrap_angle(heading[-1] - heading[0])))
+
+    ways = [lane for lane in roads.outgoing(chain[-1]) if roads[lane].roadblock_id not in seen]
+    return min(ways, key=lambda lane: (turn_rad(lane), lane), default=None)
+
+
+def _up_to(roads: Roads, chain: list[str], ends: list[float], wanted_m: float) -> tuple[list[str], list[float]]:
+    """The chain cut behind the first lane that reaches as far as wanted; it never ends on a connector."""
+    lanes = [i for i, lane in enumerate(chain) if not isinstance(roads[lane], Connector)]
+    far = [i for i in lanes if ends[i] >= wanted_m]
+    last = far[0] if far else lanes[-1] if lanes else len(chain) - 1
+    return chain[: last + 1], ends[: last + 1]
+
+
+def _duration_s(recording: Recording, step: int, agents: Agents, wanted_s: float | None) -> float:
+    """In whole steps of the scenario; replayed agents last no longer than the recording."""
+    rest_s = floor((recording.steps - 1 - step) * recording.step_s / STEP_S + 1e-6) * STEP_S
+    most_s = rest_s if agents == "replayed" else inf
+    found = min(wanted_s if wanted_s is not None else rest_s if agents == "replayed" else SUMO_DURATION_S, most_s)
+    if found < LEAST_DURATION_S:
+        raise ScenarioError(
+            f"recording {recording.name}: {found:.1f} s are left, expected {LEAST_DURATION_S:g} s or more; "
+            "name an earlier time with --at"
+        )
+    return round(found, 1)
+
+
+# --- the others ----------------------------------------------------------------------------------
+
+
+def _driven(bare: Scenario, around: Surroundings) -> Scenario:
+    """SUMO drives those that stood in or moved along a lane."""
+    traffic = TrafficDemand(behaviour="urban")  # has drivers for every kind of vehicle
+    return replace(bare, traffic=traffic, vehicles=around.vehicles, obstacles=around.obstacles)
+
+
+def _replayed(
+    bare: Scenario, recording: Recording, others: list[Track], step: int
+) -> tuple[Scenario, tuple[tuple[str, str], ...]]:
+    """Everyone follows their track."""
+    steps = round(bare.duration_s / STEP_S) + 1
+    found: list[ReplayedTrack] = []
+    left_out: list[tuple[str, str]] = []
+    for track in others:
+        replay = replayed_track(track, recording.step_s, step, steps)
+        if isinstance(replay, str):
+            left_out.append((track.id, replay))
+        else:
+            found.append(replay)
+    if not found:
+        raise ScenarioError(
+            f"recording {recording.name} shows nobody but the ego in these {bare.duration_s:g} s; "
+            "let SUMO drive the others, with --agents sumo"
+        )
+    return replace(bare, replayed=tuple(found)), tuple(left_out)
+
+
+def replayed_track(track: Track, step_s: float, start: int, steps: int) -> ReplayedTrack | str:
+    """A track from step `start` of a recording on, at `steps` instants 0.1 s apart; why it is none of them otherwise.
+
+    Between two steps of the recording everything is interpolated; nothing is invented before or behind the track.
+    """
+    begin = (track.first_step - start) * step_s / STEP_S
+    end = (track.end_step - 1 - start) * step_s / STEP_S
+    first, last = max(0, -floor(-begin + 1e-6)), min(steps - 1, floor(end + 1e-6))
+    if end < -1e-6:
+        return "it was gone before"
+    if first > last:
+        return "it appears only after the end" if begin > steps - 1 else "it is there between two instants only"
+    at = (np.arange(first, last + 1) * STEP_S / step_s + start - track.first_step).clip(0.0, len(track.poses) - 1)
+    rows = np.arange(len(track.poses))
+    x, y = (np.interp(at, rows, track.poses[:, i]) for i in (0, 1))
+    heading = wrap_angle(np.interp(at, rows, np.unwrap(track.poses[:, 2])))
+    vx, vy = (np.interp(at, rows, track.velocity_mps[:, i]) for i in (0, 1))
+    kind: ReplayedKind = _KIND[track.kind]  # type: ignore[assignment]
+    size = (round(track.length_m, DECIMALS_M), round(track.width_m, DECIMALS_M))
+    columns = (_column(x, DECIMALS_M), _column(y, DECIMALS_M), _column(heading, DECIMALS_RAD))
+    return ReplayedTrack(track.id, kind, *size, first, *columns, _column(vx, DECIMALS_M), _column(vy, DECIMALS_M))
+
+
+def _column(values: Floats, decimals: int) -> tuple[float, ...]:
+    """Rounded, without minus zero: it would be another hash."""
+    return tuple((np.round(values, decimals) + 0.0).tolist())

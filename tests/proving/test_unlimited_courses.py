@@ -1,0 +1,50 @@
+"""Courses on maps without limits, and drives that begin beside the middle of their lane or inside a junction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from interplan_sumo.proving.certificates import certify
+from interplan_sumo.proving.course import BEND_MPS2, WITHOUT_LIMIT_MPS, course
+from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.tiny_worlds import curved_road, junction, straight_road
+from interplan_sumo.world.roads import Roads
+
+
+def along(roads: Roads, start: str, goal: str, route: tuple[str, ...]) -> Scenario:
+    goal_m = roads[goal].centerline.length_m - 5.0
+    return Scenario("tiny/0", "tiny", roads.name, LanePlace(start, 3.0), 3.0, LanePlace(goal, goal_m), route)
+
+
+def limits_mps(roads: Roads) -> set[float]:
+    return set(course(along(roads, "11", "11", ("1",)), roads).tracks[0].limit_mps.tolist())
+
+
+def test_without_a_limit_a_straight_road_is_driven_at_the_usual_one_and_a_bend_at_what_is_comfortable() -> None:
+    assert limits_mps(straight_road(limit_mps=None)) == {WITHOUT_LIMIT_MPS}
+    (slow_mps,) = limits_mps(curved_road(radius_m=20.0, limit_mps=None))
+    assert slow_mps == pytest.approx(np.sqrt(BEND_MPS2 * 20.0), rel=0.05)
+    (wide_mps,) = limits_mps(curved_road(radius_m=200.0, limit_mps=None))
+    assert wide_mps == WITHOUT_LIMIT_MPS
+    assert limits_mps(curved_road(radius_m=20.0, limit_mps=10.0)) == {10.0}
+
+
+def test_a_course_may_begin_inside_a_junction() -> None:
+    roads = junction()
+    way = next(iter(roads.connectors.values()))
+    route = roads.route_through((way.id, way.to_lane_id))
+    found = course(along(roads, way.id, way.to_lane_id, route), roads)
+    assert found.tracks[found.start_track].lanes == (way.id, way.to_lane_id)
+    assert found.tracks[found.start_track].at_goal
+
+
+def test_a_drive_that_begins_beside_the_middle_of_its_lane_is_found() -> None:
+    scenario = find_scenario("lane_change_ltd/0")
+    aside = replace(scenario, start=replace(scenario.start, left_m=0.45), start_speed_mps=6.0)
+    verdict = certify(aside)
+    assert verdict.certificate is not None, verdict.reason
+    assert verdict.certificate.summary.score == pytest.approx(1.0, abs=0.02)
