@@ -16,6 +16,7 @@ from interplan_sumo.maps.foreign.pieces import JOINT_M, links, pieces
 from interplan_sumo.maps.foreign.record import Origin
 from interplan_sumo.maps.foreign.ribbon import Ribbon
 from interplan_sumo.maps.foreign.sections import Stretch, sections
+from interplan_sumo.maps.foreign.smooth import FARTHEST_IN_JUNCTION_M, smoothed
 from interplan_sumo.maps.foreign.source import SourceMap
 from interplan_sumo.maps.foreign.ways import Ground, Node, Way, ways
 from interplan_sumo.world.geometry import Polyline, wrap_angle
@@ -108,7 +109,7 @@ class _Drawing:
             self.roadblocks[block] = Roadblock(block, polygon, tuple(members[block]))
 
     def _lane(self, node: Node, id_: str, block: str, ribbon: Ribbon) -> Lane:
-        line = ribbon.centerline(node.lane)
+        line = smoothed(ribbon.centerline(node.lane))
         self.origins[id_] = self._origins((node,), (0.0, 0.0), line)
         first = self.ground.sections[node.section].columns[node.lane][0]
         return Lane(
@@ -143,7 +144,8 @@ class _Drawing:
             self.roadblocks[block] = Roadblock(block, shape, tuple(ids), is_connector=True, from_id=start, to_id=end)
 
     def _connector(self, way: Way, id_: str, block: str) -> Connector:
-        line = way.ribbon.centerline()
+        ends = (self.lanes[self.id_of[node]].centerline for node in (way.start, way.end))
+        line = smoothed(way.ribbon.centerline(), *ends, farthest_m=FARTHEST_IN_JUNCTION_M)
         self.origins[id_] = self._origins(way.parts, way.drawn_m, line)
         polygon = way.ribbon.polygon()
         if polygon.is_empty:
