@@ -3,25 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import pytest
-
-REALDATA = Path(os.environ.get("INTERPLAN_REALDATA", Path(__file__).parents[3] / "shared" / "realdata"))
 MAP_NAME = "log_map_archive_0123abcd-0000-4000-8000-000000000000____PIT_city_42.json"
 
 Point = Sequence[float]
-
-
-def real(name: str) -> Path:
-    """A folder of real data; skips the test where it is absent."""
-    path = REALDATA / "argoverse2" / name
-    if not path.is_dir():
-        pytest.skip(f"no real data at {path} (INTERPLAN_REALDATA)")
-    return path
 
 
 def line(*points: Point) -> list[dict[str, float]]:

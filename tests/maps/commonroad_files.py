@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-REALDATA = Path(os.environ.get("INTERPLAN_REALDATA", Path(__file__).parents[3] / "shared" / "realdata"))
 Points = Sequence[tuple[float, float]]
-
-
-def real_file(*parts: str) -> Path:
-    """A file of the real data; the test is skipped where there is none."""
-    path = REALDATA.joinpath(*parts)
-    if not path.is_file():
-        pytest.skip(f"no real data at {path} (INTERPLAN_REALDATA)")
-    return path
 
 
 def points(line: Points) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,8 +16,8 @@ from pyproj import Transformer
 from interplan_sumo.maps.foreign.readers.lanelet2 import read_lanelet2
 from interplan_sumo.maps.foreign.source import SourceCount, SourceLane, SourceMap
 from interplan_sumo.world.geometry import Floats
+from tests.realdata import real
 
-REALDATA = Path(os.environ.get("INTERPLAN_REALDATA", Path(__file__).parents[3] / "shared" / "realdata"))
 ORIGIN_M = (458_000.0, 5_428_000.0)
 """Of the tests' metres in UTM zone 32 north."""
 UTM, MERCATOR, DEGREES = "EPSG:32632", "EPSG:3857", "EPSG:4326"
@@ -31,12 +30,9 @@ Point = tuple[float, float]
 Encoding = Literal["degrees", "local", "mercator", "both"]
 
 
-def real() -> Path:
+def example() -> Path:
     """The example map of the library; skips the test where it is absent."""
-    path = REALDATA / "lanelet2" / "mapping_example.osm"
-    if not path.is_file():
-        pytest.skip(f"no real data at {path} (INTERPLAN_REALDATA)")
-    return path
+    return real("lanelet2", "mapping_example.osm")
 
 
 @dataclass

@@ -26,7 +26,8 @@ def lane(id: str, middle: Sequence[Sequence[float]], width_m: float = WIDTH_M, *
     """A lane of even width along straight pieces."""
     points = np.array(middle, dtype=np.float64)
     ahead = np.gradient(points, axis=0)
-    normal = np.stack((-ahead[:, 1], ahead[:, 0]), axis=1) / np.hypot(*ahead.T)[:, None] * width_m / 2.0
+    length = np.hypot(ahead[:, 0], ahead[:, 1])[:, None]
+    normal = np.stack((-ahead[:, 1], ahead[:, 0]), axis=1) / length * width_m / 2.0
     return SourceLane(id, line(*(points + normal)), line(*(points - normal)), **facts)
 
 

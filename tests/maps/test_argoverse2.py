@@ -22,7 +22,8 @@ from interplan_sumo.maps.foreign.readers.argoverse2 import BRIDGE_M, MAX_NEIGHBO
 from interplan_sumo.maps.foreign.source import UNPLACED_CRS, UNPLACED_ORIGIN_M, SourceLane, SourceMap
 from interplan_sumo.world.argoverse_frame import CITIES, city_frame
 from interplan_sumo.world.geometry import Floats
-from tests.maps.argoverse_files import lane, line, real, straight, street, tile, written
+from tests.maps.argoverse_files import lane, line, straight, street, tile, written
+from tests.realdata import real
 
 REAL = ("austin_0a1e6f0a", "pit_57819")
 
@@ -346,8 +347,8 @@ def test_a_file_that_cannot_be_counted_is_refused_in_one_line(content: str, tmp_
 
 @pytest.mark.parametrize("name", REAL)
 def test_reader_and_count_agree_on_a_real_map(name: str) -> None:
-    source = read_argoverse2(real(name))
-    assert_agree(source, real(name))
+    source = read_argoverse2(real("argoverse2", name))
+    assert_agree(source, real("argoverse2", name))
 
 
 @pytest.mark.parametrize(
@@ -358,7 +359,7 @@ def test_a_real_map_has_what_its_publishers_put_in(
     name: str, lanes: int, length_m: float, crossings: int, areas: int, inside: int, tmp_path: Path
 ) -> None:
     """Every lane counts, so those for bicycles and buses are read as lanes for cars."""
-    (file,) = real(name).glob("*.json")
+    (file,) = real("argoverse2", name).glob("*.json")
     content = json.loads(file.read_text())
     for row in content["lane_segments"].values():
         row["lane_type"] = "VEHICLE"
@@ -378,7 +379,7 @@ def test_a_real_map_has_what_its_publishers_put_in(
 
 @pytest.mark.parametrize("name", REAL)
 def test_real_lanes_join_without_gaps_and_lie_on_drivable_ground(name: str) -> None:
-    source = read_argoverse2(real(name))
+    source = read_argoverse2(real("argoverse2", name))
     for before, after in links(source):
         one, other = source.lanes[before], source.lanes[after]
         assert_allclose(one.left[-1], other.left[0], atol=0.011)  # files have centimetres
@@ -390,7 +391,7 @@ def test_real_lanes_join_without_gaps_and_lie_on_drivable_ground(name: str) -> N
 
 @pytest.mark.parametrize(("name", "pairs"), [("austin_0a1e6f0a", 7), ("pit_57819", 60)])
 def test_real_neighbours_are_mutual(name: str, pairs: int) -> None:
-    lanes = read_argoverse2(real(name)).lanes
+    lanes = read_argoverse2(real("argoverse2", name)).lanes
     on_left = {(one.left_neighbour, one.id) for one in lanes.values() if one.left_neighbour}
     on_right = {(one.id, one.right_neighbour) for one in lanes.values() if one.right_neighbour}
     assert on_left == on_right

@@ -21,7 +21,8 @@ from interplan_sumo.maps.foreign.source import UNPLACED_CRS, UNPLACED_ORIGIN_M, 
 from interplan_sumo.world.frame import STAND_IN_CRS, STAND_IN_ORIGIN_M, Frame, utm_frame
 from interplan_sumo.world.geometry import Floats, Polyline, wrap_angle
 from interplan_sumo.world.roads import StopLineKind
-from tests.maps.commonroad_files import lanelet, location, points, real_file, scenario, sign, written
+from tests.maps.commonroad_files import lanelet, location, points, scenario, sign, written
+from tests.realdata import real
 
 UTM = "+proj=utm +zone=32 +ellps=WGS84"
 MERCATOR = "EPSG:3857"
@@ -407,16 +408,16 @@ def test_a_second_reading_counts_the_same(reference: str, lonlat: tuple[float, f
 
 @pytest.fixture(scope="module")
 def lankershim() -> SourceMap:
-    return read_commonroad(real_file("commonroad", "USA_Lanker-1_1_T-1.xml"))
+    return read_commonroad(real("commonroad", "USA_Lanker-1_1_T-1.xml"))
 
 
 def test_the_real_scenario_has_what_a_second_reading_counts(lankershim: SourceMap) -> None:
-    assert_as_counted(lankershim, count_commonroad(real_file("commonroad", "USA_Lanker-1_1_T-1.xml")))
+    assert_as_counted(lankershim, count_commonroad(real("commonroad", "USA_Lanker-1_1_T-1.xml")))
 
 
 def test_the_real_scenario_has_what_commonroad_io_finds_in_it(lankershim: SourceMap) -> None:
     """Figures of commonroad-io 2026.1 for the version 2018b of this scenario."""
-    count = count_commonroad(real_file("commonroad", "USA_Lanker-1_1_T-1.xml"))
+    count = count_commonroad(real("commonroad", "USA_Lanker-1_1_T-1.xml"))
     assert len(lankershim.lanes) == 91
     assert len(count.links) == 84
     assert sum(count.lane_length_m.values()) == pytest.approx(1689.40, abs=1.0)
@@ -451,7 +452,7 @@ def agreement(
 
 def test_the_real_scenario_lies_on_the_sumo_network_of_the_same_street(lankershim: SourceMap) -> None:
     """Two maps of one street by different hands: an intersection of the one covers that of the other."""
-    network = read_sumo_network(real_file("sumo_nets", "ngsim_lankershim.net.xml"))
+    network = read_sumo_network(real("sumo_nets", "ngsim_lankershim.net.xml"))
     share, aside_m, aside_deg = agreement(lankershim, network, TURN_RAD, SHIFT_M)
     assert share > 0.85
     assert aside_m < 1.0

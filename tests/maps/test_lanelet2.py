@@ -13,7 +13,7 @@ from interplan_sumo.maps.foreign.counts.lanelet2 import count_lanelet2
 from interplan_sumo.maps.foreign.readers.lanelet2 import read_lanelet2
 from interplan_sumo.maps.foreign.source import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.roads import StopLineKind
-from tests.maps.lanelet2_files import ORIGIN_M, Osm, assert_agree, crossing, middle_m, read, real
+from tests.maps.lanelet2_files import ORIGIN_M, Osm, assert_agree, crossing, example, middle_m, read
 
 
 @pytest.fixture
@@ -393,7 +393,7 @@ def test_areas_go_where_they_belong(file: Path) -> None:
 
 
 def test_the_real_map_has_what_its_readme_says() -> None:
-    source = read_lanelet2(real())
+    source = read_lanelet2(example())
     assert len(source.lanes) + len(source.left_out) - sum(":back" in id_ for id_ in source.lanes) == 371
     assert (source.crs, source.driving_side) == ("EPSG:32632", "right")
     own = [lane for lane in source.lanes.values() if ":back" not in lane.id]
@@ -407,5 +407,5 @@ def test_the_real_map_has_what_its_readme_says() -> None:
 
 
 def test_two_readings_of_the_real_map_agree() -> None:
-    file = real()
+    file = example()
     assert_agree(read_lanelet2(file), count_lanelet2(file))

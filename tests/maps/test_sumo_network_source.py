@@ -19,8 +19,8 @@ from interplan_sumo.maps.foreign.readers.sumo_network import read_sumo_network
 from interplan_sumo.maps.foreign.source import UNPLACED_CRS, UNPLACED_ORIGIN_M, SourceCount, SourceMap
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import StopLineKind
-from tests.maps.commonroad_files import real_file
 from tests.maps.sumo_nets import by_hand, crossroads, edge, lane, made, node, written
+from tests.realdata import real
 
 
 @pytest.fixture(scope="module")
@@ -335,7 +335,7 @@ def test_no_boundary_crosses_itself_or_strays(steps: list[tuple[float, float]], 
 
 
 def test_the_real_network_has_what_sumo_s_library_finds_in_it() -> None:
-    path = real_file("sumo_nets", "ngsim_lankershim.net.xml")
+    path = real("sumo_nets", "ngsim_lankershim.net.xml")
     source = read_sumo_network(path)
     on_edges = [id_ for id_, one in source.lanes.items() if not one.in_intersection]
     assert len(on_edges) == 98
@@ -347,6 +347,6 @@ def test_the_real_network_has_what_sumo_s_library_finds_in_it() -> None:
 
 
 def test_no_boundary_of_the_real_network_crosses_another_of_its_lane() -> None:
-    source = read_sumo_network(real_file("sumo_nets", "ngsim_lankershim.net.xml"))
+    source = read_sumo_network(real("sumo_nets", "ngsim_lankershim.net.xml"))
     for id_, one in source.lanes.items():
         assert shapely.Polygon(np.concatenate((one.left, one.right[::-1]))).is_valid, id_

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,9 +24,8 @@ from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.argoverse_frame import city_frame
 from interplan_sumo.world.geometry import Floats, wrap_angle
 from interplan_sumo.world.recording import Recording
+from tests.realdata import real
 
-REALDATA = Path(os.environ.get("INTERPLAN_REALDATA", Path(__file__).parents[3] / "shared" / "realdata"))
-AUSTIN = REALDATA / "argoverse2" / "austin_0a1e6f0a"
 NAME = "scenario_0123abcd-0000-4000-8000-000000000000.parquet"
 
 Columns = dict[str, list[Any]]
@@ -293,14 +291,12 @@ def test_damaged_files_are_read_or_refused_and_nothing_else(tmp_path: Path) -> N
 
 @pytest.fixture(scope="module")
 def austin() -> Recording:
-    if not AUSTIN.is_dir():
-        pytest.skip(f"no real data at {AUSTIN} (INTERPLAN_REALDATA)")
-    return read_argoverse2_recording(AUSTIN)
+    return read_argoverse2_recording(real("argoverse2", "austin_0a1e6f0a"))
 
 
 @pytest.fixture(scope="module")
 def lanes(austin: Recording) -> list[SourceLane]:
-    source = read_argoverse2(AUSTIN)
+    source = read_argoverse2(real("argoverse2", "austin_0a1e6f0a"))
     assert (source.name, source.crs) == (austin.name, austin.crs)
     return list(source.lanes.values())
 
@@ -318,7 +314,7 @@ def test_real_vehicles_move_on_imported_lanes_and_along_them(austin: Recording, 
     """On drivable ground, that is: the recording reaches further than the map. Two cars are off the lanes there,
     one that comes out of a driveway and one that leaves the kerb."""
     rings = np.array([shapely.Polygon(np.concatenate((lane.left, lane.right[::-1]))) for lane in lanes])
-    ground = shapely.union_all(read_argoverse2(AUSTIN).drivable)
+    ground = shapely.union_all(read_argoverse2(real("argoverse2", "austin_0a1e6f0a")).drivable)
     mapped = on_lanes = 0
     strays: set[str] = set()
     errors_deg: list[float] = []

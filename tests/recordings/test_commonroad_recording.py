@@ -21,7 +21,8 @@ from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.frame import STAND_IN_ORIGIN_M
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.recording import Recording
-from tests.maps.commonroad_files import lanelet, location, points, real_file, rectangle, scenario, state, written
+from tests.maps.commonroad_files import lanelet, location, points, rectangle, scenario, state, written
+from tests.realdata import real
 
 MERCATOR = "EPSG:3857"
 
@@ -266,7 +267,7 @@ def test_a_time_step_that_cannot_be_is_named(step_s: str, tmp_path: Path) -> Non
 
 @pytest.fixture(scope="module")
 def lankershim() -> Recording:
-    return read_commonroad_recording(real_file("commonroad", "USA_Lanker-1_1_T-1.xml"))
+    return read_commonroad_recording(real("commonroad", "USA_Lanker-1_1_T-1.xml"))
 
 
 def test_the_real_recording_has_what_its_publishers_put_in(lankershim: Recording) -> None:
@@ -289,7 +290,7 @@ def test_real_cars_move_as_fast_as_they_say_and_where_they_head(lankershim: Reco
 
 
 def test_real_cars_are_on_the_lanes_of_the_same_file(lankershim: Recording) -> None:
-    source = read_commonroad(real_file("commonroad", "USA_Lanker-1_1_T-1.xml"))
+    source = read_commonroad(real("commonroad", "USA_Lanker-1_1_T-1.xml"))
     assert source.crs == lankershim.crs
     rings = [shapely.Polygon(np.concatenate((lane.left, lane.right[::-1]))) for lane in source.lanes.values()]
     ground = shapely.union_all(rings)
