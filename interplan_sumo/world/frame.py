@@ -13,9 +13,9 @@ from pyproj.exceptions import CRSError, ProjError
 from interplan_sumo.errors import MapError
 from interplan_sumo.world.geometry import Floats
 
-STAND_IN_CRS = "EPSG:32631"
+UNPLACED_CRS = "EPSG:32631"
 """Stands in where a file does not say where on earth it lies."""
-STAND_IN_ORIGIN_M = (500_000.0, 1_000_000.0)
+UNPLACED_ORIGIN_M = (500_000.0, 1_000_000.0)
 """Added to the coordinates of such a file, so that they lie within the system."""
 _SAME_AS_WGS84 = ("WGS 84", "GRS 1980")
 """Ellipsoids whose UTM coordinates are taken for WGS 84's: they agree within two metres."""
@@ -75,7 +75,7 @@ class Frame:
         return np.stack((x, y), axis=1)
 
 
-STAND_IN = Frame(STAND_IN_CRS, STAND_IN_ORIGIN_M)
+STAND_IN = Frame(UNPLACED_CRS, UNPLACED_ORIGIN_M)
 """The frame of a file that does not say where it lies."""
 
 

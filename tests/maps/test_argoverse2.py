@@ -19,8 +19,9 @@ from numpy.testing import assert_allclose
 from interplan_sumo.errors import MapError, UnknownNameError
 from interplan_sumo.maps.foreign.counts.argoverse2 import count_argoverse2
 from interplan_sumo.maps.foreign.readers.argoverse2 import BRIDGE_M, MAX_NEIGHBOUR_GAP_M, read_argoverse2
-from interplan_sumo.maps.foreign.source import UNPLACED_CRS, UNPLACED_ORIGIN_M, SourceLane, SourceMap
+from interplan_sumo.maps.foreign.source import SourceLane, SourceMap
 from interplan_sumo.world.argoverse_frame import CITIES, city_frame
+from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.geometry import Floats
 from tests.maps.argoverse_files import lane, line, straight, street, tile, written
 from tests.realdata import real

@@ -17,8 +17,8 @@ from interplan_sumo.maps.foreign.counts.commonroad import count_commonroad
 from interplan_sumo.maps.foreign.readers.commonroad import read_commonroad
 from interplan_sumo.maps.foreign.readers.commonroad_signs import HIGHEST_LIMIT_MPS, usable_limit_mps
 from interplan_sumo.maps.foreign.readers.sumo_network import read_sumo_network
-from interplan_sumo.maps.foreign.source import UNPLACED_CRS, UNPLACED_ORIGIN_M, SourceCount, SourceMap
-from interplan_sumo.world.frame import STAND_IN_CRS, STAND_IN_ORIGIN_M, Frame, utm_frame
+from interplan_sumo.maps.foreign.source import SourceCount, SourceMap
+from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M, Frame, utm_frame
 from interplan_sumo.world.geometry import Floats, Polyline, wrap_angle
 from interplan_sumo.world.roads import StopLineKind
 from tests.maps.commonroad_files import lanelet, location, points, scenario, sign, written
@@ -265,8 +265,7 @@ def test_the_side_is_that_of_oncoming_lanelets_else_the_country_s(
 
 def test_without_a_georeference_the_map_stands_in_and_says_so(tmp_path: Path) -> None:
     source = read(tmp_path, lanelet(1))
-    assert source.crs == UNPLACED_CRS == STAND_IN_CRS
-    assert UNPLACED_ORIGIN_M == STAND_IN_ORIGIN_M
+    assert source.crs == UNPLACED_CRS
     assert any("does not say where it lies" in note for note in source.notes)
 
 

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from interplan_sumo.maps.foreign.counts.sumo_network import count_sumo_network
 from interplan_sumo.maps.foreign.readers.offset import beside
 from interplan_sumo.maps.foreign.readers.sumo_network import read_sumo_network
-from interplan_sumo.maps.foreign.source import UNPLACED_CRS, UNPLACED_ORIGIN_M, SourceCount, SourceMap
+from interplan_sumo.maps.foreign.source import SourceCount, SourceMap
+from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import StopLineKind
 from tests.maps.sumo_nets import by_hand, crossroads, edge, lane, made, node, written

@@ -18,7 +18,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.maps.foreign.readers.commonroad import read_commonroad
 from interplan_sumo.recordings.commonroad import read_commonroad_recording
 from interplan_sumo.world.actors import ActorKind
-from interplan_sumo.world.frame import STAND_IN_ORIGIN_M
+from interplan_sumo.world.frame import UNPLACED_ORIGIN_M
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.recording import Recording
 from tests.maps.commonroad_files import lanelet, location, points, rectangle, scenario, state, written
@@ -46,7 +46,7 @@ def standing(id_: int, shape: str, heading: float = 0.0, kind: str = "car") -> s
 
 def local(recording: Recording, track: int = 0) -> np.ndarray:
     """Poses of a track in the coordinates of its file."""
-    return recording.tracks[track].poses - (*STAND_IN_ORIGIN_M, 0.0)
+    return recording.tracks[track].poses - (*UNPLACED_ORIGIN_M, 0.0)
 
 
 # --- states ------------------------------------------------------------------------------------------

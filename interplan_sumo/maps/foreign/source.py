@@ -15,11 +15,6 @@ import shapely
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import DrivingSide, StopLineKind
 
-UNPLACED_CRS = "EPSG:32631"
-"""Stands in where a file does not say where on earth it lies: metres that nobody should look up on a globe."""
-UNPLACED_ORIGIN_M = (500_000.0, 1_000_000.0)
-"""Added to the coordinates of such a file, so that they lie within the system."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SourceLane:

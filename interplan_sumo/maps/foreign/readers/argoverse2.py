@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from interplan_sumo.errors import UnknownNameError
 from interplan_sumo.maps.foreign.readers.argoverse2_file import Item, items, map_file
-from interplan_sumo.maps.foreign.source import UNPLACED_CRS, UNPLACED_ORIGIN_M, LeftOut, SourceLane, SourceMap
+from interplan_sumo.maps.foreign.source import LeftOut, SourceLane, SourceMap
 from interplan_sumo.world.argoverse_frame import argoverse_name, city_frame, find_city, scenario_city
+from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.geometry import Floats, Ints, frozen
 
 REASONS = {"BIKE": "bicycle lane", "BUS": "bus lane"}

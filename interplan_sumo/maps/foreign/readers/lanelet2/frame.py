@@ -12,7 +12,7 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import ProjError
 
 from interplan_sumo.maps.foreign.readers.lanelet2.osm import OsmFile
-from interplan_sumo.maps.foreign.source import UNPLACED_CRS, UNPLACED_ORIGIN_M
+from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.geometry import Floats
 
 _WGS84 = "EPSG:4326"
