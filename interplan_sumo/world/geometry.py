@@ -194,7 +194,7 @@ class Polyline:
         here = self.poses_at(shares * self.length_m)[:, :2]
         there = other.poses_at(shares * other.length_m)[:, :2]
         same, turned = np.hypot(*(here - there).T).sum(), np.hypot(*(here - there[::-1]).T).sum()
-        return bool(same <= (1.05 if turns_back else 1.0) * turned)
+        return bool(same <= (2.0 if turns_back else 1.0) * turned)
 
     def joined(self, other: Polyline) -> Polyline:
         """This line followed by another one."""

@@ -16,6 +16,7 @@ from interplan_sumo.maps.foreign.pieces import JOINT_M, links, pieces
 from interplan_sumo.maps.foreign.record import Origin
 from interplan_sumo.maps.foreign.ribbon import Ribbon
 from interplan_sumo.maps.foreign.sections import Stretch, sections
+from interplan_sumo.maps.foreign.sift import sifted
 from interplan_sumo.maps.foreign.smooth import FARTHEST_IN_JUNCTION_M, smoothed
 from interplan_sumo.maps.foreign.source import SourceMap
 from interplan_sumo.maps.foreign.ways import Ground, Node, Way, ways
@@ -60,7 +61,13 @@ def build(source: SourceMap) -> Built:
     for item in source.left_out:
         left_out[item.reason].append(item.id)
     reasons = {reason: tuple(ids) for reason, ids in left_out.items()}
-    return Built(drawing.roads(), drawing.origins, reasons, (*source.notes, *drawing.notes()))
+    roads, broken = sifted(drawing.roads())
+    taken_out = tuple(
+        f"{', '.join(dict.fromkeys(origin.source_id for origin in drawing.origins[id_]))}: left out, {reason}"
+        for id_, reason in broken.items()
+    )
+    origins = {id_: rows for id_, rows in drawing.origins.items() if id_ in roads}
+    return Built(roads, origins, reasons, (*source.notes, *drawing.notes(), *taken_out))
 
 
 @dataclass(eq=False)

@@ -12,11 +12,11 @@ from interplan_sumo.maps.foreign.record import ImportRecord, Origin
 from interplan_sumo.maps.foreign.source import SourceCount
 from interplan_sumo.world.roads import Roads
 
-LENGTH_SHARE = 0.02
-"""Two readings of a lane's length may differ by this share, since a curb and a centre line are not equally long,"""
+LENGTH_SHARE = 0.12
+"""Two readings of a lane may differ by this share of its length, since smooth centre lines cut corners,"""
 LENGTH_M = 1.5
 """or by so much: where the sides of a short, wide lane differ, so do middles drawn in different ways."""
-TOTAL_SHARE = 0.005
+TOTAL_SHARE = 0.015
 """All lanes together may differ by this share."""
 COVERED_M = 1.5
 """A lane may lack so much at its ends: joints and margins where nothing follows."""
