@@ -18,7 +18,7 @@ from tests.realdata import real
 
 
 def damage(tile: dict[str, Any], rng: random.Random) -> None:
-    """Change one lane as careless tools do: boundaries swapped, reversed, shaken or collapsed, links and kinds wrong."""
+    """Change one lane as careless tools do: boundaries swapped, reversed or shaken, links and kinds wrong."""
     lanes = list(tile["lane_segments"].values())
     lane, other = rng.choice(lanes), rng.choice(lanes)
     left, right = lane["left_lane_boundary"], lane["right_lane_boundary"]
@@ -55,8 +55,7 @@ def outcome(tile: dict[str, Any], seed: int, folder: Path) -> list[str] | None:
     try:
         return schema_problems(build(read_argoverse2(written(tile, folder))).roads)
     except MapError as error:
-        assert len(str(error).splitlines()) == 1
-        return None
+        return None if len(str(error).splitlines()) == 1 else [f"not one line: {error}"]
 
 
 def test_a_damaged_street_keeps_the_rules_or_is_refused(tmp_path: Path) -> None:
