@@ -20,15 +20,21 @@ from interplan_sumo.cli.generate import generate
 from interplan_sumo.cli.maps import maps_app
 from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, OUR_FAULT, JsonOption
 from interplan_sumo.cli.planners import planners_app
+from interplan_sumo.cli.recorded import import_scenes
 from interplan_sumo.cli.scenarios import scenarios_app
+from interplan_sumo.cli.sweep import sweep
+from interplan_sumo.cli.verify import verify
 from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.report.printing import print_json
 
 app = typer.Typer(name="interplan-sumo", rich_markup_mode="rich", **LOOKS)
 app.add_typer(runs.app)
+app.command()(sweep)
+app.command()(verify)
 app.add_typer(scenarios_app, name="scenarios")
 scenarios_app.command("certify")(certify)
 scenarios_app.command("generate")(generate)
+scenarios_app.command("import")(import_scenes)
 scenarios_app.command("audit")(audit)
 app.add_typer(planners_app, name="planners")
 app.add_typer(maps_app, name="maps")

@@ -1,0 +1,268 @@
+"""Sweep: one run per combination of traffic parameters, each in a run folder of its own below one folder.
+
+| place | what |
+|---|---|
+| KEY=VALUE,KEY=VALUE/ | the run folder of a combination |
+| KEY=VALUE,.../BEHAVIOUR/ | instead, where vehicle types are changed of which the scenarios use several files |
+| traffic/ | the changed vehicle-type files |
+"""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from math import isfinite
+from pathlib import Path
+from typing import Literal, cast
+
+from interplan_sumo.batch import traffic_files
+from interplan_sumo.batch.jobs import JobKey, Overrides, Source, chosen, keys_of, split_files
+from interplan_sumo.batch.run import RunRequest, Watch, check_inputs, run
+from interplan_sumo.batch.run_folder import StoredRun, read_run
+from interplan_sumo.batch.traffic_files import Edit, write_changed
+from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
+from interplan_sumo.planner import find_planner
+from interplan_sumo.scenario.scenario import LARGEST_GAP_M, Scenario
+from interplan_sumo.simulation.vehicle_types import vehicle_type_file
+
+TYPICAL_S = 5.0
+"""A drive of half a minute with a rule-based planner on one core, loading included: the guess before any was timed."""
+VALUE = re.compile(r"[A-Za-z0-9_.+-]+")
+"""Values become parts of folder names."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """What is varied, and its values in the order given."""
+
+    key: str
+    """`density`, `behaviour`, a vType attribute or `interplan.*` parameter, or one of a single type: `TYPE.KEY`."""
+    values: tuple[str, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> Parameter:
+        """From `KEY=V1,V2,...`; InputError for an unknown key, a value that cannot be, or one given twice."""
+        key, equals, listed = text.partition("=")
+        values = tuple(listed.split(","))
+        if not equals or not all(values):
+            raise InputError(f"--param {text!r} has no values; write KEY=V1,V2, such as interplan.reactOverlap=0,0.5,1")
+        for number, value in enumerate(values):
+            if not VALUE.fullmatch(value):
+                raise InputError(f"--param {key}: {value!r} is no value; numbers and plain words are")
+            if any(_same(value, other) for other in values[:number]):
+                raise InputError(f"--param {key} gives {value} twice; give each value once")
+            if key == "density" and value not in LARGEST_GAP_M:
+                raise UnknownNameError("density", value, LARGEST_GAP_M)
+            if key == "behaviour":
+                vehicle_type_file(value)
+            elif key != "density":
+                Edit.of(key, value)
+        return cls(key, values)
+
+
+def _same(a: str, b: str) -> bool:
+    """Whether two values mean the same: 0.5 and 0.50."""
+    first, second = as_number(a), as_number(b)
+    return a == b if first is None or second is None else first == second
+
+
+def as_number(value: str) -> float | None:
+    """A value as a finite number; None for a word."""
+    try:
+        number = float(value)
+    except ValueError:
+        return None
+    return number if isfinite(number) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A run that a combination takes, and its drives."""
+
+    request: RunRequest
+    scenarios: tuple[str, ...]
+    """Ids."""
+
+    @property
+    def asked(self) -> dict[str, object]:
+        """The request as a manifest has it."""
+        request = self.request
+        return {"planners": list(request.planners), "scenarios": list(self.scenarios), "seeds": request.seeds}
+
+    @property
+    def keys(self) -> list[JobKey]:
+        return keys_of([self.asked])
+
+
+@dataclass(frozen=True, slots=True)
+class Combination:
+    """One value of every parameter."""
+
+    setting: dict[str, str]
+    parts: tuple[Part, ...]
+    """One run; several where the vehicle types of several files are changed."""
+
+    @property
+    def name(self) -> str:
+        """As its folder is called: `density=high,tau=1.5`."""
+        return folder_name(self.setting)
+
+    @property
+    def keys(self) -> list[JobKey]:
+        """Its drives."""
+        return [key for part in self.parts for key in part.keys]
+
+
+def folder_name(setting: Mapping[str, str]) -> str:
+    """`KEY=VALUE,KEY=VALUE`."""
+    return ",".join(f"{key}={value}" for key, value in setting.items())
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """What is to be done."""
+
+    folder: Path
+    parameters: tuple[Parameter, ...]
+    combinations: tuple[Combination, ...]
+    without_traffic: tuple[str, ...]
+    """Ids of scenarios in which nobody drives but the ego and who was recorded: no combination changes them."""
+
+    @property
+    def drives(self) -> int:
+        return sum(len(combination.keys) for combination in self.combinations)
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What came of one combination."""
+
+    combination: Combination
+    runs: tuple[StoredRun, ...]
+    """Exactly the drives of this sweep, though a folder may hold others."""
+    failure: str | None = None
+    """Why it could not be run at all."""
+
+    @property
+    def missing(self) -> list[JobKey]:
+        """Drives without a score."""
+        scored = {key for each in self.runs for key, row in each.rows.items() if row["score"] is not None}
+        return [key for key in self.combination.keys if key not in scored]
+
+
+def plan_sweep(request: RunRequest, parameters: Sequence[Parameter]) -> Sweep:
+    """Work out every combination, write the changed vehicle-type files and check all inputs.
+
+    `request` says what each run has in common, overrides included; its folder
+    becomes that of the sweep. InputError for anything that cannot be used.
+    """
+    if not parameters:
+        raise InputError("nothing to vary; name it with --param, such as --param interplan.reactOverlap=0,0.5,1")
+    if request.limit is not None and request.limit < 1:
+        raise InputError(f"limit is {request.limit}, expected 1 or more")
+    _check_agree(request, parameters)
+    for spec in request.planners:
+        find_planner(spec.partition("?")[0])
+    files, globs = split_files(request.scenarios)
+    scenarios = chosen(Source.of(request.suite, files).scenarios, globs, request.limit)
+    settings = [
+        dict(zip((parameter.key for parameter in parameters), values, strict=True))
+        for values in product(*(parameter.values for parameter in parameters))
+    ]
+    combinations = tuple(
+        Combination(setting, tuple(_parts(request, setting, scenarios, files))) for setting in settings
+    )
+    for overrides in {part.request.overrides for combination in combinations for part in combination.parts}:
+        check_inputs([overrides.applied(scenario) for scenario in scenarios], overrides.vehicle_types)
+    without = tuple(scenario.id for scenario in scenarios if scenario.replayed or not scenario.has_traffic)
+    return Sweep(request.folder, tuple(parameters), combinations, without)
+
+
+def _check_agree(request: RunRequest, parameters: Sequence[Parameter]) -> None:
+    """InputError for what is asked twice, and for a folder that is a run's."""
+    keys = [parameter.key for parameter in parameters]
+    for number, key in enumerate(keys):
+        if key in keys[:number]:
+            raise InputError(f"--param {key} is given twice; give all its values at once: {key}=V1,V2,...")
+        if key in ("density", "behaviour") and getattr(request.overrides, key) is not None:
+            raise InputError(f"--set {key} fixes what --param {key} varies; give only one")
+    if "behaviour" in keys and request.overrides.vehicle_types is not None:
+        raise InputError("--traffic replaces the vehicle types that --param behaviour varies; give only one")
+    if (request.folder / "manifest.json").exists():
+        raise RunFolderError(f"{request.folder} holds a run; give another folder as --out")
+
+
+def _parts(
+    request: RunRequest, setting: Mapping[str, str], scenarios: Sequence[Scenario], files: Sequence[str]
+) -> Iterator[Part]:
+    """The runs of one combination: one, or one per vehicle-type file where that is changed."""
+    folder = request.folder / folder_name(setting)
+    density = cast("Literal['low', 'medium', 'high'] | None", setting.get("density", request.overrides.density))
+    base = replace(request.overrides, density=density, behaviour=setting.get("behaviour", request.overrides.behaviour))
+    changes = {key: value for key, value in setting.items() if key not in ("density", "behaviour")}
+    if not changes:
+        yield _part(request, folder, scenarios, files, base)
+        return
+    edits = [Edit.of(key, value) for key, value in changes.items()]
+    users: dict[Path, list[Scenario]] = {}
+    for scenario in scenarios:
+        used = base.vehicle_types or vehicle_type_file(base.behaviour or scenario.traffic.behaviour)
+        users.setdefault(used, []).append(scenario)
+    for source, members in users.items():
+        target = request.folder / traffic_files.FOLDER / traffic_files.changed_name(source, changes)
+        write_changed(source, edits, target)
+        place = folder if len(users) == 1 else folder / source.stem
+        yield _part(request, place, members, files, Overrides(density, None, target))
+
+
+def _part(
+    request: RunRequest, folder: Path, scenarios: Sequence[Scenario], files: Sequence[str], overrides: Overrides
+) -> Part:
+    ids = tuple(scenario.id for scenario in scenarios)
+    chosen_ids = map(glob.escape, ids)
+    return Part(replace(request, folder=folder, scenarios=(*files, *chosen_ids), limit=None, overrides=overrides), ids)
+
+
+def run_combination(combination: Combination, watch: Watch | None = None) -> Result:
+    """Do what its folders do not hold yet. What cannot be run is in the result: the next combination may do."""
+    runs: list[StoredRun] = []
+    for part in combination.parts:
+        try:
+            stored = run(part.request, watch)
+        except InputError as error:
+            return Result(combination, tuple(runs), str(error))
+        rows = {key: stored.rows[key] for key in part.keys if key in stored.rows}
+        runs.append(replace(stored, manifest=stored.manifest | {"requests": [part.asked]}, rows=rows))
+    return Result(combination, tuple(runs))
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """How long a sweep will take."""
+
+    drives: int
+    """Still to be done."""
+    drive_s: float
+    timed: bool
+    """Whether drives of this sweep were timed; else it is a guess."""
+    workers: int
+
+    @property
+    def wall_s(self) -> float:
+        return self.drives * self.drive_s / max(self.workers, 1)
+
+
+def estimate(sweep: Sweep, workers: int) -> Estimate:
+    """What is left to do, and how long that takes by the drives that the sweep's folders hold already."""
+    times_s: list[float] = []
+    left = 0
+    for part in (part for combination in sweep.combinations for part in combination.parts):
+        folder = part.request.folder
+        rows = read_run(folder).rows if (folder / "manifest.json").is_file() else {}
+        done = [rows[key] for key in part.keys if key in rows and rows[key]["score"] is not None]
+        left += len(part.keys) - len(done)
+        times_s += [row["times_s"]["total"] for row in done if "total" in row.get("times_s", {})]
+    return Estimate(left, sum(times_s) / len(times_s) if times_s else TYPICAL_S, bool(times_s), workers)

@@ -1,0 +1,152 @@
+"""Traffic files: vehicle-type files of a run: changed ones for a sweep, and recorded ones found again."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, cast
+from xml.etree.ElementTree import Element, SubElement
+
+from defusedxml.ElementTree import parse, tostring
+
+from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.errors import InputError, UnknownNameError, VehicleTypeError
+from interplan_sumo.resources import routes_root
+from interplan_sumo.simulation.vehicle_types import NUMBERS, OTHER_ATTRIBUTES, PARAMETERS, read_vehicle_types
+
+FOLDER = "traffic"
+"""Where a sweep keeps its vehicle-type files, beside its run folders."""
+LANE_CHANGE: Final = frozenset(
+    "lcAccelLat lcAssertive lcContRight lcCooperative lcCooperativeHelpThreshold lcCooperativeHelpTime "
+    "lcCooperativeMinSpeed lcCooperativeRoundabout lcCooperativeSpeed lcImpatience lcKeepRight "
+    "lcKeepRightAcceptanceTime lcLaneDiscipline lcLookaheadLeft lcMaxDistLatStanding lcMaxSpeedLatFactor "
+    "lcMaxSpeedLatStanding lcOpposite lcOvertakeDeltaSpeedFactor lcOvertakeRight lcPushy lcPushyGap lcSigma "
+    "lcSpeedGain lcSpeedGainLookahead lcSpeedGainRemainTime lcSpeedGainRight lcSpeedGainUrgency lcStrategic "
+    "lcStrategicLookahead lcSublane lcTimeToImpatience lcTurnAlignmentDistance".split()
+)
+"""The lane-change attributes of SUMO 1.28; it overlooks others without a word."""
+JUNCTION: Final = frozenset(
+    "jmAdvance jmAllwayStopWait jmCrossingGap jmDriveAfterRedTime jmDriveAfterYellowTime jmDriveRedSpeed jmExtraGap "
+    "jmIgnoreFoeProb jmIgnoreFoeSpeed jmIgnoreJunctionFoeProb jmIgnoreKeepClearTime jmSigmaMinor jmStopSignWait "
+    "jmStoplineCrossingGap jmStoplineGap jmStoplineGapMinor jmTimegapMinor".split()
+)
+"""The junction attributes of SUMO 1.28."""
+ATTRIBUTES: Final = frozenset(NUMBERS) | LANE_CHANGE | JUNCTION | OTHER_ATTRIBUTES - {"id", "vTypes", "probabilities"}
+KEYS: Final = ATTRIBUTES | frozenset(PARAMETERS) | {"interplan.swerve"}
+"""What can be changed in a vType."""
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """One attribute or `interplan.*` parameter of a vehicle-type file, changed."""
+
+    type_id: str | None
+    """None changes every vType of the file."""
+    key: str
+    value: str
+
+    @classmethod
+    def of(cls, key: str, value: str) -> Edit:
+        """From `KEY` or `TYPE.KEY`; UnknownNameError for a key that no vType has."""
+        bare = key
+        type_id = None
+        if key not in KEYS and not key.startswith("interplan."):
+            head, found, tail = key.partition(".interplan.")
+            if found:
+                type_id, bare = head, f"interplan.{tail}"
+            elif "." in key:
+                type_id, _, bare = key.rpartition(".")
+        if bare not in KEYS:
+            raise UnknownNameError("vType attribute or parameter to sweep", bare, {*KEYS, "density", "behaviour"})
+        if bare == "probability" and type_id is None:
+            raise InputError("probability of all vTypes alike changes nothing; name one: --param TYPE.probability=...")
+        return cls(type_id, bare, value)
+
+
+def changed_text(path: Path, edits: Sequence[Edit]) -> str:
+    """A vehicle-type file with its types changed, as XML without the comments; the same text for the same edits.
+
+    VehicleTypeError if the file cannot be used, UnknownNameError for a type that it does not hold.
+    """
+    read_vehicle_types(path)
+    root = cast(Element, parse(path).getroot())
+    types = {element.attrib["id"]: element for element in root.iter("vType")}
+    for edit in edits:
+        if edit.type_id is not None and edit.type_id not in types:
+            raise UnknownNameError(f"vType in {path.name}", edit.type_id, types)
+        if edit.key == "probability" and any("probabilities" in each.attrib for each in root):
+            raise InputError(f"{path.name} has its probabilities at the vTypeDistribution; move them to the vTypes")
+        for element in types.values() if edit.type_id is None else (types[edit.type_id],):
+            _change(element, edit)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(root, encoding="unicode").rstrip()}\n'
+
+
+def _change(element: Element, edit: Edit) -> None:
+    if not edit.key.startswith("interplan."):
+        element.set(edit.key, edit.value)
+        return
+    held = next((param for param in element.iter("param") if param.get("key") == edit.key), None)
+    if held is None:
+        held = SubElement(element, "param", {"key": edit.key})
+    held.set("value", edit.value)
+
+
+def changed_name(path: Path, changes: Mapping[str, str]) -> str:
+    """What a changed file is called: `mixed+tau=1.5.xml`; SUMO takes a comma for the end of a file's name."""
+    return "+".join((path.stem, *(f"{key}={value}" for key, value in changes.items()))) + ".xml"
+
+
+def write_changed(path: Path, edits: Sequence[Edit], target: Path) -> None:
+    """Write a changed vehicle-type file; InputError, and no file, if it cannot be used or written."""
+    if "," in str(target.resolve()):
+        raise InputError(f"SUMO reads no file with a comma in its path: {target.resolve()}; give another --out")
+    text = changed_text(path, edits)
+    fresh = target.with_name(f".{os.getpid()}-{target.name}")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        fresh.write_text(text, encoding="utf-8", newline="\n")
+        read_vehicle_types(fresh)
+        os.replace(fresh, target)
+    except VehicleTypeError as error:
+        fresh.unlink()
+        wanted = ", ".join(f"{edit.key}={edit.value}" for edit in edits)
+        raise InputError(f"{path.name} cannot have {wanted}: {str(error).removeprefix(f'{fresh}, ')}") from None
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror or error}; give another folder as --out") from None
+
+
+def recorded_vehicle_types(folder: Path, manifest: Mapping[str, Any], given: Path | None = None) -> Path | None:
+    """The vehicle-type file that a run was given with --traffic; None if it had none.
+
+    A run records its name and hash. It is looked for at `given`, else where
+    the run's command had it, beside the run and among the shipped files. InputError
+    if it is not there, or has changed.
+    """
+    recorded: str | None = manifest["overrides"].get("traffic")
+    if recorded is None:
+        if given is not None:
+            raise InputError(f"{folder} was not driven with --traffic, so {given} has no part in it; leave it out")
+        return None
+    name, _, digest = recorded.rpartition(" sha256:")
+    places = list(_places(folder, manifest, name)) if given is None else [given]
+    for place in places:
+        if place.is_file() and Overrides(vehicle_types=place).canonical()["traffic"].endswith(digest):
+            return place
+    where = f"{given} is not" if given is not None else f"cannot find {name},"
+    raise InputError(
+        f"{where} the vehicle-type file that {folder} was driven with (sha256 {digest}...); give it as --traffic"
+    )
+
+
+def _places(folder: Path, manifest: Mapping[str, Any], name: str) -> Iterator[Path]:
+    command: list[str] = manifest.get("command", [])
+    for at, word in enumerate(command):
+        if word == "--traffic" and at + 1 < len(command):
+            yield Path(command[at + 1])
+        elif word.startswith("--traffic="):
+            yield Path(word.removeprefix("--traffic="))
+    for beside in folder.resolve().parents[:2]:
+        yield beside / FOLDER / name
+    yield routes_root() / name

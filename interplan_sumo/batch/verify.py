@@ -1,0 +1,281 @@
+"""Verify: drive rows of a run again, as its folder records them, and hold them against what is stored."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from interplan_sumo.batch import own_experts
+from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
+from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.in_process import alarm_works
+from interplan_sumo.batch.jobs import Job, JobKey, Overrides
+from interplan_sumo.batch.rescore import own_scenarios
+from interplan_sumo.batch.run import Watch
+from interplan_sumo.batch.run_folder import Row, StoredRun
+from interplan_sumo.batch.tasks import Limits, Outcome, Task
+from interplan_sumo.batch.trace_difference import TraceDifference, difference
+from interplan_sumo.batch.traffic_files import recorded_vehicle_types
+from interplan_sumo.batch.versions import versions
+from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
+from interplan_sumo.metrics.score import SCORING_VERSION
+from interplan_sumo.planner import find_planner
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.world.trace import Trace
+
+SCORE_BAR = 1e-6
+"""Scores, 0 to 1, this close are equal."""
+
+Verdict = Literal["equal", "differs", "unverifiable"]
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Which rows of a run to drive again."""
+
+    size: int | None = 10
+    """So many, drawn at random; None for all."""
+    seed: int = 0
+    """Of the draw. A larger sample of the same seed holds the smaller one."""
+    scenarios: tuple[str, ...] = ()
+    """Only ids that match one of these globs; none means all."""
+    planners: tuple[str, ...] = ()
+    """Only these, as the run was asked for them; none means all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """How one row fared."""
+
+    row: Row
+    verdict: Verdict
+    reason: str
+    """Why it differs or cannot be verified; a remark where it is equal; may be empty."""
+    trace_hash: str | None = None
+    """Of the drive made now, as `score`."""
+    score: float | None = None
+    difference: TraceDifference | None = None
+    """None where the traces agree, or where one of them is missing."""
+
+    @property
+    def within_bars(self) -> bool:
+        """Whether it differs by less than two machines may: 1 mm, and 1e-6 in the score."""
+        then = self.row["score"]
+        scored = self.score is not None and abs(self.score - then) <= SCORE_BAR
+        return self.verdict == "differs" and self.difference is not None and self.difference.within_bar and scored
+
+    @property
+    def changed_versions(self) -> dict[str, tuple[str, str]]:
+        """What has another version now than when the row was driven: name -> (then, now)."""
+        then, now = self.row.get("versions", {}), _versions()
+        return {
+            name: (then.get(name, "none"), now.get(name, "none"))
+            for name in {**then, **now}
+            if then.get(name) != now.get(name)
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """What `verify` found."""
+
+    run: StoredRun
+    candidates: int
+    """Rows with a score that the sample was drawn from."""
+    checks: tuple[Check, ...]
+    """By scenario, planner and seed."""
+
+    def count(self, verdict: Verdict) -> int:
+        return sum(check.verdict == verdict for check in self.checks)
+
+    @property
+    def left_out(self) -> int:
+        """Drives that were asked for and have no score: there is nothing to compare."""
+        return len(self.run.missing)
+
+
+def verify(
+    run: StoredRun,
+    sample: Sample,
+    *,
+    workers: int,
+    vehicle_types: Path | None = None,
+    limits: Limits | None = None,
+    watch: Watch | None = None,
+) -> Verification:
+    """Drive a sample of the rows again with their own scenario, planner, seed and overrides, and compare.
+
+    `vehicle_types` is the file that the run was given with --traffic, where it
+    is no longer found. Nothing is written to the run folder. Raises InputError
+    for a planner, file or name that is not there any more, or for an empty run.
+    """
+    keys = _candidates(run, sample)
+    drawn = _drawn(keys, sample)
+    for planner in dict.fromkeys(key[1] for key in drawn):
+        find_planner(planner.partition("?")[0])
+    held = run.manifest["overrides"]
+    own = own_scenarios(run)
+    overrides = Overrides(
+        held.get("density"), held.get("behaviour"), recorded_vehicle_types(run.path, run.manifest, vehicle_types)
+    )
+    jobs: list[Job] = []
+    checks: list[Check] = []
+    for key in drawn:
+        scenario, problem = _scenario(run.rows[key], own, overrides)
+        if scenario is None:
+            checks.append(Check(run.rows[key], "unverifiable", problem))
+        else:
+            jobs.append(Job(scenario, key[1], key[2]))
+    if watch is not None:
+        watch.begin(len(jobs), ())
+    checks += _driven_again(run, jobs, overrides.vehicle_types, bool(own), workers, limits or Limits(), watch)
+    checks.sort(key=lambda check: drawn.index((check.row["scenario_id"], check.row["planner"], check.row["seed"])))
+    return Verification(run, len(keys), tuple(checks))
+
+
+def _versions() -> dict[str, str]:
+    return versions() | {"scoring": str(SCORING_VERSION)}
+
+
+def _candidates(run: StoredRun, sample: Sample) -> list[JobKey]:
+    """The rows with a score that the sample may hold, in an order that does not depend on the workers'."""
+    scored = sorted(key for key, row in run.rows.items() if row["score"] is not None)
+    if not scored:
+        raise RunFolderError(f"{run.path} holds no drive with a score, so there is nothing to verify; run it first")
+    ids, planners = ({str(key[at]) for key in scored} for at in (0, 1))
+    for glob in sample.scenarios:
+        if not any(fnmatchcase(each, glob) for each in ids):
+            raise UnknownNameError(f"scenario in {run.path}", glob, ids)
+    for planner in sample.planners:
+        if planner not in planners:
+            raise UnknownNameError(f"planner in {run.path}", planner, planners)
+    return [
+        key
+        for key in scored
+        if (not sample.scenarios or any(fnmatchcase(key[0], glob) for glob in sample.scenarios))
+        and (not sample.planners or key[1] in sample.planners)
+    ]
+
+
+def _drawn(keys: Sequence[JobKey], sample: Sample) -> list[JobKey]:
+    if sample.size is not None and sample.size < 1:
+        raise InputError(f"sample is {sample.size}, expected 1 or more")
+    order = np.random.default_rng(sample.seed).permutation(len(keys))
+    return sorted(keys[i] for i in order[: sample.size].tolist())
+
+
+def _scenario(row: Row, own: dict[str, Scenario], overrides: Overrides) -> tuple[Scenario | None, str]:
+    """The scenario as it was driven, or why it is not to be had."""
+    absent = [name for name in ("scenario_hash", "trace_hash") if name not in row]
+    if absent:
+        return None, f"the row has no {absent[0]}: an older version wrote it"
+    try:
+        found = own.get(row["scenario_id"]) or find_scenario(row["scenario_id"])
+    except UnknownNameError as error:
+        return None, str(error)
+    scenario = overrides.applied(found)
+    if scenario.hash() != row["scenario_hash"]:
+        return None, "the scenario has changed since it was driven; verify with the version that drove it"
+    return scenario, ""
+
+
+def _driven_again(
+    run: StoredRun,
+    jobs: Sequence[Job],
+    vehicle_types: Path | None,
+    own: bool,
+    workers: int,
+    limits: Limits,
+    watch: Watch | None,
+) -> list[Check]:
+    """Do the jobs in a folder of their own, with the experts of the run, and compare each as it ends."""
+    asked_s = run.manifest.get("plan_limit_s")
+    limits = replace(limits, plan_s=float("inf") if asked_s is None else float(asked_s))
+    checks: list[Check] = []
+    with tempfile.TemporaryDirectory(prefix="interplan-sumo-verify-") as place:
+        scratch = Path(place)
+        if (run.path / own_experts.FOLDER).is_dir():
+            shutil.copytree(run.path / own_experts.FOLDER, scratch / own_experts.FOLDER)
+        settings = DriveSettings(
+            folder=scratch,
+            profile=run.manifest["profile"],
+            vehicle_types=vehicle_types and vehicle_types.resolve(),
+            plan_limit_s=float("inf") if workers == 0 and alarm_works() else limits.plan_s,
+            own_scenarios=own,
+        )
+        tasks = [Task(job.key, job.planner, job) for job in jobs]
+        with contextlib.closing(run_tasks(tasks, drive_jobs(settings), workers=workers, limits=limits)) as outcomes:
+            for outcome in outcomes:
+                row = run.rows[outcome.task.payload.key]
+                checks.append(_check(run, row, outcome, scratch))
+                if watch is not None:
+                    watch.finished(_seen(row, outcome))
+                if "trace" in outcome.value:
+                    shutil.rmtree(scratch / outcome.value["trace"], ignore_errors=True)
+    return checks
+
+
+def _seen(row: Row, outcome: Outcome) -> Row:
+    """What a watch is told of a drive made again."""
+    fault = outcome.fault
+    return row | {
+        "score": outcome.value.get("score"),
+        "fault": None if fault is None else {"class": fault.kind, "message": fault.message},
+        "times_s": outcome.value.get("times_s", {"total": outcome.wall_s}),
+    }
+
+
+def _check(run: StoredRun, row: Row, outcome: Outcome, scratch: Path) -> Check:
+    """Hold a drive made again against its row and its stored trace."""
+    value, fault = outcome.value, outcome.fault
+    made: dict[str, Any] = {"trace_hash": value.get("trace_hash"), "score": value.get("score")}
+    if row["fault"] or fault is not None:
+        reason = _fault_differs(row["fault"], fault)
+        same = f"the same {row['fault']['class']} fault" if row["fault"] else ""
+        return Check(row, "differs" if reason else "equal", reason or same, **made)
+    agrees = made["trace_hash"] == row["trace_hash"]
+    stored, problem = _stored_trace(run, row)
+    if not agrees:
+        if stored is None:
+            return Check(row, "differs", problem, **made)
+        parted = difference(stored, Trace.read(scratch / value["trace"]))
+        said = "" if parted else "the drive repeats its trace file exactly: the hash in results.jsonl was changed"
+        return Check(row, "differs", said, **made, difference=parted)
+    if stored is not None and stored.hash() != row["trace_hash"]:
+        return Check(row, "differs", "the drive repeats its hash, its trace file does not: it was changed", **made)
+    if stored is None and problem:
+        missing = not (run.path / str(row.get("trace") or "?")).is_dir()
+        return Check(row, "equal" if missing else "differs", problem, **made)
+    if abs(made["score"] - row["score"]) > SCORE_BAR:
+        return Check(row, "differs", f"the same drive, but its score was {row['score']:.6f}", **made)
+    return Check(row, "equal", "", **made)
+
+
+def _fault_differs(then: dict[str, str] | None, now: Any) -> str:
+    """What is different about two endings of which at least one is a fault; empty if they are of one class."""
+    if now is None:
+        assert then is not None
+        return f"it ended in a {then['class']} fault then and does not now: {then['message']}"
+    if then is None:
+        return f"now it ends in a {now.kind} fault: {now.message}"
+    return "" if then["class"] == now.kind else f"a {then['class']} fault then, a {now.kind} fault now: {now.message}"
+
+
+def _stored_trace(run: StoredRun, row: Row) -> tuple[Trace | None, str]:
+    """The trace file of a row, or why there is none."""
+    folder = run.path / str(row.get("trace") or "?")
+    if not folder.is_dir():
+        return None, "no trace file: only the hashes were compared"
+    try:
+        return Trace.read(folder), ""
+    except InputError as error:
+        return None, str(error)

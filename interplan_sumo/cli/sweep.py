@@ -1,0 +1,168 @@
+"""The command `sweep`: how results depend on the traffic."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shlex
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, PlannerOption
+from interplan_sumo.errors import InputError
+from interplan_sumo.report.printing import console, print_json, progress
+
+if TYPE_CHECKING:
+    from interplan_sumo.batch.sweep import Estimate, Result, Sweep
+
+
+def sweep(
+    context: typer.Context,
+    param: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="KEY=V1,V2,...: density, behaviour, a vType attribute or interplan.* parameter, or TYPE.KEY for one "
+            "vType. Several make every combination.",
+            metavar="KEY=V1,V2,...",
+        ),
+    ] = None,
+    planner: PlannerOption = None,
+    suite: Annotated[str | None, typer.Option(help="NAME==VERSION.")] = None,
+    scenarios: Annotated[
+        list[str] | None, typer.Option(help="Only ids that match, such as 'lane_change_*'; or a FILE.yaml.")
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Seeds 0 to N-1.")] = 1,
+    workers: Annotated[
+        str | None,
+        typer.Option(help="Processes, 0 for this one, or a Ray cluster; as in run.", metavar="N|ray[:ADDRESS]"),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The sweep's folder; the same command on it goes on.")] = None,
+    traffic: Annotated[Path | None, typer.Option(help="Vary this vehicle-type file, not the scenarios' own.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="density=... or behaviour=..., for all runs.")] = None,
+    limit: Annotated[int | None, typer.Option(help="At most so many scenarios.")] = None,
+    plan_limit: Annotated[float, typer.Option(help="Seconds that one plan() call may take; 0 for no limit.")] = 10.0,
+    job_limit: Annotated[float, typer.Option(help="Seconds that one drive may take; 0 for no limit.")] = 3600.0,
+    memory_gb: Annotated[float, typer.Option(help="Memory that a worker may allocate (Linux); 0 for no limit.")] = 8.0,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Run every combination of traffic parameters; then a table, sweep.csv and a plot. Repeat the command to resume."""
+    from interplan_sumo.batch.processes import SINGLE_THREAD, Workers
+
+    os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
+    from interplan_sumo.batch.jobs import Overrides
+    from interplan_sumo.batch.run import RunRequest
+    from interplan_sumo.batch.sweep import Parameter, plan_sweep
+    from interplan_sumo.batch.tasks import Limits
+    from interplan_sumo.planner import RECOMMENDED
+
+    asked = Workers.parse(workers)
+    folder = out or Path("runs") / f"sweep-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
+    command = ["interplan-sumo", *context.obj, *([] if out else ["--out", str(folder)])]
+    request = RunRequest(
+        planners=tuple(planner or (RECOMMENDED,)),
+        suite=suite,
+        folder=folder,
+        scenarios=tuple(scenarios or ()),
+        seeds=seeds,
+        workers=asked.processes,
+        ray=asked.ray,
+        overrides=Overrides.parse(set_ or (), traffic),
+        limit=limit,
+        limits=Limits(
+            plan_s=plan_limit or float("inf"),
+            task_s=job_limit or float("inf"),
+            memory_bytes=round(memory_gb * 2**30) or None,
+        ),
+        command=tuple(command),
+    )
+    parameters = [Parameter.parse(text) for text in param or ()]
+    try:
+        planned = plan_sweep(request, parameters)
+        with contextlib.redirect_stdout(sys.stderr):  # in-process planners may print: not into the table or JSON
+            results = list(_results(planned, request.workers, quiet=quiet))
+    except KeyboardInterrupt:
+        print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
+        return INCOMPLETE
+    if all(result.failure for result in results):
+        raise InputError(str(results[0].failure))
+    return _report(planned, results, as_json=as_json, quiet=quiet)
+
+
+def _results(planned: Sweep, workers: int, *, quiet: bool) -> Iterator[Result]:
+    """Each combination's result, with its progress and what is left on stderr."""
+    from interplan_sumo.batch.sweep import estimate, run_combination
+
+    count = len(planned.combinations)
+    left = estimate(planned, workers)
+    if not quiet:
+        print(f"{count} combinations, {planned.drives} drives; {_in_words(left)}", file=sys.stderr)
+        if planned.without_traffic:
+            print(f"no traffic to change, so equal results, in {_listed(planned.without_traffic)}", file=sys.stderr)
+    for number, combination in enumerate(planned.combinations, start=1):
+        before = left.drives
+        if not quiet:
+            print(f"[{number}/{count}] {combination.name}", file=sys.stderr)
+        with progress(quiet=quiet) as watch:
+            result = run_combination(combination, watch)
+        if result.failure is not None:
+            print(f"not run: {combination.name}: {result.failure}", file=sys.stderr)
+        yield result
+        left = estimate(planned, workers)
+        if not quiet and 0 < left.drives < before:
+            print(_in_words(left), file=sys.stderr)
+
+
+def _listed(ids: Sequence[str]) -> str:
+    return f"{', '.join(ids[:3])}{f' and {len(ids) - 3} more' if len(ids) > 3 else ''}"
+
+
+def _in_words(left: Estimate) -> str:
+    """How much is still to do and how long that takes."""
+    if not left.drives:
+        return "all done already"
+    minutes = left.wall_s / 60.0
+    duration = f"{minutes:.0f} min" if minutes >= 2.0 else f"{left.wall_s:.0f} s"
+    basis = "as timed so far" if left.timed else "a guess, until the first is done"
+    return f"{left.drives} drives left, about {duration} at {left.drive_s:.1f} s each ({basis})"
+
+
+def _report(planned: Sweep, results: list[Result], *, as_json: bool, quiet: bool) -> int:
+    """Write sweep.csv and sweep.png, print the table; the exit code."""
+    from interplan_sumo.report import sweep_table
+    from interplan_sumo.report.sweep_plot import plot_sweep, why_no_plot
+
+    lines = sweep_table.sweep_lines(results)
+    table, picture = planned.folder / "sweep.csv", planned.folder / "sweep.png"
+    try:
+        table.write_text(sweep_table.sweep_csv(lines), encoding="utf-8", newline="")
+    except OSError as error:
+        raise InputError(f"cannot write {table}: {error.strerror or error}; give another folder as --out") from None
+    reason = why_no_plot(planned.parameters, lines)
+    if reason is None:
+        plot_sweep(planned.parameters, lines, picture)
+    complete = all(line.complete for line in lines)
+    if as_json:
+        print_json(
+            {
+                "folder": str(planned.folder),
+                "parameters": {parameter.key: list(parameter.values) for parameter in planned.parameters},
+                "complete": complete,
+                "idle": sweep_table.idle_parameters(planned.parameters, lines),
+                "csv": str(table),
+                "plot": None if reason else str(picture),
+                "rows": sweep_table.sweep_json(lines),
+            }
+        )
+    else:
+        console().print(sweep_table.sweep_text(planned.parameters, lines))
+    if reason is not None:
+        print(reason, file=sys.stderr)
+    if not quiet:
+        print(f"wrote {table}" + ("" if reason else f" and {picture}"), file=sys.stderr)
+    return DONE if complete else INCOMPLETE

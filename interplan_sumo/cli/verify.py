@@ -1,0 +1,63 @@
+"""The command `verify`: does a run come again, to the last bit?"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from interplan_sumo.cli.options import DONE, INCOMPLETE, OUR_FAULT, JsonOption
+from interplan_sumo.errors import InputError
+from interplan_sumo.report.printing import console, print_json, progress
+
+
+def verify(
+    folder: Annotated[Path, typer.Argument(help="A run folder; nothing is written to it.", metavar="DIR")],
+    sample: Annotated[int | None, typer.Option(help="So many drives, drawn at random. Default: 10.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="All drives.")] = False,
+    seed: Annotated[int, typer.Option(help="Of the draw.")] = 0,
+    scenarios: Annotated[list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'.")] = None,
+    planner: Annotated[list[str] | None, typer.Option(help="Only this planner, as the run was asked for it.")] = None,
+    traffic: Annotated[Path | None, typer.Option(help="The run's vehicle-type file, if it lies elsewhere now.")] = None,
+    tolerant: Annotated[
+        bool, typer.Option("--tolerant", help="Let 1 mm and 1e-6 in the score pass, as between two machines.")
+    ] = False,
+    workers: Annotated[int | None, typer.Option(help="Processes; 0 runs in this one. Default: all cores.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Drive rows of a run again and compare trace hashes; where they differ, say from which step, in what and how far.
+
+    Exit code 1 if a drive differs, 3 if one could not be verified.
+    """
+    from interplan_sumo.batch.processes import SINGLE_THREAD, available_cores
+
+    os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
+    import contextlib
+
+    from interplan_sumo.batch.run_folder import read_run
+    from interplan_sumo.batch.verify import Sample
+    from interplan_sumo.batch.verify import verify as drive_again
+    from interplan_sumo.report.verify_table import verification_json, verification_text
+
+    if every and sample is not None:
+        raise InputError(f"--all and --sample {sample} are two sizes; give one of them")
+    size = None if every else 10 if sample is None else sample
+    wanted = Sample(size, seed, tuple(scenarios or ()), tuple(planner or ()))
+    workers = available_cores() if workers is None else workers
+    try:
+        with progress(quiet=quiet) as watch, contextlib.redirect_stdout(sys.stderr):
+            found = drive_again(read_run(folder), wanted, workers=workers, vehicle_types=traffic, watch=watch)
+    except KeyboardInterrupt:
+        print("stopped; nothing was written", file=sys.stderr)
+        return INCOMPLETE
+    if as_json:
+        print_json(verification_json(found))
+    else:
+        console().print(verification_text(found))
+    if any(check.verdict == "differs" and not (tolerant and check.within_bars) for check in found.checks):
+        return OUR_FAULT
+    return INCOMPLETE if found.count("unverifiable") else DONE

@@ -1,0 +1,268 @@
+"""The table of a sweep: figures that can be checked in the head, what is incomplete, and plots that are drawn."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from interplan_sumo.batch.run import RunRequest
+from interplan_sumo.batch.run_folder import Row
+from interplan_sumo.batch.sweep import Combination, Parameter, Part, Result
+from interplan_sumo.errors import InputError
+from interplan_sumo.report import sweep_plot
+from interplan_sumo.report.sweep_plot import plot_sweep, why_no_plot
+from interplan_sumo.report.sweep_table import (
+    HARD_BRAKING_MPS2,
+    MEASURES,
+    SweepLine,
+    idle_parameters,
+    sweep_csv,
+    sweep_json,
+    sweep_lines,
+    sweep_text,
+)
+from tests.report.rows import drive, stored
+
+FAMILY = "lane_change_mtd"
+REACT = Parameter("interplan.reactOverlap", ("0", "1"))
+DENSITY = Parameter("density", ("low", "high"))
+
+
+def drove(
+    index: int,
+    score: float | None = 1.0,
+    *,
+    braking: float | None = None,
+    at_fault: int = 0,
+    contacts: int = 0,
+    family: str = FAMILY,
+    **changes: Any,
+) -> Row:
+    """One drive with what a sweep looks at; `contacts` are all, at fault or not."""
+    row = drive(f"{family}/{index}", score, **changes)
+    if not row["fault"]:
+        row["metrics"]["no_collision"]["detail"] = {"at_fault": at_fault, "contacts": [{}] * max(contacts, at_fault)}
+        behind = None if braking is None else {"deceleration_mps2": braking}
+        row["metrics"]["diagnostics"] = {"score": None, "detail": {"braking_behind": behind}}
+    return row
+
+
+def result(
+    rows: Sequence[Row],
+    setting: Mapping[str, str] | None = None,
+    *,
+    asked: int | None = None,
+    failure: str | None = None,
+    planner: str = "idm",
+    **values: str,
+) -> Result:
+    """A combination with these rows, of scenarios 0 to `asked` - 1."""
+    seeds = 1 + max((row["seed"] for row in rows), default=0)
+    ids = tuple(dict.fromkeys(row["scenario_id"] for row in rows))
+    if asked is not None:
+        ids = tuple(f"{FAMILY}/{index}" for index in range(asked))
+    part = Part(RunRequest((planner,), Path("nowhere"), seeds=seeds), ids)
+    return Result(Combination({**(setting or {}), **values}, (part,)), (stored(*rows),) if rows else (), failure)
+
+
+def two_by_two() -> list[SweepLine]:
+    return sweep_lines(
+        [
+            result([drove(0, 0.5 * (d == "low")), drove(1, 1.0)], {"density": d, "interplan.reactOverlap": r})
+            for d in DENSITY.values
+            for r in REACT.values
+        ]
+    )
+
+
+def printed(parameters: Sequence[Parameter], lines: Sequence[SweepLine]) -> str:
+    console = Console(width=200, file=io.StringIO())
+    console.print(sweep_text(parameters, lines))
+    return console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def mean(line: SweepLine, key: str) -> float:
+    found = line.means[key]
+    assert found is not None
+    return found.value
+
+
+def test_figures_are_means_over_scenarios() -> None:
+    rows = [
+        drove(0, 1.0, braking=2.0),
+        drove(1, 0.0, at_fault=1, lane_changes=0.0, braking=6.0),
+        drove(2, 0.5, contacts=1),
+        drove(3, 0.5, braking=0.0),
+    ]
+    (line,) = sweep_lines([result(rows, tau="1")])
+    assert {key: mean(line, key) for key in line.means} == {
+        "score": 50.0,
+        "goal_reached": 75.0,
+        "goal_lane": 75.0,
+        "at_fault_collisions": 25.0,
+        "collisions": 50.0,
+        "hard_braking_behind": 25.0,
+        "braking_behind_mps2": 2.0,
+    }
+    braking = line.means["braking_behind_mps2"]
+    assert braking is not None
+    assert braking.highest == 6.0
+    assert braking.interval is not None
+    assert braking.interval[0] <= 2.0 <= braking.interval[1]
+
+
+@pytest.mark.parametrize(
+    ("braking", "hard"), [(HARD_BRAKING_MPS2, 0.0), (HARD_BRAKING_MPS2 + 0.01, 100.0), (None, 0.0)]
+)
+def test_braking_is_hard_beyond_what_is_comfortable(braking: float | None, hard: float) -> None:
+    (line,) = sweep_lines([result([drove(0, braking=braking)], tau="1")])
+    assert mean(line, "hard_braking_behind") == hard
+
+
+def test_seeds_of_a_scenario_count_together() -> None:
+    rows = [drove(0, 1.0, seed=0), drove(0, 1.0, seed=1), drove(1, 0.0, seed=0), drove(1, 0.5, seed=1)]
+    (line,) = sweep_lines([result(rows, tau="1")])
+    assert mean(line, "score") == pytest.approx(62.5)
+    assert (line.scenarios, line.seeds, line.asked) == (2, 2, 4)
+
+
+def test_one_drive_has_no_interval_and_two_seeds_of_it_have_one() -> None:
+    (one,) = sweep_lines([result([drove(0, 0.3)], tau="1")])
+    (two,) = sweep_lines([result([drove(0, 0.3), drove(0, 0.5, seed=1)], tau="1")])
+    assert one.means["score"] is not None
+    assert one.means["score"].interval is None
+    assert two.means["score"] is not None
+    assert two.means["score"].interval == (30.0, 50.0)
+
+
+def test_a_planner_fault_is_a_zero_and_says_nothing_of_collisions() -> None:
+    (line,) = sweep_lines([result([drove(0), drove(1, 0.0, fault=("planner", "raised"))], tau="1")])
+    assert (mean(line, "score"), mean(line, "goal_lane"), mean(line, "goal_reached")) == (50.0, 50.0, 50.0)
+    found = line.means["at_fault_collisions"]
+    assert found is not None
+    assert (found.value, found.drives) == (0.0, 1)
+    assert line.faults == {"planner": 1}
+    assert line.complete
+
+
+def test_the_goal_lane_is_judged_in_lane_changes_only() -> None:
+    (line,) = sweep_lines([result([drove(0, family="nudge")], tau="1")])
+    assert line.means["goal_lane"] is None
+    assert "goal lane" not in printed([Parameter("tau", ("1",))], [line])
+
+
+def test_a_combination_with_missing_drives_has_no_means_and_is_named() -> None:
+    lines = sweep_lines([result([drove(0)], tau="1", asked=2), result([], tau="2", asked=2, failure="out of fuel")])
+    assert all(value is None for line in lines for value in line.means.values())
+    text = printed([Parameter("tau", ("1", "2"))], lines)
+    assert "1 of 2" in text
+    assert f"no score: tau=1, idm, {FAMILY}/1 seed 0\n" in text.replace(" \n", "\n")
+    assert f"no score: tau=2, idm, {FAMILY}/0 seed 0, {FAMILY}/1 seed 0: out of fuel" in text
+    assert "INCOMPLETE" in text
+
+
+def test_a_row_without_a_score_counts_as_missing() -> None:
+    (line,) = sweep_lines([result([drove(0), drove(1, None, fault=("traffic", "SUMO gave up"))], tau="1")])
+    assert [scenario for scenario, _, _ in line.missing] == [f"{FAMILY}/1"]
+    assert line.faults == {"traffic": 1}
+    assert line.failure == "traffic fault: SUMO gave up"
+
+
+def test_a_parameter_that_changes_no_drive_is_named() -> None:
+    lines = two_by_two()
+    assert idle_parameters([DENSITY, REACT], lines) == ["interplan.reactOverlap"]
+    assert "interplan.reactOverlap makes no difference" in printed([DENSITY, REACT], lines)
+    braking = [result([drove(0, braking=float(tau))], tau=tau) for tau in ("1", "2")]
+    assert idle_parameters([Parameter("tau", ("1", "2"))], sweep_lines(braking)) == []
+    assert idle_parameters([Parameter("tau", ("1",))], sweep_lines([result([drove(0)], tau="1")])) == []
+
+
+def test_equal_sweeps_give_equal_csv_with_a_row_per_combination() -> None:
+    text = sweep_csv(two_by_two())
+    assert text == sweep_csv(two_by_two())
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert [(row["density"], row["interplan.reactOverlap"]) for row in rows] == [
+        ("low", "0"), ("low", "1"), ("high", "0"), ("high", "1"),
+    ]  # fmt: skip
+    assert rows[0]["score"] == "75.0000"
+    assert rows[2]["score"] == "50.0000"
+    assert rows[0]["score_low"] == "50.0000"
+    assert rows[0]["braking_behind_mps2_max"] == "0.0000"
+    assert "score_max" not in rows[0]
+
+
+def test_json_has_every_measure_and_no_number_that_json_lacks() -> None:
+    entries = sweep_json(two_by_two())
+    json.dumps(entries, allow_nan=False)
+    assert entries[0]["setting"] == {"density": "low", "interplan.reactOverlap": "0"}
+    assert set(entries[0]["measures"]) == {measure.key for measure in MEASURES}
+    assert entries[0]["measures"]["score"] == {"mean": 75.0, "interval": [50.0, 100.0], "drives": 2}
+
+
+# --- plots ---
+
+
+def picture(parameters: Sequence[Parameter], lines: Sequence[SweepLine], path: Path) -> bytes:
+    plot_sweep(parameters, lines, path)
+    data = path.read_bytes()
+    assert data.startswith(b"\x89PNG")
+    return data
+
+
+def test_one_parameter_and_two_are_drawn_equally_for_equal_sweeps(tmp_path: Path) -> None:
+    one = sweep_lines([result([drove(0), drove(1, 0.2)], tau=value) for value in ("1", "2")])
+    first = picture([Parameter("tau", ("1", "2"))], one, tmp_path / "one.png")
+    assert first == picture([Parameter("tau", ("1", "2"))], one, tmp_path / "again.png")
+    assert picture([DENSITY, REACT], two_by_two(), tmp_path / "two.png") != first
+
+
+def test_words_and_single_values_are_drawn_and_an_incomplete_combination_is_left_out(tmp_path: Path) -> None:
+    lines = sweep_lines([result([drove(0)], behaviour="mixed"), result([], behaviour="urban", asked=1)])
+    picture([Parameter("behaviour", ("mixed", "urban"))], lines, tmp_path / "words.png")
+    picture([Parameter("tau", ("1",))], sweep_lines([result([drove(0)], tau="1")]), tmp_path / "single.png")
+
+
+def test_several_planners_are_drawn(tmp_path: Path) -> None:
+    lines = sweep_lines(
+        [
+            result([drove(0, 0.1 * number, planner=planner)], planner=planner, density=d, tau=t)
+            for number, planner in enumerate(("idm", "pdm"))
+            for d in ("low", "high")
+            for t in ("1", "2")
+        ]
+    )
+    picture([DENSITY, Parameter("tau", ("1", "2"))], lines, tmp_path / "planners.png")
+
+
+def test_numbers_lie_along_the_axis_in_order_of_size() -> None:
+    tau = Parameter("tau", ("10", "9"))
+    assert sweep_plot._roles([tau, DENSITY]) == sweep_plot._roles([DENSITY, tau]) == (tau, DENSITY)
+    assert sweep_plot._ordered(tau) == ["9", "10"]
+    assert sweep_plot._ordered(DENSITY) == ["low", "high"]
+
+
+def test_no_plot_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = two_by_two()
+    assert why_no_plot([DENSITY, REACT], lines) is None
+    three = why_no_plot([DENSITY, REACT, Parameter("tau", ("1",))], lines)
+    assert three is not None
+    assert "3 parameters are varied" in three
+    nothing = why_no_plot([DENSITY], sweep_lines([result([], density="low", asked=1)]))
+    assert nothing is not None
+    assert "no combination is complete" in nothing
+    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
+    without = why_no_plot([DENSITY, REACT], lines)
+    assert without is not None
+    assert "pip install 'interplan-sumo[plots]'" in without
+
+
+def test_a_picture_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot write"):
+        plot_sweep([DENSITY, REACT], two_by_two(), tmp_path / "missing" / "sweep.png")
