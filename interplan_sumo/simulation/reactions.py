@@ -112,6 +112,8 @@ class Decision(NamedTuple):
     reacting: bool
     speed_mps: float | None = None
     """The speed to impose for the next step; None: SUMO's own."""
+    at_limit: bool = False
+    """Whether the driver brakes as hard as he can, which is less than he would have to."""
 
 
 def cover_of_one_lane(
@@ -271,10 +273,11 @@ def decide(
         if not attention.reacting:
             decisions[agent.id] = Decision(Treatment.IGNORE if sees else Treatment.LEAVE, overlap, False)
         elif sees and nearest.speed_mps >= ATHWART * ego.speed_mps and ego.speed_mps >= 0.0:
-            decisions[agent.id] = Decision(Treatment.LEAVE, overlap, True)
+            _, at_limit = _next_speed_mps(agent, nearest_m - position_m, nearest.speed_mps, dt_s)
+            decisions[agent.id] = Decision(Treatment.LEAVE, overlap, True, at_limit=at_limit)
         else:
-            speed_mps = _next_speed_mps(agent, nearest_m - position_m, nearest.speed_mps, dt_s)
-            decisions[agent.id] = Decision(Treatment.IMPOSE, overlap, True, speed_mps)
+            wanted = _next_speed_mps(agent, nearest_m - position_m, nearest.speed_mps, dt_s)
+            decisions[agent.id] = Decision(Treatment.IMPOSE, overlap, True, *wanted)
     return decisions
 
 
@@ -295,12 +298,14 @@ def yield_to(
         leader = _hardest_to_follow(agent, things)
         if leader is None:
             continue
-        speed_mps = _next_speed_mps(agent, *leader, dt_s)
+        speed_mps, at_limit = _next_speed_mps(agent, *leader, dt_s)
         before = decided.get(agent.id, Decision(Treatment.IMPOSE, 0.0, False))
         if before.speed_mps is not None:
             speed_mps = min(speed_mps, before.speed_mps)
+        if before.at_limit:
+            speed_mps, at_limit = min(speed_mps, _hardest_mps(agent, dt_s)), True
         treatment = Treatment.IGNORE if before.treatment is Treatment.IGNORE else Treatment.IMPOSE
-        decided[agent.id] = Decision(treatment, before.overlap, before.reacting, speed_mps)
+        decided[agent.id] = Decision(treatment, before.overlap, before.reacting, speed_mps, at_limit)
     return decided
 
 
@@ -325,6 +330,14 @@ def _hardest_to_follow(agent: Agent, things: Mapping[str, Sequence[tuple[str, Co
     return found
 
 
-def _next_speed_mps(agent: Agent, gap_m: float, leader_mps: float, dt_s: float) -> float:
+def _next_speed_mps(agent: Agent, gap_m: float, leader_mps: float, dt_s: float) -> tuple[float, bool]:
+    """The speed that IDM wants, as far as brakes allow, and whether it would brake harder than they do."""
     acceleration = acceleration_mps2(agent.driver, agent.speed_mps, agent.limit_mps, gap_m, leader_mps)
-    return max(0.0, agent.speed_mps + max(acceleration, -agent.driver.emergency_decel_mps2) * dt_s)
+    if acceleration < -agent.driver.emergency_decel_mps2:
+        return _hardest_mps(agent, dt_s), True
+    return max(0.0, agent.speed_mps + acceleration * dt_s), False
+
+
+def _hardest_mps(agent: Agent, dt_s: float) -> float:
+    """The speed after a step of braking as hard as the driver can."""
+    return max(0.0, agent.speed_mps - agent.driver.emergency_decel_mps2 * dt_s)

@@ -7,7 +7,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from interplan_sumo.errors import TrafficError
+from interplan_sumo.errors import InputError, TrafficError
 
 # libsumo points PROJ at its own data when it is imported, which would break pyproj and GDAL in the same process.
 _proj = {name: os.environ.get(name) for name in ("PROJ_LIB", "PROJ_DATA")}
@@ -50,6 +50,9 @@ def open_simulation(network: Path, types: Path) -> None:
     global _is_open
     if _is_open:
         raise TrafficError("SUMO is already running in this process; close the other SumoTraffic first")
+    for file in (network, types):
+        if "," in str(file):
+            raise InputError(f"SUMO cannot open {file}: it splits paths at commas; rename the folder or the file")
     command = [
         "sumo", "--net-file", str(network), "--additional-files", str(types), "--step-length", str(DT_S),
         "--collision.action", "none", "--time-to-teleport", "-1", "--insertion-checks", "none",

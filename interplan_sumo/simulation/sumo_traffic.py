@@ -35,6 +35,8 @@ from interplan_sumo.world.signals import Signals, SignalStatus
 SPEED_MODE_DEFAULT = 31
 SPEED_MODE_IMPOSED = 25
 """Safe speed, right of way and red lights are kept; the bounds of acceleration and braking are ours."""
+SPEED_MODE_AT_LIMIT = 24
+"""The same without SUMO's safe speed, which knows no brakes: it would stop a car dead that can only brake hard."""
 LANE_CHANGE_DEFAULT = 1621
 
 
@@ -74,7 +76,7 @@ class SumoTraffic:
         self._ego = ego
         self._proxy: EgoProxy | None = None
         self._started = False
-        self._treated: dict[str, tuple[bool, bool]] = {}  # told to overlook the ego, given a speed
+        self._treated: dict[str, tuple[bool, int]] = {}  # told to overlook the ego, given a speed in a mode (0: not)
         self._frozen: frozenset[str] = frozenset()
         self._added = 0
         self._coming: set[str] = set()
@@ -303,7 +305,7 @@ class SumoTraffic:
             return [position_of(name) for name in names]
 
     def _treat(self, name: str, decision: Decision) -> None:
-        ignored, imposed = self._treated.get(name, (False, False))
+        ignored, imposed = self._treated.get(name, (False, 0))
         ignore, impose = decision.treatment is Treatment.IGNORE, decision.speed_mps is not None
         if not (ignore or ignored or impose or imposed):
             return
@@ -311,14 +313,15 @@ class SumoTraffic:
         if ignore != ignored:
             vehicle.setParameter(name, "carFollowModel.ignoreIDs", EGO if ignore else "")
             vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore else "")
-        if impose and not imposed:
-            vehicle.setSpeedMode(name, SPEED_MODE_IMPOSED)
+        mode = SPEED_MODE_AT_LIMIT if decision.at_limit else SPEED_MODE_IMPOSED
+        if impose and imposed != mode:
+            vehicle.setSpeedMode(name, mode)
         if decision.speed_mps is not None:
             vehicle.setSpeed(name, finite("an imposed speed", decision.speed_mps))
         elif imposed:
             vehicle.setSpeed(name, -1.0)
             vehicle.setSpeedMode(name, SPEED_MODE_DEFAULT)
-        self._treated[name] = (ignore, impose)
+        self._treated[name] = (ignore, mode if impose else 0)
 
     def _freeze(self, wanted: frozenset[str]) -> None:
         """Who must keep the lane, and who must no longer."""

@@ -121,6 +121,26 @@ def test_an_imposed_speed_brakes_no_harder_than_the_emergency_deceleration() -> 
     assert close.speed_mps == pytest.approx(10.0 - 9.0 * 0.1)
 
 
+@pytest.mark.parametrize(("position_m", "at_limit"), [(96.4, True), (88.0, False)])
+def test_who_would_have_to_brake_harder_than_he_can_is_known(position_m: float, at_limit: bool) -> None:
+    """The rear of the ego is at 97.4 m and drives at 8 m/s."""
+    merged = decision(follower(1.0, position_m=position_m), seen(LANE_Y[1], "e0_1"))
+    assert (merged.treatment, merged.at_limit) == (Treatment.LEAVE, at_limit)
+
+
+@pytest.mark.parametrize(("position_m", "speed_mps"), [(96.4, 10.0 - 0.9), (60.0, 10.1)])
+def test_a_speed_imposed_for_another_thing_brakes_for_the_ego_too_but_no_harder_than_brakes_do(
+    position_m: float, speed_mps: float
+) -> None:
+    """SUMO's safe speed, to which an imposed one is cut, would stop the car dead."""
+    agent = follower(1.0, position_m=position_m)
+    decided = reactions.decide([agent], seen(LANE_Y[1], "e0_1"), {}, {}, 0.1)
+    far = {"e0_1": [("b", Cover(1.0, 300.0, 305.0, 10.0))]}
+    told = reactions.yield_to([agent], far, decided, 0.1)["a"]
+    assert told.at_limit == (speed_mps < 10.0)
+    assert told.speed_mps == pytest.approx(speed_mps, abs=0.05)
+
+
 def test_anticipation_looks_at_the_swept_box() -> None:
     ego = EgoState(0.0, 100.0, at_overlap(-0.5), 0.2, vx_mps=8.0)
     velocity = (7.84, 1.59)

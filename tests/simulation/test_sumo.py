@@ -6,14 +6,16 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import libsumo
 import numpy as np
 import pytest
 from networks import LANE_Y, agent, ego_at, traffic, types
 
-from interplan_sumo.errors import TrafficError
+from interplan_sumo.errors import InputError, TrafficError
 from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.sumo import open_simulation
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types
 from interplan_sumo.world.ego import PACIFICA, EgoState
@@ -188,6 +190,13 @@ def test_without_an_ego_the_traffic_equals_plain_sumo_to_the_bit() -> None:
         plain.append(np.sort([libsumo.vehicle.getSpeed(f"v{i}") for i in range(len(spawns))]))
     libsumo.close()
     assert all(np.array_equal(a, b) for a, b in zip(ours, plain, strict=True))
+
+
+def test_a_file_with_a_comma_in_its_path_is_refused_in_one_line(tmp_path: Path) -> None:
+    file = tmp_path / "tau=1,sigma=0.xml"
+    file.write_text("<routes/>")
+    with pytest.raises(InputError, match=r"splits paths at commas; rename"):
+        open_simulation(tmp_path / "map.net.xml", file)
 
 
 def test_only_one_simulation_may_be_open_in_a_process() -> None:
