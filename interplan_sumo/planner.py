@@ -88,6 +88,8 @@ class PlannerInfo:
     parameters: Mapping[str, Any]
     """Constructor arguments and their defaults."""
     recommended: bool
+    paper: str | None = None
+    """Where it was published: the class attribute `paper`, if it has one."""
     problem: str | None = None
     """Why it cannot be imported, if it cannot."""
 
@@ -138,12 +140,14 @@ def planners() -> list[PlannerInfo]:
     """Everything registered, with parameters; imports each planner's module."""
     listed: list[PlannerInfo] = []
     for name, point in registered().items():
+        recommended = name == RECOMMENDED
         try:
-            parameters = _parameters(point.load())
-            problem = None
+            make = point.load()
+            info = PlannerInfo(name, _source(point), _parameters(make), recommended, _paper(make))
         except Exception as error:
-            parameters, problem = {}, f"{type(error).__name__}: {error}"
-        listed.append(PlannerInfo(name, _source(point), parameters, name == RECOMMENDED, problem))
+            problem = f"{type(error).__name__}: {error}"
+            info = PlannerInfo(name, _source(point), {}, recommended, problem=problem)
+        listed.append(info)
     return listed
 
 
@@ -192,6 +196,11 @@ def _factory(name: str) -> Any:
         raise PlannerLoadError(
             f"planner {name!r} of {_source(point)} cannot be imported: {type(error).__name__}: {error}"
         ) from error
+
+
+def _paper(make: Any) -> str | None:
+    paper = getattr(make, "paper", None)
+    return paper if isinstance(paper, str) else None
 
 
 def _source(point: EntryPoint) -> str:

@@ -32,7 +32,13 @@ def run(
         list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'; or a FILE.yaml.")
     ] = None,
     seeds: Annotated[int, typer.Option(help="Seeds 0 to N-1; seed 0 is the certified one.")] = 1,
-    workers: Annotated[int | None, typer.Option(help="Processes; 0 runs in this one. Default: all cores.")] = None,
+    workers: Annotated[
+        str | None,
+        typer.Option(
+            help="Processes; 0 runs in this one. Default: all cores. ray[:ADDRESS] takes the CPUs of a Ray cluster.",
+            metavar="N|ray[:ADDRESS]",
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="The run folder; the same command on it goes on.")] = None,
     traffic: Annotated[Path | None, typer.Option(help="A vehicle-type file instead of the scenarios' own.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="density=low|medium|high or behaviour=NAME.")] = None,
@@ -44,7 +50,7 @@ def run(
     as_json: JsonOption = False,
 ) -> int:
     """Drive and score scenarios, and print the table. Repeating the command on the same folder resumes it."""
-    from interplan_sumo.batch.processes import SINGLE_THREAD, available_cores
+    from interplan_sumo.batch.processes import SINGLE_THREAD, Workers
 
     os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
     from interplan_sumo.batch import run as batch
@@ -52,6 +58,7 @@ def run(
     from interplan_sumo.batch.tasks import Limits
     from interplan_sumo.planner import RECOMMENDED
 
+    asked = Workers.parse(workers)
     folder = out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
     command = ["interplan-sumo", *context.obj, *([] if out else ["--out", str(folder)])]
     request = batch.RunRequest(
@@ -60,7 +67,8 @@ def run(
         folder=folder,
         scenarios=tuple(scenarios or ()),
         seeds=seeds,
-        workers=available_cores() if workers is None else workers,
+        workers=asked.processes,
+        ray=asked.ray,
         overrides=Overrides.parse(set_ or (), traffic),
         limit=limit,
         limits=Limits(
@@ -95,7 +103,10 @@ def report(
         bool, typer.Option("--details", help="Every drive with its score and what cost points.")
     ] = False,
 ) -> int:
-    """The paper's table of one or more runs, with faults, missing rows and intervals over seeds."""
+    """The paper's table of one or more runs, with faults, missing rows and intervals over seeds.
+
+    A run of ordinary driving, such as common==1, makes the first column of the others' lines.
+    """
     from interplan_sumo.batch.run_folder import read_run
 
     asked: list[tuple[Form, bool]] = [("json", as_json), ("csv", as_csv), ("markdown", as_markdown)]

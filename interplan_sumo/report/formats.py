@@ -11,8 +11,8 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from interplan_sumo.batch.run_folder import Row
-from interplan_sumo.report.published import SOURCE, published_rows
-from interplan_sumo.report.table import COLUMNS, Cell, Line, Table, faulty
+from interplan_sumo.report.published import SOURCE, published_figure, published_rows
+from interplan_sumo.report.table import COLUMNS, ORDINARY, Cell, Column, Line, Table, faulty
 from interplan_sumo.report.why import lost_points, why_lost
 
 LISTED = 20
@@ -57,6 +57,7 @@ def as_json(table: Table, *, paper: bool = False, why: bool = False) -> dict[str
         rows.append(row)
     report: dict[str, Any] = {
         "suite": table.suite,
+        "ordinary_suite": table.ordinary_suite,
         "profile": table.profile,
         "complete": table.complete,
         "families": table.families,
@@ -88,13 +89,20 @@ def as_csv(table: Table, *, paper: bool = False) -> str:
 
 def as_markdown(table: Table, *, paper: bool = False) -> str:
     """The table for a README."""
-    head = ["planner", *(c.title for c in COLUMNS)]
-    lines = [_markdown_row(head), _markdown_row(["---"] + ["---:"] * len(COLUMNS))]
+    shown = columns(table, paper=paper)
+    head = ["planner", *(c.title for c in shown)]
+    lines = [_markdown_row(head), _markdown_row(["---"] + ["---:"] * len(shown))]
     for line in table.lines:
-        lines.append(_markdown_row([line.label, *(figure(line.cells[c.key]) for c in COLUMNS)]))
+        lines.append(_markdown_row([line.label, *(figure(line.cells[c.key]) for c in shown)]))
     for row in published_rows() if paper else ():
-        lines.append(_markdown_row([f"{row['planner']} (paper)", *(f"{row[c.key]:.0f}" for c in COLUMNS)]))
+        lines.append(_markdown_row([f"{row['planner']} (paper)", *(published_figure(row, c.key) for c in shown)]))
     return "\n".join([*lines, "", *notes(table, paper=paper)]) + "\n"
+
+
+def columns(table: Table, *, paper: bool) -> list[Column]:
+    """The paper's columns; ordinary driving before them where there is any."""
+    ordinary = paper or any(line.cells[ORDINARY.key].asked for line in table.lines)
+    return [column for column in COLUMNS if ordinary or column is not ORDINARY]
 
 
 def figure(cell: Cell) -> str:
@@ -111,11 +119,15 @@ def figure(cell: Cell) -> str:
 
 def notes(table: Table, *, paper: bool = False) -> list[str]:
     """What a reader of the figures must know."""
-    families = ", ".join(f"{family} {count}" for family, count in table.families.items()) or "none yet"
+    rare = {family: count for family, count in table.families.items() if not ORDINARY.covers(family)}
+    families = ", ".join(f"{family} {count}" for family, count in rare.items()) or "none yet"
     found = [
         f"Suite {table.suite}, profile {table.profile}, scores 0 to 100. "
         f"interPlan is the mean over the scenarios of this run ({families}); - marks what the run has none of."
     ]
+    if ordinary := sum(count for family, count in table.families.items() if ORDINARY.covers(family)):
+        suite = table.ordinary_suite or table.suite
+        found.append(f"Ordinary is the mean over ordinary driving (suite {suite}; scenarios: {ordinary}).")
     if any(cell.interval for line in table.lines for cell in line.cells.values()):
         found.append("Brackets: 95 % bootstrap interval over the seeds.")
     if not table.complete:
@@ -127,7 +139,7 @@ def notes(table: Table, *, paper: bool = False) -> list[str]:
     if any(line.overrides for line in table.lines):
         found.append("Rows in square brackets were run with changed traffic: not comparable with official ones.")
     if paper:
-        found.append(f"(paper): {SOURCE}.")
+        found.append(f"(paper): {SOURCE}; ordinary driving there is Val14.")
     return found
 
 
@@ -161,10 +173,12 @@ def as_text(
 
 def _grid(table: Table, width: int, paper: bool) -> Grid:
     """A row per planner where that fits into `width`, else a column per planner."""
-    shown = [c for c in COLUMNS if paper or any(line.cells[c.key].asked for line in table.lines)]
+    shown = [c for c in columns(table, paper=paper) if paper or any(line.cells[c.key].asked for line in table.lines)]
     rows: list[list[str]] = [["planner", *(c.title for c in shown)]]
     rows += [[line.label, *(figure(line.cells[c.key]) for c in shown)] for line in table.lines]
-    published = [[f"{row['planner']} (paper)", *(f"{row[c.key]:.0f}" for c in shown)] for row in published_rows()]
+    published = [
+        [f"{row['planner']} (paper)", *(published_figure(row, c.key) for c in shown)] for row in published_rows()
+    ]
     ours, rows = len(rows), rows + (published if paper else [])
     upright = sum(max(map(len, column)) + 3 for column in zip(*rows, strict=True)) + 1 <= width
     grid = Grid(header_style="bold")

@@ -17,7 +17,7 @@ from interplan_sumo.scenario.suite import certificate_of, suites
 
 def scenario_entry(scenario: Scenario) -> dict[str, Any]:
     """One scenario as `scenarios list` has it; `certificate` is null until one is stored."""
-    roads = load_roads(scenario.map)
+    roads = load_roads(scenario.map, scenario.maps_beside)
     need = lane_needs(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
     if need is None:
         raise ScenarioError(f"{scenario.id}: no way from lane {scenario.start.lane} to goal lane {scenario.goal.lane}")
@@ -49,6 +49,7 @@ def planner_entries() -> list[dict[str, Any]]:
         entry: dict[str, Any] = {
             "name": info.name,
             "source": info.source,
+            "paper": info.paper,
             "parameters": {name: _simple(value) for name, value in info.parameters.items()},
             "recommended": info.recommended,
         }

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from html import escape
 
 from interplan_sumo.batch.run_folder import Row
-from interplan_sumo.report.formats import figure, notes
-from interplan_sumo.report.published import published_rows
+from interplan_sumo.report.formats import columns, figure, notes
+from interplan_sumo.report.published import published_figure, published_rows
 from interplan_sumo.report.table import COLUMNS, Cell, Line, Table
 from interplan_sumo.report.why import lost_points
 
@@ -83,16 +83,17 @@ def page(table: Table, *, title: str = "interplan-sumo report", paper: bool = Fa
 
 
 def _scores(table: Table, *, paper: bool) -> str:
-    head = "".join(f'<th class="n" scope="col">{escape(c.title)}</th>' for c in COLUMNS)
+    shown = columns(table, paper=paper)
+    head = "".join(f'<th class="n" scope="col">{escape(c.title)}</th>' for c in shown)
     body = ""
     for line in table.lines:
         cells = "".join(
             f'<td class="n{" total" if c.key == "interplan" else ""}">{escape(figure(line.cells[c.key]))}</td>'
-            for c in COLUMNS
+            for c in shown
         )
         body += f'<tr><th scope="row">{escape(line.label)}</th>{cells}</tr>'
     for row in published_rows() if paper else ():
-        cells = "".join(f'<td class="n">{row[c.key]:.0f}</td>' for c in COLUMNS)
+        cells = "".join(f'<td class="n">{published_figure(row, c.key)}</td>' for c in shown)
         body += f'<tr class="paper"><td>{escape(str(row["planner"]))} (paper)</td>{cells}</tr>'
     return f'<table><thead><tr><th scope="col">planner</th>{head}</tr></thead><tbody>{body}</tbody></table>'
 

@@ -54,8 +54,7 @@ class Traffic:
 
 def start_traffic(scenario: Scenario, roads: Roads) -> Traffic:
     """Who drives where when the scenario begins; opens SUMO unless nothing moves."""
-    demand = scenario.traffic
-    if demand.density == demand.oncoming == "none" and not scenario.vehicles:
+    if not scenario.has_traffic:
         return Traffic(Actors.none(), {})
     with open_traffic(scenario, roads) as traffic:
         return Traffic(traffic.observe().actors, dict(traffic.behaviours))
@@ -109,7 +108,7 @@ def contact_sheet(scenarios: Iterable[Scenario], path: str | PathLike[str]) -> N
     seen: Counter[str] = Counter()
     for row, (_, part) in enumerate(cells):
         for column, scenario in enumerate(part):
-            roads = load_roads(scenario.map)
+            roads = load_roads(scenario.map, scenario.maps_beside)
             traffic = start_traffic(scenario, roads)
             seen.update(traffic.behaviours.values())
             colours = drawing.behaviour_colours({*traffic.behaviours.values()})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from interplan_sumo.batch.jobs import JobKey
 from interplan_sumo.batch.run_folder import Row, StoredRun
 from interplan_sumo.errors import RunFolderError
+from interplan_sumo.scenario.ordinary import TYPES
 
 RESAMPLES = 4000
 BOOTSTRAP_SEED = 20240407
@@ -27,9 +28,12 @@ class Column:
     key: str
     title: str
     families: tuple[str, ...]
-    """Over whose scenarios it is the mean; none means all."""
+    """Over whose scenarios it is the mean; none means all but ordinary driving."""
     value: Callable[[Row], float | None]
     """0 to 1, of one row with a score; None where the profile does not judge it."""
+
+    def covers(self, family: str) -> bool:
+        return family in self.families if self.families else family not in TYPES
 
 
 def _score(row: Row) -> float:
@@ -55,7 +59,10 @@ def _reached_goal_lane(row: Row) -> float | None:
     return None if lane_changes is None else float(lane_changes["detail"]["goal"])
 
 
+ORDINARY = Column("ordinary", "Ordinary", tuple(TYPES), _score)
+"""Stands where the paper has nuPlan's Val14."""
 COLUMNS = (
+    ORDINARY,
     Column("interplan", "interPlan", (), _score),
     Column("construction", "Constr.", ("construction",), _score),
     Column("accident", "Acc.", ("accident",), _score),
@@ -100,8 +107,9 @@ class Line:
     cells: Mapping[str, Cell]
     scenarios: int
     seeds: int
+    """Of the interPlan columns; of ordinary driving where there is nothing else."""
     rows: tuple[Row, ...]
-    """In suite order."""
+    """In suite order, ordinary driving last."""
     missing: tuple[JobKey, ...]
 
     @property
@@ -120,6 +128,8 @@ class Table:
     """What a report is about."""
 
     suite: str
+    ordinary_suite: str | None
+    """The suite of ordinary driving that stands beside `suite`, if there is one."""
     profile: str
     lines: tuple[Line, ...]
 
@@ -140,23 +150,44 @@ class Table:
 def make_table(runs: Sequence[StoredRun]) -> Table:
     """One line per planner and run; official and overridden rows are never mixed.
 
-    RunFolderError if the runs are of different suites or profiles.
+    Runs of ordinary driving may stand beside runs of one other suite: a planner
+    that has one run of each has one line. RunFolderError if the runs are of
+    different suites otherwise, or of different profiles.
     """
-    first = runs[0]
+    ordinary = [run for run in runs if _is_ordinary(run)]
+    others = [run for run in runs if not _is_ordinary(run)]
+    _check_agree(runs, "profile")
+    for group in (others, ordinary):
+        _check_agree(group, "suite", "suite_hash")
+    first = (others or ordinary)[0].manifest
+    beside = ordinary[0].manifest["suite"] if others and ordinary else None
+    return Table(first["suite"], beside, first["profile"], tuple(_lines(runs)))
+
+
+def _is_ordinary(run: StoredRun) -> bool:
+    """Whether a run is of ordinary driving only."""
+    return bool(run.keys) and all(_family(run, key) in TYPES for key in run.keys)
+
+
+def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
     for run in runs[1:]:
-        for what in ("suite", "suite_hash", "profile"):
-            if run.manifest[what] != first.manifest[what]:
+        for what in shared:
+            if run.manifest[what] != runs[0].manifest[what]:
                 raise RunFolderError(
-                    f"{run.path} has {what} {run.manifest[what]}, {first.path} has {first.manifest[what]}; "
+                    f"{run.path} has {what} {run.manifest[what]}, {runs[0].path} has {runs[0].manifest[what]}; "
                     "report them separately"
                 )
-    names = [planner_label(planner, run) for run in runs for planner in planners_of(run)]
-    lines: list[Line] = []
-    for run in runs:
-        for planner in planners_of(run):
-            name = planner_label(planner, run)
-            lines.append(_line(run, planner, f"{name} ({run.path.name})" if names.count(name) > 1 else name))
-    return Table(first.manifest["suite"], first.manifest["profile"], tuple(lines))
+
+
+def _lines(runs: Sequence[StoredRun]) -> Iterator[Line]:
+    """A line per planner and run, in order; one for two runs if they are the planner's only ones, one of each kind."""
+    driven = [(run, planner, planner_label(planner, run)) for run in runs for planner in planners_of(run)]
+    for run, planner, name in driven:
+        same = sorted((other for other, _, label in driven if label == name), key=_is_ordinary)
+        if [_is_ordinary(other) for other in same] != [False, True]:
+            yield _line([run], planner, f"{name} ({run.path.name})" if len(same) > 1 else name)
+        elif run is next(other for other, _, label in driven if label == name):
+            yield _line(same, planner, name)
 
 
 def planners_of(run: StoredRun) -> list[str]:
@@ -171,24 +202,29 @@ def planner_label(planner: str, run: StoredRun) -> str:
     return f"{planner} [{said}]" if said else planner
 
 
-def _line(run: StoredRun, planner: str, label: str) -> Line:
-    keys = [key for key in run.keys if key[1] == planner]
-    rows = tuple(run.rows[key] for key in keys if key in run.rows)
-    # A scenario that has no row yet has no family on file; official ids begin with it.
-    family = {key: run.rows[key]["family"] if key in run.rows else key[0].partition("/")[0] for key in keys}
+def _family(run: StoredRun, key: JobKey) -> str:
+    """A scenario that has no row yet has no family on file; official ids begin with it."""
+    return run.rows[key]["family"] if key in run.rows else key[0].partition("/")[0]
+
+
+def _line(runs: Sequence[StoredRun], planner: str, label: str) -> Line:
+    """What a planner did in runs that share no scenario; the first of them says how many scenarios and seeds."""
+    found = {key: run for run in runs for key in run.keys if key[1] == planner}
+    family = {key: _family(run, key) for key, run in found.items()}
     cells: dict[str, Cell] = {}
     for column in COLUMNS:
-        wanted = [key for key in keys if not column.families or family[key] in column.families]
-        cells[column.key] = _cell([run.rows.get(key) for key in wanted], column.value)
+        wanted = [key for key in found if column.covers(family[key])]
+        cells[column.key] = _cell([found[key].rows.get(key) for key in wanted], column.value)
+    counted = [key for key, run in found.items() if run is runs[0]]
     return Line(
         label=label,
         planner=planner,
-        overrides=run.manifest["overrides"],
+        overrides=runs[0].manifest["overrides"],
         cells=cells,
-        scenarios=len({key[0] for key in keys}),
-        seeds=len({key[2] for key in keys}),
-        rows=rows,
-        missing=tuple(key for key in run.missing if key[1] == planner),
+        scenarios=len({key[0] for key in counted}),
+        seeds=len({key[2] for key in counted}),
+        rows=tuple(run.rows[key] for key, run in found.items() if key in run.rows),
+        missing=tuple(key for run in runs for key in run.missing if key[1] == planner),
     )
 
 

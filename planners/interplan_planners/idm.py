@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from interplan_planners.common.corridor import Corridor
 from interplan_planners.common.frozen_world import IdmDecision, obstacles, roll_out
 from interplan_planners.common.idm_policy import IdmDriver
@@ -30,6 +32,8 @@ class IdmPlanner:
     path, and the plan's poses put it there without lateral error. An ego
     farther than 2 m from its path (nuPlan would jump back) brakes straight ahead.
     """
+
+    paper: ClassVar[str] = "Treiber, Hennecke, Helbing 2000; as in nuPlan"
 
     def __init__(
         self,

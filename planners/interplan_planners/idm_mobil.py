@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -100,6 +101,8 @@ class IdmMobilPlanner:
     politeness, threshold and the IDM's but for the minimum gap, which is the
     2 m of the model's authors: the tracker does not stop within 1 m.
     """
+
+    paper: ClassVar[str] = "Kesting, Treiber, Helbing 2007; published=true: Hallgarten et al. 2024"
 
     def __init__(
         self,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,6 +71,8 @@ class PdmClosedPlanner:
     measured along the path instead of box to box, and an ego that is more than
     2.4 m from all paths brakes straight ahead instead of jumping back.
     """
+
+    paper: ClassVar[str] = "Dauner et al. 2023"
 
     def __init__(
         self,

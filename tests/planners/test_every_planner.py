@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from worlds import (
     cars,
@@ -159,6 +159,8 @@ def test_every_planner_conforms(spec: str) -> None:
     x=st.floats(0.0, 300.0), y=st.floats(-12.0, 6.0), heading=st.floats(-3.2, 3.2), speed=st.floats(-2.0, 25.0),
     seed=st.integers(0, 2**31),
 )  # fmt: skip
+@example(x=0.0, y=0.0, heading=2.0, speed=11.0, seed=0)  # turned far from its path, near to it with the rear axle
+@example(x=126.95, y=4.51, heading=2.28, speed=3.97, seed=1195159440)  # some ways back do not begin where it is
 def test_wherever_the_ego_is_the_plan_is_valid(
     spec: str, x: float, y: float, heading: float, speed: float, seed: int
 ) -> None:

@@ -170,6 +170,22 @@ def test_it_waits_for_an_oncoming_car_before_it_uses_its_lane() -> None:
     assert 170.0 - out * 0.1 * 10.0 < states[out].x_m
 
 
+def test_the_longer_it_waits_the_more_it_is_worth_to_pass() -> None:
+    """It is held where it is; somebody might come all the time, and nobody does."""
+    planner, parked = ForesightPlanner(), cars((150.0, 0.0), length_m=9.0)
+    planner.start(mission(two_way(), ("1",), goal_arc_m=250.0))
+    costs: list[float] = []
+    for k in range(31):
+        held = ego(110.0, 0.0, time_s=0.2 * k)
+        planner.plan(observation(held, parked, None, Past((held,) * 20, (parked,) * 20)))
+        assert planner.decision is not None
+        costs.append(min(cost for name, cost in planner.decision.options if name.startswith("pass")))
+    assert costs == sorted(costs, reverse=True)
+    assert costs[-1] < costs[0] - 2.0
+    assert planner.decision is not None
+    assert planner.decision.manoeuvre == "pass"
+
+
 def test_it_waits_behind_a_car_that_waits_at_a_light() -> None:
     waiting = cars((-16.0, -WIDTH_M / 2))
     states = drive(

@@ -141,6 +141,36 @@ def test_the_published_rows_stand_beside_ours_on_request() -> None:
     assert len(as_json(table(), paper=True)["paper"]["rows"]) == 14
 
 
+def with_ordinary() -> Table:
+    common = stored(drive("changing_lane/0", 0.9), path="runs/o", suite="common==1", suite_hash="2")
+    return make_table([stored(drive("nudge/0", 0.4)), common])
+
+
+def test_ordinary_driving_is_the_first_column_where_there_is_any() -> None:
+    head, _, line, *_ = as_markdown(with_ordinary()).splitlines()
+    assert head.startswith("| planner | Ordinary | interPlan |")
+    assert line.startswith("| idm | 90 | 40 |")
+    assert "Ordinary" not in as_markdown(table())
+    assert "Ordinary is the mean over ordinary driving (suite common==1; scenarios: 1)." in text(with_ordinary())
+
+
+def test_json_has_ordinary_driving_always_and_null_without_a_run_of_it() -> None:
+    report = as_json(with_ordinary())
+    assert (report["suite"], report["ordinary_suite"]) == ("smoke==1", "common==1")
+    assert (report["rows"][0]["ordinary"], report["rows"][0]["interplan"]) == (90.0, 40.0)
+    assert as_json(table())["ordinary_suite"] is None
+    assert as_json(table())["rows"][0]["ordinary"] is None
+
+
+def test_the_published_rows_have_val14_there_where_it_was_driven() -> None:
+    lines = as_markdown(with_ordinary(), paper=True).splitlines()
+    assert any(line.startswith("| PDM-Closed (paper) | 92 | 42 |") for line in lines)
+    assert any(line.startswith("| HybridLLM Llama-7B (paper) | - | 53 |") for line in lines)
+    assert "| idm | - | 33 |" in as_markdown(table(), paper=True)
+    rows = as_json(table(), paper=True)["paper"]["rows"]
+    assert {row["planner"]: row["ordinary"] for row in rows}["LLMWaypoints GPT-3.5"] is None
+
+
 @pytest.mark.parametrize("row", published_rows(), ids=lambda row: row["planner"])
 def test_each_published_total_is_the_mean_of_its_eight_families(row: dict[str, float]) -> None:
     # To one point, as printed; the rounded columns of GPT-3.5 in the paper give 39.1 where it prints 40.

@@ -74,3 +74,12 @@ def test_an_incomplete_run_says_so_at_the_top() -> None:
 
 def test_a_complete_run_does_not() -> None:
     assert 'role="alert"' not in page(make_table([stored(drive("nudge/0", 1.0))]))
+
+
+def test_ordinary_driving_stands_first() -> None:
+    common = stored(drive("changing_lane/0", 0.87), path="runs/o", suite="common==1", suite_hash="2")
+    text = read(page(make_table([stored(drive("nudge/0", 0.4)), common]), paper=True)).text
+    assert "plannerOrdinaryinterPlan" in text
+    assert "idm8740" in text
+    assert "HybridLLM GPT-3.5 (paper)-40" in text
+    assert "Ordinary" not in read(page(make_table([stored(drive("nudge/0", 0.4))]))).text

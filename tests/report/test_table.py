@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.report.table import make_table
 from tests.report.rows import drive, stored
@@ -117,3 +118,77 @@ def test_a_profile_that_does_not_judge_lane_changes_has_no_goal_figure() -> None
     found = values(row)
     assert found["goal"] is None
     assert found["driv"] == 100.0
+
+
+# --- ordinary driving beside it ----------------------------------------------------------------
+
+
+def ordinary(*rows: object, path: str = "runs/o", **manifest: object) -> StoredRun:
+    return stored(*rows, path=path, **({"suite": "common==1", "suite_hash": "2"} | manifest))  # type: ignore[arg-type]
+
+
+def test_ordinary_driving_has_its_column_and_is_no_part_of_the_total() -> None:
+    rare = stored(drive("nudge/0", 0.4), drive("nudge/0", 0.4, seed=1))
+    table = make_table([ordinary(drive("changing_lane/0", 0.9)), rare])
+    (line,) = table.lines
+    assert (line.cells["ordinary"].value, line.cells["interplan"].value, line.cells["nudge"].value) == (90, 40, 40)
+    assert (line.label, line.scenarios, line.seeds) == ("idm", 1, 2)
+    assert (table.suite, table.ordinary_suite) == ("smoke==1", "common==1")
+    assert [row["scenario_id"] for row in line.rows] == ["nudge/0", "nudge/0", "changing_lane/0"]
+
+
+def test_a_run_of_ordinary_driving_alone_has_no_total() -> None:
+    table = make_table([ordinary(drive("changing_lane/0", 0.9), drive("changing_lane/1", 0.7))])
+    (line,) = table.lines
+    assert (line.cells["ordinary"].value, line.cells["interplan"].value, line.scenarios) == (80.0, None, 2)
+    assert (table.suite, table.ordinary_suite) == ("common==1", None)
+
+
+def test_a_planner_without_such_a_run_has_no_figure_there() -> None:
+    runs = [
+        stored(drive("nudge/0", 1.0), drive("nudge/0", 0.5, planner="pdm_closed")),
+        ordinary(drive("changing_lane/0", 0.9, planner="pdm_closed")),
+    ]
+    found = {line.label: line.cells["ordinary"].value for line in make_table(runs).lines}
+    assert found == {"idm": None, "pdm_closed": 90.0}
+
+
+def test_lines_are_in_the_order_of_the_runs() -> None:
+    first = ordinary(drive("changing_lane/0", 0.9, planner="b"), drive("changing_lane/0", 0.9, planner="a"))
+    second = stored(drive("nudge/0", 0.1, planner="a"), drive("nudge/0", 0.1, planner="b"))
+    assert [line.label for line in make_table([first, second]).lines] == ["b", "a"]
+
+
+def test_changed_traffic_finds_no_ordinary_run_of_the_official_one() -> None:
+    runs = [stored(drive("nudge/0", 1.0), overrides={"density": "high"}), ordinary(drive("changing_lane/0", 0.9))]
+    found = {
+        line.label: (line.cells["interplan"].value, line.cells["ordinary"].value) for line in make_table(runs).lines
+    }
+    assert found == {"idm [density=high]": (100.0, None), "idm": (None, 90.0)}
+
+
+def test_two_runs_of_a_kind_are_told_apart_and_paired_with_nothing() -> None:
+    runs = [stored(drive("nudge/0", 1.0), path=f"runs/{name}") for name in "ab"]
+    lines = make_table([*runs, ordinary(drive("changing_lane/0", 0.9))]).lines
+    assert [(line.label, line.cells["ordinary"].value) for line in lines] == [
+        ("idm (a)", None),
+        ("idm (b)", None),
+        ("idm (o)", 90.0),
+    ]
+
+
+def test_what_is_missing_of_ordinary_driving_leaves_the_total_as_it_is() -> None:
+    lost = drive("changing_lane/0", None, fault=("traffic", "lost"))
+    table = make_table([stored(drive("nudge/0", 1.0)), ordinary(lost)])
+    (line,) = table.lines
+    assert not table.complete
+    assert (line.cells["interplan"].value, line.cells["ordinary"].value) == (100.0, None)
+    assert line.missing == (("changing_lane/0", "idm", 0),)
+
+
+def test_runs_of_ordinary_driving_must_agree_as_others_must() -> None:
+    runs = [stored(drive("nudge/0", 1.0)), ordinary(drive("changing_lane/0", 0.9))]
+    with pytest.raises(RunFolderError, match="runs/p has suite_hash 3, runs/o has 2"):
+        make_table([*runs, ordinary(drive("changing_lane/0", 0.9), path="runs/p", suite_hash="3")])
+    with pytest.raises(RunFolderError, match="has profile nuplan"):
+        make_table([runs[0], ordinary(drive("changing_lane/0", 0.9), profile="nuplan")])

@@ -19,7 +19,7 @@ RUN_UP_M = 7.0
 SWING_SHARE = 1.9
 """Of the shortest move to the side: what the ego keeps to move out gently."""
 LEAST_WAITING_GAP_M = 1.5
-WAITING_BRAKING_MPS2 = 2.0
+WAITING_BRAKING_MPS2 = 2.5
 YELLOW_BRAKING_MPS2 = 3.0
 """At yellow the ego stops if this is enough for it."""
 PASSED_LINE_M = 1.0

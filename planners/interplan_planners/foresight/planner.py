@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from math import cos, hypot, inf, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,8 @@ from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.trajectory import Trajectory
 
-FARTHEST_FROM_PATH_M = 2.2
-"""Beyond this the ego has lost its path; a plan from the path would be a teleport."""
+FARTHEST_FROM_PLAN_M = 2.2
+"""Beyond this the ego has lost its path; a plan along it would be a teleport."""
 LOST_BRAKING_MPS2 = 3.0
 MOST_CHECKED, MOST_OF_A_COURSE = 7, 2
 """How many drafts get a close look, and how many of them may be of one course."""
@@ -39,6 +39,8 @@ SETTLED_M = 6.0
 """After a course has come back to its base the rest of the car comes back as well."""
 PATIENCE_S, WAITING_MPS = 4.0, 1.5
 """How long the ego waits before something for somebody who might come, and what is waiting."""
+RESTLESS_PER_S, MOST_RESTLESS = 0.5, 6.0
+"""What it is worth to pass something, in points of progress, the longer the ego has waited: no wait is for ever."""
 ARRIVED_M = 2.0
 """Who is farther than this beyond the goal, or beyond the end of his way along the route, stops."""
 TAIL_M = 1.4
@@ -119,7 +121,7 @@ class ForesightPlanner:
 
     def plan(self, seen: Observation) -> Trajectory:
         due = seen.time_s - self._planned_s >= self.replan_s - 1e-6
-        if self._plan is None or due:
+        if self._plan is None or due or _strayed_m(self._plan, seen.ego) > FARTHEST_FROM_PLAN_M:
             self._plan = self._planned(seen)
             self._planned_s = seen.time_s
         return self._plan
@@ -132,19 +134,21 @@ class ForesightPlanner:
             self._manoeuvres = Manoeuvres(self._mission, ego, self.fallback_limit_mps, self.change_time_s)
         course = self._current(self._manoeuvres, ego)
         self._course = course
-        if self._off_m(course, ego) > FARTHEST_FROM_PATH_M:
+        if self._off_m(course, ego) > FARTHEST_FROM_PLAN_M:
             self.decision = None
             return braking_plan(ego, LOST_BRAKING_MPS2, self.horizon_s + self.replan_s, STEP_S)
         # a plan is kept until the next round and should still reach as far then
         traffic = self._prediction.traffic(seen, shape, self.horizon_s + self.replan_s)
         scene = Scene(seen, shape, traffic, self._stillness.for_good(seen, traffic, self._prediction))
         options, blocked = self._manoeuvres.options(scene, course)
+        # where the ego stands across its lane not every course can begin at it
+        options = [option for option in options if self._off_m(option.course, ego) <= FARTHEST_FROM_PLAN_M]
         return self._best(scene, self._manoeuvres, options, blocked)
 
     def _current(self, manoeuvres: Manoeuvres, ego: EgoState) -> Course:
         """The course as it stands now: it may be done, or lost."""
         course = self._course
-        if course is None or self._off_m(course, ego) > FARTHEST_FROM_PATH_M:
+        if course is None or self._off_m(course, ego) > FARTHEST_FROM_PLAN_M:
             return manoeuvres.here(ego)
         axle = ego.rear_axle(self._mission.shape)
         arc_m, _ = course.path.line.project_point(axle.x_m, axle.y_m)
@@ -152,9 +156,14 @@ class ForesightPlanner:
         return manoeuvres.kept(course.base) if done else course
 
     def _off_m(self, course: Course, ego: EgoState) -> float:
-        """How far the rear axle is from a course."""
-        axle = ego.rear_axle(self._mission.shape)
-        return abs(course.path.line.project_point(axle.x_m, axle.y_m)[1])
+        """How far the centre is from where a plan along a course begins: with the rear axle on it, turned as it is."""
+        shape = self._mission.shape
+        axle = ego.rear_axle(shape)
+        arc_m, _ = course.path.line.project_point(axle.x_m, axle.y_m)
+        at = course.path.line.pose_at(arc_m)
+        ahead_m = shape.rear_axle_to_center_m
+        x_m, y_m = at.x_m + ahead_m * cos(at.heading_rad), at.y_m + ahead_m * sin(at.heading_rad)
+        return hypot(x_m - ego.x_m, y_m - ego.y_m)
 
     def _best(
         self, scene: Scene, manoeuvres: Manoeuvres, options: list[Option], blocked: Blockage | None
@@ -169,8 +178,11 @@ class ForesightPlanner:
         wished = wished_changes(options)
         leads = leads_beside(stages, wished)
         drafts = drafted(stages, ego.speed_mps, ego.ax_mps2, shape, leads)
-        cost = speed_costs(stages, drafts, shape, lawful_mps, self._impatience(scene, blocked))
-        cost -= np.array([option.bonus for option in options])[drafts.stage_of]
+        impatience = self._impatience(scene, blocked)
+        cost = speed_costs(stages, drafts, shape, lawful_mps, impatience)
+        restless = min(RESTLESS_PER_S * self._waited_s, MOST_RESTLESS)
+        bonus = [option.bonus + (restless if option.course.kind == "pass" else 0.0) for option in options]
+        cost -= np.array(bonus)[drafts.stage_of]
         cost -= np.where(drafts.stage_of == 0, GOING_ON, 0.0) + prospects(drafts, stages, wished, shape)
 
         chosen = _chosen(cost, drafts)
@@ -224,6 +236,12 @@ class ForesightPlanner:
             stops_m = [stop_m + arc_m - at_m for stop_m in stops_m]
             found.append(staged(course, arc_m, new_m, limit_mps, stops_m, scene.traffic, tail, shape, reach_m, beside))
         return found
+
+
+def _strayed_m(plan: Trajectory, ego: EgoState) -> float:
+    """How far the ego is from where a plan has it now."""
+    x_m, y_m = np.interp(ego.time_s, plan.time_s, plan.x_m), np.interp(ego.time_s, plan.time_s, plan.y_m)
+    return hypot(x_m - ego.x_m, y_m - ego.y_m)
 
 
 def _tail(scene: Scene, base: Base, base_m: float) -> NDArray[np.bool_]:

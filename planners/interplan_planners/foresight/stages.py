@@ -16,8 +16,9 @@ from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import Floats
 
-SIDE_MARGIN_M, PEDESTRIAN_MARGIN_M = 0.2, 0.7
-"""Kept to both sides of the ego's box when it is asked who is in the way."""
+SIDE_MARGIN_M, PEDESTRIAN_MARGIN_M = 0.15, 0.7
+"""Kept to both sides of the ego's box when it is asked who is in the way; the first is less than the clearance with
+which things that stand are passed."""
 LANE_MARGIN_M = -0.25
 """Who is beside the ego's way along a lane by this much less than its width drives on that lane."""
 PEDESTRIAN_GAP_M = 1.5

@@ -1,0 +1,195 @@
+"""How a run grows: what a job costs the parent, how long rows take to read, what workers give and whether they leak.
+
+    python benchmarks/batch_scale.py [--jobs 5000] [--episodes 500] [--parts engine reading throughput memory]
+
+`docs/running.md` quotes the figures and what they mean for a hundred thousand drives.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
+from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.jobs import Job
+from interplan_sumo.batch.phases import Publish
+from interplan_sumo.batch.run_folder import Row, RunFolder, read_run
+from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
+from interplan_sumo.metrics.score import DEFAULT_PROFILE
+from interplan_sumo.scenario.suite import find_suite
+
+PLANNER = "straight_ahead"
+"""Plans in no time: what is measured is everything else."""
+ROW_BYTES = 4000
+"""As long as the rows of real drives are."""
+DRIVES_PER_LINE = 50
+WARMING_UP = 16
+"""Drives before the clock starts: starting, importing and reading maps is not what is asked for."""
+GOAL = 100_000
+"""The number of drives that is extrapolated to."""
+
+
+def main() -> None:
+    """Measure the parts that are asked for, and print them."""
+    parts: dict[str, Callable[[argparse.Namespace, Path], None]] = {
+        "engine": engine,
+        "reading": reading,
+        "throughput": throughput,
+        "memory": memory,
+    }
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--jobs", type=int, default=5000, help="toy jobs of the parts engine and reading")
+    parser.add_argument("--episodes", type=int, default=500, help="drives of the part memory")
+    parser.add_argument("--parts", nargs="+", choices=parts, default=list(parts))
+    arguments = parser.parse_args()
+    for name in arguments.parts:
+        with tempfile.TemporaryDirectory() as folder:
+            parts[name](arguments, Path(folder))
+
+
+def engine(arguments: argparse.Namespace, folder: Path) -> None:
+    """Rate of jobs that do nothing, with rows appended and synced, and how the parent grows."""
+    began_s, before_kb = time.perf_counter(), resident_kb()
+    marks: dict[int, int] = {}
+    for done, _ in enumerate(toy_run(folder, arguments.jobs), start=1):
+        if done in (arguments.jobs // 10, arguments.jobs):
+            gc.collect()
+            marks[done] = resident_kb()
+    wall_s = time.perf_counter() - began_s
+    (few, few_kb), (many, many_kb) = marks.items()
+    print(f"engine: {many / wall_s:.0f} toy jobs/s, {1e3 * wall_s / many:.2f} ms each with its row synced")
+    print(
+        f"  parent: {before_kb / 1e3:.0f} MB before, {few_kb / 1e3:.1f} after {few}, {many_kb / 1e3:.1f} after {many}"
+    )
+    each_kb = (many_kb - few_kb) / (many - few)
+    print(f"  growth: {each_kb:.2f} kB per job, {each_kb * GOAL / 1e3:.0f} MB for {GOAL}")
+
+
+def reading(arguments: argparse.Namespace, folder: Path) -> None:
+    """Time and memory of reading rows for a report."""
+    with toy_folder(folder, arguments.jobs) as held:
+        for number in range(arguments.jobs):
+            held.append(toy_row(number, {}))
+    gc.collect()
+    before_kb, began_s = resident_kb(), time.perf_counter()
+    stored = read_run(folder)
+    wall_s, rows = time.perf_counter() - began_s, len(stored.rows)
+    print(f"reading: {rows} rows in {wall_s:.2f} s, {(resident_kb() - before_kb) / rows:.1f} kB of memory each")
+    print(f"  {GOAL} rows: {wall_s / rows * GOAL:.0f} s")
+
+
+def throughput(_arguments: argparse.Namespace, folder: Path) -> None:
+    """Drives per second by two workers against one, one after the other so that a change of load shows."""
+    jobs = drives(40)
+    rates: dict[int, list[float]] = {1: [], 2: []}
+    for _ in range(2):
+        for workers, found in rates.items():
+            outcomes = driven(jobs, folder, workers)
+            for _ in range(WARMING_UP):
+                next(outcomes)
+            began_s = time.perf_counter()
+            found.append(sum(1 for _ in outcomes) / (time.perf_counter() - began_s))
+    one, two = (max(found) for found in rates.values())
+    print(f"throughput: {one:.2f} drives/s with 1 worker, {two:.2f} with 2: {two / one:.2f} times; all: {rates}")
+
+
+def memory(arguments: argparse.Namespace, folder: Path) -> None:
+    """Memory of one worker over many drives, and what processes are left."""
+    processes: Counter[int] = Counter()
+    for done, value in enumerate(driven(drives(arguments.episodes), folder, 1), start=1):
+        processes[value["process"]] += 1
+        if done % DRIVES_PER_LINE == 0:
+            print(f"memory: {done} drives, the worker has {value['resident_kb'] / 1e3:.0f} MB", flush=True)
+    print(f"  {len(processes)} process did them; children left: {children()}")
+
+
+def drives(count: int) -> list[Job]:
+    """The drives of the smoke suite, seed after seed."""
+    scenarios = find_suite("smoke==1").scenarios
+    return [Job(scenarios[n % len(scenarios)], PLANNER, n // len(scenarios)) for n in range(count)]
+
+
+def driven(jobs: Sequence[Job], folder: Path, workers: int) -> Iterator[dict[str, Any]]:
+    """What each drive gives, and the memory of the process that did it."""
+    tasks = [Task(job.key, job.planner, job) for job in jobs]
+    settings = DriveSettings(folder, DEFAULT_PROFILE)
+    with closing(run_tasks(tasks, partial(open_weighed, settings), workers=workers, limits=Limits())) as outcomes:
+        for outcome in outcomes:
+            assert outcome.fault is None, outcome.fault
+            yield outcome.value
+
+
+def open_weighed(settings: DriveSettings, group: str, publish: Publish) -> Work:
+    """Drives that tell how much memory their process has afterwards."""
+    drive = drive_jobs(settings)(group, publish)
+
+    def work(job: Job) -> Answer:
+        value, fault = drive(job)
+        return value | {"resident_kb": resident_kb(), "process": os.getpid()}, fault
+
+    return work
+
+
+def toy_run(folder: Path, count: int) -> Iterator[Row]:
+    """A run whose jobs do nothing, as `batch.run` goes about it."""
+    with toy_folder(folder, count) as held:
+        tasks = [Task((f"toy/{n}", "toy", 0), "toy", n) for n in range(count)]
+        with closing(run_tasks(tasks, open_toy, workers=2, limits=Limits())) as outcomes:
+            for outcome in outcomes:
+                row = toy_row(outcome.task.payload, outcome.value)
+                held.append(row)
+                yield row
+
+
+def toy_folder(folder: Path, count: int) -> RunFolder:
+    request = {"planners": ["toy"], "scenarios": [f"toy/{n}" for n in range(count)], "seeds": 1}
+    return RunFolder(folder, {"suite": "toy==1"}, request, {})
+
+
+def toy_row(number: int, value: dict[str, Any]) -> Row:
+    """A row with as many keys and figures as a real one."""
+    metrics = {
+        f"metric_{m}": {
+            "score": 0.5,
+            "reason": "as it is",
+            "detail": {f"figure_{f}": number / (f + 1) for f in range(9)},
+        }
+        for m in range(12)
+    }
+    row: Row = {"scenario_id": f"toy/{number}", "family": "toy", "planner": "toy", "seed": 0, "score": 0.5,
+                "metrics": metrics, "fault": None, **value}  # fmt: skip
+    return row
+
+
+def open_toy(_group: str, _publish: Publish) -> Work:
+    return lambda number: ({"square": number * number}, None)
+
+
+def resident_kb() -> int:
+    """Memory of this process that is in RAM; Linux only."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1000
+
+
+def children() -> list[str]:
+    """The processes that this one has started and not yet reaped, with their state; Linux only."""
+    found: list[str] = []
+    for thread in Path("/proc/self/task").iterdir():
+        for pid in (thread / "children").read_text().split():
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+            if "resource_tracker" not in Path(f"/proc/{pid}/cmdline").read_text():
+                found.append(f"{pid} {state}")
+    return found
+
+
+if __name__ == "__main__":
+    main()
