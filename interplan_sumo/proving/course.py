@@ -33,12 +33,10 @@ NEIGHBOURS_M = (2.2, 5.5)
 """Centre lines of neighbour lanes are this far apart."""
 ASIDE_M = 8.0
 """Lanes farther from start and goal lane than this are no way around an obstacle."""
+FAIRING = 6
+"""Half the window, in grid points, over which the kinks of a polyline are faired: 3 m."""
 WITHOUT_LIMIT_MPS = 13.9
-"""Where the map knows no limit, in bends no more than what pushes sideways by `BEND_MPS2`."""
-BEND_MPS2 = 2.0
-"""Of lateral acceleration; nuPlan's comfort allows 4.89."""
-BEND_OVER_M = 5.0
-"""Bends are measured over this length."""
+"""Where the map knows no limit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,9 +77,9 @@ class Course:
         return np.stack((x, y, smoothed(heading, 4)), axis=1)
 
     def points(self, left_m: Floats) -> Floats:
-        """(G, 2) the points at offsets (G,)."""
+        """(G, 2) the points at offsets (G,), faired: a lane may be a polyline with kinks that no car can drive."""
         x, y, heading = self.frame.T
-        return np.stack((x - left_m * np.sin(heading), y + left_m * np.cos(heading)), axis=1)
+        return np.stack((faired(x - left_m * np.sin(heading)), faired(y + left_m * np.cos(heading))), axis=1)
 
     def unrolled(self, xy: Floats) -> tuple[Floats, Floats, Floats]:
         """Arc, left and heading of the line there, each (K,), of points (K, 2)."""
@@ -125,6 +123,12 @@ def smoothed(values: Floats, half_width: int) -> Floats:
     at = np.arange(len(values))
     reach = np.minimum(half_width, np.minimum(at, len(values) - 1 - at))
     return (sums[at + reach + 1] - sums[at - reach]) / (2 * reach + 1)
+
+
+def faired(values: Floats) -> Floats:
+    """(K,) smoothed over `FAIRING`, then what that took off in bends put back: it is smooth itself."""
+    first = smoothed(values, FAIRING)
+    return first + smoothed(values - first, FAIRING)
 
 
 def _extended(route: Polyline) -> Polyline:
@@ -188,7 +192,8 @@ def _track(roads: Roads, scenario: Scenario, line: Polyline, arc_m: Floats, chai
         here = (arc_m >= arc[0] - GRID_M) & (arc_m <= arc[-1] + GRID_M)
         left[here] = np.interp(arc_m[here], arc, off)
         known = [place_limit_mps(roads, (lane_id,)), roads[lane_id].speed_limit_mps or np.inf]
-        limit[here] = min(*known, 60.0) if np.isfinite(min(known)) else _usual_limit_mps(roads[lane_id].centerline)
+        if np.isfinite(min(known)):
+            limit[here] = min(*known, 60.0)
         if lane_id == scenario.goal.lane:
             at_goal = True
     exists = np.flatnonzero(np.isfinite(left))
@@ -198,13 +203,6 @@ def _track(roads: Roads, scenario: Scenario, line: Polyline, arc_m: Floats, chai
         if at_goal:  # and its path goes on behind the goal, where the map may end
             left[exists[-1] + 1 :], limit[exists[-1] + 1 :] = left[exists[-1]], limit[exists[-1]]
     return Track(chain, left, limit, at_goal)
-
-
-def _usual_limit_mps(line: Polyline) -> float:
-    """Where the map knows none: what is comfortable in the sharpest bend of the lane."""
-    arc_m = np.arange(0.0, line.length_m + BEND_OVER_M, BEND_OVER_M)
-    bend_per_m = float(np.abs(np.diff(line.poses_at(arc_m)[:, 2])).max()) / BEND_OVER_M
-    return min(WITHOUT_LIMIT_MPS, float(np.sqrt(BEND_MPS2 / max(bend_per_m, 1e-6))))
 
 
 def _of_use(scenario: Scenario, tracks: tuple[Track, ...]) -> tuple[Track, ...]:

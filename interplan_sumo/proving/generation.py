@@ -31,7 +31,8 @@ REJECTED: Final = "rejected.csv"
 GROUPS: Final[dict[str, tuple[str, ...]]] = {"all": tuple(FAMILIES), "ordinary": tuple(TYPES)}
 """Names for several families at once."""
 CANDIDATES_PER_SCENARIO: Final = 12
-"""The search gives up after so many unsound candidates for each scenario that is asked for."""
+LEAST_CANDIDATES: Final = 60
+"""The search gives up after so many candidates for each scenario that is asked for, and so many in all."""
 
 
 @dataclass(slots=True)
@@ -58,14 +59,15 @@ def generate(roads: Roads, family: str, count: int, seed: int, *, maps_beside: P
     made = Generated(family, rejected=search.rejected)
     if count < 1:
         raise InputError(f"count is {count}, expected 1 or more")
-    for number, found in enumerate(search):
+    most = max(count * CANDIDATES_PER_SCENARIO, LEAST_CANDIDATES)
+    for number, found in enumerate(search, start=1):
         scenario = replace(found, maps_beside=maps_beside)
-        problems = start_problems(scenario, roads)
+        problems = start_problems(scenario, roads, with_traffic=False) or start_problems(scenario, roads)
         if problems:
             search.rejected.append(_unsound(scenario, roads, problems[0]))
         else:
             made.scenarios.append(scenario)
-        if len(made.scenarios) == count or number + 1 >= count * CANDIDATES_PER_SCENARIO:
+        if len(made.scenarios) == count or number == most:
             break
     return made
 

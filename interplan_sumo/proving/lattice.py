@@ -29,6 +29,8 @@ LATER_PUSH: Final = 4
 CHANGE_ACCELERATIONS: Final = (0, 1, -1)
 SLOWEST_CHANGE: Final = 4
 """A lane change does not end at fewer levels."""
+SLOWEST_OVER: Final = 4
+"""Levels at which one at least drives where oncoming drivers may stop for the ego: both would wait for ever."""
 LEFT_AFTER: Final = 0.6
 """After this share of a lane change nothing in the old lane matters any more."""
 THINNED: Final = 4
@@ -125,6 +127,9 @@ class _Lattice:
         at = np.clip(np.rint((grid.arcs_m - course.arc_m[0]) / GRID_M).astype(np.int64), 0, len(course.arc_m) - 1)
         caps = [np.where(way.closed, -1.0, np.maximum(way.cap_mps, 0.0))[at] for way in ways]
         self._open = [grid.speeds_mps[:, None] <= cap + TOLERANCE_MPS for cap in caps]
+        if course.scenario.traffic.oncoming != "none":
+            for free, way in zip(self._open, ways, strict=True):
+                free[:SLOWEST_OVER, way.over[at]] = False
         self._walls = [_counted(way.closed[at]) for way in ways]
         self._swerving = [way.swerving[at] for way in ways]
         self._parted = {

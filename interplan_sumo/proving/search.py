@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Final
 
 import numpy as np
@@ -107,9 +107,7 @@ class _Search:
         self._frames = round(scenario.duration_s / DT_S)
         self._first = rounded(start_state(scenario, roads))
         self._red = red_frames(self._course, reference.signals, self._frames)
-        hindered = bool(scenario.obstacles or scenario.jaywalkers)
-        known = first_frame(scenario) if hindered else reference  # else it took place in this very scene
-        self._guess = recording(self._course, known, self._frames)
+        self._reference = reference
         self._least_m = LEAST_SHARE * route_distance_m(roads, scenario, reference.ego)
         self._recordings: list[Recording] = []
         self._in_the_dark = True
@@ -120,22 +118,48 @@ class _Search:
     def plainly(self, style: Style) -> Iterator[Attempt]:
         """Tries against the last recordings, on the side that promises most."""
         for _ in range(TRIES_PER_STYLE):
-            others = reduce(Recording.joined, self._recordings[-style.memory :] or [self._guess])
             found: list[tuple[Timing, States]] = []
-            for ways in self._sides(style):
-                planned = self._planned(ways, others, style)
-                if planned is not None and planned[1] not in self._tried:
-                    found.append(planned)
-                    if planned[0].cost < EASY_COST:
-                        break
+            for others in self._known(style):
+                found = self._found(others, style)
+                if found:
+                    break
             worth = [each for each in found if self._gets_far(each[0])] or (found if self._in_the_dark else [])
             if not worth:
                 return
             yield self._attempt(min(worth, key=lambda each: each[0].cost)[1], style)
 
+    def _known(self, style: Style) -> Iterator[Recording]:
+        """What the traffic may do, the likeliest first; the next one counts where no plan copes with it."""
+        if self._recordings:
+            yield reduce(Recording.joined, self._recordings[-style.memory :])
+        hindered = self._scenario.obstacles or self._scenario.jaywalkers
+        yield self._begun if hindered else self._undisturbed  # else the reference took place in this very scene
+        yield self._undisturbed if hindered else self._begun
+
+    @cached_property
+    def _begun(self) -> Recording:
+        """Everybody goes on as they begin."""
+        return recording(self._course, first_frame(self._scenario), self._frames)
+
+    @cached_property
+    def _undisturbed(self) -> Recording:
+        """Everybody drives as around the reference driver."""
+        return recording(self._course, self._reference, self._frames)
+
+    def _found(self, others: Recording, style: Style) -> list[tuple[Timing, States]]:
+        """New plans on every side, up to the first one that is easy."""
+        found: list[tuple[Timing, States]] = []
+        for ways in self._sides(style):
+            planned = self._planned(ways, others, style)
+            if planned is not None and planned[1] not in self._tried:
+                found.append(planned)
+                if planned[0].cost < EASY_COST:
+                    break
+        return found
+
     def courteously(self, style: Style) -> Iterator[Attempt]:
         """Tries that count on an oncoming driver to let the ego pass, each improved once the answer is known."""
-        if self._scenario.traffic.oncoming == "none":
+        if self._scenario.traffic.oncoming == "none" or not self._recordings:
             return
         for ways in self._sides(style):
             own = ways[self._course.start_track]

@@ -9,6 +9,7 @@ import numpy as np
 from interplan_sumo.errors import InputError, ScenarioError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.lane_changes import lane_needs
+from interplan_sumo.proving.course import course
 from interplan_sumo.proving.crossing_checks import crossing_problems
 from interplan_sumo.proving.holding import OVERLAP_M, STEP_S, ego_boxes, ego_held
 from interplan_sumo.proving.passing_checks import obstacle_corners, passing_problems
@@ -23,6 +24,8 @@ from interplan_sumo.world.roads import Roads
 GOAL_PAST_M: Final = 20.0
 """The goal lies at least this far behind the last obstacle or crossing (decisions.md)."""
 LIMIT_SLACK_MPS: Final = 0.05
+LEAST_CHANGE_S: Final = 3.0
+"""A lane change takes a car at least this long: quicker ones are beyond nuPlan's bounds of comfort."""
 
 
 def start_problems(scenario: Scenario, roads: Roads, *, with_traffic: bool = True) -> list[str]:
@@ -45,6 +48,8 @@ def start_problems(scenario: Scenario, roads: Roads, *, with_traffic: bool = Tru
         *passing_problems(scenario, roads),
         *crossing_problems(scenario, roads),
     ]
+    if not problems:
+        problems += _change_problems(scenario, roads)
     if with_traffic:
         from interplan_sumo.proving.traffic_checks import traffic_problems  # loads SUMO
 
@@ -121,6 +126,24 @@ def _ego_problems(scenario: Scenario, roads: Roads) -> list[str]:
     if not roads.drivable(box[0]).all():
         problems.append("start: the ego's box is not wholly on the drivable area; move it to the middle of a lane")
     return problems
+
+
+def _change_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """Where the family is about lane changes, another lane lies beside the start lane for long enough."""
+    if not scenario.family.startswith("lane_change"):
+        return []
+    found = course(scenario, roads)
+    beside = np.zeros(len(found.arc_m), dtype=np.bool_)
+    for other in range(len(found.tracks)):
+        beside |= found.neighbours(found.start_track, other)
+    room_m = float(np.max(found.arc_m[beside], initial=found.start_m)) - found.start_m
+    least_m = LEAST_CHANGE_S * scenario.start_speed_mps
+    if room_m >= least_m:
+        return []
+    return [
+        f"start: no lane lies beside lane {scenario.start.lane} from {room_m:.1f} m ahead on, expected one for "
+        f"{least_m:.1f} m or more, {LEAST_CHANGE_S:.0f} s at the start speed; start it farther back or slower"
+    ]
 
 
 def _standing_problems(scenario: Scenario, roads: Roads) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -35,6 +35,14 @@ YAW_ACCELERATION_RADPS2 = 0.8
 """Well inside nuPlan's bounds of comfort (4.89, 0.95, 1.93)."""
 CENTRE_M = 0.05
 """The ego's centre keeps this far from lanes of the opposite direction."""
+BEND_ROOM_M = (0.15, 0.3, 0.45, 0.6)
+"""More clearance to try: in a bend a box takes more than its width, and points at what it is about to pass."""
+CRAWL_MPS = 1.5
+"""A way with a swerve that allows no more somewhere asks for more room."""
+FIRST_S, FIRST_BRAKING_MPS2 = 1.0, 3.0
+"""An ego that begins too fast for its place holds its speed for so long, then brakes this hard."""
+ASTRIDE_M = 0.1
+"""From this offset on who comes towards the ego may take it to be in the way."""
 SWERVING_M = 0.3
 """From this offset on the ego is taken to be out of its lane."""
 
@@ -66,9 +74,32 @@ class Way:
     swerving: NDArray[np.bool_]
     """(G,) where the driven line leaves the lane."""
 
+    @property
+    def over(self) -> NDArray[np.bool_]:
+        """(G,) where it swerves by more than a nudge, from the first step aside to the last."""
+        aside_m = np.abs(np.nan_to_num(self.left_m - self.track.left_m))
+        return (aside_m > ASTRIDE_M) & bool((aside_m > NUDGE_M).any())
+
 
 def way(course: Course, track: Track, swerve: Swerve) -> Way:
-    """The way along a track, the swerve around each group of obstacles included."""
+    """The way along a track, the swerve around each group of obstacles included; with more room where that helps."""
+    tried = [_way(course, track, swerve)]
+    if not tried[0].swerving.any():
+        return tried[0]
+    for more_m in BEND_ROOM_M:
+        if _slowest_mps(tried[-1]) >= CRAWL_MPS:
+            return tried[-1]
+        tried.append(_way(course, track, replace(swerve, clearance_m=swerve.clearance_m + more_m)))
+    return max(tried, key=_slowest_mps)
+
+
+def _slowest_mps(way: Way) -> float:
+    """The lowest speed that a way allows anywhere; -1 if it is closed there."""
+    allowed = np.where(way.closed, -1.0, way.cap_mps)
+    return float(allowed[np.isfinite(way.left_m)].min())
+
+
+def _way(course: Course, track: Track, swerve: Swerve) -> Way:
     exists = np.isfinite(track.left_m)
     aside = _asides(course, track, swerve)
     left = track.left_m + aside
@@ -81,7 +112,8 @@ def way(course: Course, track: Track, swerve: Swerve) -> Way:
     closed |= _off_road(course, xy, body, aside != 0.0)
     if "driving_direction" not in course.scenario.exempt:
         closed |= _against_traffic(course, xy, heading, np.abs(aside) > SWERVING_M)
-    cap = np.minimum(np.minimum(track.limit_mps, _bend_cap_mps(xy, heading, swerve.haste)), straight_cap)
+    wanted = np.minimum(track.limit_mps, _bend_cap_mps(xy, heading, swerve.haste))
+    cap = np.minimum(np.maximum(wanted, _braking_mps(course)), straight_cap)
     return Way(track, left, cap, closed, np.abs(aside) > SWERVING_M)
 
 
@@ -101,9 +133,13 @@ def blocked_by(course: Course, track: Track, clearance_m: float) -> list[tuple[f
     boxes = obstacle_corners(course)
     found: list[tuple[float, float, float, float]] = []
     half_m = HALF_WIDTH_M + clearance_m
+    exists = np.isfinite(track.left_m)
+    arc_m, left_m = course.arc_m[exists], track.left_m[exists]
     for corners in boxes:
         arc, left, _ = course.unrolled(corners)
-        beside = left - np.interp(arc, course.arc_m, np.nan_to_num(track.left_m, nan=1e3))
+        if arc.max() < arc_m[0] or arc.min() > arc_m[-1]:
+            continue
+        beside = left - np.interp(arc, arc_m, left_m)
         if beside.min() < half_m and beside.max() > -half_m:
             found.append(
                 (float(arc.min()), float(arc.max()), float(beside.min()) - half_m, float(beside.max()) + half_m)
@@ -203,6 +239,13 @@ def _against_traffic(course: Course, xy: Floats, heading: Floats, where: NDArray
                 along = line.pose_at(line.project_point(x_m, y_m)[0]).heading_rad
                 against[row] |= bool(np.cos(along - heading[row]) < 0.0)
     return against
+
+
+def _braking_mps(course: Course) -> Floats:
+    """(G,) the speed that an ego still has that begins faster than its place allows."""
+    start_mps = course.scenario.start_speed_mps
+    braked_m = course.arc_m - course.start_m - FIRST_S * start_mps
+    return np.sqrt(np.maximum(0.0, start_mps**2 - 2.0 * FIRST_BRAKING_MPS2 * np.maximum(0.0, braked_m)))
 
 
 def _bend_cap_mps(xy: Floats, heading: Floats, haste: float) -> Floats:

@@ -23,6 +23,14 @@ def widened(roads: Roads, width_m: float = LANE_WIDTH_M) -> Roads:
     return replace(roads, generic_drivable_areas=(Area("9", strip),))
 
 
+def narrowed(lane_id: str) -> Roads:
+    """A road of two lanes, 11 and 12, of which only the one with this id goes on after 100 m, as 31 or 32."""
+    cut = straight_road(lanes=2, length_m=300.0, cuts_m=((100.0, 110.0),))
+    kept = next(way for way in cut.connectors.values() if way.from_lane_id == lane_id)
+    block = replace(cut.roadblocks[kept.roadblock_id], lane_ids=(kept.id,))
+    return replace(cut, connectors={kept.id: kept}, roadblocks={**cut.roadblocks, block.id: block})
+
+
 def staged(family: str = "test", **changes: Any) -> Scenario:
     """A scenario on lane 11, from 20 m to 200 m, at 10 m/s."""
     base = Scenario(

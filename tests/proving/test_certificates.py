@@ -56,6 +56,18 @@ def test_a_scenario_that_cannot_be_solved_has_no_certificate_but_a_reason() -> N
     assert "obstacle" in verdict.reason
 
 
+def test_where_no_drive_can_be_tried_at_all_there_is_a_reason_too() -> None:
+    overtake = find_scenario("overtake/1")
+    parked = overtake.obstacles[0].place
+    assert overtake.traffic.oncoming != "none"
+    wall = tuple(Obstacle(replace(parked, left_m=left_m), "truck") for left_m in (-4.0, 0.0, 4.0, 8.0))
+    late = replace(overtake, obstacles=wall, start=LanePlace(parked.lane, parked.arc_m - 9.0), start_speed_mps=13.0)
+    verdict = certify(late, most_simulations=6)
+    assert verdict.certificate is None
+    assert verdict.simulations == 1
+    assert verdict.reason == "no drive was found that avoids everybody"
+
+
 def _teleported(track: Any) -> Any:
     x_m = track.x_m.copy()
     x_m[50:] += 0.5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,14 @@ import pytest
 from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.proving.generation import GROUPS, check_folder, families_of, generate
+from interplan_sumo.proving.generation import (
+    CANDIDATES_PER_SCENARIO,
+    GROUPS,
+    LEAST_CANDIDATES,
+    check_folder,
+    families_of,
+    generate,
+)
 from interplan_sumo.proving.start_checks import start_problems
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.families import FAMILIES
@@ -30,6 +38,16 @@ def test_generated_scenarios_pass_every_start_check_and_rejected_places_have_rea
     assert all(not start_problems(scenario, roads) for scenario in made.scenarios)
     assert made.rejected
     assert all(each.reason for each in made.rejected)
+
+
+@pytest.mark.parametrize(("count", "most"), [(1, LEAST_CANDIDATES), (6, 6 * CANDIDATES_PER_SCENARIO)])
+def test_it_gives_up_after_many_unsound_candidates_and_after_more_where_many_are_asked_for(
+    count: int, most: int
+) -> None:
+    bottomless = replace(load_roads("back_bay"), road_segments=())
+    made = generate(bottomless, "lane_change_ltd", count, seed=0)
+    assert made.scenarios == []
+    assert sum("the ego's box is not wholly on the drivable area" in each.reason for each in made.rejected) == most
 
 
 def test_a_group_is_all_its_families() -> None:

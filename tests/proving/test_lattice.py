@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from outlooks import FRAMES, LENGTH_M, crossing, driving, laid_out, start_of, steady
-from stages import TWO_LANES, staged
+from stages import ONE_LANE, TWO_LANES, car, staged, widened
 
 from interplan_sumo.proving.lattice import cheapest_timing
 from interplan_sumo.proving.recording import Recording
 from interplan_sumo.proving.timing import CALM, Gate, Margins, Outlook, Timing
-from interplan_sumo.proving.ways import HALF_LENGTH_M
-from interplan_sumo.scenario.scenario import LanePlace
+from interplan_sumo.proving.ways import HALF_LENGTH_M, Swerve
+from interplan_sumo.scenario.scenario import Density, LanePlace, TrafficDemand
 
 
 def timed(outlook: Outlook, others: Recording | None = None, gate: Gate | None = None) -> Timing | None:
@@ -123,6 +123,18 @@ def test_who_comes_towards_the_ego_beside_its_lane_does_not_matter_but_in_it_doe
     assert beside is not None
     assert beside.cost == pytest.approx(alone.cost)
     assert timed(outlook, steady(start_m + 150.0, -12.0)) is None
+
+
+@pytest.mark.parametrize(("oncoming", "dawdles"), [("none", True), ("low", False)])
+def test_one_waits_for_who_comes_in_the_own_lane_and_not_half_out_of_it(oncoming: Density, dawdles: bool) -> None:
+    scenario = staged(start_speed_mps=5.0, obstacles=(car(60.0),), exempt=("driving_direction",))
+    scenario = replace(scenario, traffic=TrafficDemand(oncoming=oncoming))
+    outlook = laid_out(scenario, widened(ONE_LANE), Swerve(over="left"))
+    timing = timed(outlook, steady(outlook.course.start_m + 90.0, -9.0, left_m=3.5))
+    assert timing is not None
+    assert timing.to_goal
+    over = outlook.ways[0].over[[outlook.course.on_grid(arc_m) for arc_m in timing.arc_m.tolist()]]
+    assert (timing.speed_mps[over].min() < 2.0) == dawdles
 
 
 @pytest.mark.parametrize("step", [4, 6, 9])

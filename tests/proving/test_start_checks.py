@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 
 import pytest
-from stages import ONE_LANE, TWO_LANES, car, cone, staged
+from stages import ONE_LANE, TWO_LANES, car, cone, narrowed, staged
 from worlds import straight_road
 
 from interplan_sumo.maps.store import load_roads
@@ -52,6 +52,16 @@ def test_the_goal_lane_must_be_within_reach_of_the_start_lane() -> None:
 def test_a_lane_change_needs_a_change_of_lanes() -> None:
     only(problems(staged("lane_change_ltd"), TWO_LANES), "goal.lane: it can be reached without a lane change")
     assert problems(staged("lane_change_ltd", goal=LanePlace("12", 200.0)), TWO_LANES) == []
+
+
+@pytest.mark.parametrize(("start_m", "sound"), [(69.0, True), (71.0, False)])
+def test_a_lane_change_needs_a_lane_beside_for_three_seconds(start_m: float, sound: bool) -> None:
+    merge = staged("lane_change_ltd", goal=LanePlace("32", 120.0), route=("1", "2", "3"))
+    found = problems(replace(merge, start=LanePlace("11", start_m)), narrowed("12"))
+    if sound:
+        assert found == []
+    else:
+        only(found, "start: no lane lies beside lane 11 from 29.5 m ahead on", "expected one for 30.0 m or more")
 
 
 def test_the_goal_lies_ahead_of_the_start() -> None:

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from interplan_sumo.proving.certificates import certify
-from interplan_sumo.proving.course import BEND_MPS2, WITHOUT_LIMIT_MPS, course
+from interplan_sumo.proving.course import WITHOUT_LIMIT_MPS, course
+from interplan_sumo.proving.ways import LATERAL_MPS2, Swerve, way
 from interplan_sumo.scenario.scenario import LanePlace, Scenario
 from interplan_sumo.scenario.suite import find_scenario
-from interplan_sumo.tiny_worlds import curved_road, junction, straight_road
+from interplan_sumo.tiny_worlds import curved_road, junction
 from interplan_sumo.world.roads import Roads
 
 
@@ -20,17 +21,12 @@ def along(roads: Roads, start: str, goal: str, route: tuple[str, ...]) -> Scenar
     return Scenario("tiny/0", "tiny", roads.name, LanePlace(start, 3.0), 3.0, LanePlace(goal, goal_m), route)
 
 
-def limits_mps(roads: Roads) -> set[float]:
-    return set(course(along(roads, "11", "11", ("1",)), roads).tracks[0].limit_mps.tolist())
-
-
-def test_without_a_limit_a_straight_road_is_driven_at_the_usual_one_and_a_bend_at_what_is_comfortable() -> None:
-    assert limits_mps(straight_road(limit_mps=None)) == {WITHOUT_LIMIT_MPS}
-    (slow_mps,) = limits_mps(curved_road(radius_m=20.0, limit_mps=None))
-    assert slow_mps == pytest.approx(np.sqrt(BEND_MPS2 * 20.0), rel=0.05)
-    (wide_mps,) = limits_mps(curved_road(radius_m=200.0, limit_mps=None))
-    assert wide_mps == WITHOUT_LIMIT_MPS
-    assert limits_mps(curved_road(radius_m=20.0, limit_mps=10.0)) == {10.0}
+def test_without_a_limit_a_bend_is_driven_at_what_is_comfortable() -> None:
+    roads = curved_road(radius_m=20.0, limit_mps=None)
+    found = course(along(roads, "11", "11", ("1",)), roads)
+    cap_mps = way(found, found.tracks[0], Swerve()).cap_mps
+    assert cap_mps.max() == WITHOUT_LIMIT_MPS
+    assert cap_mps.min() == pytest.approx(np.sqrt(LATERAL_MPS2 * 20.0), rel=0.1)
 
 
 def test_a_course_may_begin_inside_a_junction() -> None:

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from stages import ONE_LANE, TWO_LANES, car, cone, staged, widened
+import shapely
+from stages import ONE_LANE, TWO_LANES, car, cone, narrowed, staged, widened
+from worlds import LANE_WIDTH_M, curved_road
 
 from interplan_sumo.proving.course import course
-from interplan_sumo.proving.ways import HALF_WIDTH_M, NUDGE_M, Swerve, blocked_by, way
-from interplan_sumo.world.roads import Roads
+from interplan_sumo.proving.ways import (
+    FIRST_BRAKING_MPS2,
+    FIRST_S,
+    HALF_WIDTH_M,
+    NUDGE_M,
+    Swerve,
+    blocked_by,
+    way,
+)
+from interplan_sumo.scenario.scenario import LanePlace, Obstacle
+from interplan_sumo.world.roads import Area, Roads
 
 
 def driven_line(roads: Roads, left_m: float, swerve: Swerve | None = None, exempt: tuple[str, ...] = ()):
@@ -46,6 +59,51 @@ def test_an_obstacle_straight_ahead_caps_the_speed_before_it() -> None:
     near, nearer = (passing.cap_mps[unrolled.on_grid(unrolled.start_m + gap)] for gap in gaps_m)
     assert nearer < near < 20.0 / 0.95
     assert nearer < 10.0 / 0.95
+
+
+def test_an_ego_that_begins_too_fast_has_room_to_brake() -> None:
+    unrolled = course(staged(start_speed_mps=16.9), ONE_LANE)
+    cap_mps = way(unrolled, unrolled.tracks[0], Swerve()).cap_mps
+    assert cap_mps[unrolled.on_grid(unrolled.start_m)] == pytest.approx(16.9)
+    braked_m = 16.9 * FIRST_S + (16.9**2 - 13.9**2) / (2.0 * FIRST_BRAKING_MPS2)
+    before, after = (cap_mps[unrolled.on_grid(unrolled.start_m + braked_m + more_m)] for more_m in (-1.0, 1.0))
+    assert before > 13.9
+    assert after == pytest.approx(13.9)
+
+
+@pytest.mark.parametrize(("left_m", "over"), [(-1.6, False), (-0.6, True)])
+def test_more_than_a_nudge_is_over_the_lane_from_the_first_step_aside(left_m: float, over: bool) -> None:
+    unrolled, passing = driven_line(widened(ONE_LANE), left_m, Swerve(over="left"))
+    aside_m = np.nan_to_num(passing.left_m)
+    assert passing.over.tolist() == (over & (aside_m > 0.1)).tolist()
+    assert passing.over[unrolled.on_grid(unrolled.start_m + 80.0)] == over
+
+
+def test_a_car_parked_in_a_bend_is_passed_with_more_room_than_on_a_straight_road() -> None:
+    def room_m(arc_m: float) -> float:
+        ground = Area("9", shapely.box(-50.0, -50.0, 250.0, 250.0))
+        bend = curved_road(radius_m=25.0, run_in_m=80.0, limit_mps=13.9)
+        roads = replace(bend, generic_drivable_areas=(ground,))
+        unrolled = course(staged(obstacles=(car(arc_m, -1.6),), goal=LanePlace("11", 150.0)), roads)
+        passing = way(unrolled, unrolled.tracks[0], Swerve(clearance_m=0.3))
+        assert not (passing.closed & passing.swerving).any()
+        return float(np.nanmax(passing.left_m))
+
+    assert room_m(60.0) == pytest.approx(-1.6 + 1.85 / 2.0 + HALF_WIDTH_M + 0.3)
+    assert room_m(100.0) > room_m(60.0) + 0.1
+
+
+@pytest.mark.parametrize(("lane", "arc_m", "groups"), [("11", 99.0, 1), ("31", 3.0, 0)])
+def test_what_stands_at_the_end_of_a_lane_blocks_it_and_what_stands_beyond_does_not(
+    lane: str, arc_m: float, groups: int
+) -> None:
+    parked = Obstacle(LanePlace(lane, arc_m, -LANE_WIDTH_M), "car")
+    unrolled = course(staged(obstacles=(parked,), goal=LanePlace("31", 150.0), route=("1", "2", "3")), narrowed("11"))
+    ended = next(track for track in unrolled.tracks if "12" in track.lanes)
+    found = blocked_by(unrolled, ended, 0.4)
+    assert len(found) == groups
+    for _, _, right_m, left_m in found:
+        assert (right_m, left_m) == pytest.approx((-1.85 / 2.0 - HALF_WIDTH_M - 0.4, 1.85 / 2.0 + HALF_WIDTH_M + 0.4))
 
 
 def test_cones_in_a_row_are_one_group_and_distant_ones_are_two() -> None:
