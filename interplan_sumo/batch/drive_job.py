@@ -7,7 +7,8 @@ import os
 import shutil
 import tempfile
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from typing import Any
 from interplan_sumo.batch.jobs import Job
 from interplan_sumo.batch.own_experts import own_expert
 from interplan_sumo.batch.phases import Publish
-from interplan_sumo.batch.run_folder import PART, place_folder, trace_place
+from interplan_sumo.batch.run_folder import PART, is_full, place_folder, trace_place
 from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import load_roads
@@ -38,6 +39,8 @@ class DriveSettings:
     plan_limit_s: float = 10.0
     own_scenarios: bool = False
     """Whether they belong to no suite: their experts are driven, then."""
+    maps_beside: Path | None = None
+    """Where the maps lie that came along with the scenarios, if not where the scenarios say."""
 
 
 def drive_jobs(settings: DriveSettings) -> OpenGroup:
@@ -51,7 +54,10 @@ def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
 
     def work(job: Job) -> Answer:
         began_s = time.perf_counter()
-        episode = drive(job.scenario, planner, seed=job.seed, options=options, on_phase=publish)
+        scenario = job.scenario
+        if settings.maps_beside is not None and scenario.maps_beside is not None:
+            scenario = replace(scenario, maps_beside=settings.maps_beside)
+        episode = drive(scenario, planner, seed=job.seed, options=options, on_phase=publish)
         times_s: dict[str, float] = dict(episode.times_s)
         value: dict[str, Any] = {"reached_goal": episode.reached_goal}
         fault = None if episode.fault is None else Fault(episode.fault.kind, episode.fault.message)
@@ -64,10 +70,9 @@ def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
             if fault is None:
                 publish("score")
                 scored_s = time.perf_counter()
-                roads = load_roads(job.scenario.map, job.scenario.maps_beside)
-                own = settings.own_scenarios
-                reference = own_expert(job.scenario, settings.folder) if own else expert(job.scenario)
-                value |= score(episode.trace, roads, reference, job.scenario, settings.profile).as_json()
+                roads = load_roads(scenario.map, scenario.maps_beside)
+                reference = own_expert(scenario, settings.folder) if settings.own_scenarios else expert(scenario)
+                value |= score(episode.trace, roads, reference, scenario, settings.profile).as_json()
                 times_s["scoring"] = time.perf_counter() - scored_s
         times_s["total"] = time.perf_counter() - began_s
         value["times_s"] = {name: round(seconds, 6) for name, seconds in times_s.items()}
@@ -86,22 +91,35 @@ def _store(folder: Path, job: Job, trace: Trace, trace_hash: str) -> str:
         "seed": job.seed,
         "trace_hash": trace_hash,
     }
+
+    def write(fresh: Path) -> None:
+        trace.write(fresh)
+        (fresh / "scenario.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+
+    place_trace(folder, place, write)
+    return place
+
+
+def place_trace(folder: Path, place: str, write: Callable[[Path], None]) -> None:
+    """Have a trace written to a fresh folder and move that to its place in the run folder.
+
+    RunFolderError if it cannot be written.
+    """
     fresh = None
     try:
         (folder / "traces").mkdir(exist_ok=True)
         fresh = Path(tempfile.mkdtemp(prefix=PART, dir=folder / "traces"))
-        trace.write(fresh)
-        (fresh / "scenario.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+        write(fresh)
         os.chmod(fresh, 0o777 & ~_umask())
         place_folder(fresh, folder / place)
     except OSError as error:
         if fresh is not None:
             shutil.rmtree(fresh, ignore_errors=True)
+        why = "no space left" if is_full(error) else error.strerror or error
         raise RunFolderError(
-            f"cannot write the trace of {job.scenario.id} to {folder / place}: {error.strerror or error}; "
+            f"cannot write the trace {folder / place}: {why}; "
             "what is there is intact: repeat the command when it can be written"
         ) from None
-    return place
 
 
 def _umask() -> int:

@@ -1,124 +1,29 @@
-"""Engine: does many tasks over worker processes that may hang, crash or be killed, and accounts for every one.
+"""Engine: does many tasks over workers that may hang, crash or be killed, and accounts for every one.
 
 It knows nothing of driving. A task belongs to a group (here: a planner); a
-worker serves one group, so that planners never share a process. Each worker
-has its own line to the parent and at most one task in hand, so a death costs
-one task and blocks nobody.
+worker serves one group, so that planners never share a process. A worker has
+at most one task in hand, so a death costs one task and blocks nobody.
 """
 
 from __future__ import annotations
 
-import contextlib
-import json
-import multiprocessing
 import tempfile
 import time
 from collections import deque
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Hashable, Sequence
 from dataclasses import dataclass, field
-from multiprocessing import connection
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
+from interplan_sumo.batch.crew import Crew, Ending, ProcessCrew, Report, Worker
 from interplan_sumo.batch.in_process import run_in_process
-from interplan_sumo.batch.phases import PLANNER_PHASES, PhaseBoard
-from interplan_sumo.batch.processes import (
-    SINGLE_THREAD,
-    adopted_orphans,
-    death,
-    environment,
-    interrupts_held,
-    kill_group,
-    killed_from_outside,
-)
-from interplan_sumo.batch.tasks import Fault, Limits, OpenGroup, Outcome, Task
-from interplan_sumo.batch.worker import serve
+from interplan_sumo.batch.phases import PLANNER_PHASES
+from interplan_sumo.batch.processes import adopted_orphans, death, killed_from_outside
+from interplan_sumo.batch.tasks import TRAFFIC_RETRIES, Fault, Limits, OpenGroup, Outcome, Task
 from interplan_sumo.errors import InputError, PlannerLoadError
 
-POLL_S = 0.1
 OUTSIDE_KILLS_FORGIVEN = 2
 """A task whose worker somebody else killed is done again this often; then it is taken to be the task's own doing."""
-TRAFFIC_RETRIES = 1
-OUTPUT_KEPT = 2000
-"""Characters of what a worker printed that are kept with a fault."""
-
-
-@dataclass(slots=True)
-class _Worker:
-    group: str
-    process: BaseProcess
-    line: Connection
-    board: PhaseBoard
-    output: Path
-    ready: bool = False
-    task: Task | None = None
-    task_since_s: float = 0.0
-    phase_changes: int = -1
-    phase_since_s: float = 0.0
-    verdict: tuple[str, str] | None = None
-    """Phase and reason, if the engine killed it for a limit."""
-
-
-@dataclass(slots=True)
-class _Crew:
-    """The workers of one run and where they keep what they print."""
-
-    open_group: OpenGroup
-    limits: Limits
-    folder: Path
-    workers: list[_Worker] = field(default_factory=list)
-    leaving: list[_Worker] = field(default_factory=list)
-    started: int = 0
-
-    def hire(self, group: str) -> _Worker:
-        context = multiprocessing.get_context("spawn")
-        ends: tuple[Any, Any] = context.Pipe(duplex=True)
-        here, there = ends
-        shared = context.RawArray("q", 2)
-        self.started += 1
-        output = self.folder / f"worker-{self.started}.txt"
-        process = context.Process(
-            target=serve,
-            args=(there, shared, group, self.open_group, str(output), self.limits.memory_bytes),
-            daemon=False,
-            name=f"interplan-sumo worker {self.started}",
-        )
-        # Set iteration order, too, must not differ from worker to worker.
-        with environment({**SINGLE_THREAD, "PYTHONHASHSEED": "0"}), interrupts_held():
-            process.start()
-        there.close()
-        worker = _Worker(group, process, here, PhaseBoard(shared), output)
-        worker.task_since_s = worker.phase_since_s = time.monotonic()
-        self.workers.append(worker)
-        return worker
-
-    def dismiss(self, worker: _Worker) -> None:
-        """Let an idle worker end by itself, so that what it opened is closed in order."""
-        self.workers.remove(worker)
-        with contextlib.suppress(OSError):
-            worker.line.send(None)
-        worker.task_since_s = time.monotonic()
-        self.leaving.append(worker)
-
-    def bury(self, worker: _Worker) -> None:
-        """End a worker and everything it started, at once."""
-        for crew in (self.workers, self.leaving):
-            if worker in crew:
-                crew.remove(worker)
-        kill_group(worker.process)
-        worker.line.close()
-
-    def see_off(self, patience_s: float) -> None:
-        """Bury those who left, and those who do not leave within `patience_s`."""
-        for worker in list(self.leaving):
-            if not worker.process.is_alive() or time.monotonic() - worker.task_since_s > patience_s:
-                self.bury(worker)
-
-    def disband(self) -> None:
-        for worker in [*self.workers, *self.leaving]:
-            self.bury(worker)
 
 
 def run_tasks(tasks: Sequence[Task], open_group: OpenGroup, *, workers: int, limits: Limits) -> Generator[Outcome]:
@@ -135,123 +40,123 @@ def run_tasks(tasks: Sequence[Task], open_group: OpenGroup, *, workers: int, lim
         yield from run_in_process(tasks, open_group, limits)
         return
     with tempfile.TemporaryDirectory(prefix="interplan-sumo-") as folder, adopted_orphans():
-        crew = _Crew(open_group, limits, Path(folder))
+        crew = ProcessCrew(open_group, limits, Path(folder))
         try:
-            yield from _run(tasks, crew, workers)
-            for worker in list(crew.workers):
-                crew.dismiss(worker)
-            while crew.leaving:
-                crew.see_off(patience_s=5.0)
-                connection.wait([w.process.sentinel for w in crew.leaving], timeout=POLL_S)
+            yield from run_with(crew, tasks, workers)
+            crew.leave()
         finally:
             crew.disband()
 
 
-def _run(tasks: Sequence[Task], crew: _Crew, workers: int) -> Generator[Outcome]:
-    waiting: dict[str, deque[Task]] = {}
+def run_with(crew: Crew, tasks: Sequence[Task], workers: int) -> Generator[Outcome]:
+    """Have a crew of up to `workers` do the tasks; outcomes and errors as in `run_tasks`.
+
+    The crew outlives it: who is still there when it ends is the caller's to send home.
+    """
+    books = _Books()
     for task in tasks:
-        waiting.setdefault(task.group, deque()).append(task)
-    _try_groups(list(waiting), crew, workers)
-    outside_kills: dict[Any, int] = {}
-    traffic_faults: dict[Any, int] = {}
-    failed_openings: dict[str, int] = {}
-    while any(waiting.values()) or any(w.task for w in crew.workers):
-        _staff(waiting, crew, workers)
-        for worker in _heard(crew):
-            reply, ending = _listen(worker, crew)
-            if reply is None and ending is None:
-                continue
-            if reply is not None and "ready" in reply:
-                worker.ready, worker.task_since_s = True, time.monotonic()
-                failed_openings.pop(worker.group, None)
-                continue
-            if reply is not None and "input_error" in reply:
-                raise InputError(str(reply["input_error"]))
-            task, worker.task = worker.task, None
-            if task is None:  # it died while idle, or while opening what had opened before
-                if not worker.ready:
-                    failed_openings[worker.group] = failed_openings.get(worker.group, 0) + 1
-                    if failed_openings[worker.group] > OUTSIDE_KILLS_FORGIVEN:
-                        raise PlannerLoadError(_did_not_open(worker, ending))
-                continue
-            wall_s = time.monotonic() - worker.task_since_s
-            if reply is not None:
-                fault = Fault(*reply["fault"]) if reply["fault"] else None
-                value: dict[str, Any] = reply["value"]
-            else:
-                value = {}
-                exit_code, phase, limit = _unpacked(ending)
-                if limit is None and killed_from_outside(exit_code):
-                    outside_kills[task.key] = outside_kills.get(task.key, 0) + 1
-                    if outside_kills[task.key] <= OUTSIDE_KILLS_FORGIVEN:
-                        waiting[task.group].appendleft(task)
-                        continue
-                fault = _blame(exit_code, phase, limit)
-            if fault is not None and fault.kind == "traffic":
-                traffic_faults[task.key] = traffic_faults.get(task.key, 0) + 1
-                if traffic_faults[task.key] <= TRAFFIC_RETRIES:
-                    waiting[task.group].appendleft(task)
-                    if worker in crew.workers:
-                        crew.bury(worker)
-                    continue
-            printed = _printed(worker) if fault is not None else ""
-            if fault is not None and worker in crew.workers:
-                crew.bury(worker)  # after a fault nobody knows what state a process is in
-            yield Outcome(task, value, fault, wall_s, printed)
-        _enforce(crew)
-        crew.see_off(patience_s=5.0)
+        books.waiting.setdefault(task.group, deque()).append(task)
+    _try_groups(list(books.waiting), crew, workers)
+    while any(books.waiting.values()) or any(w.task for w in crew.workers):
+        _staff(books.waiting, crew, workers)
+        for report in crew.reports():
+            outcome = _settle(report, crew, books)
+            if outcome is not None:
+                yield outcome
 
 
-def _try_groups(groups: list[str], crew: _Crew, workers: int) -> None:
+@dataclass(slots=True)
+class _Books:
+    """What is still to be done and what went wrong on the way."""
+
+    waiting: dict[str, deque[Task]] = field(default_factory=dict)
+    """By group."""
+    outside_kills: dict[Hashable, int] = field(default_factory=dict)
+    """By the key of the task."""
+    traffic_faults: dict[Hashable, int] = field(default_factory=dict)
+    failed_openings: dict[str, int] = field(default_factory=dict)
+    """By group, in a row."""
+
+    def again(self, task: Task, counted: dict[Hashable, int], most: int) -> bool:
+        """Put a task back in front, unless that was done `most` times for this reason; whether it was."""
+        counted[task.key] = counted.get(task.key, 0) + 1
+        if counted[task.key] > most:
+            return False
+        self.waiting[task.group].appendleft(task)
+        return True
+
+
+def _settle(report: Report, crew: Crew, books: _Books) -> Outcome | None:
+    """Book what was heard from a worker; the outcome of its task, if that ended for good."""
+    worker, answer = report.worker, report.answer
+    if "ready" in answer:
+        worker.ready, worker.task_since_s = True, time.monotonic()
+        books.failed_openings.pop(worker.group, None)
+        return None
+    if "input_error" in answer:
+        raise InputError(str(answer["input_error"]))
+    task, worker.task = worker.task, None
+    if task is None:  # it died while idle, or while opening what had opened before
+        if not worker.ready:
+            failures = books.failed_openings[worker.group] = books.failed_openings.get(worker.group, 0) + 1
+            if failures > OUTSIDE_KILLS_FORGIVEN:
+                raise PlannerLoadError(_did_not_open(report))
+        return None
+    wall_s = time.monotonic() - worker.task_since_s
+    value: dict[str, Any] = answer.get("value", {})
+    fault = Fault(*answer["fault"]) if answer.get("fault") else None
+    if report.ending is not None:
+        if _from_outside(report.ending) and books.again(task, books.outside_kills, OUTSIDE_KILLS_FORGIVEN):
+            return None
+        fault = _blame(report.ending)
+    if fault is None:
+        return Outcome(task, value, None, wall_s)
+    if worker in crew.workers:
+        crew.bury(worker)  # after a fault nobody knows what state a process is in
+    if fault.kind == "traffic" and books.again(task, books.traffic_faults, TRAFFIC_RETRIES):
+        return None
+    return Outcome(task, value, fault, wall_s, report.printed)
+
+
+def _try_groups(groups: list[str], crew: Crew, workers: int) -> None:
     """Open every group once before the first task, so that a planner that cannot be built ends the run at once."""
     if len(groups) == 1:
         return  # its first worker will tell
-    kept = 0
+    opened: list[Worker] = []
     for first in range(0, len(groups), workers):
-        hired = [crew.hire(group) for group in groups[first : first + workers]]
-        for worker in hired:
-            for left in reversed(range(OUTSIDE_KILLS_FORGIVEN + 1)):
-                ending = _await_ready(worker, crew)
-                if ending is None:
-                    break
-                if left == 0 or not killed_from_outside(_unpacked(ending)[0]):
-                    raise PlannerLoadError(_did_not_open(worker, ending))
-                worker = crew.hire(worker.group)
-            if kept < workers:
-                kept += 1
-            else:
-                crew.dismiss(worker)
+        for worker in opened:
+            crew.dismiss(worker)
+        opened = _opened([crew.hire(group) for group in groups[first : first + workers]], crew)
 
 
-def _await_ready(worker: _Worker, crew: _Crew) -> _Ending | None:
-    while True:
-        connection.wait([worker.line, worker.process.sentinel], timeout=POLL_S)
-        reply, ending = _listen(worker, crew)
-        if reply is not None and "input_error" in reply:
-            raise InputError(str(reply["input_error"]))
-        if reply is not None:
-            worker.ready = True
-            return None
-        if ending is not None:
-            return ending
-        _enforce(crew)
+def _opened(hired: list[Worker], crew: Crew) -> list[Worker]:
+    """These workers, or others in their place, once all have opened their groups."""
+    failures: dict[str, int] = {}
+    while not all(worker.ready for worker in hired):
+        for report in crew.reports():
+            worker = report.worker
+            if "input_error" in report.answer:
+                raise InputError(str(report.answer["input_error"]))
+            if report.ending is None:
+                worker.ready, worker.task_since_s = True, time.monotonic()
+                continue
+            if worker not in hired:
+                continue  # one of those who had opened theirs before
+            failures[worker.group] = failures.get(worker.group, 0) + 1
+            if failures[worker.group] > OUTSIDE_KILLS_FORGIVEN or not _from_outside(report.ending):
+                raise PlannerLoadError(_did_not_open(report))
+            hired[hired.index(worker)] = crew.hire(worker.group)
+    return hired
 
 
-def _staff(waiting: dict[str, deque[Task]], crew: _Crew, workers: int) -> None:
+def _staff(waiting: dict[str, deque[Task]], crew: Crew, workers: int) -> None:
     """Give idle workers tasks, let those go whose group is done, hire up to `workers`."""
     for worker in list(crew.workers):
         if worker.ready and worker.task is None:
             if not waiting[worker.group]:
                 crew.dismiss(worker)
-                continue
-            task = waiting[worker.group].popleft()
-            try:
-                worker.line.send(task.payload)
-            except OSError:  # it died just now; _listen will bury it
-                waiting[worker.group].appendleft(task)
-                continue
-            worker.task = task
-            worker.task_since_s = worker.phase_since_s = time.monotonic()
+            elif crew.give(worker, waiting[worker.group][0]):
+                waiting[worker.group].popleft()
     while len(crew.workers) < workers:
         # The group with most tasks for each worker it already has.
         opening = {g: sum(w.group == g and w.task is None for w in crew.workers) for g in waiting}
@@ -262,93 +167,32 @@ def _staff(waiting: dict[str, deque[Task]], crew: _Crew, workers: int) -> None:
         crew.hire(max(short, key=lambda g: len(waiting[g]) / (serving[g] + 1)))
 
 
-def _heard(crew: _Crew) -> list[_Worker]:
-    """The workers with something to say, or dead; waits a moment for one."""
-    things: list[Any] = [w.line for w in crew.workers] + [w.process.sentinel for w in crew.workers]
-    ready = set(connection.wait(things, timeout=POLL_S)) if things else set()
-    return [w for w in crew.workers if w.line in ready or w.process.sentinel in ready]
+def _from_outside(ending: Ending) -> bool:
+    """Whether somebody else ended the worker, or its machine was lost."""
+    return ending.limit is None and (ending.lost is not None or killed_from_outside(ending.exit_code))
 
 
-_Ending = tuple[int | None, str, str | None]
-"""Exit code, phase at the end, and the limit for which the engine ended it, if it did."""
-
-
-def _listen(worker: _Worker, crew: _Crew) -> tuple[dict[str, Any] | None, _Ending | None]:
-    """The worker's answer, or how it ended; neither if there is nothing yet. A worker that ended is buried."""
-    broken = False
-    try:
-        if worker.line.poll():
-            reply = json.loads(worker.line.recv_bytes())
-            if isinstance(reply, dict):
-                return reply, None
-            broken = True
-    except (EOFError, OSError, ValueError):
-        broken = True
-    if not broken and worker.process.is_alive():
-        return None, None
-    phase = worker.board.phase
-    worker.process.join(timeout=0.5 if broken else None)  # a closed line: most often it is just about to end
-    exit_code = worker.process.exitcode
-    verdict = worker.verdict
-    crew.bury(worker)
-    return None, (exit_code, verdict[0] if verdict else phase, verdict[1] if verdict else None)
-
-
-def _unpacked(ending: _Ending | None) -> _Ending:
-    return ending if ending is not None else (None, "idle", None)
-
-
-def _enforce(crew: _Crew) -> None:
-    """Kill workers that are over a limit; the next `_listen` finds them dead."""
-    now_s = time.monotonic()
-    limits = crew.limits
-    for worker in crew.workers:
-        changes = worker.board.changes
-        if changes != worker.phase_changes:
-            worker.phase_changes, worker.phase_since_s = changes, now_s
-        if worker.verdict is not None or (worker.ready and worker.task is None):
-            continue
-        phase = worker.board.phase
-        in_phase_s, in_task_s = now_s - worker.phase_since_s, now_s - worker.task_since_s
-        if not worker.ready:
-            if in_task_s > limits.load_s:
-                worker.verdict = ("load", f"took longer than {limits.load_s:g} s to build")
-        elif phase == "plan" and in_phase_s > limits.plan_s + limits.grace_s:
-            worker.verdict = ("plan", f"plan() took longer than {limits.plan_s:g} s")
-        elif in_task_s > limits.task_s:
-            worker.verdict = (phase, f"no result after {limits.task_s:g} s")
-        if worker.verdict is not None:
-            worker.process.kill()
-
-
-def _blame(exit_code: int | None, phase: str, limit: str | None) -> Fault:
+def _blame(ending: Ending) -> Fault:
     """The fault class of a worker that ended without an answer, by the phase it was in."""
+    phase, died = ending.phase, death(ending.exit_code)
+    if ending.lost is not None:
+        return Fault("timeout", f"{ending.lost}, {OUTSIDE_KILLS_FORGIVEN + 1} times")
     if phase in PLANNER_PHASES:
-        return Fault("planner", limit or f"its process {death(exit_code)} inside {phase}()")
-    if limit is not None:
-        return Fault("timeout", f"{limit} (in phase {phase})")
-    if killed_from_outside(exit_code):
-        return Fault("timeout", f"the worker {death(exit_code)} in phase {phase}")
+        return Fault("planner", ending.limit or f"its process {died} inside {phase}()")
+    if ending.limit is not None:
+        return Fault("timeout", f"{ending.limit} (in phase {phase})")
+    if killed_from_outside(ending.exit_code):
+        return Fault("timeout", f"the worker {died} in phase {phase}")
     if phase == "idle":  # the task was done, the answer was not: only foreign code breaks the line or the interpreter
-        return Fault("planner", f"broke the process it ran in, which {death(exit_code)} before it could answer")
+        return Fault("planner", f"broke the process it ran in, which {died} before it could answer")
     if phase in ("setup", "simulate"):
-        return Fault("traffic", f"SUMO's process {death(exit_code)} in phase {phase}")
-    return Fault("harness", f"the worker {death(exit_code)} in phase {phase}")
+        return Fault("traffic", f"SUMO's process {died} in phase {phase}")
+    return Fault("harness", f"the worker {died} in phase {phase}")
 
 
-def _did_not_open(worker: _Worker, ending: _Ending | None) -> str:
-    exit_code, _, limit = _unpacked(ending)
-    printed = _printed(worker).strip().splitlines()
+def _did_not_open(report: Report) -> str:
+    ending = report.ending or Ending(None, "load")
+    why = ending.limit or ending.lost or f"its process {death(ending.exit_code)}"
+    printed = report.printed.strip().splitlines()
     last = f"; it printed last: {printed[-1]}" if printed else ""
-    return f"planner {worker.group!r} could not be built: {limit or f'its process {death(exit_code)}'}{last}"
-
-
-def _printed(worker: _Worker) -> str:
-    """The end of what the worker printed during its task."""
-    try:
-        with worker.output.open("rb") as file:
-            file.seek(0, 2)
-            file.seek(max(0, file.tell() - 4 * OUTPUT_KEPT))
-            return file.read().decode(errors="replace")[-OUTPUT_KEPT:]
-    except OSError:
-        return ""
+    return f"planner {report.worker.group!r} could not be built: {why}{last}"

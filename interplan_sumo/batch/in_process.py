@@ -12,11 +12,9 @@ from types import FrameType
 from typing import Any
 
 from interplan_sumo.batch.phases import PhaseBoard
-from interplan_sumo.batch.tasks import Fault, Limits, OpenGroup, Outcome, Task
+from interplan_sumo.batch.tasks import TRAFFIC_RETRIES, Fault, Limits, OpenGroup, Outcome, Task
 from interplan_sumo.batch.worker import attempt
 from interplan_sumo.errors import InputError
-
-TRAFFIC_RETRIES = 1
 
 
 class Overrun(BaseException):
@@ -43,7 +41,8 @@ def run_in_process(tasks: Sequence[Task], open_group: OpenGroup, limits: Limits)
         for group in dict.fromkeys(task.group for task in tasks):
             works[group] = open_group(group, publish)
         for task in tasks:
-            for last in (False, True):
+            retries_left = TRAFFIC_RETRIES
+            while True:
                 began_s = time.monotonic()
                 alarm.begin()
                 publish("setup")
@@ -57,8 +56,9 @@ def run_in_process(tasks: Sequence[Task], open_group: OpenGroup, limits: Limits)
                 if alarm.overrun is not None:
                     phase, reason = alarm.overrun
                     fault = Fault("planner", reason) if phase == "plan" else Fault("timeout", f"{reason} ({phase})")
-                if fault is None or fault.kind != "traffic" or last:
+                if fault is None or fault.kind != "traffic" or not retries_left:
                     break
+                retries_left -= 1
             yield Outcome(task, reply["value"], fault, time.monotonic() - began_s)
             if fault is not None:  # what a fault leaves behind must not reach the next task
                 works[task.group] = open_group(task.group, publish)

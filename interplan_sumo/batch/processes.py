@@ -8,7 +8,10 @@ import os
 import signal
 import sys
 from collections.abc import Generator
+from dataclasses import dataclass
 from typing import Any
+
+from interplan_sumo.errors import InputError
 
 SINGLE_THREAD = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
@@ -25,6 +28,29 @@ def available_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return max(1, len(os.sched_getaffinity(0)))
     return os.cpu_count() or 1
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """Who does the jobs, as the command line asks for it."""
+
+    processes: int
+    """Of this machine; 0 works in this one."""
+    ray: str | None = None
+    """The address of a Ray cluster to use instead; `local` starts one on this machine."""
+
+    @classmethod
+    def parse(cls, text: str | None) -> Workers:
+        """From `N`, `ray`, `ray:ADDRESS` or `ray://HOST:PORT`; all cores for None. InputError for anything else."""
+        if text is None:
+            return cls(available_cores())
+        name, _, address = text.partition(":")
+        if name == "ray":
+            return cls(0, text if address.startswith("//") else address or "local")
+        try:
+            return cls(int(text))
+        except ValueError:
+            raise InputError(f"--workers {text!r} is no number of processes; give one, or ray[:ADDRESS]") from None
 
 
 @contextlib.contextmanager

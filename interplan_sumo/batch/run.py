@@ -43,7 +43,9 @@ class RunRequest:
     """Globs over scenario ids, none means all; and files with scenarios of one's own, which take the suite's place."""
     seeds: int = 1
     workers: int = 1
-    """0 runs in this process."""
+    """Processes of this machine; 0 runs in this one."""
+    ray: str | None = None
+    """The address of a Ray cluster whose CPUs are the workers instead; `local` starts one on this machine."""
     overrides: Overrides = field(default_factory=Overrides)
     limit: int | None = None
     """At most so many scenarios."""
@@ -55,8 +57,8 @@ class RunRequest:
 class Watch(Protocol):
     """Told how a run goes on."""
 
-    def begin(self, jobs: int, done: Sequence[Row]) -> None:
-        """So many jobs in all, of which these are done already."""
+    def begin(self, jobs: int, done: Iterable[Row]) -> None:
+        """So many jobs in all, of which these are done already; rows are read while they are iterated over."""
         ...
 
     def finished(self, row: Row) -> None:
@@ -109,30 +111,48 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
         "plan_limit_s": request.limits.plan_s if isfinite(request.limits.plan_s) else None,
     }
     with RunFolder(request.folder, benchmark, wanted, about) as folder:
-        left = [job for job in jobs if job.key not in folder.rows]
+        left = [job for job in jobs if job.key not in folder.done]
         if watch is not None:
-            watch.begin(len(jobs), [folder.rows[job.key] for job in jobs if job.key in folder.rows])
+            watch.begin(len(jobs), folder.kept({job.key for job in jobs}))
         settings = DriveSettings(
             folder=request.folder.resolve(),
             profile=DEFAULT_PROFILE,
             vehicle_types=request.overrides.vehicle_types and request.overrides.vehicle_types.resolve(),
             # In this process an alarm keeps the limit: unlike the drive's own it rests while a debugger is at work.
-            plan_limit_s=float("inf") if request.workers == 0 and alarm_works() else request.limits.plan_s,
+            plan_limit_s=float("inf") if _in_this_process(request) and alarm_works() else request.limits.plan_s,
             own_scenarios=not source.official,
         )
         if not source.official:
             folder.keep_scenarios(source.scenarios, own_maps(source.scenarios))
             keep_certified(source.scenarios, files, request.folder)
         tasks = [Task(job.key, job.planner, job) for job in left]
-        with _terminated_like_interrupted():
-            outcomes = run_tasks(tasks, drive_jobs(settings), workers=request.workers, limits=request.limits)
-            with contextlib.closing(outcomes):
-                for outcome in outcomes:
-                    row = _row(outcome, overrides, library_versions, official=source.official and not overrides)
-                    folder.append(row)
-                    if watch is not None:
-                        watch.finished(row)
+        named: dict[str, tuple[str, str]] = {}
+        with _terminated_like_interrupted(), contextlib.closing(_outcomes(tasks, settings, request)) as outcomes:
+            for outcome in outcomes:
+                scenario = outcome.task.payload.scenario
+                if scenario.id not in named:  # milliseconds, which thousands of workers would wait for
+                    site = scenario.site(load_roads(scenario.map, scenario.maps_beside))
+                    named[scenario.id] = (site, scenario.hash())
+                official = source.official and not overrides
+                row = _row(outcome, *named[scenario.id], overrides, library_versions, official=official)
+                folder.append(row)
+                if watch is not None:
+                    watch.finished(row)
     return read_run(request.folder)
+
+
+def _in_this_process(request: RunRequest) -> bool:
+    return request.workers == 0 and request.ray is None
+
+
+def _outcomes(tasks: Sequence[Task], settings: DriveSettings, request: RunRequest) -> Generator[Outcome]:
+    """How the tasks end, wherever the request has them done."""
+    if request.ray is None:
+        return run_tasks(tasks, drive_jobs(settings), workers=request.workers, limits=request.limits)
+    from interplan_sumo.batch.away import DrivesAway
+    from interplan_sumo.batch.ray_backend import run_on_ray
+
+    return run_on_ray(tasks, DrivesAway(settings), address=request.ray, limits=request.limits)
 
 
 def check_inputs(scenarios: Iterable[Scenario], vehicle_types: Path | None) -> None:
@@ -143,7 +163,15 @@ def check_inputs(scenarios: Iterable[Scenario], vehicle_types: Path | None) -> N
         read_vehicle_types(vehicle_types or vehicle_type_file(scenario.traffic.behaviour))
 
 
-def _row(outcome: Outcome, overrides: dict[str, str], library_versions: dict[str, str], *, official: bool) -> Row:
+def _row(
+    outcome: Outcome,
+    site: str,
+    scenario_hash: str,
+    overrides: dict[str, str],
+    library_versions: dict[str, str],
+    *,
+    official: bool,
+) -> Row:
     """A line of results.jsonl."""
     job: Job = outcome.task.payload
     value, fault = outcome.value, outcome.fault
@@ -164,8 +192,8 @@ def _row(outcome: Outcome, overrides: dict[str, str], library_versions: dict[str
         "times_s": value.get("times_s", {"total": round(outcome.wall_s, 6)}),
         "versions": library_versions,
         "reached_goal": value.get("reached_goal", False),
-        "site": job.scenario.site(load_roads(job.scenario.map, job.scenario.maps_beside)),
-        "scenario_hash": job.scenario.hash(),
+        "site": site,
+        "scenario_hash": scenario_hash,
         "trace": value.get("trace"),
     }
     for name, text in (("traceback", value.get("traceback")), ("printed", outcome.printed)):

@@ -23,8 +23,9 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Self
 
@@ -39,6 +40,9 @@ OWN_SCENARIOS = "scenarios.yaml"
 PART = ".part-"
 """Begins the names of trace folders that are still being written."""
 
+LINES_AT_ONCE = 256
+"""Lines of results.jsonl that are read together: about a megabyte."""
+
 Row = dict[str, Any]
 
 
@@ -52,6 +56,10 @@ def trace_place(key: JobKey) -> str:
     """Where the trace of a job lies, relative to the run folder."""
     scenario, planner, seed = key
     return f"traces/{slug(scenario)}/{slug(planner)}/seed{seed}"
+
+
+def _line(row: Row) -> bytes:
+    return (json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def row_key(row: Row) -> JobKey:
@@ -83,8 +91,7 @@ def read_run(path: Path) -> StoredRun:
     manifest = _read_manifest(path)
     if manifest is None:
         raise RunFolderError(f"{path} is not a run folder: it has no manifest.json")
-    rows, _ = _read_rows(path / "results.jsonl")
-    return StoredRun(path, manifest, {row_key(row): row for row in rows})
+    return StoredRun(path, manifest, {row_key(row): row for row, _ in _read_rows(path / "results.jsonl")})
 
 
 class RunFolder:
@@ -108,7 +115,8 @@ class RunFolder:
             self.manifest = self._agree(benchmark, request, about)
             for left in path.glob(f"traces/{PART}*"):
                 shutil.rmtree(left, ignore_errors=True)
-            self.rows = self._open_results(keys_of([request]))
+            self.done = self._open_results(keys_of([request]))
+            """Jobs that have a row; the rows themselves are on the disk only."""
         except OSError as error:
             self.close()
             raise _unwritable(path, error) from None
@@ -137,7 +145,7 @@ class RunFolder:
             if not (self.path / MAPS / files.name).is_dir():  # the same one, by the hash of the benchmark
                 copy_map(files, self.path / MAPS)
         try:
-            _replace(self.path / OWN_SCENARIOS, "---\n".join(map(scenario_text, scenarios)))
+            _replace(self.path / OWN_SCENARIOS, ["---\n".join(map(scenario_text, scenarios)).encode()])
         except OSError as error:
             raise _unwritable(self.path, error) from None
 
@@ -146,7 +154,7 @@ class RunFolder:
 
         RunFolderError if it cannot be written; what was there before stays.
         """
-        line = (json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n").encode()
+        line = _line(row)
         size = os.fstat(self._results).st_size
         try:
             written = os.write(self._results, line)
@@ -157,7 +165,11 @@ class RunFolder:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._results, size)
             raise _unwritable(self.path, error) from None
-        self.rows[row_key(row)] = row
+        self.done.add(row_key(row))
+
+    def kept(self, keys: Container[JobKey]) -> Iterator[Row]:
+        """The rows of these jobs, read one by one."""
+        return (row for row, _ in _read_rows(self.path / "results.jsonl") if row_key(row) in keys)
 
     def _agree(
         self, benchmark: Mapping[str, Any], request: Mapping[str, Any], about: Mapping[str, Any]
@@ -180,26 +192,28 @@ class RunFolder:
         asked = set(keys_of(held["requests"]))
         if fresh or not set(keys_of([request])) <= asked:
             held["requests"].append(dict(request))
-            _replace(self.path / "manifest.json", json.dumps(held, indent=2, ensure_ascii=False) + "\n")
+            text = json.dumps(held, indent=2, ensure_ascii=False) + "\n"
+            _replace(self.path / "manifest.json", [text.encode()])
         return held
 
-    def _open_results(self, wanted: Iterable[JobKey]) -> dict[JobKey, Row]:
+    def _open_results(self, wanted: Iterable[JobKey]) -> set[JobKey]:
         """Open results.jsonl for appending, without a torn last line and without the rows that are to be done again."""
         path = self.path / "results.jsonl"
-        lines, whole_bytes = _read_rows(path)
-        rows = {row_key(row): row for row in lines}
-        again = [key for key in wanted if key in rows and rows[key]["score"] is None]
-        for key in again:
-            del rows[key]
-        if again or len(rows) != len(lines):
-            _replace(
-                path, "".join(json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n" for row in rows.values())
-            )
+        again = set(wanted)
+        last: dict[JobKey, tuple[int, bool]] = {}  # the number of the last row of each job, and whether it stays
+        whole_bytes = 0
+        number = -1
+        for number, (row, line) in enumerate(_read_rows(path)):
+            last[row_key(row)] = (number, row["score"] is not None or row_key(row) not in again)
+            whole_bytes += len(line)
+        stay = {number for number, stays in last.values() if stays}
+        if len(stay) != number + 1:
+            _replace(path, (line for number, (_, line) in enumerate(_read_rows(path)) if number in stay))
             whole_bytes = path.stat().st_size
         self._results = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         os.ftruncate(self._results, whole_bytes)
         os.fsync(self._results)
-        return rows
+        return {key for key, (_, stays) in last.items() if stays}
 
 
 def _refuse_difference(path: Path, name: str, held: Any, wanted: Any) -> None:
@@ -237,35 +251,61 @@ def _read_manifest(path: Path) -> dict[str, Any] | None:
     return manifest
 
 
-def _read_rows(path: Path) -> tuple[list[Row], int]:
-    """All whole lines, and how many bytes they take; a last line without its end was torn by a kill."""
+def _read_rows(path: Path) -> Iterator[tuple[Row, bytes]]:
+    """All whole rows, one by one, with their lines; a last line without its end was torn by a kill and is left out.
+
+    Equal keys of rows that are near each other are one object, which halves what many rows take.
+    """
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            first = 1
+            while lines := list(islice(file, LINES_AT_ONCE)):
+                if not lines[-1].endswith(b"\n"):
+                    lines.pop()
+                yield from zip(_parsed(lines, path, first), lines, strict=True)
+                first += len(lines)
     except FileNotFoundError:
-        return [], 0
+        return
     except OSError as error:
         raise RunFolderError(f"cannot read {path}: {error.strerror}") from None
-    whole = data[: data.rfind(b"\n") + 1]
+
+
+def _parsed(lines: Sequence[bytes], path: Path, first: int) -> list[Row]:
+    """Lines as rows; RunFolderError names the first that is damaged, counted from `first`."""
+    with contextlib.suppress(*_DAMAGE):
+        together: list[Row] = json.loads(b"[" + b",".join(lines) + b"]")
+        if len(together) == len(lines):
+            for row in together:
+                _check_row(row)
+            return together
     rows: list[Row] = []
-    for number, line in enumerate(whole.split(b"\n")[:-1], start=1):
+    for number, line in enumerate(lines, start=first):
         try:
-            row = json.loads(line)
-            if not {"score", "fault", "family", "metrics"} <= row.keys():
-                raise KeyError("score")
-            row_key(row)
-        except (ValueError, TypeError, KeyError):
+            rows.append(json.loads(line))
+            _check_row(rows[-1])
+        except _DAMAGE:
             raise RunFolderError(
                 f"{path}, line {number} is damaged; delete the line and repeat the command to do that job again"
             ) from None
-        rows.append(row)
-    return rows, len(whole)
+    return rows
 
 
-def _replace(path: Path, text: str) -> None:
+_DAMAGE = (ValueError, TypeError, KeyError, AttributeError)
+"""What reading a row that is none raises."""
+
+
+def _check_row(row: Row) -> None:
+    """KeyError for a row that lacks what everybody reads."""
+    if not {"score", "fault", "family", "metrics"} <= row.keys():
+        raise KeyError("score")
+    row_key(row)
+
+
+def _replace(path: Path, lines: Iterable[bytes]) -> None:
     """Write a file so that there is always either the old or the new one."""
     fresh = path.with_name(path.name + ".new")
-    with fresh.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(text)
+    with fresh.open("wb") as file:
+        file.writelines(lines)
         file.flush()
         os.fsync(file.fileno())
     os.replace(fresh, path)
@@ -277,8 +317,13 @@ def _replace(path: Path, text: str) -> None:
             os.close(folder)
 
 
+def is_full(error: OSError) -> bool:
+    """Whether a disk, or what the user may have of it, is used up."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT)
+
+
 def _unwritable(path: Path, error: OSError) -> RunFolderError:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+    if is_full(error):
         return RunFolderError(
             f"no space left to write {path}; what is there is intact: free some space and repeat the command"
         )
@@ -333,6 +378,6 @@ def place_folder(fresh: Path, final: Path) -> None:
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
     """Write rows as results.jsonl has them; RunFolderError if the file cannot be written."""
     try:
-        _replace(path, "".join(json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n" for row in rows))
+        _replace(path, map(_line, rows))
     except OSError as error:
         raise RunFolderError(f"cannot write {path}: {error.strerror}") from None

@@ -8,6 +8,9 @@ from typing import Any
 
 from interplan_sumo.batch.phases import Publish
 
+TRAFFIC_RETRIES = 1
+"""How often a task is done again after SUMO gave up."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fault:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Self
 
 from rich.console import Console, Group, RenderableType
@@ -21,22 +21,29 @@ SHARES = (("SUMO", ("simulation", "setup")), ("planner", ("planner",)), ("metric
 class Tally:
     """What is known while a run goes on: counts, rate, mean score, faults and where the time goes."""
 
-    def __init__(self, jobs: int, done: Sequence[Row]) -> None:
+    def __init__(self, jobs: int, done: Iterable[Row]) -> None:
         self.jobs = jobs
-        self.done = len(done)
-        self._began_s = time.monotonic()
-        self._before = len(done)
-        self._scores = [row["score"] for row in done if row["score"] is not None]
-        self._faults = Counter(row["fault"]["class"] for row in done if row["fault"])
+        self.done = 0
+        self._scored = 0
+        self._score_sum = 0.0
+        self._faults: Counter[str] = Counter()
         self._times_s: Counter[str] = Counter()
+        for row in done:
+            self._count(row)
+        self._before = self.done
+        self._began_s = time.monotonic()
 
     def add(self, row: Row) -> None:
+        self._count(row)
+        self._times_s.update(row["times_s"])
+
+    def _count(self, row: Row) -> None:
         self.done += 1
         if row["score"] is not None:
-            self._scores.append(row["score"])
+            self._scored += 1
+            self._score_sum += row["score"]
         if row["fault"]:
             self._faults[row["fault"]["class"]] += 1
-        self._times_s.update(row["times_s"])
 
     @property
     def per_s(self) -> float:
@@ -56,8 +63,8 @@ class Tally:
     def summary(self) -> str:
         """Rate, mean score, faults and shares of time in one line."""
         parts = [f"{60 * self.per_s:.1f} jobs/min"]
-        if self._scores:
-            parts.append(f"mean score {100 * sum(self._scores) / len(self._scores):.1f}")
+        if self._scored:
+            parts.append(f"mean score {100 * self._score_sum / self._scored:.1f}")
         faults = ", ".join(f"{count} {name}" for name, count in sorted(self._faults.items()))
         parts.append(f"faults: {faults or 'none'}")
         total_s = self._times_s["total"]
@@ -83,10 +90,10 @@ class PlainProgress:
         if self._tally.done != self._said_done:
             self._sum_up()
 
-    def begin(self, jobs: int, done: Sequence[Row]) -> None:
+    def begin(self, jobs: int, done: Iterable[Row]) -> None:
         self._tally = Tally(jobs, done)
-        self._said_done = len(done)
-        resumed = f", {len(done)} of them done already" if done else ""
+        before = self._said_done = self._tally.done
+        resumed = f", {before} of them done already" if before else ""
         self._say(f"{jobs} jobs{resumed}")
 
     def finished(self, row: Row) -> None:
@@ -135,9 +142,9 @@ class LiveProgress:
         if self._tally is not None:
             self._say(f"{self._tally.done}/{self._tally.jobs} done; {self._tally.summary}")
 
-    def begin(self, jobs: int, done: Sequence[Row]) -> None:
-        self._tally = Tally(jobs, done)
-        self._bar.update(self._job, total=jobs, completed=len(done))
+    def begin(self, jobs: int, done: Iterable[Row]) -> None:
+        tally = self._tally = Tally(jobs, done)
+        self._bar.update(self._job, total=jobs, completed=tally.done)
 
     def finished(self, row: Row) -> None:
         assert self._tally is not None, "a job ended before the run began"

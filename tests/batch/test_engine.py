@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.crew import ProcessCrew, Worker
+from interplan_sumo.batch.engine import run_tasks, run_with
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.errors import InputError, PlannerLoadError
 from tests.batch.toys import open_toy
@@ -187,6 +188,24 @@ def test_a_planner_that_cannot_be_built_ends_the_run_before_any_task(group: str,
         next(run_tasks(tasks, open_toy, workers=2, limits=QUICK))
     assert words in str(caught.value)
     assert children() == []
+
+
+def test_more_groups_than_workers_are_tried_a_few_at_a_time(tmp_path: Path) -> None:
+    most = 0
+
+    class Counted(ProcessCrew):
+        def hire(self, group: str) -> Worker:
+            nonlocal most
+            worker = super().hire(group)
+            most = max(most, len(self.workers))
+            return worker
+
+    crew = Counted(open_toy, QUICK, tmp_path)
+    try:
+        assert len(list(run_with(crew, [Task(g, g, (0, str(tmp_path))) for g in "abc"], 2))) == 3
+    finally:
+        crew.disband()
+    assert most == 2
 
 
 def test_a_planner_that_is_never_built_is_named(tmp_path: Path) -> None:

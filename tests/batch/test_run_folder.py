@@ -103,7 +103,7 @@ def test_more_planners_and_seeds_may_be_added(tmp_path: Path) -> None:
     with opened(tmp_path / "run") as folder:
         folder.append(row("a/0"))
     with opened(tmp_path / "run", asked(planners="idm pdm", scenarios="a/0", seeds=2)) as folder:
-        assert list(folder.rows) == [("a/0", "idm", 0)]
+        assert folder.done == {("a/0", "idm", 0)}
     assert set(read_run(tmp_path / "run").keys) == {
         *((f"a/{n}", "idm", 0) for n in range(3)),
         *(("a/0", planner, seed) for planner in ("idm", "pdm") for seed in (0, 1)),
@@ -115,7 +115,7 @@ def test_rows_without_a_score_are_done_again_and_do_not_stay(tmp_path: Path) -> 
         folder.append(row("a/0", None))
         folder.append(row("a/1", 0.0))
     with opened(tmp_path / "run") as folder:
-        assert list(folder.rows) == [("a/1", "idm", 0)]
+        assert folder.done == {("a/1", "idm", 0)}
         folder.append(row("a/0", 0.75))
     lines = (tmp_path / "run" / "results.jsonl").read_text().splitlines()
     assert [json.loads(line)["scenario_id"] for line in lines] == ["a/1", "a/0"]
@@ -135,7 +135,7 @@ def test_a_file_cut_anywhere_gives_its_whole_rows_and_goes_on(cut: int) -> None:
         expected = whole[:cut].count(b"\n")
         assert len(read_run(path).rows) == expected
         with opened(path) as folder:
-            assert len(folder.rows) == expected
+            assert len(folder.done) == expected
             for n in range(expected, 3):
                 folder.append(row(f"a/{n}", n / 4, reason="ü" * n))
         assert (path / "results.jsonl").read_bytes() == whole
@@ -208,7 +208,7 @@ def test_a_disk_that_cannot_be_synced_is_told(tmp_path: Path, monkeypatch: pytes
         monkeypatch.setattr(os, "fsync", fail)
         with pytest.raises(RunFolderError, match="cannot write the run folder"):
             folder.append(row("a/0"))
-        assert folder.rows == {}
+        assert folder.done == set()
 
 
 def test_half_written_traces_of_a_killed_run_are_cleared_away(tmp_path: Path) -> None:

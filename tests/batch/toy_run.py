@@ -39,7 +39,7 @@ def toy_row(scenario: str, value: dict[str, Any]) -> dict[str, Any]:
 def main(folder: Path, count: int, workers: int) -> None:
     request = {"planners": ["toy"], "scenarios": [f"toy/{n}" for n in range(count)], "seeds": 1}
     with RunFolder(folder, {"suite": "toy==1"}, request, {}) as held:
-        tasks = [Task(n, "toy", n) for n in range(count) if (f"toy/{n}", "toy", 0) not in held.rows]
+        tasks = [Task(n, "toy", n) for n in range(count) if (f"toy/{n}", "toy", 0) not in held.done]
         with closing(run_tasks(tasks, open_hasher, workers=workers, limits=Limits())) as outcomes:
             for outcome in outcomes:
                 assert outcome.fault is None, outcome.fault

@@ -6,11 +6,13 @@ import os
 import signal
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from interplan_sumo.batch.away import Files
 from interplan_sumo.batch.phases import Publish
-from interplan_sumo.batch.tasks import Answer, Fault, Work
+from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
 from interplan_sumo.errors import InputError, MapError, TrafficError
 
 
@@ -40,6 +42,27 @@ def open_toy(group: str, publish: Publish) -> Work:
         return value, fault
 
     return work
+
+
+@dataclass(frozen=True)
+class ToysAway:
+    """Toy tasks that leave a file each and need one."""
+
+    home: Path
+
+    def luggage(self) -> Files:
+        return {"deep/needed": b"here"}
+
+    def open_in(self, folder: Path) -> OpenGroup:
+        (folder / "fresh").write_bytes((folder / "deep/needed").read_bytes())
+        return open_toy
+
+    def collect(self, folder: Path) -> Files:
+        return {path.name: path.read_bytes() for path in folder.glob("fresh")}
+
+    def bring(self, files: Files) -> None:
+        for name, content in files.items():
+            (self.home / name).write_bytes(content)
 
 
 def misbehave(how: str, number: int, folder: Path) -> Fault | None:

@@ -1,0 +1,217 @@
+"""The Ray backend: what the engine promises holds on a cluster, too, and what is done there lies here afterwards."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from interplan_sumo.batch import ray_backend
+from interplan_sumo.batch.crew import Report
+from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.processes import Workers, available_cores, environment
+from interplan_sumo.batch.ray_backend import RayCrew, run_on_ray
+from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.run_folder import StoredRun
+from interplan_sumo.batch.tasks import Limits, Outcome, Task
+from interplan_sumo.errors import InputError, PlannerLoadError
+from interplan_sumo.scenario.suite import find_suite
+from interplan_sumo.world.trace import Trace
+from tests.batch.toys import ToysAway
+
+QUICK = Limits(plan_s=0.3, grace_s=0.5, task_s=5.0, load_s=20.0, memory_bytes=4 << 30)
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """A cluster of two CPUs, to which this process is connected."""
+    ray = pytest.importorskip("ray", reason="Ray, the extra [ray], is not installed")
+    before = signal.getsignal(signal.SIGTERM)
+    with environment({"PYTHONPATH": str(Path(__file__).parents[2]), "RAY_USAGE_STATS_ENABLED": "0"}):
+        ray.init(address="local", num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="ERROR",
+                 object_store_memory=100 << 20)  # fmt: skip
+    yield ray
+    ray.shutdown()
+    signal.signal(signal.SIGTERM, before)
+
+
+def outcomes(*groups: str, folder: Path) -> dict[tuple[str, int], Outcome]:
+    tasks = [Task((group, n), group, (n, str(folder))) for group in groups for n in range(3)]
+    found = list(run_on_ray(tasks, ToysAway(folder), address="auto", limits=QUICK))
+    assert len(found) == len(tasks)
+    return {(o.task.group, o.task.payload[0]): o for o in found}
+
+
+FAULTS = {
+    "exits hard": ("planner", "exited with code 3 inside plan()"),
+    "hangs deaf": ("planner", "plan() took longer than 0.3 s"),
+    "crashes in simulate": ("traffic", "SIGSEGV in phase simulate"),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("home")
+
+
+@pytest.fixture(scope="module")
+def found(cluster: Any, folder: Path) -> dict[tuple[str, int], Outcome]:
+    """How the tasks of several groups end, of which each but one misbehaves in its own way."""
+    del cluster
+    return outcomes("works", *FAULTS, "loses SUMO once", "is killed once", folder=folder)
+
+
+def test_whatever_a_task_does_to_its_process_is_one_fault_of_its_class(found: dict[tuple[str, int], Outcome]) -> None:
+    faults = {key: (o.fault.kind, o.fault.message) for key, o in found.items() if o.fault is not None}
+    assert faults.keys() == {(group, 1) for group in FAULTS}
+    for group, (kind, words) in FAULTS.items():
+        assert faults[group, 1][0] == kind
+        assert words in faults[group, 1][1]
+    assert "my last words" in found["exits hard", 1].printed
+
+
+def test_the_others_get_their_results_and_their_files_come_home(
+    found: dict[tuple[str, int], Outcome], folder: Path
+) -> None:
+    assert all(o.value["square"] == n * n for (_, n), o in found.items() if o.fault is None)
+    assert (folder / "fresh").read_bytes() == b"here"
+
+
+def test_a_worker_opens_its_group_once_and_no_two_groups_share_one(found: dict[tuple[str, int], Outcome]) -> None:
+    served: dict[int, set[str]] = {}
+    for (group, _), outcome in found.items():
+        if outcome.fault is None:
+            served.setdefault(outcome.value["process"], set()).add(group)
+    assert all(len(groups) == 1 for groups in served.values())
+    works = [outcome.value for (group, _), outcome in found.items() if group == "works"]
+    assert sum(value["nth"] == 1 for value in works) == len({value["process"] for value in works})
+
+
+def test_a_traffic_fault_is_retried_once_and_a_kill_from_outside_forgiven(
+    found: dict[tuple[str, int], Outcome], folder: Path
+) -> None:
+    assert found["loses SUMO once", 1].fault is None
+    assert found["is killed once", 1].fault is None
+    assert (folder / "losses").read_text() == (folder / "kills").read_text() == "xx"
+
+
+class Killing(RayCrew):
+    """Loses the actor that has task 1 in hand, so often."""
+
+    times = 1
+
+    def reports(self) -> list[Report]:
+        for worker in self.workers:
+            if self.times and worker.task is not None and worker.task.payload[0] == 1:
+                self.times -= 1
+                self._ray.kill(self._actors[worker])
+        return super().reports()
+
+
+def test_a_task_that_loses_its_actor_is_done_again(
+    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del cluster
+    monkeypatch.setattr(ray_backend, "RayCrew", Killing)
+    assert [o.fault for o in outcomes("works", folder=tmp_path).values()] == [None] * 3
+
+
+@pytest.mark.slow
+def test_a_task_that_loses_three_actors_is_a_timeout_that_says_so(
+    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del cluster
+    monkeypatch.setattr(ray_backend, "RayCrew", Killing)
+    monkeypatch.setattr(Killing, "times", 100)
+    found = outcomes("hangs in simulate", folder=tmp_path)
+    fault = found["hangs in simulate", 1].fault
+    assert fault is not None
+    assert fault.kind == "timeout"
+    assert fault.message.startswith("its worker on the Ray cluster was lost: ")
+    assert fault.message.endswith(", 3 times")
+    assert "\n" not in fault.message
+    assert [found["hangs in simulate", n].fault for n in (0, 2)] == [None] * 2
+
+
+def test_a_planner_that_cannot_be_built_ends_the_run(cluster: Any, tmp_path: Path) -> None:
+    del cluster
+    with pytest.raises(PlannerLoadError, match="exited with code 7; it printed last: these are my last words"):
+        outcomes("exits while opening", folder=tmp_path)
+
+
+def test_machines_with_other_versions_are_refused(
+    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del cluster
+    monkeypatch.setattr(ray_backend, "versions", lambda: {"sumo": "0.0.1"})
+    with pytest.raises(InputError, match=r"has sumo 1\..*, this one has 0\.0\.1; equal results need equal versions"):
+        outcomes("works", folder=tmp_path)
+
+
+def test_a_drive_on_the_cluster_gives_the_hash_and_the_files_of_one_at_home(cluster: Any, tmp_path: Path) -> None:
+    del cluster
+    nudge = find_suite("smoke==1").scenarios[3].id
+    types = tmp_path / "mine.xml"
+    types.write_text('<routes><vType id="traffic" maxSpeed="7"/></routes>')
+    at_home = RunRequest(("straight_ahead",), tmp_path / "home", "smoke==1", (nudge,), workers=0,
+                         overrides=Overrides(vehicle_types=types))  # fmt: skip
+    there = replace(at_home, folder=tmp_path / "there", ray="auto")
+
+    def summary(stored: StoredRun) -> list[Any]:
+        (row,) = stored.rows.values()
+        files = sorted(str(p.relative_to(stored.path)) for p in stored.path.glob("traces/**/*"))
+        return [row["trace_hash"], row["score"], row["gates"], Trace.read(stored.path / row["trace"]).hash(), files]
+
+    expected = summary(run(at_home))
+    assert len(expected[0]) == 64
+    assert summary(run(there)) == expected
+
+
+def test_without_ray_one_line_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(InputError, match=r"pip install 'interplan-sumo\[ray\]'"):
+        next(run_on_ray([Task(0, "works", 0)], ToysAway(tmp_path), address="local", limits=QUICK))
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:1"])
+def test_a_cluster_that_is_not_there_is_named_at_once(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(is_initialized=lambda: False))
+    with pytest.raises(InputError) as caught:
+        next(run_on_ray([Task(0, "works", 0)], ToysAway(tmp_path), address=address, limits=QUICK))
+    assert str(caught.value).startswith(f"cannot reach a Ray cluster at '{address}': ")
+    assert "start one with `ray start --head`" in str(caught.value)
+
+
+def test_nothing_to_do_needs_no_cluster(tmp_path: Path) -> None:
+    assert list(run_on_ray([], ToysAway(tmp_path), address="nowhere:1", limits=QUICK)) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "workers"),
+    [
+        (None, Workers(available_cores())),
+        ("0", Workers(0)),
+        ("12", Workers(12)),
+        ("ray", Workers(0, "local")),
+        ("ray:auto", Workers(0, "auto")),
+        ("ray:10.0.0.7:6379", Workers(0, "10.0.0.7:6379")),
+        ("ray:ray://head:10001", Workers(0, "ray://head:10001")),
+        ("ray://head:10001", Workers(0, "ray://head:10001")),
+    ],
+)
+def test_who_works_is_read_from_one_option(text: str | None, workers: Workers) -> None:
+    assert Workers.parse(text) == workers
+
+
+@pytest.mark.parametrize("text", ["many", "", "1.5", "rays"])
+def test_what_is_no_number_of_workers_is_named(text: str) -> None:
+    with pytest.raises(InputError, match=f"--workers '{text}' is no number of processes"):
+        Workers.parse(text)
