@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,7 +33,7 @@ class Log:
         self.done: list[Row] = []
         self.rows: list[Row] = []
 
-    def begin(self, jobs: int, done: Sequence[Row]) -> None:
+    def begin(self, jobs: int, done: Iterable[Row]) -> None:
         self.jobs, self.done = jobs, list(done)
 
     def finished(self, row: Row) -> None:
