@@ -72,6 +72,7 @@ def test_the_sdist_holds_the_tests_and_no_leftovers(built: Path) -> None:
     assert top <= documents | {"interplan_sumo", "planners", "nets", "routes", "tests"}
 
 
+@pytest.mark.slow
 def test_a_fresh_environment_runs_and_scores_a_scenario_outside_the_checkout(built: Path, tmp_path: Path) -> None:
     (wheel,) = built.glob("*.whl")
     run([sys.executable, "-m", "venv", tmp_path / "venv"], tmp_path)
