@@ -32,4 +32,8 @@ PlannerOption = Annotated[
     ),
 ]
 MapArgument = Annotated[str, typer.Argument(help="A folder with a map.gpkg, or a shipped map's name.", metavar="DIR")]
+PlanLimitOption = Annotated[float, typer.Option(help="Seconds that one plan() call may take; 0 for no limit.")]
+JobLimitOption = Annotated[float, typer.Option(help="Seconds that one drive may take; 0 for no limit.")]
+MemoryOption = Annotated[float, typer.Option(help="Memory that a worker may allocate (Linux); 0 for no limit.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]

@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, PlannerOption
+from interplan_sumo.cli.options import (
+    DONE,
+    INCOMPLETE,
+    JobLimitOption,
+    JsonOption,
+    MemoryOption,
+    PlanLimitOption,
+    PlannerOption,
+    QuietOption,
+)
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import Form, print_comparison, print_table, progress, write_page
 
@@ -43,10 +52,10 @@ def run(
     traffic: Annotated[Path | None, typer.Option(help="A vehicle-type file instead of the scenarios' own.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="density=low|medium|high or behaviour=NAME.")] = None,
     limit: Annotated[int | None, typer.Option(help="At most so many scenarios.")] = None,
-    plan_limit: Annotated[float, typer.Option(help="Seconds that one plan() call may take; 0 for no limit.")] = 10.0,
-    job_limit: Annotated[float, typer.Option(help="Seconds that one drive may take; 0 for no limit.")] = 3600.0,
-    memory_gb: Annotated[float, typer.Option(help="Memory that a worker may allocate (Linux); 0 for no limit.")] = 8.0,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    plan_limit: PlanLimitOption = 10.0,
+    job_limit: JobLimitOption = 3600.0,
+    memory_gb: MemoryOption = 8.0,
+    quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
     """Drive and score scenarios, and print the table. Repeating the command on the same folder resumes it."""

@@ -84,7 +84,7 @@ class Junction:
 # --- which connectors belong together ----------------------------------------------------------
 
 
-class _Sets:
+class Sets:
     """Disjoint sets; the smallest member names a set."""
 
     def __init__(self) -> None:
@@ -120,7 +120,7 @@ def junction_groups(roads: Roads) -> tuple[dict[str, str], dict[str, tuple[str, 
     intersection, or when their paths cross. Node ids are "I<intersection>",
     "N<connector>" for joints, "<roadblock>.in" and "<roadblock>.out" at loose ends.
     """
-    sets = _Sets()
+    sets = Sets()
     by_intersection: dict[str, str] = {}
     for connector in roads.connectors.values():
         port = end_port(roads.lanes[connector.from_lane_id].roadblock_id)

@@ -11,6 +11,7 @@ import shapely
 
 from interplan_sumo.maps.foreign.ribbon import largest, polygons_in, sound
 from interplan_sumo.maps.foreign.signs import Controls
+from interplan_sumo.maps.junctions import Sets, end_port, start_port
 from interplan_sumo.maps.rules import overlapping
 from interplan_sumo.world.roads import (
     Area,
@@ -69,9 +70,9 @@ def intersections(
     Connectors meet where they share the end of a roadblock, or more ground than lanes side by side do.
     """
     group = _groups(lanes, connectors)
-    members: dict[int, list[str]] = defaultdict(list)
-    for id_, number in group.items():
-        members[number].append(id_)
+    members: dict[str, list[str]] = defaultdict(list)
+    for id_, name in group.items():
+        members[name].append(id_)
     areas: list[Intersection] = []
     place_of: dict[str, str] = {}
     for number, ids in enumerate(members.values(), start=1):
@@ -102,33 +103,17 @@ def _kind(ids: Sequence[str], ends: set[tuple[str | None, str | None]], controls
     return IntersectionKind.DEFAULT
 
 
-def _groups(lanes: Mapping[str, Lane], connectors: Mapping[str, Connector]) -> dict[str, int]:
-    """Connector -> number of its intersection."""
+def _groups(lanes: Mapping[str, Lane], connectors: Mapping[str, Connector]) -> dict[str, str]:
+    """Connector -> what names its intersection."""
+    sets = Sets()
+    for connector in connectors.values():
+        sets.join(connector.id, end_port(lanes[connector.from_lane_id].roadblock_id))
+        sets.join(connector.id, start_port(lanes[connector.to_lane_id].roadblock_id))
     ids = list(connectors)
-    parent = list(range(len(ids)))
-
-    def find(k: int) -> int:
-        while parent[k] != k:
-            parent[k] = parent[parent[k]]
-            k = parent[k]
-        return k
-
-    def join(a: int, b: int) -> None:
-        a, b = sorted((find(a), find(b)))
-        parent[b] = a
-
-    ports: dict[tuple[str, str], int] = {}
-    for k, id_ in enumerate(ids):
-        connector = connectors[id_]
-        for port in (
-            (lanes[connector.from_lane_id].roadblock_id, "end"),
-            (lanes[connector.to_lane_id].roadblock_id, "start"),
-        ):
-            join(k, ports.setdefault(port, k))
     shapes = np.array([connectors[id_].polygon for id_ in ids], dtype=object)
     one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     one, other = one[one < other], other[one < other]
     shared = shapely.area(shapely.intersection(shapes[one], shapes[other]))
     for a, b in zip(one[shared > _MEETING_M2].tolist(), other[shared > _MEETING_M2].tolist(), strict=True):
-        join(a, b)
-    return {id_: find(k) for k, id_ in enumerate(ids)}
+        sets.join(ids[a], ids[b])
+    return {id_: sets.find(id_) for id_ in ids}

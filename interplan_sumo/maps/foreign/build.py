@@ -221,7 +221,7 @@ class _Drawing:
     # --- the whole -------------------------------------------------------------------------------
 
     def roads(self) -> Roads:
-        controls = signs.controls(self.source, self.ground, self.id_of, self.ways)
+        controls = signs.controls(self.source, self.ground, self.ways)
         stop_lines, connectors = signs.place(self.source, controls, self.lanes, self.connectors)
         areas, roadblocks = intersections(self.lanes, connectors, self.roadblocks, controls)
         paved = [*self.source.drivable, *(item.polygon for item in self.source.left_out if item.polygon is not None)]

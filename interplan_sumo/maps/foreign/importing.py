@@ -89,8 +89,8 @@ def import_map(source: Path, format: str, folder: Path, *, overwrite: bool = Fal
     if files.gpkg.exists() and not overwrite:
         raise InputError(f"{files.gpkg} exists; name another folder with --out, or give --overwrite")
     if format == NUPLAN:
-        made = _as_it_is(read_map(_file(source, "*.gpkg"), name))
         file = _file(source, "*.gpkg")
+        made = _as_it_is(read_map(file, name))
     else:
         reader = format_named(format)
         file = _file(source, reader.pattern)

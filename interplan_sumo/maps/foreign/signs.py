@@ -10,7 +10,7 @@ import shapely
 
 from interplan_sumo.maps.foreign.ribbon import largest, sound
 from interplan_sumo.maps.foreign.source import SourceMap
-from interplan_sumo.maps.foreign.ways import Ground, Node, Way
+from interplan_sumo.maps.foreign.ways import Ground, Way
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Connector, Lane, StopLine, StopLineKind
 
@@ -30,9 +30,8 @@ class Controls:
     """STOP_SIGN or YIELD at its beginning."""
 
 
-def controls(source: SourceMap, ground: Ground, id_of: Mapping[Node, str], ways: Mapping[str, Way]) -> Controls:
+def controls(source: SourceMap, ground: Ground, ways: Mapping[str, Way]) -> Controls:
     """The lights and signs of every connector: those of the ends of lanes that it passes."""
-    del id_of
     signs_at_end = {lane.id: lane.sign_at_end for lane in source.lanes.values() if lane.sign_at_end is not None}
     for line in source.stop_lines:
         if line.kind in (StopLineKind.STOP_SIGN, StopLineKind.YIELD):

@@ -59,11 +59,15 @@ class Ground:
     """Links over a gap too wide to be one, with its width in metres."""
     twins: dict[Node, Node] = field(init=False)
     """Lanes that lie on another one where both lead out of the map, or into it, with that other: they are one."""
+    _twins_of: dict[Node, list[Node]] = field(init=False)
     _ribbons: dict[tuple[int, int], Ribbon] = field(default_factory=dict[tuple[int, int], Ribbon])
 
     def __post_init__(self) -> None:
         self.twins = {}
         self.twins = _twins(self)
+        self._twins_of = {}
+        for other, twin in self.twins.items():
+            self._twins_of.setdefault(twin, []).append(other)
         _part_opposed(self, self.side)
 
     def piece(self, node: Node) -> Piece:
@@ -97,7 +101,7 @@ class Ground:
 
     def following(self, node: Node) -> tuple[Node, ...]:
         """The nodes into which a node leads, with those into which its twins do."""
-        one = (node, *(other for other, twin in self.twins.items() if twin == node))
+        one = (node, *self._twins_of.get(node, ()))
         found = (self.twins.get(ahead, ahead) for each in one for ahead in self._ahead(each))
         return tuple(dict.fromkeys(found))
 
