@@ -18,9 +18,9 @@ from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.in_process import alarm_works
 from interplan_sumo.batch.jobs import Job, JobKey, Overrides
-from interplan_sumo.batch.rescore import own_scenarios
 from interplan_sumo.batch.run import Watch
 from interplan_sumo.batch.run_folder import Row, StoredRun
+from interplan_sumo.batch.stored_drive import own_scenarios
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.trace_difference import TraceDifference, difference
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types

@@ -1,0 +1,101 @@
+"""Stored drives: a row of a run folder with all that its score came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.own_experts import own_expert
+from interplan_sumo.batch.run_folder import OWN_SCENARIOS, Row, StoredRun
+from interplan_sumo.errors import InputError
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.metrics.score import ScoreSheet, score
+from interplan_sumo.scenario.files import read_scenarios
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.suite import expert, find_scenario
+from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.trace import EgoTrack, Trace
+
+
+@dataclass(frozen=True, eq=False)
+class StoredDrive:
+    """A drive of a run folder. One that ended in a planner's fault has the frames up to it."""
+
+    row: Row
+    scenario: Scenario
+    """As it was driven: with the run's overrides."""
+    trace: Trace
+    run_folder: Path
+    official: bool
+    """Whether the scenario belongs to a suite; one's own has its expert in the run folder."""
+
+    @property
+    def roads(self) -> Roads:
+        """The map, from a small cache."""
+        return load_roads(self.scenario.map, self.scenario.maps_beside)
+
+    @cached_property
+    def expert(self) -> EgoTrack:
+        """The drive that progress is measured against; opens SUMO where it is not there yet."""
+        return expert(self.scenario) if self.official else own_expert(self.scenario, self.run_folder)
+
+    def sheet(self, profile: str) -> ScoreSheet:
+        """The score with every metric's series, computed anew."""
+        return score(self.trace, self.roads, self.expert, self.scenario, profile)
+
+
+class StoredDrives:
+    """Reads the drives of a run folder, one at a time."""
+
+    def __init__(self, run: StoredRun) -> None:
+        self.run = run
+        self.own = own_scenarios(run)
+        held = run.manifest["overrides"]
+        self._overrides = Overrides(density=held.get("density"), behaviour=held.get("behaviour"))
+
+    def scenario(self, row: Row) -> Scenario:
+        """The scenario of a row as it was driven; InputError if it is not the same any more, or was never told."""
+        found = self.own.get(row["scenario_id"]) or find_scenario(row["scenario_id"])
+        scenario = self._overrides.applied(found)
+        if "scenario_hash" not in row:
+            raise self._older(row, "scenario_hash")
+        if scenario.hash() != row["scenario_hash"]:
+            raise InputError(
+                f"{self.run.path}: scenario {scenario.id} has changed since it was driven; "
+                "use the version that drove it"
+            )
+        return scenario
+
+    def read(self, row: Row) -> StoredDrive:
+        """The drive of a row; InputError if it left no trace, or scenario or trace are not those that were driven."""
+        scenario = self.scenario(row)
+        if row["fault"] and not row.get("trace"):
+            raise InputError(
+                f"{self.run.path}: the drive of {row['planner']} on {scenario.id}, seed {row['seed']}, left no trace: "
+                f"{row['fault']['class']} fault, {row['fault']['message']}"
+            )
+        for name in ("trace", "trace_hash"):
+            if name not in row:
+                raise self._older(row, name)
+        folder = self.run.path / row["trace"]
+        trace = Trace.read(folder)
+        if trace.hash() != row["trace_hash"]:
+            raise InputError(
+                f"{folder}: the trace is not the one that was driven; "
+                "delete its line in results.jsonl and repeat the run"
+            )
+        return StoredDrive(row, scenario, trace, self.run.path, official=row["scenario_id"] not in self.own)
+
+    def _older(self, row: Row, name: str) -> InputError:
+        return InputError(
+            f"{self.run.path / 'results.jsonl'}: the line of {row['scenario_id']}, seed {row['seed']}, has no {name}; "
+            "an older version wrote it: use that one, or delete the line and repeat the run"
+        )
+
+
+def own_scenarios(run: StoredRun) -> dict[str, Scenario]:
+    """The scenarios of a run by id, if they belong to no suite; nothing for a run of a suite."""
+    path = run.path / OWN_SCENARIOS
+    return {scenario.id: scenario for scenario in read_scenarios(path)} if path.is_file() else {}
