@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road
 
+from interplan_planners.common.pdm import PdmDecision
 from interplan_planners.common.scoring import LOOK_AHEAD_S
-from interplan_planners.pdm_closed import PdmClosedPlanner, PdmDecision
+from interplan_planners.pdm_closed import PdmClosedPlanner
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Mission
@@ -89,7 +90,8 @@ def test_offsets_and_fractions_are_options() -> None:
     [
         ({"fallback_limit_mps": 0.0}, "fallback_limit_mps is 0.0, expected more than 0"),
         ({"speed_fractions": (0.5, -1.0)}, r"speed_fractions\[1\] is -1.0, expected more than 0"),
-        ({"lateral_offsets_m": ()}, "must each hold a number"),
+        ({"speed_fractions": ()}, "speed_fractions must hold a number"),
+        ({"lateral_offsets_m": ()}, "lateral_offsets_m must hold a number"),
         ({"horizon_s": 2.0}, "horizon_s is 2.0, expected at least proposal_horizon_s"),
     ],
 )
