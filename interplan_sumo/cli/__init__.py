@@ -16,11 +16,14 @@ from interplan_sumo import __version__
 from interplan_sumo.cli import runs
 from interplan_sumo.cli.audit import audit
 from interplan_sumo.cli.certify import certify
+from interplan_sumo.cli.export import export
 from interplan_sumo.cli.generate import generate
+from interplan_sumo.cli.llm import llm_app
 from interplan_sumo.cli.maps import maps_app
 from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, OUR_FAULT, JsonOption
 from interplan_sumo.cli.planners import planners_app
 from interplan_sumo.cli.recorded import import_scenes
+from interplan_sumo.cli.replay import replay
 from interplan_sumo.cli.scenarios import scenarios_app
 from interplan_sumo.cli.sweep import sweep
 from interplan_sumo.cli.verify import verify
@@ -31,6 +34,8 @@ app = typer.Typer(name="interplan-sumo", rich_markup_mode="rich", **LOOKS)
 app.add_typer(runs.app)
 app.command()(sweep)
 app.command()(verify)
+app.command()(export)
+app.command()(replay)
 app.add_typer(scenarios_app, name="scenarios")
 scenarios_app.command("certify")(certify)
 scenarios_app.command("generate")(generate)
@@ -38,6 +43,7 @@ scenarios_app.command("import")(import_scenes)
 scenarios_app.command("audit")(audit)
 app.add_typer(planners_app, name="planners")
 app.add_typer(maps_app, name="maps")
+app.add_typer(llm_app, name="llm")
 
 
 _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")

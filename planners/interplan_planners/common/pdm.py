@@ -44,6 +44,9 @@ class PdmSettings:
     emergency_within_s: float = 2.0
     emergency_speed_mps: float = 5.0
     emergency_deceleration_mps2: float = 4.05
+    first_path_bonus: float = 0.0
+    """What a drive on the first path may score less than another, 0 to 1, and still be taken (published: nothing).
+    Without it a car beside the centre line stays there, for the way back costs a hair of progress."""
 
     def __post_init__(self) -> None:
         positive = {
@@ -128,7 +131,8 @@ class PdmMotion:
         )
         drives = follow_all(ego, *center_poses(paths, path_of, rolled.progress_m, shape), shape=shape)
         scores = score(drives, forecast, course.ground, course.center, shape, ignore=ignore)
-        best = int(np.where(far_off[path_of], -1.0, scores.total).argmax())
+        value = scores.total + np.where(path_of == 0, settings.first_path_bonus, 0.0) * (scores.total > 0.0)
+        best = int(np.where(far_off[path_of], -1.0, value).argmax())
         braking = (
             float(scores.collision_s[best]) <= settings.emergency_within_s
             and abs(ego.speed_mps) <= settings.emergency_speed_mps

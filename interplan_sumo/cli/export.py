@@ -1,0 +1,79 @@
+"""The command `export`: training data from runs and certificates."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from interplan_sumo.cli.options import DONE, JsonOption, QuietOption
+from interplan_sumo.report.printing import print_json
+
+if TYPE_CHECKING:
+    from interplan_sumo.dataset.drives import Drive
+
+
+def export(
+    out: Annotated[Path, typer.Option(help="The dataset's folder: new, empty, or an older dataset, to be replaced.")],
+    runs: Annotated[list[Path] | None, typer.Argument(help="Run folders.", metavar="RUN")] = None,
+    certificates: Annotated[
+        list[str] | None, typer.Option(help="NAME==VERSION of a suite whose certified drives to take.", metavar="SUITE")
+    ] = None,
+    every: Annotated[float, typer.Option(help="Seconds between the samples of a drive.")] = 0.5,
+    min_score: Annotated[float, typer.Option(help="Only drives with at least this score, 0 to 1.")] = 0.9,
+    holdout_maps: Annotated[
+        list[str] | None, typer.Option(help="A map for the split `test` only.", metavar="MAP")
+    ] = None,
+    holdout_seeds: Annotated[
+        list[int] | None, typer.Option(help="A seed for the split `val` only.", metavar="SEED")
+    ] = None,
+    exclude: Annotated[list[str] | None, typer.Option(help="A family to leave out.", metavar="FAMILY")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes; 0 works in this one. Default: all cores.")] = None,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Write what planners saw, and what came of it, as arrays to train on. Options with a name may be repeated."""
+    from interplan_sumo.batch.processes import available_cores
+    from interplan_sumo.dataset.drives import Choice
+    from interplan_sumo.dataset.export import ExportRequest
+    from interplan_sumo.dataset.export import export as export_drives
+
+    request = ExportRequest(
+        folder=out,
+        runs=tuple(runs or ()),
+        certificates=tuple(certificates or ()),
+        every_s=every,
+        choice=Choice(min_score, tuple(exclude or ()), tuple(holdout_maps or ()), tuple(holdout_seeds or ())),
+        workers=available_cores() if workers is None else workers,
+    )
+    began_s = time.perf_counter()
+    manifest = export_drives(request, None if quiet else _say)
+    entry = _summary(out, manifest, time.perf_counter() - began_s)
+    print_json(entry) if as_json else _print(entry)
+    return DONE
+
+
+def _say(drive: Drive, done: int, drives: int) -> None:
+    print(f"[{done}/{drives}] {drive.scenario.id}, {drive.planner}, seed {drive.seed}", file=sys.stderr, flush=True)
+
+
+def _summary(out: Path, manifest: dict[str, Any], wall_s: float) -> dict[str, Any]:
+    return {
+        "folder": str(out),
+        "hash": manifest["hash"],
+        **manifest["counts"],
+        "left_out": manifest["left_out"],
+        "bytes": sum(shard["bytes"] for shard in manifest["shards"]),
+        "wall_s": round(wall_s, 3),
+    }
+
+
+def _print(entry: dict[str, Any]) -> None:
+    by_split = ", ".join(f"{count} {split}" for split, count in entry["by_split"].items())
+    print(f"{entry['samples']} samples ({by_split}) of {entry['drives']} drives: {entry['folder']}")
+    print(f"{entry['bytes'] / 1e6:.1f} MB in {entry['wall_s']:.0f} s, hash {entry['hash'][:16]}")
+    if entry["left_out"]:
+        print(f"left out: {', '.join(f'{count} {reason}' for reason, count in entry['left_out'].items())}")

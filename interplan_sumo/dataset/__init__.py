@@ -1,0 +1,1 @@
+"""Dataset: training data made from drives, and read back."""

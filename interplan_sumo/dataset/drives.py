@@ -1,0 +1,206 @@
+"""Drives: which drives of runs and suites become training data, and how each is had back."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+from interplan_sumo import __version__
+from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.batch.stored_drive import StoredDrives
+from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.maps.store import MapFiles, find_map, load_roads
+from interplan_sumo.proving.replay import replay
+from interplan_sumo.scenario import certificates
+from interplan_sumo.scenario.certificates import Certificate
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.suite import Suite, find_suite
+from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.trace import Trace
+
+Split = Literal["train", "val", "test"]
+SPLITS: tuple[Split, ...] = ("train", "val", "test")
+CERTIFICATE = "certificate"
+"""Stands for the planner of a certificate: a search that knows everything."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One drive, not read yet."""
+
+    origin: Literal["run", "certificate"]
+    source: str
+    """Name of the run folder, or `name==version` of the suite."""
+    scenario: Scenario
+    """As it was driven."""
+    map: MapFiles
+    planner: str
+    seed: int
+    score: float
+    trace_hash: str
+    generator: str
+    """Version of interplan-sumo that drove it; certificates are replayed by this one."""
+    run_folder: Path | None = None
+    """None for a certificate."""
+
+    @property
+    def key(self) -> tuple[str, str, int, str]:
+        return (self.scenario.id, self.planner, self.seed, self.trace_hash)
+
+    def as_json(self, split: Split, samples: int) -> dict[str, Any]:
+        """A line of drives.jsonl."""
+        scenario = self.scenario
+        return {
+            "origin": self.origin, "source": self.source, "scenario_id": scenario.id, "family": scenario.family,
+            "map": self.map.name, "seed": self.seed, "planner": self.planner, "score": round(self.score, 6),
+            "route": list(scenario.route), "goal_lane": scenario.goal.lane, "split": split, "samples": samples,
+            "scenario_hash": scenario.hash(), "trace_hash": self.trace_hash, "generator": self.generator,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Which drives are taken, and which are held out of training."""
+
+    min_score: float = 0.9
+    exclude: tuple[str, ...] = ()
+    """Families."""
+    holdout_maps: tuple[str, ...] = ()
+    holdout_seeds: tuple[int, ...] = ()
+
+    def split(self, drive: Drive) -> Split:
+        """`test` on a map that is held out, `val` with a seed that is, else `train`."""
+        if drive.map.name in self.holdout_maps:
+            return "test"
+        return "val" if drive.seed in self.holdout_seeds else "train"
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """The drives to export, in order, and why others are not among them."""
+
+    drives: tuple[Drive, ...]
+    left_out: dict[str, int]
+
+
+def chosen_drives(runs: Sequence[Path], suites: Sequence[str], choice: Choice) -> Chosen:
+    """The drives of run folders and the certificates of suites that pass; each trace once.
+
+    InputError if there is nothing to look at, nothing passes, or something is
+    named in vain.
+    """
+    if not runs and not suites:
+        raise InputError(
+            "nothing to export: give run folders, such as runs/mine, or --certificates NAME==VERSION, such as "
+            "--certificates common==1"
+        )
+    if not 0.0 <= choice.min_score <= 1.0:
+        raise InputError(f"min-score is {choice.min_score:g}, expected 0 to 1: scores count from 0 to 1 here")
+    left_out: Counter[str] = Counter()
+    found = [drive for folder in dict.fromkeys(runs) for drive in _of_run(folder, left_out)]
+    found += [drive for key in dict.fromkeys(suites) for drive in _of_suite(find_suite(key), left_out)]
+    _check_names("family", choice.exclude, (drive.scenario.family for drive in found))
+    kept: dict[tuple[str, str, int, str], Drive] = {}
+    for drive in sorted(found, key=lambda each: (each.key, each.source)):
+        if drive.scenario.family in choice.exclude:
+            left_out["family excluded"] += 1
+        elif drive.score < choice.min_score:
+            left_out[f"score below {choice.min_score:g}"] += 1
+        elif kept.setdefault(drive.key, drive) is not drive:
+            left_out["the same drive twice"] += 1
+    if not kept:
+        why = ", ".join(f"{count} {reason}" for reason, count in sorted(left_out.items())) or "the run is empty"
+        raise InputError(f"no drive is left to export ({why}); lower --min-score or give other runs")
+    _check_names("map among the drives", choice.holdout_maps, (drive.map.name for drive in kept.values()))
+    _check_names("seed among the drives", map(str, choice.holdout_seeds), (str(d.seed) for d in kept.values()))
+    _check_maps(kept.values())
+    return Chosen(tuple(kept.values()), dict(sorted(left_out.items())))
+
+
+def driven(drive: Drive) -> tuple[Scenario, Roads, Trace]:
+    """Scenario, map and trace of a drive; a certificate is replayed in its traffic.
+
+    InputError if the trace is not the one that was scored, TrafficError if SUMO fails.
+    """
+    roads = load_roads(drive.scenario.map, drive.scenario.maps_beside)
+    if drive.run_folder is not None:
+        stored = _stored_drives(drive.run_folder)
+        row = stored.run.rows[drive.scenario.id, drive.planner, drive.seed]
+        return drive.scenario, roads, stored.read(row).trace
+    certificate = _certificates(find_suite(drive.source))[drive.scenario.id]
+    trace = replay(drive.scenario, certificate.track)
+    if trace.hash() != drive.trace_hash:
+        raise InputError(
+            f"the certificate of {drive.scenario.id} does not repeat its trace: it was made with other versions of "
+            f"SUMO or the package; see `interplan-sumo scenarios certify --suite {drive.source} --check`"
+        )
+    return drive.scenario, roads, trace
+
+
+def source_hash(drives: Iterable[Drive]) -> str:
+    """SHA-256 over what was driven in these drives."""
+    return hashlib.sha256("\n".join(f"{d.scenario.hash()} {d.trace_hash}" for d in drives).encode()).hexdigest()
+
+
+def _of_run(folder: Path, left_out: Counter[str]) -> Iterable[Drive]:
+    stored = StoredDrives(read_run(folder))
+    for key in sorted(stored.run.rows):
+        row = stored.run.rows[key]
+        if row["score"] is None or row["fault"]:
+            left_out["ended in a fault"] += 1
+            continue
+        scenario = stored.scenario(row)
+        yield Drive(
+            "run", folder.resolve().name, scenario, find_map(scenario.map, scenario.maps_beside), key[1], key[2],
+            row["score"], row["trace_hash"], row.get("versions", {}).get("interplan_sumo", ""), folder.resolve(),
+        )  # fmt: skip
+
+
+def _of_suite(suite: Suite, left_out: Counter[str]) -> Iterable[Drive]:
+    stored = _certificates(suite)
+    for scenario in suite.scenarios:
+        certificate = stored.get(scenario.id)
+        if certificate is None or certificate.summary.scenario_hash != scenario.hash():
+            left_out["no certificate"] += 1
+            continue
+        yield Drive(
+            "certificate", suite.key, scenario, find_map(scenario.map, scenario.maps_beside), CERTIFICATE, 0,
+            certificate.summary.score, certificate.summary.trace_hash, __version__,
+        )  # fmt: skip
+
+
+def _certificates(suite: Suite) -> dict[str, Certificate]:
+    return _read(certificates.read_certificates, suite.folder / certificates.FILE)
+
+
+@cache
+def _read(read: Callable[[Path], dict[str, Certificate]], path: Path) -> dict[str, Certificate]:
+    return read(path) if path.is_file() else {}
+
+
+@cache
+def _stored_drives(folder: Path) -> StoredDrives:
+    return StoredDrives(read_run(folder))
+
+
+def _check_names(what: str, given: Iterable[str], known: Iterable[str]) -> None:
+    names = set(known)
+    for name in given:
+        if name not in names:
+            raise UnknownNameError(what, name, names)
+
+
+def _check_maps(drives: Iterable[Drive]) -> None:
+    """InputError if two maps of one name differ: their lane ids would be mixed up."""
+    first: dict[str, MapFiles] = {}
+    for drive in drives:
+        other = first.setdefault(drive.map.name, drive.map)
+        if other.folder != drive.map.folder and other.hash() != drive.map.hash():
+            raise InputError(
+                f"{other.folder} and {drive.map.folder} are two maps of one name; export their drives apart"
+            )

@@ -1,0 +1,280 @@
+"""Export: drives become a dataset: every drive by itself into a part, then the parts into shards."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.phases import Publish
+from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
+from interplan_sumo.batch.versions import versions
+from interplan_sumo.dataset import folder as layout
+from interplan_sumo.dataset.columns import count_of, joined, picked, read_arrays, write_arrays
+from interplan_sumo.dataset.drives import SPLITS, Choice, Chosen, Drive, Split, chosen_drives, driven, source_hash
+from interplan_sumo.dataset.samples import LEAST_FUTURE_FRAMES, drive_samples
+from interplan_sumo.errors import InputError, InterplanError, TrafficError
+from interplan_sumo.features import schema
+from interplan_sumo.features.lane_graph import lane_graph
+from interplan_sumo.maps.store import load_roads
+
+SHARD_SAMPLES = 512
+_GROUP = "export"
+
+
+@dataclass(frozen=True, slots=True)
+class ExportRequest:
+    """What to export, and where to."""
+
+    folder: Path
+    runs: tuple[Path, ...] = ()
+    certificates: tuple[str, ...] = ()
+    """Suites, as `name==version`."""
+    every_s: float = 0.5
+    """Between the samples of a drive."""
+    choice: Choice = field(default_factory=Choice)
+    workers: int = 1
+    """Processes; 0 works in this one."""
+    shard_samples: int = SHARD_SAMPLES
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Samples of one drive to be made."""
+
+    number: int
+    drive: Drive
+    every_frames: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Shard:
+    """A shard to be made from rows (first to last) of parts."""
+
+    name: str
+    split: Split
+    pieces: tuple[tuple[int, int, int], ...]
+    """Part, first row, row after the last."""
+
+    @property
+    def samples(self) -> int:
+        return sum(last - first for _, first, last in self.pieces)
+
+
+def export(request: ExportRequest, on_drive: Callable[[Drive, int, int], None] | None = None) -> dict[str, Any]:
+    """Write a dataset; its manifest. Equal drives and options give equal files, whatever the workers.
+
+    `on_drive` is told of each drive that is done, how many are, and of how
+    many. InputError for what cannot be used, TrafficError if SUMO fails: the
+    folder is left unfinished then.
+    """
+    every_frames = _frames(request.every_s)
+    if request.workers < 0:
+        raise InputError(f"workers is {request.workers}, expected 0 (in this process) or more")
+    if request.shard_samples < 1:
+        raise InputError(f"shard_samples is {request.shard_samples}, expected 1 or more")
+    chosen = chosen_drives(request.runs, request.certificates, request.choice)
+    layout.begin(request.folder)
+    try:
+        parts = [_Part(number, drive, every_frames) for number, drive in enumerate(chosen.drives)]
+        counts = _made(request, parts, on_drive)
+        splits: list[Split] = [request.choice.split(drive) for drive in chosen.drives]
+        shards = _shards(counts, splits, request.shard_samples)
+        for _ in _answers(request, shards):
+            pass
+        _write_drives(request.folder / layout.DRIVES, chosen.drives, splits, counts)
+        maps = _write_maps(request.folder, chosen.drives)
+        manifest = _manifest(request, chosen, splits, counts, shards, maps)
+        layout.finish(request.folder, manifest)
+    except OSError as error:
+        raise layout.unwritable(request.folder, error) from None
+    return manifest
+
+
+def _frames(every_s: float) -> int:
+    frames = round(every_s / schema.STEP_S)
+    if frames < 1 or abs(frames * schema.STEP_S - every_s) > 1e-9:
+        raise InputError(f"every is {every_s:g} s, expected a positive multiple of {schema.STEP_S:g} s")
+    return frames
+
+
+# --- the workers' side ---------------------------------------------------------------------------
+
+
+def _open(out: Path, _group: str, publish: Publish) -> Work:
+    def work(task: _Part | _Shard) -> Answer:
+        publish("simulate")
+        return {"samples": _write_part(out, task) if isinstance(task, _Part) else _write_shard(out, task)}, None
+
+    return work
+
+
+def _write_part(out: Path, part: _Part) -> int:
+    columns = drive_samples(*driven(part.drive), drive=part.number, every_frames=part.every_frames)
+    write_arrays(_part_file(out, part.number), columns, level=1)
+    return count_of(columns)
+
+
+def _write_shard(out: Path, shard: _Shard) -> int:
+    pieces = [
+        picked(read_arrays(_part_file(out, number)), np.arange(first, last)) for number, first, last in shard.pieces
+    ]
+    write_arrays(out / layout.SHARDS / shard.name, joined(pieces))
+    return shard.samples
+
+
+def _part_file(out: Path, number: int) -> Path:
+    return out / layout.PARTS / f"{number}.npz"
+
+
+# --- this side -----------------------------------------------------------------------------------
+
+
+def _made(
+    request: ExportRequest, parts: Sequence[_Part], on_drive: Callable[[Drive, int, int], None] | None
+) -> list[int]:
+    """Make all parts; how many samples each has."""
+    counts = [0] * len(parts)
+    for done, (part, samples) in enumerate(_answers(request, parts), start=1):
+        counts[part.number] = samples
+        if on_drive is not None:
+            on_drive(part.drive, done, len(parts))
+    return counts
+
+
+def _answers(request: ExportRequest, payloads: Sequence[Any]) -> Iterable[tuple[Any, int]]:
+    """Each payload with its count, as they are done; the first fault ends it. For a single one nobody is hired."""
+    workers = request.workers if len(payloads) > 1 else 0
+    tasks = [Task(number, _GROUP, payload) for number, payload in enumerate(payloads)]
+    work = partial(_open, request.folder.resolve())
+    with contextlib.closing(run_tasks(tasks, work, workers=workers, limits=Limits())) as outcomes:
+        for outcome in outcomes:
+            payload, fault = outcome.task.payload, outcome.fault
+            if fault is not None:
+                what = f"{payload.drive.scenario.id}, " if isinstance(payload, _Part) else ""
+                error = TrafficError if fault.kind == "traffic" else InterplanError
+                raise error(f"{what}{fault.kind} fault: {fault.message}; repeat the export")
+            yield payload, int(outcome.value["samples"])
+
+
+def _shards(counts: Sequence[int], splits: Sequence[Split], size: int) -> list[_Shard]:
+    """Shards of `size` samples, split by split, drives in order."""
+    shards: list[_Shard] = []
+    for split in SPLITS:
+        pieces: list[tuple[int, int, int]] = []
+        full: list[list[tuple[int, int, int]]] = []
+        room = size
+        for number in (k for k, each in enumerate(splits) if each == split):
+            first = 0
+            while first < counts[number]:
+                last = min(counts[number], first + room)
+                pieces.append((number, first, last))
+                room -= last - first
+                first = last
+                if not room:
+                    full.append(pieces)
+                    pieces, room = [], size
+        full += [pieces] if pieces else []
+        shards += [_Shard(f"{split}-{k:05d}.npz", split, tuple(each)) for k, each in enumerate(full)]
+    return shards
+
+
+def _write_drives(path: Path, drives: Sequence[Drive], splits: Sequence[Split], counts: Sequence[int]) -> None:
+    lines = [
+        json.dumps(drive.as_json(split, samples), ensure_ascii=False)
+        for drive, split, samples in zip(drives, splits, counts, strict=True)
+    ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+
+
+def _write_maps(folder: Path, drives: Sequence[Drive]) -> dict[str, dict[str, str]]:
+    """Write the lane graph of every map; what the manifest says of each."""
+    about: dict[str, dict[str, str]] = {}
+    for drive in sorted(drives, key=lambda each: each.map.name):
+        name = drive.map.name
+        if name not in about:
+            roads = load_roads(drive.scenario.map, drive.scenario.maps_beside)
+            path = folder / layout.MAPS / f"{name}.npz"
+            write_arrays(path, lane_graph(roads).tables())
+            about[name] = {
+                "crs": roads.crs, "driving_side": roads.driving_side, "map_sha256": drive.map.hash(),
+                "sha256": layout.file_hash(path),
+            }  # fmt: skip
+    return about
+
+
+def _manifest(
+    request: ExportRequest, chosen: Chosen, splits: Sequence[Split], counts: Sequence[int], shards: Sequence[_Shard],
+    maps: dict[str, dict[str, str]],
+) -> dict[str, Any]:  # fmt: skip
+    folder, choice = request.folder, request.choice
+    files = [folder / layout.SHARDS / shard.name for shard in shards]
+    held = [
+        {"file": f"{layout.SHARDS}/{path.name}", "split": shard.split, "samples": shard.samples,
+         "bytes": path.stat().st_size, "sha256": layout.file_hash(path)}
+        for shard, path in zip(shards, files, strict=True)
+    ]  # fmt: skip
+    drives_hash = layout.file_hash(folder / layout.DRIVES)
+    parts = [str(each["sha256"]) for each in held] + [each["sha256"] for each in maps.values()] + [drives_hash]
+    digest = hashlib.sha256("\n".join((f"{layout.FORMAT} {schema.FORMAT}", *parts)).encode()).hexdigest()
+    return {
+        "kind": layout.KIND,
+        "format": layout.FORMAT,
+        "hash": digest,
+        "versions": versions(),
+        "features": {
+            "format": schema.FORMAT,
+            "ego_frame": "origin on the rear axle at the present, x forward, y left, radians counter-clockwise",
+            "map_frame": "metres in the map's crs, x east, y north",
+            "step_s": schema.STEP_S,
+            "fields": schema.as_json(),
+        },
+        "options": {
+            "every_s": request.every_s,
+            "least_future_s": round(LEAST_FUTURE_FRAMES * schema.STEP_S, 3),
+            "min_score": choice.min_score,
+            "exclude": sorted(choice.exclude),
+            "holdout_maps": sorted(choice.holdout_maps),
+            "holdout_seeds": sorted(choice.holdout_seeds),
+        },
+        "sources": _sources(chosen.drives, counts),
+        "left_out": chosen.left_out,
+        "counts": {
+            "drives": len(chosen.drives),
+            "samples": sum(counts),
+            "by_split": _tally(zip(splits, counts, strict=True)),
+            "by_family": _tally(zip((d.scenario.family for d in chosen.drives), counts, strict=True)),
+            "by_map": _tally(zip((d.map.name for d in chosen.drives), counts, strict=True)),
+        },
+        "maps": maps,
+        "drives": {"file": layout.DRIVES, "sha256": drives_hash},
+        "shards": held,
+    }
+
+
+def _sources(drives: Sequence[Drive], counts: Sequence[int]) -> list[dict[str, Any]]:
+    names = sorted({(drive.origin, drive.source) for drive in drives})
+    found: list[dict[str, Any]] = []
+    for origin, name in names:
+        rows = [k for k, drive in enumerate(drives) if (drive.origin, drive.source) == (origin, name)]
+        found.append(
+            {"origin": origin, "name": name, "drives": len(rows), "samples": sum(counts[k] for k in rows),
+             "hash": source_hash(drives[k] for k in rows)}
+        )  # fmt: skip
+    return found
+
+
+def _tally(pairs: Iterable[tuple[str, int]]) -> dict[str, int]:
+    tally: Counter[str] = Counter()
+    for name, count in pairs:
+        tally[name] += count
+    return dict(sorted(tally.items()))

@@ -1,0 +1,94 @@
+"""Folder: where a dataset lies, and whose it is.
+
+| in the folder | what |
+|---|---|
+| manifest.json | what it is and how it was made, all hashes; written last, so a folder without one is not finished |
+| drives.jsonl | a line per drive: scenario, family, map, seed, planner, score, route, goal lane, split |
+| shards/<split>-<number>.npz | samples, a fixed number in each but the last of a split |
+| maps/<name>.npz | the lane graph of a map |
+| unfinished, parts/ | only while it is being written |
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+from typing import Any, Final
+
+from interplan_sumo.errors import InputError
+
+FORMAT: Final = 1
+KIND: Final = "interplan-sumo training data"
+MANIFEST, DRIVES, SHARDS, MAPS = "manifest.json", "drives.jsonl", "shards", "maps"
+UNFINISHED, PARTS = "unfinished", "parts"
+
+
+def begin(folder: Path) -> None:
+    """Make room for a dataset: a new or empty folder, or one that holds another dataset, which is deleted.
+
+    InputError if it holds anything else or cannot be written.
+    """
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"{folder} is a file; give a folder as --out")
+        if folder.is_dir() and any(folder.iterdir()) and not _is_ours(folder):
+            stranger = sorted(each.name for each in folder.iterdir())[0]
+            raise InputError(f"{folder} holds {stranger!r} and is no dataset; give an empty or a new folder as --out")
+        (folder / PARTS).mkdir(parents=True, exist_ok=True)
+        (folder / UNFINISHED).touch()
+        for name in (MANIFEST, DRIVES):
+            (folder / name).unlink(missing_ok=True)
+        for name in (PARTS, SHARDS, MAPS):
+            shutil.rmtree(folder / name, ignore_errors=True)
+            (folder / name).mkdir()
+    except OSError as error:
+        raise unwritable(folder, error) from None
+
+
+def finish(folder: Path, manifest: dict[str, Any]) -> None:
+    """Write the manifest, which makes the dataset whole, and tidy up."""
+    fresh = folder / f"{MANIFEST}.new"
+    fresh.write_text(json.dumps(manifest, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    shutil.rmtree(folder / PARTS)
+    fresh.replace(folder / MANIFEST)
+    (folder / UNFINISHED).unlink()
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest; InputError if the folder is not a dataset, not finished, or of another version."""
+    path = folder / MANIFEST
+    if not path.is_file():
+        if (folder / UNFINISHED).is_file():
+            raise InputError(f"{folder} is a dataset that was not finished; repeat the export")
+        raise InputError(f"{folder} is no dataset: it has no {MANIFEST}; make one with `interplan-sumo export`")
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        kind, version = manifest["kind"], manifest["format"]
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise InputError(f"cannot read {path} ({type(error).__name__}: {error}); export the data again") from None
+    if kind != KIND:
+        raise InputError(f"{folder} is no dataset: its {MANIFEST} tells of {kind!r}")
+    if version != FORMAT:
+        raise InputError(f"{path} has format {version}, this version reads {FORMAT}; export the data again")
+    return manifest
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def unwritable(folder: Path, error: OSError) -> InputError:
+    return InputError(f"cannot write the dataset {folder}: {error.strerror or error}; give another folder as --out")
+
+
+def _is_ours(folder: Path) -> bool:
+    if (folder / UNFINISHED).is_file():
+        return True
+    try:
+        return json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["kind"] == KIND
+    except (OSError, ValueError, TypeError, KeyError):
+        return False

@@ -1,0 +1,220 @@
+"""Data: stored drives as plain data for the page; every field is told here or in the module that makes it.
+
+| field | what |
+|---|---|
+| scenario | `id`, and `about`: words on the place, the traffic and the people |
+| per | parts of a metre, a radian and a unit that the whole numbers count |
+| dt_s, frames | seconds between frames; frames of the longest drive |
+| turned_rad | map heading that points to the right at first: from the start to the goal |
+| extent | x, y of two corners around the drives and the route, centimetres |
+| map | `surroundings.map_around` |
+| lights | `surroundings.lights` |
+| route | `line`, the points from start to goal; `goal`, the line across the lanes there |
+| expert | the expert's columns, empty where there is none |
+| looks, behaviours | colours of whoever has no type of driver, and of the types of drivers |
+| charts | what each chart shows |
+| drives | one or two, see `_drive` |
+
+Coordinates, columns and series are encoded as in `numbers`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from math import atan2
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from interplan_sumo.batch.stored_drive import StoredDrive
+from interplan_sumo.errors import InputError
+from interplan_sumo.metrics.facts import Facts
+from interplan_sumo.metrics.score import DEFAULT_PROFILE, ScoreSheet, score_facts
+from interplan_sumo.report import scenario_drawing as drawing
+from interplan_sumo.report.moments import FAULT, Moment, deciding, lost_moments
+from interplan_sumo.report.replay import cast, surroundings
+from interplan_sumo.report.replay.charts import CHARTS, chart_series
+from interplan_sumo.report.replay.events import events
+from interplan_sumo.report.replay.numbers import PER_METRE, PER_RADIAN, PER_UNIT, points
+from interplan_sumo.report.why import fault_sentence
+from interplan_sumo.scenario.route import goal_arc_m, route_centerline
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.world.geometry import Floats, Polyline
+from interplan_sumo.world.roads import Roads
+
+MOST_DRIVES: Final = 2
+"""Side by side on one page."""
+LOOKS: Final = {
+    "vehicle": drawing.OTHERS[0],
+    "standing": drawing.STANDING,
+    "hiding": drawing.HIDING,
+    "cone": drawing.CONE,
+    "barrier": drawing.BARRIER,
+    "worker": drawing.WORKER,
+    "pedestrian": drawing.PERSON,
+    "bicycle": drawing.OTHERS[1],
+    "object": drawing.OTHERS[3],
+}
+"""Colours of whoever has no type of driver, as in the pictures of scenarios."""
+
+
+def replay_data(drives: Sequence[StoredDrive]) -> dict[str, Any]:
+    """One drive, or two of one scenario, as JSON's types; the fields are those of the module's docstring.
+
+    InputError for no drive, for more than `MOST_DRIVES`, for drives of different scenarios and for one without a frame.
+    """
+    _check(drives)
+    first = drives[0]
+    roads, scenario = first.roads, first.scenario
+    route = _way(roads, scenario)
+    tracks = [np.column_stack((drive.trace.ego.x_m, drive.trace.ego.y_m)) for drive in drives]
+    shown = np.concatenate((route.points, *tracks))
+    origin = np.floor(shown.min(axis=0))
+    area = surroundings.area_around((route.points, *tracks))
+    longest = max(drives, key=lambda drive: len(drive.trace))
+    lights = surroundings.lights(roads, area, origin)
+    drivable = surroundings.drivable_around(roads, area)
+    return {
+        "scenario": {"id": scenario.id, "about": _about(scenario, roads)},
+        "per": {"metre": PER_METRE, "radian": PER_RADIAN, "unit": PER_UNIT},
+        "dt_s": round(longest.trace.dt_s, 6),
+        "frames": len(longest.trace),
+        "turned_rad": round(_direction(route), 4),
+        "extent": points(np.stack((shown.min(axis=0), shown.max(axis=0))), origin),
+        "map": surroundings.map_around(roads, area, origin),
+        "lights": lights,
+        "route": {"line": points(route.points, origin), "goal": points(_goal_line(roads, scenario), origin)},
+        "expert": cast.expert(first.expert, longest.trace.ego.time_us, origin),
+        "looks": LOOKS,
+        "behaviours": drawing.behaviour_colours(_behaviours(drives)),
+        "charts": [asdict(chart) for chart in CHARTS],
+        "drives": [_drive(drive, drivable, origin, lights) for drive in drives],
+    }
+
+
+def _check(drives: Sequence[StoredDrive]) -> None:
+    if not 1 <= len(drives) <= MOST_DRIVES:
+        raise InputError(f"a replay shows one drive or two side by side, not {len(drives)}; name at most two planners")
+    ids = {drive.scenario.hash() for drive in drives}
+    if len(ids) > 1:
+        raise InputError(
+            f"drives of {drives[0].scenario.id} and {drives[1].scenario.id} do not fit on one page; "
+            "show two drives of one scenario, or one page for each"
+        )
+    for drive in drives:
+        if not len(drive.trace):
+            raise InputError(
+                f"{drive.run_folder}: the drive of {drive.row['planner']} on {drive.scenario.id}, seed "
+                f"{drive.row['seed']}, ended before its first frame; there is nothing to replay"
+            )
+
+
+def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, lights: Iterable[str]) -> dict[str, Any]:
+    """What differs from planner to planner.
+
+    `planner`, `seed`, `profile`, `score` (0 to 100, or None), `fault` (a sentence or
+    None), `end` (how it ended, in words), `frames`, `metrics`, `events`,
+    `deciding` (frame, metric and reason), `charts`, and the cast: `ego`,
+    `agents`, `plans`, `signals`, `triggers`.
+    """
+    facts = Facts(drive.trace, drive.roads, drive.expert, drive.scenario)
+    sheet = score_facts(facts, DEFAULT_PROFILE)
+    lost = lost_moments(facts, sheet, drive.row)
+    decided = deciding(lost, facts, sheet)
+    triggers = cast.triggers(drive, facts.route_line, origin)
+    set_off: list[int | None] = [trigger["frame"] for trigger in triggers]
+    return {
+        "planner": drive.row["planner"],
+        "seed": drive.row["seed"],
+        "profile": sheet.profile,
+        "score": _score(drive, sheet),
+        "fault": fault_sentence(drive.row) if drive.row["fault"] else None,
+        "end": _end(drive),
+        "frames": facts.frames,
+        "metrics": _metrics(sheet, lost),
+        "events": events(drive, facts, sheet, lost, decided, set_off),
+        "deciding": {"frame": decided.frame, "metric": decided.metric, "reason": decided.reason},
+        "charts": chart_series(facts, sheet, drivable),
+        "ego": cast.ego(drive.trace, origin),
+        "agents": cast.agents(drive, origin),
+        "plans": cast.plans(drive.trace, origin),
+        "signals": cast.signals(drive.trace, lights),
+        "triggers": triggers,
+    }
+
+
+def _metrics(sheet: ScoreSheet, lost: Sequence[Moment]) -> list[dict[str, Any]]:
+    """The judged metrics, gates first: `name`, `weight` (None of a gate), `score`, `reason`, `frame` of the loss."""
+    frames = {moment.metric: moment.frame for moment in lost if moment.metric != FAULT}
+    return [
+        {
+            "name": name,
+            "weight": sheet.weights.get(name),
+            "score": round(sheet.metrics[name].score or 0.0, 4),
+            "reason": sheet.metrics[name].reason if name in frames else None,
+            "frame": frames.get(name),
+        }
+        for name in (*sheet.gates, *sheet.weights)
+    ]
+
+
+def _score(drive: StoredDrive, sheet: ScoreSheet) -> float | None:
+    """0 to 100; a planner's fault makes it 0, any other leaves the drive without one."""
+    if drive.row["fault"]:
+        return 0.0 if drive.row["fault"]["class"] == "planner" else None
+    return round(100.0 * sheet.score, 2)
+
+
+def _end(drive: StoredDrive) -> str:
+    if drive.row["fault"]:
+        return f"{drive.row['fault']['class']} fault"
+    return "goal line passed" if drive.row["reached_goal"] else "time over"
+
+
+def _about(scenario: Scenario, roads: Roads) -> list[str]:
+    demand = scenario.traffic
+    recorded = len(scenario.replayed)
+    people = len(scenario.jaywalkers)
+    words = (
+        scenario.site(roads),
+        f"drives on the {roads.driving_side}",
+        f"{recorded} recorded road users" if recorded else f"density {demand.density}",
+        "" if demand.oncoming == "none" else f"oncoming {demand.oncoming}",
+        f"{demand.behaviour} drivers" if scenario.has_traffic and not recorded else "",
+        f"{people} jaywalker{'s' if people > 1 else ''}" if people else "",
+    )
+    return [word for word in words if word]
+
+
+def _behaviours(drives: Sequence[StoredDrive]) -> set[str]:
+    return {str(name) for drive in drives for name in np.unique(drive.trace.actors.behaviour.astype(str))} - {""}
+
+
+# --- the task ------------------------------------------------------------------------------------
+
+
+def _way(roads: Roads, scenario: Scenario) -> Polyline:
+    """The route's line from the start to the goal."""
+    line, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
+    start = scenario.start.pose(roads)
+    start_m, _ = line.project_point(start.x_m, start.y_m)
+    first_m, last_m = sorted((start_m, goal_m))
+    return line.between(first_m, max(last_m, first_m + 1.0))
+
+
+def _direction(line: Polyline) -> float:
+    """Map heading from the first to the last point of a line."""
+    away = line.points[-1] - line.points[0]
+    return atan2(away[1], away[0])
+
+
+def _goal_line(roads: Roads, scenario: Scenario) -> Floats:
+    """(2, 2) the ends of the line across the lanes at the goal."""
+    pose = scenario.goal.pose(roads)
+    block = roads.roadblocks[roads[scenario.goal.lane].roadblock_id]
+    lanes = [roads[lane_id] for lane_id in block.lane_ids]
+    ends = [lanes[0].left_boundary.linestring, lanes[-1].right_boundary.linestring]
+    here = shapely.Point(pose.x_m, pose.y_m)
+    return np.concatenate([shapely.get_coordinates(shapely.shortest_line(here, end))[1:] for end in ends])

@@ -1,0 +1,94 @@
+"""Page: the replay as one self-contained HTML file that asks for nothing from anywhere."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import json
+import re
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from functools import cache
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+from interplan_sumo.batch.stored_drive import StoredDrive
+from interplan_sumo.errors import InputError
+from interplan_sumo.maps import render
+from interplan_sumo.report import scenario_drawing as drawing
+from interplan_sumo.report.replay.data import replay_data
+
+SCRIPTS: Final = ("decode.js", "camera.js", "scene.js", "charts.js", "panels.js", "player.js")
+"""In the order in which they are joined to one module."""
+COLOURS: Final = {
+    "ground": render.PAPER,
+    "walkway": render.WALKWAY,
+    "carpark": render.CARPARK,
+    "extra": render.EXTRA,
+    "road": render.ASPHALT,
+    "junction": render.JUNCTION,
+    "edge": drawing.EDGE,
+    "marking": drawing.MARKING,
+    "middle": drawing.MIDDLE,
+    "planner-1": drawing.EGO,
+    "route": drawing.ROUTE,
+    "goal": drawing.GOAL,
+    "person": drawing.PERSON,
+    **{f"stop-{kind.name.lower().replace('_', '-')}": colour for kind, colour in render.STOP_COLOURS.items()},
+}
+"""Of the pictures of maps and scenarios, as properties of the page's style; replay.css has those of the dark."""
+
+
+def write_replay(drives: Sequence[StoredDrive], path: Path) -> None:
+    """Write `replay_page` to a file; InputError if it cannot be written."""
+    text = replay_page(drives)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def replay_page(drives: Sequence[StoredDrive]) -> str:
+    """One drive, or two of one scenario side by side, as HTML; raises as `replay_data` does."""
+    planners = " and ".join(str(drive.row["planner"]) for drive in drives)
+    data = replay_data(drives)
+    return html(data, data["scenario"]["id"], f"{data['scenario']['id']} with {planners}")
+
+
+def html(data: Mapping[str, Any], heading: str, title: str) -> str:
+    """The page of the fields of `replay_data`. What they hold is text, whatever it looks like."""
+    style, script = _style(), _script()
+    policy = f"default-src 'none'; style-src '{_digest(style)}'; script-src '{_digest(script)}'; base-uri 'none'"
+    words = {"heading": escape(heading), "title": escape(title)}
+    parts = {**words, "policy": policy, "style": style, "script": script, "data": packed(data)}
+    # in one pass: nothing that a part holds is taken for the place of another
+    return re.sub(r"@(\w+)@", lambda place: parts[place[1]], _part("page.html"))
+
+
+def packed(data: Mapping[str, Any]) -> str:
+    """The data as JSON in a JSON text: compressed, in base64; about a quarter of what it would be in plain."""
+    plain = json.dumps(data, separators=(",", ":"), allow_nan=False).encode()
+    return json.dumps({"gzip": b64encode(gzip.compress(plain, 9, mtime=0)).decode()})
+
+
+@cache
+def _part(name: str) -> str:
+    return files(__package__ or "").joinpath(name).read_text(encoding="utf-8")
+
+
+@cache
+def _style() -> str:
+    colours = "".join(f"--{name}:{colour};" for name, colour in COLOURS.items())
+    return f":root{{{colours}}}\n{_part('replay.css')}"
+
+
+@cache
+def _script() -> str:
+    return "\n".join(_part(name) for name in SCRIPTS)
+
+
+def _digest(text: str) -> str:
+    """A source of the content security policy that allows exactly this text."""
+    return f"sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}"

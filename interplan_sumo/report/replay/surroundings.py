@@ -1,0 +1,146 @@
+"""Surroundings: the map around a drive, as much of it as a viewer sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from interplan_sumo.report.replay.numbers import Whole, lines, points, rings
+from interplan_sumo.world.geometry import Floats, Polyline, wrap_angle
+from interplan_sumo.world.roads import Area, Connector, Intersection, Roads
+
+REACH_M: Final = 80.0
+"""From the drives and the route: a screen in either direction at the usual zoom."""
+DETAIL_M: Final = 0.05
+"""Vertices that move an outline by less are left out."""
+ARROW_EVERY_M: Final = 30.0
+
+
+def area_around(tracks: Iterable[Floats]) -> shapely.Geometry:
+    """The area within about `REACH_M` of points (N, 2) of the map that lie close together."""
+    # who stands trembles, and a trembling line takes seconds to widen
+    shapes = [shapely.simplify(shapely.LineString(np.repeat(track, 2, axis=0)), 1.0) for track in tracks]
+    return shapely.simplify(shapely.buffer(shapely.union_all(shapes), REACH_M), 1.0)
+
+
+def map_around(roads: Roads, area: shapely.Geometry, origin: Floats) -> dict[str, Any]:
+    """What to draw inside an area of the map, in the encoding of `numbers`.
+
+    `areas` by kind and `crosswalks` are polygons as rings, `stop_lines` too, by
+    kind; `edge` of the drivable area, `solid`, `dashed` and `middle` markings
+    and `connectors` are lines; `arrows` are x, y and heading of each.
+    """
+    shapely.prepare(area)
+    kinds: dict[str, Sequence[Area | Intersection]] = {
+        "walkway": roads.walkways,
+        "carpark": roads.carparks,
+        "extra": roads.generic_drivable_areas,
+        "road": roads.road_segments,
+        "junction": roads.intersections,
+    }
+    surfaces = {kind: _clipped([each.polygon for each in areas], area) for kind, areas in kinds.items()}
+    edge = shapely.intersection(shapely.boundary(drivable_around(roads, area)), area)
+    stops: dict[str, list[shapely.Geometry]] = {}
+    for line in roads.stop_lines.values():
+        if shapely.intersects(area, line.polygon):
+            stops.setdefault(line.kind.name.lower(), []).append(line.polygon)
+    ways = [each.centerline.linestring for each in roads.connectors.values()]
+    return {
+        "areas": {kind: rings(parts, origin) for kind, parts in surfaces.items()},
+        "edge": lines([shapely.simplify(edge, DETAIL_M)], origin),
+        "crosswalks": rings(_clipped([each.polygon for each in roads.crosswalks], area), origin),
+        "stop_lines": {kind: rings(shapes, origin) for kind, shapes in stops.items()},
+        "connectors": lines(_clipped(ways, area), origin),
+        "arrows": _arrows(roads, area, origin),
+        **{kind: lines(_clipped(found, area), origin) for kind, found in markings(roads, area).items()},
+    }
+
+
+def drivable_around(roads: Roads, area: shapely.Geometry) -> shapely.Geometry:
+    """The surfaces of the drivable area that reach into an area, in one; empty where there are none."""
+    surfaces = (*roads.road_segments, *roads.intersections, *roads.generic_drivable_areas, *roads.carparks)
+    every = np.array([surface.polygon for surface in surfaces], dtype=object)
+    return shapely.union_all(every[shapely.intersects(area, every)]) if len(every) else shapely.MultiPolygon()
+
+
+def lights(roads: Roads, area: shapely.Geometry, origin: Floats) -> dict[str, dict[str, Whole]]:
+    """Every connector of the area with a traffic light: the share of the stop bar that is its own, and its way.
+
+    Connectors from one lane share the bar across its end, in the order in which they fan out, the leftmost first.
+    """
+    by_lane: dict[str, list[Connector]] = {}
+    for connector in roads.connectors.values():
+        if connector.has_traffic_light and shapely.intersects(area, connector.centerline.linestring):
+            by_lane.setdefault(connector.from_lane_id, []).append(connector)
+    found: dict[str, dict[str, Whole]] = {}
+    for lane_id, connectors in by_lane.items():
+        lane = roads.lanes[lane_id]
+        left, right = lane.left_boundary.points[-1], lane.right_boundary.points[-1]
+        heading_rad = float(lane.centerline.segment_heading_rad[-1])
+        connectors.sort(key=lambda connector: -_bearing_rad(connector, heading_rad))
+        for i, connector in enumerate(connectors):
+            shares = np.array((i, i + 1))[:, None] / len(connectors)
+            way = shapely.simplify(connector.centerline.linestring, DETAIL_M)
+            found[connector.id] = {
+                "bar": points(left + shares * (right - left), origin),
+                "way": points(shapely.get_coordinates(way), origin),
+            }
+    return found
+
+
+def markings(roads: Roads, area: shapely.Geometry) -> dict[str, list[shapely.LineString]]:
+    """Boundaries of lanes: `dashed` between lanes, `solid` at the edges, `middle` between the directions."""
+    found: dict[str, list[shapely.LineString]] = {"dashed": [], "solid": [], "middle": []}
+    for block in roads.roadblocks.values():
+        if block.is_connector or not shapely.intersects(area, block.polygon):
+            continue
+        lanes = [roads.lanes[i] for i in block.lane_ids]
+        found["dashed"] += [lane.right_boundary.linestring for lane in lanes[:-1]]
+        for line, side in ((lanes[0].left_boundary, 1.0), (lanes[-1].right_boundary, -1.0)):
+            found["middle" if _borders_on_oncoming(roads, line, side) else "solid"].append(line.linestring)
+    return found
+
+
+def _borders_on_oncoming(roads: Roads, line: Polyline, side: float) -> bool:
+    """Whether a lane of opposite direction lies just beyond the middle of a boundary."""
+    arc_m = line.length_m / 2.0
+    there, heading_rad = line.pose_at(arc_m, 0.6 * side), line.pose_at(arc_m).heading_rad
+    for lane_id in roads.lanes_at(there.x_m, there.y_m):
+        other = roads[lane_id].centerline
+        other_rad = other.pose_at(other.project_point(there.x_m, there.y_m)[0]).heading_rad
+        if abs(wrap_angle(other_rad - heading_rad)) > np.pi / 2.0:
+            return True
+    return False
+
+
+def _bearing_rad(connector: Connector, heading_rad: float) -> float:
+    """Where a connector leads, seen along the heading of the lane that it leaves; left positive."""
+    away = connector.centerline.points[-1] - connector.centerline.points[0]
+    return float(wrap_angle(np.arctan2(away[1], away[0]) - heading_rad))
+
+
+def _arrows(roads: Roads, area: shapely.Geometry, origin: Floats) -> list[tuple[int, int, float]]:
+    """x, y in centimetres and heading in radians of arrows along the lanes."""
+    found: list[tuple[int, int, float]] = []
+    for lane in roads.lanes.values():
+        line = lane.centerline
+        if not shapely.intersects(area, lane.polygon):
+            continue
+        count = max(1, int(line.length_m // ARROW_EVERY_M))
+        poses = line.poses_at((np.arange(count) + 0.5) * line.length_m / count)
+        for x_m, y_m, heading_rad in poses[shapely.contains_xy(area, poses[:, :2])].tolist():
+            (x, y) = points(np.array([(x_m, y_m)]), origin)
+            found.append((x, y, round(heading_rad, 3)))
+    return found
+
+
+def _clipped(shapes: Sequence[shapely.Geometry], area: shapely.Geometry) -> list[shapely.Geometry]:
+    """The parts of shapes inside an area, without the vertices that nobody sees."""
+    if not shapes:
+        return []
+    every = np.asarray(shapes, dtype=object)
+    inside = every[shapely.intersects(area, every)]
+    return list(shapely.simplify(shapely.intersection(inside, area), DETAIL_M))

@@ -1,0 +1,1 @@
+"""Language models as planners: the models in `models`, the planners beside it."""

@@ -1,0 +1,139 @@
+"""Hybrid planner: once a second somebody chooses a behaviour, ten times a second PDM drives it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+from interplan_llm.hybrid.behaviours import Behaviour, offered
+from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChooser
+from interplan_llm.hybrid.courses import Courses
+from interplan_llm.hybrid.scene import Scene, Watch
+from interplan_llm.models.spec import open_model
+from interplan_llm.models.store import Mode
+from interplan_planners.common.pdm import PdmMotion, PdmSettings
+from interplan_sumo.planner import Mission, Observation
+from interplan_sumo.world.trajectory import Trajectory
+
+FALLBACK_LIMIT_MPS = 15.0
+"""Where the map knows no limit (the published number)."""
+CENTER_BONUS = 0.02
+"""A proposal beside the line must be this much better than those on it."""
+
+
+class Chooser(Protocol):
+    """Chooses among behaviours that a scene offers."""
+
+    def start(self, mission: Mission) -> None:
+        """A new episode; nothing of the last one may remain."""
+        ...
+
+    def choose(self, scene: Scene, options: tuple[Behaviour, ...], now: Behaviour | None) -> tuple[Behaviour, float]:
+        """One of the options (two or more), and how many seconds from now on it takes until it is known.
+
+        `now` is what is being done; None at the first decision.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """One choice."""
+
+    time_s: float
+    """When it was asked for."""
+    options: tuple[Behaviour, ...]
+    behaviour: Behaviour
+
+
+class HybridPlanner:
+    """Drives what a chooser chooses; whoever that is: a language model, a coin, an oracle.
+
+    A decision holds for `every_s`; it takes effect when it is known, and until
+    then the last one goes on, if it is still offered. A single option is taken without
+    asking. The motion is PDM's on the line that the behaviour leads to.
+    """
+
+    def __init__(self, chooser: Chooser, every_s: float = 1.0, recorded: Sequence[Trajectory] = ()) -> None:
+        """`recorded` are plans, one per step, of an earlier drive that was the same until they end."""
+        if not every_s > 0.0:
+            raise ValueError(f"every_s is {every_s}, expected more than 0")
+        self.chooser = chooser
+        self.every_s = every_s
+        self._recorded = tuple(recorded)
+        self.decisions: list[Decision] = []
+
+    def start(self, mission: Mission) -> None:
+        self._watch = Watch(mission, FALLBACK_LIMIT_MPS)
+        self._courses = Courses(self._watch, FALLBACK_LIMIT_MPS)
+        self._motion = PdmMotion(PdmSettings(first_path_bonus=CENTER_BONUS), mission.shape)
+        self._shape = mission.shape
+        self._now: Behaviour | None = None
+        self._pending: tuple[float, Behaviour] | None = None
+        self._asks_at_s: float | None = None
+        self._step = 0
+        self.decisions = []
+        self.chooser.start(mission)
+
+    def plan(self, seen: Observation) -> Trajectory:
+        scene = self._watch.scene(seen)
+        if self._asks_at_s is None or seen.time_s >= self._asks_at_s - 1e-6:
+            self._asks_at_s = seen.time_s + self.every_s
+            self._ask(scene)
+        if self._pending is not None and seen.time_s >= self._pending[0] - 1e-6:
+            self._now = self._pending[1]
+            self._pending = None
+        possible = offered(scene)
+        behaviour = self._now if self._now is not None and self._now in possible else possible[0]
+        course = self._courses.course(behaviour, scene, seen.ego.rear_axle(self._shape))
+        self._step += 1
+        if self._step <= len(self._recorded):
+            return self._recorded[self._step - 1]
+        plan, _ = self._motion.plan(seen, course)
+        return plan
+
+    def _ask(self, scene: Scene) -> None:
+        options = offered(scene)
+        if len(options) == 1:
+            chosen, delay_s = options[0], 0.0
+        else:
+            chosen, delay_s = self.chooser.choose(scene, options, self._now)
+        self.decisions.append(Decision(scene.time_s, options, chosen))
+        if self._now is None:
+            delay_s = 0.0
+        self._pending = (scene.time_s + delay_s, chosen)
+
+
+class HybridLlmPlanner(HybridPlanner):
+    """The paper's hybrid: a language model chooses the behaviour, zero-shot; PDM moves the car.
+
+    `model` is what docs/language_models.md says: `embedded`, a URL and a
+    model's name, recorded answers, ...; or `random` for a coin and `rules` for a
+    few rules in its place.
+    """
+
+    paper: ClassVar[str] = "Hallgarten et al. 2024"
+
+    def __init__(
+        self,
+        model: str = "embedded",
+        store: str | None = None,
+        mode: Mode = "record",
+        memory: bool = False,
+        thoughts: bool = False,
+        real_time: bool = False,
+        every_s: float = 1.0,
+        timeout_s: float = 60.0,
+        threads: int = 1,
+        seed: int = 0,
+    ) -> None:
+        """`store` and `mode` record answers or play them back; `seed` is the coin's."""
+        if model in ("random", "rules"):
+            super().__init__(RandomChooser(seed) if model == "random" else RuleChooser(), every_s)
+        else:
+            opened = open_model(model, store=store, mode=mode, threads=threads)
+            super().__init__(
+                ModelChooser(opened, memory=memory, thoughts=thoughts, real_time=real_time, timeout_s=timeout_s),
+                every_s,
+            )

@@ -1,0 +1,1 @@
+"""Language models behind one interface: `open_model(spec).ask(request)`, whoever provides them."""

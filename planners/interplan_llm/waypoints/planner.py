@@ -1,0 +1,97 @@
+"""LLM waypoints: once a second a language model writes a trajectory of 8 s; the tracker follows it."""
+
+from __future__ import annotations
+
+import json
+from typing import ClassVar
+
+import numpy as np
+
+from interplan_llm.models.ledger import Ledger
+from interplan_llm.models.protocol import LanguageModel, Message, ModelFailure, Request
+from interplan_llm.models.spec import open_model
+from interplan_llm.models.store import Mode
+from interplan_llm.waypoints.answers import trajectory, waypoints
+from interplan_llm.waypoints.prompt import POINTS, SCHEMA, Prompter
+from interplan_planners.common.paths import braking_plan
+from interplan_sumo.planner import Mission, Observation
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.trajectory import Trajectory
+
+ANSWER_TOKENS = 512
+"""Longest answer (the published number)."""
+KEPT_S = 3.0
+"""So long an old plan is driven on when no new one comes; then the car brakes."""
+BRAKING_MPS2 = 2.5
+
+
+class LlmWaypointsPlanner:
+    """In the manner of GPT-Driver, as the paper has it: perception as text in, thoughts and 16 waypoints out.
+
+    Other than published: the frame of the prompt is the frame of the numbers,
+    headings follow the waypoints, the answer is JSON and never evaluated, the own lane's
+    line is told unless `centerline` is false, and without a usable answer the
+    last plan is driven on for 3 s, then the car brakes.
+    """
+
+    paper: ClassVar[str] = "Hallgarten et al. 2024, after Mao et al. 2023"
+
+    def __init__(
+        self,
+        model: str = "embedded",
+        store: str | None = None,
+        mode: Mode = "record",
+        every_s: float = 1.0,
+        centerline: bool = True,
+        real_time: bool = False,
+        timeout_s: float = 120.0,
+        threads: int = 1,
+    ) -> None:
+        """`model`, `store` and `mode` as docs/language_models.md says."""
+        if not every_s > 0.0:
+            raise ValueError(f"every_s is {every_s}, expected more than 0")
+        self.model: LanguageModel = open_model(model, store=store, mode=mode, threads=threads)
+        self.every_s = every_s
+        self.centerline = centerline
+        self.real_time = real_time
+        self.timeout_s = timeout_s
+        self.ledger = Ledger()
+        """Of the episode."""
+
+    def start(self, mission: Mission) -> None:
+        self._prompter = Prompter(mission, centerline=self.centerline)
+        self._asks_at_s = -np.inf
+        self._pending: tuple[float, Trajectory] | None = None
+        self._now: Trajectory | None = None
+        self.ledger = Ledger()
+
+    def plan(self, seen: Observation) -> Trajectory:
+        if seen.time_s >= self._asks_at_s - 1e-6:
+            self._asks_at_s = seen.time_s + self.every_s
+            self._ask(seen)
+        if self._pending is not None and seen.time_s >= self._pending[0] - 1e-6:
+            self._now = self._pending[1]
+            self._pending = None
+        if self._now is None or seen.time_s > float(self._now.time_s[0]) + KEPT_S:
+            return braking_plan(seen.ego, BRAKING_MPS2, POINTS * 0.5, 0.1)
+        return self._now
+
+    def request(self, seen: Observation) -> Request:
+        """The question as it is put."""
+        return Request(self._prompter.messages(seen), schema=SCHEMA, max_tokens=ANSWER_TOKENS, timeout_s=self.timeout_s)
+
+    def example(self, seen: Observation, places: Floats, thoughts: str) -> tuple[Message, Message, Message]:
+        """A step with the answer that would have been right, for fine-tuning: places (16, 2) in the car's frame."""
+        answer = {"thoughts": thoughts, "waypoints": (np.round(places, 1) + 0.0).tolist()}
+        return *self._prompter.messages(seen), Message("assistant", json.dumps(answer))
+
+    def _ask(self, seen: Observation) -> None:
+        try:
+            reply = self.model.ask(self.request(seen))
+            plan = trajectory(waypoints(reply), seen.ego)
+        except ModelFailure as failure:
+            self.ledger.failed(failure)
+            return
+        self.ledger.answered(reply)
+        delay_s = reply.latency_s if self.real_time and self._now is not None else 0.0
+        self._pending = (seen.time_s + delay_s, plan)

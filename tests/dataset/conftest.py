@@ -1,0 +1,14 @@
+"""The run that the tests of datasets share: nobody changes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from recorded import recorded_run
+
+
+@pytest.fixture(scope="session")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A nudge in right-hand traffic and a lane change in left-hand traffic, two seeds each."""
+    return recorded_run(tmp_path_factory.mktemp("runs") / "mine", "nudge/0", "lane_change_mtd/5", seeds=2)

@@ -1,0 +1,151 @@
+"""The hybrid in motion: what is chosen is driven, whoever chooses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from worlds import cars, ego, mission, observation, straight_road
+
+from interplan_llm.hybrid.behaviours import Behaviour
+from interplan_llm.hybrid.choosers import RandomChooser
+from interplan_llm.hybrid.planner import HybridPlanner
+from interplan_llm.hybrid.scene import Scene
+from interplan_sumo.dynamics.lqr import follow
+from interplan_sumo.plan_check import check_plan
+from interplan_sumo.planner import Mission, Past
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.ego import PACIFICA, EgoState
+
+WIDE = straight_road(lanes=2, length_m=600.0, limit_mps=12.0)
+TO_THE_LEFT = mission(WIDE, ("11",), goal_arc_m=400.0)
+BROAD = mission(straight_road(lanes=1, length_m=600.0, limit_mps=12.0), ("11",))
+
+
+class Scripted:
+    """Chooses by a rule, after a delay."""
+
+    def __init__(self, rule: Callable[[Scene, tuple[Behaviour, ...]], Behaviour], delay_s: float = 0.0) -> None:
+        self.rule = rule
+        self.delay_s = delay_s
+        self.asked_at_s: list[float] = []
+
+    def start(self, mission: Mission) -> None:  # noqa: ARG002
+        self.asked_at_s = []
+
+    def choose(
+        self,
+        scene: Scene,
+        options: tuple[Behaviour, ...],
+        now: Behaviour | None,  # noqa: ARG002
+    ) -> tuple[Behaviour, float]:
+        self.asked_at_s.append(round(scene.time_s, 3))
+        return self.rule(scene, options), self.delay_s
+
+
+def always(behaviour: Behaviour) -> Scripted:
+    """The behaviour whenever it is offered, else the first option."""
+    return Scripted(lambda _, options: behaviour if behaviour in options else options[0])
+
+
+def driven(
+    chooser: Scripted | RandomChooser,
+    seconds: float,
+    job: Mission = TO_THE_LEFT,
+    start: EgoState | None = None,
+    actors: Actors | None = None,
+) -> tuple[list[EgoState], HybridPlanner]:
+    planner = HybridPlanner(chooser)
+    planner.start(job)
+    state = start or ego(50.0, -3.5, 8.0)
+    others = Actors.none() if actors is None else actors
+    states = [state]
+    for _ in range(round(seconds * 10)):
+        assert not any(state.polygon(PACIFICA).intersects(other) for other in others.polygons), state
+        plan = planner.plan(observation(state, others, None, Past((state,) * 20, (others,) * 20)))
+        check_plan(plan, state, state.time_s)
+        state = follow(state, plan, 0.1)
+        states.append(state)
+    return states, planner
+
+
+def test_following_keeps_the_lane_and_reaches_the_limit() -> None:
+    states, _ = driven(always(Behaviour.FOLLOW), 8.0)
+    assert max(abs(s.y_m + 3.5) for s in states) < 0.1
+    assert states[-1].vx_mps == pytest.approx(12.0, abs=0.5)
+
+
+def test_a_merge_arrives_on_the_other_lane_and_stays_there() -> None:
+    states, planner = driven(always(Behaviour.MERGE_LEFT), 10.0)
+    assert states[-1].y_m == pytest.approx(0.0, abs=0.15)
+    assert max(s.y_m for s in states) < 0.4
+    assert planner.decisions[-1].behaviour is Behaviour.FOLLOW
+
+
+def test_a_merge_that_is_called_off_goes_back() -> None:
+    def rule(scene: Scene, options: tuple[Behaviour, ...]) -> Behaviour:
+        return Behaviour.MERGE_LEFT if scene.time_s < 0.5 and Behaviour.MERGE_LEFT in options else options[0]
+
+    states, _ = driven(Scripted(rule), 9.0)
+    assert -3.4 < max(s.y_m for s in states) < -2.0
+    assert states[-1].y_m == pytest.approx(-3.5, abs=0.15)
+
+
+def test_waiting_brings_the_car_to_a_stand() -> None:
+    states, _ = driven(always(Behaviour.STOP), 11.0, actors=cars((120.0, -3.5)))
+    assert states[-1].vx_mps < 0.3
+
+
+def test_what_leaves_room_is_passed_and_the_lane_taken_up_again() -> None:
+    aside = cars((130.0, -1.75), width_m=1.5)  # 1 m into a lane of 3.5 m beside an open verge
+    roomy = straight_road(lanes=2, length_m=600.0, limit_mps=12.0)
+    states, _ = driven(
+        Scripted(lambda _, options: Behaviour.OVERTAKE if Behaviour.OVERTAKE in options else options[0]),
+        16.0,
+        mission(roomy, ("11",)),
+        ego(60.0, 0.0, 8.0),
+        aside,
+    )
+    assert states[-1].x_m > 150.0
+    assert states[-1].y_m == pytest.approx(0.0, abs=0.2)
+
+
+def test_one_is_asked_once_a_second_and_only_where_there_is_a_choice() -> None:
+    chooser = always(Behaviour.FOLLOW)
+    driven(chooser, 3.2)
+    assert chooser.asked_at_s == [0.0, 1.0, 2.0, 3.0]
+    alone = always(Behaviour.FOLLOW)
+    _, planner = driven(alone, 3.2, BROAD, ego(50.0, 0.0, 8.0))
+    assert alone.asked_at_s == []
+    assert [d.behaviour for d in planner.decisions] == [Behaviour.FOLLOW] * 4
+
+
+def test_an_answer_takes_effect_when_it_is_known() -> None:
+    def rule(scene: Scene, options: tuple[Behaviour, ...]) -> Behaviour:
+        return Behaviour.MERGE_LEFT if scene.time_s > 0.5 and Behaviour.MERGE_LEFT in options else options[0]
+
+    at_once, _ = driven(Scripted(rule), 3.0)
+    late, _ = driven(Scripted(rule, delay_s=0.8), 3.0)
+    began = [next(s.time_s for s in states if s.y_m > -3.45) for states in (at_once, late)]
+    assert began[1] - began[0] == pytest.approx(0.8, abs=0.15)
+
+
+def test_what_is_no_longer_offered_is_not_done() -> None:
+    chooser = Scripted(lambda _, options: options[-1])
+    states, planner = driven(chooser, 12.0, start=ego(50.0, 0.0, 8.0))
+    assert all(d.behaviour in d.options for d in planner.decisions)
+    assert abs(states[-1].y_m) < 0.2
+
+
+def test_the_same_coin_gives_the_same_drive_every_time() -> None:
+    chooser = RandomChooser(seed=3)
+    once, planner = driven(chooser, 6.0)
+    again, same = driven(chooser, 6.0)
+    assert once == again
+    assert planner.decisions == same.decisions
+    assert {d.behaviour for d in planner.decisions} > {Behaviour.FOLLOW}
+
+
+def test_a_period_must_be_positive() -> None:
+    with pytest.raises(ValueError, match="every_s is 0"):
+        HybridPlanner(RandomChooser(), every_s=0.0)

@@ -1,0 +1,245 @@
+"""What the hybrid sees of a step, and which behaviours that offers."""
+
+from __future__ import annotations
+
+import pytest
+from worlds import cars, ego, junction, mission, observation, pedestrians, signals, straight_road
+
+from interplan_llm.hybrid.behaviours import Behaviour, offered
+from interplan_llm.hybrid.scene import CLEARANCE_M, Scene, Watch
+from interplan_sumo.planner import Mission, Past
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.world.signals import Signals
+
+WIDE = straight_road(lanes=3, length_m=500.0, limit_mps=12.0)
+MIDDLE = mission(WIDE, ("12",), goal_arc_m=200.0)
+TO_THE_LEFT = mission(WIDE, ("11",), goal_arc_m=200.0)
+NARROW = straight_road(lanes=1, length_m=300.0, limit_mps=12.0)
+ALONE = mission(NARROW, ("11",))
+HALF_M = PACIFICA.length_m / 2
+OWN_Y = -3.5
+"""Of the middle lane."""
+
+
+def seen(
+    actors: Actors | None = None,
+    job: Mission = MIDDLE,
+    speed_mps: float = 8.0,
+    y_m: float = OWN_Y,
+    lights: Signals | None = None,
+    x_m: float = 100.0,
+) -> Scene:
+    """The scene around an ego; whoever stands has been standing for two seconds."""
+    state = ego(x_m, y_m, speed_mps)
+    everyone = Actors.none() if actors is None else actors
+    return Watch(job, 15.0).scene(observation(state, everyone, lights, Past((state,) * 20, (everyone,) * 20)))
+
+
+def cones(*places: tuple[float, float]) -> Actors:
+    return cars(*places, kind=ActorKind.TRAFFIC_CONE, length_m=0.4, width_m=0.4, prefix="cone")
+
+
+# --- lanes and others ------------------------------------------------------------------------------
+
+
+def test_an_empty_road_has_three_free_lanes() -> None:
+    scene = seen()
+    assert scene.current.way.lanes == ("12",)
+    assert (scene.left and scene.left.way.lanes, scene.right and scene.right.way.lanes) == (("11",), ("13",))
+    assert scene.current.ahead is scene.current.behind is scene.current.blocked is None
+    assert scene.limit_mps == pytest.approx(12.0)
+    assert scene.goal_m == pytest.approx(100.0)
+
+
+def test_the_outer_lanes_have_one_neighbour() -> None:
+    assert seen(y_m=0.0).left is None
+    assert seen(y_m=-7.0).right is None
+
+
+def test_gaps_run_from_bumper_to_bumper() -> None:
+    scene = seen(cars((130.0, OWN_Y, 6.0), (80.0, OWN_Y, 9.0)))
+    assert scene.current.ahead is not None
+    assert scene.current.ahead.gap_m == pytest.approx(30.0 - HALF_M - 2.4)
+    assert scene.current.ahead.speed_mps == pytest.approx(6.0)
+    assert scene.current.behind is not None
+    assert scene.current.behind.gap_m == pytest.approx(20.0 - HALF_M - 2.4)
+
+
+def test_a_car_beside_the_ego_has_no_gap() -> None:
+    scene = seen(cars((101.0, 0.0, 8.0)))
+    assert scene.left is not None
+    assert scene.left.ahead is not None
+    assert scene.left.ahead.gap_m == 0.0
+
+
+def test_the_nearest_of_several_is_told() -> None:
+    scene = seen(cars((150.0, OWN_Y, 6.0), (125.0, OWN_Y, 7.0), (70.0, OWN_Y, 7.0), (85.0, OWN_Y, 9.0)))
+    assert scene.current.ahead is not None
+    assert scene.current.behind is not None
+    assert (scene.current.ahead.speed_mps, scene.current.behind.speed_mps) == pytest.approx((7.0, 9.0))
+
+
+@pytest.mark.parametrize(("y_m", "there"), [(OWN_Y + 1.9, True), (OWN_Y + 2.1, False)])
+def test_who_reaches_within_a_metre_of_the_centre_line_is_on_the_lane(y_m: float, there: bool) -> None:
+    assert (seen(cars((130.0, y_m, 6.0))).current.ahead is not None) is there
+
+
+# --- what blocks -----------------------------------------------------------------------------------
+
+
+def test_a_car_that_stands_blocks_and_is_nobody_to_follow() -> None:
+    scene = seen(cars((130.0, OWN_Y)))
+    assert scene.current.ahead is None
+    assert scene.current.blocked is not None
+    assert scene.current.blocked.kind == "stopped vehicle"
+    assert scene.current.blocked.gap_m == pytest.approx(30.0 - HALF_M - 2.4)
+
+
+def test_a_car_that_has_just_stopped_does_not_block_yet() -> None:
+    state = ego(100.0, OWN_Y, 8.0)
+    moved = Past((state,) * 20, (cars((129.0, OWN_Y, 1.0)),) * 20)
+    scene = Watch(MIDDLE, 15.0).scene(observation(state, cars((130.0, OWN_Y)), None, moved))
+    assert scene.current.blocked is None
+    assert scene.current.ahead is not None
+
+
+def test_cones_near_one_another_are_one_blockage() -> None:
+    scene = seen(cones((130.0, OWN_Y), (138.0, OWN_Y + 1.0), (146.0, OWN_Y - 1.0)))
+    assert scene.current.blocked is not None
+    assert scene.current.blocked.kind == "cones"
+    assert scene.current.blocked.start_m == pytest.approx(129.8)
+    assert scene.current.blocked.end_m == pytest.approx(146.2)
+
+
+def test_cones_far_behind_the_first_are_another_blockage() -> None:
+    scene = seen(cones((130.0, OWN_Y), (146.0, OWN_Y)))
+    assert scene.current.blocked is not None
+    assert scene.current.blocked.end_m == pytest.approx(130.2)
+
+
+def test_passing_keeps_clear_of_the_obstacle_and_takes_the_smaller_shift() -> None:
+    scene = seen(cones((130.0, OWN_Y - 0.5)))
+    assert scene.current.blocked is not None
+    (side, offset_m), (other, other_m) = scene.current.blocked.passes
+    assert (side, other) == ("left", "right")
+    assert offset_m == pytest.approx(-0.5 + 0.2 + PACIFICA.width_m / 2 + CLEARANCE_M)
+    assert other_m == pytest.approx(-0.5 - 0.2 - PACIFICA.width_m / 2 - CLEARANCE_M)
+
+
+def test_beyond_the_edge_of_the_road_there_is_no_passing() -> None:
+    scene = seen(cars((130.0, 0.0)), job=ALONE, y_m=0.0)
+    assert scene.current.blocked is not None
+    assert scene.current.blocked.passes == ()
+
+
+def test_where_something_else_stands_there_is_no_passing() -> None:
+    scene = seen(cars((130.0, OWN_Y), (131.0, 0.0), (131.0, -7.0)))
+    assert scene.current.blocked is not None
+    assert scene.current.blocked.passes == ()
+
+
+def test_what_is_beside_the_ego_blocks_until_it_is_past() -> None:
+    beside = seen(cars((99.0, OWN_Y)), y_m=-1.0)
+    assert beside.current.blocked is None or beside.current.blocked.gap_m == 0.0
+    assert seen(cars((94.0, OWN_Y))).current.blocked is None
+
+
+# --- lights, oncoming traffic, people ----------------------------------------------------------------
+
+
+def test_cars_that_wait_for_a_light_do_not_block() -> None:
+    crossing = junction()
+    lanes = crossing.route_through
+    west = next(c for c in crossing.connectors.values() if c.turn.name == "STRAIGHT")
+    job = mission(crossing, (west.from_lane_id, west.id, west.to_lane_id))
+    assert lanes  # the map knows its ways
+    line = crossing[west.from_lane_id].centerline
+    start, end = line.pose_at(line.length_m - 40.0), line.pose_at(line.length_m - 4.0)
+    waiting = cars((end.x_m, end.y_m, 0.0, end.heading_rad))
+    state = ego(start.x_m, start.y_m, 5.0, start.heading_rad)
+    past = Past((state,) * 20, (waiting,) * 20)
+    red = Watch(job, 15.0).scene(observation(state, waiting, signals(red=[west.id]), past))
+    green = Watch(job, 15.0).scene(observation(state, waiting, signals(green=[west.id]), past))
+    assert red.current.blocked is None
+    assert red.current.ahead is not None
+    assert red.light is not None
+    assert red.light[0] == "red"
+    assert red.light[1] == pytest.approx(40.0 - HALF_M, abs=0.5)
+    assert green.current.blocked is not None
+    assert green.light is None
+
+
+def test_an_oncoming_car_comes_with_both_speeds() -> None:
+    scene = seen(cars((160.0, -0.5, 10.0, 3.14159265)), speed_mps=8.0)
+    assert scene.oncoming is not None
+    assert scene.oncoming.gap_m == pytest.approx(60.0 - HALF_M - 2.4)
+    assert scene.oncoming.closing_mps == pytest.approx(18.0)
+    assert scene.oncoming.meets_in_s == pytest.approx(scene.oncoming.gap_m / 18.0)
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        cars((160.0, -0.5, 10.0)),
+        cars((60.0, -0.5, 10.0, 3.14159265)),
+        cars((160.0, 4.0, 10.0, 3.14159265)),
+        cars((160.0, -0.5, 0.0, 3.14159265)),
+    ],
+    ids=["same direction", "behind", "too far aside", "parked"],
+)
+def test_who_does_not_come_towards_the_ego_is_not_oncoming(others: Actors) -> None:
+    assert seen(others).oncoming is None
+
+
+def test_a_pedestrian_beside_the_lane_is_told_with_the_way_that_is_left() -> None:
+    scene = seen(pedestrians((130.0, -7.5, 1.4, 1.5707963)))
+    (walker,) = scene.walkers
+    assert walker.ahead_m == pytest.approx(30.0 - HALF_M)
+    assert walker.aside_m == pytest.approx(-4.0)
+    assert walker.towards_mps == pytest.approx(1.4)
+
+
+def test_a_bus_that_stands_beside_the_lane_hides_people() -> None:
+    bus = cars((130.0, -7.0), length_m=12.0, width_m=2.5, prefix="bus")
+    assert [(c.side, pytest.approx(c.ahead_m)) for c in seen(bus).covers] == [("right", 36.0 - HALF_M)]
+    assert seen(cars((130.0, -7.0))).covers == ()
+
+
+# --- options -----------------------------------------------------------------------------------------
+
+
+def test_a_free_lane_that_leads_to_the_goal_is_followed() -> None:
+    assert offered(seen()) == (Behaviour.FOLLOW,)
+
+
+def test_a_merge_is_offered_towards_the_goal_only() -> None:
+    assert offered(seen(job=TO_THE_LEFT)) == (Behaviour.FOLLOW, Behaviour.MERGE_LEFT)
+    assert offered(seen(job=TO_THE_LEFT, y_m=0.0)) == (Behaviour.FOLLOW,)
+
+
+def test_a_merge_into_a_blocked_lane_is_not_offered() -> None:
+    assert offered(seen(cars((150.0, 0.0)), job=TO_THE_LEFT)) == (Behaviour.FOLLOW,)
+
+
+def test_a_lane_blocked_near_is_not_followed_and_both_neighbours_are_ways_round() -> None:
+    options = offered(seen(cars((130.0, OWN_Y)), speed_mps=10.0))
+    assert options == (Behaviour.MERGE_LEFT, Behaviour.MERGE_RIGHT, Behaviour.STOP)
+
+
+def test_a_lane_blocked_far_ahead_may_be_followed_for_now() -> None:
+    assert offered(seen(cars((170.0, OWN_Y)), speed_mps=5.0))[0] is Behaviour.FOLLOW
+
+
+def test_without_another_lane_one_passes_or_waits() -> None:
+    wide = straight_road(lanes=1, length_m=300.0)
+    aside = cars((125.0, -1.7), width_m=1.6)
+    options = offered(seen(aside, job=mission(wide, ("11",)), y_m=0.0))
+    assert Behaviour.FOLLOW not in options
+    assert options[-1] is Behaviour.STOP
+    in_the_way = offered(seen(cars((125.0, 0.0)), job=mission(wide, ("11",)), y_m=0.0))
+    assert in_the_way == (Behaviour.STOP,)
+
+
+def test_one_may_wait_where_somebody_might_step_out() -> None:
+    assert offered(seen(pedestrians((130.0, -8.0)))) == (Behaviour.FOLLOW, Behaviour.STOP)

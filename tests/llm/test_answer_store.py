@@ -1,0 +1,195 @@
+"""A recorded run comes back to the letter, from one file that several processes may write."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from interplan_llm.models.protocol import LanguageModel, Message, ModelFailure, Reply, Request
+from interplan_llm.models.scripted import ScriptedModel
+from interplan_llm.models.store import AnswerStore, Entry, Mode, StoredModel, key_of
+from interplan_sumo.errors import InputError
+from tests.llm.questions import question
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "new" / "answers.jsonl"
+
+
+def stored(path: Path, mode: Mode, *answers: str | ModelFailure) -> StoredModel:
+    model = None if mode == "replay" else ScriptedModel(answers, name="toy")
+    return StoredModel("toy", AnswerStore(path), mode, model)
+
+
+def outcome(model: LanguageModel, request: Request) -> Reply | tuple[str, str, float]:
+    try:
+        return model.ask(request)
+    except ModelFailure as failure:
+        return failure.cause, failure.message, failure.latency_s
+
+
+def test_an_answer_is_asked_for_once_and_comes_back_as_it_was(path: Path) -> None:
+    first = stored(path, "record", "stop").ask(question())
+    assert stored(path, "record").ask(question()) == first
+    assert stored(path, "replay").ask(question()) == first
+    assert first.choice == "stop"
+
+
+def test_what_was_never_asked_is_missing_and_not_guessed(path: Path) -> None:
+    stored(path, "record", "stop").ask(question())
+    with pytest.raises(ModelFailure, match="holds no answer of toy") as failed:
+        stored(path, "replay").ask(question("Something else."))
+    assert failed.value.cause == "missing"
+
+
+def test_refreshing_asks_again_and_the_new_answer_counts(path: Path) -> None:
+    stored(path, "record", "stop").ask(question())
+    assert stored(path, "refresh", "follow").ask(question()).choice == "follow"
+    assert stored(path, "replay").ask(question()).choice == "follow"
+
+
+@pytest.mark.parametrize("answer", ["nonsense", "merge_right", ModelFailure("timeout", "too late", latency_s=2.5)])
+def test_a_failure_is_replayed_as_the_failure_that_it_was(path: Path, answer: str | ModelFailure) -> None:
+    request = question(vocabulary=("merge_right",))
+    recorded = outcome(stored(path, "record", answer), request)
+    assert not isinstance(recorded, Reply)
+    assert outcome(stored(path, "replay"), request) == recorded
+
+
+def test_recording_asks_again_what_failed_without_an_answer_and_nothing_else(path: Path) -> None:
+    with pytest.raises(ModelFailure):
+        stored(path, "record", ModelFailure("timeout", "too late")).ask(question())
+    with pytest.raises(ModelFailure):
+        stored(path, "record", "nonsense").ask(question("And now?"))
+    again = stored(path, "record", "stop")
+    assert again.ask(question()).choice == "stop"
+    assert outcome(again, question("And now?"))[0] == "parse"  # type: ignore[index]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        question("Another text."),
+        question(choices=("follow", "stop")),
+        question(choices=None),
+        question(choices=None, schema={"type": "object"}),
+        question(constrained=False),
+        question(max_tokens=33),
+        question(temperature=0.1),
+        question(seed=1),
+        Request((Message("user", "A car stands 12 m ahead."),)),
+    ],
+)
+def test_whatever_determines_an_answer_is_in_its_key(other: Request) -> None:
+    assert key_of("toy", other) != key_of("toy", question())
+    assert key_of("other", question()) != key_of("toy", question())
+
+
+def test_limits_of_time_and_words_that_are_not_offered_do_not_change_the_key() -> None:
+    assert key_of("toy", question(timeout_s=1.0, vocabulary=("fly",))) == key_of("toy", question())
+
+
+def test_a_key_is_the_hash_of_ascii_json_the_same_on_every_platform() -> None:
+    request = Request((Message("user", "über \ud800"),), choices=("a", "b"))
+    text = (
+        '{"model":"toy","messages":[["user","\\u00fcber \\ud800"]],"choices":["a","b"],"schema":null,'
+        '"constrained":true,"max_tokens":32,"temperature":0.0,"seed":0}'
+    )
+    assert key_of("toy", request) == hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+@given(st.text(), st.integers(0, 10**6), st.floats(0.0, 1e6))
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_reply_survives_the_file(tmp_path: Path, text: str, tokens: int, latency_s: float) -> None:
+    reply = Reply(text, None, None, tokens, tokens, latency_s, text, "p", text)
+    file = tmp_path / "any.jsonl"
+    AnswerStore(file).keep("k", Entry("toy", reply))
+    found = AnswerStore(file).find("k")
+    assert found is not None
+    assert found.outcome == reply
+
+
+def test_questions_are_not_kept(path: Path) -> None:
+    stored(path, "record", "stop").ask(question("A secret of the scene."))
+    assert "secret" not in path.read_text()
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from interplan_llm.models.protocol import Reply
+from interplan_llm.models.store import AnswerStore, Entry
+store = AnswerStore(Path(sys.argv[1]))
+for i in range(100):
+    store.keep(f"{sys.argv[2]}/{i}", Entry("toy", Reply("x" * 5000)))
+"""
+
+
+def test_processes_that_write_at_once_lose_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "answers.jsonl"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    writers = [
+        subprocess.Popen([sys.executable, "-c", WRITER, str(path), str(number)], env=environment) for number in range(3)
+    ]
+    assert [writer.wait(60) for writer in writers] == [0, 0, 0]
+    assert len(AnswerStore(path)) == 300
+
+
+def test_what_another_process_has_answered_meanwhile_is_not_asked_again(path: Path) -> None:
+    early = stored(path, "record")
+    stored(path, "record", "stop").ask(question())
+    assert early.ask(question()).choice == "stop"
+
+
+def test_a_line_that_was_cut_off_is_overlooked_and_written_over(path: Path) -> None:
+    stored(path, "record", "stop").ask(question())
+    whole = path.read_bytes()
+    path.write_bytes(whole + whole[: len(whole) // 2])
+    again = stored(path, "record", "follow")
+    assert again.ask(question()).choice == "stop"
+    assert again.ask(question("And now?")).choice == "follow"
+    assert [json.loads(line)["model"] for line in path.read_text().splitlines()] == ["toy", "toy"]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        b"nonsense",
+        b"[]",
+        b"{}",
+        b"\xff",
+        b"[" * 5000,
+        b'{"key": "k", "model": "m", "failure": {"cause": "bored", "message": "", "latency_s": 0}}',
+        b'{"key": "k", "model": "m", "failure": {"cause": "parse", "message": "", "latency_s": NaN}}',
+        b'{"key": 1, "model": "m", "reply": {}}',
+    ],
+)
+def test_a_damaged_line_is_named_in_one_line(path: Path, damage: bytes) -> None:
+    stored(path, "record", "stop").ask(question())
+    path.write_bytes(path.read_bytes() + damage + b"\n")
+    with pytest.raises(InputError, match=r"answers\.jsonl, line 2: .* delete the line") as refused:
+        AnswerStore(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_place_where_nothing_can_be_kept_is_named(tmp_path: Path) -> None:
+    store = AnswerStore(tmp_path / "folder" / "answers.jsonl")
+    (tmp_path / "folder").write_text("")
+    with pytest.raises(InputError, match="cannot write the answers"):
+        store.keep("k", Entry("toy", Reply("x")))
+    with pytest.raises(InputError, match="cannot read the answers"):
+        AnswerStore(tmp_path)
+
+
+def test_recording_without_a_model_is_a_mistake_of_the_caller(path: Path) -> None:
+    with pytest.raises(ValueError, match="needs a model"):
+        StoredModel("toy", AnswerStore(path), "record")

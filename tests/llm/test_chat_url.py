@@ -1,0 +1,342 @@
+"""A chat server may answer, dawdle, refuse, break or ramble: each is counted under its cause, and the key stays put."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from email.utils import format_datetime
+from typing import Any
+
+import pytest
+
+from interplan_llm.models.ledger import Ledger
+from interplan_llm.models.protocol import MAX_TEXT_BYTES, Capabilities, Cause, LanguageModel, ModelFailure
+from interplan_sumo.errors import InputError
+from tests.llm import chat_server
+from tests.llm.chat_server import Act, ChatServer
+from tests.llm.questions import Time, question
+
+pytest.importorskip("httpx2", reason="needs the extra: pip install 'interplan-sumo[llm]'")
+
+from interplan_llm.models.chat_url import RETRY_AFTER_CAP_S, ChatUrl
+
+CANARY = "sk-canary-4711"
+
+
+@pytest.fixture(autouse=True)
+def _only_our_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("INTERPLAN_LLM_KEY", CANARY)
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+
+
+@pytest.fixture
+def server() -> Iterator[ChatServer]:
+    with ChatServer() as server:
+        yield server
+
+
+def model_of(server: ChatServer, *acts: Act, time: Time | None = None) -> ChatUrl:
+    """A model whose server has been probed and will then play `acts`."""
+    time = time or Time()
+    model = ChatUrl(server.url, "toy", clock=time.clock, sleep=time.sleep)
+    assert model.capabilities is not None
+    server.bodies.clear()
+    server.acts.extend(acts)
+    return model
+
+
+def failure_of(model: LanguageModel, **fields: Any) -> ModelFailure:
+    with pytest.raises(ModelFailure) as failed:
+        model.ask(question(**fields))
+    return failed.value
+
+
+def test_an_answer_comes_with_its_choice_tokens_latency_and_origin(server: ChatServer) -> None:
+    model = ChatUrl(server.url + "/", "toy")
+    reply = model.ask(question())
+    assert (reply.choice, reply.prompt_tokens, reply.completion_tokens) == ("follow", 300, 2)
+    assert (reply.model, reply.provider, reply.finish_reason) == ("toy", server.url, "stop")
+    assert 0.0 < reply.latency_s < 5.0
+    assert model.name == f"{server.url}#toy"
+    assert isinstance(model, LanguageModel)
+
+
+def test_the_question_is_sent_as_it_was_put(server: ChatServer) -> None:
+    model_of(server).ask(question("Was nun? \ud800", max_tokens=7, temperature=0.5, seed=3))
+    (sent,) = server.bodies
+    assert [message["role"] for message in sent["messages"]] == ["system", "user"]
+    assert sent["messages"][1]["content"] == "Was nun? \ud800"
+    assert (sent["model"], sent["max_tokens"], sent["temperature"], sent["seed"]) == ("toy", 7, 0.5, 3)
+
+
+# --- what the server can do ---
+
+
+@pytest.mark.parametrize(
+    ("understood", "capability"),
+    [("structured_outputs", "choice"), ("grammar", "grammar"), ("response_format", "json_schema")],
+)
+def test_only_what_the_server_obeys_is_sent(understood: str, capability: str) -> None:
+    with ChatServer(understands=(understood,), says="I would stop") as server:
+        model = model_of(server)
+        assert model.capabilities == Capabilities(**{capability: True}, seed=True, prompt_cache=True)
+        assert model.ask(question(choices=("merge_left", "stop"))).choice == "merge_left"
+        assert {"structured_outputs", "grammar", "response_format"} & server.bodies[-1].keys() == {understood}
+
+
+def test_a_server_that_ignores_every_constraint_gets_none(server: ChatServer) -> None:
+    model = model_of(server)
+    assert model.capabilities == Capabilities(seed=True, prompt_cache=True)
+    model.ask(question())
+    assert not {"structured_outputs", "grammar", "response_format"} & server.bodies[-1].keys()
+
+
+def test_the_server_is_probed_once(server: ChatServer) -> None:
+    model = ChatUrl(server.url, "toy")
+    model.ask(question())
+    probed = len(server.bodies) - 1
+    assert probed == 5
+    model.ask(question())
+    assert len(server.bodies) == probed + 2
+
+
+def test_a_probe_that_got_no_answer_is_made_again(server: ChatServer) -> None:
+    server.acts.append(chat_server.status(401))
+    model = ChatUrl(server.url, "toy")
+    assert failure_of(model).cause == "refused"
+    assert model.ask(question()).choice == "follow"
+
+
+def test_a_model_that_may_think_first_is_not_held_to_the_choices() -> None:
+    with ChatServer(understands=("grammar",), says="Let me see. <<stop>>") as server:
+        model = model_of(server)
+        assert model.ask(question(constrained=False)).choice == "stop"
+        assert "grammar" not in server.bodies[-1]
+
+
+@pytest.mark.parametrize(
+    ("refuses", "sent", "not_sent"),
+    [
+        (("max_tokens",), {"max_completion_tokens", "temperature", "seed"}, {"max_tokens"}),
+        (("max_tokens", "temperature"), {"max_completion_tokens", "seed"}, {"max_tokens", "temperature"}),
+        (("seed",), {"max_tokens", "temperature"}, {"seed"}),
+    ],
+)
+def test_a_server_is_asked_in_the_dialect_that_it_takes(
+    refuses: tuple[str, ...], sent: set[str], not_sent: set[str]
+) -> None:
+    with ChatServer(refuses=refuses) as server:
+        model = model_of(server)
+        assert model.ask(question()).choice == "follow"
+        assert sent <= server.bodies[-1].keys()
+        assert not not_sent & server.bodies[-1].keys()
+        assert model.capabilities.seed is ("seed" in sent)
+
+
+def test_json_is_asked_for_by_schema_and_read(server: ChatServer) -> None:
+    schema = {"type": "object", "properties": {"x": {"type": "number"}}, "required": ["x"]}
+    with ChatServer(understands=("response_format",), says='{"x": 2.5}') as server:
+        reply = model_of(server).ask(question(choices=None, schema=schema))
+        assert reply.data == {"x": 2.5}
+        assert server.bodies[-1]["response_format"]["json_schema"]["schema"] == schema
+
+
+# --- what can go wrong ---
+
+
+@pytest.mark.parametrize(
+    ("act", "cause"),
+    [
+        (chat_server.saying("merge_right"), "not_offered"),
+        (chat_server.saying("accelerate"), "parse"),
+        (chat_server.saying("x" * MAX_TEXT_BYTES), "too_long"),
+        (chat_server.endless, "too_long"),
+        (chat_server.raw(b"{nonsense"), "parse"),
+        (chat_server.raw(b"[" * 50_000), "parse"),
+        (chat_server.raw(b"[]"), "parse"),
+        (chat_server.raw(b'{"choices": []}'), "parse"),
+        (chat_server.raw(b'{"choices": [{"message": {"content": null}}]}'), "parse"),
+        (chat_server.raw(b"\xff\xfe"), "parse"),
+        (chat_server.status(400), "refused"),
+        (chat_server.status(401), "refused"),
+        (chat_server.status(404), "refused"),
+        (chat_server.status(302, Location="http://example.invalid/v1"), "refused"),
+    ],
+)  # fmt: skip
+def test_what_asking_again_cannot_mend_is_asked_once_and_named(server: ChatServer, act: Act, cause: Cause) -> None:
+    model = model_of(server, act)
+    failure = failure_of(model, vocabulary=("merge_right",))
+    assert failure.cause == cause
+    assert len(server.bodies) == 1
+    assert model.ask(question()).choice == "follow"
+
+
+@pytest.mark.parametrize(
+    ("act", "cause"),
+    [
+        (chat_server.status(429), "rate_limit"),
+        (chat_server.status(500), "server"),
+        (chat_server.status(503), "server"),
+        (chat_server.hung_up, "connection"),
+        (chat_server.cut, "connection"),
+    ],
+)
+def test_what_may_pass_is_asked_four_times_with_growing_waits(server: ChatServer, act: Act, cause: Cause) -> None:
+    time = Time()
+    model = model_of(server, *[act] * 4, time=time)
+    failure = failure_of(model)
+    assert failure.cause == cause
+    assert failure.latency_s == pytest.approx(3.5)
+    assert time.slept_s == [0.5, 1.0, 2.0]
+    assert model.ask(question()).choice == "follow"
+
+
+def test_a_server_that_recovers_answers_and_the_wait_is_in_the_latency(server: ChatServer) -> None:
+    model = model_of(server, chat_server.status(500), chat_server.status(500))
+    reply = model.ask(question())
+    assert reply.choice == "follow"
+    assert reply.latency_s == pytest.approx(1.5)
+
+
+def test_a_server_that_says_when_to_come_back_is_obeyed(server: ChatServer) -> None:
+    time = Time()
+    model = model_of(server, chat_server.status(429, Retry_After="7"), time=time)
+    assert model.ask(question(timeout_s=10.0)).choice == "follow"
+    assert time.slept_s == [7.0]
+
+
+def test_a_date_to_come_back_is_understood(server: ChatServer) -> None:
+    time = Time()
+    later = format_datetime(datetime.now(UTC) + timedelta(seconds=20), usegmt=True)
+    model_of(server, chat_server.status(503, Retry_After=later), time=time).ask(question(timeout_s=60.0))
+    assert time.slept_s == [pytest.approx(20.0, abs=3.0)]
+
+
+@pytest.mark.parametrize(("wait_s", "timeout_s"), [(RETRY_AFTER_CAP_S + 1, 600.0), (5.0, 5.0)])
+def test_a_wait_over_the_cap_or_past_the_deadline_is_not_waited_for(
+    server: ChatServer, wait_s: float, timeout_s: float
+) -> None:
+    time = Time()
+    model = model_of(server, chat_server.status(429, Retry_After=str(wait_s)), time=time)
+    assert failure_of(model, timeout_s=timeout_s).cause == "rate_limit"
+    assert time.slept_s == []
+
+
+@pytest.mark.parametrize("act", [chat_server.silent, chat_server.dripping])
+def test_the_deadline_holds_for_the_whole_answer_however_it_comes(server: ChatServer, act: Act) -> None:
+    model = model_of(server, act)
+    began_s = time.perf_counter()
+    assert failure_of(model, timeout_s=0.2).cause == "timeout"
+    assert time.perf_counter() - began_s < 2.0
+
+
+def test_no_more_is_read_than_an_answer_may_be_long(server: ChatServer) -> None:
+    model = model_of(server, chat_server.endless)
+    assert failure_of(model).cause == "too_long"
+    assert server.bytes_sent < 50 * MAX_TEXT_BYTES  # what buffers on the way may hold, not the gigabyte to come
+
+
+def test_a_server_that_is_not_there_is_a_connection_failure() -> None:
+    with ChatServer() as server:
+        url = server.url
+    time = Time()
+    assert failure_of(ChatUrl(url, "toy", clock=time.clock, sleep=time.sleep)).cause == "connection"
+
+
+def test_a_redirect_is_not_followed_even_to_a_server_that_answers(server: ChatServer) -> None:
+    with ChatServer() as elsewhere:
+        failure = failure_of(model_of(server, chat_server.status(307, Location=f"{elsewhere.url}/chat/completions")))
+        assert not elsewhere.bodies
+    assert "redirects to 127.0.0.1" in failure.message
+
+
+def test_every_failure_is_counted_under_its_cause(server: ChatServer) -> None:
+    ledger, model = Ledger(), model_of(server, chat_server.status(401), chat_server.saying("merge_right"))
+    for _ in range(3):
+        try:
+            ledger.answered(model.ask(question(vocabulary=("merge_right",))))
+        except ModelFailure as failure:
+            ledger.failed(failure)
+    told = ledger.as_json()
+    assert {cause: count for cause, count in told["fallbacks"].items() if count} == {"refused": 1, "not_offered": 1}
+    assert (told["queries"], told["prompt_tokens"]) == (3, 600)
+
+
+# --- the key ---
+
+
+def test_the_key_goes_to_the_server_and_nowhere_else(
+    server: ChatServer, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    acts = (
+        chat_server.echoing_the_key,
+        chat_server.status(401, message=f"Incorrect API key provided: {CANARY}"),
+        chat_server.raw(f'{{"choices": "{CANARY}"}}'.encode()),
+        chat_server.hung_up,
+    )
+    model = model_of(server, *acts)
+    shown = [repr(model), str(vars(model)), str(model.capabilities)]
+    for _ in acts:
+        try:
+            shown.append(repr(model.ask(question())))
+        except ModelFailure as failure:
+            shown += [str(failure), repr(failure), repr(failure.reply)]
+    assert all(headers["Authorization"] == f"Bearer {CANARY}" for headers in server.headers)
+    for text in (*shown, caplog.text, *capfd.readouterr()):
+        assert CANARY not in text
+
+
+def test_a_redirect_that_repeats_the_key_is_told_without_it(server: ChatServer) -> None:
+    failure = failure_of(model_of(server, chat_server.status(302, Location=f"http://{CANARY}.example.invalid/")))
+    assert "redirects to [key].example.invalid" in failure.message
+
+
+def test_openais_key_is_not_shown_to_other_servers(server: ChatServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("INTERPLAN_LLM_KEY")
+    for name in ("OPENAI_API_KEY", "OPENAI_ORG_ID", "OPENAI_PROJECT_ID"):
+        monkeypatch.setenv(name, CANARY)
+    model_of(server).ask(question())
+    assert not any(CANARY in str(headers) for headers in server.headers)
+
+
+def test_a_proxy_is_not_asked_for_this_machine(server: ChatServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HTTP_PROXY", "http://127.0.0.1:9")
+    assert model_of(server).ask(question()).choice == "follow"
+
+
+def test_nothing_is_sent_before_the_first_question(server: ChatServer) -> None:
+    ChatUrl(server.url, "toy").close()
+    assert not server.bodies
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "",
+        "localhost:8000",
+        "ftp://localhost/v1",
+        "http://",
+        "http://[::1/v1",
+        "http://host:99999/v1",
+        "http://a b/v1",
+        f"http://user:{CANARY}@localhost/v1",
+        f"http://localhost/v1?key={CANARY}",
+    ],
+)
+def test_a_url_that_is_none_or_holds_a_secret_is_refused_in_one_line(url: str) -> None:
+    with pytest.raises(InputError) as refused:
+        ChatUrl(url, "toy")
+    assert "\n" not in str(refused.value)
+    assert CANARY not in str(refused.value)
+
+
+def test_a_key_that_no_header_can_hold_is_refused_without_being_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("INTERPLAN_LLM_KEY", f"{CANARY}\r\nX: y")
+    with pytest.raises(InputError) as refused:
+        ChatUrl("http://localhost/v1", "toy")
+    assert CANARY not in str(refused.value)
+    assert CANARY in os.environ["INTERPLAN_LLM_KEY"]

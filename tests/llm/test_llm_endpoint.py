@@ -1,0 +1,82 @@
+"""Which addresses are ours, which key they may see, and what is said where a library is missing."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from interplan_llm.models.deadline import within
+from interplan_llm.models.endpoint import address, key_for
+from interplan_llm.models.extra import library
+from interplan_sumo.errors import InputError
+
+BOTH = {"INTERPLAN_LLM_KEY": "ours", "OPENAI_API_KEY": "theirs"}
+
+
+@pytest.mark.parametrize(
+    ("url", "key"),
+    [
+        ("https://api.openai.com/v1", "theirs"),
+        ("https://eu.api.openai.com/v1", "theirs"),
+        ("http://api.openai.com/v1", None),
+        ("https://api.openai.com.example/v1", None),
+        ("https://notopenai.com/v1", None),
+        ("http://localhost:8000/v1", None),
+    ],
+)
+def test_openais_key_goes_to_openai_over_https_only(url: str, key: str | None) -> None:
+    assert key_for(address(url), {"OPENAI_API_KEY": "theirs"}) == key
+
+
+def test_the_key_of_interplan_goes_where_the_user_says_and_comes_first() -> None:
+    assert key_for(address("https://api.openai.com/v1"), BOTH) == "ours"
+    assert key_for(address("http://localhost:8000/v1"), BOTH) == "ours"
+    assert key_for(address("http://localhost:8000/v1"), {}) is None
+
+
+@pytest.mark.parametrize(
+    ("url", "loopback"),
+    [
+        ("http://localhost:1/v1", True),
+        ("http://127.0.0.1/v1", True),
+        ("http://127.8.9.1/v1", True),
+        ("http://[::1]:8000/v1", True),
+        ("http://10.0.0.1/v1", False),
+        ("https://localhost.example/v1", False),
+    ],
+)
+def test_this_machine_is_recognized(url: str, loopback: bool) -> None:
+    assert address(url).loopback is loopback
+
+
+def test_a_missing_library_is_named_with_the_way_to_get_it() -> None:
+    with pytest.raises(
+        InputError, match=r"the model needs no_such_library, .* Run: pip install 'interplan-sumo\[llm\]'"
+    ):
+        library("no_such_library", "the model")
+
+
+def test_importing_the_models_imports_none_of_the_extra_libraries() -> None:
+    program = (
+        "import sys, interplan_llm.models.spec; print(sorted({'httpx2', 'openai', 'xllamacpp'} & sys.modules.keys()))"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_call_within_its_time_returns_or_raises_what_it_does() -> None:
+    assert within(5.0, lambda: 7) == 7
+    with pytest.raises(ZeroDivisionError):
+        within(5.0, lambda: 1 // 0)
+
+
+def test_a_call_past_its_time_is_left_behind() -> None:
+    go_on = threading.Event()
+    with pytest.raises(TimeoutError):
+        within(0.02, lambda: go_on.wait(5.0))
+    go_on.set()

@@ -1,0 +1,90 @@
+"""From an answer to a trajectory: what is refused, and what the numbers mean."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from worlds import ego
+
+from interplan_llm.models.protocol import ModelFailure, Reply
+from interplan_llm.waypoints.answers import trajectory, waypoints
+from interplan_llm.waypoints.prompt import POINTS, STEP_S
+from interplan_sumo.plan_check import check_plan
+
+
+def said(rows: Any) -> Reply:
+    return Reply("", data={"thoughts": "", "waypoints": rows}, completion_tokens=7)
+
+
+STRAIGHT = [[5.0 * (k + 1), 0.0] for k in range(POINTS)]
+
+
+def test_sixteen_pairs_are_places() -> None:
+    assert waypoints(said(STRAIGHT)).tolist() == STRAIGHT
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (None, "no list of waypoints"),
+        (STRAIGHT[:15], "15 of waypoints"),
+        ([*STRAIGHT, [90.0, 0.0]], "17 of waypoints"),
+        ([*STRAIGHT[:3], [20.0], *STRAIGHT[4:]], "waypoint 3 is not a pair"),
+        ([*STRAIGHT[:3], [20.0, "x"], *STRAIGHT[4:]], "waypoint 3 is not a pair"),
+        ([*STRAIGHT[:3], [True, 0.0], *STRAIGHT[4:]], "waypoint 3 is not a pair"),
+    ],
+)
+def test_anything_else_is_refused(rows: Any, message: str) -> None:
+    with pytest.raises(ModelFailure, match=message) as failure:
+        waypoints(said(rows))
+    assert failure.value.cause == "parse"
+    assert failure.value.reply is not None
+    assert failure.value.reply.completion_tokens == 7
+
+
+@pytest.mark.parametrize(("step_m", "fine"), [(30.0, True), (30.1, False)])
+def test_nobody_drives_faster_than_sixty(step_m: float, fine: bool) -> None:
+    rows = [[step_m * (k + 1), 0.0] for k in range(POINTS)]
+    if fine:
+        assert len(waypoints(said(rows))) == POINTS
+    else:
+        with pytest.raises(ModelFailure, match=r"asks for 60\.2 m/s, over 60"):
+            waypoints(said(rows))
+
+
+def test_x_is_ahead_and_y_is_left_of_the_car() -> None:
+    state = ego(100.0, 50.0, 10.0, heading_rad=np.pi / 2, time_s=3.0)
+    rows = [[5.0 * (k + 1), 1.0] for k in range(POINTS)]
+    plan = trajectory(waypoints(said(rows)), state)
+    assert (plan.x_m[0], plan.y_m[0]) == (100.0, 50.0)
+    assert (plan.x_m[1], plan.y_m[1]) == pytest.approx((99.0, 55.0))
+    assert plan.time_s.tolist() == pytest.approx([3.0 + STEP_S * k for k in range(POINTS + 1)])
+    assert plan.heading_rad[-1] == pytest.approx(np.pi / 2)
+
+
+def test_headings_follow_the_way_and_stay_where_the_car_stands_or_backs() -> None:
+    rows = [[5.0, 0.0], [10.0, 5.0], *[[10.0, 5.0]] * (POINTS - 3), [9.0, 4.0]]
+    plan = trajectory(waypoints(said(rows)), ego(0.0, 0.0, 10.0))
+    assert plan.heading_rad[1:4].tolist() == pytest.approx([0.0, np.pi / 4, np.pi / 4])
+    assert plan.heading_rad[-1] == pytest.approx(np.pi / 4)
+
+
+@given(st.lists(st.tuples(st.floats(-8, 15), st.floats(-3, 3)), min_size=POINTS, max_size=POINTS))
+def test_every_answer_that_is_accepted_is_a_plan_that_can_be_followed(steps: list[tuple[float, float]]) -> None:
+    rows = np.cumsum(np.array(steps), axis=0)
+    state = ego(10.0, -4.0, 8.0, heading_rad=2.0)
+    check_plan(trajectory(waypoints(said(rows.tolist())), state), state, state.time_s)
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.floats() | st.text(), lambda s: st.lists(s) | st.dictionaries(st.text(), s)
+    )
+)
+def test_no_answer_raises_anything_else(data: Any) -> None:
+    with pytest.raises(ModelFailure):
+        waypoints(Reply("", data=data))

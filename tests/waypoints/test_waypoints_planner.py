@@ -1,0 +1,129 @@
+"""The waypoints planner: what it asks, what it does with answers, and without."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from worlds import cars, ego, mission, observation, pedestrians, straight_road, together
+
+from interplan_llm.models.protocol import ModelFailure, Request
+from interplan_llm.models.scripted import ScriptedModel
+from interplan_llm.waypoints.planner import KEPT_S, LlmWaypointsPlanner
+from interplan_llm.waypoints.prompt import NEAREST, POINTS
+from interplan_sumo.dynamics.lqr import follow
+from interplan_sumo.plan_check import check_plan
+from interplan_sumo.planner import Past
+from interplan_sumo.world.actors import ActorKind, Actors
+
+ROAD = straight_road(lanes=2, length_m=600.0, limit_mps=12.0)
+TO_THE_LEFT = mission(ROAD, ("11",), goal_arc_m=400.0)
+
+
+def answer(speed_mps: float) -> str:
+    return json.dumps({"thoughts": "on", "waypoints": [[0.5 * speed_mps * (k + 1), 0.0] for k in range(POINTS)]})
+
+
+def planner(*answers: str | ModelFailure, **options: object) -> LlmWaypointsPlanner:
+    made = LlmWaypointsPlanner("scripted:unused", **options)  # pyright: ignore[reportArgumentType]
+    made.model = ScriptedModel(list(answers))
+    made.start(TO_THE_LEFT)
+    return made
+
+
+def asked(actors: Actors | None = None, *, centerline: bool = True, y_m: float = -3.5) -> str:
+    made = planner(centerline=centerline)
+    state = ego(100.0, y_m, 8.0)
+    past = tuple(ego(100.0 - 0.8 * k, y_m, 8.0) for k in range(20, 0, -1))
+    return made.request(observation(state, actors, None, Past(past, ()))).messages[1].text
+
+
+# --- the question ----------------------------------------------------------------------------------
+
+
+def test_places_are_told_in_the_cars_frame_with_their_motion() -> None:
+    text = asked(cars((120.0, 0.0, 6.0)))
+    assert "Agents: vehicle at (20.0, 3.5) moving (6.0, 0.0)." in text
+
+
+def test_static_things_are_told_apart() -> None:
+    text = asked(cars((120.0, -3.5), kind=ActorKind.TRAFFIC_CONE, length_m=0.4, width_m=0.4))
+    assert "Agents: none." in text
+    assert "Things in the way: cone at (20.0, 0.0)." in text
+
+
+def test_only_the_five_nearest_within_fifty_metres_are_told() -> None:
+    text = asked(together(cars(*((100.0 + 8.0 * k, 0.0, 5.0) for k in range(1, 9))), pedestrians((151.0, -3.5))))
+    assert text.count("vehicle at") == NEAREST
+    assert "(48.0" not in text
+    assert "pedestrian" not in text
+
+
+def test_the_past_and_the_goal_are_told() -> None:
+    text = asked()
+    assert "Car's past, every 0.5 s: (-16.0, 0.0) (-12.0, 0.0) (-8.0, 0.0) (-4.0, 0.0)." in text
+    assert "Goal: left, 300 m ahead." in text
+    assert "Goal: forward" in asked(y_m=0.0)
+
+
+def test_the_lanes_line_is_told_unless_it_is_switched_off() -> None:
+    assert "Lane ahead: (5.0, 0.0) (10.0, 0.0)" in asked()
+    assert "Lane ahead" not in asked(centerline=False)
+
+
+# --- the answer ------------------------------------------------------------------------------------
+
+
+def test_a_plan_holds_for_a_second_and_is_followed() -> None:
+    made = planner(*[answer(8.0)] * 10)
+    state = ego(100.0, -3.5, 8.0)
+    for _ in range(35):
+        plan = made.plan(observation(state))
+        check_plan(plan, state, state.time_s)
+        state = follow(state, plan, 0.1)
+    assert made.ledger.queries == 4
+    assert state.x_m == pytest.approx(128.0, abs=0.5)
+
+
+def test_without_an_answer_the_last_plan_is_driven_on_and_then_the_car_brakes() -> None:
+    made = planner(answer(8.0), *[ModelFailure("timeout", "slow")] * 30)
+    state = ego(100.0, -3.5, 8.0)
+    speeds = [state.vx_mps]
+    for _ in range(90):
+        plan = made.plan(observation(state))
+        check_plan(plan, state, state.time_s)
+        state = follow(state, plan, 0.1)
+        speeds.append(state.vx_mps)
+    assert min(speeds[: round(10 * KEPT_S)]) > 7.5
+    assert speeds[-1] < 0.5
+    assert made.ledger.fallbacks["timeout"] == 8
+
+
+def test_nonsense_is_counted_and_not_driven() -> None:
+    made = planner("turn left!", json.dumps({"thoughts": "", "waypoints": [[1e9, 0.0]] * POINTS}))
+    made.plan(observation(ego(100.0, -3.5, 8.0)))
+    made.plan(observation(ego(108.0, -3.5, 8.0, time_s=1.0)))
+    assert made.ledger.fallbacks == {"parse": 2}
+
+
+def test_every_question_asks_for_json_of_a_closed_form() -> None:
+    seen: list[Request] = []
+
+    def record(request: Request) -> str:
+        seen.append(request)
+        return answer(8.0)
+
+    made = planner()
+    made.model = ScriptedModel(record)
+    made.plan(observation(ego(100.0, -3.5, 8.0)))
+    assert seen[0].schema is not None
+    assert seen[0].schema["additionalProperties"] is False
+
+
+def test_an_example_for_fine_tuning_has_three_messages_and_can_be_read_back() -> None:
+    made = planner()
+    places = np.array([[4.0 * k, 0.0] for k in range(1, POINTS + 1)])
+    system, user, assistant = made.example(observation(ego(100.0, -3.5, 8.0)), places, "keep going")
+    assert (system.role, user.role, assistant.role) == ("system", "user", "assistant")
+    assert json.loads(assistant.text)["waypoints"] == places.tolist()
