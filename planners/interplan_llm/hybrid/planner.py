@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChooser
 from interplan_llm.hybrid.courses import Courses
 from interplan_llm.hybrid.scene import Scene, Watch
+from interplan_llm.models.exchange import Exchange
 from interplan_llm.models.spec import open_model
 from interplan_llm.models.store import Mode
 from interplan_planners.common.pdm import PdmMotion, PdmSettings
@@ -137,3 +138,12 @@ class HybridLlmPlanner(HybridPlanner):
                 ModelChooser(opened, memory=memory, thoughts=thoughts, real_time=real_time, timeout_s=timeout_s),
                 every_s,
             )
+
+    @property
+    def exchanges(self) -> Sequence[Exchange]:
+        """What was asked in this episode, and answered; nothing where no model is asked."""
+        return self.chooser.exchanges if isinstance(self.chooser, ModelChooser) else ()
+
+    def report(self) -> dict[str, Any]:
+        """How often a model was asked in this episode, and how often in vain."""
+        return self.chooser.ledger.as_json() if isinstance(self.chooser, ModelChooser) else {}

@@ -46,7 +46,7 @@ def trajectory(places: Floats, ego: EgoState) -> Trajectory:
     cos, sin = np.cos(ego.heading_rad), np.sin(ego.heading_rad)
     whole = np.vstack(((0.0, 0.0), places))
     x_m, y_m = ego.x_m + cos * whole[:, 0] - sin * whole[:, 1], ego.y_m + sin * whole[:, 0] + cos * whole[:, 1]
-    time_s = ego.time_s + STEP_S * np.arange(POINTS + 1)
+    time_s = ego.time_s + np.linspace(0.0, STEP_S * POINTS, POINTS + 1)
     headings = np.concatenate(([ego.heading_rad], _headings(np.diff(x_m), np.diff(y_m), ego.heading_rad)))
     return Trajectory(time_s, x_m, y_m, np.unwrap(headings))
 

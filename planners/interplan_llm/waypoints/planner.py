@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from interplan_llm.models.exchange import Exchange
 from interplan_llm.models.ledger import Ledger
 from interplan_llm.models.protocol import LanguageModel, Message, ModelFailure, Request
 from interplan_llm.models.spec import open_model
@@ -56,7 +57,8 @@ class LlmWaypointsPlanner:
         self.real_time = real_time
         self.timeout_s = timeout_s
         self.ledger = Ledger()
-        """Of the episode."""
+        self.exchanges: list[Exchange] = []
+        """Both of the episode."""
 
     def start(self, mission: Mission) -> None:
         self._prompter = Prompter(mission, centerline=self.centerline)
@@ -64,6 +66,7 @@ class LlmWaypointsPlanner:
         self._pending: tuple[float, Trajectory] | None = None
         self._now: Trajectory | None = None
         self.ledger = Ledger()
+        self.exchanges = []
 
     def plan(self, seen: Observation) -> Trajectory:
         if seen.time_s >= self._asks_at_s - 1e-6:
@@ -85,13 +88,20 @@ class LlmWaypointsPlanner:
         answer = {"thoughts": thoughts, "waypoints": (np.round(places, 1) + 0.0).tolist()}
         return *self._prompter.messages(seen), Message("assistant", json.dumps(answer))
 
+    def report(self) -> dict[str, Any]:
+        """How often the model was asked in this episode, and how often in vain."""
+        return self.ledger.as_json()
+
     def _ask(self, seen: Observation) -> None:
+        request = self.request(seen)
         try:
-            reply = self.model.ask(self.request(seen))
+            reply = self.model.ask(request)
             plan = trajectory(waypoints(reply), seen.ego)
         except ModelFailure as failure:
             self.ledger.failed(failure)
+            self.exchanges.append(Exchange(seen.time_s, request, failure.reply, failure, "the last plan, or braking"))
             return
         self.ledger.answered(reply)
+        self.exchanges.append(Exchange(seen.time_s, request, reply, None, "the waypoints"))
         delay_s = reply.latency_s if self.real_time and self._now is not None else 0.0
         self._pending = (seen.time_s + delay_s, plan)
