@@ -55,7 +55,7 @@ smoke: $(VENV)/.installed
 
 benchmark: $(VENV)/.installed
 	$(BIN)/interplan-sumo run --out runs/benchmark
-	$(BIN)/interplan-sumo report runs/benchmark --html runs/benchmark/report.html
+	$(BIN)/interplan-sumo report runs/benchmark --html runs/benchmark/report.html --replays lost
 	@echo "report: runs/benchmark/report.html"
 
 clean:

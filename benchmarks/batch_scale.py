@@ -1,6 +1,7 @@
 """How a run grows: what a job costs the parent, how long rows take to read, what workers give and whether they leak.
 
-    python benchmarks/batch_scale.py [--jobs 5000] [--episodes 500] [--parts engine reading throughput memory]
+    python benchmarks/batch_scale.py [--jobs 5000] [--rows 100000] [--episodes 500]
+                                     [--parts engine reporting throughput memory]
 
 `docs/running.md` quotes the figures and what they mean for a hundred thousand drives.
 """
@@ -10,6 +11,8 @@ from __future__ import annotations
 import argparse
 import gc
 import os
+import subprocess
+import sys
 import tempfile
 import time
 from collections import Counter
@@ -19,19 +22,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.jobs import Job
 from interplan_sumo.batch.phases import Publish
-from interplan_sumo.batch.run_folder import Row, RunFolder, read_run
+from interplan_sumo.batch.results import RESULTS, Row, write_rows
+from interplan_sumo.batch.run_folder import RunFolder
+from interplan_sumo.batch.shards import keep_shards
 from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
-from interplan_sumo.metrics.score import DEFAULT_PROFILE
+from interplan_sumo.metrics.score import DEFAULT_PROFILE, PROFILES
 from interplan_sumo.scenario.suite import find_suite
 
 PLANNER = "straight_ahead"
 """Plans in no time: what is measured is everything else."""
-ROW_BYTES = 4000
-"""As long as the rows of real drives are."""
+SEEDS = 100
+"""Drives of a scenario."""
 DRIVES_PER_LINE = 50
 WARMING_UP = 16
 """Drives before the clock starts: starting, importing and reading maps is not what is asked for."""
@@ -43,12 +50,13 @@ def main() -> None:
     """Measure the parts that are asked for, and print them."""
     parts: dict[str, Callable[[argparse.Namespace, Path], None]] = {
         "engine": engine,
-        "reading": reading,
+        "reporting": reporting,
         "throughput": throughput,
         "memory": memory,
     }
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--jobs", type=int, default=5000, help="toy jobs of the parts engine and reading")
+    parser.add_argument("--jobs", type=int, default=5000, help="toy jobs of the part engine")
+    parser.add_argument("--rows", type=int, default=GOAL, help="rows of the part reporting")
     parser.add_argument("--episodes", type=int, default=500, help="drives of the part memory")
     parser.add_argument("--parts", nargs="+", choices=parts, default=list(parts))
     arguments = parser.parse_args()
@@ -75,17 +83,37 @@ def engine(arguments: argparse.Namespace, folder: Path) -> None:
     print(f"  growth: {each_kb:.2f} kB per job, {each_kb * GOAL / 1e3:.0f} MB for {GOAL}")
 
 
-def reading(arguments: argparse.Namespace, folder: Path) -> None:
-    """Time and memory of reading rows for a report."""
-    with toy_folder(folder, arguments.jobs) as held:
-        for number in range(arguments.jobs):
-            held.append(toy_row(number, {}))
-    gc.collect()
-    before_kb, began_s = resident_kb(), time.perf_counter()
-    stored = read_run(folder)
-    wall_s, rows = time.perf_counter() - began_s, len(stored.rows)
-    print(f"reading: {rows} rows in {wall_s:.2f} s, {(resident_kb() - before_kb) / rows:.1f} kB of memory each")
-    print(f"  {GOAL} rows: {wall_s / rows * GOAL:.0f} s")
+def reporting(arguments: argparse.Namespace, folder: Path) -> None:
+    """Seconds and peak memory of reports on many rows, by the lines alone and with shards, each in its own process."""
+    toy_folder(folder, arguments.rows).close()
+    write_rows(folder / RESULTS, (toy_row(number, {}) for number in range(arguments.rows)))
+    size_mb = (folder / RESULTS).stat().st_size / 1e6
+    print(f"reporting: {arguments.rows} rows, {size_mb:.0f} MB")
+    report(folder, "text, by the lines alone")
+    began_s, used_s = time.perf_counter(), time.process_time()
+    keep_shards(folder)
+    made_s, used_s = time.perf_counter() - began_s, time.process_time() - used_s
+    shards_mb = sum(path.stat().st_size for path in (folder / "results").iterdir()) / 1e6
+    print(f"  all shards made: {made_s:.1f} s, {used_s:.1f} s of a core, {shards_mb:.0f} MB")
+    report(folder, "text")
+    report(folder, "csv", "--csv")
+    report(folder, "json", "--json")
+    began_s = time.perf_counter()
+    columns = pd.read_parquet(folder / "results").shape[1]
+    print(f"  pandas.read_parquet: {time.perf_counter() - began_s:.1f} s, {columns} columns")
+
+
+def report(folder: Path, name: str, *options: str) -> None:
+    """Time `interplan-sumo report` from its start, and ask it for its peak memory and what it computed."""
+    program = (
+        "import resource, sys, time; from interplan_sumo.cli import main; main(sys.argv[1:]); "
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time(), file=sys.stderr)"
+    )
+    command = [sys.executable, "-c", program, "report", str(folder), *options]
+    began_s = time.perf_counter()
+    done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=True)
+    wall_s, (peak_kb, cpu_s) = time.perf_counter() - began_s, map(float, done.stderr.split()[-2:])
+    print(f"  report as {name}: {wall_s:.1f} s, {cpu_s:.1f} s of a core, {peak_kb / 1e3:.0f} MB at most", flush=True)
 
 
 def throughput(_arguments: argparse.Namespace, folder: Path) -> None:
@@ -143,7 +171,7 @@ def open_weighed(settings: DriveSettings, group: str, publish: Publish) -> Work:
 def toy_run(folder: Path, count: int) -> Iterator[Row]:
     """A run whose jobs do nothing, as `batch.run` goes about it."""
     with toy_folder(folder, count) as held:
-        tasks = [Task((f"toy/{n}", "toy", 0), "toy", n) for n in range(count)]
+        tasks = [Task(n, "toy", n) for n in range(count)]
         with closing(run_tasks(tasks, open_toy, workers=2, limits=Limits())) as outcomes:
             for outcome in outcomes:
                 row = toy_row(outcome.task.payload, outcome.value)
@@ -152,22 +180,27 @@ def toy_run(folder: Path, count: int) -> Iterator[Row]:
 
 
 def toy_folder(folder: Path, count: int) -> RunFolder:
-    request = {"planners": ["toy"], "scenarios": [f"toy/{n}" for n in range(count)], "seeds": 1}
-    return RunFolder(folder, {"suite": "toy==1"}, request, {})
+    """The folder of a run of so many drives, SEEDS of each scenario."""
+    scenarios = [toy_row(number, {})["scenario_id"] for number in range(0, count, SEEDS)]
+    request = {"planners": ["toy"], "scenarios": scenarios, "seeds": SEEDS}
+    return RunFolder(folder, {"suite": "toy==1", "profile": DEFAULT_PROFILE, "overrides": {}}, request, {})
 
 
 def toy_row(number: int, value: dict[str, Any]) -> Row:
     """A row with as many keys and figures as a real one."""
+    names = [term.name for term in PROFILES[DEFAULT_PROFILE].terms]
     metrics = {
-        f"metric_{m}": {
-            "score": 0.5,
-            "reason": "as it is",
-            "detail": {f"figure_{f}": number / (f + 1) for f in range(9)},
+        name: {
+            "score": 0.5 + 0.5 * (number % 7 > 0),
+            "reason": f"as it is, {number} m from where it was" if number % 7 == 0 else None,
+            "detail": {"goal": True} | {f"figure_{f}": number / (f + 1) for f in range(12)},
         }
-        for m in range(12)
+        for name in names
     }
-    row: Row = {"scenario_id": f"toy/{number}", "family": "toy", "planner": "toy", "seed": 0, "score": 0.5,
-                "metrics": metrics, "fault": None, **value}  # fmt: skip
+    row: Row = {"scenario_id": f"lane_change_mtd/{number // SEEDS}", "family": "lane_change_mtd", "planner": "toy",
+                "seed": number % SEEDS, "score": number % 101 / 100, "metrics": metrics, "gates": names[:5],
+                "weights": dict.fromkeys(names[5:], 1.0), "fault": None, "reached_goal": True,
+                "trace_hash": f"{number:064}", "trace": f"traces/{number}", **value}  # fmt: skip
     return row
 
 

@@ -1,8 +1,80 @@
-"""interplan-sumo: can a motion planner cope with rare, interactive traffic?"""
+"""interplan-sumo: can a motion planner cope with rare, interactive traffic?
 
+Importing the package is cheap: the names of `__all__` are loaded when they are first used.
+"""
+
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from interplan_sumo.api import (
+        compare,
+        load_drive,
+        load_run,
+        load_scenario,
+        load_trace,
+        replay,
+        run,
+        scenarios,
+        score,
+        table,
+    )
+    from interplan_sumo.errors import InputError, InterplanError
+    from interplan_sumo.planner import Mission, Observation, Planner
+    from interplan_sumo.policy import PolicyPlanner
+    from interplan_sumo.scenario.scenario import Scenario
+    from interplan_sumo.world.trace import Trace
+    from interplan_sumo.world.trajectory import Trajectory
 
 try:
     __version__ = version("interplan-sumo")
 except PackageNotFoundError:  # a bare checkout
     __version__ = "0.0.0"
+
+__all__ = [
+    "InputError",
+    "InterplanError",
+    "Mission",
+    "Observation",
+    "Planner",
+    "PolicyPlanner",
+    "Scenario",
+    "Trace",
+    "Trajectory",
+    "compare",
+    "load_drive",
+    "load_run",
+    "load_scenario",
+    "load_trace",
+    "replay",
+    "run",
+    "scenarios",
+    "score",
+    "table",
+]
+
+_HOMES = {
+    "InputError": "errors",
+    "InterplanError": "errors",
+    "Mission": "planner",
+    "Observation": "planner",
+    "Planner": "planner",
+    "PolicyPlanner": "policy",
+    "Scenario": "scenario.scenario",
+    "Trace": "world.trace",
+    "Trajectory": "world.trajectory",
+}
+"""The modules of names that are not in `api`."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(import_module(f"{__name__}.{_HOMES.get(name, 'api')}"), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from interplan_sumo.batch.run_folder import Row, StoredRun
+from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.proving.audit import Finding, finding
 
@@ -12,11 +13,13 @@ from interplan_sumo.proving.audit import Finding, finding
 def findings(run: StoredRun, below: float | None = None) -> Iterator[tuple[Row, Finding]]:
     """A finding for every row with a trace, in order; only rows that score less than `below` (0 to 100), if given."""
     drives = StoredDrives(run)
+    briefs = run.briefs
     for key in sorted(run.rows):
-        row = run.rows[key]
-        if row["score"] is None or not row.get("trace") or "no_collision" not in row["metrics"]:
+        score = briefs[key].score
+        if score is None or (below is not None and 100.0 * score >= below):
             continue
-        if below is not None and 100.0 * row["score"] >= below:
+        row = run.rows[key]
+        if not row.get("trace") or "no_collision" not in row["metrics"]:
             continue
         drive = drives.read(row)
         detail = row["metrics"]["no_collision"].get("detail", {})

@@ -12,14 +12,12 @@ from typing import Protocol
 
 from interplan_sumo.batch import own_experts
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs, place_trace
-from interplan_sumo.batch.run_folder import PART
+from interplan_sumo.batch.run_folder import PART, TRAFFIC
 from interplan_sumo.batch.tasks import OpenGroup
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.scenario.files import MAPS
 
 TRACES = "traces"
-TRAFFIC = "traffic"
-"""Holds the vehicle-type file of the user's."""
 
 Files = dict[str, bytes]
 """Contents by relative path, with forward slashes."""
@@ -55,7 +53,9 @@ class DrivesAway:
 
     def luggage(self) -> Files:
         folder, types = self.settings.folder, self.settings.vehicle_types
-        files = {path: _read(folder / path) for part in (MAPS, own_experts.FOLDER) for path in _below(folder, part)}
+        maps = self.settings.maps_beside or folder / MAPS
+        files = {path: _read(folder / path) for path in _below(folder, own_experts.FOLDER)}
+        files |= {f"{MAPS}/{path}": _read(maps / path) for path in _below(maps, ".")}
         if types is not None:
             files[f"{TRAFFIC}/{types.name}"] = _read(types)
         return files

@@ -7,8 +7,8 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.result import plain
 from interplan_sumo.metrics.score import score
-from interplan_sumo.planner import load_planner
+from interplan_sumo.planner import Planner, load_planner
 from interplan_sumo.scenario.suite import expert
 from interplan_sumo.simulation.episode import EpisodeOptions, drive
 from interplan_sumo.world.trace import Trace
@@ -41,6 +41,8 @@ class DriveSettings:
     """Whether they belong to no suite: their experts are driven, then."""
     maps_beside: Path | None = None
     """Where the maps lie that came along with the scenarios, if not where the scenarios say."""
+    made: Mapping[str, Callable[[], Planner]] = field(default_factory=dict[str, Callable[[], Planner]])
+    """Planners that only this process can build, by name."""
 
 
 def drive_jobs(settings: DriveSettings) -> OpenGroup:
@@ -49,7 +51,7 @@ def drive_jobs(settings: DriveSettings) -> OpenGroup:
 
 
 def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
-    planner = load_planner(name)
+    planner = settings.made[name]() if name in settings.made else load_planner(name)
     options = EpisodeOptions(vehicle_types=settings.vehicle_types, plan_limit_s=settings.plan_limit_s)
 
     def work(job: Job) -> Answer:
@@ -61,6 +63,8 @@ def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
         times_s: dict[str, float] = dict(episode.times_s)
         value: dict[str, Any] = {"reached_goal": episode.reached_goal}
         fault = None if episode.fault is None else Fault(episode.fault.kind, episode.fault.message)
+        if (report := _own_report(planner)) is not None:
+            value["planner_report"] = report
         if episode.trace is not None:
             publish("store")
             stored_s = time.perf_counter()
@@ -79,6 +83,19 @@ def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
         return plain(value), fault
 
     return work
+
+
+def _own_report(planner: Planner) -> Any:
+    """What a planner says of the drive itself, if it has a `report()`; its faults are no faults of the drive."""
+    report = getattr(planner, "report", None)
+    if not callable(report):
+        return None
+    try:
+        said = plain(report())
+        json.dumps(said, allow_nan=False)
+    except Exception as error:
+        return {"error": f"report() raised {type(error).__name__}: {error}"}
+    return said or None
 
 
 def _store(folder: Path, job: Job, trace: Trace, trace_hash: str) -> str:

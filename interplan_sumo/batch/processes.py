@@ -39,6 +39,10 @@ class Workers:
     ray: str | None = None
     """The address of a Ray cluster to use instead; `local` starts one on this machine."""
 
+    @property
+    def in_this_process(self) -> bool:
+        return self.processes == 0 and self.ray is None
+
     @classmethod
     def parse(cls, text: str | None) -> Workers:
         """From `N`, `ray`, `ray:ADDRESS` or `ray://HOST:PORT`; all cores for None. InputError for anything else."""

@@ -45,11 +45,10 @@ def run_on_ray(tasks: Sequence[Task], jobs: Portable, *, address: str, limits: L
     """
     if not tasks:
         return
-    ray = _ray()
-    with _connected(ray, address):
-        crew = RayCrew(ray, jobs, limits)
+    with connected(address) as cpus:
+        crew = RayCrew(_ray(), jobs, limits)
         try:
-            yield from run_with(crew, tasks, max(1, int(ray.cluster_resources().get("CPU", 1))))
+            yield from run_with(crew, tasks, cpus)
         finally:
             crew.disband()
 
@@ -169,10 +168,11 @@ def _ray() -> Any:
 
 
 @contextlib.contextmanager
-def _connected(ray: Any, address: str) -> Generator[None]:
-    """Inside the block this process is a client of the cluster."""
+def connected(address: str) -> Generator[int]:
+    """Inside the block this process is a client of the cluster, which has so many CPUs; InputError as `run_on_ray`."""
+    ray = _ray()
     if ray.is_initialized():
-        yield
+        yield _cpus(ray)
         return
     options: dict[str, Any] = {"address": address, "log_to_driver": False, "logging_level": "ERROR"}
     if address == LOCAL:
@@ -189,9 +189,13 @@ def _connected(ray: Any, address: str) -> Generator[None]:
             "or give --workers ray for one of this machine's own"
         ) from None
     try:
-        yield
+        yield _cpus(ray)
     finally:
         ray.shutdown()
+
+
+def _cpus(ray: Any) -> int:
+    return max(1, int(ray.cluster_resources().get("CPU", 1)))
 
 
 def _knock(address: str) -> None:

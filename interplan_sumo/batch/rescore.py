@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.run_folder import Row, StoredRun
+from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.metrics.score import PROFILES

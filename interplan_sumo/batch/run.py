@@ -7,25 +7,27 @@ import platform
 import signal
 import threading
 import time
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
 from types import FrameType
 from typing import Protocol
 
-from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
-from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.backend import drive_outcomes
+from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.in_process import alarm_works
 from interplan_sumo.batch.jobs import Job, Overrides, Source, chosen, jobs_for, own_maps, split_files
 from interplan_sumo.batch.own_experts import keep_certified
-from interplan_sumo.batch.run_folder import Row, RunFolder, StoredRun, read_run
+from interplan_sumo.batch.processes import Workers
+from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.score import DEFAULT_PROFILE, SCORING_VERSION
-from interplan_sumo.planner import find_planner
+from interplan_sumo.planner import RECOMMENDED, Planner, find_planner
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
@@ -52,6 +54,62 @@ class RunRequest:
     limits: Limits = field(default_factory=Limits)
     command: tuple[str, ...] = field(default=())
     """For the manifest."""
+    made: Mapping[str, Callable[[], Planner]] = field(default_factory=dict[str, Callable[[], Planner]])
+    """Planners that only this process can build, by the name that `planners` has for them; no worker can help, then."""
+
+    @property
+    def who(self) -> Workers:
+        """Who does the drives."""
+        return Workers(self.workers, self.ray)
+
+    @classmethod
+    def of(
+        cls,
+        planners: Sequence[str],
+        folder: Path,
+        *,
+        suite: str | None = None,
+        scenarios: Sequence[str] = (),
+        seeds: int = 1,
+        workers: str | None = None,
+        changes: Sequence[str] = (),
+        traffic: Path | None = None,
+        limit: int | None = None,
+        plan_limit_s: float = 10.0,
+        job_limit_s: float = 3600.0,
+        memory_gb: float = 8.0,
+        command: Sequence[str] = (),
+        made: Mapping[str, Callable[[], Planner]] | None = None,
+    ) -> RunRequest:
+        """From what users write; InputError for what cannot be read.
+
+        `workers` as `Workers.parse` has it, `changes` as `Overrides.parse` does;
+        no planner is the recommended one, a limit of 0 is none.
+        """
+        asked = Workers.parse(workers)
+        return cls(
+            planners=tuple(planners) or (RECOMMENDED,),
+            folder=folder,
+            suite=suite,
+            scenarios=tuple(scenarios),
+            seeds=seeds,
+            workers=asked.processes,
+            ray=asked.ray,
+            overrides=Overrides.parse(changes, traffic),
+            limit=limit,
+            limits=Limits(
+                plan_s=plan_limit_s or float("inf"),
+                task_s=job_limit_s or float("inf"),
+                memory_bytes=round(memory_gb * 2**30) or None,
+            ),
+            command=tuple(command),
+            made=made or {},
+        )
+
+
+def changes(**overrides: str | None) -> list[str]:
+    """Overrides by name, None for no change, as `Overrides.parse` reads them."""
+    return [f"{name}={value}" for name, value in overrides.items() if value is not None]
 
 
 class Watch(Protocol):
@@ -81,8 +139,11 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
         raise InputError(f"limit is {request.limit}, expected 1 or more")
     if request.workers < 0:
         raise InputError(f"workers is {request.workers}, expected 0 (in this process) or more")
+    if request.made and not request.who.in_this_process:
+        raise InputError(f"planner {next(iter(request.made))!r} exists in this process only; run with workers=0")
     for spec in request.planners:
-        find_planner(spec.partition("?")[0])
+        if spec not in request.made:
+            find_planner(spec.partition("?")[0])
     files, globs = split_files(request.scenarios)
     source = Source.of(request.suite, files)
     scenarios = chosen(source.scenarios, globs, request.limit)
@@ -119,15 +180,19 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
             profile=DEFAULT_PROFILE,
             vehicle_types=request.overrides.vehicle_types and request.overrides.vehicle_types.resolve(),
             # In this process an alarm keeps the limit: unlike the drive's own it rests while a debugger is at work.
-            plan_limit_s=float("inf") if _in_this_process(request) and alarm_works() else request.limits.plan_s,
+            plan_limit_s=float("inf") if request.who.in_this_process and alarm_works() else request.limits.plan_s,
             own_scenarios=not source.official,
+            made=request.made,
         )
         if not source.official:
             folder.keep_scenarios(source.scenarios, own_maps(source.scenarios))
             keep_certified(source.scenarios, files, request.folder)
+        if request.overrides.vehicle_types is not None:
+            folder.keep_vehicle_types(request.overrides.vehicle_types)
         tasks = [Task(job.key, job.planner, job) for job in left]
         named: dict[str, tuple[str, str]] = {}
-        with _terminated_like_interrupted(), contextlib.closing(_outcomes(tasks, settings, request)) as outcomes:
+        driven = drive_outcomes(tasks, settings, request.who, request.limits)
+        with _terminated_like_interrupted(), contextlib.closing(driven) as outcomes:
             for outcome in outcomes:
                 scenario = outcome.task.payload.scenario
                 if scenario.id not in named:  # milliseconds, which thousands of workers would wait for
@@ -139,20 +204,6 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
                 if watch is not None:
                     watch.finished(row)
     return read_run(request.folder)
-
-
-def _in_this_process(request: RunRequest) -> bool:
-    return request.workers == 0 and request.ray is None
-
-
-def _outcomes(tasks: Sequence[Task], settings: DriveSettings, request: RunRequest) -> Generator[Outcome]:
-    """How the tasks end, wherever the request has them done."""
-    if request.ray is None:
-        return run_tasks(tasks, drive_jobs(settings), workers=request.workers, limits=request.limits)
-    from interplan_sumo.batch.away import DrivesAway
-    from interplan_sumo.batch.ray_backend import run_on_ray
-
-    return run_on_ray(tasks, DrivesAway(settings), address=request.ray, limits=request.limits)
 
 
 def check_inputs(scenarios: Iterable[Scenario], vehicle_types: Path | None) -> None:
@@ -196,9 +247,8 @@ def _row(
         "scenario_hash": scenario_hash,
         "trace": value.get("trace"),
     }
-    for name, text in (("traceback", value.get("traceback")), ("printed", outcome.printed)):
-        if text:
-            row[name] = text
+    further = {"planner_report": value.get("planner_report"), "traceback": value.get("traceback")}
+    row |= {name: said for name, said in {**further, "printed": outcome.printed}.items() if said}
     return row
 
 

@@ -4,7 +4,9 @@
 |---|---|
 | manifest.json | what was asked for and with which versions; replaced as a whole |
 | results.jsonl | one line per finished job, appended and synced by the one parent that holds `lock` |
+| results/ | a flat copy of it in Parquet, made from it now and then and at the end |
 | traces/<scenario>/<planner>/seed<k>/ | four Parquet files and scenario.json, renamed into place when complete |
+| traffic/ | only for a run with a vehicle-type file of the user's: that file |
 | scenarios.yaml, experts/ | only for one's own scenarios: these, and the drives that progress is measured against |
 | maps/ | only for one's own scenarios: the maps that came along with them |
 
@@ -23,13 +25,15 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import islice
+from collections.abc import Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
 from interplan_sumo.batch.jobs import JobKey, keys_of
+from interplan_sumo.batch.results import LINES_AT_ONCE, RESULTS, Brief, Row, line_of, read_rows, replace_file, row_key
+from interplan_sumo.batch.shards import keep_shards
+from interplan_sumo.batch.stored_rows import StoredRows, briefs_of
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import MapFiles, copy_map
 from interplan_sumo.scenario.files import MAPS, scenario_text
@@ -37,13 +41,10 @@ from interplan_sumo.scenario.scenario import Scenario
 
 FORMAT = 1
 OWN_SCENARIOS = "scenarios.yaml"
+TRAFFIC = "traffic"
+"""Holds a vehicle-type file; so it does beside the run folders of a sweep."""
 PART = ".part-"
 """Begins the names of trace folders that are still being written."""
-
-LINES_AT_ONCE = 256
-"""Lines of results.jsonl that are read together: about a megabyte."""
-
-Row = dict[str, Any]
 
 
 def slug(text: str) -> str:
@@ -58,22 +59,14 @@ def trace_place(key: JobKey) -> str:
     return f"traces/{slug(scenario)}/{slug(planner)}/seed{seed}"
 
 
-def _line(row: Row) -> bytes:
-    return (json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-def row_key(row: Row) -> JobKey:
-    return (row["scenario_id"], row["planner"], row["seed"])
-
-
 @dataclass(frozen=True, slots=True)
 class StoredRun:
     """A run folder as it was read."""
 
     path: Path
     manifest: dict[str, Any]
-    rows: dict[JobKey, Row]
-    """By job, the latest of each."""
+    rows: Mapping[JobKey, Row]
+    """By job, the latest of each; those of a folder are read when they are asked for."""
 
     @property
     def keys(self) -> list[JobKey]:
@@ -83,7 +76,20 @@ class StoredRun:
     @property
     def missing(self) -> list[JobKey]:
         """Jobs without a score: not done yet, or ended in a fault that is not the planner's."""
-        return [k for k in self.keys if k not in self.rows or self.rows[k]["score"] is None]
+        briefs = self.briefs
+        return [key for key in self.keys if key not in briefs or briefs[key].score is None]
+
+    @property
+    def briefs(self) -> Mapping[JobKey, Brief]:
+        """What tables need of each row."""
+        return briefs_of(self.rows)
+
+    def narrowed(self, request: Mapping[str, Any]) -> StoredRun:
+        """The same as if nothing but this had been asked for."""
+        keys = keys_of([request])
+        rows = self.rows
+        only = rows.only(keys) if isinstance(rows, StoredRows) else {key: rows[key] for key in keys if key in rows}
+        return replace(self, manifest=self.manifest | {"requests": [dict(request)]}, rows=only)
 
 
 def read_run(path: Path) -> StoredRun:
@@ -91,7 +97,7 @@ def read_run(path: Path) -> StoredRun:
     manifest = _read_manifest(path)
     if manifest is None:
         raise RunFolderError(f"{path} is not a run folder: it has no manifest.json")
-    return StoredRun(path, manifest, {row_key(row): row for row, _ in _read_rows(path / "results.jsonl")})
+    return StoredRun(path, manifest, StoredRows.read(path))
 
 
 class RunFolder:
@@ -106,6 +112,7 @@ class RunFolder:
         """
         self.path = path
         self._results = -1
+        self._not_in_shards = 0
         try:
             path.mkdir(parents=True, exist_ok=True)
             self._lock = _Lock(path / "lock")
@@ -127,8 +134,12 @@ class RunFolder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *error: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        try:
+            if kind is None:
+                self._keep_shards()
+        finally:
+            self.close()
 
     def close(self) -> None:
         if self._results >= 0:
@@ -145,7 +156,16 @@ class RunFolder:
             if not (self.path / MAPS / files.name).is_dir():  # the same one, by the hash of the benchmark
                 copy_map(files, self.path / MAPS)
         try:
-            _replace(self.path / OWN_SCENARIOS, ["---\n".join(map(scenario_text, scenarios)).encode()])
+            replace_file(self.path / OWN_SCENARIOS, ["---\n".join(map(scenario_text, scenarios)).encode()])
+        except OSError as error:
+            raise _unwritable(self.path, error) from None
+
+    def keep_vehicle_types(self, path: Path) -> None:
+        """Keep the user's vehicle-type file, so that the drives can be made again without it."""
+        place = self.path / TRAFFIC / path.name  # under its name: what drivers are called begins with it
+        try:
+            place.parent.mkdir(exist_ok=True)
+            replace_file(place, [path.read_bytes()])
         except OSError as error:
             raise _unwritable(self.path, error) from None
 
@@ -154,7 +174,7 @@ class RunFolder:
 
         RunFolderError if it cannot be written; what was there before stays.
         """
-        line = _line(row)
+        line = line_of(row)
         size = os.fstat(self._results).st_size
         try:
             written = os.write(self._results, line)
@@ -166,10 +186,20 @@ class RunFolder:
                 os.ftruncate(self._results, size)
             raise _unwritable(self.path, error) from None
         self.done.add(row_key(row))
+        self._not_in_shards += 1
+        if self._not_in_shards == LINES_AT_ONCE:
+            self._keep_shards()
 
     def kept(self, keys: Container[JobKey]) -> Iterator[Row]:
         """The rows of these jobs, read one by one."""
-        return (row for row, _ in _read_rows(self.path / "results.jsonl") if row_key(row) in keys)
+        return (row for row, _ in read_rows(self.path / RESULTS) if row_key(row) in keys)
+
+    def _keep_shards(self) -> None:
+        try:
+            keep_shards(self.path)
+        except OSError as error:
+            raise _unwritable(self.path, error) from None
+        self._not_in_shards = 0
 
     def _agree(
         self, benchmark: Mapping[str, Any], request: Mapping[str, Any], about: Mapping[str, Any]
@@ -179,7 +209,7 @@ class RunFolder:
         fresh = held is None
         if held is None:
             strangers = sorted(
-                p.name for p in self.path.iterdir() if p.name not in ("lock", "traces", "manifest.json.new")
+                p.name for p in self.path.iterdir() if p.name not in ("lock", "traces", ".manifest.json.new")
             )
             if strangers:
                 raise RunFolderError(
@@ -193,22 +223,22 @@ class RunFolder:
         if fresh or not set(keys_of([request])) <= asked:
             held["requests"].append(dict(request))
             text = json.dumps(held, indent=2, ensure_ascii=False) + "\n"
-            _replace(self.path / "manifest.json", [text.encode()])
+            replace_file(self.path / "manifest.json", [text.encode()])
         return held
 
     def _open_results(self, wanted: Iterable[JobKey]) -> set[JobKey]:
         """Open results.jsonl for appending, without a torn last line and without the rows that are to be done again."""
-        path = self.path / "results.jsonl"
+        path = self.path / RESULTS
         again = set(wanted)
         last: dict[JobKey, tuple[int, bool]] = {}  # the number of the last row of each job, and whether it stays
         whole_bytes = 0
         number = -1
-        for number, (row, line) in enumerate(_read_rows(path)):
+        for number, (row, line) in enumerate(read_rows(path)):
             last[row_key(row)] = (number, row["score"] is not None or row_key(row) not in again)
             whole_bytes += len(line)
         stay = {number for number, stays in last.values() if stays}
         if len(stay) != number + 1:
-            _replace(path, (line for number, (_, line) in enumerate(_read_rows(path)) if number in stay))
+            replace_file(path, (line for number, (_, line) in enumerate(read_rows(path)) if number in stay))
             whole_bytes = path.stat().st_size
         self._results = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         os.ftruncate(self._results, whole_bytes)
@@ -249,72 +279,6 @@ def _read_manifest(path: Path) -> dict[str, Any] | None:
     except (ValueError, TypeError, KeyError) as error:
         raise RunFolderError(f"{file} is damaged ({type(error).__name__}: {error}); give another folder") from None
     return manifest
-
-
-def _read_rows(path: Path) -> Iterator[tuple[Row, bytes]]:
-    """All whole rows, one by one, with their lines; a last line without its end was torn by a kill and is left out.
-
-    Equal keys of rows that are near each other are one object, which halves what many rows take.
-    """
-    try:
-        with path.open("rb") as file:
-            first = 1
-            while lines := list(islice(file, LINES_AT_ONCE)):
-                if not lines[-1].endswith(b"\n"):
-                    lines.pop()
-                yield from zip(_parsed(lines, path, first), lines, strict=True)
-                first += len(lines)
-    except FileNotFoundError:
-        return
-    except OSError as error:
-        raise RunFolderError(f"cannot read {path}: {error.strerror}") from None
-
-
-def _parsed(lines: Sequence[bytes], path: Path, first: int) -> list[Row]:
-    """Lines as rows; RunFolderError names the first that is damaged, counted from `first`."""
-    with contextlib.suppress(*_DAMAGE):
-        together: list[Row] = json.loads(b"[" + b",".join(lines) + b"]")
-        if len(together) == len(lines):
-            for row in together:
-                _check_row(row)
-            return together
-    rows: list[Row] = []
-    for number, line in enumerate(lines, start=first):
-        try:
-            rows.append(json.loads(line))
-            _check_row(rows[-1])
-        except _DAMAGE:
-            raise RunFolderError(
-                f"{path}, line {number} is damaged; delete the line and repeat the command to do that job again"
-            ) from None
-    return rows
-
-
-_DAMAGE = (ValueError, TypeError, KeyError, AttributeError)
-"""What reading a row that is none raises."""
-
-
-def _check_row(row: Row) -> None:
-    """KeyError for a row that lacks what everybody reads."""
-    if not {"score", "fault", "family", "metrics"} <= row.keys():
-        raise KeyError("score")
-    row_key(row)
-
-
-def _replace(path: Path, lines: Iterable[bytes]) -> None:
-    """Write a file so that there is always either the old or the new one."""
-    fresh = path.with_name(path.name + ".new")
-    with fresh.open("wb") as file:
-        file.writelines(lines)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(fresh, path)
-    if os.name == "posix":
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
 
 
 def is_full(error: OSError) -> bool:
@@ -373,11 +337,3 @@ def place_folder(fresh: Path, final: Path) -> None:
         shutil.rmtree(final)
     final.parent.mkdir(parents=True, exist_ok=True)
     os.rename(fresh, final)
-
-
-def write_rows(path: Path, rows: Iterable[Row]) -> None:
-    """Write rows as results.jsonl has them; RunFolderError if the file cannot be written."""
-    try:
-        _replace(path, map(_line, rows))
-    except OSError as error:
-        raise RunFolderError(f"cannot write {path}: {error.strerror}") from None

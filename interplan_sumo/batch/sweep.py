@@ -18,11 +18,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal, cast
 
-from interplan_sumo.batch import traffic_files
 from interplan_sumo.batch.jobs import JobKey, Overrides, Source, chosen, keys_of, split_files
 from interplan_sumo.batch.run import RunRequest, Watch, check_inputs, run
-from interplan_sumo.batch.run_folder import StoredRun, read_run
-from interplan_sumo.batch.traffic_files import Edit, write_changed
+from interplan_sumo.batch.run_folder import TRAFFIC, StoredRun, read_run
+from interplan_sumo.batch.traffic_files import Edit, changed_name, write_changed
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.planner import find_planner
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, Scenario
@@ -149,7 +148,7 @@ class Result:
     @property
     def missing(self) -> list[JobKey]:
         """Drives without a score."""
-        scored = {key for each in self.runs for key, row in each.rows.items() if row["score"] is not None}
+        scored = {key for each in self.runs for key, brief in each.briefs.items() if brief.score is not None}
         return [key for key in self.combination.keys if key not in scored]
 
 
@@ -212,7 +211,7 @@ def _parts(
         used = base.vehicle_types or vehicle_type_file(base.behaviour or scenario.traffic.behaviour)
         users.setdefault(used, []).append(scenario)
     for source, members in users.items():
-        target = request.folder / traffic_files.FOLDER / traffic_files.changed_name(source, changes)
+        target = request.folder / TRAFFIC / changed_name(source, changes)
         write_changed(source, edits, target)
         place = folder if len(users) == 1 else folder / source.stem
         yield _part(request, place, members, files, Overrides(density, None, target))
@@ -234,8 +233,7 @@ def run_combination(combination: Combination, watch: Watch | None = None) -> Res
             stored = run(part.request, watch)
         except InputError as error:
             return Result(combination, tuple(runs), str(error))
-        rows = {key: stored.rows[key] for key in part.keys if key in stored.rows}
-        runs.append(replace(stored, manifest=stored.manifest | {"requests": [part.asked]}, rows=rows))
+        runs.append(stored.narrowed(part.asked))
     return Result(combination, tuple(runs))
 
 
@@ -261,8 +259,8 @@ def estimate(sweep: Sweep, workers: int) -> Estimate:
     left = 0
     for part in (part for combination in sweep.combinations for part in combination.parts):
         folder = part.request.folder
-        rows = read_run(folder).rows if (folder / "manifest.json").is_file() else {}
-        done = [rows[key] for key in part.keys if key in rows and rows[key]["score"] is not None]
+        briefs = read_run(folder).briefs if (folder / "manifest.json").is_file() else {}
+        done = [briefs[key] for key in part.keys if key in briefs and briefs[key].score is not None]
         left += len(part.keys) - len(done)
-        times_s += [row["times_s"]["total"] for row in done if "total" in row.get("times_s", {})]
+        times_s += [brief.total_s for brief in done if brief.total_s is not None]
     return Estimate(left, sum(times_s) / len(times_s) if times_s else TYPICAL_S, bool(times_s), workers)

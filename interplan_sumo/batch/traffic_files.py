@@ -12,12 +12,11 @@ from xml.etree.ElementTree import Element, SubElement
 from defusedxml.ElementTree import parse, tostring
 
 from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.errors import InputError, UnknownNameError, VehicleTypeError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.simulation.vehicle_types import NUMBERS, OTHER_ATTRIBUTES, PARAMETERS, read_vehicle_types
 
-FOLDER = "traffic"
-"""Where a sweep keeps its vehicle-type files, beside its run folders."""
 LANE_CHANGE: Final = frozenset(
     "lcAccelLat lcAssertive lcContRight lcCooperative lcCooperativeHelpThreshold lcCooperativeHelpTime "
     "lcCooperativeMinSpeed lcCooperativeRoundabout lcCooperativeSpeed lcImpatience lcKeepRight "
@@ -120,9 +119,9 @@ def write_changed(path: Path, edits: Sequence[Edit], target: Path) -> None:
 def recorded_vehicle_types(folder: Path, manifest: Mapping[str, Any], given: Path | None = None) -> Path | None:
     """The vehicle-type file that a run was given with --traffic; None if it had none.
 
-    A run records its name and hash. It is looked for at `given`, else where
-    the run's command had it, beside the run and among the shipped files. InputError
-    if it is not there, or has changed.
+    A run records its name and hash, and keeps a copy. It is looked for at `given`,
+    else there, where the run's command had it, beside the run and among the shipped
+    files. InputError if it is not there, or has changed.
     """
     recorded: str | None = manifest["overrides"].get("traffic")
     if recorded is None:
@@ -141,6 +140,7 @@ def recorded_vehicle_types(folder: Path, manifest: Mapping[str, Any], given: Pat
 
 
 def _places(folder: Path, manifest: Mapping[str, Any], name: str) -> Iterator[Path]:
+    yield folder / TRAFFIC / name
     command: list[str] = manifest.get("command", [])
     for at, word in enumerate(command):
         if word == "--traffic" and at + 1 < len(command):
@@ -148,5 +148,5 @@ def _places(folder: Path, manifest: Mapping[str, Any], name: str) -> Iterator[Pa
         elif word.startswith("--traffic="):
             yield Path(word.removeprefix("--traffic="))
     for beside in folder.resolve().parents[:2]:
-        yield beside / FOLDER / name
+        yield beside / TRAFFIC / name
     yield routes_root() / name

@@ -14,12 +14,14 @@ from typing import Any, Literal
 import numpy as np
 
 from interplan_sumo.batch import own_experts
-from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
-from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.backend import drive_outcomes
+from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.in_process import alarm_works
 from interplan_sumo.batch.jobs import Job, JobKey, Overrides
+from interplan_sumo.batch.processes import Workers
+from interplan_sumo.batch.results import Row, row_key
 from interplan_sumo.batch.run import Watch
-from interplan_sumo.batch.run_folder import Row, StoredRun
+from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import own_scenarios
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.trace_difference import TraceDifference, difference
@@ -28,6 +30,7 @@ from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.planner import find_planner
+from interplan_sumo.scenario.files import MAPS
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.world.trace import Trace
@@ -108,15 +111,17 @@ def verify(
     sample: Sample,
     *,
     workers: int,
+    ray: str | None = None,
     vehicle_types: Path | None = None,
     limits: Limits | None = None,
     watch: Watch | None = None,
 ) -> Verification:
     """Drive a sample of the rows again with their own scenario, planner, seed and overrides, and compare.
 
-    `vehicle_types` is the file that the run was given with --traffic, where it
-    is no longer found. Nothing is written to the run folder. Raises InputError
-    for a planner, file or name that is not there any more, or for an empty run.
+    `workers` and `ray` are as in `RunRequest`. `vehicle_types` is the file that
+    the run was given with --traffic, where it is no longer found. Nothing is
+    written to the run folder. Raises InputError for a planner, file or name that
+    is not there any more, or for an empty run.
     """
     keys = _candidates(run, sample)
     drawn = _drawn(keys, sample)
@@ -137,8 +142,9 @@ def verify(
             jobs.append(Job(scenario, key[1], key[2]))
     if watch is not None:
         watch.begin(len(jobs), ())
-    checks += _driven_again(run, jobs, overrides.vehicle_types, bool(own), workers, limits or Limits(), watch)
-    checks.sort(key=lambda check: drawn.index((check.row["scenario_id"], check.row["planner"], check.row["seed"])))
+    who = Workers(workers, ray)
+    checks += _driven_again(run, jobs, overrides.vehicle_types, bool(own), who, limits or Limits(), watch)
+    checks.sort(key=lambda check: row_key(check.row))
     return Verification(run, len(keys), tuple(checks))
 
 
@@ -148,7 +154,7 @@ def _versions() -> dict[str, str]:
 
 def _candidates(run: StoredRun, sample: Sample) -> list[JobKey]:
     """The rows with a score that the sample may hold, in an order that does not depend on the workers'."""
-    scored = sorted(key for key, row in run.rows.items() if row["score"] is not None)
+    scored = sorted(key for key, brief in run.briefs.items() if brief.score is not None)
     if not scored:
         raise RunFolderError(f"{run.path} holds no drive with a score, so there is nothing to verify; run it first")
     ids, planners = ({str(key[at]) for key in scored} for at in (0, 1))
@@ -193,7 +199,7 @@ def _driven_again(
     jobs: Sequence[Job],
     vehicle_types: Path | None,
     own: bool,
-    workers: int,
+    who: Workers,
     limits: Limits,
     watch: Watch | None,
 ) -> list[Check]:
@@ -205,15 +211,18 @@ def _driven_again(
         scratch = Path(place)
         if (run.path / own_experts.FOLDER).is_dir():
             shutil.copytree(run.path / own_experts.FOLDER, scratch / own_experts.FOLDER)
+        if vehicle_types is not None:  # SUMO reads no file with a comma in its path, which folders of sweeps have
+            vehicle_types = Path(shutil.copy(vehicle_types, scratch / vehicle_types.name))
         settings = DriveSettings(
             folder=scratch,
             profile=run.manifest["profile"],
-            vehicle_types=vehicle_types and vehicle_types.resolve(),
-            plan_limit_s=float("inf") if workers == 0 and alarm_works() else limits.plan_s,
+            vehicle_types=vehicle_types,
+            plan_limit_s=float("inf") if who.in_this_process and alarm_works() else limits.plan_s,
             own_scenarios=own,
+            maps_beside=run.path / MAPS if own else None,
         )
         tasks = [Task(job.key, job.planner, job) for job in jobs]
-        with contextlib.closing(run_tasks(tasks, drive_jobs(settings), workers=workers, limits=limits)) as outcomes:
+        with contextlib.closing(drive_outcomes(tasks, settings, who, limits)) as outcomes:
             for outcome in outcomes:
                 row = run.rows[outcome.task.payload.key]
                 checks.append(_check(run, row, outcome, scratch))

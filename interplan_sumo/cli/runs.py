@@ -59,33 +59,27 @@ def run(
     as_json: JsonOption = False,
 ) -> int:
     """Drive and score scenarios, and print the table. Repeating the command on the same folder resumes it."""
-    from interplan_sumo.batch.processes import SINGLE_THREAD, Workers
+    from interplan_sumo.batch.processes import SINGLE_THREAD
 
     os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
     from interplan_sumo.batch import run as batch
-    from interplan_sumo.batch.jobs import Overrides
-    from interplan_sumo.batch.tasks import Limits
-    from interplan_sumo.planner import RECOMMENDED
 
-    asked = Workers.parse(workers)
     folder = out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
     command = ["interplan-sumo", *context.obj, *([] if out else ["--out", str(folder)])]
-    request = batch.RunRequest(
-        planners=tuple(planner or (RECOMMENDED,)),
+    request = batch.RunRequest.of(
+        planner or (),
+        folder,
         suite=suite,
-        folder=folder,
-        scenarios=tuple(scenarios or ()),
+        scenarios=scenarios or (),
         seeds=seeds,
-        workers=asked.processes,
-        ray=asked.ray,
-        overrides=Overrides.parse(set_ or (), traffic),
+        workers=workers,
+        changes=set_ or (),
+        traffic=traffic,
         limit=limit,
-        limits=Limits(
-            plan_s=plan_limit or float("inf"),
-            task_s=job_limit or float("inf"),
-            memory_bytes=round(memory_gb * 2**30) or None,
-        ),
-        command=tuple(command),
+        plan_limit_s=plan_limit,
+        job_limit_s=job_limit,
+        memory_gb=memory_gb,
+        command=command,
     )
     stdout = contextlib.redirect_stdout(sys.stderr) if as_json else contextlib.nullcontext()
     try:
@@ -106,6 +100,9 @@ def report(
     as_csv: Annotated[bool, typer.Option("--csv", help="Print the table as CSV.")] = False,
     as_markdown: Annotated[bool, typer.Option("--markdown", help="Print the table as Markdown.")] = False,
     html: Annotated[Path | None, typer.Option(help="Write one self-contained page.", metavar="FILE")] = None,
+    replays: Annotated[
+        str, typer.Option(help="Beside the page, replays of these drives; N are the worst.", metavar="all|lost|none|N")
+    ] = "none",
     paper: Annotated[bool, typer.Option("--paper", help="Add the published rows for comparison.")] = False,
     why: Annotated[bool, typer.Option("--why", help="One sentence for every zero and every lost gate.")] = False,
     details: Annotated[
@@ -122,8 +119,11 @@ def report(
     forms: list[Form] = [form for form, wanted in asked if wanted]
     if len(forms) > 1:
         raise InputError(f"--{forms[0]} and --{forms[1]} both print on stdout; give one of them")
+    if replays != "none" and html is None:
+        raise InputError(f"--replays {replays} are made beside a page; give its file as --html")
     runs = [read_run(folder) for folder in folders]
-    return _report(runs, forms[0] if forms else "text", html, paper=paper, why=why, details=details)
+    form = forms[0] if forms else "text"
+    return _report(runs, form, html, replays, paper=paper, why=why, details=details)
 
 
 @app.command()
@@ -134,7 +134,7 @@ def score(
     as_json: JsonOption = False,
 ) -> int:
     """Score stored traces again, under any profile, without simulating."""
-    from interplan_sumo.batch.run_folder import write_rows
+    from interplan_sumo.batch.results import write_rows
     from interplan_sumo.metrics.score import DEFAULT_PROFILE
 
     scored = _rescored(folder, profile or DEFAULT_PROFILE)
@@ -173,12 +173,14 @@ def _rescored(folder: Path, profile: str) -> StoredRun:
     return scored
 
 
-def _report(runs: Sequence[StoredRun], form: Form, html: Path | None = None, **options: bool) -> int:
-    """Print the table of the runs, write the page if one is asked for; the exit code."""
+def _report(
+    runs: Sequence[StoredRun], form: Form, html: Path | None = None, replays: str = "none", **options: bool
+) -> int:
+    """Print the table of the runs, write the page and its replays if they are asked for; the exit code."""
     from interplan_sumo.report.table import make_table
 
     table = make_table(runs)
     if html is not None:
-        write_page(table, html, paper=options.get("paper", False))
+        write_page(table, html, runs, paper=options.get("paper", False), replays=replays)
     print_table(table, form, **options)
     return DONE if table.complete else INCOMPLETE

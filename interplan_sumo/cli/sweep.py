@@ -61,40 +61,36 @@ def sweep(
     as_json: JsonOption = False,
 ) -> int:
     """Run every combination of traffic parameters; then a table, sweep.csv and a plot. Repeat the command to resume."""
-    from interplan_sumo.batch.processes import SINGLE_THREAD, Workers
+    from interplan_sumo.batch.processes import SINGLE_THREAD
 
     os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
-    from interplan_sumo.batch.jobs import Overrides
+    from interplan_sumo.batch.backend import one_connection
     from interplan_sumo.batch.run import RunRequest
     from interplan_sumo.batch.sweep import Parameter, plan_sweep
-    from interplan_sumo.batch.tasks import Limits
-    from interplan_sumo.planner import RECOMMENDED
 
-    asked = Workers.parse(workers)
     folder = out or Path("runs") / f"sweep-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
     command = ["interplan-sumo", *context.obj, *([] if out else ["--out", str(folder)])]
-    request = RunRequest(
-        planners=tuple(planner or (RECOMMENDED,)),
+    request = RunRequest.of(
+        planner or (),
+        folder,
         suite=suite,
-        folder=folder,
-        scenarios=tuple(scenarios or ()),
+        scenarios=scenarios or (),
         seeds=seeds,
-        workers=asked.processes,
-        ray=asked.ray,
-        overrides=Overrides.parse(set_ or (), traffic),
+        workers=workers,
+        changes=set_ or (),
+        traffic=traffic,
         limit=limit,
-        limits=Limits(
-            plan_s=plan_limit or float("inf"),
-            task_s=job_limit or float("inf"),
-            memory_bytes=round(memory_gb * 2**30) or None,
-        ),
-        command=tuple(command),
+        plan_limit_s=plan_limit,
+        job_limit_s=job_limit,
+        memory_gb=memory_gb,
+        command=command,
     )
     parameters = [Parameter.parse(text) for text in param or ()]
     try:
         planned = plan_sweep(request, parameters)
-        with contextlib.redirect_stdout(sys.stderr):  # in-process planners may print: not into the table or JSON
-            results = list(_results(planned, request.workers, quiet=quiet))
+        stdout = contextlib.redirect_stdout(sys.stderr)  # in-process planners may print: not into the table or JSON
+        with stdout, one_connection(request.who) as at_a_time:
+            results = list(_results(planned, at_a_time, quiet=quiet))
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
         return INCOMPLETE

@@ -25,7 +25,10 @@ def verify(
     tolerant: Annotated[
         bool, typer.Option("--tolerant", help="Let 1 mm and 1e-6 in the score pass, as between two machines.")
     ] = False,
-    workers: Annotated[int | None, typer.Option(help="Processes; 0 runs in this one. Default: all cores.")] = None,
+    workers: Annotated[
+        str | None,
+        typer.Option(help="Processes, 0 for this one, or a Ray cluster; as in run.", metavar="N|ray[:ADDRESS]"),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
     as_json: JsonOption = False,
 ) -> int:
@@ -33,7 +36,7 @@ def verify(
 
     Exit code 1 if a drive differs, 3 if one could not be verified.
     """
-    from interplan_sumo.batch.processes import SINGLE_THREAD, available_cores
+    from interplan_sumo.batch.processes import SINGLE_THREAD, Workers
 
     os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
     import contextlib
@@ -47,10 +50,11 @@ def verify(
         raise InputError(f"--all and --sample {sample} are two sizes; give one of them")
     size = None if every else 10 if sample is None else sample
     wanted = Sample(size, seed, tuple(scenarios or ()), tuple(planner or ()))
-    workers = available_cores() if workers is None else workers
+    who = Workers.parse(workers)
     try:
         with progress(quiet=quiet) as watch, contextlib.redirect_stdout(sys.stderr):
-            found = drive_again(read_run(folder), wanted, workers=workers, vehicle_types=traffic, watch=watch)
+            stored = read_run(folder)
+            found = drive_again(stored, wanted, workers=who.processes, ray=who.ray, vehicle_types=traffic, watch=watch)
     except KeyboardInterrupt:
         print("stopped; nothing was written", file=sys.stderr)
         return INCOMPLETE

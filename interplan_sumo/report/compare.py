@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
-from interplan_sumo.batch.run_folder import Row, StoredRun
+from interplan_sumo.batch.jobs import JobKey
+from interplan_sumo.batch.results import Brief, Row
+from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
-from interplan_sumo.report.table import BOOTSTRAP_SEED, RESAMPLES, planner_label, planners_of
+from interplan_sumo.report.table import BOOTSTRAP_SEED, MANY_DRIVES, RESAMPLES, Z_95, planner_label, planners_of
 from interplan_sumo.report.why import fault_sentence, metric_sentence
 from interplan_sumo.world.geometry import Floats
 
@@ -108,17 +111,17 @@ def compare(
     planner_a = sure_a or _same_planner(run_a, sure_b, "a")
     planner_b = sure_b or _same_planner(run_b, sure_a, "b")
     drives_a, drives_b = _drives(run_a, planner_a), _drives(run_b, planner_b)
-    versions = {row["version"] for row in (*drives_a.values(), *drives_b.values()) if row and "version" in row}
+    versions = {drive.scoring for drive in (*drives_a.values(), *drives_b.values()) if drive and drive.scoring}
     if len(versions) > 1:
         raise RunFolderError(
             f"{run_a.path} and {run_b.path} hold scores of different scoring versions ({sorted(versions)}); "
             "--profile NAME scores both again"
         )
-    changes: list[Change] = []
-    for key in drives_a:
-        row_a, row_b = drives_a[key], drives_b.get(key)
-        if row_a and row_b:
-            changes.append(_change(row_a, row_b))
+    changes = [
+        _change(run_a, run_b, (key[0], planner_a, key[1]), (key[0], planner_b, key[1]), drive_a, drive_b)
+        for key, drive_a in drives_a.items()
+        if drive_a and (drive_b := drives_b.get(key))
+    ]
     families = {family: [c for c in changes if c.family == family] for family in (c.family for c in changes)}
     keys = list(dict.fromkeys((*drives_a, *drives_b)))
     return Comparison(
@@ -152,19 +155,22 @@ def _same_planner(run: StoredRun, other: str | None, side: str) -> str:
     raise InputError(f"{run.path} holds {len(held)} planners ({', '.join(held)}); name one: --planner-{side} NAME")
 
 
-def _drives(run: StoredRun, planner: str) -> dict[DriveKey, Row | None]:
+def _drives(run: StoredRun, planner: str) -> dict[DriveKey, Brief | None]:
     """Every drive that was asked of a planner, None where there is no score."""
-    rows = {(key[0], key[2]): run.rows.get(key) for key in run.keys if key[1] == planner}
-    return {key: row if row is not None and row["score"] is not None else None for key, row in rows.items()}
+    briefs = run.briefs
+    drives = {(key[0], key[2]): briefs.get(key) for key in run.keys if key[1] == planner}
+    return {key: drive if drive is not None and drive.score is not None else None for key, drive in drives.items()}
 
 
-def _change(row_a: Row, row_b: Row) -> Change:
-    a, b = float(row_a["score"]), float(row_b["score"])
+def _change(run_a: StoredRun, run_b: StoredRun, key_a: JobKey, key_b: JobKey, drive_a: Brief, drive_b: Brief) -> Change:
+    """Two drives with a score; their rows are read only where they differ."""
+    a, b = float(drive_a.score or 0.0), float(drive_b.score or 0.0)
     reason = ""
     if abs(b - a) > TIE:
+        row_a, row_b = run_a.rows[key_a], run_b.rows[key_b]
         worse, better = (row_a, row_b) if a < b else (row_b, row_a)
         reason = f"{'a' if a < b else 'b'}: {_lost(worse, better)}"
-    return Change(row_a["scenario_id"], row_a["family"], row_a["seed"], a, b, reason)
+    return Change(key_a[0], drive_a.family, key_a[2], a, b, reason)
 
 
 def _lost(worse: Row, better: Row) -> str:
@@ -213,12 +219,17 @@ def _differences(changes: Sequence[Change]) -> Floats:
 def mean_interval(values: Floats) -> tuple[float, float] | None:
     """95 % percentile bootstrap of the mean of values (K,), one per scenario; None for fewer than two.
 
+    Of more than MANY_DRIVES values, the interval that it tends to.
+
     Scenarios are drawn again and keep their seeds together, because drives of
     one scenario are not independent. The generator is fixed: the same values
     give the same interval.
     """
     if len(values) < 2:
         return None
+    if len(values) > MANY_DRIVES:
+        mean, reach = float(values.mean()), Z_95 * float(values.std()) / sqrt(len(values))
+        return mean - reach, mean + reach
     rng = np.random.default_rng(BOOTSTRAP_SEED)
     low, high = np.percentile(values[rng.integers(0, len(values), (RESAMPLES, len(values)))].mean(axis=1), (2.5, 97.5))
     return float(low), float(high)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table as Grid
 from rich.text import Text
 
-from interplan_sumo.batch.run_folder import Row
+from interplan_sumo.batch.results import Row
 from interplan_sumo.report.published import SOURCE, published_figure, published_rows
-from interplan_sumo.report.table import COLUMNS, ORDINARY, Cell, Column, Line, Table, faulty
-from interplan_sumo.report.why import lost_points, why_lost
+from interplan_sumo.report.table import COLUMNS, ORDINARY, Cell, Column, Line, Table
+from interplan_sumo.report.why import fault_sentence, lost_points, why_lost
 
 LISTED = 20
 """So many faults, missing rows or zeros are listed on a terminal; the rest is counted."""
@@ -30,10 +32,9 @@ def as_json(table: Table, *, paper: bool = False, why: bool = False) -> dict[str
             "seeds": line.seeds,
             "official": line.official,
             "overrides": dict(line.overrides),
-            "faults": line.faults,
-            "fault_list": [
-                {"scenario_id": r["scenario_id"], "seed": r["seed"], **r["fault"]} for r in line.rows if r["fault"]
-            ],
+            "faults": dict(line.faults),
+            **({"questions": line.questions, "unanswered": line.unanswered} if line.questions else {}),
+            "fault_list": [{"scenario_id": r["scenario_id"], "seed": r["seed"], **r["fault"]} for r in line.faulty],
             "missing": [{"scenario_id": scenario, "seed": seed} for scenario, _, seed in line.missing],
             "drives": [
                 {
@@ -68,9 +69,9 @@ def as_json(table: Table, *, paper: bool = False, why: bool = False) -> dict[str
     return report
 
 
-def reasons(line: Line) -> list[tuple[Row, str]]:
+def reasons(line: Line) -> Iterator[tuple[Row, str]]:
     """The rows with a fault, a score of zero or a lost gate, one sentence at a time."""
-    return [(row, sentence) for row in line.rows for sentence in why_lost(row)]
+    return ((row, sentence) for row in line.rows for sentence in why_lost(row))
 
 
 def as_csv(table: Table, *, paper: bool = False) -> str:
@@ -138,6 +139,12 @@ def notes(table: Table, *, paper: bool = False) -> list[str]:
         )
     if any(line.overrides for line in table.lines):
         found.append("Rows in square brackets were run with changed traffic: not comparable with official ones.")
+    for line in table.lines:
+        if line.questions:
+            share = 100.0 * line.unanswered / line.questions
+            found.append(
+                f"{line.label} asked a language model {line.questions} times, {share:.1f} % without a usable answer."
+            )
     if paper:
         found.append(f"(paper): {SOURCE}; ordinary driving there is Val14.")
     return found
@@ -148,27 +155,27 @@ def as_text(
 ) -> RenderableType:
     """The table and its notes for a terminal of `width` characters; columns that no line has are left out."""
     parts: list[RenderableType] = [_grid(table, width, paper), *(Text(note) for note in notes(table, paper=paper))]
-    faults = [f"{_name(row)}: {row['fault']['class']} fault: {row['fault']['message']}" for row in faulty(table.lines)]
-    missing = [
-        f"{scenario}, {planner}, seed {seed}"
-        for line in table.lines
-        for scenario, planner, seed in line.missing
-        if not any(row["fault"] and (row["scenario_id"], row["seed"]) == (scenario, seed) for row in line.rows)
-    ]
-    lost = [f"{_name(row)}: {sentence}" for line in table.lines for row, sentence in reasons(line)] if why else []
-    drives = [_drive(row) for line in table.lines for row in line.rows] if details else []
-    for title, entries, limit in (
-        ("Faults", faults, LISTED),
-        ("Not run yet", missing, LISTED),
-        ("Why: zeros and lost gates", lost, 0),
-        ("Every drive", drives, 0),
-    ):
-        if entries:
-            parts.append(Text(f"\n{title} ({len(entries)})", style="bold"))
-            parts += [Text(f"  {entry}") for entry in (entries[:limit] if limit else entries)]
-            if limit and len(entries) > limit:
-                parts.append(Text(f"  ... and {len(entries) - limit} more; --json lists all"))
+    faulty = [key for line in table.lines for key in line.faulty.keys]
+    first = islice((row for line in table.lines for row in line.faulty), LISTED)
+    parts += _listed("Faults", [f"{_name(row)}: {fault_sentence(row)}" for row in first], len(faulty))
+    ended = set(faulty)
+    missing = [f"{key[0]}, {key[1]}, seed {key[2]}" for line in table.lines for key in line.missing if key not in ended]
+    parts += _listed("Not run yet", missing[:LISTED], len(missing))
+    if why:
+        lost = [f"{_name(row)}: {sentence}" for line in table.lines for row, sentence in reasons(line)]
+        parts += _listed("Why: zeros and lost gates", lost, len(lost))
+    if details:
+        drives = [_drive(row) for line in table.lines for row in line.rows]
+        parts += _listed("Every drive", drives, len(drives))
     return Group(*parts)
+
+
+def _listed(title: str, entries: Sequence[str], count: int) -> list[Text]:
+    """A heading with these entries of so many; nothing where there are none."""
+    if not entries:
+        return []
+    more = [f"  ... and {count - len(entries)} more; --json lists all"] if count > len(entries) else []
+    return [Text(f"\n{title} ({count})", style="bold"), *(Text(f"  {entry}") for entry in entries), *map(Text, more)]
 
 
 def _grid(table: Table, width: int, paper: bool) -> Grid:

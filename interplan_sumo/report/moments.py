@@ -16,15 +16,13 @@ from interplan_sumo.metrics.drivable_area import TOLERANCE_M
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.result import MetricResult
 from interplan_sumo.metrics.score import DEFAULT_PROFILE, ScoreSheet, score_facts
-from interplan_sumo.report.why import fault_sentence
+from interplan_sumo.report.why import LEAST_LOSS, fault_sentence
 from interplan_sumo.world.geometry import Floats
 
 FAULT: Final = "fault"
 """Stands for the metric where the planner's fault ended the drive."""
 NOTHING: Final = "nothing"
 """Stands for the metric where nothing was lost: the moment is the end of the drive."""
-LEAST_LOSS: Final = 0.0005
-"""A metric that lost less than this shows as whole in every table, and has no moment."""
 CREEPING_MPS: Final = 0.5
 """Below this an ego that should advance waits."""
 SHORTEST_WAIT_S: Final = 1.0

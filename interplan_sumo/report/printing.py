@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -14,6 +15,7 @@ from interplan_sumo.errors import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from interplan_sumo.batch.run_folder import StoredRun
     from interplan_sumo.report.compare import Comparison
     from interplan_sumo.report.progress import LiveProgress, PlainProgress
     from interplan_sumo.report.table import Table
@@ -49,19 +51,24 @@ def print_comparison(found: Comparison, *, as_json: bool) -> None:
         console().print(compare_formats.comparison_text(found))
 
 
-def write_page(table: Table, path: Path, *, paper: bool = False) -> None:
-    """The report as one HTML file; InputError if it cannot be written."""
-    from interplan_sumo.report.page import page
+def write_page(
+    table: Table, path: Path, runs: Sequence[StoredRun] = (), *, paper: bool = False, replays: str = "none"
+) -> None:
+    """The report as one HTML file, and replays of these drives beside it; InputError if it cannot be written."""
+    from interplan_sumo.report.page.document import page
+    from interplan_sumo.report.page.replays import write_replays
 
+    write_replays(table, runs, path, replays)
     try:
-        path.write_text(page(table, paper=paper), encoding="utf-8")
+        path.write_text(page(table, runs, paper=paper, path=path), encoding="utf-8")
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}; give another file as --html") from None
 
 
 def print_json(document: object) -> None:
     """One document; refuses numbers that JSON does not have."""
-    print(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+    json.dump(document, sys.stdout, indent=2, ensure_ascii=False, allow_nan=False)
+    print()
 
 
 def print_entries(entries: Sequence[dict[str, Any]], *, as_json: bool, hide: Sequence[str] = ()) -> None:

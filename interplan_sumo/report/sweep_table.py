@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 from collections import Counter
@@ -16,7 +17,7 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.run_folder import Row
+from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.sweep import Parameter, Result
 from interplan_sumo.report.compare import mean_interval
 from interplan_sumo.report.table import LANE_CHANGES
@@ -119,7 +120,7 @@ class SweepLine:
     missing: tuple[JobKey, ...]
     asked: int
     figures: frozenset[tuple[str, int, str]]
-    """Scenario, seed and everything that was measured of its drives, but with a clock."""
+    """Scenario, seed and a hash of everything that was measured of its drives, but with a clock."""
     failure: str | None = None
     """Why drives are missing, where it is known."""
 
@@ -139,40 +140,52 @@ def sweep_lines(results: Sequence[Result]) -> list[SweepLine]:
 
 def _line(result: Result, planner: str) -> SweepLine:
     keys = [key for key in result.combination.keys if key[1] == planner]
-    held = {key: row for run in result.runs for key, row in run.rows.items()}
-    rows = [held[key] for key in keys if key in held]
+    runs = {key: run for run in result.runs for key in run.rows}
     missing = tuple(key for key in result.missing if key[1] == planner)
-    faults = [fault_sentence(row) for row in rows if row["score"] is None]
+    figures: set[tuple[str, int, str]] = set()
+    values: dict[str, dict[str, list[float]]] = {measure.key: {} for measure in MEASURES}
+    faults: Counter[str] = Counter()
+    first_failure: str | None = None
+    for key in keys:
+        if key not in runs:
+            continue
+        row = runs[key].rows[key]
+        figures.add((key[0], key[2], _figures_of(row)))
+        if row["fault"]:
+            faults[row["fault"]["class"]] += 1
+        if row["score"] is None:
+            first_failure = first_failure or fault_sentence(row)
+            continue
+        for measure in MEASURES:
+            value = measure.value(row)
+            if value is not None:
+                values[measure.key].setdefault(key[0], []).append(value)
     return SweepLine(
         setting=result.combination.setting,
         planner=planner,
         scenarios=len({scenario for scenario, _, _ in keys}),
         seeds=len({seed for _, _, seed in keys}),
-        means={measure.key: None if missing else _mean(rows, measure.value) for measure in MEASURES},
-        faults=dict(sorted(Counter(row["fault"]["class"] for row in rows if row["fault"]).items())),
+        means={measure.key: None if missing else _mean(values[measure.key]) for measure in MEASURES},
+        faults=dict(sorted(faults.items())),
         missing=missing,
         asked=len(keys),
-        figures=frozenset((row["scenario_id"], row["seed"], _figures_of(row)) for row in rows),
-        failure=result.failure or (faults[0] if faults else None),
+        figures=frozenset(figures),
+        failure=result.failure or first_failure,
     )
 
 
 def _figures_of(row: Row) -> str:
-    """All figures of a drive; of the diagnostics, which time the planner, only what is a measure here.
+    """A hash of all figures of a drive; of the diagnostics, which time the planner, only what is a measure here.
 
     Trace hashes would not do: a trace holds the names of the vehicle types, and so of their file.
     """
     metrics = {name: metric for name, metric in row["metrics"].items() if name != "diagnostics"}
-    return json.dumps([row["score"], row["fault"], metrics, _braking_behind(row)], sort_keys=True)
+    text = json.dumps([row["score"], row["fault"], metrics, _braking_behind(row)], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _mean(rows: Sequence[Row], value: Callable[[Row], float | None]) -> Mean | None:
+def _mean(by_scenario: Mapping[str, Sequence[float]]) -> Mean | None:
     """The mean over the scenarios of the mean over the seeds."""
-    by_scenario: dict[str, list[float]] = {}
-    for row in rows:
-        found = value(row)
-        if found is not None:
-            by_scenario.setdefault(row["scenario_id"], []).append(found)
     if not by_scenario:
         return None
     single = len(by_scenario) == 1

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import groupby
+from dataclasses import dataclass, field
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.run_folder import Row, StoredRun
+from interplan_sumo.batch.results import Brief, Row
+from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.scenario.ordinary import TYPES
 
 RESAMPLES = 4000
 BOOTSTRAP_SEED = 20240407
 """Fixed, so that a report of the same rows is the same report."""
+MANY_DRIVES = 1000
+"""A cell over more has the interval that its bootstrap means tend to, from their variance: drawing takes minutes."""
+Z_95 = 1.959964
+"""97.5 % of the normal distribution lie below so many standard deviations."""
 
 LANE_CHANGES = ("lane_change_ltd", "lane_change_mtd", "lane_change_htd")
 
@@ -29,34 +35,30 @@ class Column:
     title: str
     families: tuple[str, ...]
     """Over whose scenarios it is the mean; none means all but ordinary driving."""
-    value: Callable[[Row], float | None]
-    """0 to 1, of one row with a score; None where the profile does not judge it."""
+    value: Callable[[Brief], float | None]
+    """0 to 1, of one drive with a score; None where the profile does not judge it."""
 
     def covers(self, family: str) -> bool:
         return family in self.families if self.families else family not in TYPES
 
 
-def _score(row: Row) -> float:
-    return float(row["score"])
+def _score(drive: Brief) -> float | None:
+    return drive.score
 
 
-def _judged(name: str) -> Callable[[Row], float | None]:
-    """A metric's score; 0 where the planner failed, whatever it did until then."""
-
-    def value(row: Row) -> float | None:
-        if row["fault"]:
-            return 0.0
-        return row["metrics"].get(name, {}).get("score")
-
-    return value
+def _no_collision(drive: Brief) -> float | None:
+    return 0.0 if drive.fault else drive.no_collision  # 0 where the planner failed, whatever it did until then
 
 
-def _reached_goal_lane(row: Row) -> float | None:
+def _drivable_area(drive: Brief) -> float | None:
+    return 0.0 if drive.fault else drive.drivable_area
+
+
+def _reached_goal_lane(drive: Brief) -> float | None:
     """Whether the drive ended in the goal lane: the boolean, not the partial score."""
-    if row["fault"]:
+    if drive.fault:
         return 0.0
-    lane_changes = row["metrics"].get("lane_changes")
-    return None if lane_changes is None else float(lane_changes["detail"]["goal"])
+    return None if drive.goal_lane is None else float(drive.goal_lane)
 
 
 ORDINARY = Column("ordinary", "Ordinary", tuple(TYPES), _score)
@@ -72,9 +74,9 @@ COLUMNS = (
     Column("ltd", "LTD", ("lane_change_ltd",), _score),
     Column("mtd", "MTD", ("lane_change_mtd",), _score),
     Column("htd", "HTD", ("lane_change_htd",), _score),
-    Column("driv", "Driv.", LANE_CHANGES, _judged("drivable_area")),
+    Column("driv", "Driv.", LANE_CHANGES, _drivable_area),
     Column("goal", "Goal", LANE_CHANGES, _reached_goal_lane),
-    Column("no_col", "No-Col.", LANE_CHANGES, _judged("no_collision")),
+    Column("no_col", "No-Col.", LANE_CHANGES, _no_collision),
 )
 """In the paper's order."""
 
@@ -97,6 +99,30 @@ class Cell:
         return self.done < self.asked
 
 
+class Drives(Sequence[Row]):
+    """Rows of one or more runs in an order of their own, each read when it is asked for."""
+
+    def __init__(self, places: Sequence[tuple[Mapping[JobKey, Row], JobKey]]) -> None:
+        self._places = places
+
+    @property
+    def keys(self) -> list[JobKey]:
+        return [key for _, key in self._places]
+
+    @overload
+    def __getitem__(self, at: int) -> Row: ...
+    @overload
+    def __getitem__(self, at: slice) -> Drives: ...
+    def __getitem__(self, at: int | slice) -> Row | Drives:
+        if isinstance(at, slice):
+            return Drives(self._places[at])
+        rows, key = self._places[at]
+        return rows[key]
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+
 @dataclass(frozen=True, slots=True)
 class Line:
     """One planner in one setting."""
@@ -108,19 +134,20 @@ class Line:
     scenarios: int
     seeds: int
     """Of the interPlan columns; of ordinary driving where there is nothing else."""
-    rows: tuple[Row, ...]
+    rows: Drives
     """In suite order, ordinary driving last."""
+    faulty: Drives
+    """Those of the rows that ended in a fault."""
     missing: tuple[JobKey, ...]
-
-    @property
-    def official(self) -> bool:
-        return not self.overrides and all(row.get("official", True) for row in self.rows)
-
-    @property
-    def faults(self) -> dict[str, int]:
-        """How many rows ended in each class of fault."""
-        classes = sorted(row["fault"]["class"] for row in self.rows if row["fault"])
-        return {name: len(list(group)) for name, group in groupby(classes)}
+    families: Mapping[str, frozenset[str]]
+    """Ids of the scenarios that were driven, by family."""
+    faults: Mapping[str, int]
+    """How many rows ended in each class of fault."""
+    official: bool
+    questions: int
+    """How often the planner asked a language model."""
+    unanswered: int
+    """How often in vain: then it fell back on something else, and the score says less about the model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,9 +169,32 @@ class Table:
         """Scenarios per family over all lines, in order of appearance."""
         found: dict[str, set[str]] = {}
         for line in self.lines:
-            for row in line.rows:
-                found.setdefault(row["family"], set()).add(row["scenario_id"])
+            for family, ids in line.families.items():
+                found.setdefault(family, set()).update(ids)
         return {family: len(ids) for family, ids in found.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Driven:
+    """A run as a table needs it, gone over once."""
+
+    run: StoredRun
+    briefs: Mapping[JobKey, Brief]
+    keys: Mapping[str, Sequence[JobKey]]
+    """What was asked for, by planner."""
+    ordinary: bool
+    """Whether it is of ordinary driving only."""
+
+    @classmethod
+    def of(cls, run: StoredRun) -> _Driven:
+        briefs = run.briefs
+        one = dict(zip(briefs, briefs, strict=True))  # equal keys as one object: there are many
+        keys: dict[str, list[JobKey]] = {}
+        ordinary = True
+        for key in run.keys:
+            keys.setdefault(key[1], []).append(one.get(key, key))
+            ordinary = ordinary and _family(key, briefs) in TYPES
+        return cls(run, briefs, keys, ordinary and bool(keys))
 
 
 def make_table(runs: Sequence[StoredRun]) -> Table:
@@ -154,19 +204,15 @@ def make_table(runs: Sequence[StoredRun]) -> Table:
     that has one run of each has one line. RunFolderError if the runs are of
     different suites otherwise, or of different profiles.
     """
-    ordinary = [run for run in runs if _is_ordinary(run)]
-    others = [run for run in runs if not _is_ordinary(run)]
+    driven = [_Driven.of(run) for run in runs]
+    ordinary = [each.run for each in driven if each.ordinary]
+    others = [each.run for each in driven if not each.ordinary]
     _check_agree(runs, "profile")
     for group in (others, ordinary):
         _check_agree(group, "suite", "suite_hash")
     first = (others or ordinary)[0].manifest
     beside = ordinary[0].manifest["suite"] if others and ordinary else None
-    return Table(first["suite"], beside, first["profile"], tuple(_lines(runs)))
-
-
-def _is_ordinary(run: StoredRun) -> bool:
-    """Whether a run is of ordinary driving only."""
-    return bool(run.keys) and all(_family(run, key) in TYPES for key in run.keys)
+    return Table(first["suite"], beside, first["profile"], tuple(_lines(driven)))
 
 
 def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
@@ -179,20 +225,20 @@ def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
                 )
 
 
-def _lines(runs: Sequence[StoredRun]) -> Iterator[Line]:
+def _lines(driven: Sequence[_Driven]) -> Iterator[Line]:
     """A line per planner and run, in order; one for two runs if they are the planner's only ones, one of each kind."""
-    driven = [(run, planner, planner_label(planner, run)) for run in runs for planner in planners_of(run)]
-    for run, planner, name in driven:
-        same = sorted((other for other, _, label in driven if label == name), key=_is_ordinary)
-        if [_is_ordinary(other) for other in same] != [False, True]:
-            yield _line([run], planner, f"{name} ({run.path.name})" if len(same) > 1 else name)
-        elif run is next(other for other, _, label in driven if label == name):
+    named = [(each, planner, planner_label(planner, each.run)) for each in driven for planner in each.keys]
+    for each, planner, name in named:
+        same = sorted((other for other, _, label in named if label == name), key=lambda other: other.ordinary)
+        if [other.ordinary for other in same] != [False, True]:
+            yield _line([each], planner, f"{name} ({each.run.path.name})" if len(same) > 1 else name)
+        elif each is next(other for other, _, label in named if label == name):
             yield _line(same, planner, name)
 
 
 def planners_of(run: StoredRun) -> list[str]:
     """The planners that a run was asked for, in order."""
-    return list(dict.fromkeys(planner for _, planner, _ in run.keys))
+    return list(dict.fromkeys(planner for request in run.manifest["requests"] for planner in request["planners"]))
 
 
 def planner_label(planner: str, run: StoredRun) -> str:
@@ -202,42 +248,81 @@ def planner_label(planner: str, run: StoredRun) -> str:
     return f"{planner} [{said}]" if said else planner
 
 
-def _family(run: StoredRun, key: JobKey) -> str:
+def _family(key: JobKey, briefs: Mapping[JobKey, Brief]) -> str:
     """A scenario that has no row yet has no family on file; official ids begin with it."""
-    return run.rows[key]["family"] if key in run.rows else key[0].partition("/")[0]
+    return briefs[key].family if key in briefs else key[0].partition("/")[0]
 
 
-def _line(runs: Sequence[StoredRun], planner: str, label: str) -> Line:
+def _line(driven: Sequence[_Driven], planner: str, label: str) -> Line:
     """What a planner did in runs that share no scenario; the first of them says how many scenarios and seeds."""
-    found = {key: run for run in runs for key in run.keys if key[1] == planner}
-    family = {key: _family(run, key) for key, run in found.items()}
-    cells: dict[str, Cell] = {}
-    for column in COLUMNS:
-        wanted = [key for key in found if column.covers(family[key])]
-        cells[column.key] = _cell([found[key].rows.get(key) for key in wanted], column.value)
-    counted = [key for key, run in found.items() if run is runs[0]]
+    first, overrides = driven[0], driven[0].run.manifest["overrides"]
+    scenarios: dict[str, _Scenario] = {}
+    rows: list[tuple[Mapping[JobKey, Row], JobKey]] = []
+    faulty: list[tuple[Mapping[JobKey, Row], JobKey]] = []
+    missing: list[JobKey] = []
+    families: dict[str, set[str]] = {}
+    faults: Counter[str] = Counter()
+    official = not overrides
+    questions = unanswered = 0
+    for each in driven:
+        for key in each.keys[planner]:
+            drive = each.briefs.get(key)
+            scenario = scenarios.setdefault(key[0], _Scenario(_family(key, each.briefs)))
+            scenario.drives.append(drive)
+            if drive is None or drive.score is None:
+                missing.append(key)
+            if drive is None:
+                continue
+            scenario.family = drive.family
+            rows.append((each.run.rows, key))
+            families.setdefault(drive.family, set()).add(key[0])
+            official = official and drive.official
+            questions, unanswered = questions + (drive.questions or 0), unanswered + (drive.unanswered or 0)
+            if drive.fault:
+                faulty.append((each.run.rows, key))
+                faults[drive.fault] += 1
     return Line(
         label=label,
         planner=planner,
-        overrides=runs[0].manifest["overrides"],
-        cells=cells,
-        scenarios=len({key[0] for key in counted}),
-        seeds=len({key[2] for key in counted}),
-        rows=tuple(run.rows[key] for key, run in found.items() if key in run.rows),
-        missing=tuple(key for run in runs for key in run.missing if key[1] == planner),
+        overrides=overrides,
+        cells={column.key: _cell(column, scenarios.values()) for column in COLUMNS},
+        scenarios=len({key[0] for key in first.keys[planner]}),
+        seeds=len({key[2] for key in first.keys[planner]}),
+        rows=Drives(rows),
+        faulty=Drives(faulty),
+        missing=tuple(missing),
+        families={family: frozenset(ids) for family, ids in families.items()},
+        faults=dict(sorted(faults.items())),
+        official=official,
+        questions=questions,
+        unanswered=unanswered,
     )
 
 
-def _cell(rows: Sequence[Row | None], value: Callable[[Row], float | None]) -> Cell:
-    scored = [row for row in rows if row is not None and row["score"] is not None]
-    by_scenario: dict[str, list[float | None]] = {}
-    for row in scored:
-        by_scenario.setdefault(row["scenario_id"], []).append(value(row))
-    if not rows or len(scored) < len(rows) or any(None in found for found in by_scenario.values()):
-        return Cell(None, None, len(scored), len(rows))
-    values = [np.array(found, dtype=np.float64) for found in by_scenario.values()]
+@dataclass(slots=True)
+class _Scenario:
+    """The drives of one planner on one scenario."""
+
+    family: str
+    """A guess by its id until one of the drives is done."""
+    drives: list[Brief | None] = field(default_factory=list[Brief | None])
+    """One per seed; None for one that has not been done."""
+
+
+def _cell(column: Column, scenarios: Iterable[_Scenario]) -> Cell:
+    found: list[list[float | None]] = []
+    asked = 0
+    for scenario in scenarios:
+        if column.covers(scenario.family):
+            asked += len(scenario.drives)
+            scored = [drive for drive in scenario.drives if drive is not None and drive.score is not None]
+            found.append([column.value(drive) for drive in scored])
+    done = sum(map(len, found))
+    if not asked or done < asked or any(None in each for each in found):
+        return Cell(None, None, done, asked)
+    values = [np.array(each, dtype=np.float64) for each in found]
     mean = 100.0 * float(np.mean([v.mean() for v in values]))
-    return Cell(mean, _interval(values), len(scored), len(rows))
+    return Cell(mean, _interval(values), done, asked)
 
 
 def _interval(values: Sequence[NDArray[np.float64]]) -> tuple[float, float] | None:
@@ -247,14 +332,13 @@ def _interval(values: Sequence[NDArray[np.float64]]) -> tuple[float, float] | No
     """
     if max(len(v) for v in values) < 2:
         return None
+    if sum(len(v) for v in values) > MANY_DRIVES:
+        mean = np.mean([v.mean() for v in values])
+        reach = Z_95 * np.sqrt(np.sum([v.var() / len(v) for v in values])) / len(values)
+        return 100.0 * float(max(mean - reach, 0.0)), 100.0 * float(min(mean + reach, 1.0))
     rng = np.random.default_rng(BOOTSTRAP_SEED)
     total = np.zeros(RESAMPLES)
     for v in values:
         total += v[rng.integers(0, len(v), (RESAMPLES, len(v)))].mean(axis=1)
     low, high = np.percentile(100.0 * total / len(values), (2.5, 97.5))
     return float(low), float(high)
-
-
-def faulty(lines: Iterable[Line]) -> list[Row]:
-    """All rows that ended in a fault."""
-    return [row for line in lines for row in line.rows if row["fault"]]

@@ -17,6 +17,9 @@ TITLES = {
     "comfort": "uncomfortable",
 }
 
+LEAST_LOSS = 0.0005
+"""A metric that loses less, of 1, lost nothing that a table shows."""
+
 
 def why_lost(row: Row) -> list[str]:
     """A sentence for the fault, for each gate that took points, or for a score of zero without any; else nothing."""
@@ -27,12 +30,11 @@ def why_lost(row: Row) -> list[str]:
 
 
 def lost_points(row: Row) -> list[str]:
-    """A sentence for the fault, or for each judged metric below 1, gates first."""
+    """A sentence for the fault, or for each judged metric that lost points, gates first."""
     if row["fault"]:
         return [fault_sentence(row)]
-    return [
-        metric_sentence(row, name) for name in (*row["gates"], *row["weights"]) if row["metrics"][name]["score"] < 1.0
-    ]
+    judged = (*row["gates"], *row["weights"])
+    return [metric_sentence(row, name) for name in judged if row["metrics"][name]["score"] < 1.0 - LEAST_LOSS]
 
 
 def fault_sentence(row: Row) -> str:

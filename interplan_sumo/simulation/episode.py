@@ -1,6 +1,6 @@
 """The closed loop: one scenario, one planner, from the first frame to the goal line or the last second.
 
-Read this first. `drive` opens the traffic, `run_loop` is the loop.
+Read this first. `drive` opens the traffic, `run_loop` asks the planner, `Loop` is one step after the other.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.history import PAST_STEPS, invented_past
 from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.simulation.sight import occluding_box, visible
-from interplan_sumo.simulation.traffic import Traffic
+from interplan_sumo.simulation.traffic import Scene, Traffic
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
+from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
 from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
@@ -79,7 +80,6 @@ class _Record:
     signals: list[Signals] = field(default_factory=list)
     plans: list[Trajectory] = field(default_factory=list)
     plan_wall_s: list[float] = field(default_factory=list)
-    simulation_s: float = 0.0
 
     def trace(self, behaviours: dict[str, str], shape: EgoShape) -> Trace | None:
         if not self.egos:
@@ -127,71 +127,110 @@ def run_loop(
 ) -> Episode:
     """The loop on any traffic. Planner and traffic faults end it and are told apart in the result."""
     began = time.perf_counter()
-    record = _Record()
-    reached_goal, fault = False, None
+    loop = Loop(scenario, roads, traffic, options.shape)
+    record, fault = loop.record, None
     try:
-        reached_goal = _run(scenario, roads, planner, traffic, record, options, on_phase)
+        _run(loop, planner, options.plan_limit_s, on_phase)
     except PlannerError as error:
         fault = Fault("planner", f"{error} (t = {(len(record.egos) - 1) * DT_S:.1f} s)" if record.egos else str(error))
     except TrafficError as error:
         fault = Fault("traffic", f"{error} (scenario {scenario.id}, t = {len(record.egos) * DT_S:.1f} s)")
     on_phase("record")
-    trace = record.trace(dict(traffic.behaviours), options.shape)
+    trace = loop.trace()
     planner_s = sum(record.plan_wall_s)
-    loop_s = time.perf_counter() - began - planner_s - record.simulation_s
+    loop_s = time.perf_counter() - began - planner_s - loop.simulation_s
     return Episode(
-        trace, fault, reached_goal, {"simulation": record.simulation_s, "planner": planner_s, "loop": loop_s}
+        trace, fault, loop.reached_goal, {"simulation": loop.simulation_s, "planner": planner_s, "loop": loop_s}
     )
 
 
-def _run(
-    scenario: Scenario,
-    roads: Roads,
-    planner: Planner,
-    traffic: Traffic,
-    record: _Record,
-    options: EpisodeOptions,
-    on_phase: Callable[[Phase], None],
-) -> bool:
-    """Fill `record`; whether the goal line was passed."""
-    route, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
-    ego = start_state(scenario, roads)
-    scene = traffic.observe()
-    occluder = occluding_box(scenario, roads)
-    in_sight = visible(scene.actors, ego, occluder)
-    past = invented_past(roads, ego, in_sight, DT_S)
-    egos, others = deque(past.egos, PAST_STEPS), deque(past.actors, PAST_STEPS)
-    mission = Mission(roads, scenario.route, scenario.goal.pose(roads), options.shape, DT_S)
+def _run(loop: Loop, planner: Planner, plan_limit_s: float, on_phase: Callable[[Phase], None]) -> None:
+    """Drive to the end."""
+    mission = loop.open()
     on_phase("plan")
     _guarded(lambda: planner.start(mission), "start()")
-
-    for _ in range(round(scenario.duration_s / DT_S)):
-        record.egos.append(ego)
-        record.actors.append(scene.actors)
-        record.signals.append(scene.signals)
-        if route.project_point(ego.x_m, ego.y_m)[0] > goal_m:
-            return True
-
-        seen = Observation(ego.time_s, ego, in_sight, scene.signals, Past(tuple(egos), tuple(others)))
+    while loop.begin_frame():
+        seen = loop.seen
         on_phase("plan")
-        plan = _planned(planner, seen, record, options.plan_limit_s)
+        plan = _planned(planner, seen, loop.record, plan_limit_s)
         on_phase("simulate")
-        check_plan(plan, ego, ego.time_s)
-        record.plans.append(plan)
+        loop.advance(plan)
+
+
+class Loop:
+    """One episode, step by step: `open`, then `advance` with a plan for `seen` as long as `begin_frame` says so.
+
+    PlannerError from `advance` if the plan cannot be followed, TrafficError from all where the traffic fails: no
+    step can follow either.
+    """
+
+    ego: EgoState
+    scene: Scene
+    """Both now."""
+    route: Polyline
+    """The route as one line, map frame."""
+    goal_m: float
+    """Where on `route` the goal line lies."""
+
+    def __init__(self, scenario: Scenario, roads: Roads, traffic: Traffic, shape: EgoShape = PACIFICA) -> None:
+        self.scenario = scenario
+        self.roads = roads
+        self.traffic = traffic
+        self.shape = shape
+        self.record = _Record()
+        self.reached_goal = False
+        self.simulation_s = 0.0
+        """Wall-clock seconds that the traffic took."""
+
+    def open(self) -> Mission:
+        """Look at the scene for the first time; what a planner is told before the first step."""
+        self.route = route_centerline(self.roads, self.scenario)
+        self.goal_m = goal_arc_m(self.roads, self.scenario)
+        self.ego = start_state(self.scenario, self.roads)
+        self.scene = self.traffic.observe()
+        self._occluder = occluding_box(self.scenario, self.roads)
+        self._in_sight = visible(self.scene.actors, self.ego, self._occluder)
+        past = invented_past(self.roads, self.ego, self._in_sight, DT_S)
+        self._egos, self._others = deque(past.egos, PAST_STEPS), deque(past.actors, PAST_STEPS)
+        return Mission(self.roads, self.scenario.route, self.scenario.goal.pose(self.roads), self.shape, DT_S)
+
+    @property
+    def seen(self) -> Observation:
+        """What a planner sees now."""
+        past = Past(tuple(self._egos), tuple(self._others))
+        return Observation(self.ego.time_s, self.ego, self._in_sight, self.scene.signals, past)
+
+    def begin_frame(self) -> bool:
+        """Write the present down; False past the goal line, where no plan is needed, and when time is up."""
+        if len(self.record.egos) == round(self.scenario.duration_s / DT_S):
+            return False
+        self.record.egos.append(self.ego)
+        self.record.actors.append(self.scene.actors)
+        self.record.signals.append(self.scene.signals)
+        self.reached_goal = self.route.project_point(self.ego.x_m, self.ego.y_m)[0] > self.goal_m
+        return not self.reached_goal
+
+    def advance(self, plan: Trajectory) -> None:
+        """One step along a plan for `seen`."""
+        check_plan(plan, self.ego, self.ego.time_s)
+        self.record.plans.append(plan)
 
         stepping = time.perf_counter()
-        traffic.react(ego)
-        egos.append(ego)
-        others.append(in_sight)
-        record.simulation_s += time.perf_counter() - stepping
-        ego = follow(ego, plan, DT_S, options.shape)
+        self.traffic.react(self.ego)
+        self._egos.append(self.ego)
+        self._others.append(self._in_sight)
+        self.simulation_s += time.perf_counter() - stepping
+        self.ego = follow(self.ego, plan, DT_S, self.shape)
         stepping = time.perf_counter()
-        traffic.place_ego(ego)
-        traffic.advance()
-        scene = traffic.observe()
-        record.simulation_s += time.perf_counter() - stepping
-        in_sight = visible(scene.actors, ego, occluder)
-    return False
+        self.traffic.place_ego(self.ego)
+        self.traffic.advance()
+        self.scene = self.traffic.observe()
+        self.simulation_s += time.perf_counter() - stepping
+        self._in_sight = visible(self.scene.actors, self.ego, self._occluder)
+
+    def trace(self) -> Trace | None:
+        """What was written down so far; None before the first frame."""
+        return self.record.trace(dict(self.traffic.behaviours), self.shape)
 
 
 def _planned(planner: Planner, seen: Observation, record: _Record, limit_s: float) -> Trajectory:

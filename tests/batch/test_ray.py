@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,13 +15,19 @@ import pytest
 
 from interplan_sumo.batch import ray_backend
 from interplan_sumo.batch.crew import Report
-from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.jobs import JobKey, Overrides
 from interplan_sumo.batch.processes import Workers, available_cores, environment
 from interplan_sumo.batch.ray_backend import RayCrew, run_on_ray
+from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run import RunRequest, run
-from interplan_sumo.batch.run_folder import StoredRun
+from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
+from interplan_sumo.batch.verify import Sample, verify
+from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, PlannerLoadError
+from interplan_sumo.maps.store import find_map
+from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
 from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.world.trace import Trace
 from tests.batch.toys import ToysAway
@@ -154,6 +161,88 @@ def test_machines_with_other_versions_are_refused(
         outcomes("works", folder=tmp_path)
 
 
+# --- drives ---
+
+
+BUSY = Scenario(
+    id="mine/0",
+    family="mine",
+    map="backwater",
+    start=LanePlace("402032", 20.0),
+    start_speed_mps=12.0,
+    goal=LanePlace("402032", 80.0),
+    route=("40203",),
+    traffic=TrafficDemand("high", "mixed"),
+    duration_s=1.5,
+)
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two scenarios of one's own on a map that came along with them; not to be changed."""
+    place = tmp_path_factory.mktemp("mine")
+    shutil.copytree(find_map("strip").folder, place / "maps" / "backwater" / "1.0")
+    write_scenarios((BUSY, replace(BUSY, id="mine/1", traffic=TrafficDemand("low"))), place / "mine.yaml")
+    return place
+
+
+class Interrupting:
+    """A watch that has had enough after the first drive."""
+
+    def begin(self, jobs: int, done: Iterable[Row]) -> None: ...
+
+    def finished(self, row: Row) -> None:
+        raise KeyboardInterrupt(row["scenario_id"])
+
+
+def hashes(stored: StoredRun) -> dict[JobKey, tuple[str, float]]:
+    return {key: (row["trace_hash"], row["score"]) for key, row in stored.rows.items()}
+
+
+@pytest.mark.slow
+def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_the_files_they_came_from(
+    cluster: Any, mine: Path, tmp_path: Path
+) -> None:
+    del cluster
+    shutil.copytree(mine, tmp_path / "mine")
+    file = str(tmp_path / "mine" / "mine.yaml")
+    at_home = run(RunRequest(("straight_ahead",), tmp_path / "home", scenarios=(file,), workers=0))
+    there = RunRequest(("straight_ahead",), tmp_path / "there", scenarios=(file,), workers=0, ray="auto")
+    with pytest.raises(KeyboardInterrupt):
+        run(there, Interrupting())
+    assert len(read_run(there.folder).rows) == 1
+    done = run(there)
+    assert hashes(done) == hashes(at_home)
+    assert all(row["fault"] is None for row in done.rows.values())
+    shutil.rmtree(tmp_path / "mine")
+    found = verify(read_run(there.folder), Sample(None), workers=0, ray="auto")
+    assert [(check.verdict, check.reason) for check in found.checks] == [("equal", ""), ("equal", "")]
+
+
+@pytest.mark.slow
+def test_the_commands_sweep_and_verify_take_the_same_workers_as_run(
+    cluster: Any, mine: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    del cluster
+    asked = ["--planner", "straight_ahead", "--param", "tau=1,3", "--scenarios", str(mine / "mine.yaml"), "--quiet"]
+    for workers, out in (("0", "home"), ("ray:auto", "there")):
+        assert main(["sweep", *asked, "--workers", workers, "--out", str(tmp_path / out)]) == 0
+    for setting in ("tau=1", "tau=3"):
+        assert hashes(read_run(tmp_path / "there" / setting)) == hashes(read_run(tmp_path / "home" / setting))
+    capsys.readouterr()
+    assert main(["verify", str(tmp_path / "there" / "tau=3"), "--workers", "ray:auto", "--quiet"]) == 0
+    assert "2 of 2 drives come again exactly" in capsys.readouterr().out
+
+
+def test_a_command_for_a_cluster_that_is_not_there_says_so_before_anything_else(
+    mine: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(is_initialized=lambda: False))
+    asked = ["--planner", "straight_ahead", "--param", "tau=1,3", "--scenarios", str(mine / "mine.yaml"), "--quiet"]
+    assert main(["sweep", *asked, "--workers", "ray:127.0.0.1:1", "--out", str(tmp_path / "swept")]) == 2
+    assert capsys.readouterr().err.count("cannot reach a Ray cluster at '127.0.0.1:1'") == 1
+
+
 def test_a_drive_on_the_cluster_gives_the_hash_and_the_files_of_one_at_home(cluster: Any, tmp_path: Path) -> None:
     del cluster
     nudge = find_suite("smoke==1").scenarios[3].id
@@ -171,6 +260,9 @@ def test_a_drive_on_the_cluster_gives_the_hash_and_the_files_of_one_at_home(clus
     expected = summary(run(at_home))
     assert len(expected[0]) == 64
     assert summary(run(there)) == expected
+
+
+# --- without a cluster ---
 
 
 def test_without_ray_one_line_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,8 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run import RunRequest
-from interplan_sumo.batch.run_folder import Row
+from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.batch.sweep import (
     TYPICAL_S,
     Estimate,
@@ -27,7 +28,7 @@ from interplan_sumo.batch.sweep import (
     plan_sweep,
     run_combination,
 )
-from interplan_sumo.batch.traffic_files import FOLDER, KEYS, Edit, changed_text, write_changed
+from interplan_sumo.batch.traffic_files import KEYS, Edit, changed_text, write_changed
 from interplan_sumo.batch.verify import Sample, verify
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.resources import routes_root
@@ -192,7 +193,7 @@ def test_combinations_are_the_product_in_the_order_given(tmp_path: Path) -> None
     assert names == [f"density={d},tau={t}" for d in ("high", "low") for t in (1, 2, 3)]
     assert sweep.drives == 6
     assert [part.request.folder for part in sweep.combinations[0].parts] == [tmp_path / "sweep" / names[0]]
-    assert sorted(path.name for path in (tmp_path / "sweep" / FOLDER).iterdir()) == [
+    assert sorted(path.name for path in (tmp_path / "sweep" / TRAFFIC).iterdir()) == [
         f"mixed+tau={t}.xml" for t in (1, 2, 3)
     ]
 
@@ -201,7 +202,7 @@ def test_only_vehicle_types_that_change_need_a_file(tmp_path: Path) -> None:
     sweep = planned(tmp_path, "density=high,low", "behaviour=assertive,mixed")
     overrides = [part.request.overrides for combination in sweep.combinations for part in combination.parts]
     assert overrides == [Overrides(d, b) for d in ("high", "low") for b in ("assertive", "mixed")]
-    assert not (tmp_path / "sweep" / FOLDER).exists()
+    assert not (tmp_path / "sweep" / TRAFFIC).exists()
 
 
 def test_a_swept_behaviour_is_the_file_that_is_changed(tmp_path: Path) -> None:

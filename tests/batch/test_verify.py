@@ -14,8 +14,9 @@ import pandas as pd
 import pytest
 
 from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run import RunRequest, run
-from interplan_sumo.batch.run_folder import Row, StoredRun, read_run
+from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.trace_difference import POSITION_BAR_M, TraceDifference, difference
 from interplan_sumo.batch.verify import SCORE_BAR, Check, Sample, Verification, verify
 from interplan_sumo.errors import InputError, PlannerLoadError, RunFolderError, UnknownNameError
@@ -196,11 +197,21 @@ def test_a_run_with_overrides_comes_again(tmp_path: Path) -> None:
     assert checked(stored.path).left_out == 0
 
 
-def test_a_run_with_ones_own_vehicle_types_comes_again_while_they_are_found(tmp_path: Path) -> None:
+def test_a_run_with_ones_own_vehicle_types_comes_again_from_the_copy_that_it_keeps(tmp_path: Path) -> None:
+    file = tmp_path / "mine.xml"
+    shutil.copy(routes_root() / "urban.xml", file)
+    stored = driven(tmp_path / "own, with a comma", overrides=Overrides(vehicle_types=file))
+    assert (stored.path / "traffic" / "mine.xml").read_bytes() == file.read_bytes()
+    file.unlink()
+    assert checked(stored.path).count("equal") == 2
+
+
+def test_ones_own_vehicle_types_are_looked_for_where_the_copy_is_not_what_was_driven(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
     shutil.copy(routes_root() / "urban.xml", file)
     command = ("interplan-sumo", "run", "--traffic", str(file))
     stored = driven(tmp_path / "own", overrides=Overrides(vehicle_types=file), command=command)
+    shutil.copy(routes_root() / "mixed.xml", stored.path / "traffic" / "mine.xml")
     assert checked(stored.path).count("equal") == 2
     moved = file.rename(tmp_path / "moved.xml")
     with pytest.raises(InputError, match=r"cannot find mine\.xml, .* give it as --traffic"):

@@ -1,34 +1,20 @@
-"""A run of toy tasks into a run folder, to be killed: python -m tests.batch.toy_run FOLDER COUNT WORKERS."""
+"""A run of toy tasks into a run folder, to be killed."""
 
 from __future__ import annotations
 
-import hashlib
-import sys
-import time
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
+from interplan_sumo.batch import results, run_folder
 from interplan_sumo.batch.engine import run_tasks
-from interplan_sumo.batch.phases import Publish
 from interplan_sumo.batch.run_folder import RunFolder
-from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
+from interplan_sumo.batch.tasks import Limits, Task
+from tests.batch.hasher import open_hasher
 
-
-def open_hasher(_group: str, publish: Publish) -> Work:
-    """Tasks that take a while in each phase and give the same hash every time."""
-
-    def work(number: int) -> Answer:
-        digest = hashlib.sha256()
-        for step in range(10):
-            publish("plan")
-            digest.update(f"{number} {step}".encode())
-            time.sleep(0.001)
-            publish("simulate")
-            time.sleep(0.001)
-        return {"trace_hash": digest.hexdigest()}, None
-
-    return work
+SHARD = 5
+"""Rows of a Parquet shard: few, so that a run of a dozen rows writes several."""
 
 
 def toy_row(scenario: str, value: dict[str, Any]) -> dict[str, Any]:
@@ -37,6 +23,11 @@ def toy_row(scenario: str, value: dict[str, Any]) -> dict[str, Any]:
 
 
 def main(folder: Path, count: int, workers: int) -> None:
+    with patch.object(results, "LINES_AT_ONCE", SHARD), patch.object(run_folder, "LINES_AT_ONCE", SHARD):
+        run_toys(folder, count, workers)
+
+
+def run_toys(folder: Path, count: int, workers: int) -> None:
     request = {"planners": ["toy"], "scenarios": [f"toy/{n}" for n in range(count)], "seeds": 1}
     with RunFolder(folder, {"suite": "toy==1"}, request, {}) as held:
         tasks = [Task(n, "toy", n) for n in range(count) if (f"toy/{n}", "toy", 0) not in held.done]
@@ -44,7 +35,3 @@ def main(folder: Path, count: int, workers: int) -> None:
             for outcome in outcomes:
                 assert outcome.fault is None, outcome.fault
                 held.append(toy_row(f"toy/{outcome.task.payload}", outcome.value))
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))

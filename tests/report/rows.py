@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from interplan_sumo.batch.run_folder import Row, StoredRun, row_key
+from interplan_sumo.batch.results import Row, row_key
+from interplan_sumo.batch.run_folder import StoredRun
 
 GATES = ["no_collision", "drivable_area", "making_progress"]
 WEIGHTS = {"progress": 5.0, "lane_changes": 4.0}

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
+from interplan_sumo.report import compare as report_compare
 from interplan_sumo.report.compare import TIE, compare, mean_interval
 from interplan_sumo.report.compare_formats import comparison_json, comparison_text
 from interplan_sumo.report.table import RESAMPLES
@@ -157,3 +158,13 @@ def test_the_json_is_plain_and_the_text_says_the_same():
     assert "-20.0" in text
     assert "at-fault collision: drove into vehicle v1" in text
     assert "INCOMPLETE" not in text
+
+
+def test_over_many_values_the_interval_is_the_one_that_bootstrap_means_tend_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    values = np.arange(200.0) % 17
+    drawn = mean_interval(values)
+    monkeypatch.setattr(report_compare, "MANY_DRIVES", 199)
+    computed = mean_interval(values)
+    assert drawn is not None
+    assert drawn != computed
+    assert computed == pytest.approx(drawn, abs=0.05)

@@ -175,3 +175,19 @@ def test_the_published_rows_have_val14_there_where_it_was_driven() -> None:
 def test_each_published_total_is_the_mean_of_its_eight_families(row: dict[str, float]) -> None:
     # To one point, as printed; the rounded columns of GPT-3.5 in the paper give 39.1 where it prints 40.
     assert row["interplan"] == pytest.approx(sum(row[key] for key in FAMILY_KEYS) / 8, abs=1.0)
+
+
+def asking(queries: int, **fallbacks: int) -> Table:
+    row = drive("nudge/0", 1.0) | {"planner_report": {"queries": queries, "fallbacks": fallbacks}}
+    return make_table([stored(row)])
+
+
+def test_questions_to_a_language_model_are_told_with_the_share_in_vain() -> None:
+    found = asking(50, parse=1, timeout=1)
+    assert "idm asked a language model 50 times, 4.0 % without a usable answer." in text(found)
+    assert (as_json(found)["rows"][0]["questions"], as_json(found)["rows"][0]["unanswered"]) == (50, 2)
+
+
+def test_planners_that_ask_nobody_are_not_spoken_of() -> None:
+    assert "language model" not in text(table())
+    assert "questions" not in as_json(table())["rows"][0]

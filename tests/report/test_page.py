@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
-from interplan_sumo.report.page import page
+import pytest
+
+from interplan_sumo.report.page.document import page
+from interplan_sumo.report.page.drives import shown_drives
+from interplan_sumo.report.page.figures import band
 from interplan_sumo.report.table import make_table
 from tests.report.rows import drive, stored
 
@@ -35,12 +40,21 @@ def read(html: str) -> Tags:
     return tags
 
 
-def test_the_page_loads_nothing_and_runs_nothing() -> None:
+def test_the_page_loads_nothing_and_runs_only_its_own_script() -> None:
     html = page(make_table([stored(drive("nudge/0", 1.0))]), paper=True)
     seen = read(html)
-    assert seen.loads == []
-    assert not seen.tags & {"script", "link", "img", "iframe", "object"}
-    assert not re.search(r"url\(|@import|https?://", html)
+    assert all(link.startswith("#") for link in seen.loads)
+    assert not seen.tags & {"link", "img", "iframe", "object"}
+    assert not re.search(r"url\(|@import|https?://|<script ", html)
+    assert html.count("<script>") == 1
+
+
+def test_its_policy_allows_only_what_the_page_holds() -> None:
+    html = page(make_table([stored(drive("nudge/0", 1.0))]))
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', html)
+    assert policy.startswith("default-src 'none'")
+    assert "unsafe" not in policy
+    assert not re.search(r"<[^>]*\s(?:style|on\w+)=", html)
 
 
 def test_whatever_is_shown_is_text() -> None:
@@ -49,10 +63,11 @@ def test_whatever_is_shown_is_text() -> None:
         drive("nudge/1", 0.0, no_collision=0.0, no_collision_because=NASTY),
         drive("nudge/2", 1.0, planner=NASTY),
     )
-    html = page(make_table([stored(*rows, suite=NASTY)]), title=NASTY)
-    seen = read(html)
-    assert "script" not in seen.tags
-    assert seen.text.count(NASTY) >= 6
+    run = stored(*rows, suite=NASTY, versions={NASTY: NASTY}, command=[NASTY], overrides={"density": NASTY})
+    html = page(make_table([run]), [run], title=NASTY)
+    assert html.count("<script") == 1
+    assert "<script>alert" not in html
+    assert read(html).text.count(NASTY) >= 8
 
 
 def test_every_drive_is_there_with_what_cost_points() -> None:
@@ -67,6 +82,13 @@ def test_every_drive_is_there_with_what_cost_points() -> None:
     assert all(f"nudge/{n}" in text for n in range(3))
 
 
+def test_a_drive_that_shows_as_100_lost_nothing() -> None:
+    rows = [drive("nudge/0", 0.9995, progress=0.999), drive("nudge/1", 0.9994, progress=0.998)]
+    whole, lost = shown_drives(make_table([stored(*rows)]))
+    assert (whole.reasons, whole.lost) == ((), False)
+    assert (lost.reasons, lost.lost) == (("little progress",), True)
+
+
 def test_an_incomplete_run_says_so_at_the_top() -> None:
     text = read(page(make_table([stored(drive("nudge/0", 1.0), missing=("nudge/1",))]))).text
     assert "This run is incomplete. No score for: nudge/1 (idm, seed 0)." in text
@@ -74,6 +96,80 @@ def test_an_incomplete_run_says_so_at_the_top() -> None:
 
 def test_a_complete_run_does_not() -> None:
     assert 'role="alert"' not in page(make_table([stored(drive("nudge/0", 1.0))]))
+
+
+def test_faults_are_listed_at_the_top_and_lead_to_their_rows() -> None:
+    html = page(make_table([stored(drive("nudge/0", 1.0), drive("nudge/1", 0.0, fault=("planner", "no plan")))]))
+    top, _, rest = html.partition('id="scores"')
+    assert '<a href="#drive-1">nudge/1, idm, seed 0</a>: planner fault: no plan' in top
+    assert '<tr id="drive-1"' in rest
+
+
+def test_planners_of_a_scenario_stand_side_by_side() -> None:
+    rows = [drive(f"nudge/{n}", 1.0, planner=name) for name in ("idm", "pdm_closed") for n in range(2)]
+    seen = re.findall(
+        r'<tr id="drive-\d+" data-line="(\d)".*?<th scope="row">(.*?)</th>', page(make_table([stored(*rows)]))
+    )
+    assert seen == [("0", "nudge/0"), ("1", "nudge/0"), ("0", "nudge/1"), ("1", "nudge/1")]
+
+
+def test_every_cell_of_the_matrix_leads_to_the_row_of_its_drive() -> None:
+    rows = [drive("nudge/0", 0.25, planner="idm"), drive("nudge/0", 1.0, planner="pdm_closed")]
+    html = page(make_table([stored(*rows)]))
+    assert '<td class="b1"><a href="#drive-0" title="nudge/0, idm: 25">25</a></td>' in html
+    assert '<td class="b4"><a href="#drive-1" title="nudge/0, pdm_closed: 100">100</a></td>' in html
+
+
+def test_a_cell_of_several_seeds_shows_their_mean_and_leads_to_the_worst() -> None:
+    rows = [drive("nudge/0", 1.0, seed=0), drive("nudge/0", 0.5, seed=1)]
+    assert '<td class="b2"><a href="#drive-1" title="nudge/0, idm: 75">75</a></td>' in page(make_table([stored(*rows)]))
+
+
+@pytest.mark.parametrize(
+    ("score", "expected"),
+    [(None, "none"), (0.0, "b0"), (0.1, "b1"), (39.9, "b1"), (40.0, "b2"), (79.9, "b2"), (80.0, "b3"), (99.94, "b3"),
+     (99.95, "b4"), (100.0, "b4")],
+)  # fmt: skip
+def test_a_score_has_the_colour_of_its_band(score: float | None, expected: str) -> None:
+    assert band(score) == expected
+
+
+def test_scores_are_counted_by_band() -> None:
+    rows = [drive(f"nudge/{n}", score) for n, score in enumerate((0.0, 0.2, 0.5, 0.9, 1.0, 1.0))]
+    (spread,) = re.findall(r'<table class="spread">.*?</table>', page(make_table([stored(*rows)])))
+    assert re.findall(r'<td class="n">(\d+)</td>', spread) == ["1", "1", "1", "1", "2"]
+
+
+def test_how_the_run_was_made_is_told() -> None:
+    run = stored(
+        drive("nudge/0", 1.0), suite_hash="cafe" * 16, versions={"sumo": "1.28.0"}, created="2026-01-02T03:04:05Z",
+        command=["interplan-sumo", "run", "--scenarios", "nudge/*"], overrides={"density": "high"},
+    )  # fmt: skip
+    text = read(page(make_table([run]), [run])).text
+    for said in ("cafe" * 16, "sumo 1.28.0", "2026-01-02T03:04:05Z", "run --scenarios 'nudge/*'", "density=high"):
+        assert said in text
+
+
+def test_a_replay_that_lies_there_is_linked_and_one_that_does_not_is_told_how_to_make(tmp_path: Path) -> None:
+    run = stored(drive("nudge/0", 0.0), drive("nudge/1", 1.0), path=str(tmp_path / "run"))
+    table = make_table([run])
+    there, _ = shown_drives(table)
+    (tmp_path / "report-replays").mkdir()
+    (tmp_path / "report-replays" / there.replay).touch()
+    html = page(table, [run], path=tmp_path / "report.html")
+    assert f'<a href="report-replays/{there.replay}">replay</a>' in html
+    assert html.count(">replay</a>") == 1
+    assert f"interplan-sumo replay {tmp_path / 'run'} nudge/1 --planner idm --html" in read(html).text
+
+
+def test_the_page_of_a_whole_suite_is_small() -> None:
+    reason = "drove into vehicle 7 at 3.0 s, at 10.0 m/s, after it had braked for a pedestrian"
+    rows = [
+        drive(f"nudge/{n}", 0.0, planner=f"planner_{p}", no_collision=0.0, no_collision_because=reason)
+        for p in range(4) for n in range(80)
+    ]  # fmt: skip
+    run = stored(*rows)
+    assert len(page(make_table([run]), [run]).encode()) < 400_000
 
 
 def test_ordinary_driving_stands_first() -> None:

@@ -6,6 +6,7 @@ import pytest
 
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
+from interplan_sumo.report import table as report_table
 from interplan_sumo.report.table import make_table
 from tests.report.rows import drive, stored
 
@@ -69,6 +70,12 @@ def test_seeds_are_averaged_within_their_scenario_first() -> None:
     assert found["nudge"] == 75.0
 
 
+def test_a_missing_drive_counts_in_the_family_that_another_seed_tells() -> None:
+    held = drive("mine/0", 1.0, seed=1) | {"family": "nudge"}
+    (line,) = make_table([stored(held)]).lines
+    assert (line.cells["nudge"].done, line.cells["nudge"].asked) == (1, 2)
+
+
 def test_one_seed_gives_no_interval() -> None:
     (line,) = make_table([stored(drive("nudge/0", 0.3), drive("nudge/1", 0.7))]).lines
     assert line.cells["interplan"].interval is None
@@ -81,6 +88,29 @@ def test_the_interval_holds_the_mean_and_is_the_same_every_time() -> None:
     assert first.interval is not None
     assert first.value is not None
     assert first.interval[0] < first.value < first.interval[1]
+
+
+def test_over_many_drives_the_interval_is_the_one_that_bootstrap_means_tend_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rows = [drive(f"nudge/{n}", (7 * n + 3 * seed) % 11 / 10, seed=seed) for n in range(4) for seed in range(40)]
+    intervals: list[tuple[float, float]] = []
+    for many in (160, 159):
+        monkeypatch.setattr(report_table, "MANY_DRIVES", many)
+        interval = make_table([stored(*rows)]).lines[0].cells["nudge"].interval
+        assert interval is not None
+        intervals.append(interval)
+    drawn, computed = intervals
+    assert drawn != computed
+    assert computed == pytest.approx(drawn, abs=0.5)
+
+
+def test_the_interval_over_many_drives_stays_among_scores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report_table, "MANY_DRIVES", 1)
+    rows = [drive("nudge/0", score, seed=seed) for seed, score in enumerate((1.0, 1.0, 1.0, 0.5))]
+    interval = make_table([stored(*rows)]).lines[0].cells["nudge"].interval
+    assert interval is not None
+    assert interval[1] == 100.0
 
 
 def test_equal_scores_give_an_interval_without_width() -> None:

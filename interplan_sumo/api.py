@@ -1,0 +1,416 @@
+"""The Python API: what the command line does, with DataFrames in place of tables. Use it as `import interplan_sumo`."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import functools
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from importlib.util import find_spec
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
+import pandas as pd
+
+from interplan_sumo.batch import run as batch
+from interplan_sumo.batch.jobs import own_maps
+from interplan_sumo.batch.rescore import rescore
+from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.run_folder import StoredRun, read_run
+from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
+from interplan_sumo.errors import InputError, PlannerLoadError, UnknownNameError
+from interplan_sumo.maps.store import copy_map, load_roads
+from interplan_sumo.metrics.score import DEFAULT_PROFILE, INFORMATIVE, ScoreSheet
+from interplan_sumo.metrics.score import score as score_trace
+from interplan_sumo.planner import Planner, registered
+from interplan_sumo.report.compare import Comparison
+from interplan_sumo.report.compare import compare as compare_runs
+from interplan_sumo.report.printing import progress as shown_progress
+from interplan_sumo.report.table import COLUMNS, make_table, planners_of
+from interplan_sumo.report.why import lost_points
+from interplan_sumo.scenario.files import MAPS, is_scenario_file, read_scenario, read_scenarios, write_scenarios
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, expert, find_scenario, find_suite, suites
+from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.trace import EgoTrack, Trace
+
+if TYPE_CHECKING:
+    from interplan_sumo.batch.run import Watch
+
+PlannerLike = str | Planner | Callable[[], Planner]
+"""A name as `--planner` takes it, a planner, or what makes one: its class or a function without arguments."""
+RunLike = pd.DataFrame | StoredRun | str | PathLike[str]
+"""What `run` and `load_run` return, or a run folder."""
+ScenarioLike = str | PathLike[str] | Scenario
+"""An id, a glob, a YAML file, or the scenario itself."""
+
+
+def run(
+    planner: PlannerLike | Sequence[PlannerLike] | Mapping[str, PlannerLike],
+    suite: str | None = None,
+    *,
+    scenarios: ScenarioLike | Sequence[ScenarioLike] = (),
+    seeds: int = 1,
+    workers: int | str | None = None,
+    out: str | PathLike[str] | None = None,
+    density: Literal["low", "medium", "high"] | None = None,
+    behaviour: str | None = None,
+    traffic: str | PathLike[str] | None = None,
+    limit: int | None = None,
+    progress: bool | Watch | None = None,
+    plan_limit_s: float = 10.0,
+    job_limit_s: float = 3600.0,
+    memory_gb: float = 8.0,
+) -> pd.DataFrame:
+    """Drive and score scenarios; one row per drive, as `load_run` has them.
+
+    `suite` None is `interplan==1`, or what `scenarios` holds: ids, globs, YAML
+    files or Scenario objects. `workers` None takes all cores; 0 drives in this
+    process, and so do planners that no other process could import: objects,
+    functions and classes of a notebook. They are named after their class, or by
+    the keys of a mapping. `out` None writes to a temporary folder
+    (`df.attrs["run_folder"]`), which is deleted when Python ends; with a folder
+    the same call goes on where it was stopped. `progress` None shows a bar on a
+    terminal. InputError for anything that cannot be used.
+    """
+    names, made = _named(planner)
+    if workers is None and made:
+        _say(f"{', '.join(made)}: only this process knows it, so it drives here, without workers")
+        workers = 0
+    if made and workers != 0:
+        raise InputError(
+            f"planner {next(iter(made))!r} exists in this process only, so workers cannot import it; put its class "
+            "into a module (mine.py) and give 'mine:Class', or drive in this process with workers=0"
+        )
+    folder = _temporary_folder() / "run" if out is None else Path(out)
+    suite, globs = _chosen(suite, scenarios)
+    request = batch.RunRequest.of(
+        names,
+        folder,
+        suite=suite,
+        scenarios=globs,
+        seeds=seeds,
+        workers=None if workers is None else str(workers),
+        changes=batch.changes(density=density, behaviour=behaviour),
+        traffic=None if traffic is None else Path(traffic),
+        limit=limit,
+        plan_limit_s=plan_limit_s,
+        job_limit_s=job_limit_s,
+        memory_gb=memory_gb,
+        command=("interplan_sumo.run", *names),
+        made=made,
+    )
+    with _watching(progress) as watch, _main_stays_home() if request.workers else contextlib.nullcontext():
+        try:
+            stored = batch.run(request, watch)
+        except KeyboardInterrupt:
+            print(f"stopped; what was done is kept. Go on with the same call and out={str(folder)!r}", file=sys.stderr)
+            raise
+    return _frame(stored)
+
+
+def load_run(folder: str | PathLike[str]) -> pd.DataFrame:
+    """The drives of a run folder, one row each, in the order in which they were asked for.
+
+    Scores are 0 to 1, NaN where there is none; a column per metric with a
+    score, NaN where it was not judged. `fault` is the class of the fault and
+    `fault_message` what happened, None without one; `reasons` says what cost
+    points. `attrs` has run_folder, suite, profile and complete.
+    """
+    return _frame(read_run(Path(folder)))
+
+
+def table(*runs: RunLike) -> pd.DataFrame:
+    """The paper's table of one or more runs: a line per planner, scores 0 to 100, NaN where rows are missing.
+
+    Columns that no planner has anything for are left out. RunFolderError if
+    the runs cannot stand in one table.
+    """
+    if not runs:
+        raise InputError("table() needs a run: a folder, or what run() returned")
+    made = make_table([_stored(each) for each in runs])
+    columns = [c for c in COLUMNS if any(line.cells[c.key].asked for line in made.lines)]
+    rows = [
+        {c.title: line.cells[c.key].value for c in columns}
+        | {"scenarios": line.scenarios, "seeds": line.seeds, "faults": sum(line.faults.values())}
+        for line in made.lines
+    ]
+    found = pd.DataFrame(rows, index=pd.Index([line.label for line in made.lines], name="planner"))
+    titles = [c.title for c in columns]
+    found[titles] = found[titles].astype(np.float64)
+    found.attrs = {"suite": made.suite, "profile": made.profile, "complete": made.complete}
+    return found
+
+
+def compare(
+    a: RunLike, b: RunLike, planner_a: str | None = None, planner_b: str | None = None, *, profile: str | None = None
+) -> Comparison:
+    """Run b against run a, paired on equal scenario and seed; under another `profile`, both are scored again first."""
+    first, second = (_stored(each) if profile is None else _rescored(_stored(each), profile) for each in (a, b))
+    return compare_runs(first, second, planner_a, planner_b)
+
+
+def load_drive(run: RunLike, scenario: str, planner: str | None = None, seed: int = 0) -> StoredDrive:
+    """One drive with its scenario, trace, roads and expert; `planner` only where the run holds several.
+
+    UnknownNameError if the run holds no such drive, InputError if it left no trace.
+    """
+    stored = _stored(run)
+    return StoredDrives(stored).read(_row(stored, scenario, planner, seed))
+
+
+def load_trace(run: RunLike, scenario: str, planner: str | None = None, seed: int = 0) -> Trace:
+    """The record of one drive: `load_drive(...).trace`."""
+    return load_drive(run, scenario, planner, seed).trace
+
+
+def score(
+    drive: StoredDrive | Trace,
+    scenario: Scenario | str | None = None,
+    *,
+    roads: Roads | None = None,
+    expert_drive: EgoTrack | None = None,
+    profile: str = DEFAULT_PROFILE,
+) -> ScoreSheet:
+    """The score of a drive under a profile, with every metric's series, without simulating.
+
+    A trace alone needs its `scenario`; map and expert are the scenario's own
+    unless they are given.
+    """
+    if isinstance(drive, StoredDrive):
+        return drive.sheet(profile)
+    if scenario is None:
+        raise InputError("a trace alone does not say what was driven; give its scenario, or a drive of load_drive()")
+    staged = load_scenario(scenario) if isinstance(scenario, str) else scenario
+    where = load_roads(staged.map, staged.maps_beside) if roads is None else roads
+    return score_trace(drive, where, expert(staged) if expert_drive is None else expert_drive, staged, profile)
+
+
+def scenarios(suite: str | PathLike[str] = DEFAULT_SUITE) -> tuple[Scenario, ...]:
+    """The scenarios of a suite, or of a YAML file."""
+    name = fspath(suite)
+    return read_scenarios(name) if is_scenario_file(name) else find_suite(name).scenarios
+
+
+def load_scenario(scenario: str | PathLike[str]) -> Scenario:
+    """An official scenario by its id, such as `nudge/3`, or the one of a YAML file."""
+    name = fspath(scenario)
+    return read_scenario(name) if is_scenario_file(name) else find_scenario(name)
+
+
+def replay(drives: StoredDrive | Sequence[StoredDrive], path: str | PathLike[str]) -> Path:
+    """Write one drive, or two of one scenario side by side, as an HTML page that plays them; where it is."""
+    from interplan_sumo.report.replay.page import write_replay
+
+    write_replay([drives] if isinstance(drives, StoredDrive) else list(drives), Path(path))
+    return Path(path)
+
+
+# --- what users give -----------------------------------------------------------------------------
+
+
+def _named(
+    planner: PlannerLike | Sequence[PlannerLike] | Mapping[str, PlannerLike],
+) -> tuple[list[str], dict[str, Callable[[], Planner]]]:
+    """The planners' names, and those of them that only this process can build."""
+    if isinstance(planner, Mapping):
+        pairs = [(str(name), each) for name, each in cast("Mapping[str, PlannerLike]", planner).items()]
+    elif isinstance(planner, Sequence) and not isinstance(planner, str):
+        pairs = [(None, each) for each in cast("Sequence[PlannerLike]", planner)]
+    else:
+        pairs = [(None, planner)]
+    if not pairs:
+        raise InputError("no planner given; name one, such as 'idm'")
+    names: list[str] = []
+    made: dict[str, Callable[[], Planner]] = {}
+    for given, each in pairs:
+        spec = each if isinstance(each, str) else _spec_of(each)
+        if spec is not None and given is None:
+            names.append(spec)
+            continue
+        if isinstance(each, str):
+            raise InputError(f"planner {each!r} has a name already; only objects and classes can be given another")
+        name = given or getattr(each, "__name__", type(each).__name__)
+        if name in names:
+            raise InputError(f"two planners are called {name!r}; name them: run({{'a': ..., 'b': ...}})")
+        names.append(name)
+        made[name] = functools.partial(_build, name, each)
+    return names, made
+
+
+def _spec_of(planner: object) -> str | None:
+    """The name under which any process can import a class or function: registered, or module:Class; else None."""
+    module, name = getattr(planner, "__module__", None), getattr(planner, "__qualname__", None)
+    if not (module and name) or module == "__main__" or getattr(sys.modules.get(module), name, None) is not planner:
+        return None
+    with contextlib.suppress(ImportError, ValueError):
+        if find_spec(module) is not None:
+            spec = f"{module}:{name}"
+            return next((short for short, point in registered().items() if point.value == spec), spec)
+    return None
+
+
+def _build(name: str, planner: Any) -> Planner:
+    """The planner itself, or a new one; PlannerLoadError if that fails or is none."""
+    try:
+        found = planner if _plans(planner) and not isinstance(planner, type) else planner()
+    except Exception as error:
+        raise PlannerLoadError(f"planner {name!r} could not be built: {type(error).__name__}: {error}") from error
+    if not _plans(found):
+        raise PlannerLoadError(f"planner {name!r} lacks a method; a planner needs start(mission) and plan(seen)")
+    return found
+
+
+def _plans(planner: object) -> bool:
+    return all(callable(getattr(planner, method, None)) for method in ("start", "plan"))
+
+
+def _chosen(suite: str | None, given: ScenarioLike | Sequence[ScenarioLike]) -> tuple[str | None, tuple[str, ...]]:
+    """Suite and scenarios as a request has them.
+
+    Objects that a suite holds unchanged are run as its own; others are written
+    to a file, with the maps that came along with them.
+    """
+    wanted = (given,) if isinstance(given, str | PathLike | Scenario) else tuple(given)
+    objects = [each for each in wanted if isinstance(each, Scenario)]
+    if not objects:
+        return suite, tuple(fspath(each) for each in wanted if not isinstance(each, Scenario))
+    if len(objects) < len(wanted):
+        raise InputError("scenarios holds ids and Scenario objects; give one kind, load_scenario(id) makes an object")
+    hashes = {each.id: each.hash() for each in objects}
+    for key, held in suites().items():
+        if suite in (None, key) and hashes.items() <= {each.id: each.hash() for each in held.scenarios}.items():
+            return key, tuple(_literally(name) for name in hashes)
+    file = _temporary_folder() / "scenarios.yaml"
+    for files in own_maps(objects):
+        copy_map(files, file.parent / MAPS)
+    write_scenarios(objects, file)
+    return suite, (str(file),)
+
+
+def _literally(scenario_id: str) -> str:
+    """A glob that matches this id only."""
+    return re.sub(r"([*?\[])", r"[\1]", scenario_id)
+
+
+def _stored(given: RunLike) -> StoredRun:
+    if isinstance(given, StoredRun):
+        return given
+    if isinstance(given, pd.DataFrame):
+        if "run_folder" not in given.attrs:
+            raise InputError(
+                "this DataFrame does not say of which run it is (attrs['run_folder']); give the run folder"
+            )
+        return read_run(Path(given.attrs["run_folder"]))
+    return read_run(Path(given))
+
+
+def _row(run: StoredRun, scenario: str, planner: str | None, seed: int) -> Row:
+    held = planners_of(run)
+    if planner is None and len(held) > 1:
+        raise InputError(f"{run.path} holds {len(held)} planners ({', '.join(held)}); say which: planner=NAME")
+    wanted = held[0] if planner is None else planner
+    for what, name, known in (
+        (f"planner in {run.path}", wanted, held),
+        (f"scenario in {run.path}", scenario, {key[0] for key in run.rows}),
+    ):
+        if name not in known:
+            raise UnknownNameError(what, name, known)
+    if (scenario, wanted, seed) not in run.rows:
+        seeds = sorted(key[2] for key in run.rows if key[:2] == (scenario, wanted))
+        raise InputError(f"{run.path} has {wanted} on {scenario} with the seeds {seeds}, not with {seed}")
+    return run.rows[scenario, wanted, seed]
+
+
+def _rescored(run: StoredRun, profile: str) -> StoredRun:
+    scored, problems = rescore(run, profile)
+    for problem in problems:
+        print(f"not scored: {problem}", file=sys.stderr)
+    return scored
+
+
+# --- what users get ------------------------------------------------------------------------------
+
+
+def _rows(run: StoredRun) -> list[Row]:
+    """In the order in which they were asked for."""
+    return [run.rows[key] for key in run.keys if key in run.rows]
+
+
+def _frame(run: StoredRun) -> pd.DataFrame:
+    rows, folder = _rows(run), run.path.absolute()
+    judged = dict.fromkeys(name for row in rows for name in row["metrics"] if name not in INFORMATIVE)
+    columns: dict[str, Iterable[Any]] = {
+        "scenario_id": [row["scenario_id"] for row in rows],
+        "family": [row["family"] for row in rows],
+        "planner": [row["planner"] for row in rows],
+        "seed": np.array([row["seed"] for row in rows], dtype=np.int64),
+        "score": _numbers(row["score"] for row in rows),
+        **{name: _numbers(row["metrics"].get(name, {}).get("score") for row in rows) for name in judged},
+        "reached_goal": np.array([row.get("reached_goal", False) for row in rows], dtype=np.bool_),
+        "fault": _texts(row["fault"] and row["fault"]["class"] for row in rows),
+        "fault_message": _texts(row["fault"] and row["fault"]["message"] for row in rows),
+        "reasons": _texts("; ".join(lost_points(row)) for row in rows),
+        "official": np.array([row.get("official", False) for row in rows], dtype=np.bool_),
+        "trace": _texts(str(folder / row["trace"]) if row.get("trace") else None for row in rows),
+        "trace_hash": _texts(row.get("trace_hash") for row in rows),
+    }
+    found = pd.DataFrame(columns)
+    found.attrs = {
+        "run_folder": str(folder),
+        "suite": run.manifest["suite"],
+        "profile": run.manifest["profile"],
+        "complete": not run.missing,
+    }
+    return found
+
+
+def _numbers(values: Iterable[float | None]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _texts(values: Iterable[str | None]) -> pd.Series[Any]:
+    return pd.Series(list(values), dtype=object)
+
+
+# --- surroundings --------------------------------------------------------------------------------
+
+
+def _temporary_folder() -> Path:
+    """A folder that is deleted when Python ends."""
+    folder = Path(tempfile.mkdtemp(prefix="interplan-sumo-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+@functools.cache
+def _say(text: str) -> None:
+    """On stderr, each text once."""
+    print(text, file=sys.stderr)
+
+
+def _watching(progress: bool | Watch | None) -> contextlib.AbstractContextManager[Watch | None]:
+    if progress is None:
+        progress = sys.stderr.isatty()
+    if isinstance(progress, bool):
+        return shown_progress(quiet=not progress)
+    return contextlib.nullcontext(progress)
+
+
+@contextlib.contextmanager
+def _main_stays_home() -> Generator[None]:
+    """Inside the block, worker processes do not run the user's script: it needs no `if __name__ == "__main__"`."""
+    main = vars(sys.modules["__main__"])
+    kept = {name: main[name] for name in ("__file__", "__spec__") if name in main}
+    main.pop("__file__", None)
+    main["__spec__"] = None
+    try:
+        yield
+    finally:
+        main.update(kept)

@@ -1,0 +1,38 @@
+"""Backend: who does drives: this process, processes of this machine, or the CPUs of a Ray cluster."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Generator, Sequence
+
+from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
+from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.processes import Workers
+from interplan_sumo.batch.tasks import Limits, Outcome, Task
+
+
+def drive_outcomes(
+    tasks: Sequence[Task], settings: DriveSettings, workers: Workers, limits: Limits
+) -> Generator[Outcome]:
+    """How the drives end, in the order in which they do; as `engine.run_tasks`. Traces lie in the settings' folder."""
+    if workers.ray is None:
+        return run_tasks(tasks, drive_jobs(settings), workers=workers.processes, limits=limits)
+    from interplan_sumo.batch.away import DrivesAway
+    from interplan_sumo.batch.ray_backend import run_on_ray
+
+    return run_on_ray(tasks, DrivesAway(settings), address=workers.ray, limits=limits)
+
+
+@contextlib.contextmanager
+def one_connection(workers: Workers) -> Generator[int]:
+    """How many drives are made at a time; inside the block all that go to a Ray cluster share one connection to it.
+
+    InputError if there is no such cluster.
+    """
+    if workers.ray is None:
+        yield workers.processes
+        return
+    from interplan_sumo.batch.ray_backend import connected
+
+    with connected(workers.ray) as cpus:
+        yield cpus

@@ -1,0 +1,177 @@
+"""Shards: `results/part-00000.parquet` and so on, a flat copy of `results.jsonl` for data frames.
+
+A shard holds as many rows as `results.LINES_AT_ONCE`, the last one what is left; its number says which.
+Each carries the SHA-256 of the lines that it was made from. One that does not have that of the lines which
+are there now is of no use to anybody and is made again: nothing is in a shard that is not in the lines.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from interplan_sumo.batch.jobs import JobKey
+from interplan_sumo.batch.results import RESULTS, Brief, Row, replace_file, rows_of, whole_lines
+from interplan_sumo.errors import RunFolderError
+from interplan_sumo.metrics.score import INFORMATIVE, PROFILES
+
+FOLDER = "results"
+"""In the run folder, and nothing else is in it: `pandas.read_parquet` reads it as a whole."""
+FORMAT = 1
+"""Of the columns; a shard of another format is made again."""
+MARK: Final = b"interplan_sumo"
+"""The key of what a shard says about itself."""
+METRICS: Final = tuple(
+    dict.fromkeys((*(term.name for profile in PROFILES.values() for term in profile.terms), *INFORMATIVE))
+)
+PHASES: Final = ("setup", "simulation", "planner", "loop", "storing", "scoring", "total")
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a shard."""
+
+    name: str
+    type: pa.DataType
+    value: Callable[[Row], Any]
+    """None where the row has no such thing."""
+
+
+def _held(name: str) -> Callable[[Row], Any]:
+    return lambda row: row.get(name)
+
+
+def _metric(name: str) -> Callable[[Row], Any]:
+    return lambda row: row["metrics"].get(name, {}).get("score")
+
+
+def _part(whole: str, name: str) -> Callable[[Row], Any]:
+    return lambda row: (row.get(whole) or {}).get(name)
+
+
+TEXT, NUMBER, BOOL = pa.string(), pa.float64(), pa.bool_()
+COLUMNS: Final = (
+    Column("scenario_id", TEXT, _held("scenario_id")),
+    Column("family", TEXT, _held("family")),
+    Column("planner", TEXT, _held("planner")),
+    Column("seed", pa.int64(), _held("seed")),
+    Column("score", NUMBER, _held("score")),
+    *(Column(f"metric_{name}", NUMBER, _metric(name)) for name in METRICS),
+    Column("reached_goal", BOOL, _held("reached_goal")),
+    Column("reached_goal_lane", BOOL, lambda row: Brief.of(row).goal_lane),
+    Column("fault_class", TEXT, _part("fault", "class")),
+    Column("fault_message", TEXT, _part("fault", "message")),
+    Column("official", BOOL, lambda row: Brief.of(row).official),
+    *(Column(f"override_{name}", TEXT, _part("overrides", name)) for name in ("density", "behaviour", "traffic")),
+    Column("trace", TEXT, _held("trace")),
+    Column("trace_hash", TEXT, _held("trace_hash")),
+    Column("scenario_hash", TEXT, _held("scenario_hash")),
+    Column("site", TEXT, _held("site")),
+    *(Column(f"{phase}_s", NUMBER, _part("times_s", phase)) for phase in PHASES),
+    Column("versions", TEXT, lambda row: json.dumps(row.get("versions", {}))),
+    Column("scoring_version", pa.int64(), _held("version")),
+    Column("questions", pa.int64(), lambda row: Brief.of(row).questions),
+    Column("unanswered", pa.int64(), lambda row: Brief.of(row).unanswered),
+)
+SCHEMA: Final = pa.schema([pa.field(column.name, column.type) for column in COLUMNS])
+KEY: Final = ("scenario_id", "planner", "seed")
+BRIEF: Final = (
+    "family",
+    "score",
+    "fault_class",
+    "official",
+    "metric_no_collision",
+    "metric_drivable_area",
+    "reached_goal_lane",
+    "total_s",
+    "scoring_version",
+    "questions",
+    "unanswered",
+)
+"""The columns that make a Brief, in its order."""
+
+
+def keep_shards(run_folder: Path) -> None:
+    """Make the shards that are missing or not of these lines, and take away what is none of them.
+
+    Constant memory; a kill leaves whole shards only. OSError if they cannot be
+    written, RunFolderError for a damaged line.
+    """
+    folder, results = run_folder / FOLDER, run_folder / RESULTS
+    folder.mkdir(exist_ok=True)
+    wanted: set[str] = set()
+    first = 1
+    for number, lines in enumerate(whole_lines(results)):
+        path = _path(run_folder, number)
+        wanted.add(path.name)
+        about = _about(lines)
+        if _read(path, about) is None:
+            replace_file(path, [_shard(lines, results, first, about)])
+        first += len(lines)
+    for path in folder.iterdir():
+        if path.name not in wanted and path.is_file():
+            path.unlink()
+
+
+def read_briefs(run_folder: Path, number: int, lines: Sequence[bytes]) -> Iterator[tuple[JobKey, Brief]] | None:
+    """Job and brief of each of these lines by their shard; None if there is none that was made from them."""
+    table = _read(_path(run_folder, number), _about(lines), [*KEY, *BRIEF])
+    if table is None:
+        return None
+    names, planners, seeds, *briefs = (column.to_pylist() for column in table.columns)
+    return zip(zip(names, planners, seeds, strict=True), map(Brief._make, zip(*briefs, strict=True)), strict=True)
+
+
+def _path(run_folder: Path, number: int) -> Path:
+    return run_folder / FOLDER / f"part-{number:05}.parquet"
+
+
+def _about(lines: Sequence[bytes]) -> dict[str, Any]:
+    """What a shard of these lines says about itself."""
+    digest = hashlib.sha256()
+    for line in lines:
+        digest.update(line)
+    return {"format": FORMAT, "rows": len(lines), "sha256": digest.hexdigest()}
+
+
+def _read(path: Path, about: dict[str, Any], columns: list[str] | None = None) -> pa.Table | None:
+    """A shard, or some of its columns; None if the file is damaged, or none that says this about itself."""
+    try:
+        file = pq.ParquetFile(path, page_checksum_verification=True)
+        held = file.schema_arrow
+        if not held.equals(SCHEMA) or json.loads((held.metadata or {})[MARK]) != about:
+            return None
+        return file.read(columns, use_threads=False)
+    except (OSError, pa.ArrowException, KeyError, ValueError):
+        return None
+
+
+def _array(column: Column, values: list[Any], results: Path, first: int) -> pa.Array:
+    try:
+        return pa.array(values, column.type)
+    except (pa.ArrowException, TypeError, ValueError) as error:
+        raise RunFolderError(
+            f"{results}, lines {first} to {first + len(values) - 1}: {column.name} is no {column.type} everywhere "
+            f"({error}); delete the line and repeat the command to do that job again"
+        ) from None
+
+
+def _shard(lines: Sequence[bytes], results: Path, first: int, about: dict[str, Any]) -> bytes:
+    """A Parquet file of these lines."""
+    columns: list[list[Any]] = [[] for _ in COLUMNS]
+    for row in rows_of(lines, results, first):
+        for column, values in zip(COLUMNS, columns, strict=True):
+            values.append(column.value(row))
+    arrays = [_array(column, values, results, first) for column, values in zip(COLUMNS, columns, strict=True)]
+    table = pa.Table.from_arrays(arrays, schema=SCHEMA.with_metadata({MARK: json.dumps(about).encode()}))
+    file = io.BytesIO()
+    pq.write_table(table, file, compression="zstd", write_page_checksum=True)
+    return file.getvalue()

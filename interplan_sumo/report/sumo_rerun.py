@@ -1,0 +1,65 @@
+"""A drive's scenario for plain SUMO: the traffic as it stood at the start, for SUMO to drive on by itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.batch.stored_drive import StoredDrive
+from interplan_sumo.batch.traffic_files import recorded_vehicle_types
+from interplan_sumo.maps.store import find_map
+from interplan_sumo.report.sumo_xml import tag
+from interplan_sumo.simulation.network import Network, read_network
+from interplan_sumo.simulation.setup import open_sumo_traffic
+from interplan_sumo.simulation.sumo import Commanding, sumo
+from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
+
+STANDS_S = 1e6
+"""Obstacles stop for so long."""
+
+
+def types_of(drive: StoredDrive) -> Path:
+    """The vehicle-type file that a drive was simulated with; InputError if it is not there any more."""
+    given = recorded_vehicle_types(drive.run_folder, read_run(drive.run_folder).manifest)
+    return given or vehicle_type_file(drive.scenario.traffic.behaviour)
+
+
+def traffic_at_start(drive: StoredDrive, types_file: Path) -> list[str]:
+    """Elements of a route file: everybody at t = 0, on their lanes, with speed and route; obstacles stand still.
+
+    The ego is among them, as a car that SUMO drives. Opens SUMO.
+    """
+    types = read_vehicle_types(types_file)
+    known = {each.id for each in (*types.members, *types.others)}
+    network = read_network(find_map(drive.scenario.map, drive.scenario.maps_beside).network)
+    simulation = open_sumo_traffic(drive.scenario, drive.roads, seed=drive.row["seed"], vehicle_types=types_file)
+    with simulation, Commanding("reading the traffic at the start"):
+        names: list[str] = sorted(sumo.vehicle.getIDList())
+        others = dict.fromkeys(kind for name in names if (kind := sumo.vehicle.getTypeID(name)) not in known)
+        return [*(_type(kind) for kind in others), *(_vehicle(name, network) for name in names)]
+
+
+def _type(kind: str) -> str:
+    """A type that the simulation made: of the ego or of an obstacle."""
+    get = sumo.vehicletype
+    return tag("vType", id=kind, length=f"{get.getLength(kind):.3f}", width=f"{get.getWidth(kind):.3f}")
+
+
+def _vehicle(name: str, network: Network) -> str:
+    get = sumo.vehicle
+    lane, position_m = network.lanes[get.getLaneID(name)], float(get.getLanePosition(name))
+    if lane.internal:  # SUMO lets nobody depart inside a junction
+        lane = network.lanes[network.ways_through(lane.id)[0].from_lane]
+        position_m = lane.length_m
+    route = list(get.getRoute(name))
+    limit_mps = lane.limit_mps * float(get.getSpeedFactor(name))
+    stops = get.getStops(name, 1)
+    inner = tag("route", edges=" ".join(route[route.index(lane.edge) :]))
+    if stops:
+        end_m = min(float(stops[0].endPos), lane.length_m)
+        inner += tag("stop", lane=lane.id, endPos=f"{end_m:.2f}", duration=f"{STANDS_S:.0f}")
+    return tag(
+        "vehicle", inner, id=name, type=get.getTypeID(name), depart="0", departLane=lane.index,
+        departPos=f"{min(position_m, lane.length_m):.3f}",
+        departSpeed=f"{min(max(0.0, float(get.getSpeed(name))), limit_mps):.3f}",
+    )  # fmt: skip

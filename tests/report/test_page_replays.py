@@ -1,0 +1,94 @@
+"""Replays beside the page: which drives get one, and what happens to those that cannot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from interplan_planners.straight_ahead import StraightAhead
+from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.cli.runs import app
+from interplan_sumo.errors import InputError
+from interplan_sumo.planner import Mission
+from interplan_sumo.report.page.drives import pair_replay, replays_folder, shown_drives
+from interplan_sumo.report.page.replays import replay_jobs, wanted_drives
+from interplan_sumo.report.printing import write_page
+from interplan_sumo.report.table import Table, make_table
+from tests.report.rows import drive, stored
+
+
+class NeverBegins(StraightAhead):
+    def start(self, mission: Mission) -> None:
+        raise ValueError(f"no model for {mission.roads.name}")
+
+
+def table() -> Table:
+    rows = [drive("nudge/0", 1.0), drive("nudge/1", 0.5, no_collision=0.0), drive("nudge/2", 0.2, no_collision=0.0)]
+    return make_table([stored(*rows)])
+
+
+@pytest.mark.parametrize(
+    ("which", "scenarios"),
+    [
+        ("all", ["nudge/0", "nudge/1", "nudge/2"]), ("lost", ["nudge/1", "nudge/2"]), ("none", []),
+        ("0", []), ("1", ["nudge/2"]), ("2", ["nudge/2", "nudge/1"]), ("9", ["nudge/2", "nudge/1", "nudge/0"]),
+    ],
+)  # fmt: skip
+def test_drives_are_chosen_by_a_word_or_by_how_many_of_the_worst(which: str, scenarios: list[str]) -> None:
+    assert [each.scenario for each in wanted_drives(table(), which)] == scenarios
+
+
+@pytest.mark.parametrize("which", ["some", "-1", "1.5", "", "²"])
+def test_another_word_is_refused(which: str) -> None:
+    with pytest.raises(InputError, match="give all, lost, none or how many"):
+        wanted_drives(table(), which)
+
+
+def test_replays_without_a_page_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--replays lost are made beside a page; give its file as --html"):
+        get_command(app)(["report", str(tmp_path), "--replays", "lost"], standalone_mode=False)
+
+
+def test_several_planners_on_a_scenario_get_a_page_of_the_best_beside_the_worst(tmp_path: Path) -> None:
+    held = stored(*(drive("nudge/0", score, planner=name) for name, score in (("a", 0.4), ("b", 0.9), ("c", 0.1))))
+    *single, pair = replay_jobs(make_table([held]), [held], tmp_path / "report.html", "all")
+    assert len(single) == 3
+    assert [key[1] for _, key in pair.drives] == ["b", "c"]
+    assert pair.path == tmp_path / "report-replays" / pair_replay("nudge/0")
+
+
+def test_the_best_drive_is_shown_beside_the_worst_though_it_lost_nothing(tmp_path: Path) -> None:
+    held = stored(drive("nudge/0", 1.0, planner="a"), drive("nudge/0", 0.0, planner="b", no_collision=0.0))
+    single, pair = replay_jobs(make_table([held]), [held], tmp_path / "report.html", "lost")
+    assert [key[1] for _, key in single.drives] == ["b"]
+    assert [key[1] for _, key in pair.drives] == ["a", "b"]
+
+
+def test_equal_drives_have_no_best_and_worst(tmp_path: Path) -> None:
+    held = stored(*(drive("nudge/0", 0.0, planner=name, no_collision=0.0) for name in ("a", "b")))
+    assert len(replay_jobs(make_table([held]), [held], tmp_path / "report.html", "all")) == 2
+
+
+def test_names_of_replays_differ_where_drives_do() -> None:
+    rows = [drive("nudge/0", 1.0, planner=name, seed=seed) for name in ("a b", "a_b") for seed in range(2)]
+    assert len({each.replay for each in shown_drives(make_table([stored(*rows)]))}) == 4
+
+
+def test_replays_are_made_and_linked_and_a_drive_without_a_trace_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    planners = ("straight_ahead", f"{__name__}:NeverBegins")
+    run(RunRequest(planners=planners, suite="smoke==1", scenarios=("nudge/0",), folder=tmp_path / "run", workers=0))
+    held = read_run(tmp_path / "run")
+    page = tmp_path / "my report.html"
+    write_page(make_table([held]), page, [held], replays="lost")
+    made = list(replays_folder(page).iterdir())
+    assert len(made) == 1
+    assert f'<a href="my%20report-replays/{made[0].name}">replay</a>' in page.read_text(encoding="utf-8")
+    said = capsys.readouterr().err
+    assert "replays: 2 of 2" in said
+    assert said.count("no replay: ") == 1
+    assert "no model for" in said

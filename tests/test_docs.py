@@ -1,0 +1,153 @@
+"""The documentation does what it says: every block is run, every command is known, every link leads somewhere."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from docs_pages import Block, blocks_of, commands_of, drive_page, mentions_of
+
+from interplan_sumo.cli import app
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+INDEX = ROOT / "docs" / "README.md"
+RUNNING = [page for page in PAGES if any(block.runs and not block.slow for block in blocks_of(page))]
+SLOW = [page for page in PAGES if any(block.runs and block.slow for block in blocks_of(page))]
+
+USAGE_ERROR: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+
+needs_bash = pytest.mark.skipif(shutil.which("bash") is None, reason="the pages' commands are for a POSIX shell")
+
+
+def _name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def problem_with(words: list[str]) -> str | None:
+    """Why the command line would refuse these words; None if it takes them."""
+    command: Any = typer.main.get_command(app)
+    try:
+        context = command.make_context("interplan-sumo", list(words), obj=[])
+        while hasattr(context.command, "resolve_command"):
+            name, command, rest = context.command.resolve_command(context, [*context._protected_args, *context.args])
+            context = command.make_context(name, rest, parent=context)
+    except typer.Exit:  # --help and --version
+        return None
+    except USAGE_ERROR as error:
+        return str(error.format_message())  # type: ignore[attr-defined]
+    return None
+
+
+# --- the reader of commands itself ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("run --planner idm --suite smoke==1", None),
+        ("scenarios list --suite smoke==1 --json", None),
+        ("maps --help", None),
+        ("run --plannr idm", "--plannr"),
+        ("runn --planner idm", "runn"),
+        ("scenarios lst", "lst"),
+        ("run --seeds many", "--seeds"),
+        ("scenarios export nudge/0", "FILE.yaml"),
+    ],
+)
+def test_a_command_line_is_refused_as_the_program_would(line: str, problem: str | None) -> None:
+    found = problem_with(line.split())
+    assert found is None if problem is None else found is not None and problem in found
+
+
+def test_listings_are_read_with_continuations_comments_and_several_commands_a_line(tmp_path: Path) -> None:
+    (tmp_path / "page.md").write_text(
+        "text: interplan-sumo run\n\n"
+        "    interplan-sumo doctor     interplan-sumo maps list    # all is well\n"
+        "    interplan-sumo run --planner idm \\\n        --seeds 2 | tail\n"
+        "    other-program run\n\n"
+        "```sh\ninterplan-sumo run --seeds N\n```\n```python\ninterplan-sumo no\n```\n"
+    )
+    assert commands_of(tmp_path / "page.md") == [
+        (3, ["doctor"]),
+        (3, ["maps", "list"]),
+        (4, ["run", "--planner", "idm", "--seeds", "2"]),
+        (9, ["run", "--seeds", "1"]),
+    ]
+
+
+def test_blocks_know_their_line_their_file_and_whether_they_are_slow(tmp_path: Path) -> None:
+    (tmp_path / "page.md").write_text(
+        "<!-- docs: slow -->\n```python\nx = 1\n```\n```python\n# mine.py\ny = 2\n```\n```xml\n<!-- cars.xml -->\n```\n"
+    )
+    slow, file, xml = blocks_of(tmp_path / "page.md")
+    assert (slow.line, slow.slow, slow.file, slow.runs) == (3, True, None, True)
+    assert (file.line, file.slow, file.file, file.runs) == (6, False, "mine.py", True)
+    assert (xml.file, xml.runs) == ("cars.xml", True)
+
+
+# --- the pages -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_name)
+def test_every_command_of_a_page_is_one_that_the_program_takes(page: Path) -> None:
+    problems = [
+        f"{_name(page)}, line {line}: interplan-sumo {' '.join(words)}: {problem}"
+        for line, words in commands_of(page)
+        if (problem := problem_with(words)) is not None
+    ]
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_name)
+def test_every_command_that_a_page_mentions_exists(page: Path) -> None:
+    for words in mentions_of(page):
+        problem = problem_with(words)
+        assert problem is None or problem.startswith("Missing "), f"interplan-sumo {' '.join(words)}: {problem}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_name)
+def test_every_python_block_of_a_page_compiles(page: Path) -> None:
+    for block in blocks_of(page):
+        if block.language == "python":
+            compile("\n" * (block.line - 1) + block.text, _name(page), "exec")
+
+
+def run_page(blocks: list[Block], folder: Path) -> None:
+    done = drive_page([block for block in blocks if block.runs], folder)
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+
+
+@needs_bash
+@pytest.mark.parametrize("page", RUNNING, ids=_name)
+def test_a_page_does_what_it_says(page: Path, tmp_path: Path) -> None:
+    run_page([block for block in blocks_of(page) if not block.slow], tmp_path)
+
+
+@needs_bash
+@pytest.mark.slow
+@pytest.mark.parametrize("page", SLOW, ids=_name)
+def test_a_page_does_all_that_it_says(page: Path, tmp_path: Path) -> None:
+    run_page(blocks_of(page), tmp_path)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_name)
+def test_every_link_of_a_page_leads_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
+    missing = [
+        link
+        for link in links
+        if not re.match(r"\w+:", link)
+        and not link.startswith("#")
+        and not (page.parent / link.partition("#")[0]).exists()
+    ]
+    assert not missing, f"{_name(page)} links to {missing}"
+
+
+def test_the_index_names_every_page() -> None:
+    text = INDEX.read_text(encoding="utf-8")
+    assert [page.name for page in PAGES[1:] if page != INDEX and f"]({page.name})" not in text] == []
