@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +13,7 @@ from interplan_sumo.features.map_lines import MapLines
 from interplan_sumo.features.schema import ROUTE_POINTS, ROUTE_STEP_M
 from interplan_sumo.planner import Mission
 from interplan_sumo.world.geometry import Floats, Ints, Polyline, wrap_angle
-from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.lane_changes import lane_changes_needed
 
 _ALIKE_RAD = 0.01
 """Lanes whose headings differ from the ego's by as much are equally good."""
@@ -30,7 +29,7 @@ class RouteAhead:
         self._lanes = tuple(lane for block in blocks for lane in block.lane_ids)
         self.goal_lane = _goal_lane(mission, self._lanes)
         self._changes = {} if self.goal_lane is None else lane_changes_needed(
-            mission.roads, frozenset(self._lanes), self.goal_lane
+            mission.roads, mission.route, self.goal_lane
         )  # fmt: skip
         self._chains: dict[str, Polyline] = {}
 
@@ -96,24 +95,6 @@ class RouteAhead:
         ]:
             passed.append(min(ahead, key=self._rank))
         return Polyline(np.concatenate([self._roads[each].centerline.points for each in passed]))
-
-
-def lane_changes_needed(roads: Roads, among: frozenset[str], goal_lane: str) -> dict[str, int]:
-    """Fewest lane changes to the goal lane from each lane and connector of `among` from which a way leads there.
-
-    Going on to a successor costs nothing, going to a neighbour lane one.
-    """
-    needed = {goal_lane: 0}
-    queue = deque([goal_lane])
-    while queue:  # from the goal backwards; steps that cost nothing go first
-        here = queue.popleft()
-        beside = [lane.id for lane in (roads.left_of(here), roads.right_of(here)) if lane is not None]
-        for lanes, cost in ((roads.incoming(here), 0), (beside, 1)):
-            for lane in lanes:
-                if lane in among and needed[here] + cost < needed.get(lane, _NO_WAY):
-                    needed[lane] = needed[here] + cost
-                    (queue.append if cost else queue.appendleft)(lane)
-    return needed
 
 
 def _goal_lane(mission: Mission, lanes: tuple[str, ...]) -> str | None:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable
-
 import numpy as np
 import shapely
 
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.result import MetricResult
 from interplan_sumo.scenario.route import goal_arc_m
-from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.lane_changes import lane_changes_needed
 
 
 def lane_changes(facts: Facts) -> MetricResult:
@@ -22,7 +19,7 @@ def lane_changes(facts: Facts) -> MetricResult:
     the route at the end the score is 0. Where none is needed, 1 or 0.
     """
     scenario = facts.staged
-    need = lane_needs(facts.roads, scenario.route, scenario.goal.lane)
+    need = lane_changes_needed(facts.roads, scenario.route, scenario.goal.lane)
     initial = need.get(scenario.start.lane)
     last = last_route_lane(facts, need) if on_route_at_end(facts) else None
     final = None if last is None else need[last]
@@ -35,28 +32,6 @@ def lane_changes(facts: Facts) -> MetricResult:
         reason = f"ended {final} lane{'s' if final > 1 else ''} beside the goal lane, on lane {last}"
     detail = {"initial": initial, "final": final, "goal": final == 0, "last_lane": last}
     return MetricResult(score, detail, reason=reason)
-
-
-def lane_needs(roads: Roads, route: Iterable[str], goal_lane: str) -> dict[str, int]:
-    """Fewest lane changes to the goal lane from each lane and connector of the route that leads there.
-
-    Going on to a successor costs nothing, going to a neighbour lane one, and
-    both stay inside the route's roadblocks.
-    """
-    blocks = set(route)
-    need = {goal_lane: 0}
-    queue = deque([goal_lane])
-    while queue:  # breadth first from the goal backwards; free steps go to the front of the queue
-        here = queue.popleft()
-        neighbours = (roads.left_of(here), roads.right_of(here))
-        steps = [(lane, 0) for lane in roads.incoming(here)]
-        steps += [(lane.id, 1) for lane in neighbours if lane is not None]
-        for lane_id, cost in steps:
-            changes = need[here] + cost
-            if roads[lane_id].roadblock_id in blocks and (lane_id not in need or changes < need[lane_id]):
-                need[lane_id] = changes
-                (queue.append if cost else queue.appendleft)(lane_id)
-    return need
 
 
 def on_route_at_end(facts: Facts) -> bool:

@@ -8,7 +8,6 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from interplan_sumo.metrics.lane_changes import lane_needs
 from interplan_sumo.proving.holding import ego_ahead
 from interplan_sumo.proving.passing_checks import obstacle_corners, passing_offset_m
 from interplan_sumo.proving.start_checks import start_problems
@@ -16,6 +15,7 @@ from interplan_sumo.scenario.families.shapes import LARGEST_OFFSET_M
 from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import wrap_angle
+from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
 
@@ -78,7 +78,7 @@ def asks(scenario: Scenario, roads: Roads) -> Class:
             return "overtake"
         if offset_m > 0.0:
             return "nudge"
-    need = lane_needs(roads, scenario.route, scenario.goal.lane)
+    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane)
     return "lane changes" if need.get(scenario.start.lane, 0) > 0 else "basic driving"
 
 

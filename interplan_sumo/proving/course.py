@@ -16,11 +16,11 @@ import shapely
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.metrics.lane_changes import lane_needs
 from interplan_sumo.metrics.speed_limit import place_limit_mps
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.geometry import Floats, Polyline, wrap_angle
+from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import Roads
 
 GRID_M = 0.5
@@ -140,7 +140,7 @@ def _extended(route: Polyline) -> Polyline:
 
 def _chains(roads: Roads, scenario: Scenario) -> list[tuple[str, ...]]:
     """Every lane of the route's blocks from the start on, each followed as far as the route leads; start lane first."""
-    need = lane_needs(roads, scenario.route, scenario.goal.lane)
+    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane)
     first = scenario.route.index(roads[scenario.start.lane].roadblock_id)
     chains = [_followed(roads, scenario.route, first, scenario.start.lane, need)]
     covered = set(chains[0])

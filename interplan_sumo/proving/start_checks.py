@@ -8,7 +8,6 @@ import numpy as np
 
 from interplan_sumo.errors import InputError, ScenarioError
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.metrics.lane_changes import lane_needs
 from interplan_sumo.proving.course import course
 from interplan_sumo.proving.crossing_checks import crossing_problems
 from interplan_sumo.proving.holding import OVERLAP_M, STEP_S, ego_boxes, ego_held
@@ -19,6 +18,7 @@ from interplan_sumo.simulation.spawning import HOLD_S
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, box_corners, penetration_m
+from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import Roads
 
 GOAL_PAST_M: Final = 20.0
@@ -75,7 +75,7 @@ def _without_id(scenario: Scenario, error: InputError) -> str:
 
 def _route_problems(scenario: Scenario, roads: Roads) -> list[str]:
     """The goal lane can be reached from the start lane, by a lane change where the family is about that."""
-    need = lane_needs(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
+    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
     if need is None:
         return [
             f"route: no way leads from the start on lane {scenario.start.lane} to the goal on lane "

@@ -8,17 +8,17 @@ from typing import Any
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.maps.store import find_map, load_roads, maps
-from interplan_sumo.metrics.lane_changes import lane_needs
 from interplan_sumo.metrics.result import plain
 from interplan_sumo.planner import planners
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import certificate_of, suites
+from interplan_sumo.world.lane_changes import lane_changes_needed
 
 
 def scenario_entry(scenario: Scenario) -> dict[str, Any]:
     """One scenario as `scenarios list` has it; `certificate` is null until one is stored."""
     roads = load_roads(scenario.map, scenario.maps_beside)
-    need = lane_needs(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
+    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
     if need is None:
         raise ScenarioError(f"{scenario.id}: no way from lane {scenario.start.lane} to goal lane {scenario.goal.lane}")
     proved = certificate_of(scenario)

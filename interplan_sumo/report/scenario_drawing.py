@@ -11,12 +11,13 @@ import numpy as np
 import shapely
 
 from interplan_sumo.maps.render import ASPHALT, CARPARK, EXTRA, INK, JUNCTION, STOP_COLOURS, WALKWAY
+from interplan_sumo.report.markings import markings
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import OBSTACLES, PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
 from interplan_sumo.scenario.trigger import trigger_distance_m
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
-from interplan_sumo.world.geometry import Floats, Polyline, Pose, box_corners, wrap_angle
+from interplan_sumo.world.geometry import Floats, Pose, box_corners
 from interplan_sumo.world.roads import Roads
 
 if TYPE_CHECKING:
@@ -143,33 +144,11 @@ def _lines(axes: Axes, view: View, lines: Iterable[Floats], **style: Any) -> Non
 
 def _markings(axes: Axes, roads: Roads, view: View) -> None:
     """Dashes between lanes of one direction, solid lines at the edges, yellow ones between the directions."""
-    near = view.outline
-    dashed: list[Floats] = []
-    solid: list[Floats] = []
-    middle: list[Floats] = []
-    for block in roads.roadblocks.values():
-        if block.is_connector or not block.polygon.intersects(near):
-            continue
-        lanes = [roads.lanes[i] for i in block.lane_ids]
-        dashed += [lane.right_boundary.points for lane in lanes[:-1]]
-        for line, side in ((lanes[0].left_boundary, 1.0), (lanes[-1].right_boundary, -1.0)):
-            (middle if _borders_on_oncoming(roads, line, side) else solid).append(line.points)
+    found = {kind: [line.points for line in group] for kind, group in markings(roads, view.outline).items()}
     width = max(0.5, 0.13 * view.scale)
-    _lines(axes, view, solid, colors=MARKING, linewidths=width, zorder=2.3)
-    _lines(axes, view, dashed, colors=MARKING, linewidths=width, linestyles=(0, (9.0, 9.0)), zorder=2.3)
-    _lines(axes, view, middle, colors=MIDDLE, linewidths=1.2 * width, zorder=2.4)
-
-
-def _borders_on_oncoming(roads: Roads, line: Polyline, side: float) -> bool:
-    """Whether a lane of opposite direction lies just beyond the middle of a boundary."""
-    arc_m = line.length_m / 2.0
-    there, heading_rad = line.pose_at(arc_m, 0.6 * side), line.pose_at(arc_m).heading_rad
-    for lane_id in roads.lanes_at(there.x_m, there.y_m):
-        other = roads[lane_id].centerline
-        other_rad = other.pose_at(other.project_point(there.x_m, there.y_m)[0]).heading_rad
-        if abs(wrap_angle(other_rad - heading_rad)) > np.pi / 2.0:
-            return True
-    return False
+    _lines(axes, view, found["solid"], colors=MARKING, linewidths=width, zorder=2.3)
+    _lines(axes, view, found["dashed"], colors=MARKING, linewidths=width, linestyles=(0, (9.0, 9.0)), zorder=2.3)
+    _lines(axes, view, found["middle"], colors=MIDDLE, linewidths=1.2 * width, zorder=2.4)
 
 
 def _direction_arrows(axes: Axes, roads: Roads, view: View) -> None:

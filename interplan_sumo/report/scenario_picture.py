@@ -15,7 +15,6 @@ import numpy as np
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.render import EXTRA, INK, PAPER
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.metrics.lane_changes import lane_needs
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.scenario_drawing import View
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
@@ -23,6 +22,7 @@ from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import Roads
 
 if TYPE_CHECKING:
@@ -227,7 +227,7 @@ def _scene(axes: Axes, scenario: Scenario, roads: Roads, traffic: Traffic, colou
 def _title(figure: Figure, scenario: Scenario, roads: Roads, total: int) -> None:
     demand = scenario.traffic
     limit_mps = roads[scenario.start.lane].speed_limit_mps
-    need = lane_needs(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
+    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
     start = scenario.start.pose(roads)
     start_m, _ = route_centerline(roads, scenario).project_point(start.x_m, start.y_m)
     words = [

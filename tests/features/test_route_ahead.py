@@ -11,7 +11,7 @@ from worlds import curved_road, ego, ego_on, junction, mission, observation, str
 
 from interplan_sumo.features.frame import EgoFrame
 from interplan_sumo.features.map_lines import map_lines
-from interplan_sumo.features.route_ahead import RouteAhead, lane_changes_needed
+from interplan_sumo.features.route_ahead import RouteAhead
 from interplan_sumo.features.view import EgoView
 from interplan_sumo.planner import Mission
 from interplan_sumo.world.ego import EgoState
@@ -104,11 +104,6 @@ def test_each_lane_between_here_and_the_goal_is_a_change() -> None:
     lines = map_lines(THREE_LANES)
     changes = dict(zip(lines.lane_ids.tolist(), route.lane_changes.tolist(), strict=True))
     assert changes == {11: 2, 12: 1, 13: 0, 21: 2, 22: 1, 23: 0, 31: 2, 32: 1, 33: 0}
-
-
-def test_a_lane_from_which_no_way_leads_to_the_goal_has_no_number() -> None:
-    roads = junction()
-    assert lane_changes_needed(roads, frozenset(("1", "13", "7", "2")), "7") == {"7": 0, "13": 0, "1": 0}
 
 
 @pytest.mark.parametrize(("y_m", "lane"), [(0.0, "31"), (-3.5, "32"), (-7.0, "33")])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.lane_changes import lane_changes, lane_needs
+from interplan_sumo.metrics.lane_changes import lane_changes
 from tests.metrics.staging import NOBODY, drive_at, facts_of, lane_y_m, scenario_on
 from tests.worlds import straight_road
 
@@ -16,18 +16,6 @@ def ending(x_m: float, y_m: float, *, start: str = "11", goal: tuple[str, float]
     """A drive from lane 11 (or another) that ends at a point."""
     scenario = scenario_on(ROAD, (start, 20.0), goal)
     return facts_of(drive_at([20.0, x_m], [lane_y_m(int(start[1]) - 1), y_m]), ROAD, NOBODY, scenario)
-
-
-def test_needs_grow_sideways_and_not_along():
-    need = lane_needs(ROAD, ("1", "2", "3"), "34")
-    assert {lane: need[lane] for lane in ("34", "33", "31", "24", "21", "14", "11")} == {
-        "34": 0, "33": 1, "31": 3, "24": 0, "21": 3, "14": 0, "11": 3,
-    }  # fmt: skip
-
-
-def test_needs_stay_inside_the_route():
-    need = lane_needs(ROAD, ("2", "3"), "34")
-    assert set(need) == {*(f"2{i}" for i in range(1, 5)), *(f"3{i}" for i in range(1, 5))}
 
 
 @pytest.mark.parametrize(("lane", "score"), [(0, 0.0), (1, 1 / 3), (2, 2 / 3), (3, 1.0)])

@@ -7,7 +7,7 @@ from worlds import curved_road, ego, ego_on, junction, mission, signals, straigh
 from interplan_planners.common.paths import Path
 from interplan_planners.common.red_lights import RedLights
 from interplan_planners.common.route_correction import block_at, corrected_route
-from interplan_planners.common.route_search import LaneFinder, lane_chain, lane_changes_needed
+from interplan_planners.common.route_search import LaneFinder, lane_chain, lane_changes_to
 from interplan_planners.common.ways import Ways
 from interplan_planners.mobil_published import lane_costs
 from interplan_sumo.world.ego import PACIFICA
@@ -44,13 +44,13 @@ def test_the_shortest_chain_need_not_be_the_first() -> None:
 
 @pytest.mark.parametrize(("y_m", "needed"), [(0.0, {"11": 0, "12": 1, "13": 2}), (-7.0, {"11": 2, "12": 1, "13": 0})])
 def test_lane_changes_are_counted_to_the_lane_of_the_goal(y_m: float, needed: dict[str, int]) -> None:
-    found = lane_changes_needed(WIDE, ROUTE, Pose(250.0, y_m, 0.0))
+    found = lane_changes_to(WIDE, ROUTE, Pose(250.0, y_m, 0.0))
     assert {lane: found[lane] for lane in ("11", "12", "13")} == needed
     assert {found[f"2{i}"] for i in (1, 2, 3)} == {0, 1, 2}
 
 
 def test_a_lane_that_leads_nowhere_is_counted_by_its_neighbours() -> None:
-    found = lane_changes_needed(CROSSING, ("1", "14", "8"), Pose(1.75, 60.0, np.pi / 2))
+    found = lane_changes_to(CROSSING, ("1", "14", "8"), Pose(1.75, 60.0, np.pi / 2))
     assert found == {"8": 0, "14": 0, "1": 0}
 
 

@@ -248,12 +248,6 @@ def test_the_map_ends_where_nobody_looks() -> None:
     assert 60.0 + surroundings.REACH_M - 3.0 <= right <= 60.0 + surroundings.REACH_M
 
 
-def test_markings_are_dashed_between_lanes_and_solid_at_the_edges() -> None:
-    roads = straight_road(lanes=3)
-    found = surroundings.markings(roads, roads.drivable_area)
-    assert {kind: len(lines) for kind, lines in found.items()} == {"dashed": 2, "solid": 2, "middle": 0}
-
-
 def test_a_trembling_ego_does_not_take_long_to_surround() -> None:
     standing = np.random.default_rng(0).normal(0.0, 0.01, (2000, 2))
     area = surroundings.area_around([standing])

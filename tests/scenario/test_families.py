@@ -11,7 +11,6 @@ import shapely
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.metrics.lane_changes import lane_needs
 from interplan_sumo.scenario.families import FAMILIES, construction, jaywalker, nudge, overtake
 from interplan_sumo.scenario.families.jaywalker import Person
 from interplan_sumo.scenario.families.shapes import PASSING_M, reach_m
@@ -20,6 +19,7 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import Site, site_at
 from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.world.geometry import box_polygons
+from interplan_sumo.world.lane_changes import lane_changes_needed
 
 OFFICIAL = find_suite("interplan==1").scenarios
 LANE_CHANGES = ("lane_change_ltd", "lane_change_mtd", "lane_change_htd")
@@ -97,7 +97,7 @@ def test_lane_changes_come_in_ones_twos_and_threes_to_both_sides_with_all_behavi
     sides: set[bool] = set()
     for scenario in rows:
         roads = load_roads(scenario.map)
-        needs.append(lane_needs(roads, scenario.route, scenario.goal.lane)[scenario.start.lane])
+        needs.append(lane_changes_needed(roads, scenario.route, scenario.goal.lane)[scenario.start.lane])
         x, y, heading = roads[scenario.start.lane].centerline.poses_at(scenario.start.arc_m)[0]
         goal = scenario.goal.pose(roads)
         sides.add(bool(np.cos(heading) * (goal.y_m - y) - np.sin(heading) * (goal.x_m - x) > 0.0))

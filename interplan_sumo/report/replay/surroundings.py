@@ -8,8 +8,9 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
+from interplan_sumo.report.markings import markings
 from interplan_sumo.report.replay.numbers import Whole, lines, points, rings
-from interplan_sumo.world.geometry import Floats, Polyline, wrap_angle
+from interplan_sumo.world.geometry import Floats, wrap_angle
 from interplan_sumo.world.roads import Area, Connector, Intersection, Roads
 
 REACH_M: Final = 80.0
@@ -55,7 +56,10 @@ def map_around(roads: Roads, area: shapely.Geometry, origin: Floats) -> dict[str
         "stop_lines": {kind: rings(shapes, origin) for kind, shapes in stops.items()},
         "connectors": lines(_clipped(ways, area), origin),
         "arrows": _arrows(roads, area, origin),
-        **{kind: lines(_clipped(found, area), origin) for kind, found in markings(roads, area).items()},
+        **{
+            kind: lines(_clipped([line.linestring for line in found], area), origin)
+            for kind, found in markings(roads, area).items()
+        },
     }
 
 
@@ -89,31 +93,6 @@ def lights(roads: Roads, area: shapely.Geometry, origin: Floats) -> dict[str, di
                 "way": points(shapely.get_coordinates(way), origin),
             }
     return found
-
-
-def markings(roads: Roads, area: shapely.Geometry) -> dict[str, list[shapely.LineString]]:
-    """Boundaries of lanes: `dashed` between lanes, `solid` at the edges, `middle` between the directions."""
-    found: dict[str, list[shapely.LineString]] = {"dashed": [], "solid": [], "middle": []}
-    for block in roads.roadblocks.values():
-        if block.is_connector or not shapely.intersects(area, block.polygon):
-            continue
-        lanes = [roads.lanes[i] for i in block.lane_ids]
-        found["dashed"] += [lane.right_boundary.linestring for lane in lanes[:-1]]
-        for line, side in ((lanes[0].left_boundary, 1.0), (lanes[-1].right_boundary, -1.0)):
-            found["middle" if _borders_on_oncoming(roads, line, side) else "solid"].append(line.linestring)
-    return found
-
-
-def _borders_on_oncoming(roads: Roads, line: Polyline, side: float) -> bool:
-    """Whether a lane of opposite direction lies just beyond the middle of a boundary."""
-    arc_m = line.length_m / 2.0
-    there, heading_rad = line.pose_at(arc_m, 0.6 * side), line.pose_at(arc_m).heading_rad
-    for lane_id in roads.lanes_at(there.x_m, there.y_m):
-        other = roads[lane_id].centerline
-        other_rad = other.pose_at(other.project_point(there.x_m, there.y_m)[0]).heading_rad
-        if abs(wrap_angle(other_rad - heading_rad)) > np.pi / 2.0:
-            return True
-    return False
 
 
 def _bearing_rad(connector: Connector, heading_rad: float) -> float:

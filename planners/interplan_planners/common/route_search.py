@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 import shapely
 
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.geometry import Pose, wrap_angle
+from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import Roads
 
 
@@ -91,7 +90,7 @@ class LaneFinder:
         return min((self._places[i] for i in inside), key=error_rad)
 
 
-def lane_changes_needed(roads: Roads, route: tuple[str, ...], goal: Pose) -> dict[str, int]:
+def lane_changes_to(roads: Roads, route: tuple[str, ...], goal: Pose) -> dict[str, int]:
     """For each lane of the route: the fewest lane changes on the way to the goal lane; absent where none lead there.
 
     The goal lane is the one of the last block that contains the goal, else the
@@ -101,14 +100,4 @@ def lane_changes_needed(roads: Roads, route: tuple[str, ...], goal: Pose) -> dic
     point = shapely.Point(goal.x_m, goal.y_m)
     last = roads.roadblocks[route[-1]].lane_ids
     target = last[int(shapely.distance([roads[lane_id].polygon for lane_id in last], point).argmin())]
-    inside = lanes_of_route(roads, route)
-    needed = {target: 0}
-    queue = deque([target])
-    while queue:  # 0-1 breadth first: ways without a change first
-        here = queue.popleft()
-        neighbours = [lane.id for lane in (roads.left_of(here), roads.right_of(here)) if lane is not None]
-        for before, cost in (*((lane, 0) for lane in roads.incoming(here)), *((lane, 1) for lane in neighbours)):
-            if before in inside and needed[here] + cost < needed.get(before, len(needed) + 99):
-                needed[before] = needed[here] + cost
-                (queue.append if cost else queue.appendleft)(before)
-    return needed
+    return lane_changes_needed(roads, route, target)

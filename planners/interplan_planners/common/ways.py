@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from interplan_planners.common.paths import Path, centerline
-from interplan_planners.common.route_search import lane_changes_needed
+from interplan_planners.common.route_search import lane_changes_to
 from interplan_sumo.planner import Mission
 from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import Lane, Roads
@@ -42,7 +42,7 @@ class Ways:
         self._route = route
         self._fallback_limit_mps = fallback_limit_mps
         self._ways: dict[tuple[int, str], Way] = {}
-        self.changes_needed = lane_changes_needed(mission.roads, route, mission.goal)
+        self.changes_needed = lane_changes_to(mission.roads, route, mission.goal)
 
     def from_lane(self, index: int, lane_id: str) -> Way:
         """The way from a lane or connector of `route[index]` on, where it forks towards the fewest lane changes."""
