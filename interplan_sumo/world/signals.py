@@ -42,4 +42,4 @@ class Signals:
 
     def with_status(self, status: SignalStatus) -> frozenset[str]:
         """The connectors that show `status`."""
-        return frozenset(c for c, s in zip(self.connector_ids, self.status, strict=True) if s == status)
+        return frozenset(self.connector_ids[row] for row in np.flatnonzero(self.status == status).tolist())

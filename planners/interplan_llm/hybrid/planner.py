@@ -78,8 +78,19 @@ class HybridPlanner:
         self.chooser.start(mission)
 
     def plan(self, seen: Observation) -> Trajectory:
-        scene = self._watch.scene(seen)
-        if self._asks_at_s is None or seen.time_s >= self._asks_at_s - 1e-6:
+        asks = self._asks_at_s is None or seen.time_s >= self._asks_at_s - 1e-6
+        known = self._pending is not None and seen.time_s >= self._pending[0] - 1e-6
+        if asks or known:
+            self._decide(seen, self._watch.scene(seen), asks)
+        self._step += 1
+        if self._step <= len(self._recorded):
+            return self._recorded[self._step - 1]
+        plan, _ = self._motion.plan(seen, self._course)
+        return plan
+
+    def _decide(self, seen: Observation, scene: Scene, asks: bool) -> None:
+        """Ask if it is time to, and set out on what is known now; what is no longer offered gives way."""
+        if asks:
             self._asks_at_s = seen.time_s + self.every_s
             self._ask(scene)
         if self._pending is not None and seen.time_s >= self._pending[0] - 1e-6:
@@ -87,12 +98,7 @@ class HybridPlanner:
             self._pending = None
         possible = offered(scene)
         behaviour = self._now if self._now is not None and self._now in possible else possible[0]
-        course = self._courses.course(behaviour, scene, seen.ego.rear_axle(self._shape))
-        self._step += 1
-        if self._step <= len(self._recorded):
-            return self._recorded[self._step - 1]
-        plan, _ = self._motion.plan(seen, course)
-        return plan
+        self._course = self._courses.course(behaviour, scene, seen.ego.rear_axle(self._shape))
 
     def _ask(self, scene: Scene) -> None:
         options = offered(scene)
