@@ -14,6 +14,8 @@ from typing import Any
 
 SLOW = "<!-- docs: slow -->"
 """Stands before a fenced block that only the slow tests run."""
+ELSEWHERE = "<!-- docs: elsewhere -->"
+"""Stands before a fenced block that needs what no test may count on, a server or the network: it is only parsed."""
 SKETCHES = ("/.../",)
 """What holds one of these is shortened for readers, and only read."""
 PLACEHOLDERS = {"N": "1", "S": "1"}
@@ -36,6 +38,7 @@ class Block:
     language: str
     text: str
     slow: bool
+    elsewhere: bool = False
 
     @property
     def file(self) -> str | None:
@@ -48,7 +51,9 @@ class Block:
 
     @property
     def runs(self) -> bool:
-        return not self.is_sketch and (self.file is not None or self.language in ("python", "sh"))
+        return (
+            not self.is_sketch and not self.elsewhere and (self.file is not None or self.language in ("python", "sh"))
+        )
 
 
 def blocks_of(page: Path) -> list[Block]:
@@ -63,7 +68,8 @@ def blocks_of(page: Path) -> list[Block]:
         elif opened is not None and line == "```":
             begun, language = opened
             text = "\n".join(lines[begun + 1 : number]) + "\n"
-            found.append(Block(page.name, begun + 2, language, text, slow=lines[begun - 1] == SLOW))
+            mark = lines[begun - 1]
+            found.append(Block(page.name, begun + 2, language, text, mark == SLOW, mark == ELSEWHERE))
             opened = None
     assert opened is None, f"{page.name}: the block of line {opened} has no end"
     return found

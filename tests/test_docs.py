@@ -83,8 +83,10 @@ def test_listings_are_read_with_continuations_comments_and_several_commands_a_li
 def test_blocks_know_their_line_their_file_and_whether_they_are_slow(tmp_path: Path) -> None:
     (tmp_path / "page.md").write_text(
         "<!-- docs: slow -->\n```python\nx = 1\n```\n```python\n# mine.py\ny = 2\n```\n```xml\n<!-- cars.xml -->\n```\n"
+        "<!-- docs: elsewhere -->\n```sh\ncurl http://localhost\n```\n"
     )
-    slow, file, xml = blocks_of(tmp_path / "page.md")
+    slow, file, xml, elsewhere = blocks_of(tmp_path / "page.md")
+    assert (elsewhere.slow, elsewhere.runs) == (False, False)
     assert (slow.line, slow.slow, slow.file, slow.runs) == (3, True, None, True)
     assert (file.line, file.slow, file.file, file.runs) == (6, False, "mine.py", True)
     assert (xml.file, xml.runs) == ("cars.xml", True)
