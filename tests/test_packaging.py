@@ -62,14 +62,14 @@ def test_the_wheel_holds_the_code_both_type_markers_and_all_data_and_nothing_els
     assert {"interplan_sumo/py.typed", "interplan_planners/py.typed"} <= held
 
 
-def test_the_sdist_holds_the_tests_and_no_leftovers(built: Path) -> None:
+def test_the_sdist_holds_the_tests_with_the_pages_that_they_read_and_no_leftovers(built: Path) -> None:
     (sdist,) = built.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
         names = {name.split("/", 1)[1] for name in archive.getnames() if "/" in name}
     assert "tests/test_packaging.py" in names
     top = {name.split("/")[0] for name in names}
     documents = {"pyproject.toml", "README.md", "CHANGELOG.md", "LICENSE", "PKG-INFO", ".gitignore"}
-    assert top <= documents | {"interplan_sumo", "planners", "nets", "routes", "tests"}
+    assert top <= documents | {"docs", "interplan_sumo", "planners", "nets", "routes", "tests"}
 
 
 @pytest.mark.slow
