@@ -135,6 +135,7 @@ def test_a_planner_of_this_process_refuses_workers_and_says_the_way_out() -> Non
         ips.run(Creeping(), workers=2)
 
 
+@pytest.mark.slow
 def test_a_script_without_a_main_guard_may_use_workers(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(
         "import interplan_sumo as ips\n"

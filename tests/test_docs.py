@@ -16,8 +16,9 @@ from interplan_sumo.cli import app
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 INDEX = ROOT / "docs" / "README.md"
-RUNNING = [page for page in PAGES if any(block.runs and not block.slow for block in blocks_of(page))]
-SLOW = [page for page in PAGES if any(block.runs and block.slow for block in blocks_of(page))]
+RUNNING = [page for page in PAGES if any(block.runs for block in blocks_of(page))]
+QUICK = [page for page in RUNNING if page.stem in ("gym", "language_models", "write_a_planner")]
+"""Whose blocks run every time, but for those that are marked; all run among the slow tests, and always in CI."""
 
 USAGE_ERROR: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
@@ -125,14 +126,14 @@ def run_page(blocks: list[Block], folder: Path) -> None:
 
 
 @needs_bash
-@pytest.mark.parametrize("page", RUNNING, ids=_name)
-def test_a_page_does_what_it_says(page: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("page", QUICK, ids=_name)
+def test_the_quick_part_of_a_page_does_what_it_says(page: Path, tmp_path: Path) -> None:
     run_page([block for block in blocks_of(page) if not block.slow], tmp_path)
 
 
 @needs_bash
 @pytest.mark.slow
-@pytest.mark.parametrize("page", SLOW, ids=_name)
+@pytest.mark.parametrize("page", RUNNING, ids=_name)
 def test_a_page_does_all_that_it_says(page: Path, tmp_path: Path) -> None:
     run_page(blocks_of(page), tmp_path)
 

@@ -105,6 +105,7 @@ def test_options_name_the_scene_and_the_seed_of_its_traffic() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_environments_in_processes_of_their_own_go_side_by_side() -> None:
     envs = gymnasium.make_vec(
         "interplan_sumo/Smoke-v0", 2, "async", vector_kwargs={"context": "spawn"}, scenarios=SCENE
