@@ -1,4 +1,4 @@
-"""Command `scenarios import`: scenes of a recording as scenarios."""
+"""Command `scenarios import`: scenes of recordings and logs, and interPlan's own configuration, as scenarios."""
 
 from __future__ import annotations
 
@@ -12,15 +12,27 @@ from interplan_sumo.cli.options import DONE, JsonOption
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
+    from interplan_sumo.proving.scene_formats import Imported
     from interplan_sumo.scenario.recorded import RecordedScene
 
 
 def import_scenes(
-    source: Annotated[Path, typer.Argument(help="A recording: a file, or an Argoverse 2 folder.", metavar="SOURCE")],
-    map: Annotated[str, typer.Option(help="The map that belongs to it, as `maps import` made it.")],
+    source: Annotated[
+        Path, typer.Argument(help="A recording, a log, or a configuration: a file or a folder.", metavar="SOURCE")
+    ],
+    map: Annotated[
+        str,
+        typer.Option(help="The map that belongs to it, as `maps import` made it; for nuPlan the folder of its maps."),
+    ],
     out: Annotated[Path, typer.Option(help="The folder for scenarios, their map, certificates and reports.")],
-    format: Annotated[str | None, typer.Option(help="argoverse2 or commonroad. Default: told by its content.")] = None,
+    format: Annotated[
+        str | None, typer.Option(help="argoverse2, commonroad, nuplan or interplan. Default: told by its content.")
+    ] = None,
     at: Annotated[list[float] | None, typer.Option(help="Seconds into the recording; may be repeated.")] = None,
+    token: Annotated[list[str] | None, typer.Option(help="nuPlan: lidar_pc tokens at which scenes begin.")] = None,
+    tag: Annotated[list[str] | None, typer.Option(help="nuPlan: scenario types at which scenes begin.")] = None,
+    count: Annotated[int, typer.Option(help="nuPlan: at most so many scenes of each type.")] = 1,
+    logs: Annotated[list[Path] | None, typer.Option(help="interPlan: nuPlan's .db files, or folders of them.")] = None,
     ego: Annotated[str | None, typer.Option(help="Whose place the ego takes. Default: the car that measured.")] = None,
     agents: Annotated[
         Literal["sumo", "replayed", "both"], typer.Option(help="Who moves the others: SUMO, or their tracks.")
@@ -38,22 +50,25 @@ def import_scenes(
     as_json: JsonOption = False,
 ) -> int:
     """Make scenarios of a recording: the ego in the place of a recorded car, among the road users around it."""
-    from interplan_sumo.maps.store import find_map
     from interplan_sumo.proving.generation import check_folder
-    from interplan_sumo.proving.recorded_scenes import Moments, read_recording, recorded_scenes, write_scenes
+    from interplan_sumo.proving.nuplan_scenes import Picked
+    from interplan_sumo.proving.recorded_scenes import Moments, write_scenes
+    from interplan_sumo.proving.scene_formats import Source, import_source
     from interplan_sumo.scenario.recorded import GOAL_M
 
     check_folder(out, overwrite=overwrite)
+    picked = Picked(tuple(token or ()), tuple(tag or ()), count, tuple(at or ()))
     moments = Moments(tuple(at or (0.0,)), ego, agents, GOAL_M if goal is None else goal, duration)
-    recording = read_recording(source, format)
-    scenes = recorded_scenes(recording, find_map(map), moments, out, overwrite=overwrite)
+    made = import_source(Source(source, map, format, picked, tuple(logs or ())), moments, out, overwrite=overwrite)
+    scenes = made.scenes
     passed = write_scenes(out, scenes, _proved(scenes, workers) if certify else ())
     entries = [_entry(each) for each in scenes]
     if as_json:
-        notes = list(recording.notes)
-        print_json({"folder": str(out), "scenarios": entries, "certified": passed if certify else None, "notes": notes})
+        said = {"folder": str(out), "scenarios": entries, "certified": passed if certify else None}
+        not_made = [{"id": id_, "reason": reason} for id_, reason in made.not_made]
+        print_json(said | {"notes": list(made.notes), "not_made": not_made})
     else:
-        _print(entries, recording.notes)
+        _print(entries, made)
         print(f"{len(scenes)} scenarios{f', {passed} certified' if certify else ''}: {out}")
     return DONE
 
@@ -84,18 +99,22 @@ def _entry(scene: RecordedScene) -> dict[str, Any]:
         "vehicles": len(scenario.vehicles),
         "obstacles": len(scenario.obstacles),
         "replayed": len(scenario.replayed),
+        "lights": len(scenario.lights),
         "left_out": [{"track": track, "reason": reason} for track, reason in scene.left_out],
         "notes": list(scene.notes),
         "problems": validate(scenario),
     }
 
 
-def _print(entries: list[dict[str, Any]], notes: tuple[str, ...]) -> None:
-    for note in notes:
+def _print(entries: list[dict[str, Any]], made: Imported) -> None:
+    for note in made.notes:
         print(f"recording: {note}")
     for entry in entries:
-        counts = ", ".join(f"{name} {entry[name]}" for name in ("vehicles", "obstacles", "replayed"))
+        lights = ("lights",) if entry["lights"] else ()
+        counts = ", ".join(f"{name} {entry[name]}" for name in ("vehicles", "obstacles", "replayed", *lights))
         print(f"{entry['id']}: {entry['duration_s']:g} s; {counts}, left out {len(entry['left_out'])}")
         for name in ("notes", "problems"):
             for text in entry[name]:
                 print(f"  {name.removesuffix('s')}: {text}")
+    for id_, reason in made.not_made:
+        print(f"not made: {id_}: {reason}")

@@ -103,6 +103,9 @@ def report(
     replays: Annotated[
         str, typer.Option(help="Beside the page, replays of these drives; N are the worst.", metavar="all|lost|none|N")
     ] = "none",
+    nuboard: Annotated[
+        Path | None, typer.Option(help="Write what nuPlan's viewer nuBoard opens.", metavar="DIR")
+    ] = None,
     paper: Annotated[bool, typer.Option("--paper", help="Add the published rows for comparison.")] = False,
     why: Annotated[bool, typer.Option("--why", help="One sentence for every zero and every lost gate.")] = False,
     details: Annotated[
@@ -122,6 +125,10 @@ def report(
     if replays != "none" and html is None:
         raise InputError(f"--replays {replays} are made beside a page; give its file as --html")
     runs = [read_run(folder) for folder in folders]
+    if nuboard is not None:
+        from interplan_sumo.report.nuboard import write_nuboard
+
+        print(f"open in nuBoard: {write_nuboard(runs, nuboard)}", file=sys.stderr)
     form = forms[0] if forms else "text"
     return _report(runs, form, html, replays, paper=paper, why=why, details=details)
 

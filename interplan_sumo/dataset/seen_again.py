@@ -12,7 +12,7 @@ from interplan_sumo.world.trace import Trace
 
 
 class SeenAgain:
-    """The mission and the observations of a drive, as the loop made them: the first ones with an invented past."""
+    """The mission and the observations of a drive, as the loop made them: the first ones with the scenario's past."""
 
     def __init__(self, scenario: Scenario, roads: Roads, trace: Trace) -> None:
         self.mission = Mission(roads, scenario.route, scenario.goal.pose(roads), trace.shape, DT_S)
@@ -20,7 +20,7 @@ class SeenAgain:
         occluder = occluding_box(scenario, roads)
         egos = [trace.ego.state(frame) for frame in range(len(trace))]
         actors = [visible(trace.actors.at(frame), ego, occluder) for frame, ego in enumerate(egos)]
-        past = invented_past(roads, egos[0], actors[0], DT_S)
+        past = invented_past(roads, egos[0], actors[0], DT_S, scenario.past)
         self._egos = (*past.egos, *egos)
         self._actors = (*past.actors, *actors)
 

@@ -50,23 +50,31 @@ def carry_map(
     Ids do not change. Equal scenarios on equal maps give equal bytes. A map
     with up to `whole_lanes` lanes goes whole. InputError if another map of this
     name lies there and is not to be overwritten, MapError if it cannot be
-    written; cutting one down needs netconvert.
+    written; cutting one down, or one without a SUMO network, needs netconvert.
     """
     there = MapFiles(files.name, files.version, root / files.name / files.version)
     lies_there = there.folder.resolve() == files.folder.resolve()
     if not (overwrite or lies_there) and (root / files.name).exists():
         raise InputError(f"{root / files.name} exists; name another folder with --out, or give --overwrite")
     if len(roads.lanes) <= whole_lanes or lies_there:
-        return copy_map(files, root)
+        return _whole(files, root)
     part = crop_around(roads, [place for each in scenarios for place in places_of(each, roads)], KEPT_M)
     if len(part.lanes) == len(roads.lanes):
-        return copy_map(files, root)
+        return _whole(files, root)
 
     def fill(folder: Path) -> None:
         write_map(part, folder / files.gpkg.name)
         convert(read_map(folder / files.gpkg.name, files.name), folder)
 
     return place_map(there, root, fill)
+
+
+def _whole(files: MapFiles, root: Path) -> MapFiles:
+    """Copy a map; one that comes as nuPlan has it gets its SUMO network there."""
+    there = copy_map(files, root)
+    if not there.network.is_file():
+        convert(read_map(there.gpkg, there.name), there.folder)
+    return there
 
 
 def places_of(scenario: Scenario, roads: Roads) -> list[tuple[float, float]]:

@@ -19,7 +19,10 @@ from interplan_sumo.world.recording import Recording
 LEFT_OUT: Final = "left_out.csv"
 _PARQUET: Final = b"PAR1"
 _COMMONROAD: Final = b"<commonRoad"
+_SQLITE: Final = b"SQLite format 3"
 _HEAD_BYTES: Final = 4096
+NUPLAN: Final = "nuplan"
+INTERPLAN: Final = "interplan"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,19 +53,22 @@ FORMATS: Final[dict[str, Callable[[], Callable[[Path], Recording]]]] = {
     "argoverse2": _argoverse2,
     "commonroad": _commonroad,
 }
-"""Readers by the name that the command takes."""
+"""Readers of files that are one recording, by the name that the command takes."""
+NAMES: Final = (*FORMATS, NUPLAN, INTERPLAN)
+"""All formats: a log of nuPlan holds many scenes, a configuration of interPlan names some."""
 
 
 def read_recording(source: Path, format: str | None = None) -> Recording:
     """A recording of a known format, told by its content if it is not named; InputError if it cannot be read."""
-    name = _told(source) if format is None else format
-    if name not in FORMATS:
-        raise UnknownNameError("format of recordings", name, FORMATS)
-    return FORMATS[name]()(source)
+    return FORMATS[format_of(source, format)]()(source)
 
 
-def _told(source: Path) -> str:
-    """The format of a file by its first bytes; a folder holds Parquet files."""
+def format_of(source: Path, format: str | None = None) -> str:
+    """The format that is named, else that of the first bytes; a folder holds Parquet files. InputError if unknown."""
+    if format is not None:
+        if format not in NAMES:
+            raise UnknownNameError("format of recordings", format, NAMES)
+        return format
     if source.is_dir():
         return "argoverse2"
     try:
@@ -74,7 +80,9 @@ def _told(source: Path) -> str:
         return "argoverse2"
     if _COMMONROAD in head:
         return "commonroad"
-    raise InputError(f"{source} is no recording of a known format ({', '.join(FORMATS)}); name one with --format")
+    if head.startswith(_SQLITE):
+        return NUPLAN
+    raise InputError(f"{source} is no recording of a known format ({', '.join(NAMES)}); name one with --format")
 
 
 def recorded_scenes(
@@ -84,7 +92,13 @@ def recorded_scenes(
 
     ScenarioError if there is no such scene, otherwise as `carry_map`.
     """
-    root = own_maps_root(files)
+    return scenes_of((recording,), files, moments, folder, overwrite=overwrite)
+
+
+def scenes_of(
+    recordings: Sequence[Recording], files: MapFiles, moments: Moments, folder: Path, *, overwrite: bool = False
+) -> list[RecordedScene]:
+    """`recorded_scenes` of several recordings on one map."""
     roads = load_roads(files.folder)
     forms: tuple[Agents, ...] = ("replayed", "sumo") if moments.agents == "both" else (moments.agents,)
     made = [
@@ -92,14 +106,26 @@ def recorded_scenes(
             recording, roads, ego_id=moments.ego_id, at_s=at_s, agents=agents,
             goal_m=moments.goal_m, duration_s=moments.duration_s,
         )
+        for recording in recordings
         for at_s in dict.fromkeys(moments.at_s)
         for agents in forms
     ]  # fmt: skip
     ids = [each.scenario.id for each in made]
+    if len(set(ids)) < len(ids) and len(recordings) > 1:
+        twice = next(id for i, id in enumerate(ids) if id in ids[:i])
+        raise InputError(f"two scenes would be called {twice}; name one moment at a time with --ego")
     if len(set(ids)) < len(ids):
         raise InputError(f"two of the times {', '.join(f'{at_s:g}' for at_s in moments.at_s)} s are the same step")
-    if root is None:
+    return carried(made, files, folder, overwrite=overwrite)
+
+
+def carried(
+    made: list[RecordedScene], files: MapFiles, folder: Path, *, overwrite: bool = False
+) -> list[RecordedScene]:
+    """The scenes with what they need of their map in `folder`; as they are if the map is a shipped one."""
+    if own_maps_root(files) is None:
         return made
+    roads = load_roads(files.folder)
     carry_map(files, roads, [each.scenario for each in made], folder / MAPS, overwrite=overwrite)
     beside = folder.resolve() / MAPS
     return [replace(each, scenario=replace(each.scenario, maps_beside=beside)) for each in made]

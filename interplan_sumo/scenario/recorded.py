@@ -13,13 +13,15 @@ from typing import Final, Literal
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError, UnknownNameError
+from interplan_sumo.scenario.ego_past import PAST_STEPS, EgoPast
 from interplan_sumo.scenario.matching import LaneMatch, MatchedPath, matched_path
+from interplan_sumo.scenario.recorded_lights import with_recorded_lights
 from interplan_sumo.scenario.replayed import REPLAYED, ReplayedKind, ReplayedTrack
 from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
 from interplan_sumo.scenario.surroundings import Surroundings, surroundings
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA
-from interplan_sumo.world.geometry import Floats, wrap_angle
+from interplan_sumo.world.geometry import Floats, Pose, wrap_angle
 from interplan_sumo.world.recording import Recording, Track
 from interplan_sumo.world.roads import Connector, Roads
 
@@ -47,7 +49,7 @@ class RecordedScene:
     left_out: tuple[tuple[str, str], ...]
     """Ids of tracks that are not in the scenario, each with the reason."""
     notes: tuple[str, ...]
-    """What was assumed about the ego's way."""
+    """What was assumed about the ego's way, and which recorded lights could not be used."""
 
 
 def scene(
@@ -68,6 +70,23 @@ def scene(
     for replayed agents, 30 s for those that SUMO drives. ScenarioError if there
     is no such track, or if it does not follow the lanes.
     """
+    bare, ego, step, notes = ego_scene(
+        recording, roads, ego_id=ego_id, at_s=at_s, agents=agents, goal_m=goal_m, duration_s=duration_s
+    )
+    others = [track for track in recording.tracks if track is not ego]
+    if agents == "replayed":
+        scenario, left_out = _replayed(bare, recording, others, step)
+    else:
+        around = surroundings(others, step, bare, roads)
+        scenario, left_out = _driven(bare, around), around.left_out
+    return RecordedScene(scenario, left_out, notes)
+
+
+def ego_scene(
+    recording: Recording, roads: Roads, *, ego_id: str | None, at_s: float, agents: Agents, goal_m: float,
+    duration_s: float | None,
+) -> tuple[Scenario, Track, int, tuple[str, ...]]:  # fmt: skip
+    """`scene` with the ego and the recorded lights only; the ego's track, the step that it begins at, and notes."""
     if recording.crs != roads.crs:
         raise ScenarioError(
             f"recording {recording.name} is in {recording.crs}, map {roads.name} in {roads.crs}; "
@@ -86,7 +105,7 @@ def scene(
         )
     route, goal, notes = _way(recording, roads, ego, path, goal_m)
     bare = Scenario(
-        id=f"{roads.name}.{FAMILY}/{ego.id}-{step * recording.step_s:.1f}s-{agents}",
+        id=f"{roads.name}.{FAMILY}/{ego.id}-{(step - recording.start_step) * recording.step_s:.1f}s-{agents}",
         family=FAMILY,
         map=roads.name,
         start=_start(path.first),
@@ -95,24 +114,20 @@ def scene(
         route=route,
         duration_s=_duration_s(recording, step, agents, duration_s),
     )
+    bare = replace(bare, past=_past(ego, row, recording.step_s, bare.start.pose(roads)))
     bare.check(roads)
-    others = [track for track in recording.tracks if track is not ego]
-    if agents == "replayed":
-        scenario, left_out = _replayed(bare, recording, others, step)
-    else:
-        around = surroundings(others, step, bare, roads)
-        scenario, left_out = _driven(bare, around), around.left_out
-    return RecordedScene(scenario, left_out, notes)
+    bare, unfit = with_recorded_lights(bare, recording, roads, step)
+    return bare, ego, step, (*notes, *filter(None, (unfit,)))
 
 
 # --- the ego -------------------------------------------------------------------------------------
 
 
 def _step(recording: Recording, at_s: float) -> int:
-    last_s = (recording.steps - 1) * recording.step_s
+    last_s = (recording.steps - 1 - recording.start_step) * recording.step_s
     if not (np.isfinite(at_s) and 0.0 <= at_s <= last_s):
         raise ScenarioError(f"recording {recording.name} lasts from 0 to {last_s:g} s, there is no scene at {at_s:g} s")
-    return round(at_s / recording.step_s)
+    return recording.start_step + round(at_s / recording.step_s)
 
 
 def _ego(recording: Recording, ego_id: str | None, step: int) -> Track:
@@ -144,6 +159,27 @@ def _travelled_m(track: Track) -> float:
 def _start(first: LaneMatch) -> LanePlace:
     left_m = min(max(first.left_m, -ON_LANE_M), ON_LANE_M)
     return LanePlace(first.lane, floored_m(first.arc_m), round(left_m, DECIMALS_M))
+
+
+def _past(ego: Track, row: int, step_s: float, start: Pose) -> EgoPast | None:
+    """The track before a row, moved and turned so that it ends in the start; None where it is too short."""
+    at = row + np.arange(-PAST_STEPS, 0) * STEP_S / step_s
+    if at[0] < -1e-6:
+        return None
+    rows = np.arange(row + 1)
+    x, y = (np.interp(at, rows, ego.poses[: row + 1, i]) for i in (0, 1))
+    heading = np.interp(at, rows, np.unwrap(ego.poses[: row + 1, 2]))
+    vx, vy = (np.interp(at, rows, ego.velocity_mps[: row + 1, i]) for i in (0, 1))
+    speed_mps = vx * np.cos(heading) + vy * np.sin(heading)
+    x0, y0, heading0 = (float(value) for value in ego.poses[row])
+    turn = start.heading_rad - heading0
+    dx, dy, cos, sin = x - x0, y - y0, np.cos(turn), np.sin(turn)
+    return EgoPast(
+        _column(start.x_m + cos * dx - sin * dy, DECIMALS_M),
+        _column(start.y_m + sin * dx + cos * dy, DECIMALS_M),
+        _column(wrap_angle(heading + turn), DECIMALS_RAD),
+        _column(speed_mps, DECIMALS_M),
+    )
 
 
 def floored_m(arc_m: float) -> float:

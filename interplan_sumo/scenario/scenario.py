@@ -11,6 +11,8 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
+from interplan_sumo.scenario.ego_past import EgoPast
+from interplan_sumo.scenario.logged_lights import LoggedLight
 from interplan_sumo.scenario.replayed import ReplayedTrack
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Pose, wrap_angle
@@ -23,7 +25,7 @@ LARGEST_GAP_M: dict[str, float] = {"low": 100.0, "medium": 50.0, "high": 33.0}
 """interPlan's densities: centre gaps are uniform from 10 m up to these."""
 SMALLEST_GAP_M = 10.0
 SITE_BIN_M = 10.0
-ADDED_LATER = frozenset({"replayed"})
+ADDED_LATER = frozenset({"replayed", "lights", "past"})
 """Fields of Scenario that came after suites had been frozen: a scenario without them keeps the hash that it had."""
 
 
@@ -149,6 +151,10 @@ class Scenario:
     """Gates that are not judged."""
     replayed: tuple[ReplayedTrack, ...] = ()
     """Recorded road users that move whatever the ego does. They are all the traffic there is, then."""
+    lights: tuple[LoggedLight, ...] = ()
+    """Recorded traffic lights, one entry per connector; lights of the map without any keep SUMO's program."""
+    past: EgoPast | None = None
+    """How the ego came to its start, for planners that look back; None: at constant speed along its lane."""
     maps_beside: Path | None = field(default=None, compare=False)
     """Folder of maps that lies beside the file it was read from: where to look for `map`, besides the shipped ones.
 
@@ -190,6 +196,10 @@ class Scenario:
                 )
         if self.replayed:
             self._check_replayed()
+        shown = [light.connector for light in self.lights]
+        if len(set(shown)) < len(shown):
+            twice = next(id for i, id in enumerate(shown) if id in shown[:i])
+            raise ScenarioError(f"{self.id}: lights holds connector {twice!r} twice; leave one out")
         for name, density in (("density", self.traffic.density), ("oncoming", self.traffic.oncoming)):
             if density != "none" and density not in LARGEST_GAP_M:
                 raise ScenarioError(
@@ -270,6 +280,11 @@ class Scenario:
                 place.pose(roads)
             except ScenarioError as error:
                 raise ScenarioError(f"{self.id}: {name}: {error}") from None
+        for i, light in enumerate(self.lights):
+            connector = roads.connectors.get(light.connector)
+            if connector is None or not connector.has_traffic_light:
+                missing = "connector" if connector is None else "connector with a traffic light"
+                raise ScenarioError(f"{self.id}: lights[{i}]: map {roads.name} has no {missing} {light.connector!r}")
         if not isinstance(roads[self.goal.lane], Lane):
             raise ScenarioError(f"{self.id}: goal lies on connector {self.goal.lane}, expected a lane")
         for block in self.route:

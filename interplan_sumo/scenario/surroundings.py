@@ -140,18 +140,32 @@ def _vehicle(match: LaneMatch, kind: VehicleKind, speed_mps: float, roads: Roads
 
 def _obstacle(track: Track, kind: ObstacleKind, pose: Floats, bare: Scenario, roads: Roads) -> Obstacle | str:
     """Where it was recorded, given by the nearest lane that it lies beside."""
+    found = obstacle_at(roads, kind, pose, (round(track.length_m, 3), round(track.width_m, 3)))
+    return f"it stands beside no lane within {OFF_LANES_M:g} m" if found is None else _before_goal(found, bare, roads)
+
+
+def obstacle_at(
+    roads: Roads, kind: ObstacleKind, pose: Floats, size_m: tuple[float, float] | tuple[None, None] = (None, None)
+) -> Obstacle | None:
+    """An obstacle with its centre at a pose (3,), None where no lane is near; without a size that of its kind."""
     x_m, y_m, heading_rad = (float(value) for value in pose)
-    for lane in sorted(roads.lanes_near(x_m, y_m, OFF_LANES_M), key=lambda each: _away_m(roads, each, x_m, y_m)):
-        line = roads[lane].centerline
-        arc_m, left_m = line.project_point(x_m, y_m)
-        turned_rad = float(wrap_angle(heading_rad - line.pose_at(arc_m).heading_rad))
+    place = place_at(roads, x_m, y_m, OFF_LANES_M)
+    if place is None:
+        return None
+    line = roads[place.lane].centerline
+    turned_rad = float(wrap_angle(heading_rad - line.pose_at(line.project_point(x_m, y_m)[0]).heading_rad))
+    return Obstacle(place, kind, round(turned_rad, 5), *size_m)
+
+
+def place_at(roads: Roads, x_m: float, y_m: float, reach_m: float) -> LanePlace | None:
+    """The point as a place beside the nearest lane or connector that it lies beside; None if none is within reach."""
+    for lane in sorted(roads.lanes_near(x_m, y_m, reach_m), key=lambda each: _away_m(roads, each, x_m, y_m)):
+        arc_m, left_m = roads[lane].centerline.project_point(x_m, y_m)
         place = LanePlace(lane, floor(arc_m * 1000.0) / 1000.0, round(left_m, 3))
-        size = (round(track.length_m, 3), round(track.width_m, 3))
-        found = Obstacle(place, kind, round(turned_rad, 5), *size)
-        there = found.pose(roads)
+        there = place.pose(roads)
         if np.hypot(there.x_m - x_m, there.y_m - y_m) <= EXACT_M:
-            return _before_goal(found, bare, roads)
-    return f"it stands beside no lane within {OFF_LANES_M:g} m"
+            return place
+    return None
 
 
 def _away_m(roads: Roads, lane: str, x_m: float, y_m: float) -> tuple[float, str]:

@@ -190,7 +190,7 @@ class Loop:
         self.scene = self.traffic.observe()
         self._occluder = occluding_box(self.scenario, self.roads)
         self._in_sight = visible(self.scene.actors, self.ego, self._occluder)
-        past = invented_past(self.roads, self.ego, self._in_sight, DT_S)
+        past = invented_past(self.roads, self.ego, self._in_sight, DT_S, self.scenario.past)
         self._egos, self._others = deque(past.egos, PAST_STEPS), deque(past.actors, PAST_STEPS)
         return Mission(self.roads, self.scenario.route, self.scenario.goal.pose(self.roads), self.shape, DT_S)
 

@@ -1,4 +1,4 @@
-"""The two seconds before an episode begins, which nobody drove: extrapolated backwards along the lanes."""
+"""The two seconds before an episode begins: recorded for the ego, or extrapolated backwards along the lanes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from interplan_sumo.planner import Past
+from interplan_sumo.scenario.ego_past import PAST_STEPS, EgoPast
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Polyline, wrap_angle
 from interplan_sumo.world.roads import Roads
-
-PAST_STEPS = 20
-"""2 s: with the present 21 samples."""
 
 
 def backcast(roads: Roads, x_m: float, y_m: float, heading_rad: float, distances_m: np.ndarray) -> np.ndarray:
@@ -57,13 +55,20 @@ def _along(line: Polyline, x_m: float, y_m: float, heading_rad: float) -> tuple[
     return float(wrap_angle(heading_rad - line.pose_at(arc_m).heading_rad)), arc_m, left_m
 
 
-def invented_past(roads: Roads, ego: EgoState, actors: Actors, dt_s: float) -> Past:
-    """The 2 s before an episode: everyone has come at their present speed."""
+def invented_past(roads: Roads, ego: EgoState, actors: Actors, dt_s: float, driven: EgoPast | None = None) -> Past:
+    """The 2 s before an episode: everyone has come at their present speed, but for the ego where its past is known."""
     ago_s = dt_s * np.arange(PAST_STEPS, 0, -1)
-    ego_poses = backcast(roads, ego.x_m, ego.y_m, ego.heading_rad, ego.speed_mps * ago_s)
+    if driven is None:
+        ego_poses = backcast(roads, ego.x_m, ego.y_m, ego.heading_rad, ego.speed_mps * ago_s)
+        speeds_mps = np.full(PAST_STEPS, ego.vx_mps)
+    else:
+        ego_poses = np.stack((driven.x_m, driven.y_m, driven.heading_rad), axis=1)
+        speeds_mps = np.array(driven.speed_mps)
     egos = tuple(
-        replace(ego, time_s=ego.time_s - float(s), x_m=float(x), y_m=float(y), heading_rad=float(heading))
-        for s, (x, y, heading) in zip(ago_s, ego_poses, strict=True)
+        replace(
+            ego, time_s=ego.time_s - float(s), x_m=float(x), y_m=float(y), heading_rad=float(heading), vx_mps=float(v)
+        )
+        for s, (x, y, heading), v in zip(ago_s, ego_poses, speeds_mps, strict=True)
     )
     tracks = np.empty((len(actors), PAST_STEPS, 3))
     for row in range(len(actors)):

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from interplan_sumo.scenario.replayed import REPLAYED, ReplayedTrack
+from interplan_sumo.simulation.logged_lights import LoggedLights
 from interplan_sumo.simulation.traffic import Scene
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Floats
-from interplan_sumo.world.signals import Signals
 
 BEHAVIOUR = "replayed"
 
@@ -28,15 +28,18 @@ class _Known:
 
 
 class ReplayedTraffic:
-    """Traffic from recorded tracks, 0.1 s a step, and what stands around. Needs no SUMO; lights show nothing.
+    """Traffic from recorded tracks, 0.1 s a step, and what stands around. Needs no SUMO.
 
-    Which lights the recorded drivers saw is not known, so no connector has a state.
+    Connectors have a state where their lights were recorded, too.
     """
 
-    def __init__(self, tracks: Sequence[ReplayedTrack], ids: Sequence[str], standing: Actors) -> None:
+    def __init__(
+        self, tracks: Sequence[ReplayedTrack], ids: Sequence[str], standing: Actors, lights: LoggedLights | None = None
+    ) -> None:
         """`ids` are those of the tracks as others see them; `standing` are the obstacles."""
         self._known = [_known(id, track) for id, track in zip(ids, tracks, strict=True)]
         self._standing = standing
+        self._lights = lights or LoggedLights(())
         self._step = 0
 
     def __enter__(self) -> ReplayedTraffic:
@@ -61,7 +64,8 @@ class ReplayedTraffic:
         table = np.concatenate((rows, np.stack(columns, axis=1)))
         order = sorted(range(len(ids)), key=ids.__getitem__)
         kind, *others = table[order].T
-        return Scene(Actors(tuple(ids[row] for row in order), kind.astype(np.int8), *others), Signals.none())
+        actors = Actors(tuple(ids[row] for row in order), kind.astype(np.int8), *others)
+        return Scene(actors, self._lights.signals(self._step))
 
     def react(self, ego: EgoState) -> None:
         """Nobody reacts."""

@@ -12,6 +12,7 @@ from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.route import route_centerline, route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.flow import Flow, Inflow, draw_arrivals
+from interplan_sumo.simulation.logged_lights import LoggedLights
 from interplan_sumo.simulation.network import Network, read_network
 from interplan_sumo.simulation.obstacles import Blockage, blockages, standing_actors
 from interplan_sumo.simulation.pedestrians import Crowd
@@ -91,13 +92,15 @@ def open_sumo_traffic(
     return SumoTraffic(
         network, ids, types, spawns, names, start_state(scenario, roads), route, shape,
         standing=standing, blocked=blocked, crowd=crowd, flow=flow, with_ego=with_ego,
+        logged=LoggedLights.on(scenario.lights, ids.links) if scenario.lights else None,
     )  # fmt: skip
 
 
 def _replays(scenario: Scenario, roads: Roads, seed: int) -> ReplayedTraffic:
     many = len(scenario.obstacles)
     tokens = opaque_ids(many + len(scenario.replayed), scenario.rng(seed))
-    return ReplayedTraffic(scenario.replayed, tokens[many:], standing_actors(scenario, roads, tokens[:many]))
+    standing = standing_actors(scenario, roads, tokens[:many])
+    return ReplayedTraffic(scenario.replayed, tokens[many:], standing, LoggedLights(scenario.lights))
 
 
 def open_flow(

@@ -17,6 +17,7 @@ from interplan_sumo.simulation.driving import Driving
 from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE, EgoProxy
 from interplan_sumo.simulation.flow import Flow
 from interplan_sumo.simulation.lights import Lights
+from interplan_sumo.simulation.logged_lights import LoggedLights
 from interplan_sumo.simulation.network import Network, NetworkLink
 from interplan_sumo.simulation.obstacles import Blockage
 from interplan_sumo.simulation.pedestrians import Crowd
@@ -59,6 +60,7 @@ class SumoTraffic:
         crowd: Crowd | None = None,
         flow: Flow | None = None,
         with_ego: bool = True,
+        logged: LoggedLights | None = None,
     ) -> None:
         """Start SUMO, put everyone where they begin.
 
@@ -66,7 +68,7 @@ class SumoTraffic:
         edges. `standing` are obstacles, `blocked` the stretches of lanes that
         they block. `flow` brings more agents as time goes on. `with_ego` False
         leaves the ego out of SUMO altogether: the twin run against which
-        reactions are measured.
+        reactions are measured. `logged` are lights that show what was recorded.
         """
         self._network = network
         self._ids = ids
@@ -76,6 +78,8 @@ class SumoTraffic:
         self._ego = ego
         self._proxy: EgoProxy | None = None
         self._started = False
+        self._logged = logged
+        self._step = 0
         self._treated: dict[str, tuple[bool, int]] = {}  # told to overlook the ego, given a speed in a mode (0: not)
         self._frozen: frozenset[str] = frozenset()
         self._added = 0
@@ -232,6 +236,10 @@ class SumoTraffic:
             departed = self._coming.intersection(sumo.simulation.getDepartedIDList()) if self._coming else None
         if self._crowd is not None and self._started:
             self._crowd.advance()
+        if self._logged is not None:
+            self._step += self._started
+            if changes := self._logged.changes(self._step):
+                self.impose_signals(changes)
         self._started = True
         if gone:
             self._forget(gone & set(self._roster.names))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from interplan_sumo.world.actors import ActorKind
-from interplan_sumo.world.geometry import Floats, frozen
+from interplan_sumo.world.geometry import Floats, Ints, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,10 @@ class Recording:
     """The track of the car that measured, where there is one."""
     notes: tuple[str, ...] = ()
     """What could not be used, and what was assumed."""
+    start_step: int = 0
+    """Where scenes may begin; what lies before is the past of the ego."""
+    lights: Mapping[str, Ints] = field(default_factory=dict[str, Ints])
+    """By connector of the map: (steps,) SignalStatus at each step, UNKNOWN where nothing was recorded."""
 
     @cached_property
     def steps(self) -> int:

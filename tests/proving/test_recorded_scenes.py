@@ -25,7 +25,10 @@ from tests.scenario.made_recordings import recording, track
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"lane,x,y\n", "is no recording of a known format (argoverse2, commonroad); name one with --format"),
+        (
+            b"lane,x,y\n",
+            "is no recording of a known format (argoverse2, commonroad, nuplan, interplan); name one with --format",
+        ),
         (b"<commonRoad", "unclosed token"),
         (b"PAR1junk", "not a Parquet file"),
     ],
