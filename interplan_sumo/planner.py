@@ -9,14 +9,15 @@ import importlib
 import importlib.util
 import inspect
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol, runtime_checkable
 
 import yaml
 
-from interplan_sumo.errors import PlannerLoadError, UnknownNameError
+from interplan_sumo.errors import InputError, PlannerLoadError, UnknownNameError
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.geometry import Pose
@@ -25,6 +26,8 @@ from interplan_sumo.world.signals import Signals
 from interplan_sumo.world.trajectory import Trajectory
 
 ENTRY_POINT_GROUP = "interplan_sumo.planners"
+SCHEME_GROUP = "interplan_sumo.planner_schemes"
+"""Entry points that give a `PlannerScheme`, under the prefix that it stands for."""
 RECOMMENDED = "foresight"
 """The best planner so far; `make benchmark` runs it."""
 
@@ -67,7 +70,12 @@ class Observation:
 
 @runtime_checkable
 class Planner(Protocol):
-    """Plans for one ego. One instance drives many episodes, one after the other; `start` opens each."""
+    """Plans for one ego. One instance drives many episodes, one after the other; `start` opens each.
+
+    It may also have a method `report()`: what it returns after an episode, plain
+    data, is kept as `planner_report` in the results. `queries` and `fallbacks`
+    (counts by cause) in it are summed up in tables.
+    """
 
     def start(self, mission: Mission) -> None:
         """Get ready for a new episode; nothing of the last one may remain."""
@@ -76,6 +84,27 @@ class Planner(Protocol):
     def plan(self, seen: Observation) -> Trajectory:
         """A trajectory that covers `seen.time_s` and the time after it."""
         ...
+
+
+class PlannerScheme(Protocol):
+    """Planners of another world, named `prefix:module:Class`; `target` is what follows the prefix."""
+
+    def find(self, target: str) -> None:
+        """Check that the target exists without importing it; PlannerLoadError otherwise."""
+        ...
+
+    def factory(self, target: str) -> Callable[..., Planner]:
+        """What makes the planner from its options; PlannerLoadError if it cannot be imported."""
+        ...
+
+
+class OptionLoader(yaml.SafeLoader):
+    """Plain YAML, but 1e-4 is a number, as people write it; YAML wants 1.0e-4."""
+
+
+OptionLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +151,10 @@ def find_planner(name: str) -> None:
 
     UnknownNameError or PlannerLoadError otherwise: what can be known before anything is started.
     """
-    module, colon, _ = name.partition(":")
+    module, colon, rest = name.partition(":")
+    if ":" in rest:
+        _scheme(module).find(rest)
+        return
     if not colon:
         registered_planner(name)
         return
@@ -152,9 +184,9 @@ def planners() -> list[PlannerInfo]:
 
 
 def load_planner(spec: str) -> Planner:
-    """A new planner from `name`, `module:Class`, or either with `?option=value&option=value`.
+    """A new planner from `name`, `module:Class`, `scheme:module:Class`, or these with `?option=value&option=value`.
 
-    Values are read as YAML scalars (`2`, `0.5`, `true`, text). Raises
+    Values are read as YAML (`2`, `0.5`, `true`, text, `[1, 2]`). Raises
     UnknownNameError or PlannerLoadError with the way out.
     """
     name, _, query = spec.partition("?")
@@ -167,9 +199,11 @@ def load_planner(spec: str) -> Planner:
             raise PlannerLoadError(f"option {pair!r} of planner {name!r} has no value; write {key}=VALUE")
         if known and key not in known:
             raise UnknownNameError(f"option of planner {name!r}", key, known)
-        options[key] = yaml.safe_load(value)
+        options[key] = yaml.load(value, OptionLoader)  # a safe loader
     try:
         planner = make(**options)
+    except InputError:
+        raise
     except Exception as error:
         raise PlannerLoadError(f"planner {spec!r} could not be built: {type(error).__name__}: {error}") from error
     for method in ("start", "plan"):
@@ -183,6 +217,8 @@ def load_planner(spec: str) -> Planner:
 def _factory(name: str) -> Any:
     if ":" in name:
         module_name, _, attribute = name.partition(":")
+        if ":" in attribute:
+            return _scheme(module_name).factory(attribute)
         try:
             return getattr(importlib.import_module(module_name), attribute)
         except ImportError as error:
@@ -196,6 +232,15 @@ def _factory(name: str) -> Any:
         raise PlannerLoadError(
             f"planner {name!r} of {_source(point)} cannot be imported: {type(error).__name__}: {error}"
         ) from error
+
+
+def _scheme(prefix: str) -> PlannerScheme:
+    """The scheme of a prefix; UnknownNameError if nobody registers it."""
+    points = {point.name: point for point in entry_points(group=SCHEME_GROUP)}
+    if prefix not in points:
+        hint = "A planner of your own is module:Class. Just installed it? Run: pip install -e ."
+        raise UnknownNameError("planner scheme", prefix, points, hint)
+    return points[prefix].load()
 
 
 def _paper(make: Any) -> str | None:
