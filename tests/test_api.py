@@ -104,6 +104,7 @@ def test_its_folder_gives_the_same_frame_again(drives: pd.DataFrame) -> None:
     assert drives.attrs["complete"] is True
 
 
+@pytest.mark.slow
 def test_classes_and_names_go_to_workers_and_give_the_same_traces(drives: pd.DataFrame, tmp_path: Path) -> None:
     found = ips.run([StraightAhead, "straight_ahead?horizon_s=4.0"], scenarios=SCENE, workers=1, out=tmp_path / "run")
     assert found["planner"].tolist() == ["straight_ahead", "straight_ahead?horizon_s=4.0"]

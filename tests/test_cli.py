@@ -410,6 +410,7 @@ def test_a_second_run_on_the_folder_is_refused_and_ctrl_c_leaves_one_that_goes_o
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL")
+@pytest.mark.slow
 def test_a_run_that_was_killed_ends_like_an_undisturbed_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     limits = ("--limit", 1, "--seeds", 2, "--quiet")
     slow = ("run", "--planner", SLOW, *limits, "--workers", 1, "--out", tmp_path / "killed")

@@ -239,6 +239,7 @@ def test_a_sweep_that_cannot_be_is_one_line(
     assert "Traceback" not in err
 
 
+@pytest.mark.slow
 def test_an_interrupted_sweep_goes_on_where_it_was(file: Path, tmp_path: Path) -> None:
     place = tmp_path / "sweep"
     command = [

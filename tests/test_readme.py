@@ -25,6 +25,7 @@ def test_the_planner_of_the_readme_conforms() -> None:
     assert not [finding for finding in check_planner(names["Careful"]()) if finding.severity == "error"]
 
 
+@pytest.mark.slow
 def test_the_planner_of_the_readme_runs_from_the_folder_that_it_lies_in(tmp_path: Path) -> None:
     code = next(block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "class Careful" in block)
     (tmp_path / "my_planner.py").write_text(code)

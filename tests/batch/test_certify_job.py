@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from interplan_sumo.batch.certify_job import proofs
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.suite import find_scenario
@@ -11,6 +13,7 @@ from interplan_sumo.scenario.suite import find_scenario
 SCENARIOS = [find_scenario("nudge/0"), find_scenario("nudge/2")]
 
 
+@pytest.mark.slow
 def test_a_worker_finds_and_checks_what_this_process_finds() -> None:
     here = {p.scenario.id: p.certificate for p in proofs(SCENARIOS, workers=0) if p.certificate is not None}
     assert set(here) == {s.id for s in SCENARIOS}

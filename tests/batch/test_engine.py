@@ -15,6 +15,8 @@ from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.errors import InputError, PlannerLoadError
 from tests.batch.toys import open_toy
 
+pytestmark = pytest.mark.slow  # each starts processes of its own; CI runs them
+
 QUICK = Limits(plan_s=0.3, grace_s=0.5, task_s=5.0, load_s=10.0, memory_bytes=4 << 30)
 
 

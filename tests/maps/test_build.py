@@ -16,6 +16,7 @@ SHIPPED = maps()
 SMALL_BYTES = 500_000
 
 
+@pytest.mark.slow
 def test_a_district_is_built_the_same_every_time_and_listed(tmp_path: Path) -> None:
     first, second = (build_district("back_bay", tmp_path / k) for k in "ab")
     assert first.ok
@@ -36,6 +37,7 @@ def test_shipped_maps_pass_the_check_and_stay_small(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.slow
 def test_traffic_on_shipped_maps_meets_no_accident(name: str, tmp_path: Path) -> None:
     files = SHIPPED[name]
     run = random_traffic(files, read_map(files.gpkg, name), tmp_path, vehicles=100, seed=2)

@@ -350,6 +350,7 @@ def test_roads_span_three_to_five_lanes_on_the_strip() -> None:
     assert {3, 4, 5} <= {len(block.lane_ids) for block in boulevard}
 
 
+@pytest.mark.slow
 def test_drawing_twice_gives_the_same_map() -> None:
     plan = DISTRICTS["one_north"]
     one, other = draw_plan(plan), draw_plan(plan)

@@ -13,6 +13,8 @@ from interplan_sumo.report.table import make_table
 from tests.browser import open_page
 from tests.report.rows import drive, stored
 
+pytestmark = pytest.mark.slow  # a browser for each; CI runs them
+
 FAMILIES = ("construction", "accident", "jaywalker", "nudge", "overtake", "lane_change_ltd", "lane_change_mtd",
             "lane_change_htd")  # fmt: skip
 PLANNERS = ("foresight", "pdm_closed", "idm_mobil", "idm")

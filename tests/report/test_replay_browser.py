@@ -13,6 +13,8 @@ from tests.browser import OpenPage, open_page
 from tests.report.tiny_drives import CRUISE_MPS, tiny_drive
 from tests.worlds import cars, pedestrians, together
 
+pytestmark = pytest.mark.slow  # a browser for each; CI runs them
+
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
