@@ -14,7 +14,7 @@ from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import ScoreSheet, score
 from interplan_sumo.planner import Mission, Planner
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.simulation.episode import Episode, drive
+from interplan_sumo.simulation.episode import DT_S, Episode, drive
 from interplan_sumo.world.trace import EgoTrack
 from interplan_sumo.world.trajectory import Trajectory
 
@@ -91,10 +91,11 @@ class _Script:
     policy: Chooser
     asked: list[tuple[Any, tuple[Any, ...]]] = field(default_factory=list[tuple[Any, tuple[Any, ...]]])
     taken: list[Any] = field(default_factory=list[Any])
-    steps: list[float] = field(default_factory=list[float])
+    frames: list[int] = field(default_factory=list[int])
+    """Of the decisions."""
 
     def start(self, mission: Mission) -> None:
-        self.asked, self.taken, self.steps = [], [], []
+        self.asked, self.taken, self.frames = [], [], []
         self.policy.start(mission)
 
     def choose(self, scene: Any, options: tuple[Any, ...], now: Any) -> tuple[Any, float]:
@@ -102,7 +103,7 @@ class _Script:
         own, _ = self.policy.choose(scene, options, now)  # always asked, so that it knows what it would
         self.asked.append((scene, options))
         self.taken.append(self.choices[k] if k < len(self.choices) else own)
-        self.steps.append(scene.time_s)
+        self.frames.append(round(scene.time_s / DT_S))
         return self.taken[-1], 0.0
 
 
@@ -124,7 +125,7 @@ def oracle_drive(
     while k < len(best_script.asked) and best_value.score < ENOUGH:
         scene, options = best_script.asked[k]
         held = best_script.taken[k]
-        plans = () if best.trace is None else best.trace.plans[: round(best_script.steps[k] * 10)]
+        plans = () if best.trace is None else best.trace.plans[: best_script.frames[k]]
         values = {held: best_value}
         before = tuple(best_script.taken[:k])
         for option in options:

@@ -90,18 +90,17 @@ class HybridPlanner:
 
     def _decide(self, seen: Observation, scene: Scene, asks: bool) -> None:
         """Ask if it is time to, and set out on what is known now; what is no longer offered gives way."""
+        options = offered(scene)
         if asks:
             self._asks_at_s = seen.time_s + self.every_s
-            self._ask(scene)
+            self._ask(scene, options)
         if self._pending is not None and seen.time_s >= self._pending[0] - 1e-6:
             self._now = self._pending[1]
             self._pending = None
-        possible = offered(scene)
-        behaviour = self._now if self._now is not None and self._now in possible else possible[0]
+        behaviour = self._now if self._now is not None and self._now in options else options[0]
         self._course = self._courses.course(behaviour, scene, seen.ego.rear_axle(self._shape))
 
-    def _ask(self, scene: Scene) -> None:
-        options = offered(scene)
+    def _ask(self, scene: Scene, options: tuple[Behaviour, ...]) -> None:
         if len(options) == 1:
             chosen, delay_s = options[0], 0.0
         else:
