@@ -18,19 +18,9 @@ import pytest
 
 from interplan_sumo.cli import main
 from interplan_sumo.scenario.files import write_scenarios
-from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import TrafficDemand
+from tests.batch.busy import BUSY
 
-BUSY = Scenario(
-    id="mine/0",
-    family="mine",
-    map="strip",
-    start=LanePlace("402032", 20.0),
-    start_speed_mps=12.0,
-    goal=LanePlace("402032", 80.0),
-    route=("40203",),
-    traffic=TrafficDemand("high", "mixed"),
-    duration_s=1.5,
-)
 HERE = ("--planner", "straight_ahead", "--workers", "0")
 TAU = ("--param", "tau=1,3")
 

@@ -27,9 +27,10 @@ from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, PlannerLoadError
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.files import write_scenarios
-from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import TrafficDemand
 from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.world.trace import Trace
+from tests.batch.busy import BUSY
 from tests.batch.toys import ToysAway
 
 QUICK = Limits(plan_s=0.3, grace_s=0.5, task_s=5.0, load_s=20.0, memory_bytes=4 << 30)
@@ -164,17 +165,7 @@ def test_machines_with_other_versions_are_refused(
 # --- drives ---
 
 
-BUSY = Scenario(
-    id="mine/0",
-    family="mine",
-    map="backwater",
-    start=LanePlace("402032", 20.0),
-    start_speed_mps=12.0,
-    goal=LanePlace("402032", 80.0),
-    route=("40203",),
-    traffic=TrafficDemand("high", "mixed"),
-    duration_s=1.5,
-)
+BACKWATER = replace(BUSY, map="backwater")
 
 
 @pytest.fixture(scope="module")
@@ -182,7 +173,7 @@ def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two scenarios of one's own on a map that came along with them; not to be changed."""
     place = tmp_path_factory.mktemp("mine")
     shutil.copytree(find_map("strip").folder, place / "maps" / "backwater" / "1.0")
-    write_scenarios((BUSY, replace(BUSY, id="mine/1", traffic=TrafficDemand("low"))), place / "mine.yaml")
+    write_scenarios((BACKWATER, replace(BACKWATER, id="mine/1", traffic=TrafficDemand("low"))), place / "mine.yaml")
     return place
 
 

@@ -33,20 +33,10 @@ from interplan_sumo.batch.verify import Sample, verify
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.scenario.files import write_scenarios
-from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import Scenario, TrafficDemand
 from interplan_sumo.simulation.vehicle_types import PREFIXES, read_vehicle_types
+from tests.batch.busy import BUSY
 
-BUSY = Scenario(
-    id="mine/0",
-    family="mine",
-    map="strip",
-    start=LanePlace("402032", 20.0),
-    start_speed_mps=12.0,
-    goal=LanePlace("402032", 80.0),
-    route=("40203",),
-    traffic=TrafficDemand("high", "mixed"),
-    duration_s=1.5,
-)
 OTHER = replace(BUSY, id="mine/1", traffic=TrafficDemand("low", "conservative"))
 ALONE = replace(BUSY, id="mine/2", traffic=TrafficDemand())
 
