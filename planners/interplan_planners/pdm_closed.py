@@ -35,7 +35,9 @@ class PdmClosedPlanner:
     As published, the rear axle is put on the path. Other than there a lead is
     sought from the first step on (the released code brakes during the first
     0.1 s of every proposal, for its table of leads starts empty), gaps are
-    measured along the path instead of box to box, and an ego that is more than
+    measured along the path instead of box to box, everyone who is seen counts
+    (the released code drops who is more than 50 m away), who is ahead in the time to
+    collision is asked at the ego's place instead of the place of contact, and an ego that is more than
     2.4 m from all paths brakes straight ahead instead of jumping back.
     """
 

@@ -14,9 +14,10 @@ from devkit import devkit
 
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.errors import MapError, PlannerLoadError, UnknownNameError
-from interplan_sumo.planner import Observation, Past, Planner, load_planner
+from interplan_sumo.planner import Mission, Observation, Past, Planner, load_planner
 from interplan_sumo.testing import check_planner
 from interplan_sumo.tiny_worlds import cars, ego_on, junction, mission, observation, signals, straight_road
+from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
@@ -26,6 +27,9 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 ROADS = straight_road(lanes=2, length_m=300.0, cuts_m=((100.0, 120.0),))
 MISSION = mission(ROADS, ("11", "21", "31"))
 PARKED = cars((60.0, 0.0))
+SHORT = mission(straight_road(lanes=2, length_m=60.0, cuts_m=((20.0, 30.0),)), ("11", "21", "31"))
+BEYOND = cars((62.4, 0.0))
+"""A car that stands a metre beyond the end of nuPlan's path, which is at 59 m: half the ego's width is 1.15 m."""
 IDM = {
     "target_velocity": 10,
     "min_gap_to_lead_agent": 1.0,
@@ -206,15 +210,17 @@ def test_what_stands_in_a_file_is_overruled_by_options(tmp_path: Path) -> None:
 # --- the other way round -------------------------------------------------------------------------
 
 
-def driven(planner: Planner, steps: int) -> tuple[list[Trajectory], Floats]:
-    """What a planner plans behind a parked car, and (steps, 3) where it comes to."""
-    ego = ego_on(ROADS, "11", 5.0, 8.0)
-    planner.start(MISSION)
+def driven(
+    planner: Planner, steps: int, job: Mission = MISSION, standing: Actors = PARKED
+) -> tuple[list[Trajectory], Floats]:
+    """What a planner plans behind a standing car, and (steps, 3) where it comes to."""
+    ego = ego_on(job.roads, "11", 5.0, 8.0)
+    planner.start(job)
     plans: list[Trajectory] = []
     egos: list[EgoState] = []
     for _ in range(steps):
-        past = Past(tuple(egos[-20:]), (PARKED,) * len(egos[-20:]))
-        plans.append(planner.plan(Observation(ego.time_s, ego, PARKED, signals(), past)))
+        past = Past(tuple(egos[-20:]), (standing,) * len(egos[-20:]))
+        plans.append(planner.plan(Observation(ego.time_s, ego, standing, signals(), past)))
         egos.append(ego)
         ego = follow(ego, plans[-1], 0.1)
     return plans, np.array([(each.x_m, each.y_m, each.heading_rad) for each in egos])
@@ -238,10 +244,11 @@ def test_nuplans_logs_can_hold_a_planner_of_ours(bridge: Any, ours: Any) -> None
     assert again.name() == planner.name() == "interplan-sumo idm?headway_s=2.0"
 
 
-def test_nuplans_idm_planner_and_ours_drive_the_same(bridge: Any) -> None:
+@pytest.mark.parametrize(("job", "standing"), [(MISSION, PARKED), (SHORT, BEYOND)])
+def test_nuplans_idm_planner_and_ours_drive_the_same(bridge: Any, job: Mission, standing: Actors) -> None:
     kind = devkit("nuplan.planning.simulation.planner.idm_planner").IDMPlanner
-    _, here = driven(load_planner("idm"), 40)
-    _, there = driven(bridge.NuPlanPlanner(lambda: kind(**IDM)), 40)
+    _, here = driven(load_planner("idm"), 60, job, standing)
+    _, there = driven(bridge.NuPlanPlanner(lambda: kind(**IDM)), 60, job, standing)
     np.testing.assert_allclose(there, here, rtol=0, atol=1e-6)
 
 

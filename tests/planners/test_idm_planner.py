@@ -145,6 +145,13 @@ def test_the_nearest_thing_in_the_corridor_is_the_lead() -> None:
     assert decision.lead_speed_mps == pytest.approx(4.0 * np.cos(0.5))
 
 
+@pytest.mark.parametrize(("beyond_m", "seen"), [(1.1, True), (1.2, False)])
+def test_a_car_counts_up_to_half_the_ego_width_beyond_the_end_of_the_path(beyond_m: float, seen: bool) -> None:
+    end_m, half_a_car_m = 399.0, 2.4
+    decision = decide(ego(380.0), cars((end_m + beyond_m + half_a_car_m, 0.0)))
+    assert (decision.lead_id == "car00") is seen
+
+
 def test_an_oncoming_lead_has_a_negative_speed() -> None:
     assert decide(ego(20.0), cars((50.0, 0.0, 6.0, np.pi))).lead_speed_mps == pytest.approx(-6.0)
 

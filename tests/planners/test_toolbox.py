@@ -109,6 +109,21 @@ def test_the_corridor_of_a_bend_has_no_gaps() -> None:
         assert len(corridor.occupied_m(points)) == len(poses)
 
 
+@pytest.mark.parametrize(("gap_m", "inside"), [(0.99, True), (1.01, False)])
+@pytest.mark.parametrize("heading_rad", [0.0, 2.5])
+def test_the_corridor_ends_half_its_width_beyond_the_path(heading_rad: float, gap_m: float, inside: bool) -> None:
+    line = Polyline(10.0 * np.outer((0.0, 1.0, 2.0), (np.cos(heading_rad), np.sin(heading_rad))))
+    along_m = 20.0 + gap_m + 2.4  # the middle of a car that stands beyond the end
+    x_m, y_m = along_m * np.cos(heading_rad), along_m * np.sin(heading_rad)
+    occupied = Corridor(line, half_width_m=1.0).occupied_m(cars((x_m, y_m, 0.0, heading_rad)).polygons)
+    assert occupied == ({0: ((10.0, 20.0),)} if inside else {})
+
+
+def test_the_corridor_begins_with_the_path() -> None:
+    corridor = Corridor(ROAD["11"].centerline, half_width_m=1.0)
+    assert not corridor.occupied_m(cars((-2.5, 0.0)).polygons)
+
+
 def test_what_stands_where_the_path_comes_by_twice_occupies_two_stretches() -> None:
     figure = Polyline(np.array([(0.0, 0.0), (40.0, 0.0), (40.0, 20.0), (20.0, 20.0), (20.0, -20.0)])).resampled(1.0)
     (stretches,) = Corridor(figure, half_width_m=1.0).occupied_m(cars((20.0, 0.0)).polygons).values()

@@ -13,7 +13,10 @@ from interplan_sumo.world.geometry import Polyline
 
 
 class Corridor:
-    """A path widened to both sides, indexed for many queries against boxes."""
+    """A path widened to both sides, indexed for many queries against boxes.
+
+    At its end it reaches half its width farther, as nuPlan's does: a square cap.
+    """
 
     def __init__(self, path: Polyline, half_width_m: float) -> None:
         self.path = path
@@ -22,10 +25,12 @@ class Corridor:
     @cached_property
     def _pieces(self) -> shapely.STRtree:
         """One quadrilateral per path segment; neighbours share an edge, so that bends leave no gaps."""
-        tangent = np.gradient(self.path.points, axis=0)
+        points = self.path.points.copy()
+        tangent = np.gradient(points, axis=0)
         tangent /= np.hypot(tangent[:, 0], tangent[:, 1])[:, None]
+        points[-1] += self.half_width_m * tangent[-1]
         side = self.half_width_m * np.stack((-tangent[:, 1], tangent[:, 0]), axis=1)
-        left, right = self.path.points + side, self.path.points - side
+        left, right = points + side, points - side
         corners = np.stack((left[:-1], left[1:], right[1:], right[:-1]), axis=1)
         # A hull is valid even where a kink folds the quadrilateral.
         return shapely.STRtree(np.asarray(shapely.convex_hull(shapely.multipoints(corners))))
@@ -34,7 +39,8 @@ class Corridor:
         """For each of the shapes (N,) that touches the corridor, by its index: the stretches that it touches.
 
         A stretch is a start and an end arc length, in driving order; several
-        where the path comes by again. Resolution is that of the path's vertices.
+        where the path comes by again. Resolution is that of the path's vertices;
+        what touches the cap alone is on the last segment.
         """
         arcs = self.path.arc_m
         touched: dict[int, list[int]] = {}
