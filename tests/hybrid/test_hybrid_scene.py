@@ -145,6 +145,13 @@ def test_what_is_beside_the_ego_blocks_until_it_is_past() -> None:
     assert seen(cars((94.0, OWN_Y))).current.blocked is None
 
 
+def test_what_lies_behind_the_ego_leaves_room_beside_what_it_is_passing() -> None:
+    behind, beside = (93.8, OWN_Y + 0.8), (96.5, OWN_Y - 1.3)  # the first ends 1.2 m behind the ego and sticks out
+    scene = seen(cars(behind, beside), y_m=OWN_Y + 1.3)
+    assert scene.current.blocked is not None
+    assert scene.current.blocked.passes[0] == ("left", pytest.approx(-0.3 + PACIFICA.width_m / 2 + CLEARANCE_M))
+
+
 # --- lights, oncoming traffic, people ----------------------------------------------------------------
 
 

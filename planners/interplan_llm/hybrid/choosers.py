@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 
 from interplan_llm.hybrid.behaviours import Behaviour
-from interplan_llm.hybrid.scene import Blockage, LaneView, Scene
+from interplan_llm.hybrid.scene import Blockage, LaneView, Scene, Walker
 from interplan_llm.hybrid.text import messages
 from interplan_llm.models.exchange import Exchange
 from interplan_llm.models.ledger import Ledger
@@ -23,7 +23,9 @@ UNDER_WAY = 0.5
 """Of the clearances that a merge asks for, this is enough to go on with it."""
 PASSING_M, PASSING_MPS, PASSING_SPARE_S = 12.0, 5.0, 3.0
 """Way beyond an obstacle until the ego is back, the least speed counted on, and the time to spare before who comes."""
-WALKER_SPARE_S = 2.0
+WALKER_SPARE_S, WALKING_MPS = 2.0, 0.3
+COVER_MPS, COVER_MPS2 = 4.5, 2.0
+"""How fast one may be where somebody could step out from behind a long vehicle, and how one gets as slow as that."""
 
 
 class RandomChooser:
@@ -56,7 +58,7 @@ class RuleChooser:
         self._length_m = mission.shape.length_m
 
     def choose(self, scene: Scene, options: tuple[Behaviour, ...], now: Behaviour | None) -> tuple[Behaviour, float]:
-        if Behaviour.STOP in options and _must_wait(scene):
+        if Behaviour.STOP in options and (_must_wait(scene, self._length_m) or _too_fast(scene)):
             return Behaviour.STOP, 0.0
         merges = [(Behaviour.MERGE_LEFT, scene.left), (Behaviour.MERGE_RIGHT, scene.right)]
         merges.sort(key=lambda each: each[0] is not now)  # what is under way comes first
@@ -88,15 +90,30 @@ def _gap(scene: Scene, lane: LaneView, share: float) -> bool:
     return free_ahead and (lane.behind is None or lane.behind.gap_m > share * float(behind_m))
 
 
-def _must_wait(scene: Scene) -> bool:
+def _must_wait(scene: Scene, length_m: float) -> bool:
     """Whether a pedestrian is about to be where the ego is then."""
     for walker in scene.walkers:
         arrives_s = walker.ahead_m / max(scene.speed_mps, 1.0)
-        in_lane = abs(walker.aside_m) < 2.0
-        comes = walker.towards_mps > 0.3 and abs(walker.aside_m) / walker.towards_mps < arrives_s + WALKER_SPARE_S
+        in_lane = abs(walker.aside_m) < 2.0 and not _shielded(scene, walker, length_m)
+        comes = (
+            walker.towards_mps > WALKING_MPS and abs(walker.aside_m) / walker.towards_mps < arrives_s + WALKER_SPARE_S
+        )
         if (in_lane or comes) and arrives_s < WALKER_SPARE_S + scene.speed_mps / 2.0:
             return True
     return False
+
+
+def _too_fast(scene: Scene) -> bool:
+    """Whether the ego must begin to slow down for who might step out before a long vehicle, within the next second."""
+    slow_m = max(scene.speed_mps**2 - COVER_MPS**2, 0.0) / (2.0 * COVER_MPS2)
+    return slow_m > 0.0 and any(cover.ahead_m < slow_m + scene.speed_mps for cover in scene.covers)
+
+
+def _shielded(scene: Scene, walker: Walker, length_m: float) -> bool:
+    """Whether who stands there, at work perhaps, is among what blocks the lane, and so is passed with it."""
+    blocked = scene.current.blocked
+    at_m = scene.current.arc_m + length_m / 2 + walker.ahead_m
+    return blocked is not None and abs(walker.towards_mps) <= WALKING_MPS and blocked.start_m < at_m < blocked.end_m
 
 
 class ModelChooser:

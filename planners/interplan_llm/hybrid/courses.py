@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,9 @@ CHANGE_S, CHANGE_M = 4.0, 14.0
 """Time, and least way, from one lane to the next."""
 RETURN_S, RETURN_M = 2.5, 10.0
 """Back to the line of the own lane."""
-PASS_RAMP_S, PASS_RAMP_M = 3.0, 12.0
+PASSING_OFFSETS_M = (0.0, -0.2, -0.1, 0.1, 0.2)
+"""The same beside what is passed, where a metre is too much."""
+PASS_RAMP_S, PASS_RAMP_M = 4.0, 14.0
 """Time, and least way, to the offset at which something is passed, and back from it."""
 ON_LINE_M = 0.2
 LOST_M = 1.2
@@ -36,19 +38,22 @@ STANDSTILL_MPS = 1e-3
 class _Aim:
     """What the car is about, for as long as it is."""
 
-    kind: str
-    """lane (followed or merged into), pass or stop."""
+    passes: bool
+    """Whether it goes round what blocks the way, or just along it."""
     lanes: tuple[str, ...]
     """Of the way that the line leads to."""
     beyond: tuple[float, float, float]
     """Where what is passed ends, and the offset there; zeros where nothing is passed."""
     course: Course
 
-    def serves(self, kind: str, lane: str, beyond: tuple[float, float, float], axle: Pose) -> bool:
+    def serves(self, passes: bool, lane: str, beyond: tuple[float, float, float], axle: Pose) -> bool:
         """Whether it is still the thing to do, and the car is still near its line."""
-        same = kind == self.kind and lane in self.lanes
-        same &= all(abs(a - b) < SAME_M for a, b in zip(beyond, self.beyond, strict=True))
-        return same and abs(self.course.center.line.project_point(axle.x_m, axle.y_m)[1]) < LOST_M
+        same = passes is self.passes and all(abs(a - b) < SAME_M for a, b in zip(beyond, self.beyond, strict=True))
+        return same and self.holds(lane, axle)
+
+    def holds(self, lane: str, axle: Pose) -> bool:
+        """Whether its line belongs to a lane, and the car is near it."""
+        return lane in self.lanes and abs(self.course.center.line.project_point(axle.x_m, axle.y_m)[1]) < LOST_M
 
 
 class Courses:
@@ -60,29 +65,36 @@ class Courses:
         self._aim: _Aim | None = None
 
     def course(self, behaviour: Behaviour, scene: Scene, axle: Pose) -> Course:
-        """Where the behaviour leads; `axle` is the ego's rear axle, which follows lines."""
+        """Where the behaviour leads; `axle` is the ego's rear axle, which follows lines.
+
+        Who stops does it on the line that the car is on, and can go on with what it was about.
+        """
         target = _target(behaviour, scene)
-        kind = {Behaviour.OVERTAKE: "pass", Behaviour.STOP: "stop"}.get(behaviour, "lane")
+        passes = behaviour is Behaviour.OVERTAKE
         beyond = (0.0, 0.0, 0.0)
-        if kind == "pass" and target.blocked is not None:
+        if passes and target.blocked is not None:
             end = target.way.path.line.pose_at(target.blocked.end_m)
             beyond = (end.x_m, end.y_m, target.blocked.passes[0][1])
-        held = self._aim
-        if held is None or not held.serves(kind, target.way.lanes[0], beyond, axle):
-            held = _Aim(kind, target.way.lanes, beyond, self._made(behaviour, scene, target, axle))
+        held, lane, stands = self._aim, target.way.lanes[0], behaviour is Behaviour.STOP
+        goes_on = held is not None and (held.holds(lane, axle) if stands else held.serves(passes, lane, beyond, axle))
+        if held is None or not goes_on:
+            held = _Aim(passes, target.way.lanes, beyond, self._made(behaviour, scene, target, axle))
             self._aim = held
-        return held.course
+        return replace(held.course, limit_mps=STANDSTILL_MPS) if stands else held.course
 
     def _made(self, behaviour: Behaviour, scene: Scene, target: LaneView, axle: Pose) -> Course:
         mission = self._watch.mission
         line = self._line(behaviour, scene, target, axle)
         center = Path(line)
-        paths = [Path(shifted(line, offset)) if offset else center for offset in LATERAL_OFFSETS_M]
+        passes = behaviour is Behaviour.OVERTAKE
+        offsets_m = PASSING_OFFSETS_M if passes else LATERAL_OFFSETS_M
+        paths = [Path(shifted(line, offset)) if offset else center for offset in offsets_m]
         limit_mps = mission.roads[target.way.lanes[0]].speed_limit_mps or self._fallback_limit_mps
         lights = RedLights(mission.roads, lanes_of_route(mission.roads, self._watch.route), mission.shape.width_m / 2)
-        stands = behaviour is Behaviour.STOP
-        ground = self._watch.free_ground if behaviour is Behaviour.OVERTAKE else self._watch.ground
-        return Course(paths, center, ground, lights, STANDSTILL_MPS if stands else limit_mps)
+        at = self._watch.ground.under(np.array((axle.x_m,)), np.array((axle.y_m,)))
+        against = passes and target.blocked is not None and target.blocked.against_traffic
+        ground = self._watch.free_ground if against or not at.on_route[0] else self._watch.ground
+        return Course(paths, center, ground, lights, limit_mps)
 
     def _line(self, behaviour: Behaviour, scene: Scene, target: LaneView, axle: Pose) -> Polyline:
         line = target.way.path.line

@@ -298,7 +298,7 @@ class _Sight:
         passes: list[tuple[Side, float, bool]] = []
         for side in ("left", "right"):
             drivable, against = self._ground_at(way, stretch, offsets[side])
-            if drivable and self._free(way, start_m, end_m, offsets[side], still):
+            if drivable and self._free(way, max(start_m, arc_m - half_m), end_m, offsets[side], still):
                 passes.append((side, offsets[side], against))
         passes.sort(key=lambda each: abs(each[1]))
         kind = _KINDS[ActorKind(int(actors.kind[on.rows[group[0]]]))]
