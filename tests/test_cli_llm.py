@@ -1,12 +1,17 @@
-"""The command `llm try`: one question of a drive, with what came of it."""
+"""The commands `llm try` and `llm export`: questions of drives, with what came of them."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.cli import main
+from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.scenario.suite import find_scenario
 
 
 def test_one_decision_is_shown_with_prompt_options_answer_and_cost(capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,3 +58,69 @@ def test_what_cannot_be_asked_is_refused_in_one_line(
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+# --- export ---
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clean drive of a scene of one's own."""
+    folder = tmp_path_factory.mktemp("runs")
+    scene = replace(find_scenario("following_lane_with_lead/0"), id="mine/0", start_speed_mps=5.0, duration_s=12.0)
+    write_scenarios([scene], folder / "mine.yaml")
+    run(RunRequest(("idm",), folder / "run", scenarios=(str(folder / "mine.yaml"),), workers=0))
+    return folder / "run"
+
+
+def test_a_run_becomes_chats_with_a_card(driven: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "chats.jsonl"
+    assert main(["llm", "export", str(driven), "--out", str(out)]) == 0
+    said = capsys.readouterr()
+    card = json.loads((tmp_path / "chats.json").read_text(encoding="utf-8"))
+    assert said.err == "[1/1] mine/0, idm, seed 0\n"
+    assert said.out.startswith(f"samples: 1 (of 600 asked for; a scenario gives one), in {out}, SHA-256 ")
+    assert "by family: 1 following_lane_with_lead" in said.out
+    assert card["options"]["centerline"] is True
+    (line,) = out.read_text(encoding="utf-8").splitlines()
+    system, user, assistant = json.loads(line)["messages"]
+    assert (system["role"], user["role"], assistant["role"]) == ("system", "user", "assistant")
+    assert "Lane ahead" in user["content"]
+    assert len(json.loads(assistant["content"])["waypoints"]) == 16
+
+
+def test_chats_as_json_and_without_the_lanes_line(
+    driven: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "chats.jsonl"
+    arguments = [
+        "llm",
+        "export",
+        str(driven),
+        "--out",
+        str(out),
+        "--no-centerline",
+        "--count",
+        "1",
+        "--quiet",
+        "--json",
+    ]
+    assert main(arguments) == 0
+    said = capsys.readouterr()
+    card = json.loads(said.out)
+    assert said.err == ""
+    assert card["path"] == str(out)
+    assert card["samples"] == 1
+    assert "Lane ahead" not in out.read_text(encoding="utf-8")
+
+
+def test_a_scene_of_the_benchmark_is_refused_under_any_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_scenarios([replace(find_scenario("nudge/0"), id="mine/0")], tmp_path / "mine.yaml")
+    run(RunRequest(("idm",), tmp_path / "run", scenarios=(str(tmp_path / "mine.yaml"),), workers=0))
+    out = ["--out", str(tmp_path / "chats.jsonl"), "--min-score", "0", "--quiet"]
+    assert main(["llm", "export", str(tmp_path / "run"), *out]) == 2
+    error = capsys.readouterr().err
+    assert "scenes of the benchmark's suites (mine/0) test no model that was trained on them" in error
+    assert error.count("\n") == 1
+    assert main(["llm", "export", str(tmp_path / "run"), *out, "--allow-benchmark"]) == 0
+    assert "of the benchmark's suites: 1; say so" in capsys.readouterr().out

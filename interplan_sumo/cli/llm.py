@@ -1,18 +1,22 @@
-"""Commands about language models: fetch, try."""
+"""Commands about language models: fetch, try, export."""
 
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Protocol, cast
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, cast
 from urllib.parse import quote
 
 import typer
 
-from interplan_sumo.cli.options import DONE, LOOKS, JsonOption, scenario_ids
+from interplan_sumo.cli.options import DONE, LOOKS, JsonOption, QuietOption, scenario_ids
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import print_json
+
+if TYPE_CHECKING:
+    from interplan_sumo.dataset.drives import Drive
 
 SAFE = ":/@,+#%"
 """What a model's name may hold as it is inside a planner's options."""
@@ -84,6 +88,49 @@ def try_model(
     else:
         _print_exchange(found.id, exchange)
     return DONE
+
+
+@llm_app.command("export")
+def export_chats(
+    runs: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="RUN")],
+    out: Annotated[Path, typer.Option(help="What to write; its card is put beside it.", metavar="FILE.jsonl")],
+    count: Annotated[int, typer.Option(help="Samples at most, one of each scenario.")] = 600,
+    seed: Annotated[int, typer.Option(help="Of the choice among scenarios, drives and moments.")] = 0,
+    min_score: Annotated[float, typer.Option(help="Only drives with at least this score, 0 to 1.")] = 0.9,
+    centerline: Annotated[bool, typer.Option(help="Tell the own lane's line, as llm_waypoints does.")] = True,
+    allow_benchmark: Annotated[
+        bool, typer.Option("--allow-benchmark", help="Take scenes of the suites, too; they test nothing after that.")
+    ] = False,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Write what llm_waypoints would have asked in drives, with what came true as the answer, to fine-tune on."""
+    from interplan_sumo.dataset.chats import ChatRequest, write_chats
+    from interplan_sumo.dataset.drives import Choice
+
+    request = ChatRequest(
+        file=out, runs=tuple(runs), count=count, seed=seed, choice=Choice(min_score), benchmark=allow_benchmark,
+        form={"planner": "llm_waypoints", "centerline": centerline},
+    )  # fmt: skip
+    teller = _shelf("waypoints.planner").LlmWaypointsPlanner("scripted:nothing is asked", centerline=centerline)
+    card = write_chats(request, teller, None if quiet else _say)
+    print_json({"path": str(out), **card}) if as_json else _print_card(out, card)
+    return DONE
+
+
+def _say(drive: Drive, done: int, at_most: int) -> None:
+    print(f"[{done}/{at_most}] {drive.scenario.id}, {drive.planner}, seed {drive.seed}", file=sys.stderr, flush=True)
+
+
+def _print_card(out: Path, card: dict[str, Any]) -> None:
+    asked = card["options"]["count"]
+    fewer = f" (of {asked} asked for; a scenario gives one)" if card["samples"] < asked else ""
+    print(f"samples: {card['samples']}{fewer}, in {out}, SHA-256 {card['sha256'][:16]}")
+    print(f"by family: {', '.join(f'{count} {name}' for name, count in card['counts']['by_family'].items())}")
+    if card["of_suites"]:
+        print(f"of the benchmark's suites: {card['of_suites']}; say so beside every score of the model")
+    if card["left_out"]:
+        print(f"left out: {', '.join(f'{count} {reason}' for reason, count in card['left_out'].items())}")
 
 
 class Asking(Protocol):

@@ -130,6 +130,16 @@ def test_an_answer_takes_effect_when_it_is_known() -> None:
     assert began[1] - began[0] == pytest.approx(0.8, abs=0.15)
 
 
+def test_nobody_is_asked_again_before_the_answer_is_known_and_a_slow_answer_is_not_lost() -> None:
+    def rule(scene: Scene, options: tuple[Behaviour, ...]) -> Behaviour:
+        return Behaviour.MERGE_LEFT if scene.time_s > 0.5 and Behaviour.MERGE_LEFT in options else options[0]
+
+    slow = Scripted(rule, delay_s=1.6)
+    states, _ = driven(slow, 5.0)
+    assert slow.asked_at_s == [0.0, 1.0, 2.6, 4.2]  # the first decision is waited for
+    assert 2.6 < next(s.time_s for s in states if s.y_m > -3.45) < 3.6
+
+
 def test_what_is_no_longer_offered_is_not_done() -> None:
     chooser = Scripted(lambda _, options: options[-1])
     states, planner = driven(chooser, 12.0, start=ego(50.0, 0.0, 8.0))

@@ -82,6 +82,7 @@ def test_recording_asks_again_what_failed_without_an_answer_and_nothing_else(pat
         question(choices=("follow", "stop")),
         question(choices=None),
         question(choices=None, schema={"type": "object"}),
+        question(choices=None, schema={"type": "object"}, grammar='root ::= "{}"'),
         question(constrained=False),
         question(max_tokens=33),
         question(temperature=0.1),

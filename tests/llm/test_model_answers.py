@@ -175,6 +175,7 @@ def test_free_text_is_an_answer_as_it_is() -> None:
         {"choices": ("_",)},
         {"schema": {"type": "object"}},
         {"choices": None, "schema": {"maximum": float("inf")}},
+        {"choices": None, "grammar": 'root ::= "yes"'},
         {"max_tokens": 0},
         {"temperature": -0.1},
         {"timeout_s": 0.0},

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from itertools import combinations
+
 import pytest
 
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.proving.lock import lock, read_lock
 from interplan_sumo.proving.start_checks import start_problems
+from interplan_sumo.scenario.certificates import FILE, read_certificates
+from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import DEFAULT_SUITE, certificate_of, expert, suites
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, LLM_INDICES, certificate_of, expert, find_suite, suites
 
 OFFICIAL = list({scenario.id: scenario for suite in suites().values() for scenario in suite.scenarios}.values())
 
@@ -57,3 +62,24 @@ def test_an_official_scenario_passes_every_start_check(scenario: Scenario) -> No
 
 def test_the_default_suite_exists() -> None:
     assert DEFAULT_SUITE in suites()
+
+
+def test_the_suite_for_language_models_has_three_of_each_family_as_they_are_in_the_benchmark() -> None:
+    found = find_suite("llm==1").scenarios
+    assert Counter(scenario.family for scenario in found) == dict.fromkeys(FAMILIES, 3)
+    assert set(found) <= set(find_suite("interplan==1").scenarios)
+
+
+def test_its_experts_are_those_of_the_benchmark() -> None:
+    ours, theirs = (read_certificates(find_suite(key).folder / FILE) for key in ("llm==1", "interplan==1"))
+    assert len(ours) == 24
+    assert all(each.as_json() == theirs[name].as_json() for name, each in ours.items())
+
+
+def test_its_three_places_are_those_with_the_most_maps_and_the_most_even_share_of_them() -> None:
+    def maps(triple: tuple[int, ...]) -> tuple[int, int]:
+        chosen = [[family.scenarios[index].map for index in triple] for family in FAMILIES.values()]
+        shares = Counter(name for names in chosen for name in names)
+        return sum(len(set(names)) for names in chosen), -sum(share**2 for share in shares.values())
+
+    assert max(combinations(range(10), 3), key=maps) == LLM_INDICES

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from worlds import ego
 
 from interplan_llm.models.protocol import ModelFailure, Reply
-from interplan_llm.waypoints.answers import trajectory, waypoints
-from interplan_llm.waypoints.prompt import POINTS, STEP_S
+from interplan_llm.waypoints.answers import kept_up_with, trajectory, waypoints
+from interplan_llm.waypoints.form import POINTS, STEP_S
+from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.plan_check import check_plan
 
 
@@ -73,11 +74,25 @@ def test_headings_follow_the_way_and_stay_where_the_car_stands_or_backs() -> Non
     assert plan.heading_rad[-1] == pytest.approx(np.pi / 4)
 
 
-@given(st.lists(st.tuples(st.floats(-8, 15), st.floats(-3, 3)), min_size=POINTS, max_size=POINTS))
-def test_every_answer_that_is_accepted_is_a_plan_that_can_be_followed(steps: list[tuple[float, float]]) -> None:
-    rows = np.cumsum(np.array(steps), axis=0)
+@given(st.lists(st.tuples(st.floats(-20, 20), st.floats(-20, 20)), min_size=POINTS, max_size=POINTS))
+def test_every_answer_that_is_accepted_can_be_followed_however_little_a_car_can_do_of_it(
+    steps: list[tuple[float, float]],
+) -> None:
     state = ego(10.0, -4.0, 8.0, heading_rad=2.0)
-    check_plan(trajectory(waypoints(said(rows.tolist())), state), state, state.time_s)
+    plan = trajectory(waypoints(said(np.cumsum(np.array(steps), axis=0).tolist())), state)
+    for _ in range(30):
+        plan = kept_up_with(plan, state)
+        check_plan(plan, state, state.time_s)
+        state = follow(state, plan, 0.1)
+
+
+@pytest.mark.parametrize(("off_m", "moved_m"), [(1.9, 0.0), (2.1, 0.1), (-5.0, -3.0)])
+def test_a_plan_is_moved_only_as_far_as_it_must_be(off_m: float, moved_m: float) -> None:
+    plan = trajectory(waypoints(said(STRAIGHT)), ego(0.0, 0.0, 10.0))
+    moved = kept_up_with(plan, ego(10.0, off_m, 10.0, time_s=1.0))
+    assert moved.y_m.tolist() == pytest.approx([moved_m] * (POINTS + 1))
+    assert moved.x_m.tolist() == pytest.approx(plan.x_m.tolist())
+    assert (moved is plan) == (moved_m == 0.0)
 
 
 @given(

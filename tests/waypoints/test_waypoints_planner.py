@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from worlds import cars, ego, mission, observation, pedestrians, straight_road, together
 
-from interplan_llm.models.protocol import ModelFailure, Request
+from interplan_llm.models.protocol import ModelFailure, Reply, Request
 from interplan_llm.models.scripted import ScriptedModel
+from interplan_llm.waypoints.form import POINTS
 from interplan_llm.waypoints.planner import KEPT_S, LlmWaypointsPlanner
-from interplan_llm.waypoints.prompt import NEAREST, POINTS
+from interplan_llm.waypoints.prompt import NEAREST
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Past
@@ -100,6 +102,40 @@ def test_without_an_answer_the_last_plan_is_driven_on_and_then_the_car_brakes() 
     assert made.ledger.fallbacks["timeout"] == 8
 
 
+class Slow(ScriptedModel):
+    """Takes 1.5 s for an answer."""
+
+    def ask(self, request: Request) -> Reply:
+        return replace(super().ask(request), latency_s=1.5)
+
+
+@pytest.mark.parametrize(("real_time", "asked_at_s"), [(False, [0, 1, 2, 3]), (True, [0, 1, 2.5])])
+def test_in_real_time_an_answer_counts_when_it_has_come_and_no_question_before_that(
+    real_time: bool, asked_at_s: list[float]
+) -> None:
+    made = planner(real_time=real_time)
+    made.model = Slow([answer(speed) for speed in (8.0, 6.0, 4.0, 2.0)])
+    state, asked_for = ego(100.0, -3.5, 8.0), list[float]()
+    for _ in range(35):
+        plan = made.plan(observation(state))
+        asked_for.append(round(float(np.hypot(np.diff(plan.x_m)[0], np.diff(plan.y_m)[0])) / 0.5, 1))
+        state = follow(state, plan, 0.1)
+    assert [each.time_s for each in made.exchanges] == pytest.approx(asked_at_s)
+    changes_s = [k / 10 for k in range(1, 35) if asked_for[k] != asked_for[k - 1]]
+    assert changes_s == ([2.5] if real_time else [1.0, 2.0, 3.0])
+
+
+def test_what_no_car_can_do_is_driven_as_far_as_it_can_be() -> None:
+    leap = json.dumps({"thoughts": "on", "waypoints": [[20.0, 3.0], *[[30.0, 3.0], [10.0, 0.0]] * 7, [30.0, 0.0]]})
+    made = planner(*[leap] * 6)
+    state = ego(100.0, -3.5, 8.0)
+    for _ in range(50):
+        plan = made.plan(observation(state))
+        check_plan(plan, state, state.time_s)
+        state = follow(state, plan, 0.1)
+    assert made.ledger.fallbacks.total() == 0
+
+
 def test_nonsense_is_counted_and_not_driven() -> None:
     made = planner("turn left!", json.dumps({"thoughts": "", "waypoints": [[1e9, 0.0]] * POINTS}))
     made.plan(observation(ego(100.0, -3.5, 8.0)))
@@ -119,11 +155,20 @@ def test_every_question_asks_for_json_of_a_closed_form() -> None:
     made.plan(observation(ego(100.0, -3.5, 8.0)))
     assert seen[0].schema is not None
     assert seen[0].schema["additionalProperties"] is False
+    assert seen[0].grammar is not None
 
 
-def test_an_example_for_fine_tuning_has_three_messages_and_can_be_read_back() -> None:
+def test_an_example_for_fine_tuning_is_the_question_with_an_answer_that_can_be_read_back() -> None:
     made = planner()
+    seen = observation(ego(100.0, -3.5, 8.0), cars((120.0, -3.5)))
     places = np.array([[4.0 * k, 0.0] for k in range(1, POINTS + 1)])
-    system, user, assistant = made.example(observation(ego(100.0, -3.5, 8.0)), places, "keep going")
-    assert (system.role, user.role, assistant.role) == ("system", "user", "assistant")
-    assert json.loads(assistant.text)["waypoints"] == places.tolist()
+    system, user, assistant = made.example(seen, places, "keep going")
+    assert (system, user) == made.request(seen).messages
+    assert assistant.role == "assistant"
+    assert json.loads(assistant.text) == {"thoughts": "keep going", "waypoints": places.tolist()}
+
+
+def test_an_example_without_thoughts_gets_them_by_rules() -> None:
+    places = np.array([[4.0 * k, 0.0] for k in range(1, POINTS + 1)])
+    told = planner().example(observation(ego(100.0, -3.5, 8.0), cars((120.0, -3.5))), places)[2]
+    assert json.loads(told.text)["thoughts"] == "Mind vehicle ahead. Keep speed, forward."

@@ -51,8 +51,8 @@ class Decision:
 class HybridPlanner:
     """Drives what a chooser chooses; whoever that is: a language model, a coin, an oracle.
 
-    A decision holds for `every_s`; it takes effect when it is known, and until
-    then the last one goes on, if it is still offered. A single option is taken without
+    A decision holds for `every_s`, or until the next is known; it takes effect when
+    it is known, and until then the last one goes on, if it is still offered. A single option is taken without
     asking. The motion is PDM's on the line that the behaviour leads to.
     """
 
@@ -91,12 +91,10 @@ class HybridPlanner:
     def _decide(self, seen: Observation, scene: Scene, asks: bool) -> None:
         """Ask if it is time to, and set out on what is known now; what is no longer offered gives way."""
         options = offered(scene)
+        self._take(seen.time_s)
         if asks:
-            self._asks_at_s = seen.time_s + self.every_s
             self._ask(scene, options)
-        if self._pending is not None and seen.time_s >= self._pending[0] - 1e-6:
-            self._now = self._pending[1]
-            self._pending = None
+            self._take(seen.time_s)
         behaviour = self._now if self._now is not None and self._now in options else options[0]
         self._course = self._courses.course(behaviour, scene, seen.ego.rear_axle(self._shape))
 
@@ -109,6 +107,13 @@ class HybridPlanner:
         if self._now is None:
             delay_s = 0.0
         self._pending = (scene.time_s + delay_s, chosen)
+        self._asks_at_s = scene.time_s + max(self.every_s, delay_s)
+
+    def _take(self, time_s: float) -> None:
+        """What is known by now takes effect."""
+        if self._pending is not None and time_s >= self._pending[0] - 1e-6:
+            self._now = self._pending[1]
+            self._pending = None
 
 
 class HybridLlmPlanner(HybridPlanner):

@@ -223,6 +223,8 @@ def _body(request: Request, *, cached: bool) -> dict[str, Any]:
         return body
     if request.choices is not None:
         body["grammar"] = grammar_of(request.choices)
+    elif request.grammar is not None:
+        body["grammar"] = request.grammar
     elif request.schema is not None:
         body["response_format"] = response_format(request.schema)
     return body

@@ -46,6 +46,8 @@ class Request:
     """Further words that have a meaning but are not offered now: said, they fail as `not_offered`."""
     schema: dict[str, Any] | None = None
     """A closed JSON schema: `additionalProperties` false and every property required, as OpenAI demands."""
+    grammar: str | None = None
+    """The schema in GBNF, where it must say more than a schema can: blanks, digits. For the embedded model only."""
     constrained: bool = True
     """Hold the model to the choices or the schema where its provider can; False lets it think aloud first."""
     max_tokens: int = 32
@@ -61,6 +63,8 @@ class Request:
             self._check_choices(self.choices)
         if self.schema is not None:
             json.dumps(self.schema, allow_nan=False)
+        if self.grammar is not None and self.schema is None:
+            raise ValueError("a grammar needs the schema that it narrows, for providers that take no grammar")
         if self.max_tokens < 1:
             raise ValueError(f"max_tokens is {self.max_tokens}, expected at least 1")
         if not (math.isfinite(self.temperature) and self.temperature >= 0.0):

@@ -4,6 +4,7 @@
 |---|---|
 | `embedded` | the default GGUF file, in this process |
 | `embedded:PATH` | any GGUF file |
+| `embedded+tuned:NAME` | the default one with an adapter that comes with the package: `hybrid`, `waypoints` |
 | `embedded[:PATH]+lora:PATH[@SCALE]` | either with LoRA adapters, of scale 1 if none is given |
 | `http[s]://HOST[:PORT]/v1#MODEL` | a model of an OpenAI-compatible server |
 | `replay:FILE[#MODEL]` | the answers that a file holds, of the one model in it or of the one named |
@@ -24,6 +25,7 @@ from interplan_llm.models.embedded import Adapter, EmbeddedModel
 from interplan_llm.models.fetch import default_model
 from interplan_llm.models.protocol import LanguageModel
 from interplan_llm.models.scripted import always
+from interplan_llm.models.shipped import adapter_file
 from interplan_llm.models.store import MODES, AnswerStore, Mode, StoredModel
 from interplan_sumo.errors import InputError, UnknownNameError
 
@@ -70,9 +72,13 @@ def _opened(spec: str, threads: int) -> LanguageModel:
 
 def _embedded(spec: str, threads: int) -> LanguageModel:
     base, *adapters = spec.split("+lora:")
-    _, colon, file = base.partition(":")
+    base, tuned, name = base.partition("+tuned:")
+    kind, colon, file = base.partition(":")
+    if kind != "embedded" or (tuned and colon):
+        raise InputError(f"{spec}: write embedded, embedded+tuned:NAME or embedded:PATH, and +lora:PATH behind it")
+    shipped = [Adapter(adapter_file(name))] if tuned else []
     path = _path(file, spec) if colon else default_model()
-    return EmbeddedModel(path, [_adapter(text, spec) for text in adapters], threads=threads)
+    return EmbeddedModel(path, [*shipped, *(_adapter(text, spec) for text in adapters)], threads=threads)
 
 
 def _adapter(text: str, spec: str) -> Adapter:

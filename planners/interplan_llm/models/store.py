@@ -43,7 +43,7 @@ def key_of(model: str, request: Request) -> str:
     Left out are the time limit, which decides whether there is an answer and
     not which, and the vocabulary, which says how an answer is read.
     """
-    value = {
+    value: dict[str, Any] = {
         "model": model,
         "messages": [[message.role, message.text] for message in request.messages],
         "choices": request.choices,
@@ -53,6 +53,8 @@ def key_of(model: str, request: Request) -> str:
         "temperature": float(request.temperature),
         "seed": request.seed,
     }
+    if request.grammar is not None:  # else the key is the one that it was before there were grammars
+        value["grammar"] = request.grammar
     return hashlib.sha256(json.dumps(value, separators=(",", ":"), allow_nan=False).encode("ascii")).hexdigest()
 
 

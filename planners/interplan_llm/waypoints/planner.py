@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,8 +11,10 @@ from interplan_llm.models.ledger import Ledger
 from interplan_llm.models.protocol import LanguageModel, Message, ModelFailure, Request
 from interplan_llm.models.spec import open_model
 from interplan_llm.models.store import Mode
-from interplan_llm.waypoints.answers import trajectory, waypoints
-from interplan_llm.waypoints.prompt import POINTS, SCHEMA, Prompter
+from interplan_llm.waypoints.answers import kept_up_with, trajectory, waypoints
+from interplan_llm.waypoints.form import GRAMMAR, POINTS, SCHEMA, STEP_S, answer_text
+from interplan_llm.waypoints.prompt import Prompter
+from interplan_llm.waypoints.thoughts import thoughts as thoughts_by_rules
 from interplan_planners.common.paths import braking_plan
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.geometry import Floats
@@ -31,8 +32,9 @@ class LlmWaypointsPlanner:
 
     Other than published: the frame of the prompt is the frame of the numbers,
     headings follow the waypoints, the answer is JSON and never evaluated, the own lane's
-    line is told unless `centerline` is false, and without a usable answer the
-    last plan is driven on for 3 s, then the car brakes.
+    line is told unless `centerline` is false, a plan that the car cannot keep up
+    with is moved along with it, and without a usable answer the last plan is
+    driven on for 3 s, then the car brakes.
     """
 
     paper: ClassVar[str] = "Hallgarten et al. 2024, after Mao et al. 2023"
@@ -62,6 +64,7 @@ class LlmWaypointsPlanner:
 
     def start(self, mission: Mission) -> None:
         self._prompter = Prompter(mission, centerline=self.centerline)
+        self._shape = mission.shape
         self._asks_at_s = -np.inf
         self._pending: tuple[float, Trajectory] | None = None
         self._now: Trajectory | None = None
@@ -69,30 +72,48 @@ class LlmWaypointsPlanner:
         self.exchanges = []
 
     def plan(self, seen: Observation) -> Trajectory:
+        self._take(seen.time_s)
         if seen.time_s >= self._asks_at_s - 1e-6:
-            self._asks_at_s = seen.time_s + self.every_s
             self._ask(seen)
-        if self._pending is not None and seen.time_s >= self._pending[0] - 1e-6:
-            self._now = self._pending[1]
-            self._pending = None
+            self._take(seen.time_s)
         if self._now is None or seen.time_s > float(self._now.time_s[0]) + KEPT_S:
-            return braking_plan(seen.ego, BRAKING_MPS2, POINTS * 0.5, 0.1)
+            return braking_plan(seen.ego, BRAKING_MPS2, POINTS * STEP_S, 0.1)
+        self._now = kept_up_with(self._now, seen.ego)
         return self._now
 
     def request(self, seen: Observation) -> Request:
         """The question as it is put."""
-        return Request(self._prompter.messages(seen), schema=SCHEMA, max_tokens=ANSWER_TOKENS, timeout_s=self.timeout_s)
+        return Request(
+            self._prompter.messages(seen),
+            schema=SCHEMA,
+            grammar=GRAMMAR,
+            max_tokens=ANSWER_TOKENS,
+            timeout_s=self.timeout_s,
+        )
 
-    def example(self, seen: Observation, places: Floats, thoughts: str) -> tuple[Message, Message, Message]:
-        """A step with the answer that would have been right, for fine-tuning: places (16, 2) in the car's frame."""
-        answer = {"thoughts": thoughts, "waypoints": (np.round(places, 1) + 0.0).tolist()}
-        return *self._prompter.messages(seen), Message("assistant", json.dumps(answer))
+    def example(
+        self, seen: Observation, places: Floats, thoughts: str | None = None
+    ) -> tuple[Message, Message, Message]:
+        """A step with the answer that would have been right, for fine-tuning; asked as if the episode began there.
+
+        Places (16, 2) are in the car's frame; `thoughts` come from rules if
+        none are given. ValueError for an answer that the grammar does not have.
+        """
+        said = thoughts_by_rules(seen, places, self._shape) if thoughts is None else thoughts
+        return *self._prompter.messages(seen), Message("assistant", answer_text(said, places))
 
     def report(self) -> dict[str, Any]:
         """How often the model was asked in this episode, and how often in vain."""
         return self.ledger.as_json()
 
+    def _take(self, now_s: float) -> None:
+        """Drive what was answered, once the answer is there."""
+        if self._pending is not None and now_s >= self._pending[0] - 1e-6:
+            self._now = self._pending[1]
+            self._pending = None
+
     def _ask(self, seen: Observation) -> None:
+        """Put a question; in real time the next one waits until this one is answered."""
         request = self.request(seen)
         try:
             reply = self.model.ask(request)
@@ -100,8 +121,14 @@ class LlmWaypointsPlanner:
         except ModelFailure as failure:
             self.ledger.failed(failure)
             self.exchanges.append(Exchange(seen.time_s, request, failure.reply, failure, "the last plan, or braking"))
-            return
-        self.ledger.answered(reply)
-        self.exchanges.append(Exchange(seen.time_s, request, reply, None, "the waypoints"))
-        delay_s = reply.latency_s if self.real_time and self._now is not None else 0.0
-        self._pending = (seen.time_s + delay_s, plan)
+            delay_s = self._delay_s(failure.latency_s)
+        else:
+            self.ledger.answered(reply)
+            self.exchanges.append(Exchange(seen.time_s, request, reply, None, "the waypoints"))
+            delay_s = self._delay_s(reply.latency_s)
+            self._pending = (seen.time_s + delay_s, plan)
+        self._asks_at_s = seen.time_s + max(self.every_s, delay_s)
+
+    def _delay_s(self, latency_s: float) -> float:
+        """Until an answer is there in the episode's time; the first plan is waited for."""
+        return latency_s if self.real_time and self._now is not None else 0.0

@@ -1,22 +1,20 @@
-"""The question for waypoints: what there is to see, in the car's own frame, and the form of the answer."""
+"""The question for waypoints: what there is to see, in the car's own frame."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from interplan_llm.models.protocol import Message
 from interplan_planners.common.route_correction import corrected_route
 from interplan_planners.common.route_search import LaneFinder
 from interplan_planners.common.ways import Ways
 from interplan_sumo.planner import Mission, Observation
-from interplan_sumo.world.actors import ActorKind, Actors
-from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.world.geometry import Floats, Ints
 
-STEP_S: Final = 0.5
-POINTS: Final = 16
-"""Eight seconds (the published numbers)."""
 NEAREST, WITHIN_M = 5, 50.0
 """So many agents, and so many things that stand for ever, are told of (published)."""
 PAST_S = (2.0, 1.5, 1.0, 0.5)
@@ -25,26 +23,13 @@ LINE_M = (5.0, 10.0, 20.0, 30.0, 45.0, 60.0)
 
 SYSTEM: Final = (
     "You drive a car. Positions are in metres in the car's frame: x to the front, y to the left, the car at (0, 0); "
-    "speeds in m/s. You are told what is around, how the car moves, and where it shall go. First say in one or two "
-    "short sentences what matters and what you do. Then give the 16 places (x, y) where the centre of the car shall "
-    "be every 0.5 s from now on. Hit nothing, keep to the road, drive smoothly, reach the goal. Answer with JSON: "
-    '{"thoughts": "...", "waypoints": [[x, y], ...]}'
+    "speeds in m/s. You are told what is around, how the car moves, and where it shall go. Hit nothing, keep to the "
+    "road, drive smoothly, reach the goal. Answer with a JSON object of two properties: thoughts, in at most twelve "
+    "words what matters and what you do; waypoints, a list of the 16 pairs [x,y] where the centre of the car shall be "
+    "every 0.5 s from now on, with one decimal."
 )
-SCHEMA: Final[dict[str, Any]] = {
-    "type": "object",
-    "properties": {
-        "thoughts": {"type": "string", "maxLength": 240},
-        "waypoints": {
-            "type": "array",
-            "minItems": POINTS,
-            "maxItems": POINTS,
-            "items": {"type": "array", "minItems": 2, "maxItems": 2, "items": {"type": "number"}},
-        },
-    },
-    "required": ["thoughts", "waypoints"],
-    "additionalProperties": False,
-}
-_NAMES: Final = {
+
+NAMES: Final = {
     ActorKind.VEHICLE: "vehicle",
     ActorKind.PEDESTRIAN: "pedestrian",
     ActorKind.BICYCLE: "bicycle",
@@ -67,11 +52,10 @@ class Prompter:
     def messages(self, seen: Observation) -> tuple[Message, Message]:
         """The question about a step."""
         ego = seen.ego
-        agents = _told(seen, seen.actors.kind <= ActorKind.BICYCLE, moving=True)
-        static = _told(seen, seen.actors.kind > ActorKind.BICYCLE, moving=False)
+        agents, static = told_rows(seen)
         lines = [
-            f"Agents: {agents or 'none'}.",
-            f"Things in the way: {static or 'none'}.",
+            f"Agents: {_told(seen, agents, moving=True) or 'none'}.",
+            f"Things in the way: {_told(seen, static, moving=False) or 'none'}.",
             f"Car: speed {ego.vx_mps:.1f}, acceleration {ego.ax_mps2:.1f}, yaw rate {ego.yaw_rate_radps:.2f} rad/s.",
             f"Car's past, every 0.5 s: {_past(seen)}.",
             *self._way(seen),
@@ -109,25 +93,37 @@ class Prompter:
         return "forward"
 
 
-def _told(seen: Observation, group: Any, *, moving: bool) -> str:
-    """The nearest of a group: class, place and, where they move, velocity in the car's frame."""
-    actors, ego = seen.actors, seen.ego
-    away = np.hypot(actors.x_m - ego.x_m, actors.y_m - ego.y_m)
+def told_rows(seen: Observation) -> tuple[Ints, Ints]:
+    """Rows of the actors that are told of, nearest first: those that may move, and those that stand for ever."""
+    return _nearest(seen, seen.actors.kind <= ActorKind.BICYCLE), _nearest(seen, seen.actors.kind > ActorKind.BICYCLE)
+
+
+def places_of(seen: Observation, rows: Ints) -> Floats:
+    """(N, 2) centres of actors in the car's frame."""
+    return _in_frame(seen, seen.actors.x_m[rows], seen.actors.y_m[rows])
+
+
+def velocities_of(seen: Observation, rows: Ints) -> Floats:
+    """(N, 2) velocities of actors over the ground, along the axes of the car's frame, m/s."""
+    cos, sin = np.cos(seen.ego.heading_rad), np.sin(seen.ego.heading_rad)
+    vx, vy = seen.actors.vx_mps[rows], seen.actors.vy_mps[rows]
+    return np.stack((cos * vx + sin * vy, cos * vy - sin * vx), axis=1) + 0.0
+
+
+def _nearest(seen: Observation, group: NDArray[np.bool_]) -> Ints:
+    away = np.hypot(seen.actors.x_m - seen.ego.x_m, seen.actors.y_m - seen.ego.y_m)
     near = np.flatnonzero(group & (away < WITHIN_M))
-    near = near[np.argsort(away[near], kind="stable")[:NEAREST]]
-    places = _in_frame(seen, actors.x_m[near], actors.y_m[near])
-    velocities = _velocities(seen, actors, near)
+    return near[np.argsort(away[near], kind="stable")[:NEAREST]]
+
+
+def _told(seen: Observation, rows: Ints, *, moving: bool) -> str:
+    """Class, place and, where they move, velocity."""
+    places, velocities = places_of(seen, rows).tolist(), velocities_of(seen, rows).tolist()
     told: list[str] = []
-    for row, (x_m, y_m), (vx, vy) in zip(near.tolist(), places.tolist(), velocities.tolist(), strict=True):
-        text = f"{_NAMES[ActorKind(int(actors.kind[row]))]} at ({x_m:.1f}, {y_m:.1f})"
+    for row, (x_m, y_m), (vx, vy) in zip(rows.tolist(), places, velocities, strict=True):
+        text = f"{NAMES[ActorKind(int(seen.actors.kind[row]))]} at ({x_m:.1f}, {y_m:.1f})"
         told.append(f"{text} moving ({vx:.1f}, {vy:.1f})" if moving else text)
     return "; ".join(told)
-
-
-def _velocities(seen: Observation, actors: Actors, rows: Any) -> Floats:
-    cos, sin = np.cos(seen.ego.heading_rad), np.sin(seen.ego.heading_rad)
-    vx, vy = actors.vx_mps[rows], actors.vy_mps[rows]
-    return np.stack((cos * vx + sin * vy, cos * vy - sin * vx), axis=1) + 0.0
 
 
 def _past(seen: Observation) -> str:

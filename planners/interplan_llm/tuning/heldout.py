@@ -1,0 +1,156 @@
+"""What a model does with examples it did not learn from: the loss of their tokens, and the choices it makes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from interplan_llm.tuning.chat import ChatTokens
+from interplan_llm.tuning.examples import Sample, in_batches
+from interplan_llm.tuning.llama import Adapter, Llama, token_tree
+
+BATCH = 16
+Z_95 = 1.959964
+"""Of a two-sided 95 % interval of the normal distribution."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """So many of so many."""
+
+    count: int
+    of: int
+
+    @property
+    def value(self) -> float:
+        return self.count / self.of
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval of the share that a larger sample would have."""
+        square = Z_95**2 / self.of
+        middle = (self.value + square / 2.0) / (1.0 + square)
+        spread = Z_95 / (1.0 + square) * math.sqrt(self.value * (1.0 - self.value) / self.of + square / 4.0 / self.of)
+        return max(middle - spread, 0.0), min(middle + spread, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """A model on held-out examples."""
+
+    loss: float
+    """Mean over the tokens of the answers and of the ends of their turns, in nats."""
+    agreement: Share | None
+    """Where the choice is the right one; None without choices."""
+    decisive: Share | None
+    """The same where the other choices would have been worse; None where that is nowhere known."""
+
+
+def judged(model: Llama, chat: ChatTokens, samples: Sequence[Sample], adapter: Adapter | None = None) -> HeldOut:
+    """Loss over all samples, agreement over those with choices."""
+    offered = [sample.example for sample in samples if sample.example.choices is not None]
+    made = choices_made(model, chat, [sample for sample in samples if sample.example.choices is not None], adapter)
+    right = [(choice == example.answer, example.decisive) for choice, example in zip(made, offered, strict=True)]
+    return HeldOut(mean_loss(model, samples, adapter), *_shares(right))
+
+
+def first_offered(samples: Sequence[Sample]) -> tuple[Share | None, Share | None]:
+    """The agreement of whoever always takes the first option, everywhere and where it is decisive; None as above."""
+    examples = [sample.example for sample in samples]
+    return _shares([(each.answer == each.choices[0], each.decisive) for each in examples if each.choices])
+
+
+def chance(samples: Sequence[Sample]) -> float | None:
+    """The agreement that a fair die would have; None without choices."""
+    shares = [1.0 / len(sample.example.choices) for sample in samples if sample.example.choices is not None]
+    return sum(shares) / len(shares) if shares else None
+
+
+def answer_losses(model: Llama, samples: Sequence[Sample], adapter: Adapter | None = None) -> Tensor:
+    """The loss of each token of the answers of one batch, one after the other."""
+    tree = token_tree([sample.read for sample in samples], min(len(sample.prompt) for sample in samples) - 1)
+    wanted = [
+        tree.flat(row, len(sample.prompt) - 1 + at)
+        for row, sample in enumerate(samples)
+        for at in range(len(sample.answer))
+    ]
+    targets = torch.tensor([token for sample in samples for token in sample.answer])
+    return functional.cross_entropy(model.logits(tree, torch.tensor(wanted), adapter), targets, reduction="none")
+
+
+@torch.no_grad()
+def mean_loss(model: Llama, samples: Sequence[Sample], adapter: Adapter | None = None) -> float:
+    """Over all tokens of all answers, in nats."""
+    batches = ([samples[index] for index in batch] for batch in in_batches(samples, BATCH))
+    losses = torch.cat([answer_losses(model, batch, adapter) for batch in batches])
+    return float(losses.double().mean())
+
+
+@torch.no_grad()
+def choices_made(
+    model: Llama, chat: ChatTokens, samples: Sequence[Sample], adapter: Adapter | None = None
+) -> list[str]:
+    """What the model chooses where a grammar of the choices holds it and it takes the likeliest token each time.
+
+    A token is allowed that goes on with at least one choice, however it cuts
+    it into pieces; the end of the turn where a choice is complete.
+    """
+    states = [_Choosing(sample, chat) for sample in samples]
+    while waiting := [state for state in states if state.choice is None]:
+        for batch in _like_length(waiting):
+            sequences = [state.tokens for state in batch]
+            tree = token_tree(sequences, min(map(len, sequences)) - 1)
+            ends = torch.tensor([tree.flat(row, len(tokens) - 1) for row, tokens in enumerate(sequences)])
+            for state, logits in zip(batch, model.logits(tree, ends, adapter), strict=True):
+                state.take(logits)
+    return [state.choice or "" for state in states]
+
+
+def _shares(right: Sequence[tuple[bool, bool]]) -> tuple[Share | None, Share | None]:
+    """Of what is right, of all and of what is decisive; the latter only if some is and some is not."""
+    decisive = [each for each, decides in right if decides]
+    everywhere = Share(sum(each for each, _ in right), len(right)) if right else None
+    return everywhere, Share(sum(decisive), len(decisive)) if 0 < len(decisive) < len(right) else None
+
+
+class _Choosing:
+    """A choice that is being written."""
+
+    def __init__(self, sample: Sample, chat: ChatTokens) -> None:
+        self.tokens = list(sample.prompt)
+        self._chat = chat
+        self._rests = {choice: choice.encode() for choice in sample.example.choices or ()}
+        self.choice: str | None = None
+        self._settle()
+
+    def take(self, logits: Tensor) -> None:
+        """Write the likeliest token that is allowed."""
+        allowed = self._allowed()
+        best = max(allowed, key=lambda token: float(logits[token]))
+        self.tokens.append(best)
+        written = allowed[best]
+        going_on = {choice: rest for choice, rest in self._rests.items() if rest.startswith(written)}
+        self._rests = {choice: rest[len(written) :] for choice, rest in going_on.items()}
+        if not written:
+            self._rests = {choice: rest for choice, rest in self._rests.items() if not rest}
+        self._settle()
+
+    def _allowed(self) -> dict[int, bytes]:
+        """Tokens that may come, with what they write."""
+        beginnings = {rest[:length] for rest in self._rests.values() for length in range(1, len(rest) + 1)}
+        numbers = self._chat.numbers
+        allowed = {numbers[beginning]: beginning for beginning in sorted(beginnings) if beginning in numbers}
+        return allowed | ({self._chat.end_of_turn: b""} if b"" in self._rests.values() else {})
+
+    def _settle(self) -> None:
+        self.choice = next(iter(self._rests)) if len(self._rests) == 1 else None
+
+
+def _like_length(states: Sequence[_Choosing]) -> list[list[_Choosing]]:
+    ordered = sorted(states, key=lambda state: len(state.tokens))
+    return [ordered[at : at + BATCH] for at in range(0, len(ordered), BATCH)]

@@ -1,0 +1,148 @@
+"""Chats: one moment a scenario, with the future that came true, and never a scene of the benchmark unawares."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from worlds import drive
+
+from interplan_llm.waypoints.planner import LlmWaypointsPlanner
+from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.dataset.chats import ChatRequest, future_places, write_chats
+from interplan_sumo.dataset.drives import Choice
+from interplan_sumo.errors import InputError
+from interplan_sumo.planner import Mission, Observation
+from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.scenario.scenario import TrafficDemand
+from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.world.geometry import Floats, Pose
+
+ANY_SCORE = Choice(min_score=0.0)
+ALONE = replace(find_scenario("following_lane_with_lead/0"), traffic=TrafficDemand(), vehicles=(), duration_s=12.0)
+"""Nobody else on the road."""
+
+
+class Turn:
+    def __init__(self, role: str, text: str) -> None:
+        self.role, self.text = role, text
+
+
+class Teller:
+    """Says what it was shown."""
+
+    def start(self, mission: Mission) -> None:
+        self.route = mission.route
+
+    def example(self, seen: Observation, places: Floats) -> list[Turn]:
+        return [Turn("user", f"{seen.time_s:.1f} {self.route[0]}"), Turn("assistant", str(places.tolist()))]
+
+
+@pytest.fixture(scope="module")
+def ours(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of three scenes of one's own, two seeds each; the last one is too short for a sample."""
+    folder = tmp_path_factory.mktemp("chats")
+    scenes = [replace(ALONE, id=f"mine/{k}", start_speed_mps=4.0 + k) for k in range(3)]
+    scenes[2] = replace(scenes[2], duration_s=7.9)
+    write_scenarios(scenes, folder / "mine.yaml")
+    run(RunRequest(("idm",), folder / "run", scenarios=(str(folder / "mine.yaml"),), seeds=2, workers=0))
+    return folder / "run"
+
+
+def written(out: Path, *runs: Path, **options: Any) -> tuple[list[Any], dict[str, Any]]:
+    card = write_chats(ChatRequest(out, runs, choice=ANY_SCORE, **options), Teller())
+    return [json.loads(line)["messages"] for line in out.read_text(encoding="utf-8").splitlines()], card
+
+
+def test_a_scenario_gives_one_line_however_often_it_was_driven(ours: Path, tmp_path: Path) -> None:
+    lines, card = written(tmp_path / "a.jsonl", ours)
+    assert len(lines) == card["samples"] == 2
+    assert {each["scenario"] for each in card["drawn"]} == {"mine/0", "mine/1"}
+    assert card["left_out"] == {"shorter than 8 s": 2}
+
+
+def test_the_answer_is_where_the_car_came_to_be(ours: Path, tmp_path: Path) -> None:
+    lines, _ = written(tmp_path / "a.jsonl", ours)
+    for _, answer in lines:
+        places = np.array(json.loads(answer["content"]))
+        steps_m = np.hypot(*np.diff(places, axis=0).T)
+        assert places.shape == (16, 2)
+        assert np.all((steps_m > 1.5) & (steps_m < 10.0))  # it drives on
+
+
+def test_places_are_in_the_cars_own_frame() -> None:
+    trace = drive(*[10.0] * 100, start=Pose(100.0, 50.0, np.pi / 2))
+    places = future_places(trace, 5)
+    assert places == pytest.approx(np.stack((np.arange(5.0, 85.0, 5.0), np.zeros(16)), axis=1), abs=1e-6)
+
+
+def test_equal_drives_and_seeds_give_equal_bytes_and_other_seeds_other_moments(ours: Path, tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("a.jsonl", "b.jsonl", "c.jsonl")]
+    for file, seed in zip(files, (0, 0, 1), strict=True):
+        written(file, ours, seed=seed)
+    first, same, other = (file.read_bytes() for file in files)
+    assert first == same != other
+
+
+def test_fewer_samples_are_the_first_of_more(ours: Path, tmp_path: Path) -> None:
+    more, _ = written(tmp_path / "a.jsonl", ours)
+    fewer, card = written(tmp_path / "b.jsonl", ours, count=1)
+    assert fewer == more[:1]
+    assert card["options"]["count"] == 1
+
+
+def test_the_card_tells_what_the_lines_are_made_of(ours: Path, tmp_path: Path) -> None:
+    _, card = written(tmp_path / "a.jsonl", ours, form={"planner": "teller"})
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == card
+    assert card["sha256"] == hashlib.sha256((tmp_path / "a.jsonl").read_bytes()).hexdigest()
+    assert card["counts"]["by_driver"] == {"idm": 2}
+    assert card["options"] == {"count": 600, "seed": 0, "min_score": 0.0, "planner": "teller"}
+    assert card["of_suites"] == 0
+    assert card["versions"]["interplan_sumo"]
+
+
+def test_the_question_is_the_one_that_the_planner_puts(ours: Path, tmp_path: Path) -> None:
+    out = tmp_path / "a.jsonl"
+    write_chats(ChatRequest(out, (ours,), choice=ANY_SCORE), LlmWaypointsPlanner("scripted:nothing"))
+    for line in out.read_text(encoding="utf-8").splitlines():
+        system, user, assistant = json.loads(line)["messages"]
+        assert [each["role"] for each in (system, user, assistant)] == ["system", "user", "assistant"]
+        assert "Goal: forward" in user["content"]
+        answer = json.loads(assistant["content"])
+        assert answer["thoughts"].startswith("Nothing comes near.")
+        assert len(answer["waypoints"]) == 16
+
+
+# --- what is refused ---
+
+
+def test_scenes_of_a_suite_are_refused_unless_they_are_allowed(driven: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"scenes of the benchmark's suites \(.*\).*say --allow-benchmark"):
+        written(tmp_path / "a.jsonl", driven)
+    assert not (tmp_path / "a.jsonl").exists()
+    lines, card = written(tmp_path / "a.jsonl", driven, benchmark=True)
+    assert len(lines) == card["of_suites"] == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("a.json", {}, r"give a file whose name ends in \.jsonl"),
+        ("a.jsonl", {"count": 0}, "count is 0, expected 1 or more"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(
+    ours: Path, tmp_path: Path, name: str, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        written(tmp_path / name, ours, **options)
+
+
+def test_only_clean_drives_teach(driven: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no drive is left to export \(. score below 0\.9\)"):
+        write_chats(ChatRequest(tmp_path / "a.jsonl", (driven,), benchmark=True), Teller())

@@ -1,0 +1,281 @@
+"""Tuning: it learns, the same again, over an interruption too; and says in a card what it did."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from interplan_sumo.errors import InputError
+
+for needed in ("gguf", "jinja2"):
+    pytest.importorskip(needed, reason="needs the extra: pip install 'interplan-sumo[train]'")
+torch = pytest.importorskip("torch", reason="needs the extra: pip install 'interplan-sumo[train]'")
+
+from interplan_llm.tuning import train  # noqa: E402
+from interplan_llm.tuning.adapters import read_adapter  # noqa: E402
+from interplan_llm.tuning.card import file_sha256  # noqa: E402
+from interplan_llm.tuning.chat import ChatTokens  # noqa: E402
+from interplan_llm.tuning.examples import as_samples, divided, read_examples, shuffled_batches  # noqa: E402
+from interplan_llm.tuning.fitting import PATIENCE, Fitting, Settings  # noqa: E402
+from interplan_llm.tuning.gguf_weights import read_model  # noqa: E402
+from interplan_llm.tuning.heldout import Share, chance, first_offered  # noqa: E402
+from interplan_llm.tuning.llama import Llama  # noqa: E402
+from tests.llm.tuning_models import line, write_examples, write_llama  # noqa: E402
+
+FAST = Settings(epochs=5, learning_rate=0.02, rank=4, alpha=4.0, batch=4, threads=1, precision="float32")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> Iterator[None]:
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_llama(tmp_path_factory.mktemp("tuning") / "tiny.gguf")
+
+
+@pytest.fixture(scope="module")
+def examples(tiny: Path) -> Path:
+    return write_examples(tiny.parent / "examples.jsonl")
+
+
+def fitting(tiny: Path, examples: Path, folder: Path, settings: Settings = FAST) -> Fitting:
+    read = read_model(tiny)
+    learned, held_out = divided(as_samples(read_examples(examples), ChatTokens(read.vocabulary)), 100)
+    return Fitting(Llama(read), learned, held_out, settings, folder / "checkpoint.npz", "tiny")
+
+
+def tuned(tiny: Path, examples: Path, out: Path, *more: str) -> dict[str, Any]:
+    """The card of a run of the command."""
+    fast = "--epochs 2 --lr 0.02 --rank 4 --batch 4 --threads 1 --precision float32".split()
+    assert train.main([str(examples), "--out", str(out), "--base", str(tiny), *fast, *more]) == 0
+    return json.loads(out.with_suffix(".json").read_text(encoding="utf-8"))
+
+
+def silent(_: Fitting) -> None:
+    pass
+
+
+class _Stopped(Exception):  # noqa: N818 - an interruption
+    pass
+
+
+# --- learning ---
+
+
+def test_the_loss_falls_and_what_is_always_right_is_learned(
+    tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    examples = write_examples(tmp_path / "always.jsonl", answer="merge_right")
+    card = tuned(tiny, examples, tmp_path / "always.gguf", "--epochs", "8", "--targets", "attn_v,attn_output,ffn_down")
+    before, after = card["held_out"]["before"], card["held_out"]["after"]
+    assert after["token_loss"] < 0.5 * before["token_loss"]
+    assert before["agreement"]["count"] < after["agreement"]["count"] == 8
+    assert card["held_out"]["chance"] == 0.25
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith("20 examples to learn from")
+    assert "tokens/s" in said[2]
+    assert said[-1].startswith("wrote ")
+
+
+def test_the_card_says_what_was_made_of_what(tiny: Path, examples: Path, tmp_path: Path) -> None:
+    card = tuned(tiny, examples, tmp_path / "sign.gguf")
+    assert "not a zero-shot result" in card["caveat"]
+    assert card["adapter"]["sha256"] == file_sha256(tmp_path / "sign.gguf")
+    assert card["base"] == {"file": "tiny.gguf", "sha256": file_sha256(tiny)}
+    assert (card["examples"]["learned"], card["examples"]["held_out"]) == (20, 8)
+    assert card["settings"]["seed"] == 0
+    assert card["learning"]["ending"] == "done"
+    assert card["learning"]["steps"] == card["learning"]["of"] == 10
+    assert not list(tmp_path.glob("*.npz"))
+
+
+def test_the_card_of_the_examples_is_taken_over_if_it_is_theirs(tiny: Path, tmp_path: Path) -> None:
+    examples = write_examples(tmp_path / "examples.jsonl")
+    beside = tmp_path / "examples.jsonl.card.json"
+    told = {"seeds": [100_000, 100_015], "sha256": file_sha256(examples)}
+    for card, taken in ((told, told), ({**told, "sha256": "of another file"}, None)):
+        beside.write_text(json.dumps(card), encoding="utf-8")
+        assert tuned(tiny, examples, tmp_path / "sign.gguf", "--epochs", "1")["examples"]["card"] == taken
+
+
+def test_the_same_seed_gives_the_same_file_and_another_one_another(tiny: Path, examples: Path, tmp_path: Path) -> None:
+    for name, seed in (("first", "1"), ("same", "1"), ("other", "2")):
+        tuned(tiny, examples, tmp_path / f"{name}.gguf", "--seed", seed)
+    first, same, other = (read_adapter(tmp_path / f"{name}.gguf").tensors() for name in ("first", "same", "other"))
+    assert all(tensor.equal(same[name]) for name, tensor in first.items())
+    assert not all(tensor.equal(other[name]) for name, tensor in first.items())
+
+
+@pytest.mark.parametrize("stopped_at", [1, 12, 25])
+def test_an_interrupted_run_ends_as_if_nothing_had_happened(
+    tiny: Path, examples: Path, tmp_path: Path, stopped_at: int
+) -> None:
+    def stop(running: Fitting) -> None:
+        if running.progress.step == stopped_at:
+            raise _Stopped
+
+    whole = fitting(tiny, examples, tmp_path).run(math.inf, silent)
+    (tmp_path / "checkpoint.npz").unlink()
+    interrupted = fitting(tiny, examples, tmp_path)
+    with pytest.raises(_Stopped):
+        interrupted.run(math.inf, stop)
+    resumed = fitting(tiny, examples, tmp_path)
+    if stopped_at >= 2:  # the first look has left a checkpoint
+        assert 0 < resumed.resume() <= stopped_at
+    again = resumed.run(math.inf, silent)
+    assert again.progress.losses == whole.progress.losses
+    for name, tensor in whole.adapter.tensors().items():
+        assert tensor.equal(again.adapter.tensors()[name])
+
+
+def test_no_time_left_ends_with_a_checkpoint_and_an_adapter(
+    tiny: Path, examples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    card = tuned(tiny, examples, tmp_path / "sign.gguf", "--max-minutes", "0.001")
+    assert card["learning"]["ending"] == "out of time"
+    assert "--resume goes on" in capsys.readouterr().out
+    resumed = tuned(tiny, examples, tmp_path / "sign.gguf", "--resume")
+    assert resumed["learning"]["ending"] == "done"
+    uninterrupted = tuned(tiny, examples, tmp_path / "whole.gguf")
+    assert resumed["learning"]["looks"] == uninterrupted["learning"]["looks"]
+
+
+def test_it_ends_when_held_out_examples_no_longer_gain(tiny: Path, tmp_path: Path) -> None:
+    lines = [json.loads(line(number, "train")) for number in range(8)]
+    wrong = [json.loads(line(number, "val")) for number in range(4)]
+    for told in wrong:
+        told["messages"][2]["content"] = "merge_left" if told["messages"][2]["content"] != "merge_left" else "stop"
+    (tmp_path / "odd.jsonl").write_text("\n".join(json.dumps(told) for told in (*lines, *wrong)), encoding="utf-8")
+    fitted = fitting(tiny, tmp_path / "odd.jsonl", tmp_path, replace(FAST, epochs=60)).run(math.inf, silent)
+    assert fitted.ending == "no longer better"
+    looks = [look[2] or 0.0 for look in fitted.progress.losses]
+    assert looks.index(min(looks)) == len(looks) - 1 - PATIENCE
+    assert fitted.progress.best_step == fitted.progress.losses[looks.index(min(looks))][0]
+
+
+def test_a_checkpoint_of_something_else_is_refused(tiny: Path, examples: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nothing to resume"):
+        fitting(tiny, examples, tmp_path).resume()
+    fitting(tiny, examples, tmp_path).run(0.0, silent)
+    other = fitting(tiny, examples, tmp_path, replace(FAST, seed=9))
+    with pytest.raises(InputError, match="other examples or settings"):
+        other.resume()
+    (tmp_path / "checkpoint.npz").write_bytes(b"a text")
+    with pytest.raises(InputError, match="damaged"):
+        fitting(tiny, examples, tmp_path).resume()
+
+
+# --- examples ---
+
+
+def test_lines_without_a_split_are_held_out_by_their_own_hash(tmp_path: Path) -> None:
+    lines = [line(number) for number in range(300)]
+    lines = [each.replace("Sign", f"Sign {number}") for number, each in enumerate(lines)]
+    (tmp_path / "all.jsonl").write_text("\n".join(lines), encoding="utf-8")
+    (tmp_path / "some.jsonl").write_text("\n\n".join(lines[100:]), encoding="utf-8")
+    everything, some = (read_examples(tmp_path / f"{name}.jsonl") for name in ("all", "some"))
+    assert 15 <= sum(example.held_out for example in everything) <= 45
+    assert everything[100:] == some
+
+
+def test_batches_hold_every_example_once(tiny: Path, examples: Path) -> None:
+    samples = as_samples(read_examples(examples), ChatTokens(read_model(tiny).vocabulary))
+    first, same, other = (shuffled_batches(samples, 8, np.random.default_rng(seed)) for seed in (0, 0, 1))
+    assert sorted(index for batch in first for index in batch) == list(range(len(samples)))
+    assert first == same != other
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"messages": "none"}, "no JSON object with messages"),
+        ({"messages": [{"role": "user", "content": "a"}]}, "roles system, user, assistant"),
+        ({"choices": ["follow"]}, "the answer 'merge_left' is not among"),
+        ({"choices": "follow"}, "not a list of texts"),
+        ({"about": {"split": "test"}}, "expected train or val"),
+    ],
+)
+def test_a_line_that_cannot_be_used_is_named(tmp_path: Path, change: dict[str, Any], named: str) -> None:
+    told = {**json.loads(line(1)), **change}
+    (tmp_path / "bad.jsonl").write_text(f"{line(0)}\n{json.dumps(told)}\n", encoding="utf-8")
+    with pytest.raises(InputError, match=rf"bad\.jsonl:2: .*{named}"):
+        read_examples(tmp_path / "bad.jsonl")
+
+
+def test_nothing_to_learn_from_and_too_long_are_refused(tiny: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty.jsonl").write_text(line(0, "val"), encoding="utf-8")
+    with pytest.raises(InputError, match="no examples to learn from"):
+        read_examples(tmp_path / "empty.jsonl")
+    (tmp_path / "long.jsonl").write_text(line(0, "train").replace("Sign", "Sign" * 1100), encoding="utf-8")
+    with pytest.raises(InputError, match="takes 4096"):
+        as_samples(read_examples(tmp_path / "long.jsonl"), ChatTokens(read_model(tiny).vocabulary))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--targets", "attn_x"], "no target 'attn_x'"),
+        (["--rank", "0"], "--rank is 0"),
+        (["--max-minutes", "-1"], "--max-minutes is -1"),
+        (["--out", "nowhere/sign.gguf"], "in a folder that is there"),
+        (["--out", "sign.bin"], r"expected NAME\.gguf"),
+    ],
+)
+def test_what_the_command_cannot_do_is_one_line(
+    tiny: Path, examples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], named: str
+) -> None:
+    given = [str(examples), "--out", str(tmp_path / "sign.gguf"), "--base", str(tiny), *arguments]
+    assert train.main(given) == train.BAD_INPUT
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert error.count("\n") == 1
+    assert named.replace("\\", "") in error
+
+
+# --- figures ---
+
+
+def test_an_interval_holds_its_share_and_shrinks_with_numbers() -> None:
+    low, high = Share(8, 10).interval
+    assert (low, high) == (pytest.approx(0.490, abs=1e-3), pytest.approx(0.943, abs=1e-3))
+    assert Share(0, 10).interval[0] == 0.0
+    assert Share(10, 10).interval[1] == pytest.approx(1.0)
+    wider, narrower = Share(8, 10).interval, Share(80, 100).interval
+    assert wider[0] < narrower[0] < 0.8 < narrower[1] < wider[1]
+
+
+def test_chance_and_the_first_option_are_counted_where_there_are_choices(tiny: Path, tmp_path: Path) -> None:
+    told = [json.loads(line(number, "train")) for number in range(3)]
+    told[0]["choices"], told[1]["choices"] = ["follow", "stop"], ["follow", "merge_left", "stop", "merge_right"]
+    del told[2]["choices"]
+    (tmp_path / "three.jsonl").write_text("\n".join(map(json.dumps, told)), encoding="utf-8")
+    samples = as_samples(read_examples(tmp_path / "three.jsonl"), ChatTokens(read_model(tiny).vocabulary))
+    assert chance(samples) == pytest.approx((1 / 2 + 1 / 4) / 2)
+    assert first_offered(samples) == (Share(1, 2), None)
+    assert chance(samples[2:]) is None
+    assert first_offered(samples[2:]) == (None, None)
+
+
+def test_what_is_decisive_is_counted_by_itself_where_it_is_known(tiny: Path, tmp_path: Path) -> None:
+    told = [json.loads(line(0, "val")) for _ in range(3)]
+    for each, decisive in zip(told, (True, False, True), strict=True):
+        each["about"]["decisive"] = decisive
+        each["choices"] = ["follow", "stop"]
+    lines = [*map(json.dumps, told), line(1, "train")]
+    (tmp_path / "some.jsonl").write_text("\n".join(lines), encoding="utf-8")
+    samples = as_samples(read_examples(tmp_path / "some.jsonl"), ChatTokens(read_model(tiny).vocabulary))
+    learned, held_out = divided(samples, 10)
+    assert (len(learned), len(held_out), len(divided(samples, 2)[1])) == (1, 3, 2)
+    assert first_offered(held_out) == (Share(3, 3), Share(2, 2))
