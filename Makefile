@@ -8,7 +8,9 @@ WORKERS ?= 2
 # BLAS threads would fight with the worker processes.
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: help setup check test test-all golden smoke benchmark clean
+DATA ?= data/ordinary
+
+.PHONY: help setup check test test-all golden smoke benchmark data train tune-llm clean
 
 help:
 	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
@@ -17,6 +19,9 @@ help:
 	@echo "make check       lint, format and types"
 	@echo "make golden      only the comparison with nuPlan's own values"
 	@echo "make smoke       one scenario per family, in a minute"
+	@echo "make data        ordinary driving to train on, below data/ordinary"
+	@echo "make tune-llm    EXAMPLES=choices.jsonl [OUT=hybrid.gguf]: teach the small language model"
+	@echo "make train       PLANNER=pdm_open [DATA=folder] [TRAIN='--epochs 20']: train a learned planner anew"
 	@echo "make setup       make $(VENV) with everything for development"
 
 $(BIN)/python:
@@ -57,6 +62,22 @@ benchmark: $(VENV)/.installed
 	$(BIN)/interplan-sumo run --out runs/benchmark
 	$(BIN)/interplan-sumo report runs/benchmark --html runs/benchmark/report.html --replays lost
 	@echo "report: runs/benchmark/report.html"
+
+data: $(VENV)/.installed
+	$(BIN)/interplan-sumo dataset ordinary --out $(DATA) --workers $(WORKERS)
+
+# torch is in no other extra; the first call installs it.
+$(VENV)/.installed-train: pyproject.toml | $(VENV)/.installed-dev
+	$(BIN)/python -m pip install --quiet --editable ".[train]"
+	@touch $@
+
+train: $(VENV)/.installed-train
+	@test -n "$(PLANNER)" || { echo "error: which planner? make train PLANNER=pdm_open" >&2; exit 2; }
+	$(BIN)/python -m interplan_learned.training $(PLANNER) --data $(DATA) --out planners/interplan_learned/weights $(TRAIN)
+
+tune-llm: $(VENV)/.installed-train
+	@test -n "$(EXAMPLES)" || { echo "error: which examples? make tune-llm EXAMPLES=choices.jsonl" >&2; exit 2; }
+	$(BIN)/python -m interplan_llm.tuning.train $(EXAMPLES) --out $(or $(OUT),hybrid.gguf)
 
 clean:
 	rm -rf build dist runs .pytest_cache .ruff_cache

@@ -16,6 +16,7 @@ from interplan_sumo import __version__
 from interplan_sumo.cli import runs
 from interplan_sumo.cli.audit import audit
 from interplan_sumo.cli.certify import certify
+from interplan_sumo.cli.dataset import dataset_app
 from interplan_sumo.cli.export import export
 from interplan_sumo.cli.generate import generate
 from interplan_sumo.cli.llm import llm_app
@@ -36,6 +37,7 @@ app.command()(sweep)
 app.command()(verify)
 app.command()(export)
 app.command()(replay)
+app.add_typer(dataset_app, name="dataset")
 app.add_typer(scenarios_app, name="scenarios")
 scenarios_app.command("certify")(certify)
 scenarios_app.command("generate")(generate)

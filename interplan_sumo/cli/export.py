@@ -22,6 +22,13 @@ def export(
     certificates: Annotated[
         list[str] | None, typer.Option(help="NAME==VERSION of a suite whose certified drives to take.", metavar="SUITE")
     ] = None,
+    recordings: Annotated[
+        list[Path] | None, typer.Option(help="A recording, a nuPlan log, or a folder of logs.", metavar="SOURCE")
+    ] = None,
+    map: Annotated[
+        str,
+        typer.Option(help="The map of the recordings, as `maps import` made it; for nuPlan the folder of its maps."),
+    ] = "",
     every: Annotated[float, typer.Option(help="Seconds between the samples of a drive.")] = 0.5,
     min_score: Annotated[float, typer.Option(help="Only drives with at least this score, 0 to 1.")] = 0.9,
     holdout_maps: Annotated[
@@ -45,14 +52,16 @@ def export(
         folder=out,
         runs=tuple(runs or ()),
         certificates=tuple(certificates or ()),
+        recordings=tuple(recordings or ()),
+        map=map,
         every_s=every,
         choice=Choice(min_score, tuple(exclude or ()), tuple(holdout_maps or ()), tuple(holdout_seeds or ())),
         workers=available_cores() if workers is None else workers,
     )
     began_s = time.perf_counter()
     manifest = export_drives(request, None if quiet else _say)
-    entry = _summary(out, manifest, time.perf_counter() - began_s)
-    print_json(entry) if as_json else _print(entry)
+    entry = summary(out, manifest, time.perf_counter() - began_s)
+    print_json(entry) if as_json else print_summary(entry)
     return DONE
 
 
@@ -60,7 +69,7 @@ def _say(drive: Drive, done: int, drives: int) -> None:
     print(f"[{done}/{drives}] {drive.scenario.id}, {drive.planner}, seed {drive.seed}", file=sys.stderr, flush=True)
 
 
-def _summary(out: Path, manifest: dict[str, Any], wall_s: float) -> dict[str, Any]:
+def summary(out: Path, manifest: dict[str, Any], wall_s: float) -> dict[str, Any]:
     return {
         "folder": str(out),
         "hash": manifest["hash"],
@@ -71,7 +80,7 @@ def _summary(out: Path, manifest: dict[str, Any], wall_s: float) -> dict[str, An
     }
 
 
-def _print(entry: dict[str, Any]) -> None:
+def print_summary(entry: dict[str, Any]) -> None:
     by_split = ", ".join(f"{count} {split}" for split, count in entry["by_split"].items())
     print(f"{entry['samples']} samples ({by_split}) of {entry['drives']} drives: {entry['folder']}")
     print(f"{entry['bytes'] / 1e6:.1f} MB in {entry['wall_s']:.0f} s, hash {entry['hash'][:16]}")

@@ -5,15 +5,19 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 from interplan_sumo import __version__
+from interplan_sumo.batch.jobs import JobKey
 from interplan_sumo.batch.run_folder import read_run
-from interplan_sumo.batch.stored_drive import StoredDrives
-from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
+from interplan_sumo.dataset.cars import Cars
+from interplan_sumo.dataset.folder import file_hash
+from interplan_sumo.dataset.recorded import RECORDED, Window, maps_beside, window_drive, windows
+from interplan_sumo.errors import InputError, ScenarioError, UnknownNameError
 from interplan_sumo.maps.store import MapFiles, find_map, load_roads
 from interplan_sumo.proving.replay import replay
 from interplan_sumo.scenario import certificates
@@ -33,31 +37,41 @@ CERTIFICATE = "certificate"
 class Drive:
     """One drive, not read yet."""
 
-    origin: Literal["run", "certificate"]
+    origin: Literal["run", "certificate", "recording"]
     source: str
-    """Name of the run folder, or `name==version` of the suite."""
+    """Name of the run folder or of the recording's file, or `name==version` of the suite."""
     scenario: Scenario
-    """As it was driven."""
+    """As it was driven; for a background car with its own start, route and goal."""
     map: MapFiles
     planner: str
+    """Who drove; `sumo` for a background car."""
     seed: int
-    score: float
+    """Of a recording its number among those that were given, from 0 on."""
+    score: float | None
+    """None for a recording."""
     trace_hash: str
     generator: str
     """Version of interplan-sumo that drove it; certificates are replayed by this one."""
     run_folder: Path | None = None
     """None for a certificate."""
+    row: JobKey | None = None
+    """In the run folder."""
+    car: str = ""
+    """The background car that is taken for the ego; none is the ego itself."""
+    window: Window | None = None
+    """Of a recording."""
 
     @property
-    def key(self) -> tuple[str, str, int, str]:
-        return (self.scenario.id, self.planner, self.seed, self.trace_hash)
+    def key(self) -> tuple[str, str, int, str, str]:
+        return (self.scenario.id, self.planner, self.seed, self.trace_hash, self.car)
 
     def as_json(self, split: Split, samples: int) -> dict[str, Any]:
         """A line of drives.jsonl."""
         scenario = self.scenario
         return {
             "origin": self.origin, "source": self.source, "scenario_id": scenario.id, "family": scenario.family,
-            "map": self.map.name, "seed": self.seed, "planner": self.planner, "score": round(self.score, 6),
+            "map": self.map.name, "seed": self.seed, "planner": self.planner, "car": self.car or None,
+            "score": None if self.score is None else round(self.score, 6),
             "route": list(scenario.route), "goal_lane": scenario.goal.lane, "split": split, "samples": samples,
             "scenario_hash": scenario.hash(), "trace_hash": self.trace_hash, "generator": self.generator,
         }  # fmt: skip
@@ -88,28 +102,34 @@ class Chosen:
     left_out: dict[str, int]
 
 
-def chosen_drives(runs: Sequence[Path], suites: Sequence[str], choice: Choice) -> Chosen:
-    """The drives of run folders and the certificates of suites that pass; each trace once.
+def chosen_drives(
+    runs: Sequence[Path], suites: Sequence[str], choice: Choice, recordings: Sequence[Path] = (), on_map: str = ""
+) -> Chosen:
+    """The drives of run folders, the certificates of suites that pass, and what recordings on a map show; each once.
 
     InputError if there is nothing to look at, nothing passes, or something is
     named in vain.
     """
-    if not runs and not suites:
+    if not runs and not suites and not recordings:
         raise InputError(
             "nothing to export: give run folders, such as runs/mine, or --certificates NAME==VERSION, such as "
-            "--certificates common==1"
+            "--certificates common==1, or --recordings with a log"
         )
+    if recordings and not on_map:
+        raise InputError(f"no map for {recordings[0]}; give it with --map, for nuPlan the folder of its maps")
     if not 0.0 <= choice.min_score <= 1.0:
         raise InputError(f"min-score is {choice.min_score:g}, expected 0 to 1: scores count from 0 to 1 here")
     left_out: Counter[str] = Counter()
     found = [drive for folder in dict.fromkeys(runs) for drive in _of_run(folder, left_out)]
     found += [drive for key in dict.fromkeys(suites) for drive in _of_suite(find_suite(key), left_out)]
+    for number, source in enumerate(dict.fromkeys(recordings)):
+        found += _of_recording(source, on_map, number, left_out)
     _check_names("family", choice.exclude, (drive.scenario.family for drive in found))
-    kept: dict[tuple[str, str, int, str], Drive] = {}
+    kept: dict[tuple[str, str, int, str, str], Drive] = {}
     for drive in sorted(found, key=lambda each: (each.key, each.source)):
         if drive.scenario.family in choice.exclude:
             left_out["family excluded"] += 1
-        elif drive.score < choice.min_score:
+        elif drive.score is not None and drive.score < choice.min_score:
             left_out[f"score below {choice.min_score:g}"] += 1
         elif kept.setdefault(drive.key, drive) is not drive:
             left_out["the same drive twice"] += 1
@@ -127,11 +147,12 @@ def driven(drive: Drive) -> tuple[Scenario, Roads, Trace]:
 
     InputError if the trace is not the one that was scored, TrafficError if SUMO fails.
     """
+    if drive.window is not None:
+        return window_drive(drive.window)
     roads = load_roads(drive.scenario.map, drive.scenario.maps_beside)
-    if drive.run_folder is not None:
-        stored = _stored_drives(drive.run_folder)
-        row = stored.run.rows[drive.scenario.id, drive.planner, drive.seed]
-        return drive.scenario, roads, stored.read(row).trace
+    if drive.run_folder is not None and drive.row is not None:
+        trace = _stored_drive(drive.run_folder, drive.row).trace
+        return drive.scenario, roads, _cars(drive.run_folder, drive.row).drive(drive.car).trace if drive.car else trace
     certificate = _certificates(find_suite(drive.source))[drive.scenario.id]
     trace = replay(drive.scenario, certificate.track)
     if trace.hash() != drive.trace_hash:
@@ -140,6 +161,11 @@ def driven(drive: Drive) -> tuple[Scenario, Roads, Trace]:
             f"SUMO or the package; see `interplan-sumo scenarios certify --suite {drive.source} --check`"
         )
     return drive.scenario, roads, trace
+
+
+def map_hash(files: MapFiles) -> str:
+    """SHA-256 of a map, with its network where it has one: recordings need none."""
+    return files.hash() if files.network.is_file() else file_hash(files.gpkg)
 
 
 def source_hash(drives: Iterable[Drive]) -> str:
@@ -157,7 +183,7 @@ def _of_run(folder: Path, left_out: Counter[str]) -> Iterable[Drive]:
         scenario = stored.scenario(row)
         yield Drive(
             "run", folder.resolve().name, scenario, find_map(scenario.map, scenario.maps_beside), key[1], key[2],
-            row["score"], row["trace_hash"], row.get("versions", {}).get("interplan_sumo", ""), folder.resolve(),
+            row["score"], row["trace_hash"], row.get("versions", {}).get("interplan_sumo", ""), folder.resolve(), key,
         )  # fmt: skip
 
 
@@ -171,6 +197,20 @@ def _of_suite(suite: Suite, left_out: Counter[str]) -> Iterable[Drive]:
         yield Drive(
             "certificate", suite.key, scenario, find_map(scenario.map, scenario.maps_beside), CERTIFICATE, 0,
             certificate.summary.score, certificate.summary.trace_hash, __version__,
+        )  # fmt: skip
+
+
+def _of_recording(source: Path, map: str, number: int, left_out: Counter[str]) -> Iterable[Drive]:
+    for window in windows(source, map):
+        try:
+            made, _, trace = window_drive(window)
+        except ScenarioError:
+            left_out["recorded off the lanes, or alone"] += 1
+            continue
+        scenario = replace(made, maps_beside=maps_beside(window))
+        yield Drive(
+            "recording", window.path.name, scenario, window.map, RECORDED, number, None, trace.hash(), __version__,
+            window=window,
         )  # fmt: skip
 
 
@@ -188,6 +228,17 @@ def _stored_drives(folder: Path) -> StoredDrives:
     return StoredDrives(read_run(folder))
 
 
+@lru_cache(maxsize=1)  # the cars of a drive come one after the other
+def _stored_drive(folder: Path, row: JobKey) -> StoredDrive:
+    stored = _stored_drives(folder)
+    return stored.read(stored.run.rows[row])
+
+
+@lru_cache(maxsize=1)
+def _cars(folder: Path, row: JobKey) -> Cars:
+    return Cars(_stored_drive(folder, row).trace)
+
+
 def _check_names(what: str, given: Iterable[str], known: Iterable[str]) -> None:
     names = set(known)
     for name in given:
@@ -200,7 +251,7 @@ def _check_maps(drives: Iterable[Drive]) -> None:
     first: dict[str, MapFiles] = {}
     for drive in drives:
         other = first.setdefault(drive.map.name, drive.map)
-        if other.folder != drive.map.folder and other.hash() != drive.map.hash():
+        if other.folder != drive.map.folder and map_hash(other) != map_hash(drive.map):
             raise InputError(
                 f"{other.folder} and {drive.map.folder} are two maps of one name; export their drives apart"
             )

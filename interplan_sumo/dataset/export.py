@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -20,7 +20,18 @@ from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.dataset import folder as layout
 from interplan_sumo.dataset.columns import count_of, joined, picked, read_arrays, write_arrays
-from interplan_sumo.dataset.drives import SPLITS, Choice, Chosen, Drive, Split, chosen_drives, driven, source_hash
+from interplan_sumo.dataset.drives import (
+    SPLITS,
+    Choice,
+    Chosen,
+    Drive,
+    Split,
+    chosen_drives,
+    driven,
+    map_hash,
+    source_hash,
+)
+from interplan_sumo.dataset.recorded import window_frames
 from interplan_sumo.dataset.samples import LEAST_FUTURE_FRAMES, drive_samples
 from interplan_sumo.errors import InputError, InterplanError, TrafficError
 from interplan_sumo.features import schema
@@ -39,6 +50,10 @@ class ExportRequest:
     runs: tuple[Path, ...] = ()
     certificates: tuple[str, ...] = ()
     """Suites, as `name==version`."""
+    recordings: tuple[Path, ...] = ()
+    """Files of recordings, or folders of nuPlan's logs."""
+    map: str = ""
+    """Of the recordings: a map that was imported, or the folder of nuPlan's maps."""
     every_s: float = 0.5
     """Between the samples of a drive."""
     choice: Choice = field(default_factory=Choice)
@@ -54,6 +69,17 @@ class _Part:
     number: int
     drive: Drive
     every_frames: int
+    frames: tuple[int, ...] | None
+    """None: all that are far enough apart and have enough ahead of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """What became of a part."""
+
+    samples: int = 0
+    situations: tuple[int, ...] = (0,) * len(schema.SITUATIONS)
+    """How many samples show each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,30 +103,55 @@ def export(request: ExportRequest, on_drive: Callable[[Drive, int, int], None] |
     many. InputError for what cannot be used, TrafficError if SUMO fails: the
     folder is left unfinished then.
     """
-    every_frames = _frames(request.every_s)
+    check(request)
+    chosen = chosen_drives(request.runs, request.certificates, request.choice, request.recordings, request.map)
+    return write(request, chosen, on_drive=on_drive)
+
+
+def check(request: ExportRequest) -> None:
+    """InputError if a number of the request cannot be."""
+    frames_in(request.every_s)
     if request.workers < 0:
         raise InputError(f"workers is {request.workers}, expected 0 (in this process) or more")
     if request.shard_samples < 1:
         raise InputError(f"shard_samples is {request.shard_samples}, expected 1 or more")
-    chosen = chosen_drives(request.runs, request.certificates, request.choice)
+
+
+def write(
+    request: ExportRequest,
+    chosen: Chosen,
+    frames: Sequence[tuple[int, ...]] | None = None,
+    further: Mapping[str, Any] | None = None,
+    on_drive: Callable[[Drive, int, int], None] | None = None,
+) -> dict[str, Any]:
+    """Write the samples of drives that have been chosen, at some frames of each if they are given; the manifest.
+
+    `further` becomes part of the manifest. Otherwise as `export`.
+    """
+    every_frames = frames_in(request.every_s)
     layout.begin(request.folder)
     try:
-        parts = [_Part(number, drive, every_frames) for number, drive in enumerate(chosen.drives)]
-        counts = _made(request, parts, on_drive)
+        parts = [
+            _Part(number, drive, every_frames, None if frames is None else frames[number])
+            for number, drive in enumerate(chosen.drives)
+        ]
+        made = _made(request, parts, on_drive)
+        counts = [each.samples for each in made]
         splits: list[Split] = [request.choice.split(drive) for drive in chosen.drives]
         shards = _shards(counts, splits, request.shard_samples)
         for _ in _answers(request, shards):
             pass
         _write_drives(request.folder / layout.DRIVES, chosen.drives, splits, counts)
         maps = _write_maps(request.folder, chosen.drives)
-        manifest = _manifest(request, chosen, splits, counts, shards, maps)
+        manifest = _manifest(request, chosen, splits, made, shards, maps) | dict(further or {})
         layout.finish(request.folder, manifest)
     except OSError as error:
         raise layout.unwritable(request.folder, error) from None
     return manifest
 
 
-def _frames(every_s: float) -> int:
+def frames_in(every_s: float) -> int:
+    """How many frames apart samples are; InputError if that is no whole number."""
     frames = round(every_s / schema.STEP_S)
     if frames < 1 or abs(frames * schema.STEP_S - every_s) > 1e-9:
         raise InputError(f"every is {every_s:g} s, expected a positive multiple of {schema.STEP_S:g} s")
@@ -113,23 +164,28 @@ def _frames(every_s: float) -> int:
 def _open(out: Path, _group: str, publish: Publish) -> Work:
     def work(task: _Part | _Shard) -> Answer:
         publish("simulate")
-        return {"samples": _write_part(out, task) if isinstance(task, _Part) else _write_shard(out, task)}, None
+        return (_write_part(out, task) if isinstance(task, _Part) else _write_shard(out, task)), None
 
     return work
 
 
-def _write_part(out: Path, part: _Part) -> int:
-    columns = drive_samples(*driven(part.drive), drive=part.number, every_frames=part.every_frames)
+def _write_part(out: Path, part: _Part) -> dict[str, Any]:
+    scenario, roads, trace = driven(part.drive)
+    frames: Sequence[int] | None = part.frames
+    if frames is None and part.drive.window is not None:
+        frames = window_frames(trace, part.every_frames)
+    columns = drive_samples(scenario, roads, trace, drive=part.number, every_frames=part.every_frames, frames=frames)
     write_arrays(_part_file(out, part.number), columns, level=1)
-    return count_of(columns)
+    shown = np.bincount(columns["situation"], minlength=len(schema.SITUATIONS))
+    return {"samples": count_of(columns), "situations": shown.tolist()}
 
 
-def _write_shard(out: Path, shard: _Shard) -> int:
+def _write_shard(out: Path, shard: _Shard) -> dict[str, Any]:
     pieces = [
         picked(read_arrays(_part_file(out, number)), np.arange(first, last)) for number, first, last in shard.pieces
     ]
     write_arrays(out / layout.SHARDS / shard.name, joined(pieces))
-    return shard.samples
+    return {"samples": shard.samples}
 
 
 def _part_file(out: Path, number: int) -> Path:
@@ -141,18 +197,18 @@ def _part_file(out: Path, number: int) -> Path:
 
 def _made(
     request: ExportRequest, parts: Sequence[_Part], on_drive: Callable[[Drive, int, int], None] | None
-) -> list[int]:
-    """Make all parts; how many samples each has."""
-    counts = [0] * len(parts)
-    for done, (part, samples) in enumerate(_answers(request, parts), start=1):
-        counts[part.number] = samples
+) -> list[_Made]:
+    """Make all parts; what became of each."""
+    made = [_Made()] * len(parts)
+    for done, (part, answer) in enumerate(_answers(request, parts), start=1):
+        made[part.number] = _Made(int(answer["samples"]), tuple(answer["situations"]))
         if on_drive is not None:
             on_drive(part.drive, done, len(parts))
-    return counts
+    return made
 
 
-def _answers(request: ExportRequest, payloads: Sequence[Any]) -> Iterable[tuple[Any, int]]:
-    """Each payload with its count, as they are done; the first fault ends it. For a single one nobody is hired."""
+def _answers(request: ExportRequest, payloads: Sequence[Any]) -> Iterable[tuple[Any, dict[str, Any]]]:
+    """Each payload with its answer, as they are done; the first fault ends it. For a single one nobody is hired."""
     workers = request.workers if len(payloads) > 1 else 0
     tasks = [Task(number, _GROUP, payload) for number, payload in enumerate(payloads)]
     work = partial(_open, request.folder.resolve())
@@ -163,7 +219,7 @@ def _answers(request: ExportRequest, payloads: Sequence[Any]) -> Iterable[tuple[
                 what = f"{payload.drive.scenario.id}, " if isinstance(payload, _Part) else ""
                 error = TrafficError if fault.kind == "traffic" else InterplanError
                 raise error(f"{what}{fault.kind} fault: {fault.message}; repeat the export")
-            yield payload, int(outcome.value["samples"])
+            yield payload, outcome.value
 
 
 def _shards(counts: Sequence[int], splits: Sequence[Split], size: int) -> list[_Shard]:
@@ -206,17 +262,18 @@ def _write_maps(folder: Path, drives: Sequence[Drive]) -> dict[str, dict[str, st
             path = folder / layout.MAPS / f"{name}.npz"
             write_arrays(path, lane_graph(roads).tables())
             about[name] = {
-                "crs": roads.crs, "driving_side": roads.driving_side, "map_sha256": drive.map.hash(),
+                "crs": roads.crs, "driving_side": roads.driving_side, "map_sha256": map_hash(drive.map),
                 "sha256": layout.file_hash(path),
             }  # fmt: skip
     return about
 
 
 def _manifest(
-    request: ExportRequest, chosen: Chosen, splits: Sequence[Split], counts: Sequence[int], shards: Sequence[_Shard],
+    request: ExportRequest, chosen: Chosen, splits: Sequence[Split], made: Sequence[_Made], shards: Sequence[_Shard],
     maps: dict[str, dict[str, str]],
 ) -> dict[str, Any]:  # fmt: skip
     folder, choice = request.folder, request.choice
+    counts = [each.samples for each in made]
     files = [folder / layout.SHARDS / shard.name for shard in shards]
     held = [
         {"file": f"{layout.SHARDS}/{path.name}", "split": shard.split, "samples": shard.samples,
@@ -254,6 +311,8 @@ def _manifest(
             "by_split": _tally(zip(splits, counts, strict=True)),
             "by_family": _tally(zip((d.scenario.family for d in chosen.drives), counts, strict=True)),
             "by_map": _tally(zip((d.map.name for d in chosen.drives), counts, strict=True)),
+            "by_planner": _tally(zip((d.planner for d in chosen.drives), counts, strict=True)),
+            "by_situation": _by_situation(splits, made),
         },
         "maps": maps,
         "drives": {"file": layout.DRIVES, "sha256": drives_hash},
@@ -271,6 +330,14 @@ def _sources(drives: Sequence[Drive], counts: Sequence[int]) -> list[dict[str, A
              "hash": source_hash(drives[k] for k in rows)}
         )  # fmt: skip
     return found
+
+
+def _by_situation(splits: Sequence[Split], made: Sequence[_Made]) -> dict[str, dict[str, int]]:
+    """For each split, how many of its samples show what."""
+    sums = {split: np.zeros(len(schema.SITUATIONS), dtype=np.int64) for split in SPLITS if split in splits}
+    for split, each in zip(splits, made, strict=True):
+        sums[split] += each.situations
+    return {split: dict(zip(schema.SITUATIONS, total.tolist(), strict=True)) for split, total in sums.items()}
 
 
 def _tally(pairs: Iterable[tuple[str, int]]) -> dict[str, int]:

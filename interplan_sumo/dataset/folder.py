@@ -6,6 +6,7 @@
 | drives.jsonl | a line per drive: scenario, family, map, seed, planner, score, route, goal lane, split |
 | shards/<split>-<number>.npz | samples, a fixed number in each but the last of a split |
 | maps/<name>.npz | the lane graph of a map |
+| driven/ | run folders of a dataset for which drives were made; may be deleted |
 | unfinished, parts/ | only while it is being written |
 """
 
@@ -23,6 +24,8 @@ FORMAT: Final = 1
 KIND: Final = "interplan-sumo training data"
 MANIFEST, DRIVES, SHARDS, MAPS = "manifest.json", "drives.jsonl", "shards", "maps"
 UNFINISHED, PARTS = "unfinished", "parts"
+DRIVEN: Final = "driven"
+"""Run folders that were made for the dataset; kept when it is made anew."""
 
 
 def begin(folder: Path) -> None:
@@ -31,11 +34,7 @@ def begin(folder: Path) -> None:
     InputError if it holds anything else or cannot be written.
     """
     try:
-        if folder.exists() and not folder.is_dir():
-            raise InputError(f"{folder} is a file; give a folder as --out")
-        if folder.is_dir() and any(folder.iterdir()) and not _is_ours(folder):
-            stranger = sorted(each.name for each in folder.iterdir())[0]
-            raise InputError(f"{folder} holds {stranger!r} and is no dataset; give an empty or a new folder as --out")
+        check_free(folder)
         (folder / PARTS).mkdir(parents=True, exist_ok=True)
         (folder / UNFINISHED).touch()
         for name in (MANIFEST, DRIVES):
@@ -45,6 +44,15 @@ def begin(folder: Path) -> None:
             (folder / name).mkdir()
     except OSError as error:
         raise unwritable(folder, error) from None
+
+
+def check_free(folder: Path) -> None:
+    """InputError if the folder is a file, or holds what belongs to no dataset."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; give a folder as --out")
+    strangers = sorted({each.name for each in folder.iterdir()} - {DRIVEN}) if folder.is_dir() else []
+    if strangers and not _is_ours(folder):
+        raise InputError(f"{folder} holds {strangers[0]!r} and is no dataset; give an empty or a new folder as --out")
 
 
 def finish(folder: Path, manifest: dict[str, Any]) -> None:

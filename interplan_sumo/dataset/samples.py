@@ -8,6 +8,7 @@ from typing import Any, Final
 from interplan_sumo.dataset.columns import Columns, stacked
 from interplan_sumo.dataset.labels import Futures, GraphWay
 from interplan_sumo.dataset.seen_again import SeenAgain
+from interplan_sumo.dataset.situations import Situations
 from interplan_sumo.features.tracks import nearest_agents
 from interplan_sumo.features.view import EgoView
 from interplan_sumo.scenario.scenario import Scenario
@@ -23,13 +24,17 @@ def sample_frames(trace: Trace, every_frames: int) -> Sequence[int]:
     return range(0, len(trace) - LEAST_FUTURE_FRAMES, every_frames)
 
 
-def drive_samples(scenario: Scenario, roads: Roads, trace: Trace, *, drive: int, every_frames: int) -> Columns:
-    """All samples of a drive, which has the number `drive`, in order of time."""
+def drive_samples(
+    scenario: Scenario, roads: Roads, trace: Trace, *, drive: int, every_frames: int = 1,
+    frames: Sequence[int] | None = None,
+) -> Columns:  # fmt: skip
+    """The samples of a drive, which has the number `drive`, in order of time; at `frames` only, if they are given."""
     seen_again = SeenAgain(scenario, roads, trace)
     view = EgoView(seen_again.mission)
     futures, way = Futures(trace), GraphWay(roads, trace)
+    situations = Situations(scenario, roads, trace, way)
     samples: list[dict[str, Any]] = []
-    for tick in sample_frames(trace, every_frames):
+    for tick in sample_frames(trace, every_frames) if frames is None else frames:
         seen = seen_again.at(tick)
         frame = view.frame(seen)
         nodes, edges = way.at(tick)
@@ -40,6 +45,7 @@ def drive_samples(scenario: Scenario, roads: Roads, trace: Trace, *, drive: int,
                 "agent_futures": futures.agents(tick, nearest_agents(seen.actors, frame), frame),
                 "expert_nodes": nodes,
                 "expert_edges": edges,
+                "situation": situations.at(tick),
                 "drive": drive,
                 "tick": tick,
             }

@@ -39,6 +39,11 @@ LONG_VEHICLE_M: Final = 7.0
 YAW_SLACK_RAD: Final = 1e-3
 """Yaws between -pi and so much more are given as 2 pi more: dead against the ego is +pi, however it was rounded."""
 
+SITUATIONS: Final = (
+    "free", "following", "stopping", "red_light", "standing", "starting", "turning", "lane_change",
+)  # fmt: skip
+"""What a sample may show."""
+
 Group = Literal["seen", "future", "label", "about"]
 Frame = Literal["ego", "map", ""]
 
@@ -169,6 +174,8 @@ FIELDS: Final = (
           "PGP: node of the lane graph under the rear axle, now and at each step; -1 where there is none"),
     Field("expert_edges", "label", (None,), "int32", "",
           "PGP: edges of the lane graph that lead from each node to the next one, in driving order"),
+    Field("situation", "about", (), "int8", "",
+          f"what happens in it: {', '.join(f'{code} {name}' for code, name in enumerate(SITUATIONS))}"),
     Field("drive", "about", (), "int32", "", "line of drives.jsonl, counted from 0"),
     Field("tick", "about", (), "int32", "", "frame of the drive, 0.1 s each"),
 )  # fmt: skip

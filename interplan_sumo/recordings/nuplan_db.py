@@ -145,11 +145,17 @@ class NuplanLog:
             raise UnknownNameError("scenario tag", tag, {name for _, name in rows}, f"(log {self.name})")
         return found
 
+    @property
+    def lasts_s(self) -> float:
+        """From the first sweep to the last."""
+        return self._moment(self._frames[-1]).at_s
+
     def moment_at(self, at_s: float) -> Moment:
         """The sweep nearest to a time since the log began; InputError if that is not within it."""
-        last_s = self._moment(self._frames[-1]).at_s
-        if not 0.0 <= at_s <= last_s:
-            raise InputError(f"{self.path}: the log lasts from 0 to {last_s:.1f} s, there is nothing at {at_s:g} s")
+        if not 0.0 <= at_s <= self.lasts_s:
+            raise InputError(
+                f"{self.path}: the log lasts from 0 to {self.lasts_s:.1f} s, there is nothing at {at_s:g} s"
+            )
         return min(map(self._moment, self._frames), key=lambda moment: abs(moment.at_s - at_s))
 
     def _moment(self, frame: _Frame) -> Moment:

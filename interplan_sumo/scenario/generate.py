@@ -10,7 +10,7 @@ import numpy as np
 
 from interplan_sumo.errors import ScenarioError, UnknownNameError
 from interplan_sumo.scenario.families import FAMILIES
-from interplan_sumo.scenario.ordinary import TYPES
+from interplan_sumo.scenario.ordinary import MAKERS
 from interplan_sumo.scenario.route import route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import Rejected, UnsuitableError, places
@@ -26,14 +26,14 @@ class Search:
 
     roads: Roads
     family: str
-    """One of `FAMILIES` or of the ordinary `TYPES`."""
+    """One of `FAMILIES` or of the `MAKERS` of ordinary scenes."""
     seed: int
     rejected: list[Rejected] = field(default_factory=list[Rejected])
     """Places that do not suit, with the reasons, as far as they were looked at."""
 
     def __post_init__(self) -> None:
-        if self.family not in FAMILIES and self.family not in TYPES:
-            raise UnknownNameError("family", self.family, (*FAMILIES, *TYPES))
+        if self.family not in FAMILIES and self.family not in MAKERS:
+            raise UnknownNameError("family", self.family, (*FAMILIES, *MAKERS))
 
     def __iter__(self) -> Iterator[Scenario]:
         """Scenarios without end, on sites apart from one another as long as the map has them.
@@ -69,8 +69,8 @@ class Search:
     def _made(self, lane_id: str, at_m: float, number: int, rng: np.random.Generator) -> Scenario | None:
         id = f"{self.roads.name}.{self.family}/{self.seed}-{number}"
         try:
-            if self.family in TYPES:
-                scenario = TYPES[self.family](id, self.roads, lane_id, at_m, rng)
+            if self.family in MAKERS:
+                scenario = MAKERS[self.family](id, self.roads, lane_id, at_m, rng)
             else:
                 family = FAMILIES[self.family]
                 scenario = family.drawn(id, self.roads, family.suitable(self.roads, lane_id, at_m), rng)

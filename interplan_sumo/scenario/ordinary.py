@@ -1,6 +1,7 @@
 """Ordinary driving: the fourteen scenario types of nuPlan's challenge, as far as background traffic can stage them.
 
-A planner that masters these and fails on the families shows what the benchmark is about.
+A planner that masters these and fails on the families shows what the benchmark is about. `trip` is none of the
+types: a drive through the town with the turns, lights and lane changes that lie on its way.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from interplan_sumo.scenario.scenario import (
     TrafficDemand,
     VehicleKind,
 )
-from interplan_sumo.scenario.sites import Site, UnsuitableError, edges_m, site_at, walk
+from interplan_sumo.scenario.sites import CENTIMETRES, IN_LANE_M, Site, UnsuitableError, edges_m, site_at, walk
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Connector, Roads, Turn
 
@@ -30,6 +31,14 @@ PARKING_M: Final = 2.0
 """Width beside the lane in which a car can park without reaching into it."""
 PEOPLE_MPS: Final = 1.3
 """People on a crosswalk walk at this speed."""
+TRIP_M: Final = (150.0, 350.0)
+"""Length of a trip; 30 s of driving at most of our limits."""
+CHANGE_ROOM_M: Final = 50.0
+"""A trip leaves as much room for each of its lane changes: almost 4 s at 50 km/h."""
+BESIDE_SHARE: Final = 0.7
+"""Of the trips with room for it end on the lane beside the one that they would come to."""
+STRAIGHT_SHARE: Final = 0.4
+"""Of the junctions at which a trip could also turn."""
 
 Maker = Callable[[str, Roads, str, float, np.random.Generator], Scenario]
 
@@ -207,6 +216,57 @@ def _change(id: str, roads: Roads, lane_id: str, at_m: float, _rng: np.random.Ge
     return _scenario(id, roads, start, site.goal, site.route, share=0.7, density="low")
 
 
+# --- through the town --------------------------------------------------------------------------
+
+
+def _trip(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
+    """Goes some way through the town: straight on, off to the sides and from lane to lane, as drawn."""
+    start = LanePlace(lane_id, round(at_m, CENTIMETRES))
+    share = float(np.round(rng.choice((0.0, 0.4, 0.7, 0.9)), 1))
+    length_m, left_m = roads[lane_id].centerline.length_m, float(rng.uniform(*TRIP_M))
+    if not IN_LANE_M <= at_m <= length_m - IN_LANE_M:
+        raise UnsuitableError(f"an end of the lane is nearer than {IN_LANE_M:.0f} m")
+    here, room_m, chain = lane_id, length_m - at_m, [lane_id]
+    while left_m > room_m - IN_LANE_M:
+        way = _way_on(roads, here, room_m, rng)
+        if roads[way.to_lane_id].roadblock_id in roads.route_through(chain):
+            raise UnsuitableError("the way drawn comes back to where it was")
+        left_m -= room_m + way.centerline.length_m
+        here, room_m = way.to_lane_id, roads[way.to_lane_id].centerline.length_m
+        chain += [way.from_lane_id, way.id, here]
+    begin_m = roads[here].centerline.length_m - room_m
+    goal = _beside(roads, LanePlace(here, round(begin_m + max(left_m, IN_LANE_M), CENTIMETRES)), begin_m, rng)
+    route = roads.route_through((*chain, goal.lane))
+    return _scenario(id, roads, start, goal, route, share=share, density=_some(rng), oncoming=_some(rng))
+
+
+def _way_on(roads: Roads, lane_id: str, room_m: float, rng: np.random.Generator) -> Connector:
+    """A way out of the roadblock, from a lane that can be reached in time; turns and straight ways alike."""
+    siblings = roads.roadblocks[roads[lane_id].roadblock_id].lane_ids
+    here = siblings.index(lane_id)
+    near = [lane for i, lane in enumerate(siblings) if abs(i - here) * CHANGE_ROOM_M <= room_m]
+    ways = [roads.connectors[way] for lane in near for way in roads.outgoing(lane)]
+    turns = sorted({way.turn for way in ways} - {Turn.U_TURN})
+    if not turns:
+        raise UnsuitableError("the road ends on the way drawn")
+    straight = Turn.STRAIGHT in turns and (len(turns) == 1 or rng.random() < STRAIGHT_SHARE)
+    others = [turn for turn in turns if turn is not Turn.STRAIGHT]
+    turn = Turn.STRAIGHT if straight else others[int(rng.integers(len(others)))]
+    pool = [way for way in ways if way.turn is turn]
+    return pool[int(rng.integers(len(pool)))]
+
+
+def _beside(roads: Roads, place: LanePlace, begin_m: float, rng: np.random.Generator) -> LanePlace:
+    """A goal, or in most cases the one beside it on a neighbour lane, where there is room to change."""
+    neighbours = [lane for lane in (roads.left_of(place.lane), roads.right_of(place.lane)) if lane is not None]
+    if not neighbours or place.arc_m - begin_m < CHANGE_ROOM_M or rng.random() >= BESIDE_SHARE:
+        return place
+    lane = neighbours[int(rng.integers(len(neighbours)))]
+    there = place.pose(roads)
+    arc_m = round(lane.centerline.project_point(there.x_m, there.y_m)[0], CENTIMETRES)
+    return LanePlace(lane.id, min(arc_m, lane.centerline.length_m - IN_LANE_M))
+
+
 # --- parts -------------------------------------------------------------------------------------
 
 
@@ -281,3 +341,5 @@ TYPES: Final[dict[str, Maker]] = {
     "following_lane_with_lead": _with_lead("car", 1.8, 0.7),
 }
 """The types of nuPlan's challenge and their makers."""
+MAKERS: Final[dict[str, Maker]] = {**TYPES, "trip": _trip}
+"""All that makes scenes of ordinary driving."""

@@ -106,7 +106,7 @@ def test_shards_are_full_but_for_the_last_of_a_split(driven: Path, tmp_path: Pat
 
 
 def test_low_scores_and_excluded_families_stay_out_and_are_counted(driven: Path, tmp_path: Path) -> None:
-    scores = sorted({drive.score for drive in chosen_drives([driven], (), ANY_SCORE).drives})
+    scores = sorted({drive.score or 0.0 for drive in chosen_drives([driven], (), ANY_SCORE).drives})
     exactly = export(request(tmp_path / "a", driven, choice=Choice(min_score=scores[-1])))
     just_above = scores[0] + 1e-9
     assert exactly["counts"]["drives"] >= 1

@@ -1,0 +1,130 @@
+"""Recorded drives: what the car that measured did, out of nuPlan's logs and other recordings, as drives to export.
+
+A log is taken in windows. Within a window all is as in a drive of the
+benchmark with replayed agents: the same route, lights and road users.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from interplan_sumo.dataset.motion import body, ego_track, smoothed
+from interplan_sumo.errors import InputError, ScenarioError
+from interplan_sumo.features.schema import FUTURE_FRAMES, HISTORY_FRAMES, STEP_S
+from interplan_sumo.maps.store import MapFiles, find_map, load_roads
+from interplan_sumo.proving.carried_maps import own_maps_root
+from interplan_sumo.proving.nuplan_scenes import log_map
+from interplan_sumo.proving.recorded_scenes import INTERPLAN, NUPLAN, format_of, read_recording
+from interplan_sumo.recordings.nuplan_db import NuplanLog, log_files
+from interplan_sumo.scenario.recorded import replayed_track, scene
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.simulation.setup import open_traffic
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.recording import Recording, Track
+from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.trace import ActorTable, Trace
+
+RECORDED: Final = "recorded"
+"""Stands for the planner: whoever drove the car that measured."""
+APART_S: Final = 20.0
+"""Between the beginnings of windows; their samples do not overlap."""
+WINDOW_S: Final = APART_S + (HISTORY_FRAMES - 1 + FUTURE_FRAMES) * STEP_S
+BEYOND_M: Final = 100.0
+"""The route goes on so far beyond the last place: where it ends says nothing of how far the car got."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A stretch of a recording."""
+
+    path: Path
+    format: str
+    at_s: float
+    """Since a log of nuPlan began; other recordings are one window."""
+    map: MapFiles
+
+
+def windows(source: Path, map: str, format: str | None = None) -> list[Window]:
+    """The windows of a recording, or of all nuPlan logs in a folder; `map` as `scenarios import` takes it.
+
+    InputError if nothing can be read.
+    """
+    holds_logs = source.is_dir() and any(source.rglob("*.db"))
+    told = NUPLAN if format is None and holds_logs else format_of(source, format)
+    if told == INTERPLAN:
+        raise InputError(f"{source}: interPlan's configuration is no recording; give nuPlan's logs themselves")
+    if told != NUPLAN:
+        return [Window(source, told, 0.0, find_map(map))]
+    return [window for path in log_files([source]) for window in _of_log(path, map)]
+
+
+def window_drive(window: Window) -> tuple[Scenario, Roads, Trace]:
+    """The drive of a window; ScenarioError if the car that measured did not follow the lanes, or nobody is around."""
+    roads = load_roads(window.map.folder)
+    recording = _recording(window)
+    ego = next((track for track in recording.tracks if track.id == recording.ego_id), None)
+    went_m = 0.0 if ego is None else float(np.hypot(*np.diff(ego.poses[:, :2], axis=0).T).sum())
+    made = scene(recording, roads, agents="replayed", goal_m=went_m + BEYOND_M).scenario
+    assert ego is not None  # a scene needs one
+    trace = _trace(made, roads, recording, ego)
+    return made, roads, trace
+
+
+def window_frames(trace: Trace, every_frames: int) -> range:
+    """The frames of a window that become samples: 2 s after its beginning, up to where the next window's begin."""
+    last = min(round(APART_S / STEP_S) + HISTORY_FRAMES - 1, len(trace) - FUTURE_FRAMES)
+    return range(HISTORY_FRAMES - 1, last, every_frames)
+
+
+def maps_beside(window: Window) -> Path | None:
+    """The maps root in which a scenario of a window finds its map, if that is not shipped."""
+    return own_maps_root(window.map)
+
+
+def _of_log(path: Path, map: str) -> Iterator[Window]:
+    with NuplanLog(path) as log:
+        files = log_map(map, log.map_name)
+        at_s = 0.0
+        while at_s + (HISTORY_FRAMES + FUTURE_FRAMES) * STEP_S <= log.lasts_s:
+            yield Window(path, NUPLAN, at_s, files)
+            at_s += APART_S
+
+
+@lru_cache(maxsize=1)
+def _recording(window: Window) -> Recording:
+    if window.format != NUPLAN:
+        return read_recording(window.path, window.format)
+    with NuplanLog(window.path) as log:
+        return log.recording(log.moment_at(window.at_s), WINDOW_S)
+
+
+def _trace(scenario: Scenario, roads: Roads, recording: Recording, ego: Track) -> Trace:
+    """The drive from where the scenario begins, as long as it lasts and the ego is there."""
+    poses = _poses(recording, ego, round(scenario.duration_s / STEP_S) + 1)
+    shape = body(ego.length_m, ego.width_m)
+    time_us = np.arange(len(poses)) * round(STEP_S * 1e6)
+    traffic = open_traffic(scenario, roads)
+    try:
+        scenes = []
+        for _ in poses:
+            scenes.append(traffic.observe())
+            traffic.advance()
+    finally:
+        traffic.close()
+    actors = ActorTable.of([each.actors for each in scenes])
+    signals = tuple(each.signals for each in scenes)
+    return Trace(ego_track(time_us, poses, shape), actors, signals, (), np.zeros(0), shape)
+
+
+def _poses(recording: Recording, ego: Track, steps: int) -> Floats:
+    """(F, 3) smoothed poses of the ego 0.1 s apart; ScenarioError if it is not there from the start on."""
+    found = replayed_track(ego, recording.step_s, recording.start_step, steps)
+    if isinstance(found, str) or found.first_step:
+        raise ScenarioError(f"recording {recording.name}: track {ego.id} is not there from the start on")
+    return smoothed(np.column_stack((found.x_m, found.y_m, np.unwrap(found.heading_rad))))

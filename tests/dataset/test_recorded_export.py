@@ -1,0 +1,114 @@
+"""Recordings as training data: a log of nuPlan gives samples of what the car that measured did."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from worlds import junction
+
+from interplan_sumo.dataset.drives import Choice
+from interplan_sumo.dataset.export import ExportRequest, export
+from interplan_sumo.dataset.reading import read_dataset
+from interplan_sumo.errors import InputError
+from interplan_sumo.features.schema import BY_NAME, SITUATIONS, channel_index
+from interplan_sumo.maps.geopackage_writer import write_map
+from interplan_sumo.maps.store import write_maps_manifest
+from interplan_sumo.world.ego import PACIFICA
+from tests.recordings.nuplan_dbs import MAP, Goes, write_log
+
+ROADS = junction(arm_m=150.0)
+X_M, Y_M = (float(value) for value in ROADS["1"].centerline.points[0])
+EGO = Goes(X_M + 20.0, Y_M, 0.0, 8.0)  # its rear axle
+LEADER = Goes(X_M + 45.0, Y_M, 0.0, 8.0)
+WALKER = Goes(X_M + 150.0, Y_M - 8.0, 0.0, 0.0, "pedestrian", (0.8, 0.8))
+RED = {13: dict.fromkeys(range(801), "red")}
+
+
+@pytest.fixture
+def maps(tmp_path: Path) -> Path:
+    """nuPlan's maps as a user has them: without SUMO networks."""
+    there = tmp_path / "maps" / MAP / "9.1.1"
+    there.mkdir(parents=True)
+    write_map(ROADS, there / "map.gpkg")
+    write_maps_manifest(tmp_path / "maps")
+    return tmp_path / "maps"
+
+
+def request(out: Path, maps: Path, *sources: Path, **choice: object) -> ExportRequest:
+    return ExportRequest(
+        out,
+        recordings=sources,
+        map=str(maps),
+        workers=0,
+        choice=Choice(**choice),  # type: ignore[arg-type]
+    )
+
+
+def test_a_log_gives_samples_of_the_car_that_measured(tmp_path: Path, maps: Path) -> None:
+    log = write_log(tmp_path / "drive.db", EGO, (LEADER, WALKER), lights=RED)  # 20 s
+    manifest = export(request(tmp_path / "a", maps, log))
+    dataset = read_dataset(tmp_path / "a")
+    (drive,) = dataset.drives
+    assert (drive["origin"], drive["source"], drive["planner"], drive["score"]) == (
+        "recording", "drive.db", "recorded", None,
+    )  # fmt: skip
+    assert (drive["map"], drive["route"][:3]) == (MAP, ["1", "13", "7"])
+    (batch,) = dataset.split("train").batches(1000)
+    assert batch["tick"].tolist() == list(range(20, 121, 5))  # 2 s behind and 8 s ahead of each
+    np.testing.assert_allclose(batch["origin"][0], (EGO.x_m + 16.0, EGO.y_m, 0.0), atol=0.02)
+    steps = np.arange(1, 81)
+    np.testing.assert_allclose(batch["ego_future"][:, :, 0] - 0.8 * steps, 0.0, atol=0.05)
+    assert batch["ego_future"][..., 3].all()
+    np.testing.assert_allclose(batch["ego_history"][..., channel_index("ego_history", "vx")], 8.0, atol=0.05)
+    np.testing.assert_allclose(batch["ego_history"][..., channel_index("ego_history", "ax")], 0.0, atol=0.2)
+    leader = batch["agents"][:, 0, :, :]
+    np.testing.assert_allclose(leader[..., -1, 0], 25.0, atol=0.05)
+    assert leader[..., 12].all()
+    lights = batch["lanes"][..., channel_index("lanes", "light_red")]
+    assert (lights.max(axis=(1, 2)) == 1.0).any()
+    assert SITUATIONS[batch["situation"][0]] == "following"
+    assert manifest["counts"]["by_planner"] == {"recorded": 21}
+    assert PACIFICA.length_m == 5.176  # whose rear axle the log tells
+
+
+def test_windows_of_a_long_log_do_not_share_samples(tmp_path: Path, maps: Path) -> None:
+    slow = Goes(X_M + 20.0, Y_M, 0.0, 4.0)
+    log = write_log(tmp_path / "drive.db", slow, (Goes(X_M + 60.0, Y_M, 0.0, 4.0),), frames=1001)  # 50 s
+    export(request(tmp_path / "a", maps, log))
+    dataset = read_dataset(tmp_path / "a")
+    (batch,) = dataset.split("train").batches(1000)
+    at_m = np.sort(batch["origin"][:, 0])
+    assert len(dataset.drives) == 2
+    np.testing.assert_allclose(np.diff(at_m), 2.0, atol=0.05)  # half a second each, without a gap or a repetition
+    assert set(batch) >= set(BY_NAME)
+
+
+def test_logs_are_held_out_whole_by_their_number(tmp_path: Path, maps: Path) -> None:
+    faster = Goes(EGO.x_m, EGO.y_m, 0.0, 9.0)
+    logs = [write_log(tmp_path / f"{name}.db", ego, (LEADER,)) for name, ego in (("a", EGO), ("b", faster))]
+    export(request(tmp_path / "data", maps, *logs, holdout_seeds=(1,)))
+    drives = read_dataset(tmp_path / "data").drives
+    assert {(drive["source"], drive["split"]) for drive in drives} == {("a.db", "train"), ("b.db", "val")}
+    export(request(tmp_path / "same", maps, tmp_path))  # both, by their folder
+    assert len(read_dataset(tmp_path / "same").drives) == 2
+
+
+def test_a_car_that_leaves_the_lanes_is_left_out_and_counted(tmp_path: Path, maps: Path) -> None:
+    good = write_log(tmp_path / "a.db", EGO, (LEADER,))
+    astray = write_log(tmp_path / "b.db", Goes(X_M + 20.0, Y_M + 60.0, 0.0, 8.0), (LEADER,))
+    manifest = export(request(tmp_path / "data", maps, good, astray))
+    assert manifest["left_out"] == {"recorded off the lanes, or alone": 1}
+
+
+def test_recordings_need_a_map_and_the_error_says_so(tmp_path: Path, maps: Path) -> None:
+    log = write_log(tmp_path / "drive.db", EGO, (LEADER,))
+    with pytest.raises(InputError, match=r"no map for .*drive.db; give it with --map"):
+        export(ExportRequest(tmp_path / "a", recordings=(log,), workers=0))
+    config = tmp_path / "interplan.json"
+    config.write_text(json.dumps({}))
+    with pytest.raises(InputError, match="is no recording of a known format"):
+        export(request(tmp_path / "a", maps, config))
+    assert not (tmp_path / "a").exists()
