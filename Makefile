@@ -66,8 +66,9 @@ benchmark: $(VENV)/.installed
 data: $(VENV)/.installed
 	$(BIN)/interplan-sumo dataset ordinary --out $(DATA) --workers $(WORKERS)
 
-# torch is in no other extra; the first call installs it.
+# torch is in no other extra; its build for CPUs is enough, and small, where an index has it.
 $(VENV)/.installed-train: pyproject.toml | $(VENV)/.installed-dev
+	-$(BIN)/python -m pip install --quiet "torch==2.13.0+cpu" 2> /dev/null
 	$(BIN)/python -m pip install --quiet --editable ".[train]"
 	@touch $@
 
