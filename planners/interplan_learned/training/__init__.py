@@ -1,0 +1,1 @@
+"""Training, offline: from a data set to a network in ONNX with its card. Nothing that drives imports this."""

@@ -1,0 +1,240 @@
+"""The training loop: a recipe, samples and a seed give weights; the same ones, also if it was interrupted."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from interplan_learned.training.data import Balanced, Samples
+from interplan_learned.training.metrics import constant_velocity, plan_errors
+from interplan_learned.training.recipe import Batch, Recipe
+from interplan_sumo.dataset.columns import Columns
+from interplan_sumo.errors import InputError
+
+CLIP_NORM: Final = 5.0
+_HELD_BATCH: Final = 256
+
+
+@dataclass(frozen=True, slots=True)
+class EpochDone:
+    """What is told after each epoch."""
+
+    epoch: int
+    """Counted from 1."""
+    epochs: int
+    loss: float
+    held_out_m: float
+    """`ade` of the plans on the held-out samples."""
+    best_m: float
+    seconds: float
+    """Since the training began, the parts before an interruption included."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trained:
+    """A model with its best weights, and how it came to them."""
+
+    model: nn.Module
+    epochs: int
+    best_epoch: int
+    seconds: float
+    stopped: str
+    """`epochs`, `patience` or `time`: why it ended."""
+
+
+def train(
+    recipe: Recipe,
+    samples: Samples,
+    held: Samples,
+    *,
+    checkpoint: Path,
+    data_hash: str = "",
+    resume: bool = False,
+    device: str = "cpu",
+    threads: int = 1,
+    max_minutes: float | None = None,
+    on_epoch: Callable[[EpochDone], None] = lambda _done: None,
+) -> Trained:
+    """Train; the weights of the epoch with the lowest held-out error are kept.
+
+    After each epoch everything is in `checkpoint`; with `resume` training goes
+    on from there and comes to the same weights as without a break. Equal seeds
+    give equal weights on the same kind of machine with as many threads.
+    InputError if the checkpoint is of another training, or there is no such device.
+    """
+    _settle(device, threads)
+    settings = recipe.settings
+    torch.manual_seed(settings.seed)
+    model = recipe.make_model().to(device)
+    rule = torch.optim.AdamW(model.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
+    falling = torch.optim.lr_scheduler.CosineAnnealingLR(rule, settings.epochs)
+    state = _State(model, rule, falling, _fingerprint(recipe, data_hash), checkpoint)
+    if resume:
+        state.read(device)
+    balanced = Balanced(samples.columns["ego_future"])
+    began = time.monotonic() - state.seconds
+    stopped = "epochs"
+    while state.epoch < settings.epochs:
+        if state.epoch - state.best_epoch >= settings.patience:
+            stopped = "patience"
+            break
+        if max_minutes is not None and time.monotonic() - began >= 60.0 * max_minutes:
+            stopped = "time"
+            break
+        loss = _one_epoch(recipe, model, rule, samples, balanced, state.epoch, device)
+        falling.step()
+        error_m = held_out_errors(recipe, model, held, device)["ade"]
+        state.seconds = time.monotonic() - began
+        state.done(error_m)
+        on_epoch(EpochDone(state.epoch, settings.epochs, loss, error_m, state.best_m, state.seconds))
+    model.load_state_dict(state.best)
+    return Trained(model.eval(), state.epoch, state.best_epoch, state.seconds, stopped)
+
+
+def tensors(columns: Columns, device: str = "cpu") -> Batch:
+    """Arrays as tensors."""
+    return {name: torch.from_numpy(np.ascontiguousarray(values)).to(device) for name, values in columns.items()}
+
+
+def batch_of(recipe: Recipe, columns: Columns, device: str = "cpu") -> Batch:
+    """Inputs and targets of some samples."""
+    return tensors({**recipe.inputs(columns), **recipe.targets(columns)}, device)
+
+
+def held_out_errors(recipe: Recipe, model: nn.Module, held: Samples, device: str = "cpu") -> dict[str, float]:
+    """Open-loop errors (see `metrics.plan_errors`) of a model's plans."""
+    was_training = model.training
+    model.eval()
+    with torch.no_grad():
+        plans = [recipe.poses(model, batch_of(recipe, part, device)).cpu().numpy() for part in _parts(held)]
+    model.train(was_training)
+    return plan_errors(np.concatenate(plans), held.columns["ego_future"])
+
+
+def constant_velocity_errors(held: Samples) -> dict[str, float]:
+    """The same of plans that keep the present velocity."""
+    return plan_errors(constant_velocity(held.columns["ego_history"]), held.columns["ego_future"])
+
+
+def _one_epoch(
+    recipe: Recipe,
+    model: nn.Module,
+    rule: torch.optim.Optimizer,
+    samples: Samples,
+    balanced: Balanced,
+    epoch: int,
+    device: str,
+) -> float:
+    """The mean loss; all randomness is the seed's and the epoch's, so that an epoch does not depend on a break."""
+    settings = recipe.settings
+    rng = np.random.default_rng((settings.seed, epoch))
+    torch.manual_seed(int(rng.integers(2**31)))
+    order = balanced.draw(rng)
+    model.train()
+    total = 0.0
+    for first in range(0, len(order), settings.batch):
+        rows = order[first : first + settings.batch]
+        batch = batch_of(recipe, recipe.augmented(samples.picked(rows), rng), device)
+        done = (epoch + first / len(order)) / settings.epochs
+        rule.zero_grad(set_to_none=True)
+        loss: Tensor = recipe.loss(model, batch, done)
+        loss.backward()
+        nn.utils.clip_grad_norm_(model.parameters(), CLIP_NORM)
+        rule.step()
+        total += float(loss.detach()) * len(rows)
+    return total / len(order)
+
+
+def _parts(held: Samples) -> Iterator[Columns]:
+    for first in range(0, len(held), _HELD_BATCH):
+        yield held.picked(np.arange(first, min(first + _HELD_BATCH, len(held))))
+
+
+def _settle(device: str, threads: int) -> None:
+    if device != "cpu" and not torch.cuda.is_available():
+        raise InputError(f"there is no device {device!r} here; train with --device cpu")
+    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # what CUDA wants for equal results
+    torch.use_deterministic_algorithms(True)
+    torch.set_num_threads(threads)
+
+
+def _fingerprint(recipe: Recipe, data_hash: str) -> str:
+    """What a checkpoint must agree in with the training that goes on from it."""
+    return json.dumps(
+        {
+            "planner": recipe.planner, "size": recipe.size, "options": dict(recipe.options),
+            "settings": asdict(recipe.settings), "data": data_hash,
+        },
+        sort_keys=True,
+    )  # fmt: skip
+
+
+class _State:
+    """Where a training is, in memory and in its checkpoint."""
+
+    def __init__(
+        self,
+        model: nn.Module,
+        rule: torch.optim.Optimizer,
+        falling: torch.optim.lr_scheduler.LRScheduler,
+        fingerprint: str,
+        path: Path,
+    ) -> None:
+        self._parts: dict[str, Any] = {"model": model, "rule": rule, "falling": falling}
+        self._fingerprint, self._path = fingerprint, path
+        self.epoch = 0
+        self.best_epoch = 0
+        self.best_m = float("inf")
+        self.best = _copied(model.state_dict())
+        self.seconds = 0.0
+
+    def done(self, error_m: float) -> None:
+        """Note an epoch and write the checkpoint."""
+        self.epoch += 1
+        if error_m < self.best_m:
+            self.best_m, self.best_epoch = error_m, self.epoch
+            self.best = _copied(self._parts["model"].state_dict())
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        fresh = self._path.with_suffix(".new")
+        torch.save(
+            {
+                "fingerprint": self._fingerprint, "epoch": self.epoch, "best_epoch": self.best_epoch,
+                "best_m": self.best_m, "best": self.best, "seconds": self.seconds,
+                **{name: part.state_dict() for name, part in self._parts.items()},
+            },
+            fresh,
+        )  # fmt: skip
+        fresh.replace(self._path)
+
+    def read(self, device: str) -> None:
+        """Go on from the checkpoint."""
+        try:
+            held = torch.load(self._path, map_location=device, weights_only=True)  # plain tensors, nothing is run
+            fingerprint = held["fingerprint"]
+        except FileNotFoundError:
+            raise InputError(f"there is no checkpoint {self._path} to go on from; train without --resume") from None
+        except Exception as error:
+            why = " ".join(str(error).split())[:200]
+            raise InputError(f"cannot read the checkpoint {self._path}: {why}; train without --resume") from None
+        if fingerprint != self._fingerprint:
+            raise InputError(
+                f"the checkpoint {self._path} is of another training (planner, options, settings or data differ); "
+                "train without --resume"
+            )
+        for name, part in self._parts.items():
+            part.load_state_dict(held[name])
+        self.epoch, self.best_epoch, self.best_m = held["epoch"], held["best_epoch"], held["best_m"]
+        self.best, self.seconds = held["best"], held["seconds"]
+
+
+def _copied(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {name: values.detach().clone() for name, values in state.items()}

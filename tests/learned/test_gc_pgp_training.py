@@ -1,0 +1,253 @@
+"""GC-PGP's labels and losses by hand, its network, and that it drives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from interplan_learned.card import Card
+from interplan_learned.gc_pgp.inputs import POLICY_INPUTS
+from interplan_learned.gc_pgp.local_graph import NONE
+from interplan_learned.gc_pgp.planner import GcPgpPlanner
+from interplan_learned.gc_pgp.sizes import EDGES, LATENTS, PATH_NODES, SIZES
+from interplan_learned.training.data import read_samples
+from interplan_learned.training.recipe import Recipe, find_recipe
+from interplan_sumo.dataset.reading import Dataset
+from interplan_sumo.features import schema
+from interplan_sumo.testing import assert_planner_conforms
+
+torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
+
+from interplan_learned.training.models import gc_pgp  # noqa: E402
+from interplan_learned.training.models.gc_pgp import expert_way  # noqa: E402
+
+COMPACT = SIZES["compact"]
+# rows 0, 1, 2 are nodes 40, 41, 50 of the map; 41 follows 40, 50 lies beside 41
+ROWS = np.array([40, 41, 50, NONE])
+EDGE_TABLE = np.full((4, EDGES), NONE)
+EDGE_TABLE[0, 0], EDGE_TABLE[1, 3], EDGE_TABLE[2, 0] = 1, 2, 1
+
+
+def way(*nodes: int, whole: bool = True) -> tuple[list[int], dict[int, int]]:
+    """The expert's path, and the edge taken by row, from nodes under it."""
+    path, edge = expert_way(np.array(nodes), ROWS, EDGE_TABLE, whole)
+    assert path.shape == (PATH_NODES,)
+    return path[path != NONE].tolist(), {row: int(edge[row]) for row in np.flatnonzero(edge != NONE).tolist()}
+
+
+def batch_and_model(data: Dataset, split: str = "val", count: int = 6) -> tuple[Recipe, dict, gc_pgp.GcPgp]:
+    from interplan_learned.training.loop import batch_of
+
+    recipe = find_recipe("gc_pgp")
+    samples = read_samples(data, split, recipe)  # type: ignore[arg-type]
+    torch.manual_seed(0)
+    return recipe, dict(batch_of(recipe, samples.picked(np.arange(count)))), recipe.make_model().eval()  # type: ignore[return-value]
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """More are slower for networks of this size, much so on a busy machine."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+# --- labels --------------------------------------------------------------------------------------
+
+
+def test_the_expert_takes_edges_and_ends_where_its_future_does() -> None:
+    assert way(40, 40, 41, 50, 50) == ([0, 1, 2], {0: 0, 1: 3, 2: EDGES})
+    assert way(40, 40) == ([0], {0: EDGES})
+
+
+def test_an_end_that_nobody_saw_is_no_label() -> None:
+    assert way(40, 41, whole=False) == ([0, 1], {0: 0})
+
+
+def test_the_way_ends_where_it_jumps_or_leaves_what_is_around() -> None:
+    assert way(40, 50, 50) == ([0], {})  # no edge
+    assert way(40, 41, 77, 78) == ([0, 1], {0: 0})  # out of the window
+    assert way(40, -1, 41, -1) == ([0, 1], {0: 0, 1: EDGES})  # between nodes for a moment
+    assert way(77, 40) == ([], {})
+    assert way(-1, -1) == ([], {})
+
+
+def test_a_way_has_at_most_sixteen_nodes() -> None:
+    path, edges = way(40, *(41, 50) * 20)
+    assert path == [0, *(1, 2) * 7, 1]
+    assert edges == {0: 0, 1: 3, 2: 0}
+
+
+def test_labels_lead_along_the_road_that_was_driven(tiny_data: Dataset) -> None:
+    held = read_samples(tiny_data, "train", find_recipe("gc_pgp")).columns
+    paths = held["expert_path"]
+    assert (paths[:, 0] != NONE).all()
+    for row in range(0, len(paths), 20):
+        path = paths[row][paths[row] != NONE]
+        points = held["node_poses"][row, path].reshape(-1, 3)
+        future = held["ego_future"][row]
+        for at in future[future[:, 3] > 0.5][::10]:
+            assert np.hypot(*(points[:, :2] - at[:2]).T).min() < 2.0
+        assert (np.diff(points[:, 0]) > -1.0).all()  # always on
+
+
+# --- losses --------------------------------------------------------------------------------------
+
+
+def test_the_likelihood_is_that_of_the_edges_taken() -> None:
+    edges = torch.full((1, 2, EDGES), NONE)
+    edges[0, 0, :2] = 1
+    scores = torch.zeros(1, 2, EDGES + 1)
+    scores[0, 0, 1] = float(np.log(2.0))
+    batch = {"edges": edges, "expert_edge": torch.tensor([[1, EDGES]])}
+    # of two edges and the end: 2 / 4; where there is nothing but the end: 1
+    assert float(gc_pgp._edge_loss(scores, batch)) == pytest.approx(np.log(2.0) / 2.0)  # pyright: ignore[reportPrivateUsage]
+
+
+def test_the_error_is_that_of_the_best_mode_over_the_time_there_is() -> None:
+    found = torch.zeros(1, 4, 16, 2)
+    found[0, 2:, :, 1] = torch.tensor([[9.0], [11.0]])  # a mode of 10 m beside, of two
+    wanted, valid = torch.zeros(1, 16, 2), torch.ones(1, 16, dtype=torch.bool)
+    wanted[0, :, 1] = 7.0
+    wanted[0, 8:], valid[0, 8:] = 99.0, False
+    batch = {"wanted": wanted, "wanted_valid": valid}
+    assert float(gc_pgp._least_error(found, batch, 2)) == pytest.approx(3.0, abs=1e-4)  # pyright: ignore[reportPrivateUsage]
+
+
+def test_first_the_experts_traversals_are_decoded_then_sampled_ones(tiny_data: Dataset) -> None:
+    recipe, batch, model = batch_and_model(tiny_data)
+    given: list[tuple[int, ...]] = []
+    model.decoder.register_forward_pre_hook(lambda _module, arguments: given.append(arguments[2].shape))
+    for done in (0.2, 0.3):
+        recipe.loss(model, batch, done)
+    assert given == [(6, 1, PATH_NODES), (6, COMPACT.train_traversals, PATH_NODES)]
+
+
+def test_the_loss_falls(tiny_data: Dataset) -> None:
+    _, batch, model = batch_and_model(tiny_data, "train", 8)
+    few = replace(COMPACT, train_traversals=20)
+    rule = torch.optim.AdamW(model.parameters(), lr=3e-3)
+    losses: list[float] = []
+    for step in range(24):
+        rule.zero_grad()
+        loss = gc_pgp.loss(model, batch, step / 24, few)
+        loss.backward()
+        rule.step()
+        losses.append(float(loss.detach()))
+    assert losses[-1] < losses[0] / 2.0
+
+
+# --- network -------------------------------------------------------------------------------------
+
+
+def test_a_trajectory_depends_on_its_own_traversal_and_noise_alone(tiny_data: Dataset) -> None:
+    _, batch, model = batch_and_model(tiny_data)
+    with torch.no_grad():
+        _, ego, nodes = model.policy(*(batch[name] for name in POLICY_INPUTS))
+        paths = batch["expert_path"][:, None].repeat(1, 3, 1)
+        paths[:, 1, 1:] = NONE
+        noise = torch.zeros(6, 3, LATENTS)
+        noise[:, 2] = 1.0
+        found = model.decoder(ego, nodes, paths, noise)
+        alone = model.decoder(ego, nodes, paths[:, :1], noise[:, :1])
+        empty = model.decoder(ego, nodes, torch.full_like(paths, NONE), noise)
+    torch.testing.assert_close(found[:, :1], alone)
+    assert not torch.allclose(found[:, 0], found[:, 1])
+    assert not torch.allclose(found[:, 0], found[:, 2])
+    assert torch.isfinite(empty).all()
+
+
+def test_the_order_of_the_nodes_in_a_traversal_matters(tiny_data: Dataset) -> None:
+    _, batch, model = batch_and_model(tiny_data)
+    with torch.no_grad():
+        _, ego, nodes = model.policy(*(batch[name] for name in POLICY_INPUTS))
+        paths = torch.tensor([[0, 1, 2], [2, 1, 0]]).expand(6, -1, -1)
+        paths = torch.nn.functional.pad(paths, (0, PATH_NODES - 3), value=NONE)
+        found = model.decoder(ego, nodes, paths, torch.zeros(6, 2, LATENTS))
+    assert not torch.allclose(found[:, 0], found[:, 1])
+
+
+def test_empty_rows_and_who_is_far_away_change_nothing(tiny_data: Dataset) -> None:
+    _, batch, model = batch_and_model(tiny_data)
+    with torch.no_grad():
+        before = model.policy(*(batch[name] for name in POLICY_INPUTS))
+        spoilt = dict(batch)
+        spoilt["nodes"] = batch["nodes"] + 5.0 * ~batch["nodes_valid"][..., None, None]
+        spoilt["agents"] = batch["agents"] + 5.0 * ~batch["agents_valid"][..., None, None]
+        after = model.policy(*(spoilt[name] for name in POLICY_INPUTS))
+        there = batch["nodes_valid"]
+        torch.testing.assert_close(before[0][there], after[0][there])
+        alone = {**batch, "near_agents": torch.zeros_like(batch["near_agents"])}
+        other = {**alone, "agents": batch["agents"] + 1.0}
+        torch.testing.assert_close(
+            *(model.policy(*(each[name] for name in POLICY_INPUTS))[2] for each in (alone, other))
+        )
+
+
+def test_plans_are_the_same_every_time_and_those_of_one_sample_as_of_many(tiny_data: Dataset) -> None:
+    recipe, batch, model = batch_and_model(tiny_data)
+    with torch.no_grad():
+        plans = recipe.poses(model, batch)
+        torch.testing.assert_close(plans, recipe.poses(model, batch), rtol=0.0, atol=0.0)
+        one = recipe.poses(model, {name: values[2:3] for name, values in batch.items()})
+    torch.testing.assert_close(one[0], plans[2], rtol=1e-3, atol=1e-3)
+
+
+# --- at the wheel --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def untrained(tiny_data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The card of a network with random weights."""
+    pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
+    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
+    from interplan_learned.training.onnx_export import export_graphs, round_to_half
+
+    recipe, batch, model = batch_and_model(tiny_data)
+    round_to_half(model)
+    folder = tmp_path_factory.mktemp("gc_pgp")
+    card = Card(
+        planner="gc_pgp", what=recipe.what, size=recipe.size, parameters=1, options=recipe.options,
+        features_format=schema.FORMAT, graphs=export_graphs(recipe.graphs(model, batch), folder, "gc_pgp"),
+        data={}, training={}, errors={}, versions={},
+    )  # fmt: skip
+    card.write(folder / "gc_pgp.json")
+    return folder / "gc_pgp.json"
+
+
+def test_it_drives_tiny_worlds_with_whatever_weights(untrained: Path) -> None:
+    assert_planner_conforms(GcPgpPlanner(weights=str(untrained)), steps=8)
+
+
+def test_the_plan_at_the_wheel_is_that_of_the_training(untrained: Path, tiny_data: Dataset) -> None:
+    from interplan_learned.gc_pgp.plans import plans
+    from interplan_learned.network import load_network
+
+    recipe, batch, _ = batch_and_model(tiny_data)
+    torch.manual_seed(0)
+    model = recipe.make_model().eval()
+    with torch.no_grad():
+        for weights in model.parameters():
+            weights.copy_(weights.half().float())
+        wanted = recipe.poses(model, batch).numpy()
+    network = load_network("gc_pgp", str(untrained))
+    given = {name: values.numpy() for name, values in batch.items()}
+    policy = network.run({name: given[name] for name in POLICY_INPUTS}, "policy")
+
+    def decoded(paths: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        codes = {name: policy[name] for name in ("ego_code", "node_codes")}
+        return network.run({**codes, "paths": paths, "noise": noise}, "decoder")["trajectories"]
+
+    np.testing.assert_allclose(plans(given, policy["scores"], decoded, COMPACT), wanted, atol=1e-3)
+
+
+def test_the_published_size_has_the_published_numbers() -> None:
+    recipe = find_recipe("gc_pgp", "published")
+    assert recipe.size == "published"
+    size = SIZES["published"]
+    assert (size.train_traversals, size.heads, size.attention, size.clusters) == (1000, 32, 128, 10)

@@ -1,0 +1,145 @@
+"""Weights and their cards: what is missing, damaged or of another version is one clear line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from interplan_learned.card import Card, Graph, Port, file_hash, read_card
+from interplan_learned.network import SHIPPED, Network, load_network
+from interplan_sumo.errors import InputError
+from interplan_sumo.features import schema
+
+PORT = Port((2,), "float32")
+
+
+def card(file: Path | None = None) -> Card:
+    digest = file_hash(file) if file else "0"
+    graph = Graph(file.name if file else "tiny.onnx", digest, {"x": PORT}, {"y": PORT})
+    return Card(
+        planner="tiny", what="twice its input", size="compact", parameters=1, options={},
+        features_format=schema.FORMAT, graphs={"main": graph}, data={}, training={}, errors={}, versions={},
+    )  # fmt: skip
+
+
+@pytest.fixture
+def doubling(tmp_path: Path) -> Path:
+    """The card of a network that doubles its input."""
+    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
+    onnx = pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
+    ports = [onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["n", 2]) for name in "xy"]
+    graph = onnx.helper.make_graph([onnx.helper.make_node("Add", ["x", "x"], ["y"])], "tiny", ports[:1], ports[1:])
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=8)
+    (tmp_path / "tiny.onnx").write_bytes(model.SerializeToString())
+    card(tmp_path / "tiny.onnx").write(tmp_path / "tiny.json")
+    return tmp_path / "tiny.json"
+
+
+def test_a_card_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    card().write(tmp_path / "tiny.json")
+    assert read_card(tmp_path / "tiny.json") == card()
+
+
+def test_a_network_runs_batches_of_any_size_and_tells_of_itself(doubling: Path) -> None:
+    network = load_network("tiny", str(doubling))
+    for count in (1, 3):
+        outputs = network.run({"x": np.arange(2.0 * count).reshape(count, 2)})
+        np.testing.assert_array_equal(outputs["y"], 2.0 * np.arange(2.0 * count).reshape(count, 2))
+    assert network.about["network"]["size"] == "compact"
+    assert load_network("tiny", str(doubling.with_suffix(".onnx"))).card == network.card
+
+
+def test_inputs_of_another_shape_or_name_are_refused(doubling: Path) -> None:
+    network = Network(doubling)
+    with pytest.raises(ValueError, match=r"was given x of shape \(3,\), its card says \(2,\)"):
+        network.run({"x": np.zeros((1, 3))})
+    with pytest.raises(ValueError, match=r"was given \['z'\], its card names \['x'\]"):
+        network.run({"z": np.zeros((1, 2))})
+
+
+def test_weights_that_there_are_not_say_how_to_train_them() -> None:
+    with pytest.raises(InputError) as error:
+        load_network("tiny", "tinier")
+    assert "no weights 'tinier' for planner 'tiny'" in str(error.value)
+    assert "python -m interplan_learned.training tiny" in str(error.value)
+    with pytest.raises(InputError, match=r"no weights '.*nowhere.tiny\.json'"):
+        load_network("tiny", "nowhere/tiny.onnx")
+
+
+def test_a_missing_runtime_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    card().write(tmp_path / "tiny.json")
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(InputError) as error:
+        load_network("tiny", str(tmp_path / "tiny.json"))
+    assert str(error.value) == (
+        "planner 'tiny' needs onnxruntime, which is not installed. Run: pip install 'interplan-sumo[learned]'"
+    )
+
+
+def test_another_planners_weights_are_refused(doubling: Path) -> None:
+    with pytest.raises(InputError, match=r"was trained for planner 'tiny', not for 'other'"):
+        load_network("other", str(doubling))
+
+
+def test_weights_that_were_changed_or_lost_are_refused(doubling: Path) -> None:
+    weights = doubling.with_suffix(".onnx")
+    weights.write_bytes(weights.read_bytes() + b" ")
+    with pytest.raises(InputError, match=r"tiny\.onnx is not the file that tiny\.json describes"):
+        load_network("tiny", str(doubling))
+    weights.unlink()
+    with pytest.raises(InputError, match=r"cannot read the weights .*tiny\.onnx, which tiny\.json names"):
+        load_network("tiny", str(doubling))
+
+
+def test_weights_that_are_no_network_are_refused(tmp_path: Path) -> None:
+    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
+    (tmp_path / "tiny.onnx").write_bytes(b"no network")
+    card(tmp_path / "tiny.onnx").write(tmp_path / "tiny.json")
+    with pytest.raises(InputError, match=r"onnxruntime cannot load .*tiny\.onnx") as error:
+        load_network("tiny", str(tmp_path / "tiny.json"))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda _text: "{", "is damaged"),
+        (lambda _text: "[]", "is no model card"),
+        (lambda _text: '{"kind": "other"}', "is no model card"),
+        (lambda text: text.replace('"dtype"', '"type"'), "is damaged: KeyError"),
+        (lambda text: text.replace('"parameters"', '"weights"'), "is damaged: TypeError"),
+        (
+            lambda _text: json.dumps(asdict(replace(card(), features_format=0))),
+            f"was trained with features of format 0, this version makes {schema.FORMAT}; train again",
+        ),
+        (
+            lambda _text: json.dumps(asdict(replace(card(), format=99))),
+            "was trained with cards of format 99, this version makes 1; train again",
+        ),
+    ],
+)
+def test_a_card_that_cannot_be_used_is_one_clear_line(
+    tmp_path: Path, spoil: Callable[[str], str], message: str
+) -> None:
+    path = tmp_path / "tiny.json"
+    card().write(path)
+    path.write_text(spoil(path.read_text(encoding="utf-8")), encoding="utf-8")
+    with pytest.raises(InputError, match=message) as error:
+        read_card(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.json")), ids=lambda path: path.stem)
+def test_shipped_weights_are_small_and_whole(path: Path) -> None:
+    shipped = read_card(path)
+    for graph in shipped.graphs.values():
+        assert file_hash(path.parent / graph.file) == graph.sha256
+        assert (path.parent / graph.file).stat().st_size < 4 << 20
+    for errors in shipped.errors.values():
+        assert errors["network"]["ade"] < errors["constant_velocity"]["ade"]

@@ -1,0 +1,83 @@
+"""PDM-Open's inputs, by hand: signs, units, frames."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from interplan_learned.driving import plan_through
+from interplan_learned.pdm_open import inputs
+from interplan_sumo import tiny_worlds
+from interplan_sumo.features.view import Arrays, EgoView
+
+
+def arrays() -> Arrays:
+    """One sample without anything in it."""
+    return {
+        "ego_history": np.zeros((1, 21, 10), dtype=np.float32),
+        "route_centerline": np.zeros((1, 120, 3), dtype=np.float32),
+        "route_centerline_valid": np.zeros((1, 120), dtype=np.bool_),
+    }
+
+
+def ego_rows(given: Arrays, history_s: float = 2.0) -> np.ndarray:
+    return inputs(given, history_s)["ego"].reshape(11, 9)
+
+
+def test_the_past_is_every_second_frame_oldest_first() -> None:
+    given = arrays()
+    given["ego_history"][0, :, 0] = np.arange(-20, 1)
+    np.testing.assert_array_equal(ego_rows(given)[:, 0], np.arange(-20, 1, 2))
+
+
+def test_velocities_and_accelerations_are_the_bodys_own() -> None:
+    given = arrays()
+    given["ego_history"][0, 0, 2] = np.pi / 2  # two seconds ago it headed to the left of where it heads now,
+    given["ego_history"][0, 0, 3:7] = (0.0, 8.0, -0.5, 2.0)  # drove that way, sped up, and turned left
+    oldest = ego_rows(given)[0]
+    np.testing.assert_allclose(oldest[2], np.pi / 2)
+    np.testing.assert_allclose(oldest[3:5], (8.0, 0.0), atol=1e-6)
+    np.testing.assert_allclose(oldest[6:8], (2.0, 0.5), atol=1e-6)
+
+
+def test_yaw_acceleration_is_the_change_of_the_yaw_rate_since_the_row_before() -> None:
+    given = arrays()
+    given["ego_history"][0, 18, 7], given["ego_history"][0, 20, 7] = 0.1, 0.16
+    rows = ego_rows(given)
+    np.testing.assert_allclose(rows[9:, 5], (0.1, 0.16))
+    np.testing.assert_allclose(rows[9:, 8], (0.5, 0.3), atol=1e-6)
+
+
+def test_less_past_leaves_older_rows_empty() -> None:
+    given = arrays()
+    given["ego_history"][:] = 1.0
+    assert np.flatnonzero(ego_rows(given, 0.4)[:, 0]).tolist() == [8, 9, 10]
+    present = ego_rows(given, 0.0)
+    assert np.flatnonzero(present.any(axis=1)).tolist() == [10]
+    assert present[10, 5] == 1.0
+    assert present[10, 8] == 0.0  # a difference would tell of the past
+
+
+def test_the_line_stays_at_its_last_pose_where_it_has_ended() -> None:
+    given = arrays()
+    given["route_centerline"][0, :3] = ((0.5, 1.0, 0.1), (1.5, 1.1, 0.1), (2.5, 1.2, 0.2))
+    given["route_centerline_valid"][0, :3] = True
+    line = inputs(given)["centerline"].reshape(120, 3)
+    np.testing.assert_allclose(line[:3], given["route_centerline"][0, :3])
+    np.testing.assert_allclose(line[3:], np.tile((2.5, 1.2, 0.2), (117, 1)), rtol=1e-6)
+
+
+def test_without_a_route_the_line_is_empty() -> None:
+    assert not inputs(arrays())["centerline"].any()
+
+
+def test_poses_in_the_ego_frame_become_a_plan_of_the_box_centre_in_the_map() -> None:
+    roads = tiny_worlds.straight_road()
+    view = EgoView(tiny_worlds.mission(roads, list(roads.lanes)))
+    ego = tiny_worlds.ego(30.0, 1.0, 5.0, heading_rad=np.pi / 2, time_s=2.0)  # across the road
+    ahead_m = view.mission.shape.rear_axle_to_center_m
+    plan = plan_through(np.array(((3.0, 0.0, 0.0), (6.0, 2.0, np.pi / 2))), view, tiny_worlds.observation(ego))
+    np.testing.assert_allclose(plan.time_s, (2.0, 2.5, 3.0))
+    np.testing.assert_allclose(plan.x_m, (30.0, 30.0, 28.0 - ahead_m), atol=1e-9)
+    np.testing.assert_allclose(plan.y_m, (1.0, 4.0, 7.0 - ahead_m), atol=1e-9)
+    assert plan.heading_rad[-1] == pytest.approx(-np.pi)

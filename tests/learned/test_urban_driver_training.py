@@ -1,0 +1,247 @@
+"""UrbanDriver's network and loss: what its plans depend on and what not; and it drives, whatever its weights are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from interplan_learned.training.data import read_samples
+from interplan_learned.training.recipe import find_recipe
+from interplan_learned.urban_driver import SIZES, UrbanDriverPlanner
+from interplan_sumo.dataset.reading import Dataset
+from interplan_sumo.features import schema
+from interplan_sumo.testing import assert_planner_conforms
+
+torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
+
+from interplan_learned.card import Card  # noqa: E402
+from interplan_learned.training.loop import batch_of  # noqa: E402
+from interplan_learned.training.models import urban_driver as made  # noqa: E402
+
+Tensors = dict[str, Any]
+KINDS = ("ego", "vehicles", *(name for name, _ in SIZES["compact"].lines))
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """More are slower for networks of this size, much so on a busy machine."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def model() -> made.UrbanDriver:
+    """With random weights."""
+    torch.manual_seed(0)
+    return find_recipe("urban_driver").make_model().eval()  # type: ignore[return-value]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Tensors:
+    """Two scenes of random numbers: vehicles and lines in some rows, some of them seen for a while only."""
+    size, rng = SIZES["compact"], np.random.default_rng(0)
+    rows = sum(count for _, count in size.lines)
+    there = rng.random((2, size.vehicles)) < 0.6
+    frames = rng.integers(1, 6, (2, size.vehicles, 1))
+    given = {
+        "ego": rng.normal(size=(2, 5, 3)),
+        "ego_valid": np.ones((2, 5), dtype=np.bool_),
+        "vehicles": rng.normal(size=(2, size.vehicles, 5, 8)),
+        "vehicles_valid": there[..., None] & (np.arange(5) < frames),
+        "lines": rng.normal(size=(2, rows, 20, 6)),
+        "lines_valid": rng.random((2, rows)) < 0.6,
+    }
+    return {name: torch.from_numpy(v if v.dtype == np.bool_ else v.astype(np.float32)) for name, v in given.items()}
+
+
+def poses(model: made.UrbanDriver, scene: Tensors) -> Any:
+    with torch.no_grad():
+        return model(*(scene[name] for name in made.INPUTS))
+
+
+def same(one: Any, other: Any) -> bool:
+    return torch.allclose(one, other, rtol=1e-4, atol=1e-4)
+
+
+# --- what plans depend on ------------------------------------------------------------------------
+
+
+def test_the_order_of_vehicles_and_of_lines_of_a_kind_does_not_matter(model: made.UrbanDriver, scene: Tensors) -> None:
+    mixed, rng = dict(scene), np.random.default_rng(1)
+    order = rng.permutation(scene["vehicles"].shape[1])
+    for name in ("vehicles", "vehicles_valid"):
+        mixed[name] = scene[name][:, order]
+    parts: list[np.ndarray] = []
+    for _, count in SIZES["compact"].lines:
+        parts.append(sum(map(len, parts)) + rng.permutation(count))
+    for name in ("lines", "lines_valid"):
+        mixed[name] = scene[name][:, np.concatenate(parts)]
+    assert same(poses(model, mixed), poses(model, scene))
+
+
+def test_rows_that_do_not_exist_do_not_matter(model: made.UrbanDriver, scene: Tensors) -> None:
+    spoilt = dict(scene)
+    spoilt["vehicles"] = scene["vehicles"] + 50.0 * ~scene["vehicles_valid"][..., None]
+    spoilt["lines"] = scene["lines"] + 50.0 * ~scene["lines_valid"][..., None, None]
+    assert same(poses(model, spoilt), poses(model, scene))
+
+
+def test_a_past_that_is_not_known_does_not_matter(model: made.UrbanDriver, scene: Tensors) -> None:
+    short = {**scene, "ego_valid": torch.arange(5).expand(2, -1) < 2}
+    spoilt = {**short, "ego": scene["ego"] + 50.0 * ~short["ego_valid"][..., None]}
+    assert same(poses(model, spoilt), poses(model, short))
+    assert not same(poses(model, short), poses(model, scene))
+
+
+def test_everything_that_exists_matters_and_so_does_its_direction(model: made.UrbanDriver, scene: Tensors) -> None:
+    before = poses(model, scene)
+    for name in ("ego", "vehicles", "lines"):
+        assert not same(poses(model, {**scene, name: scene[name] + 0.5}), before), name
+    for name in ("vehicles_valid", "lines_valid"):
+        assert not same(poses(model, {**scene, name: torch.zeros_like(scene[name])}), before), name
+    assert not same(poses(model, {**scene, "lines": scene["lines"].flip(2)}), before)
+
+
+def test_the_same_line_as_another_kind_is_something_else(model: made.UrbanDriver, scene: Tensors) -> None:
+    first, other = 0, SIZES["compact"].lanes  # a lane, a left boundary
+    found: list[Any] = []
+    for row in (first, other):
+        lines, valid = torch.zeros_like(scene["lines"]), torch.zeros_like(scene["lines_valid"])
+        lines[:, row], valid[:, row] = scene["lines"][:, 0], True
+        found.append(poses(model, {**scene, "lines": lines, "lines_valid": valid}))
+    assert not same(*found)
+    assert torch.bincount(model.kinds).tolist() == [1, 16, *(count for _, count in SIZES["compact"].lines)]
+    assert len(KINDS) == model.kind.num_embeddings
+
+
+def test_samples_of_a_batch_do_not_know_of_each_other(model: made.UrbanDriver, scene: Tensors) -> None:
+    alone = poses(model, {name: values[1:] for name, values in scene.items()})
+    assert same(alone[0], poses(model, scene)[1])
+
+
+def test_an_ego_in_an_empty_world_gets_a_plan(model: made.UrbanDriver, scene: Tensors) -> None:
+    empty = {**scene, **{name: torch.zeros_like(scene[name]) for name in ("vehicles_valid", "lines_valid")}}
+    assert torch.isfinite(poses(model, empty)).all()
+
+
+def test_tokens_have_equal_length_and_the_ego_alone_asks(model: made.UrbanDriver, scene: Tensors) -> None:
+    given: list[Any] = []
+    hook = model.attention.register_forward_pre_hook(lambda _module, arguments: given.extend(arguments))
+    poses(model, scene)
+    hook.remove()
+    tokens, keys, there = given
+    lengths = tokens.norm(dim=-1)
+    assert torch.allclose(lengths[there], torch.tensor(8.0), atol=1e-4)  # the root of 64
+    assert not lengths[~there].any()
+    assert there[:, 0].all()
+    torch.testing.assert_close(keys - tokens, model.kind(model.kinds).expand_as(keys), atol=1e-5, rtol=0.0)
+    with torch.no_grad():
+        spoilt = tokens + 5.0 * ~there[..., None]
+        torch.testing.assert_close(model.attention(spoilt, keys, there), model.attention(tokens, keys, there))
+
+
+def test_points_are_numbered_by_sines_and_cosines() -> None:
+    table = made.sinusoids(20, 64)
+    assert table[0].tolist() == [0.0, 1.0] * 32
+    np.testing.assert_allclose(table[3, :2], (np.sin(3.0), np.cos(3.0)), rtol=1e-6)
+    np.testing.assert_allclose(table[19, -2], np.sin(19.0 * 1e4 ** (-62 / 64)), rtol=1e-5)
+
+
+# --- learning ------------------------------------------------------------------------------------
+
+
+def test_the_loss_is_the_mean_absolute_error_of_the_poses_there_are() -> None:
+    plans, wanted = torch.zeros(1, 16, 3), torch.zeros(1, 16, 3)
+    valid = torch.arange(16)[None] < 4
+    plans[0, 0, 0], plans[0, 1, 1], plans[0, 2, 2], plans[0, 4:] = 3.0, -2.0, 0.5, 99.0
+    assert float(made.plan_loss(plans, wanted, valid)) == pytest.approx(5.5 / 12.0, rel=1e-5)
+    plans[0, 2, 2] = -2.0 * torch.pi  # a full turn is none
+    assert float(made.plan_loss(plans, wanted, valid)) == pytest.approx(5.0 / 12.0, rel=1e-5)
+
+
+def test_the_loss_falls(tiny_data: Dataset) -> None:
+    recipe = find_recipe("urban_driver")
+    samples = read_samples(tiny_data, "train", recipe)
+    torch.manual_seed(0)
+    model, batch = recipe.make_model(), batch_of(recipe, samples.picked(np.arange(0, len(samples), 20)))
+    rule = torch.optim.AdamW(model.parameters(), lr=5e-3)
+    losses: list[float] = []
+    for _ in range(20):
+        rule.zero_grad()
+        loss = recipe.loss(model, batch, 0.0)
+        loss.backward()
+        rule.step()
+        losses.append(float(loss.detach()))
+    assert losses[-1] < losses[0] / 3.0
+
+
+def test_perturbed_starts_and_lost_vehicles_reach_the_network(tiny_data: Dataset) -> None:
+    plain = find_recipe("urban_driver", options={"perturbed": 0.0, "agents_dropped": 0.0})
+    rows = read_samples(tiny_data, "train", plain).columns
+    before = plain.inputs(rows)
+    for name, values in plain.inputs(plain.augmented(rows, np.random.default_rng(0))).items():
+        np.testing.assert_array_equal(values, before[name])
+    moved = find_recipe("urban_driver", options={"perturbed": 1.0, "agents_dropped": 0.0})
+    after = moved.inputs(moved.augmented(rows, np.random.default_rng(0)))
+    np.testing.assert_allclose(after["ego"][:, 0], 0.0, atol=1e-5)  # it is the ego's frame again
+    assert np.abs(after["ego"][:, 1:, 1] - before["ego"][:, 1:, 1]).max() > 0.1
+    assert np.abs(after["lines"] - before["lines"]).max() > 0.1
+    lost = find_recipe("urban_driver", options={"perturbed": 0.0, "agents_dropped": 1.0})
+    seen = lost.inputs(lost.augmented(rows, np.random.default_rng(0)))["vehicles_valid"][..., 0].sum()
+    assert 0.3 < seen / before["vehicles_valid"][..., 0].sum() < 0.7
+
+
+def test_the_published_size_has_the_published_numbers() -> None:
+    recipe = find_recipe("urban_driver", "published")
+    network = recipe.make_model()
+    assert isinstance(network, made.UrbanDriver)
+    assert network.width == 256
+    assert torch.bincount(network.kinds).tolist() == [1, 30, 30, 30, 30, 20, 20, 30]
+    assert [each.out_features for each in network.head if isinstance(each, torch.nn.Linear)] == [1024, 1024, 48]
+    assert (recipe.settings.epochs, recipe.settings.batch, recipe.settings.learning_rate) == (100, 64, 1e-4)
+
+
+# --- at the wheel --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def untrained(tiny_data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The card of a network with random weights."""
+    pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
+    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
+    from interplan_learned.training.onnx_export import export_graphs
+
+    recipe = find_recipe("urban_driver")
+    torch.manual_seed(0)
+    network = recipe.make_model().eval()
+    batch = batch_of(recipe, read_samples(tiny_data, "val", recipe).picked(np.arange(6)))
+    folder = tmp_path_factory.mktemp("urban_driver")
+    card = Card(
+        planner="urban_driver", what=recipe.what, size=recipe.size, parameters=1, options=recipe.options,
+        features_format=schema.FORMAT, graphs=export_graphs(recipe.graphs(network, batch), folder, "urban_driver"),
+        data={}, training={}, errors={}, versions={},
+    )  # fmt: skip
+    card.write(folder / "urban_driver.json")
+    return folder / "urban_driver.json"
+
+
+def test_it_drives_tiny_worlds_with_whatever_weights(untrained: Path) -> None:
+    assert_planner_conforms(UrbanDriverPlanner(weights=str(untrained)), steps=10)
+
+
+def test_onnx_gives_what_torch_gives_also_of_one_sample_and_of_an_empty_world(
+    untrained: Path, model: made.UrbanDriver, scene: Tensors
+) -> None:
+    from interplan_learned.network import load_network
+
+    network = load_network("urban_driver", str(untrained))
+    nothing = {**scene, **{name: torch.zeros_like(scene[name]) for name in ("vehicles_valid", "lines_valid")}}
+    for given in (scene, {name: values[:1] for name, values in scene.items()}, nothing):
+        found = network.run({name: values.numpy() for name, values in given.items()})["poses"]
+        np.testing.assert_allclose(found, poses(model, given).numpy(), atol=1e-4, rtol=1e-4)

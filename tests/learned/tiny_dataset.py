@@ -1,0 +1,96 @@
+"""A dataset of a few drives on tiny roads, made in a second: bends to both sides, fast and slow, a car ahead."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from interplan_sumo import tiny_worlds
+from interplan_sumo.dataset import folder as layout
+from interplan_sumo.dataset.columns import Columns, count_of, joined, write_arrays
+from interplan_sumo.dataset.samples import drive_samples, sample_frames
+from interplan_sumo.features import schema
+from interplan_sumo.features.lane_graph import lane_graph
+from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.world.geometry import Polyline
+from interplan_sumo.world.roads import Roads
+
+FRAMES = 91
+HASH = "tiny"
+_BENDS = {"left": (60.0, 1.2), "right": (60.0, -1.2), "gentle": (200.0, 0.5)}
+
+
+def roads_of(name: str) -> Roads:
+    """A road with a bend: `left`, `right` or `gentle`."""
+    radius_m, angle_rad = _BENDS[name]
+    return tiny_worlds.curved_road(radius_m, angle_rad, run_in_m=80.0, limit_mps=12.0)
+
+
+def samples_of(name: str, speed_mps: float, push_mps2: float = 0.0, drive: int = 0) -> Columns:
+    """A drive of 9 s along the road's centre line from 10 m on, sampled every half second."""
+    roads = roads_of(name)
+    (lane,) = roads.lanes.values()
+    line = Polyline(np.array(lane.centerline.points))
+    speeds = np.maximum(speed_mps + push_mps2 * 0.1 * np.arange(FRAMES), 0.0)
+    trace = tiny_worlds.drive_along(line, *speeds, start_m=10.0, actors=tiny_worlds.cars((70.0, 0.5)))
+    scenario = Scenario(
+        "test/0", "test", name, LanePlace(lane.id, 10.0), speed_mps, LanePlace(lane.id, line.length_m - 5.0),
+        (lane.roadblock_id,), duration_s=9.0,
+    )  # fmt: skip
+    return drive_samples(scenario, roads, trace, drive=drive, frames=sample_frames(trace, 5))
+
+
+def write_tiny_dataset(folder: Path) -> Path:
+    """A dataset of eighteen drives in `train` and three in `val`, each on one of three maps."""
+    (folder / layout.SHARDS).mkdir(parents=True)
+    (folder / layout.MAPS).mkdir()
+    plan = [
+        (name, speed, push)
+        for name in _BENDS
+        for speed, push in ((4.0, 0.0), (6.0, 0.5), (8.0, 0.0), (9.0, -0.5), (10.0, 0.0), (11.0, -1.0), (7.0, 0.2))
+    ]
+    held = [k for k, (_, speed, _) in enumerate(plan) if speed == 7.0]
+    made = [samples_of(*each, drive=k) for k, each in enumerate(plan)]
+    shards = [
+        _write_shard(folder, "train", [made[k] for k in range(len(plan)) if k not in held]),
+        _write_shard(folder, "val", [made[k] for k in held]),
+    ]
+    lines = [json.dumps({"map": name, "split": "val" if k in held else "train"}) for k, (name, _, _) in enumerate(plan)]
+    drives = folder / layout.DRIVES
+    drives.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    maps = {name: _write_map(folder, name) for name in _BENDS}
+    manifest = {
+        "kind": layout.KIND,
+        "format": layout.FORMAT,
+        "hash": HASH,
+        "features": {"format": schema.FORMAT},
+        "counts": {
+            "drives": len(plan),
+            "samples": sum(each["samples"] for each in shards),
+            "by_split": {each["split"]: each["samples"] for each in shards},
+        },
+        "maps": maps,
+        "drives": {"sha256": layout.file_hash(drives)},
+        "shards": shards,
+    }
+    (folder / layout.MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
+    return folder
+
+
+def _write_shard(folder: Path, split: str, parts: Sequence[Columns]) -> dict[str, Any]:
+    columns = joined(parts)
+    file = f"{layout.SHARDS}/{split}-00000.npz"
+    write_arrays(folder / file, columns, level=1)
+    return {
+        "file": file, "split": split, "samples": count_of(columns), "sha256": layout.file_hash(folder / file),
+    }  # fmt: skip
+
+
+def _write_map(folder: Path, name: str) -> dict[str, str]:
+    path = folder / layout.MAPS / f"{name}.npz"
+    write_arrays(path, lane_graph(roads_of(name)).tables())
+    return {"sha256": layout.file_hash(path)}
