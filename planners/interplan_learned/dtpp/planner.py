@@ -1,0 +1,48 @@
+"""The planner: the scene encoded once, the branches of both stages scored, the best one driven."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from numpy.typing import NDArray
+
+from interplan_learned.driving import one_sample, plan_through
+from interplan_learned.dtpp.inputs import kept, scene_of, start_of
+from interplan_learned.dtpp.plans import plans
+from interplan_learned.dtpp.tree import STEP_S
+from interplan_learned.network import load_network
+from interplan_sumo.features.view import Arrays, EgoView
+from interplan_sumo.planner import Mission, Observation
+from interplan_sumo.world.trajectory import Trajectory
+
+
+class DtppPlanner:
+    """A tree of trajectories in two stages, scored by how others are predicted to answer; stops where it finds none."""
+
+    paper: ClassVar[str] = "Huang et al. 2024"
+
+    def __init__(self, weights: str = "dtpp") -> None:
+        """`weights` names shipped ones, or is a path to a model card."""
+        self._network = load_network("dtpp", weights)
+
+    def start(self, mission: Mission) -> None:
+        self._view = EgoView(mission)
+        self._steps = self._stops = 0
+
+    def plan(self, seen: Observation) -> Trajectory:
+        size = self._network.card.size
+        arrays = kept(one_sample(self._view.arrays(seen)), size)
+        start = start_of(arrays)
+        self._steps += 1
+        self._stops += not start.paths_valid.any()
+        scene = scene_of(arrays, size)
+        encoded = {**self._network.run(scene, "encoder"), "agents": scene["agents"]}
+
+        def decode(branches: Arrays) -> NDArray[Any]:
+            return self._network.run({**encoded, **branches}, "decoder")["scores"]
+
+        return plan_through(plans(start, decode, size)[0], self._view, seen, STEP_S)
+
+    def report(self) -> dict[str, Any]:
+        """The network's, and in how many steps there was no reference path, so that the plan was to stop."""
+        return {**self._network.about, "steps": self._steps, "without_reference_path": self._stops}

@@ -1,0 +1,251 @@
+"""DTPP's labels and losses by hand, its network, and that it drives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from interplan_learned.card import Card
+from interplan_learned.dtpp.inputs import BRANCH_CHANNELS, BRANCHES, SCENE
+from interplan_learned.dtpp.planner import DtppPlanner
+from interplan_learned.training.data import read_samples
+from interplan_learned.training.recipe import Recipe, find_recipe
+from interplan_sumo.dataset.reading import Dataset
+from interplan_sumo.features import schema
+from interplan_sumo.testing import assert_planner_conforms
+from interplan_sumo.world.ego import PACIFICA
+
+torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
+
+from interplan_learned.training.models import dtpp  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """More are slower for networks of this size, much so on a busy machine."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def learned(tiny_data: Dataset) -> tuple[Recipe, dict[str, Any], dtpp.Dtpp]:
+    """The recipe, a batch of six samples, and a network with random weights."""
+    from interplan_learned.training.loop import batch_of
+    from interplan_learned.training.onnx_export import round_to_half
+
+    recipe = find_recipe("dtpp")
+    samples = read_samples(tiny_data, "val", recipe)
+    torch.manual_seed(0)
+    model = recipe.make_model().eval()
+    round_to_half(model)
+    return recipe, dict(batch_of(recipe, samples.picked(np.arange(0, 30, 5)))), model  # type: ignore[return-value]
+
+
+def answers(model: dtpp.Dtpp, batch: dict[str, Any]) -> dtpp.Answers:
+    with torch.no_grad():
+        scene = model.encoder(*(batch[name] for name in SCENE))
+        return model.decoder(*scene, batch["agents"], *(batch[name] for name in BRANCHES))
+
+
+def branch(x_m: float, y_m: float, yaw: float = 0.0, steps: int = 16) -> Any:
+    """(1, 1, 16, 7) a branch that stands somewhere for some steps."""
+    table = torch.zeros(1, 1, 16, len(BRANCH_CHANNELS))
+    table[0, 0, :steps, :3] = torch.tensor((x_m, y_m, yaw))
+    table[0, 0, :steps, -1] = 1.0
+    return table
+
+
+# --- labels --------------------------------------------------------------------------------------
+
+
+def test_the_expert_is_near_a_branch_of_both_stages(tiny_data: Dataset) -> None:
+    recipe = find_recipe("dtpp")
+    held = read_samples(tiny_data, "train", recipe).columns
+    made, shown = recipe.targets(held), recipe.inputs(held)
+    future, rows = held["ego_future"], np.arange(len(held["ego_future"]))
+    assert made["teaches"][:, 0].mean() > 0.6
+    for stage, (prefix, frame, most_m) in enumerate((("", 29, 1.5), ("second_", 79, 4.0))):
+        nearest = shown["branches"] if not stage else made["second_branches"]
+        ends = nearest[rows, made["nearest"][:, stage], (frame + 1) // 5 - 1, :2]
+        off_m = np.hypot(*(ends - future[:, frame, :2]).T)
+        taught = made["teaches"][:, stage]
+        assert future[taught, frame, 3].all(), prefix
+        assert off_m[taught].max() <= most_m
+
+
+@pytest.mark.parametrize(("beside_m", "teaches"), [(1.4, True), (1.6, False)])
+def test_samples_teach_while_their_best_branch_ends_within_a_metre_and_a_half(
+    tiny_data: Dataset, beside_m: float, teaches: bool
+) -> None:
+    recipe = find_recipe("dtpp")
+    held = dict(read_samples(tiny_data, "val", recipe).columns)
+    future = np.zeros_like(held["ego_future"])
+    later = recipe.inputs(held)["branches"][:, 4, 5]  # where the fifth branch ends after 3 s
+    future[:, :30] = np.concatenate((later[:, None, :3], np.ones_like(later[:, None, :1])), axis=-1)
+    across = np.stack((-np.sin(later[:, 2]), np.cos(later[:, 2])), axis=-1)
+    future[:, :30, :2] += beside_m * across[:, None]
+    made = recipe.targets({**held, "ego_future": future})
+    assert (made["teaches"] == [teaches, False]).all()  # nobody knows where it is after 8 s
+    assert (made["nearest"][:, 0] == 4).mean() > 0.8
+
+
+# --- losses --------------------------------------------------------------------------------------
+
+
+def test_an_agent_at_the_egos_middle_costs_ten_and_two_metres_away_less() -> None:
+    ahead_m = PACIFICA.rear_axle_to_center_m
+    futures = torch.zeros(1, 1, 2, 16, 2)
+    futures[..., 0] = 10.0 + ahead_m
+    exists = torch.tensor([[1.0, 0.0]])
+    there = dtpp.collision_cost(branch(10.0, 0.0), futures, exists)
+    assert float(there) == pytest.approx(10.0, rel=1e-5)
+    beside = dtpp.collision_cost(branch(10.0, 2.0), futures, exists)
+    assert float(beside) == pytest.approx(10.0 * np.exp(-0.8), rel=1e-5)
+    turned = dtpp.collision_cost(branch(10.0 + ahead_m, -ahead_m, np.pi / 2), futures, exists)
+    assert float(turned) == pytest.approx(10.0, rel=1e-4)
+    both = dtpp.collision_cost(branch(10.0, 0.0, steps=6), futures, torch.ones(1, 2))
+    assert float(both) == pytest.approx(20.0, rel=1e-5)
+
+
+def test_a_stage_is_scored_among_valid_branches_and_predicted_on_the_nearest() -> None:
+    branches = branch(0.0, 0.0, steps=6).repeat(2, 3, 1, 1)
+    futures = torch.zeros(2, 3, 1, 16, 2)
+    futures[:, 1, :, :, 0] = 3.0  # smooth L1 of 3 m along x: 2.5, on average with y 1.25
+    futures[:, 0] = futures[:, 2] = 99.0
+    futures[:, 1, :, 6:] = 99.0  # beyond the stage
+    scores = torch.tensor([[0.0, 0.0, 50.0], [0.0, 0.0, 50.0]])
+    valid = torch.tensor([[True, True, False]]).repeat(2, 1)
+    batch = {"futures": torch.zeros(2, 1, 16, 2), "futures_valid": torch.ones(2, 1, 16, dtype=torch.bool)}
+    found = dtpp.stage_loss(
+        dtpp.Answers(scores, futures, torch.full((2, 8), 2.0)), branches, valid, torch.tensor([1, 2]),
+        torch.tensor([True, False]), batch,
+    )  # fmt: skip
+    assert float(found) == pytest.approx(1.25 + np.log(2.0) + 0.01 * 4.0, rel=1e-4)
+
+
+def test_the_loss_falls(learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp]) -> None:
+    recipe, batch, _ = learned
+    torch.manual_seed(1)
+    model = recipe.make_model()
+    rule = torch.optim.AdamW(model.parameters(), lr=3e-3)
+    losses: list[float] = []
+    for _ in range(12):
+        rule.zero_grad()
+        loss = recipe.loss(model, batch, 0.0)
+        loss.backward()
+        rule.step()
+        losses.append(float(loss.detach()))
+    assert losses[-1] < 0.7 * losses[0]
+
+
+# --- network -------------------------------------------------------------------------------------
+
+
+def test_branches_do_not_see_each_other(learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp]) -> None:
+    _, batch, model = learned
+    before = answers(model, batch)
+    changed = {name: batch[name].clone() for name in (*SCENE, *BRANCHES)}
+    changed["branches"][:, 3, :, :6] += 1.0
+    changed["effort"][:, 3] += 0.5
+    after = answers(model, changed)
+    others = [k for k in range(before.scores.shape[1]) if k != 3]
+    torch.testing.assert_close(after.scores[:, others], before.scores[:, others])
+    torch.testing.assert_close(after.futures[:, others], before.futures[:, others])
+    assert (after.scores[:, 3] != before.scores[:, 3]).all()
+    assert (after.futures[:, 3, 0] != before.futures[:, 3, 0]).any()  # the agents answer to the branch
+
+
+def test_the_weights_of_the_cost_are_never_negative(learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp]) -> None:
+    _, batch, model = learned
+    found = answers(model, batch)
+    assert found.weights.shape == (6, 8)
+    assert float(found.weights.min()) > 0.0
+
+
+def test_of_two_branches_that_differ_in_effort_alone_the_faster_and_smoother_scores_higher(
+    learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp],
+) -> None:
+    _, batch, model = learned
+    given = {name: batch[name].clone() for name in (*SCENE, *BRANCHES)}
+    given["branches"][:] = given["branches"][:, :1]
+    given["effort"][:] = 0.5
+    given["effort"][:, 1, 0] = 0.6
+    for k in (1, 2, 3):
+        given["effort"][:, 1 + k, k] = 0.6
+    scores = answers(model, given).scores
+    assert (scores[:, 1] > scores[:, 0]).all()
+    assert (scores[:, 2:5] < scores[:, :1]).all()
+
+
+def test_empty_agents_change_nothing(learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp]) -> None:
+    _, batch, model = learned
+    alone = {**batch, "agents": torch.zeros_like(batch["agents"])}
+    scores = answers(model, alone).scores
+    with torch.no_grad():
+        scene = model.encoder(*(alone[name] for name in SCENE))
+        tokens = scene.tokens.clone()
+        tokens[:, 1:9] += 3.0  # of agents that do not exist
+        found = model.decoder(tokens, scene.empty, alone["agents"], *(alone[name] for name in BRANCHES)).scores
+    torch.testing.assert_close(found, scores)
+
+
+def test_plans_of_one_sample_are_those_of_many(learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp]) -> None:
+    recipe, batch, model = learned
+    with torch.no_grad():
+        plans = recipe.poses(model, batch)
+        one = recipe.poses(model, {name: values[2:3] for name, values in batch.items()})
+    torch.testing.assert_close(one[0], plans[2], rtol=1e-3, atol=1e-3)
+
+
+def test_the_published_size_has_the_published_numbers() -> None:
+    recipe = find_recipe("dtpp", "published")
+    tree = dtpp.SIZES["published"].tree
+    assert recipe.size == "published"
+    assert (tree.branches, tree.first_speeds, tree.second_speeds, tree.parents) == (30, 10, 5, 5)
+    assert dtpp.NETWORKS["published"].encoder.width == 256
+
+
+# --- at the wheel --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def untrained(learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The card of the network with random weights; writing it holds ONNX against torch to 1e-4."""
+    pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
+    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
+    from interplan_learned.training.onnx_export import export_graphs
+
+    recipe, batch, model = learned
+    folder = tmp_path_factory.mktemp("dtpp")
+    card = Card(
+        planner="dtpp", what=recipe.what, size=recipe.size, parameters=1, options=recipe.options,
+        features_format=schema.FORMAT, graphs=export_graphs(recipe.graphs(model, batch), folder, "dtpp"),
+        data={}, training={}, errors={}, versions={},
+    )  # fmt: skip
+    card.write(folder / "dtpp.json")
+    return folder / "dtpp.json"
+
+
+def test_onnx_scores_as_torch_does(untrained: Path, learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp]) -> None:
+    from interplan_learned.network import load_network
+
+    _, batch, model = learned
+    network = load_network("dtpp", str(untrained))
+    given = {name: values.numpy() for name, values in batch.items()}
+    encoded = network.run({name: given[name] for name in SCENE}, "encoder")
+    found = network.run({**encoded, **{name: given[name] for name in ("agents", *BRANCHES)}}, "decoder")
+    wanted = answers(model, batch)
+    np.testing.assert_allclose(found["scores"], wanted.scores.numpy(), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(found["futures"], wanted.futures.numpy(), rtol=1e-4, atol=1e-4)
+
+
+def test_it_drives_tiny_worlds_with_whatever_weights(untrained: Path) -> None:
+    planner = DtppPlanner(weights=str(untrained))
+    assert_planner_conforms(planner)
+    assert planner.report()["steps"] > planner.report()["without_reference_path"]

@@ -1,0 +1,176 @@
+"""GameFormer's refinement by hand: what is taken of the path, and the speeds that follow from it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from interplan_learned.gameformer.inputs import PLAN_STEP_S
+from interplan_learned.gameformer.occupancy import taken
+from interplan_learned.gameformer.refinement import LEAST_MPS2, MOST_MPS2, Task, refined_speeds
+from interplan_learned.scene import AGENT_CHANNELS
+from interplan_planners.common.paths import Path
+from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.world.geometry import Floats, Polyline
+
+AHEAD_S: Floats = PLAN_STEP_S * np.arange(1, 81, dtype=np.float64)
+WIDTH_M = 2.0
+NOBODY = np.zeros((80, 120), dtype=np.bool_)
+
+
+def task(
+    planned_m: Floats, cap_mps: float = 13.0, cells: np.ndarray = NOBODY, speed_mps: float = 8.0, push_mps2: float = 0.0
+) -> Task:
+    return Task(
+        planned_m=planned_m, cap_mps=np.full(80, cap_mps), taken=cells, speed_mps=speed_mps,
+        acceleration_mps2=push_mps2, front_m=PACIFICA.front_m,
+    )  # fmt: skip
+
+
+def gained_mps2(speeds: Floats, speed_mps: float) -> Floats:
+    return np.diff(speeds, prepend=speed_mps) / PLAN_STEP_S
+
+
+def road(length_m: float = 120.0) -> Path:
+    return Path(Polyline(np.array(((0.0, 0.0), (length_m, 0.0)))).resampled(0.5))
+
+
+def one_step(what: Task) -> tuple[float, float]:
+    """Speed and acceleration after a step of the refined motion."""
+    speed = float(refined_speeds(what)[0])
+    return speed, (speed - what.speed_mps) / PLAN_STEP_S
+
+
+# --- speeds --------------------------------------------------------------------------------------
+
+
+def test_at_the_cap_on_a_free_road_nothing_is_to_be_done() -> None:
+    np.testing.assert_allclose(refined_speeds(task(13.0 * AHEAD_S, speed_mps=13.0)), 13.0, atol=1e-6)
+
+
+def test_on_a_free_road_it_reaches_the_cap_smoothly() -> None:
+    speed_mps, push_mps2, gained = 8.0, 0.0, []
+    for _ in range(150):
+        planned = np.cumsum(np.minimum(speed_mps + AHEAD_S, 13.0)) * PLAN_STEP_S
+        speed_mps, push_mps2 = one_step(task(planned, speed_mps=speed_mps, push_mps2=push_mps2))
+        gained.append(push_mps2)
+    assert speed_mps == pytest.approx(13.0, abs=0.1)
+    assert -0.5 < min(gained) < max(gained) < 1.5
+
+
+def test_a_lower_cap_makes_it_slower_than_the_network_wants() -> None:
+    slower = refined_speeds(task(8.0 * AHEAD_S, cap_mps=3.0))
+    faster = refined_speeds(task(8.0 * AHEAD_S, cap_mps=13.0))
+    assert slower.sum() < 80 * 8.0 < faster.sum()
+
+
+def test_it_ends_within_three_metres_of_where_the_network_wants_to_be() -> None:
+    for cap_mps in (3.0, 15.0):
+        speeds = refined_speeds(task(8.0 * AHEAD_S, cap_mps=cap_mps))
+        assert abs(speeds.sum() * PLAN_STEP_S - 64.0) < 3.5
+
+
+def test_plans_that_rush_or_brake_too_hard_are_held_to_the_limits() -> None:
+    rushed = refined_speeds(task(np.cumsum(np.minimum(4.0 * AHEAD_S, 13.0)) * PLAN_STEP_S, speed_mps=0.0))
+    assert gained_mps2(rushed, 0.0).max() < MOST_MPS2 + 0.3
+    stopped = refined_speeds(task(np.cumsum(np.maximum(10.0 - 8.0 * AHEAD_S, 0.0)) * PLAN_STEP_S, speed_mps=10.0))
+    assert gained_mps2(stopped, 10.0).min() > LEAST_MPS2 - 0.3
+    assert stopped.min() >= 0.0
+
+
+@pytest.mark.parametrize(("speed_mps", "rear_m"), [(8.0, 60.0), (5.0, 20.0), (3.0, 12.0)])
+def test_it_stops_three_to_four_metres_behind_a_standing_car(speed_mps: float, rear_m: float) -> None:
+    at_m, push_mps2, gained = 0.0, 0.0, []
+    for _ in range(200):
+        cells = NOBODY.copy()
+        cells[:, max(int(rear_m - at_m - 3.0), 0) : int(np.ceil(rear_m - at_m + 4.8))] = True
+        planned = max(speed_mps, 1.0) * AHEAD_S  # the network would drive on
+        speed_mps, push_mps2 = one_step(task(planned, 13.0, cells, speed_mps, push_mps2))
+        at_m += speed_mps * PLAN_STEP_S
+        gained.append(push_mps2)
+    assert speed_mps == pytest.approx(0.0, abs=0.01)
+    assert 3.0 <= rear_m - at_m - PACIFICA.front_m <= 4.0
+    assert min(gained) > LEAST_MPS2
+
+
+def test_what_the_plan_has_passed_by_then_does_not_hold_it_up() -> None:
+    behind = NOBODY.copy()
+    behind[20:, :10] = True  # somebody crosses behind the ego two seconds from now
+    free = refined_speeds(task(8.0 * AHEAD_S))
+    np.testing.assert_array_equal(refined_speeds(task(8.0 * AHEAD_S, cells=behind)), free)
+    ahead = NOBODY.copy()
+    ahead[20:, 26:] = True
+    held = refined_speeds(task(8.0 * AHEAD_S, cells=ahead))
+    assert (
+        np.cumsum(held)[29] * PLAN_STEP_S + PACIFICA.front_m
+        < 26.2
+        < np.cumsum(free)[29] * PLAN_STEP_S + PACIFICA.front_m
+    )
+
+
+# --- what is taken -------------------------------------------------------------------------------
+
+
+def agent(x_m: float, y_m: float, length_m: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
+    """A standing car and where it will be, at 2 Hz."""
+    row = np.zeros((1, len(AGENT_CHANNELS)))
+    for name, value in (("x", x_m), ("y", y_m), ("length", length_m), ("width", WIDTH_M), ("vehicle", 1.0)):
+        row[0, AGENT_CHANNELS.index(name)] = value
+    return row, np.tile((x_m, y_m), (1, 16, 1))
+
+
+def cells_of(
+    agents: np.ndarray, futures: np.ndarray, red: list[Polyline] | None = None, path: Path | None = None
+) -> np.ndarray:
+    return taken(path or road(), agents, futures, red or [], PACIFICA.width_m)
+
+
+def test_a_standing_car_takes_its_length_and_three_metres_behind_it() -> None:
+    cells = cells_of(*agent(30.6, 0.0))
+    np.testing.assert_array_equal(np.flatnonzero(cells[0]), np.arange(25, 34))  # 30.6 - 2.5 - 3 to 30.6 + 2.5
+    assert (cells == cells[0]).all()
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_car_beside_the_path_is_in_the_way_up_to_thirty_centimetres_from_the_ego(side: float) -> None:
+    reach_m = (WIDTH_M + PACIFICA.width_m) / 2.0 + 0.3
+    assert cells_of(*agent(30.0, side * (reach_m - 0.01))).any()
+    assert not cells_of(*agent(30.0, side * (reach_m + 0.01))).any()
+
+
+def test_who_is_behind_the_ego_is_left_out_and_so_are_empty_rows() -> None:
+    assert not cells_of(*agent(-1.0, 0.0)).any()
+    assert not cells_of(*agent(30.0, 0.0, length_m=0.0)).any()
+
+
+def test_a_car_that_crosses_is_in_the_way_only_when_it_is_there() -> None:
+    row, futures = agent(30.0, -10.0)
+    futures[0, :, 1] = -10.0 + 2.5 * np.arange(1, 17)  # 5 m/s to the left: on the path after 2 s
+    seconds = AHEAD_S[cells_of(row, futures).any(axis=1)]
+    reach_s = ((WIDTH_M + PACIFICA.width_m) / 2.0 + 0.3) / 5.0
+    assert seconds[0] == pytest.approx(2.0 - reach_s, abs=0.1)
+    assert seconds[-1] == pytest.approx(2.0 + reach_s, abs=0.1)
+
+
+def test_futures_at_ten_hertz_are_taken_as_they_are() -> None:
+    row, futures = agent(20.0, 0.0)
+    often = np.zeros((1, 80, 2))
+    often[0, :, 0] = futures[0, :, 0] = 20.0
+    often[0, :, 0] += 6.0 * AHEAD_S
+    futures[0, :, 0] += 3.0 * np.arange(1, 17)
+    np.testing.assert_array_equal(cells_of(row, often), cells_of(row, futures))
+
+
+def test_beyond_its_end_the_path_is_taken() -> None:
+    cells = cells_of(*agent(-1.0, 0.0), path=road(39.7))
+    np.testing.assert_array_equal(np.flatnonzero(cells[0]), np.arange(40, 120))
+
+
+def test_a_red_light_takes_its_connector_unless_the_rear_axle_is_on_it() -> None:
+    def red(start_m: float, left_m: float = 0.0) -> np.ndarray:
+        line = Polyline(np.array(((start_m, left_m), (start_m + 20.0, left_m))))
+        return np.flatnonzero(cells_of(*agent(-1.0, 0.0), red=[line])[0])
+
+    np.testing.assert_array_equal(red(30.2), np.arange(30, 51))
+    assert red(30.0, left_m=0.6).size == 0  # another turn from the same lane
+    assert red(-5.0).size == 0
