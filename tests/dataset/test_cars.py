@@ -139,6 +139,7 @@ ALMOST = {"ego_history": 0.15, "ego_future": 0.03, "agents": 0.06, "origin": 0.0
 """Smoothing moves places by centimetres; everything else turns with the heading: millimetres a metre."""
 
 
+@pytest.mark.slow
 def test_a_car_that_moves_as_an_ego_did_gives_the_samples_of_that_ego(stored: StoredDrive) -> None:
     trace = stored.trace
     token = next(t for t in Cars(trace).tokens if (trace.actors.ids == t).sum() == len(trace))

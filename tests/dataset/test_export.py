@@ -29,6 +29,7 @@ def files_of(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
+@pytest.mark.slow
 def test_equal_drives_give_equal_files_whatever_the_workers(driven: Path, tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
     one = export(request(tmp_path / "a", driven), lambda _drive, done, drives: told.append((done, drives)))
