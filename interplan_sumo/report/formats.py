@@ -13,6 +13,7 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from interplan_sumo.batch.results import Row
+from interplan_sumo.report.agreement import agreement
 from interplan_sumo.report.published import SOURCE, published_figure, published_rows
 from interplan_sumo.report.table import COLUMNS, ORDINARY, Cell, Column, Line, Table
 from interplan_sumo.report.why import fault_sentence, lost_points, why_lost
@@ -65,7 +66,8 @@ def as_json(table: Table, *, paper: bool = False, why: bool = False) -> dict[str
         "rows": rows,
     }
     if paper:
-        report["paper"] = {"source": SOURCE, "rows": published_rows()}
+        near = agreement(table)
+        report["paper"] = {"source": SOURCE, "rows": published_rows(), "agreement": near and near.as_json()}
     return report
 
 
@@ -147,6 +149,8 @@ def notes(table: Table, *, paper: bool = False) -> list[str]:
             )
     if paper:
         found.append(f"(paper): {SOURCE}; ordinary driving there is Val14.")
+        if (near := agreement(table)) is not None:
+            found.append(near.sentence())
     return found
 
 
