@@ -94,7 +94,8 @@ def try_model(
 def export_chats(
     runs: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="RUN")],
     out: Annotated[Path, typer.Option(help="What to write; its card is put beside it.", metavar="FILE.jsonl")],
-    count: Annotated[int, typer.Option(help="Samples at most, one of each scenario.")] = 600,
+    count: Annotated[int, typer.Option(help="Samples at most.")] = 600,
+    each: Annotated[int, typer.Option(help="Moments of each scenario at most, 1 s apart or more.")] = 1,
     seed: Annotated[int, typer.Option(help="Of the choice among scenarios, drives and moments.")] = 0,
     min_score: Annotated[float, typer.Option(help="Only drives with at least this score, 0 to 1.")] = 0.9,
     centerline: Annotated[bool, typer.Option(help="Tell the own lane's line, as llm_waypoints does.")] = True,
@@ -109,8 +110,8 @@ def export_chats(
     from interplan_sumo.dataset.drives import Choice
 
     request = ChatRequest(
-        file=out, runs=tuple(runs), count=count, seed=seed, choice=Choice(min_score), benchmark=allow_benchmark,
-        form={"planner": "llm_waypoints", "centerline": centerline},
+        file=out, runs=tuple(runs), count=count, each=each, seed=seed, choice=Choice(min_score),
+        benchmark=allow_benchmark, form={"planner": "llm_waypoints", "centerline": centerline},
     )  # fmt: skip
     teller = _shelf("waypoints.planner").LlmWaypointsPlanner("scripted:nothing is asked", centerline=centerline)
     card = write_chats(request, teller, None if quiet else _say)
@@ -124,7 +125,11 @@ def _say(drive: Drive, done: int, at_most: int) -> None:
 
 def _print_card(out: Path, card: dict[str, Any]) -> None:
     asked = card["options"]["count"]
-    fewer = f" (of {asked} asked for; a scenario gives one)" if card["samples"] < asked else ""
+    fewer = (
+        f" (of {asked} asked for; a scenario gives {card['options']['each']} at most)"
+        if card["samples"] < asked
+        else ""
+    )
     print(f"samples: {card['samples']}{fewer}, in {out}, SHA-256 {card['sha256'][:16]}")
     print(f"by family: {', '.join(f'{count} {name}' for name, count in card['counts']['by_family'].items())}")
     if card["of_suites"]:

@@ -15,21 +15,23 @@ import numpy as np
 
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.dataset.drives import Choice, Drive, chosen_drives, driven, source_hash
-from interplan_sumo.dataset.folder import file_hash
 from interplan_sumo.dataset.seen_again import SeenAgain
 from interplan_sumo.errors import InputError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import suites
+from interplan_sumo.world.files import file_hash
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trace import Trace
 
 FORMAT: Final = 1
 KIND: Final = "interplan-sumo chats"
 SAMPLES: Final = 600
-"""Scenarios, one sample each (the published number)."""
+"""The published number, there of as many scenarios."""
 STEP_FRAMES, FUTURE_FRAMES = 5, 80
 """Places are told every 0.5 s for 8 s."""
+APART_FRAMES: Final = 10
+"""Moments of one drive are no nearer to each other."""
 TOO_SHORT: Final = "shorter than 8 s"
 
 
@@ -61,7 +63,9 @@ class ChatRequest:
     """Ends in `.jsonl`; the card is written beside it, with `.json`."""
     runs: tuple[Path, ...]
     count: int = SAMPLES
-    """Samples at most, one of each scenario."""
+    """Samples at most."""
+    each: int = 1
+    """Samples of each scenario at most, at moments at least 1 s apart."""
     seed: int = 0
     """Of the choice among scenarios, drives and moments."""
     choice: Choice = field(default_factory=Choice)
@@ -89,8 +93,9 @@ def write_chats(
     """
     if request.file.suffix != ".jsonl" or request.file.is_dir():
         raise InputError(f"{request.file} as --out: give a file whose name ends in .jsonl")
-    if request.count < 1:
-        raise InputError(f"count is {request.count}, expected 1 or more")
+    for name in ("count", "each"):
+        if getattr(request, name) < 1:
+            raise InputError(f"{name} is {getattr(request, name)}, expected 1 or more")
     chosen = chosen_drives(request.runs, (), request.choice)
     held = [drive for drive in chosen.drives if _is_of_a_suite(drive.scenario)]
     if held and not request.benchmark:
@@ -98,10 +103,11 @@ def write_chats(
     drives = _by_scenario(chosen.drives, request.seed)
     left_out = Counter(chosen.left_out)
     samples: list[_Sample] = []
-    for sample in _samples(drives, teller, request.seed, left_out):
+    each = min(request.each, -(-request.count // len(drives)))  # all scenarios before many moments of a few
+    for sample in _samples(drives, teller, request.seed, each, left_out):
         samples.append(sample)
         if on_sample is not None:
-            on_sample(sample.drive, len(samples), min(request.count, len(drives)))
+            on_sample(sample.drive, len(samples), min(request.count, each * len(drives)))
         if len(samples) == request.count:
             break
     if not samples:
@@ -154,9 +160,9 @@ def _drawn(seed: int, *names: object) -> bytes:
 
 
 def _samples(
-    scenarios: Iterable[Sequence[Drive]], teller: Teller, seed: int, left_out: Counter[str]
+    scenarios: Iterable[Sequence[Drive]], teller: Teller, seed: int, each: int, left_out: Counter[str]
 ) -> Iterator[_Sample]:
-    """One sample of each scenario, from the first of its drives that is long enough."""
+    """Samples of each scenario, from the first of its drives that is long enough."""
     for drives in scenarios:
         for drive in drives:
             scenario, roads, trace = driven(drive)
@@ -165,13 +171,24 @@ def _samples(
                 left_out[TOO_SHORT] += 1
                 continue
             rng = np.random.default_rng(np.frombuffer(_drawn(seed, "moment", *drive.key), np.uint32))
-            frame = int(rng.integers(frames))
             again = SeenAgain(scenario, roads, trace)
             teller.start(again.mission)
-            turns = teller.example(again.at(frame), future_places(trace, frame))
-            messages = [{"role": turn.role, "content": turn.text} for turn in turns]
-            yield _Sample(drive, frame, json.dumps({"messages": messages}, ensure_ascii=False))
+            for frame in _moments(frames, each, rng):
+                turns = teller.example(again.at(frame), future_places(trace, frame))
+                messages = [{"role": turn.role, "content": turn.text} for turn in turns]
+                yield _Sample(drive, frame, json.dumps({"messages": messages}, ensure_ascii=False))
             break
+
+
+def _moments(frames: int, count: int, rng: np.random.Generator) -> list[int]:
+    """So many frames below `frames`, or as many as lie far enough apart; the first is the same for every count."""
+    found = [int(rng.integers(frames))]
+    for frame in rng.permutation(frames).tolist() if count > 1 else ():
+        if len(found) == count:
+            break
+        if min(abs(frame - other) for other in found) >= APART_FRAMES:
+            found.append(frame)
+    return sorted(found)
 
 
 def future_places(trace: Trace, frame: int) -> Floats:
@@ -209,6 +226,7 @@ def _card(request: ChatRequest, samples: Sequence[_Sample], left_out: Counter[st
         "samples": len(samples),
         "options": {
             "count": request.count,
+            "each": request.each,
             "seed": request.seed,
             "min_score": request.choice.min_score,
             **request.form,

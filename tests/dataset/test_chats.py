@@ -96,12 +96,33 @@ def test_fewer_samples_are_the_first_of_more(ours: Path, tmp_path: Path) -> None
     assert card["options"]["count"] == 1
 
 
+def test_a_scenario_gives_several_moments_on_request_at_least_a_second_apart(ours: Path, tmp_path: Path) -> None:
+    _, card = written(tmp_path / "a.jsonl", ours, each=3)
+    for name in ("mine/0", "mine/1"):
+        frames = [each["frame"] for each in card["drawn"] if each["scenario"] == name]
+        assert len(frames) == 3
+        assert min(np.diff(frames)) >= 10
+
+
+def test_every_scenario_is_taken_before_a_second_moment_of_one(ours: Path, tmp_path: Path) -> None:
+    _, card = written(tmp_path / "a.jsonl", ours, each=3, count=2)
+    assert {each["scenario"] for each in card["drawn"]} == {"mine/0", "mine/1"}
+
+
+def test_a_drive_gives_no_more_moments_than_lie_a_second_apart(ours: Path, tmp_path: Path) -> None:
+    _, card = written(tmp_path / "a.jsonl", ours, each=1000, count=3000)
+    for name in ("mine/0", "mine/1"):
+        frames = [each["frame"] for each in card["drawn"] if each["scenario"] == name]
+        assert 3 <= len(frames) <= 8
+        assert min(np.diff(frames)) >= 10
+
+
 def test_the_card_tells_what_the_lines_are_made_of(ours: Path, tmp_path: Path) -> None:
     _, card = written(tmp_path / "a.jsonl", ours, form={"planner": "teller"})
     assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == card
     assert card["sha256"] == hashlib.sha256((tmp_path / "a.jsonl").read_bytes()).hexdigest()
     assert card["counts"]["by_driver"] == {"idm": 2}
-    assert card["options"] == {"count": 600, "seed": 0, "min_score": 0.0, "planner": "teller"}
+    assert card["options"] == {"count": 600, "each": 1, "seed": 0, "min_score": 0.0, "planner": "teller"}
     assert card["of_suites"] == 0
     assert card["versions"]["interplan_sumo"]
 
