@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
@@ -12,10 +10,11 @@ from typing import Protocol
 
 from interplan_sumo.batch import own_experts
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs, place_trace
-from interplan_sumo.batch.run_folder import PART, TRAFFIC
+from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.batch.tasks import OpenGroup
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.scenario.files import MAPS
+from interplan_sumo.world.files import PART, replacing
 
 TRACES = "traces"
 
@@ -111,9 +110,7 @@ def _put(path: Path, content: bytes) -> None:
     """Write a file of the run folder so that it is there as a whole or not at all."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, fresh = tempfile.mkstemp(prefix=PART, dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.replace(fresh, path)
+        with replacing(path) as fresh:
+            fresh.write_bytes(content)
     except OSError as error:
         raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from None

@@ -16,7 +16,7 @@ from typing import Any
 from interplan_sumo.batch.jobs import Job
 from interplan_sumo.batch.own_experts import own_expert
 from interplan_sumo.batch.phases import Publish
-from interplan_sumo.batch.run_folder import PART, is_full, place_folder, trace_place
+from interplan_sumo.batch.run_folder import is_full, place_folder, trace_place
 from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import load_roads
@@ -25,6 +25,7 @@ from interplan_sumo.metrics.score import score
 from interplan_sumo.planner import Planner, load_planner
 from interplan_sumo.scenario.suite import expert
 from interplan_sumo.simulation.episode import EpisodeOptions, drive
+from interplan_sumo.world.files import PART
 from interplan_sumo.world.trace import Trace
 
 

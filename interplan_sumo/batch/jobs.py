@@ -14,6 +14,7 @@ from interplan_sumo.maps.store import MapFiles, find_map
 from interplan_sumo.scenario.files import is_scenario_file, read_scenarios
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, Density, Scenario
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, Suite, find_suite
+from interplan_sumo.world.files import file_hash
 
 OVERRIDABLE = ("density", "behaviour")
 
@@ -126,7 +127,7 @@ class Overrides:
         found = {key: value for key in OVERRIDABLE if (value := getattr(self, key)) is not None}
         if self.vehicle_types is not None:
             try:
-                digest = hashlib.sha256(self.vehicle_types.read_bytes()).hexdigest()
+                digest = file_hash(self.vehicle_types)
             except OSError as error:
                 raise InputError(f"cannot read the vehicle-type file {self.vehicle_types}: {error.strerror}") from None
             found["traffic"] = f"{self.vehicle_types.name} sha256:{digest[:16]}"

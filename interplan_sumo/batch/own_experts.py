@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.world.files import replacing
 from interplan_sumo.world.trace import EgoTrack
 
 FOLDER = "experts"
@@ -66,9 +65,7 @@ def _keep(track: EgoTrack, path: Path) -> None:
     """Put a drive in its place as a whole."""
     try:
         path.parent.mkdir(exist_ok=True)
-        handle, fresh = tempfile.mkstemp(prefix=".part-", dir=path.parent)
-        os.close(handle)
-        track.to_frame(PACIFICA).to_parquet(fresh, index=False, compression="zstd")
-        os.replace(fresh, path)
+        with replacing(path) as fresh:
+            track.to_frame(PACIFICA).to_parquet(fresh, index=False, compression="zstd")
     except OSError as error:
         raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from None

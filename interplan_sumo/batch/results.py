@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, NamedTuple, Self
 
 from interplan_sumo.batch.jobs import JobKey
 from interplan_sumo.errors import RunFolderError
+from interplan_sumo.world.files import replacing
 
 RESULTS = "results.jsonl"
 """In the run folder."""
@@ -131,25 +131,15 @@ def unreadable(path: Path, error: OSError) -> RunFolderError:
     return RunFolderError(f"cannot read {path}: {error.strerror or error}")
 
 
-def replace_file(path: Path, parts: Iterable[bytes]) -> None:
-    """Write a file so that there is always either the old or the new one, also after a power cut."""
-    fresh = path.with_name(f".{path.name}.new")
-    with fresh.open("wb") as file:
-        file.writelines(parts)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(fresh, path)
-    if os.name == "posix":
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+def write_lines(path: Path, lines: Iterable[bytes]) -> None:
+    """Write results.jsonl anew, in place of what was there. OSError if that cannot be."""
+    with replacing(path) as fresh, fresh.open("wb") as file:
+        file.writelines(lines)
 
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
     """Write rows as results.jsonl has them; RunFolderError if the file cannot be written."""
     try:
-        replace_file(path, map(line_of, rows))
+        write_lines(path, map(line_of, rows))
     except OSError as error:
         raise RunFolderError(f"cannot write {path}: {error.strerror}") from None

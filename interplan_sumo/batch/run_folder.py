@@ -31,20 +31,19 @@ from pathlib import Path
 from typing import Any, Self
 
 from interplan_sumo.batch.jobs import JobKey, keys_of
-from interplan_sumo.batch.results import LINES_AT_ONCE, RESULTS, Brief, Row, line_of, read_rows, replace_file, row_key
+from interplan_sumo.batch.results import LINES_AT_ONCE, RESULTS, Brief, Row, line_of, read_rows, row_key, write_lines
 from interplan_sumo.batch.shards import keep_shards
 from interplan_sumo.batch.stored_rows import StoredRows, briefs_of
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import MapFiles, copy_map
 from interplan_sumo.scenario.files import MAPS, scenario_text
 from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.world.files import PART, replacing
 
 FORMAT = 1
 OWN_SCENARIOS = "scenarios.yaml"
 TRAFFIC = "traffic"
 """Holds a vehicle-type file; so it does beside the run folders of a sweep."""
-PART = ".part-"
-"""Begins the names of trace folders that are still being written."""
 
 
 def slug(text: str) -> str:
@@ -120,6 +119,8 @@ class RunFolder:
             raise _unwritable(path, error) from None
         try:
             self.manifest = self._agree(benchmark, request, about)
+            for left in path.glob(f"{PART}*"):
+                left.unlink()
             for left in path.glob(f"traces/{PART}*"):
                 shutil.rmtree(left, ignore_errors=True)
             self.done = self._open_results(keys_of([request]))
@@ -156,7 +157,8 @@ class RunFolder:
             if not (self.path / MAPS / files.name).is_dir():  # the same one, by the hash of the benchmark
                 copy_map(files, self.path / MAPS)
         try:
-            replace_file(self.path / OWN_SCENARIOS, ["---\n".join(map(scenario_text, scenarios)).encode()])
+            with replacing(self.path / OWN_SCENARIOS) as fresh:
+                fresh.write_bytes("---\n".join(map(scenario_text, scenarios)).encode())
         except OSError as error:
             raise _unwritable(self.path, error) from None
 
@@ -165,7 +167,8 @@ class RunFolder:
         place = self.path / TRAFFIC / path.name  # under its name: what drivers are called begins with it
         try:
             place.parent.mkdir(exist_ok=True)
-            replace_file(place, [path.read_bytes()])
+            with replacing(place) as fresh:
+                fresh.write_bytes(path.read_bytes())
         except OSError as error:
             raise _unwritable(self.path, error) from None
 
@@ -208,9 +211,8 @@ class RunFolder:
         held = _read_manifest(self.path)
         fresh = held is None
         if held is None:
-            strangers = sorted(
-                p.name for p in self.path.iterdir() if p.name not in ("lock", "traces", ".manifest.json.new")
-            )
+            names = sorted(p.name for p in self.path.iterdir())
+            strangers = [name for name in names if name not in ("lock", "traces") and not name.startswith(PART)]
             if strangers:
                 raise RunFolderError(
                     f"{self.path} holds {strangers[0]!r} and no manifest.json, so it is no run folder; "
@@ -223,7 +225,8 @@ class RunFolder:
         if fresh or not set(keys_of([request])) <= asked:
             held["requests"].append(dict(request))
             text = json.dumps(held, indent=2, ensure_ascii=False) + "\n"
-            replace_file(self.path / "manifest.json", [text.encode()])
+            with replacing(self.path / "manifest.json") as file:
+                file.write_bytes(text.encode())
         return held
 
     def _open_results(self, wanted: Iterable[JobKey]) -> set[JobKey]:
@@ -238,7 +241,7 @@ class RunFolder:
             whole_bytes += len(line)
         stay = {number for number, stays in last.values() if stays}
         if len(stay) != number + 1:
-            replace_file(path, (line for number, (_, line) in enumerate(read_rows(path)) if number in stay))
+            write_lines(path, (line for number, (_, line) in enumerate(read_rows(path)) if number in stay))
             whole_bytes = path.stat().st_size
         self._results = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         os.ftruncate(self._results, whole_bytes)

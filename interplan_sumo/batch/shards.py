@@ -19,9 +19,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.results import RESULTS, Brief, Row, replace_file, rows_of, whole_lines
+from interplan_sumo.batch.results import RESULTS, Brief, Row, rows_of, whole_lines
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.metrics.score import INFORMATIVE, PROFILES
+from interplan_sumo.world.files import replacing
 
 FOLDER = "results"
 """In the run folder, and nothing else is in it: `pandas.read_parquet` reads it as a whole."""
@@ -114,7 +115,8 @@ def keep_shards(run_folder: Path) -> None:
         wanted.add(path.name)
         about = _about(lines)
         if _read(path, about) is None:
-            replace_file(path, [_shard(lines, results, first, about)])
+            with replacing(path) as fresh:
+                fresh.write_bytes(_shard(lines, results, first, about))
         first += len(lines)
     for path in folder.iterdir():
         if path.name not in wanted and path.is_file():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.errors import InputError, UnknownNameError, VehicleTypeError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.simulation.vehicle_types import NUMBERS, OTHER_ATTRIBUTES, PARAMETERS, read_vehicle_types
+from interplan_sumo.world.files import replacing
 
 LANE_CHANGE: Final = frozenset(
     "lcAccelLat lcAssertive lcContRight lcCooperative lcCooperativeHelpThreshold lcCooperativeHelpTime "
@@ -102,18 +102,22 @@ def write_changed(path: Path, edits: Sequence[Edit], target: Path) -> None:
     if "," in str(target.resolve()):
         raise InputError(f"SUMO reads no file with a comma in its path: {target.resolve()}; give another --out")
     text = changed_text(path, edits)
-    fresh = target.with_name(f".{os.getpid()}-{target.name}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        fresh.write_text(text, encoding="utf-8", newline="\n")
-        read_vehicle_types(fresh)
-        os.replace(fresh, target)
-    except VehicleTypeError as error:
-        fresh.unlink()
-        wanted = ", ".join(f"{edit.key}={edit.value}" for edit in edits)
-        raise InputError(f"{path.name} cannot have {wanted}: {str(error).removeprefix(f'{fresh}, ')}") from None
+        with replacing(target) as fresh:
+            fresh.write_text(text, encoding="utf-8", newline="\n")
+            _check(fresh, path, edits)
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror or error}; give another folder as --out") from None
+
+
+def _check(fresh: Path, path: Path, edits: Sequence[Edit]) -> None:
+    """InputError if the file at `path` as it was changed into `fresh` cannot be used."""
+    try:
+        read_vehicle_types(fresh)
+    except VehicleTypeError as error:
+        wanted = ", ".join(f"{edit.key}={edit.value}" for edit in edits)
+        raise InputError(f"{path.name} cannot have {wanted}: {str(error).removeprefix(f'{fresh}, ')}") from None
 
 
 def recorded_vehicle_types(folder: Path, manifest: Mapping[str, Any], given: Path | None = None) -> Path | None:

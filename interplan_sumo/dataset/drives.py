@@ -15,7 +15,6 @@ from interplan_sumo.batch.jobs import JobKey
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.dataset.cars import Cars
-from interplan_sumo.dataset.folder import file_hash
 from interplan_sumo.dataset.recorded import RECORDED, Window, maps_beside, window_drive, windows
 from interplan_sumo.errors import InputError, ScenarioError, UnknownNameError
 from interplan_sumo.maps.store import MapFiles, find_map, load_roads
@@ -24,6 +23,7 @@ from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import Suite, find_suite
+from interplan_sumo.world.files import file_hash
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
 

@@ -37,6 +37,7 @@ from interplan_sumo.errors import InputError, InterplanError, TrafficError
 from interplan_sumo.features import schema
 from interplan_sumo.features.lane_graph import lane_graph
 from interplan_sumo.maps.store import load_roads
+from interplan_sumo.world.files import file_hash
 
 SHARD_SAMPLES = 512
 _GROUP = "export"
@@ -263,7 +264,7 @@ def _write_maps(folder: Path, drives: Sequence[Drive]) -> dict[str, dict[str, st
             write_arrays(path, lane_graph(roads).tables())
             about[name] = {
                 "crs": roads.crs, "driving_side": roads.driving_side, "map_sha256": map_hash(drive.map),
-                "sha256": layout.file_hash(path),
+                "sha256": file_hash(path),
             }  # fmt: skip
     return about
 
@@ -277,10 +278,10 @@ def _manifest(
     files = [folder / layout.SHARDS / shard.name for shard in shards]
     held = [
         {"file": f"{layout.SHARDS}/{path.name}", "split": shard.split, "samples": shard.samples,
-         "bytes": path.stat().st_size, "sha256": layout.file_hash(path)}
+         "bytes": path.stat().st_size, "sha256": file_hash(path)}
         for shard, path in zip(shards, files, strict=True)
     ]  # fmt: skip
-    drives_hash = layout.file_hash(folder / layout.DRIVES)
+    drives_hash = file_hash(folder / layout.DRIVES)
     parts = [str(each["sha256"]) for each in held] + [each["sha256"] for each in maps.values()] + [drives_hash]
     digest = hashlib.sha256("\n".join((f"{layout.FORMAT} {schema.FORMAT}", *parts)).encode()).hexdigest()
     return {

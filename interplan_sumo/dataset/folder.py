@@ -12,13 +12,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 from pathlib import Path
 from typing import Any, Final
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.world.files import replacing
 
 FORMAT: Final = 1
 KIND: Final = "interplan-sumo training data"
@@ -57,10 +57,9 @@ def check_free(folder: Path) -> None:
 
 def finish(folder: Path, manifest: dict[str, Any]) -> None:
     """Write the manifest, which makes the dataset whole, and tidy up."""
-    fresh = folder / f"{MANIFEST}.new"
-    fresh.write_text(json.dumps(manifest, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    shutil.rmtree(folder / PARTS)
-    fresh.replace(folder / MANIFEST)
+    with replacing(folder / MANIFEST) as fresh:
+        fresh.write_text(json.dumps(manifest, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        shutil.rmtree(folder / PARTS)
     (folder / UNFINISHED).unlink()
 
 
@@ -81,12 +80,6 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if version != FORMAT:
         raise InputError(f"{path} has format {version}, this version reads {FORMAT}; export the data again")
     return manifest
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def unwritable(folder: Path, error: OSError) -> InputError:

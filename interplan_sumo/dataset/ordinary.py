@@ -33,10 +33,11 @@ from interplan_sumo.dataset.folder import DRIVEN, check_free, unwritable
 from interplan_sumo.dataset.survey import Offer
 from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
 from interplan_sumo.maps.store import find_map, load_roads
-from interplan_sumo.proving.ordinary_scenes import CHANGE, FIRST_SEED, KINDS, ordinary_scenes
+from interplan_sumo.proving.ordinary_scenes import CHANGE, FIRST_SEED, KINDS, check_seed, ordinary_scenes
 from interplan_sumo.proving.ordinary_suite import MAPS
 from interplan_sumo.scenario.files import read_scenarios, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.world.files import replacing
 from interplan_sumo.world.lane_changes import lane_changes_needed
 
 EXPERTS: Final = ("foresight", "pdm_closed")
@@ -129,10 +130,7 @@ def _check(request: OrdinaryRequest) -> None:
     """InputError or UnknownNameError for what cannot be asked for."""
     if request.samples < 1:
         raise InputError(f"samples is {request.samples}, expected 1 or more")
-    if request.seed < FIRST_SEED:
-        raise InputError(
-            f"seed is {request.seed}, expected {FIRST_SEED} or more: smaller ones may have made official scenes"
-        )
+    check_seed(request.seed)
     if not 0.0 <= request.min_score <= 1.0:
         raise InputError(f"min-score is {request.min_score:g}, expected 0 to 1: scores count from 0 to 1 here")
     for name in request.maps:
@@ -204,11 +202,10 @@ def _scenes(path: Path, maps: Sequence[str], seed: int) -> tuple[Scenario, ...]:
     if path.is_file():
         return read_scenarios(path)
     scenes = [scene for name in maps for scene in ordinary_scenes(load_roads(name), seed)]
-    fresh = path.with_suffix(".new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_scenarios(scenes, fresh)
-        fresh.replace(path)
+        with replacing(path) as fresh:
+            write_scenarios(scenes, fresh)
     except OSError as error:
         raise unwritable(path.parent, error) from None
     return tuple(scenes)

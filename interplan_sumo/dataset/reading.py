@@ -22,6 +22,7 @@ from interplan_sumo.dataset.columns import RAGGED, Columns, count_of, joined, of
 from interplan_sumo.dataset.drives import SPLITS
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.features import schema
+from interplan_sumo.world.files import file_hash
 
 
 def read_dataset(folder: str | os.PathLike[str]) -> Dataset:
@@ -136,7 +137,7 @@ def _names(fields: Sequence[str] | None) -> list[str] | None:
 
 def _check_hash(path: Path, wanted: str) -> None:
     try:
-        found = layout.file_hash(path)
+        found = file_hash(path)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}; export the data again") from None
     if found != wanted:

@@ -41,11 +41,16 @@ def ordinary_scenes(roads: Roads, seed: int) -> list[Scenario]:
 
     Equal seeds give equal scenes. InputError for a seed that suites may have used.
     """
-    if seed < FIRST_SEED:
-        raise InputError(f"seed is {seed}, expected {FIRST_SEED} or more: smaller ones may have made official scenes")
+    check_seed(seed)
     kinds = [KINDS[(seed * KINDS_PER_ROUND + k) % len(KINDS)] for k in range(KINDS_PER_ROUND)]
     counts = {**dict.fromkeys((*kinds, CHANGE), 1), "trip": TRIPS_PER_ROUND}
     return [scene for kind, count in counts.items() for scene in islice(_sound(roads, kind, seed), count)]
+
+
+def check_seed(seed: int) -> None:
+    """InputError for a seed that suites may have used."""
+    if seed < FIRST_SEED:
+        raise InputError(f"seed is {seed}, expected {FIRST_SEED} or more: smaller ones may have made official scenes")
 
 
 def is_official(scenario: Scenario, roads: Roads) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -86,11 +85,6 @@ def read_card(path: Path) -> Card:
         return Card(graphs=graphs, **plain)
     except (TypeError, KeyError, AttributeError, ValueError) as error:
         raise InputError(f"the model card {path} is damaged: {type(error).__name__}: {error}; train again") from None
-
-
-def file_hash(path: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _graph(plain: Mapping[str, Any]) -> Graph:

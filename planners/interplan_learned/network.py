@@ -9,9 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_learned.card import Card, Graph, file_hash, read_card
-from interplan_learned.extra import library
+from interplan_learned.card import Card, Graph, read_card
+from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
+from interplan_sumo.world.files import file_hash
 
 Arrays = Mapping[str, NDArray[Any]]
 MAIN: Final = "main"
@@ -24,7 +25,7 @@ class Network:
     def __init__(self, path: Path) -> None:
         """`path` is a card. InputError if it or its files cannot be used or onnxruntime is missing."""
         self.card: Card = read_card(path)
-        runtime = library("onnxruntime", f"planner {self.card.planner!r}")
+        runtime = library("onnxruntime", f"planner {self.card.planner!r}", "learned")
         self._sessions = {
             name: _session(runtime, path.parent / graph.file, graph, path) for name, graph in self.card.graphs.items()
         }
@@ -56,8 +57,10 @@ class Network:
         }
 
 
-def load_network(planner: str, weights: str) -> Network:
+def load_network(planner: str, weights: str, driver: str | None = None) -> Network:
     """The network of a planner: `weights` is a name of shipped ones, or a path to a card or to the .onnx beside it.
+
+    `planner` is what the card names, `driver` the planner that uses it, where it has another name.
 
     InputError if there are none, if they are another planner's, or onnxruntime is missing.
     """
@@ -70,7 +73,7 @@ def load_network(planner: str, weights: str) -> Network:
         raise InputError(
             f"no weights {str(path) if is_path else weights!r} for planner {planner!r} ({shipped}). "
             f"Train them: python -m interplan_learned.training {planner} --data DATA --out FOLDER, "
-            f"then drive with {planner}?weights=FOLDER/{planner}.json"
+            f"then drive with {driver or planner}?weights=FOLDER/{planner}.json"
         )
     network = Network(path)
     if network.card.planner != planner:

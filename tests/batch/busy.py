@@ -1,10 +1,12 @@
-"""A scene of dense traffic that lasts a second and a half, for tests that drive often."""
+"""Scenes on the plainest map, for tests that drive often: one without traffic, and a short one with much of it."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
 
-BUSY = Scenario(
+PLAIN = Scenario(
     id="mine/0",
     family="mine",
     map="strip",
@@ -12,6 +14,6 @@ BUSY = Scenario(
     start_speed_mps=12.0,
     goal=LanePlace("402032", 80.0),
     route=("40203",),
-    traffic=TrafficDemand("high", "mixed"),
-    duration_s=1.5,
 )
+"""Nobody else on the road, and the usual duration."""
+BUSY = replace(PLAIN, traffic=TrafficDemand("high", "mixed"), duration_s=1.5)

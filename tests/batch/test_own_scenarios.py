@@ -16,24 +16,16 @@ from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, ScenarioError, UnknownNameError
 from interplan_sumo.report.table import make_table
 from interplan_sumo.scenario.files import write_scenarios
-from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import LanePlace, TrafficDemand
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
+from tests.batch.busy import PLAIN
 
-MINE = Scenario(
-    id="mine/0",
-    family="mine",
-    map="strip",
-    start=LanePlace("402032", 20.0),
-    start_speed_mps=12.0,
-    goal=LanePlace("402032", 80.0),
-    route=("40203",),
-)
-OTHER = replace(MINE, id="mine/1", traffic=TrafficDemand("low"))
+OTHER = replace(PLAIN, id="mine/1", traffic=TrafficDemand("low"))
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    write_scenarios((MINE, OTHER), tmp_path / "mine.yaml")
+    write_scenarios((PLAIN, OTHER), tmp_path / "mine.yaml")
     return tmp_path / "mine.yaml"
 
 
@@ -46,7 +38,7 @@ def request(folder: Path, *scenarios: object, **changes: object) -> RunRequest:
 def stored(tmp_path_factory: pytest.TempPathFactory) -> StoredRun:
     """Both scenarios driven by one planner; not to be changed."""
     folder = tmp_path_factory.mktemp("own")
-    write_scenarios((MINE, OTHER), folder / "mine.yaml")
+    write_scenarios((PLAIN, OTHER), folder / "mine.yaml")
     return run(request(folder / "run", folder / "mine.yaml"))
 
 
@@ -65,7 +57,7 @@ def test_progress_is_measured_against_a_drive_that_is_kept_in_the_folder(stored:
     kept = sorted((stored.path / "experts").iterdir())
     assert [path.name.partition("-")[0] for path in kept] == ["mine_0", "mine_1"]
     before = {path: path.stat().st_mtime_ns for path in kept}
-    again = own_expert(MINE, stored.path)
+    again = own_expert(PLAIN, stored.path)
     assert again.x_m[-1] != again.x_m[0]
     assert {path: path.stat().st_mtime_ns for path in kept} == before
 
@@ -95,7 +87,7 @@ def test_globs_choose_among_the_scenarios_of_the_file(tmp_path: Path, file: Path
 
 def test_a_file_that_has_changed_is_another_benchmark(tmp_path: Path, file: Path) -> None:
     run(request(tmp_path / "run", file, "mine/0"))
-    write_scenarios((replace(MINE, start_speed_mps=11.0), OTHER), file)
+    write_scenarios((replace(PLAIN, start_speed_mps=11.0), OTHER), file)
     with pytest.raises(RunFolderError, match="suite_hash"):
         run(request(tmp_path / "run", file, "mine/0"))
 
@@ -113,10 +105,10 @@ def test_a_source_is_a_suite_or_files(tmp_path: Path, file: Path) -> None:
     assert (suite.name, suite.official) == (DEFAULT_SUITE, True)
     assert suite.hash == find_suite(DEFAULT_SUITE).hash()
     own = Source.of(None, (str(file),))
-    assert (own.name, own.scenarios, own.official) == ("mine.yaml", (MINE, OTHER), False)
+    assert (own.name, own.scenarios, own.official) == ("mine.yaml", (PLAIN, OTHER), False)
     with pytest.raises(InputError, match=r"--suite smoke==1 and the file .*mine\.yaml are two sources"):
         Source.of("smoke==1", (str(file),))
-    write_scenarios((MINE,), tmp_path / "twin.yaml")
+    write_scenarios((PLAIN,), tmp_path / "twin.yaml")
     with pytest.raises(InputError, match=r"twin\.yaml: .*mine\.yaml holds a scenario mine/0, too; rename one"):
         Source.of(None, (str(file), str(tmp_path / "twin.yaml")))
 
@@ -128,7 +120,7 @@ def test_files_are_told_from_globs() -> None:
 def test_what_cannot_be_used_is_refused_before_anything_is_driven(tmp_path: Path, file: Path) -> None:
     with pytest.raises(ScenarioError, match="cannot read"):
         run(request(tmp_path / "run", tmp_path / "nowhere.yaml"))
-    write_scenarios((replace(MINE, goal=LanePlace("402032", 9999.0)),), file)
+    write_scenarios((replace(PLAIN, goal=LanePlace("402032", 9999.0)),), file)
     with pytest.raises(ScenarioError, match=r"mine/0: goal: lane 402032 is .* long"):
         run(request(tmp_path / "run", file))
     assert not (tmp_path / "run").exists()
@@ -139,6 +131,6 @@ def test_a_damaged_expert_is_named(tmp_path: Path, file: Path) -> None:
     (kept,) = (found.path / "experts").iterdir()
     kept.write_bytes(b"nothing")
     with pytest.raises(InputError, match="delete it, and it is driven again"):
-        own_expert(MINE, found.path)
+        own_expert(PLAIN, found.path)
     kept.unlink()
-    assert len(own_expert(MINE, found.path)) > 10
+    assert len(own_expert(PLAIN, found.path)) > 10

@@ -211,6 +211,14 @@ def test_a_disk_that_cannot_be_synced_is_told(tmp_path: Path, monkeypatch: pytes
         assert folder.done == set()
 
 
+def test_half_written_files_of_a_killed_run_are_cleared_away(tmp_path: Path) -> None:
+    (tmp_path / ".part-x1").write_text("{", encoding="utf-8")  # killed before it was a run folder
+    opened(tmp_path).close()
+    (tmp_path / ".part-x2").touch()
+    opened(tmp_path).close()
+    assert sorted(p.name for p in tmp_path.glob(".*")) == []
+
+
 def test_half_written_traces_of_a_killed_run_are_cleared_away(tmp_path: Path) -> None:
     opened(tmp_path).close()
     (tmp_path / "traces" / ".part-x1").mkdir(parents=True)

@@ -131,7 +131,7 @@ def swapped_shards(place: Path) -> None:
 
 def no_parquet(place: Path) -> None:
     (place / "results" / "part-00001.parquet").write_bytes(b"PAR1 and nothing more")
-    (place / "results" / ".part-00000.parquet.new").write_bytes(b"PAR1")
+    (place / "results" / ".part-a1b2c3d4e5f60718").write_bytes(b"PAR1")
     (place / "results" / "part-00099.parquet").write_bytes(b"PAR1")
 
 

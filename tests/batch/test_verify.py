@@ -22,19 +22,11 @@ from interplan_sumo.batch.verify import SCORE_BAR, Check, Sample, Verification, 
 from interplan_sumo.errors import InputError, PlannerLoadError, RunFolderError, UnknownNameError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.scenario.files import write_scenarios
-from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import TrafficDemand
 from interplan_sumo.world.trace import Trace
+from tests.batch.busy import PLAIN
 
-QUIET = Scenario(
-    id="mine/0",
-    family="mine",
-    map="strip",
-    start=LanePlace("402032", 20.0),
-    start_speed_mps=12.0,
-    goal=LanePlace("402032", 80.0),
-    route=("40203",),
-    duration_s=1.5,
-)
+QUIET = replace(PLAIN, duration_s=1.5)
 BUSY = replace(QUIET, id="mine/1", traffic=TrafficDemand("low"))
 RAISES = "tests.batch.rude_planners:Raises"
 

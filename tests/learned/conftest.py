@@ -1,7 +1,9 @@
-"""The data set that the tests of learned planners share: nobody changes it."""
+"""What the tests of learned planners share: a data set, which nobody changes, and one thread for torch."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,3 +20,16 @@ def tiny_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def tiny_data(tiny_folder: Path) -> Dataset:
     return read_dataset(tiny_folder)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """More are slower for networks of this size, much so on a busy machine; where torch is imported at all."""
+    torch = sys.modules.get("torch")
+    if torch is None:
+        yield
+        return
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)

@@ -2,35 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from untrained_card import write_untrained
 
-from interplan_learned.card import Card
 from interplan_learned.dtpp.inputs import BRANCH_CHANNELS, BRANCHES, SCENE
 from interplan_learned.dtpp.planner import DtppPlanner
 from interplan_learned.training.data import read_samples
 from interplan_learned.training.recipe import Recipe, find_recipe
 from interplan_sumo.dataset.reading import Dataset
-from interplan_sumo.features import schema
 from interplan_sumo.testing import assert_planner_conforms
 from interplan_sumo.world.ego import PACIFICA
 
 torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
 
 from interplan_learned.training.models import dtpp  # noqa: E402
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """More are slower for networks of this size, much so on a busy machine."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")
@@ -217,19 +206,8 @@ def test_the_published_size_has_the_published_numbers() -> None:
 @pytest.fixture(scope="module")
 def untrained(learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The card of the network with random weights; writing it holds ONNX against torch to 1e-4."""
-    pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
-    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
-    from interplan_learned.training.onnx_export import export_graphs
-
     recipe, batch, model = learned
-    folder = tmp_path_factory.mktemp("dtpp")
-    card = Card(
-        planner="dtpp", what=recipe.what, size=recipe.size, parameters=1, options=recipe.options,
-        features_format=schema.FORMAT, graphs=export_graphs(recipe.graphs(model, batch), folder, "dtpp"),
-        data={}, training={}, errors={}, versions={},
-    )  # fmt: skip
-    card.write(folder / "dtpp.json")
-    return folder / "dtpp.json"
+    return write_untrained(recipe, model, batch, tmp_path_factory.mktemp("dtpp"))
 
 
 def test_onnx_scores_as_torch_does(untrained: Path, learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp]) -> None:

@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from untrained_card import write_untrained
 
 from interplan_learned.gameformer.inputs import MODES, SIZES, inputs
 from interplan_learned.gameformer.planner import GameFormerPlanner, likeliest
 from interplan_sumo import tiny_worlds
-from interplan_sumo.features import schema
 from interplan_sumo.features.view import EgoView
 from interplan_sumo.planner import Mission, Observation
 
 torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
 
-from interplan_learned.card import Card  # noqa: E402
 from interplan_learned.training.models import gameformer as made  # noqa: E402
 from interplan_learned.training.recipe import find_recipe  # noqa: E402
 from interplan_learned.training.scene_encoder import EncoderSize, Scene  # noqa: E402
@@ -176,9 +175,7 @@ def test_sizes_are_compact_and_published() -> None:
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The card of a compact network that has learned nothing."""
-    pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
-    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
-    from interplan_learned.training.onnx_export import export_graphs, round_to_half
+    from interplan_learned.training.onnx_export import round_to_half
 
     folder = tmp_path_factory.mktemp("gameformer")
     recipe = find_recipe("gameformer")
@@ -189,13 +186,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     seen, where = street()
     arrays = {name: values[None].repeat(3, axis=0) for name, values in EgoView(where).arrays(seen).items()}
     batch = {name: torch.from_numpy(values) for name, values in inputs(arrays, "compact").items()}
-    card = Card(
-        planner="gameformer", what="", size="compact", parameters=0, options={}, features_format=schema.FORMAT,
-        graphs=export_graphs(recipe.graphs(model, batch), folder, "gameformer"), data={}, training={}, errors={},
-        versions={},
-    )  # fmt: skip
-    card.write(folder / "gameformer.json")
-    return folder / "gameformer.json"
+    return write_untrained(recipe, model, batch, folder)
 
 
 def street(x_m: float = 30.0, y_m: float = 0.0) -> tuple[Observation, Mission]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from untrained_card import write_untrained
 
-from interplan_learned.card import Card
 from interplan_learned.gc_pgp.inputs import POLICY_INPUTS
 from interplan_learned.gc_pgp.local_graph import NONE
 from interplan_learned.gc_pgp.planner import GcPgpPlanner
@@ -17,7 +16,6 @@ from interplan_learned.gc_pgp.sizes import EDGES, LATENTS, PATH_NODES, SIZES
 from interplan_learned.training.data import read_samples
 from interplan_learned.training.recipe import Recipe, find_recipe
 from interplan_sumo.dataset.reading import Dataset
-from interplan_sumo.features import schema
 from interplan_sumo.testing import assert_planner_conforms
 
 torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
@@ -46,15 +44,6 @@ def batch_and_model(data: Dataset, split: str = "val", count: int = 6) -> tuple[
     samples = read_samples(data, split, recipe)  # type: ignore[arg-type]
     torch.manual_seed(0)
     return recipe, dict(batch_of(recipe, samples.picked(np.arange(count)))), recipe.make_model().eval()  # type: ignore[return-value]
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """More are slower for networks of this size, much so on a busy machine."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 # --- labels --------------------------------------------------------------------------------------
@@ -204,20 +193,11 @@ def test_plans_are_the_same_every_time_and_those_of_one_sample_as_of_many(tiny_d
 @pytest.fixture(scope="module")
 def untrained(tiny_data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The card of a network with random weights."""
-    pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
-    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
-    from interplan_learned.training.onnx_export import export_graphs, round_to_half
+    from interplan_learned.training.onnx_export import round_to_half
 
     recipe, batch, model = batch_and_model(tiny_data)
     round_to_half(model)
-    folder = tmp_path_factory.mktemp("gc_pgp")
-    card = Card(
-        planner="gc_pgp", what=recipe.what, size=recipe.size, parameters=1, options=recipe.options,
-        features_format=schema.FORMAT, graphs=export_graphs(recipe.graphs(model, batch), folder, "gc_pgp"),
-        data={}, training={}, errors={}, versions={},
-    )  # fmt: skip
-    card.write(folder / "gc_pgp.json")
-    return folder / "gc_pgp.json"
+    return write_untrained(recipe, model, batch, tmp_path_factory.mktemp("gc_pgp"))
 
 
 def test_it_drives_tiny_worlds_with_whatever_weights(untrained: Path) -> None:

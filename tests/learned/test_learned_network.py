@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interplan_learned.card import Card, Graph, Port, file_hash, read_card
+from interplan_learned.card import Card, Graph, Port, read_card
 from interplan_learned.network import SHIPPED, Network, load_network
 from interplan_sumo.errors import InputError
 from interplan_sumo.features import schema
+from interplan_sumo.world.files import file_hash
 
 PORT = Port((2,), "float32")
 

@@ -2,37 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from untrained_card import write_untrained
 
 from interplan_learned.training.data import read_samples
 from interplan_learned.training.recipe import find_recipe
 from interplan_learned.urban_driver import SIZES, UrbanDriverPlanner
 from interplan_sumo.dataset.reading import Dataset
-from interplan_sumo.features import schema
 from interplan_sumo.testing import assert_planner_conforms
 
 torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
 
-from interplan_learned.card import Card  # noqa: E402
 from interplan_learned.training.loop import batch_of  # noqa: E402
 from interplan_learned.training.models import urban_driver as made  # noqa: E402
 
 Tensors = dict[str, Any]
 KINDS = ("ego", "vehicles", *(name for name, _ in SIZES["compact"].lines))
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """More are slower for networks of this size, much so on a busy machine."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")
@@ -213,22 +202,11 @@ def test_the_published_size_has_the_published_numbers() -> None:
 @pytest.fixture(scope="module")
 def untrained(tiny_data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The card of a network with random weights."""
-    pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
-    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
-    from interplan_learned.training.onnx_export import export_graphs
-
     recipe = find_recipe("urban_driver")
     torch.manual_seed(0)
     network = recipe.make_model().eval()
     batch = batch_of(recipe, read_samples(tiny_data, "val", recipe).picked(np.arange(6)))
-    folder = tmp_path_factory.mktemp("urban_driver")
-    card = Card(
-        planner="urban_driver", what=recipe.what, size=recipe.size, parameters=1, options=recipe.options,
-        features_format=schema.FORMAT, graphs=export_graphs(recipe.graphs(network, batch), folder, "urban_driver"),
-        data={}, training={}, errors={}, versions={},
-    )  # fmt: skip
-    card.write(folder / "urban_driver.json")
-    return folder / "urban_driver.json"
+    return write_untrained(recipe, network, batch, tmp_path_factory.mktemp("urban_driver"))
 
 
 def test_it_drives_tiny_worlds_with_whatever_weights(untrained: Path) -> None:

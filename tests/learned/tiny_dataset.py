@@ -12,10 +12,14 @@ import numpy as np
 from interplan_sumo import tiny_worlds
 from interplan_sumo.dataset import folder as layout
 from interplan_sumo.dataset.columns import Columns, count_of, joined, write_arrays
+from interplan_sumo.dataset.drives import map_hash
 from interplan_sumo.dataset.samples import drive_samples, sample_frames
 from interplan_sumo.features import schema
 from interplan_sumo.features.lane_graph import lane_graph
+from interplan_sumo.maps.geopackage_writer import write_map
+from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.world.files import file_hash
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Roads
 
@@ -59,7 +63,10 @@ def write_tiny_dataset(folder: Path) -> Path:
         _write_shard(folder, "train", [made[k] for k in range(len(plan)) if k not in held]),
         _write_shard(folder, "val", [made[k] for k in held]),
     ]
-    lines = [json.dumps({"map": name, "split": "val" if k in held else "train"}) for k, (name, _, _) in enumerate(plan)]
+    lines = [
+        json.dumps({"map": name, "split": "val" if k in held else "train", "route": ["1"], "goal_lane": "11"})
+        for k, (name, _, _) in enumerate(plan)
+    ]
     drives = folder / layout.DRIVES
     drives.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
     maps = {name: _write_map(folder, name) for name in _BENDS}
@@ -74,7 +81,7 @@ def write_tiny_dataset(folder: Path) -> Path:
             "by_split": {each["split"]: each["samples"] for each in shards},
         },
         "maps": maps,
-        "drives": {"sha256": layout.file_hash(drives)},
+        "drives": {"sha256": file_hash(drives)},
         "shards": shards,
     }
     (folder / layout.MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
@@ -86,11 +93,14 @@ def _write_shard(folder: Path, split: str, parts: Sequence[Columns]) -> dict[str
     file = f"{layout.SHARDS}/{split}-00000.npz"
     write_arrays(folder / file, columns, level=1)
     return {
-        "file": file, "split": split, "samples": count_of(columns), "sha256": layout.file_hash(folder / file),
+        "file": file, "split": split, "samples": count_of(columns), "sha256": file_hash(folder / file),
     }  # fmt: skip
 
 
 def _write_map(folder: Path, name: str) -> dict[str, str]:
+    """The lane graph, and beside it the map itself, which is no shipped one."""
+    roads = roads_of(name)
     path = folder / layout.MAPS / f"{name}.npz"
-    write_arrays(path, lane_graph(roads_of(name)).tables())
-    return {"sha256": layout.file_hash(path)}
+    write_arrays(path, lane_graph(roads).tables())
+    write_map(roads, path.with_suffix("") / "1.0" / "map.gpkg")
+    return {"sha256": file_hash(path), "map_sha256": map_hash(find_map(name, path.parent))}

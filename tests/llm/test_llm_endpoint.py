@@ -11,7 +11,7 @@ import pytest
 
 from interplan_llm.models.deadline import within
 from interplan_llm.models.endpoint import address, key_for
-from interplan_llm.models.extra import library
+from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
 
 BOTH = {"INTERPLAN_LLM_KEY": "ours", "OPENAI_API_KEY": "theirs"}
@@ -57,7 +57,7 @@ def test_a_missing_library_is_named_with_the_way_to_get_it() -> None:
     with pytest.raises(
         InputError, match=r"the model needs no_such_library, .* Run: pip install 'interplan-sumo\[llm\]'"
     ):
-        library("no_such_library", "the model")
+        library("no_such_library", "the model", "llm")
 
 
 def test_importing_the_models_imports_none_of_the_extra_libraries() -> None:

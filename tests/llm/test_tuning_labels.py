@@ -27,7 +27,6 @@ from interplan_llm.tuning.rollouts import (
     tried_example,
 )
 from interplan_llm.tuning.scenes import (
-    FIRST_SEED,
     HELD_OUT,
     START_APART_M,
     TrainingScene,
@@ -40,6 +39,7 @@ from interplan_sumo.maps.store import load_roads
 from interplan_sumo.planner import Past
 from interplan_sumo.proving.generation import generate
 from interplan_sumo.proving.oracle import Tried, Value
+from interplan_sumo.proving.ordinary_scenes import FIRST_SEED
 from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import Scenario

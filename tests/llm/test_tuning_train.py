@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.world.files import file_hash
 
 for needed in ("gguf", "jinja2"):
     pytest.importorskip(needed, reason="needs the extra: pip install 'interplan-sumo[train]'")
@@ -20,7 +21,6 @@ torch = pytest.importorskip("torch", reason="needs the extra: pip install 'inter
 
 from interplan_llm.tuning import train  # noqa: E402
 from interplan_llm.tuning.adapters import read_adapter  # noqa: E402
-from interplan_llm.tuning.card import file_sha256  # noqa: E402
 from interplan_llm.tuning.chat import ChatTokens  # noqa: E402
 from interplan_llm.tuning.examples import as_samples, divided, read_examples, shuffled_batches  # noqa: E402
 from interplan_llm.tuning.fitting import PATIENCE, Fitting, Settings  # noqa: E402
@@ -92,8 +92,8 @@ def test_the_loss_falls_and_what_is_always_right_is_learned(
 def test_the_card_says_what_was_made_of_what(tiny: Path, examples: Path, tmp_path: Path) -> None:
     card = tuned(tiny, examples, tmp_path / "sign.gguf")
     assert "not a zero-shot result" in card["caveat"]
-    assert card["adapter"]["sha256"] == file_sha256(tmp_path / "sign.gguf")
-    assert card["base"] == {"file": "tiny.gguf", "sha256": file_sha256(tiny)}
+    assert card["adapter"]["sha256"] == file_hash(tmp_path / "sign.gguf")
+    assert card["base"] == {"file": "tiny.gguf", "sha256": file_hash(tiny)}
     assert (card["examples"]["learned"], card["examples"]["held_out"]) == (20, 8)
     assert card["settings"]["seed"] == 0
     assert card["learning"]["ending"] == "done"
@@ -104,7 +104,7 @@ def test_the_card_says_what_was_made_of_what(tiny: Path, examples: Path, tmp_pat
 def test_the_card_of_the_examples_is_taken_over_if_it_is_theirs(tiny: Path, tmp_path: Path) -> None:
     examples = write_examples(tmp_path / "examples.jsonl")
     beside = tmp_path / "examples.jsonl.card.json"
-    told = {"seeds": [100_000, 100_015], "sha256": file_sha256(examples)}
+    told = {"seeds": [100_000, 100_015], "sha256": file_hash(examples)}
     for card, taken in ((told, told), ({**told, "sha256": "of another file"}, None)):
         beside.write_text(json.dumps(card), encoding="utf-8")
         assert tuned(tiny, examples, tmp_path / "sign.gguf", "--epochs", "1")["examples"]["card"] == taken

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.maps.to_sumo import convert
+from interplan_sumo.world.files import file_hash
 from interplan_sumo.world.roads import Roads
 
 VERSION = "1.0"
@@ -97,7 +97,7 @@ def import_map(source: Path, format: str, folder: Path, *, overwrite: bool = Fal
         made = build(replace(reader.read(file), name=name))
     record = ImportRecord(
         file=file.name,
-        sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
+        sha256=file_hash(file),
         format=format,
         origins=made.origins,
         left_out=made.left_out,
@@ -118,7 +118,7 @@ def check_source(roads: Roads, record: ImportRecord, source: Path) -> SourceRepo
     reader = format_named(record.format)
     file = _file(source, reader.pattern)
     report = compare(roads, record, reader.count(file))
-    if hashlib.sha256(file.read_bytes()).hexdigest() != record.sha256:
+    if file_hash(file) != record.sha256:
         changed = f"{file} is not the file that the map was imported from ({record.file}): its checksum differs"
         report = replace(report, problems=(changed, *report.problems))
     return report

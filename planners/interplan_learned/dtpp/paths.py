@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_learned.gameformer.candidates import joined
+from interplan_learned.gameformer.candidates import NEAR_LANE_M, joined, joins
 from interplan_sumo.features.schema import channel_index
 from interplan_sumo.features.view import Arrays
 from interplan_sumo.world.ego import PACIFICA
@@ -20,16 +20,12 @@ PATHS: Final = 3
 """The cheapest are kept, as published."""
 POINTS: Final = 121
 """Points per path, a metre apart from the rear axle on; beyond its way's end a path goes straight on."""
-NEAR_LANE_M: Final = 4.0
-"""Ways begin on lanes nearer to the rear axle than this: the one under it and, between lanes, its neighbours."""
 OBSTACLE_COST, BESIDE_COST, CURVATURE_COST = 10.0, 1.0, 0.1
 """For a path on which something stands, per metre between its way and the ego, per 1/m of its largest curvature."""
 LOOKED_AT_M: Final = 50
 """So much of a path is looked at for what stands on it and for curvature."""
 STANDING_MPS: Final = 0.01
 """Vehicles as slow are obstacles."""
-JOINS_M: Final = (5.0, 10.0, 15.0, 20.0)
-"""Arc lengths on a way at which a path reaches it."""
 SHORT: Final = 0.2
 """Ways shorter than this share of `POINTS` are left out where a longer one leads on."""
 _REACH_M: Final = POINTS - 1.0
@@ -114,7 +110,7 @@ def cheapest(ways: list[Way], boxes: Floats) -> list[Floats]:
     """At most `PATHS` paths (POINTS, 4), the cheapest first: of each way the path that joins it most cheaply."""
     found: list[tuple[float, int, Floats]] = []
     for number, way in enumerate(ways):
-        paths = [sampled_path(joined(_ORIGIN, way.line, way.from_m, join_m)) for join_m in _joins(way.left_m)]
+        paths = [sampled_path(joined(_ORIGIN, way.line, way.from_m, join_m)) for join_m in joins(way.left_m)]
         costs = [path_cost(path, way.beside_m, boxes) for path in paths]
         best = int(np.argmin(costs))
         found.append((costs[best], number, paths[best]))
@@ -159,8 +155,3 @@ def _chains(first: int, follows: NDArray[np.bool_], lengths_m: Floats, passed_m:
     for row in ahead:
         for chain in _chains(row, follows, lengths_m, passed_m):
             yield (first, *chain)
-
-
-def _joins(length_m: float) -> tuple[float, ...]:
-    """Where a way of that length may be reached."""
-    return tuple(each for each in JOINS_M if each < length_m) or (length_m / 2.0,)

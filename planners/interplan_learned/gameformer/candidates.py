@@ -86,7 +86,7 @@ class CandidatePaths:
         return [
             Candidate(joined(rear_axle, line, line.length_m - length_m, join_m), chain, beside_m, length_m)
             for beside_m, length_m, chain, line in kept
-            for join_m in _joins(length_m)
+            for join_m in joins(length_m)
         ]
 
     def _ways_from(self, lane: str) -> list[tuple[tuple[str, ...], Polyline]]:
@@ -125,6 +125,6 @@ def joined(start: Pose, way: Polyline, from_m: float, join_m: float) -> Floats:
     return np.concatenate((weights @ corners, inside, last))
 
 
-def _joins(length_m: float) -> tuple[float, ...]:
+def joins(length_m: float) -> tuple[float, ...]:
     """Where a way of that length may be reached."""
     return tuple(each for each in JOINS_M if each < length_m) or (length_m / 2.0,)

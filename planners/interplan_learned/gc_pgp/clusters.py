@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from interplan_learned.kmeans import kmeans
 from interplan_sumo.world.geometry import Floats, Ints
 
 THINNED: Final = 3
@@ -22,18 +23,8 @@ def clusters(trajectories: NDArray[Any], count: int) -> Ints:
     """
     thin = trajectories[:, :, THINNED - 1 :: THINNED].astype(np.float64)
     points = thin.reshape(*thin.shape[:2], -1)
-    centres = _spread(points, count)
-    kind = _nearest(points, centres)
-    for _ in range(_ROUNDS):
-        member = kind[..., None] == np.arange(count)
-        held = member.sum(axis=1)
-        sums = member.transpose(0, 2, 1).astype(np.float64) @ points
-        centres = np.where(held[..., None] > 0, sums / np.maximum(held, 1)[..., None], centres)
-        again = _nearest(points, centres)
-        if np.array_equal(again, kind):
-            break
-        kind = again
-    return kind
+    first = ((points - points.mean(axis=1, keepdims=True)) ** 2).sum(axis=-1).argmin(axis=1)
+    return kmeans(points, first, count, _ROUNDS)
 
 
 def means(trajectories: NDArray[Any], kind: Ints, count: int) -> tuple[Floats, Ints]:
@@ -81,19 +72,3 @@ def chosen(trajectories: NDArray[Any], count: int) -> Floats:
     centres, held = means(trajectories, clusters(trajectories, count), count)
     first = [int(ranks(each.reshape(count, -1), n).argmin()) for each, n in zip(centres, held, strict=True)]
     return centres[np.arange(len(first)), first]
-
-
-def _spread(points: Floats, count: int) -> Floats:
-    """(B, count, D) points (B, T, D) far from each other."""
-    batch = np.arange(len(points))
-    centre = points[batch, ((points - points.mean(axis=1, keepdims=True)) ** 2).sum(axis=-1).argmin(axis=1)]
-    found, off = [centre], ((points - centre[:, None]) ** 2).sum(axis=-1)
-    while len(found) < count:
-        found.append(points[batch, off.argmax(axis=1)])
-        off = np.minimum(off, ((points - found[-1][:, None]) ** 2).sum(axis=-1))
-    return np.stack(found, axis=1)
-
-
-def _nearest(points: Floats, centres: Floats) -> Ints:
-    apart = (centres**2).sum(axis=-1)[:, None] - 2.0 * points @ centres.transpose(0, 2, 1)
-    return apart.argmin(axis=-1)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 import yaml
 
-from interplan_learned.extra import library
+from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.planner import OptionLoader
 
@@ -51,7 +51,7 @@ def train(
     """Train a planner's network on a data set and write it with its model card."""
     library("torch", "training", "train")
     library("onnx", "training", "train")
-    library("onnxruntime", "training")
+    library("onnxruntime", "training", "learned")
     from interplan_learned.training.session import TrainRequest, train_planner
 
     given = {"epochs": epochs, "batch": batch, "learning_rate": learning_rate, "patience": patience, "seed": seed}

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from interplan_learned.kmeans import kmeans
 from interplan_learned.training.recipe import Recipe, fields_of
 from interplan_sumo.dataset.columns import Columns, count_of, joined, picked
 from interplan_sumo.dataset.drives import Split
@@ -77,15 +78,5 @@ def _places(future: NDArray[Any]) -> Floats:
 
 def _clusters(points: Floats, count: int) -> Ints:
     """(S,) Lloyd's clusters of points (S, D), from the farthest points on; the same for the same points."""
-    centres = points[:1]
-    nearest = ((points - centres[0]) ** 2).sum(axis=1)
-    while len(centres) < min(count, len(points)) and nearest.max() > 0.0:
-        centres = np.vstack((centres, points[nearest.argmax()]))
-        nearest = np.minimum(nearest, ((points - centres[-1]) ** 2).sum(axis=1))
-    kind = np.zeros(len(points), dtype=np.int64)
-    for _ in range(_ROUNDS):
-        kind = ((points[:, None] - centres) ** 2).sum(axis=-1).argmin(axis=1)
-        members = np.bincount(kind, minlength=len(centres))
-        sums = np.stack([np.bincount(kind, column, len(centres)) for column in points.T], axis=1)
-        centres = np.where(members[:, None] > 0, sums / np.maximum(members, 1)[:, None], centres)
-    return kind
+    count = min(count, len(points))
+    return kmeans(points[None], np.zeros(1, dtype=np.int64), count, _ROUNDS)[0]

@@ -19,6 +19,7 @@ from interplan_learned.training.metrics import constant_velocity, plan_errors
 from interplan_learned.training.recipe import Batch, Recipe
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.errors import InputError
+from interplan_sumo.world.files import replacing
 
 CLIP_NORM: Final = 5.0
 _HELD_BATCH: Final = 256
@@ -204,16 +205,13 @@ class _State:
             self.best_m, self.best_epoch = error_m, self.epoch
             self.best = _copied(self._parts["model"].state_dict())
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = self._path.with_suffix(".new")
-        torch.save(
-            {
-                "fingerprint": self._fingerprint, "epoch": self.epoch, "best_epoch": self.best_epoch,
-                "best_m": self.best_m, "best": self.best, "seconds": self.seconds,
-                **{name: part.state_dict() for name, part in self._parts.items()},
-            },
-            fresh,
-        )  # fmt: skip
-        fresh.replace(self._path)
+        held = {
+            "fingerprint": self._fingerprint, "epoch": self.epoch, "best_epoch": self.best_epoch,
+            "best_m": self.best_m, "best": self.best, "seconds": self.seconds,
+            **{name: part.state_dict() for name, part in self._parts.items()},
+        }  # fmt: skip
+        with replacing(self._path) as fresh, fresh.open("wb") as file:
+            torch.save(held, file)
 
     def read(self, device: str) -> None:
         """Go on from the checkpoint."""

@@ -12,11 +12,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from interplan_learned.card import Graph, Port, file_hash
-from interplan_learned.extra import library
+from interplan_learned.card import Graph, Port
 from interplan_learned.network import MAIN
 from interplan_learned.training.recipe import GraphCall
+from interplan_planners.common.extra import library
 from interplan_sumo.errors import InterplanError
+from interplan_sumo.world.files import file_hash
 
 AGREE: Final = 1e-4
 """Largest difference between ONNX and torch, relative to values above 1."""
@@ -103,7 +104,7 @@ def _called(call: GraphCall) -> tuple[Tensor, ...]:
 
 
 def _difference(file: Path, call: GraphCall, wanted: tuple[Tensor, ...]) -> float:
-    runtime = library("onnxruntime", "training")
+    runtime = library("onnxruntime", "training", "learned")
     options = runtime.SessionOptions()
     options.log_severity_level = 3
     session = runtime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])

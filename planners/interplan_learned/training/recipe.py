@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from interplan_learned.card import SIZES, Size
-from interplan_learned.extra import library
+from interplan_planners.common.extra import library
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.errors import InputError, UnknownNameError

@@ -19,6 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from interplan_learned.scene import AGENT_CHANNELS, EGO_CHANNELS, LANE_CHANNELS
+from interplan_learned.training.recipe import Settings
 
 POOLED_POINTS: Final = 10
 """So many points of a lane or crosswalk make one token, as published."""
@@ -36,6 +37,14 @@ class EncoderSize:
     heads: int = 8
     layers: int = 3
     dropout: float = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkSize:
+    """Of a network that builds on the encoder, and how it is trained."""
+
+    encoder: EncoderSize
+    settings: Settings
 
 
 class Scene(NamedTuple):

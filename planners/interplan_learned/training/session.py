@@ -14,7 +14,6 @@ import torch
 
 import interplan_sumo
 from interplan_learned.card import Card
-from interplan_learned.extra import library
 from interplan_learned.training.data import held_out_split, read_samples
 from interplan_learned.training.loop import (
     EpochDone,
@@ -26,6 +25,7 @@ from interplan_learned.training.loop import (
 )
 from interplan_learned.training.onnx_export import export_graphs, round_to_half
 from interplan_learned.training.recipe import Recipe, find_recipe
+from interplan_planners.common.extra import library
 from interplan_sumo.dataset.drives import SPLITS
 from interplan_sumo.dataset.reading import Dataset, read_dataset
 from interplan_sumo.features import schema

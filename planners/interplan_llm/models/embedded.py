@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import math
 import secrets
 import signal
@@ -20,9 +19,10 @@ from typing import Any
 from interplan_llm.models import native
 from interplan_llm.models.answers import answered
 from interplan_llm.models.constraints import grammar_of, response_format
-from interplan_llm.models.extra import library
 from interplan_llm.models.protocol import Capabilities, Cause, ModelFailure, Reply, Request
+from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
+from interplan_sumo.world.files import file_hash
 
 CONTEXT_TOKENS = 4096
 MAX_THREADS = 64
@@ -62,10 +62,10 @@ class EmbeddedModel:
             raise InputError(f"{threads} threads for the embedded model; give 1 to {MAX_THREADS}")
         for file in (path, *(adapter.path for adapter in adapters)):
             _check_file(file)
-        version = getattr(library(native.LIBRARY, "the embedded model"), "__version__", "unknown")
+        version = getattr(library(native.LIBRARY, "the embedded model", "llm"), "__version__", "unknown")
         _check_runs(path, tuple(adapters))
-        hashes = [f"+lora:{_hash(adapter.path)}@{adapter.scale}" for adapter in adapters]
-        self.name = f"embedded:{_hash(path)}{''.join(hashes)}:{native.LIBRARY}-{version}"
+        hashes = [f"+lora:{file_hash(adapter.path)}@{adapter.scale}" for adapter in adapters]
+        self.name = f"embedded:{file_hash(path)}{''.join(hashes)}:{native.LIBRARY}-{version}"
         self.path = path
         self.adapters = tuple(adapters)
         self.threads = threads
@@ -289,9 +289,3 @@ def _ending(code: int, stderr: str) -> str:
 def _not_loaded(path: Path, adapters: Sequence[Adapter]) -> InputError:
     beside = f" with {', '.join(str(adapter.path) for adapter in adapters)}" if adapters else ""
     return InputError(f"{native.LIBRARY} cannot load {path}{beside}: damaged, or not made for each other")
-
-
-def _hash(path: Path) -> str:
-    """SHA-256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

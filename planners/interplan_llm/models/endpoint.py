@@ -14,8 +14,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from interplan_llm.models.deadline import within
-from interplan_llm.models.extra import library
 from interplan_llm.models.protocol import MAX_TEXT_BYTES, Cause, ModelFailure
+from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
 
 KEY_VARIABLE = "INTERPLAN_LLM_KEY"
@@ -88,7 +88,7 @@ class Endpoint:
     def __init__(self, where: Address) -> None:
         """Reads the key; connects to nothing yet. InputError without the library."""
         self.where = where
-        self._http = library("httpx2", f"the model at {where.url}")
+        self._http = library("httpx2", f"the model at {where.url}", "llm")
         headers = {"Content-Type": "application/json", "Accept-Encoding": "identity", "User-Agent": "interplan-sumo"}
         key = key_for(where)
         if key is not None:

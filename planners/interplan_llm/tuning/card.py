@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import time
 from collections.abc import Sequence
@@ -16,6 +15,7 @@ from interplan_llm.tuning.examples import Sample
 from interplan_llm.tuning.fitting import Fitted, Settings
 from interplan_llm.tuning.heldout import HeldOut, Share, chance, first_offered
 from interplan_sumo import __version__
+from interplan_sumo.world.files import file_hash
 
 CAVEAT = "Tuned on examples of its task: what it scores there is not a zero-shot result."
 
@@ -40,11 +40,6 @@ class Made:
 def write_card(path: Path, made: Made) -> None:
     """Write it as JSON."""
     path.write_text(json.dumps(_card(made), indent=2) + "\n", encoding="utf-8")
-
-
-def file_sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _card(made: Made) -> dict[str, Any]:
@@ -76,7 +71,7 @@ def _card(made: Made) -> dict[str, Any]:
 
 
 def _file(path: Path) -> dict[str, Any]:
-    return {"file": path.name, "sha256": file_sha256(path)}
+    return {"file": path.name, "sha256": file_hash(path)}
 
 
 def _card_of(examples: Path) -> dict[str, Any] | None:
@@ -85,7 +80,7 @@ def _card_of(examples: Path) -> dict[str, Any] | None:
         card = json.loads(examples.with_name(f"{examples.name}.card.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return card if isinstance(card, dict) and card.get("sha256") == file_sha256(examples) else None
+    return card if isinstance(card, dict) and card.get("sha256") == file_hash(examples) else None
 
 
 def _judged(judged: HeldOut | None) -> dict[str, Any] | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
@@ -18,6 +17,7 @@ from interplan_llm.tuning.examples import Sample, shuffled_batches
 from interplan_llm.tuning.heldout import answer_losses, mean_loss
 from interplan_llm.tuning.llama import Adapter, Llama
 from interplan_sumo.errors import InputError
+from interplan_sumo.world.files import replacing
 
 GRADIENT_NORM = 0.3
 """Of interPlan's recipe, as are WEIGHT_DECAY and WARM_UP."""
@@ -214,10 +214,8 @@ class Fitting:
         arrays |= {f"best/{name}": tensor.numpy() for name, tensor in self._best.items()}
         for name, tensor in self._tensors.items():
             arrays |= {f"adam/{name}/{part}": value.numpy() for part, value in self._optimizer.state[tensor].items()}
-        part = self._checkpoint.with_name(f"{self._checkpoint.name}.part")
-        with part.open("wb") as file:
+        with replacing(self._checkpoint) as fresh, fresh.open("wb") as file:
             np.savez(file, allow_pickle=False, told=np.array(json.dumps(told)), **arrays)
-        os.replace(part, self._checkpoint)
 
     def _take_up(self, arrays: dict[str, np.ndarray], told: dict[str, Any]) -> None:
         self._progress = Progress(**told["progress"])

@@ -24,12 +24,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from interplan_llm.tuning.rollouts import MARGIN, STEPS_PER_PLAN, labelled
-from interplan_llm.tuning.scenes import FIRST_SEED, START_APART_M, TrainingScene, generated_scenes, scenes_of
+from interplan_llm.tuning.scenes import START_APART_M, TrainingScene, generated_scenes, scenes_of
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.phases import Publish
 from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError
+from interplan_sumo.proving.ordinary_scenes import FIRST_SEED
+from interplan_sumo.world.files import replacing
 
 KIND: Final = "interplan-sumo decisions labelled by rollout"
 FORMAT: Final = 1
@@ -202,9 +204,8 @@ def _gathered(
 
 
 def _place(path: Path, content: bytes) -> None:
-    fresh = path.with_name(f"{path.name}.new")
-    fresh.write_bytes(content)
-    fresh.replace(path)
+    with replacing(path) as fresh:
+        fresh.write_bytes(content)
 
 
 def _card(

@@ -12,6 +12,7 @@ from typing import Final, Literal
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import load_roads, maps
 from interplan_sumo.proving.generation import generate
+from interplan_sumo.proving.ordinary_scenes import FIRST_SEED
 from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
@@ -19,8 +20,6 @@ from interplan_sumo.scenario.suite import suites
 
 Split = Literal["train", "val"]
 
-FIRST_SEED: Final = 100_000
-"""Training seeds begin here; those of runs are small numbers."""
 START_APART_M: Final = 5.0
 """A scene that starts nearer than this to a scenario of a suite is not used."""
 HELD_OUT: Final = (10, 4)

@@ -10,7 +10,7 @@ import torch
 
 from interplan_llm.models.fetch import default_model
 from interplan_llm.tuning.adapters import write_adapter
-from interplan_llm.tuning.card import Made, file_sha256, write_card
+from interplan_llm.tuning.card import Made, write_card
 from interplan_llm.tuning.chat import ChatTokens
 from interplan_llm.tuning.examples import as_samples, divided, read_examples
 from interplan_llm.tuning.fitting import Fitting, Settings
@@ -18,6 +18,7 @@ from interplan_llm.tuning.gguf_weights import read_model
 from interplan_llm.tuning.heldout import HeldOut, judged
 from interplan_llm.tuning.llama import TARGETS, Llama
 from interplan_sumo.errors import InputError
+from interplan_sumo.world.files import file_hash
 
 SAY_EVERY_S = 10.0
 WRITING_S = 20.0
@@ -38,7 +39,7 @@ def tune(given: argparse.Namespace) -> None:
     model = Llama(read, getattr(torch, settings.precision))
     learned, held_out = divided(as_samples(examples, chat), given.held_out)
     checkpoint: Path = given.out.with_suffix(".checkpoint.npz")
-    key = f"{file_sha256(base)} {file_sha256(given.examples)} {len(held_out)}"
+    key = f"{file_hash(base)} {file_hash(given.examples)} {len(held_out)}"
     fitting = Fitting(model, learned, held_out, settings, checkpoint, key)
     tokens = sum(len(sample.read) for sample in learned)
     _say(f"{len(learned)} examples to learn from, {tokens} tokens; {len(held_out)} held out; {fitting.steps} steps")

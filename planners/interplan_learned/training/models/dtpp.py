@@ -6,7 +6,6 @@ Compact: the same method with a width of 64 instead of 256, two layers, half the
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, NamedTuple
 
@@ -44,7 +43,7 @@ from interplan_learned.dtpp.tree import (
 from interplan_learned.scene import AGENT_CHANNELS, scene_futures
 from interplan_learned.training.augment import without_past
 from interplan_learned.training.recipe import Batch, GraphCall, Recipe, Settings
-from interplan_learned.training.scene_encoder import AttentionLayer, EncoderSize, Scene, SceneEncoder
+from interplan_learned.training.scene_encoder import AttentionLayer, EncoderSize, NetworkSize, Scene, SceneEncoder
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.features.view import Arrays
 from interplan_sumo.world.ego import PACIFICA
@@ -67,18 +66,10 @@ _THERE = BRANCH_CHANNELS.index("there")
 _START: Final = ("paths", "paths_valid", "speed_mps", "acceleration_mps2", "limit_mps")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NetworkSize:
-    """Of the network, for what `sizes.SIZES` gives it."""
-
-    encoder: EncoderSize
-    settings: Settings
-
-
 NETWORKS: Final[Mapping[Size, NetworkSize]] = {
     "compact": NetworkSize(
         encoder=EncoderSize(width=64, heads=4, layers=2),
-        settings=Settings(epochs=12, batch=64, learning_rate=1e-3, patience=6),
+        settings=Settings(epochs=6, batch=64, learning_rate=1e-3, patience=6),
     ),
     "published": NetworkSize(
         encoder=EncoderSize(width=256, heads=8, layers=3),

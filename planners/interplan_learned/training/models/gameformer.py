@@ -6,7 +6,6 @@ Compact: the same method with a width of 64 instead of 256, two layers, fewer ag
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -21,7 +20,14 @@ from interplan_learned.gameformer.inputs import MODES, PLAN_STEP_S, PLAN_STEPS, 
 from interplan_learned.scene import EGO_CHANNELS, FIELDS, scene_futures, thinned
 from interplan_learned.training.augment import Perturbation, perturbed_start, without_past
 from interplan_learned.training.recipe import Batch, GraphCall, Recipe, Settings
-from interplan_learned.training.scene_encoder import AttentionLayer, EncoderSize, LineEncoder, Scene, SceneEncoder
+from interplan_learned.training.scene_encoder import (
+    AttentionLayer,
+    EncoderSize,
+    LineEncoder,
+    NetworkSize,
+    Scene,
+    SceneEncoder,
+)
 from interplan_sumo.dataset.columns import Columns
 
 LEVELS: Final = 2
@@ -37,18 +43,10 @@ _FAR_M: Final = 20.0
 """Networks give futures in these units."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NetworkSize:
-    """Of the network, for what `inputs.SIZES` gives it."""
-
-    encoder: EncoderSize
-    settings: Settings
-
-
 NETWORKS: Final[Mapping[Size, NetworkSize]] = {
     "compact": NetworkSize(
         encoder=EncoderSize(width=64, heads=4, layers=2),
-        settings=Settings(epochs=20, batch=64, learning_rate=1e-3, patience=8),
+        settings=Settings(epochs=10, batch=64, learning_rate=1e-3, patience=8),
     ),
     "published": NetworkSize(
         encoder=EncoderSize(width=256, heads=8, layers=3),

@@ -64,7 +64,7 @@ def recipe(
             agents_dropped=agents_dropped,
             past_dropped=past_dropped,
         ),
-        settings=Settings(epochs=20, batch=64, learning_rate=1e-3, patience=10),
+        settings=Settings(epochs=10, batch=64, learning_rate=1e-3, patience=8),
     )
 
 

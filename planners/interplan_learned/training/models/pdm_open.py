@@ -19,7 +19,8 @@ from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.errors import InputError
 
 _WIDTH = 512
-_EGO, _CENTERLINE = 11 * 9, 120 * 3
+EGO, CENTERLINE = 11 * 9, 120 * 3
+"""Numbers in `ego` and `centerline` of a sample."""
 
 
 def recipe(
@@ -32,8 +33,7 @@ def recipe(
     """
     if size != "published":
         raise InputError(f"pdm_open has no {size} network: the published one is small enough; leave --size away")
-    if not 0.0 <= history_s <= 2.0:
-        raise InputError(f"history_s is {history_s}, expected 0 to 2")
+    check_history(history_s)
     return Recipe(
         planner="pdm_open",
         what="PDM-Open: an MLP from the ego's past and the centre line to 8 s of poses",
@@ -47,28 +47,44 @@ def recipe(
         poses=_poses,
         graphs=_graphs,
         augmented=partial(_augmented, perturbation=Perturbation(share=perturbed), past_dropped=past_dropped),
-        settings=Settings(epochs=100, batch=64, learning_rate=5e-4, patience=25),
+        settings=Settings(epochs=40, batch=64, learning_rate=5e-4, patience=25),
     )
+
+
+def check_history(history_s: float) -> None:
+    """InputError if there is not so much of the ego's past."""
+    if not 0.0 <= history_s <= 2.0:
+        raise InputError(f"history_s is {history_s}, expected 0 to 2")
 
 
 class PdmOpen(nn.Module):
     def __init__(self) -> None:
         super().__init__()
-        self.ego = nn.Sequential(nn.Linear(_EGO, _WIDTH), nn.ReLU())
-        self.centerline = nn.Sequential(nn.Linear(_CENTERLINE, _WIDTH), nn.ReLU())
-        self.head = nn.Sequential(
-            nn.Linear(2 * _WIDTH, _WIDTH),
-            nn.Dropout(0.1),
-            nn.ReLU(),
-            nn.Linear(_WIDTH, _WIDTH),
-            nn.ReLU(),
-            nn.Linear(_WIDTH, POSES * 3),
-        )
+        self.ego = embedding(EGO)
+        self.centerline = embedding(CENTERLINE)
+        self.head = head(2)
 
     def forward(self, ego: Tensor, centerline: Tensor) -> Tensor:
         """(B, POSES, 3) from (B, 99) and (B, 360)."""
         seen = torch.cat((self.ego(ego), self.centerline(centerline)), dim=-1)
         return self.head(seen).reshape(-1, POSES, 3)
+
+
+def embedding(numbers: int) -> nn.Sequential:
+    """From an input of so many numbers to its code."""
+    return nn.Sequential(nn.Linear(numbers, _WIDTH), nn.ReLU())
+
+
+def head(codes: int) -> nn.Sequential:
+    """From so many codes, joined, to POSES * 3 numbers."""
+    return nn.Sequential(
+        nn.Linear(codes * _WIDTH, _WIDTH),
+        nn.Dropout(0.1),
+        nn.ReLU(),
+        nn.Linear(_WIDTH, _WIDTH),
+        nn.ReLU(),
+        nn.Linear(_WIDTH, POSES * 3),
+    )
 
 
 def targets(arrays: Columns) -> Columns:
@@ -78,8 +94,13 @@ def targets(arrays: Columns) -> Columns:
 
 
 def loss(model: nn.Module, batch: Batch, _done: float) -> Tensor:
-    """Mean absolute error of x, y and yaw over the poses that there are."""
-    off = (_poses(model, batch) - batch["wanted"]).abs().mean(dim=-1)
+    """`mean_error` of the plans."""
+    return mean_error(_poses(model, batch), batch)
+
+
+def mean_error(poses: Tensor, batch: Batch) -> Tensor:
+    """Mean absolute error of x, y and yaw of poses (B, POSES, 3) over those that there are."""
+    off = (poses - batch["wanted"]).abs().mean(dim=-1)
     return off[batch["wanted_valid"]].mean()
 
 

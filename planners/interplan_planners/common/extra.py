@@ -1,4 +1,4 @@
-"""Libraries that only learned planners need: imported when they are used, named with the way to get them."""
+"""Libraries that only some planners need: imported when they are used, named with the way to get them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 from interplan_sumo.errors import InputError
 
 
-def library(name: str, what: str, extra: str = "learned") -> Any:
-    """The module of that name; InputError with the way out if it is not installed or cannot be imported."""
+def library(name: str, what: str, extra: str) -> Any:
+    """The module of that name; InputError naming the extra that has it if it is not installed or cannot be imported."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -1,0 +1,43 @@
+"""Files as wholes: put in their place when they are complete, and told apart by their hash."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+PART: Final = ".part-"
+"""Names of files and folders that are being written begin so; a process that was killed may leave one behind."""
+
+
+@contextmanager
+def replacing(path: Path) -> Generator[Path]:
+    """A new name beside `path` to write a file to, which takes the place of `path` where the block ends.
+
+    There is always either the old file or the new one, also after a power cut
+    and with several writers at once; if the block raises, the old one stays.
+    """
+    fresh = path.with_name(f"{PART}{secrets.token_hex(8)}")
+    try:
+        yield fresh
+        with fresh.open("rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(fresh, path)
+    finally:
+        fresh.unlink(missing_ok=True)
+    if os.name == "posix":
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
