@@ -19,7 +19,7 @@ help:
 	@echo "make check       lint, format and types"
 	@echo "make golden      only the comparison with nuPlan's own values"
 	@echo "make smoke       one scenario per family, in a minute"
-	@echo "make data        ordinary driving to train on, below data/ordinary"
+	@echo "make data        ordinary driving to train on, below data/ordinary (20 minutes); back_bay is for testing"
 	@echo "make tune-llm    EXAMPLES=choices.jsonl [OUT=hybrid.gguf]: teach the small language model"
 	@echo "make train       PLANNER=pdm_open [DATA=folder] [TRAIN='--epochs 20']: train a learned planner anew"
 	@echo "make setup       make $(VENV) with everything for development"
@@ -64,7 +64,7 @@ benchmark: $(VENV)/.installed
 	@echo "report: runs/benchmark/report.html"
 
 data: $(VENV)/.installed
-	$(BIN)/interplan-sumo dataset ordinary --out $(DATA) --workers $(WORKERS)
+	$(BIN)/interplan-sumo dataset ordinary --out $(DATA) --holdout-maps back_bay --workers $(WORKERS)
 
 # torch is in no other extra; its build for CPUs is enough, and small, where an index has it.
 $(VENV)/.installed-train: pyproject.toml | $(VENV)/.installed-dev

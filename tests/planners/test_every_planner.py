@@ -1,9 +1,10 @@
-"""What holds for every reference planner, in scenes that are not kind to it."""
+"""What holds for every planner of the package, in scenes that are not kind to it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -33,6 +34,10 @@ from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.signals import Signals
 
 PLANNERS = ("foresight", "idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed")
+LEARNED = ("dtpp", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
+"""May drive badly, but must plan."""
+NEEDS_ONNX = pytest.mark.skipif(find_spec("onnxruntime") is None, reason="needs onnxruntime: the extra [learned]")
+ALL = (*PLANNERS, *(pytest.param(name, marks=NEEDS_ONNX) for name in LEARNED))
 ROAD = straight_road(lanes=1, length_m=300.0, limit_mps=13.9, cuts_m=((120.0, 135.0),))
 WIDE = straight_road(lanes=3, length_m=300.0, limit_mps=13.9, cuts_m=((120.0, 135.0),))
 BARE = straight_road(lanes=2, length_m=300.0, limit_mps=None)
@@ -135,6 +140,12 @@ def drive(planner: Planner, scene: Scene, steps: int) -> EgoState:
 
 
 @pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("spec", [pytest.param(name, marks=NEEDS_ONNX) for name in LEARNED])
+def test_every_plan_of_a_network_is_valid(spec: str, name: str) -> None:
+    drive(load_planner(spec), SCENES[name], 5)
+
+
+@pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("spec", PLANNERS)
 def test_every_plan_is_valid(spec: str, name: str) -> None:
     scene = SCENES[name]
@@ -148,7 +159,7 @@ def test_who_is_in_the_junction_when_it_turns_red_clears_it(spec: str) -> None:
     assert drive(load_planner(spec), SCENES["inside the junction when it turns red"], 60).x_m > 10.0
 
 
-@pytest.mark.parametrize("spec", PLANNERS)
+@pytest.mark.parametrize("spec", ALL)
 def test_every_planner_conforms(spec: str) -> None:
     assert_planner_conforms(spec, steps=10)
 
@@ -187,7 +198,7 @@ def test_names_of_actors_do_not_matter(spec: str) -> None:
     assert plans[0].y_m == pytest.approx(plans[1].y_m, abs=1e-9)
 
 
-@pytest.mark.parametrize("spec", PLANNERS)
+@pytest.mark.parametrize("spec", ALL)
 def test_what_a_planner_is_given_stays_as_it_is(spec: str) -> None:
     scene = SCENES["200 agents"]
     before = scene.actors.x_m.tobytes() + scene.mission.roads["12"].centerline.points.tobytes()
