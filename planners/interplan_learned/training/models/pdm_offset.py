@@ -57,7 +57,7 @@ def recipe(size: Size = "published", history_s: float = 2.0, past_dropped: float
         graphs=graphs,
         keep=keep,
         augmented=partial(without_past, share=past_dropped),
-        settings=Settings(epochs=40, batch=64, learning_rate=5e-4, patience=25),
+        settings=Settings(epochs=20, batch=64, learning_rate=5e-4, patience=25),
     )
 
 
