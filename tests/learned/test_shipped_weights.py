@@ -1,0 +1,71 @@
+"""The weights that come with the package: what their cards say, and how they do on roads like those they learned on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from interplan_learned.card import Card, read_card
+from interplan_learned.network import SHIPPED
+from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.features import schema
+from interplan_sumo.world.files import file_hash
+
+PLANNERS = ("dtpp", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
+CARDS = ("dtpp", "gameformer", "gc_pgp", "pdm_offset", "pdm_open", "urban_driver")
+AS_PUBLISHED = ("pdm_offset", "pdm_open")
+LARGEST_BYTES = 3_000_000
+PLAIN = (
+    "following_lane_with_lead/0", "following_lane_with_lead/1", "high_magnitude_speed/0", "high_magnitude_speed/1",
+    "behind_long_vehicle/0",
+)  # fmt: skip
+"""Scenes on roads without a junction."""
+
+
+@pytest.fixture(params=CARDS)
+def card(request: pytest.FixtureRequest) -> Card:
+    return read_card(SHIPPED / f"{request.param}.json")
+
+
+def test_only_these_are_shipped() -> None:
+    assert sorted(path.stem for path in SHIPPED.glob("*.json")) == sorted(CARDS)
+
+
+def test_the_files_are_those_of_the_card_and_small(card: Card) -> None:
+    for graph in card.graphs.values():
+        assert file_hash(SHIPPED / graph.file) == graph.sha256
+    assert sum((SHIPPED / graph.file).stat().st_size for graph in card.graphs.values()) < LARGEST_BYTES
+
+
+def test_what_is_smaller_than_published_is_called_compact(card: Card) -> None:
+    assert card.size == ("published" if card.planner in AS_PUBLISHED else "compact")
+
+
+def test_it_learned_from_thousands_of_samples_and_beats_constant_velocity_on_new_traffic_and_on_a_new_map(
+    card: Card,
+) -> None:
+    assert card.data["samples"]["train"] >= 20_000
+    for split in ("val", "test"):
+        errors = card.errors[split]
+        assert errors["samples"] > 500
+        for error in ("ade", "fde_3_s", "fde_8_s"):
+            assert errors["network"][error] < 0.8 * errors["constant_velocity"][error], (split, error)
+
+
+def test_all_learned_from_the_same_data_in_the_present_schema(card: Card) -> None:
+    assert card.data["hash"] == read_card(SHIPPED / "pdm_open.json").data["hash"]
+    assert card.features_format == schema.FORMAT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_on_plain_roads_most_drives_stay_on_the_road_to_their_end(planner: str, tmp_path: Path) -> None:
+    pytest.importorskip("onnxruntime", reason="needs onnxruntime: the extra [learned]")
+    run(RunRequest((planner,), tmp_path / "run", suite="common==1", scenarios=PLAIN, workers=0))
+    rows = read_run(tmp_path / "run").rows.values()
+    assert len(rows) == len(PLAIN)
+    assert all(row["fault"] is None for row in rows)
+    stayed = [row for row in rows if row["metrics"]["drivable_area"]["score"] == 1.0]
+    assert len(stayed) > len(PLAIN) / 2
