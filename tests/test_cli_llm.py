@@ -79,7 +79,7 @@ def test_a_run_becomes_chats_with_a_card(driven: Path, tmp_path: Path, capsys: p
     said = capsys.readouterr()
     card = json.loads((tmp_path / "chats.json").read_text(encoding="utf-8"))
     assert said.err == "[1/1] mine/0, idm, seed 0\n"
-    assert said.out.startswith(f"samples: 1 (of 600 asked for; a scenario gives one), in {out}, SHA-256 ")
+    assert said.out.startswith(f"samples: 1 (of 600 asked for; a scenario gives 1 at most), in {out}, SHA-256 ")
     assert "by family: 1 following_lane_with_lead" in said.out
     assert card["options"]["centerline"] is True
     (line,) = out.read_text(encoding="utf-8").splitlines()
