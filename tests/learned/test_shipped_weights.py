@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from math import inf
 from pathlib import Path
 
 import pytest
 
 from interplan_learned.card import Card, read_card
 from interplan_learned.network import SHIPPED
+from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.features import schema
@@ -17,11 +19,9 @@ PLANNERS = ("dtpp", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_dri
 CARDS = ("dtpp", "gameformer", "gc_pgp", "pdm_offset", "pdm_open", "urban_driver")
 AS_PUBLISHED = ("pdm_offset", "pdm_open")
 LARGEST_BYTES = 3_000_000
-PLAIN = (
-    "following_lane_with_lead/0", "following_lane_with_lead/1", "high_magnitude_speed/0", "high_magnitude_speed/1",
-    "behind_long_vehicle/0",
-)  # fmt: skip
-"""Scenes on roads without a junction."""
+PLAIN = ("following_lane_with_lead/*", "high_magnitude_speed/*", "behind_long_vehicle/*", "changing_lane/*")
+"""Sixteen scenes on roads where nothing but driving is asked for."""
+PLAIN_S = 15.0
 
 
 @pytest.fixture(params=CARDS)
@@ -61,11 +61,16 @@ def test_all_learned_from_the_same_data_in_the_present_schema(card: Card) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize("planner", PLANNERS)
-def test_on_plain_roads_most_drives_stay_on_the_road_to_their_end(planner: str, tmp_path: Path) -> None:
+def test_on_plain_roads_most_drives_stay_on_the_road_for_fifteen_seconds(planner: str, tmp_path: Path) -> None:
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: the extra [learned]")
     run(RunRequest((planner,), tmp_path / "run", suite="common==1", scenarios=PLAIN, workers=0))
     rows = read_run(tmp_path / "run").rows.values()
-    assert len(rows) == len(PLAIN)
+    assert len(rows) == 16
     assert all(row["fault"] is None for row in rows)
-    stayed = [row for row in rows if row["metrics"]["drivable_area"]["score"] == 1.0]
-    assert len(stayed) > len(PLAIN) / 2
+    assert sum(_left_road_s(row) > PLAIN_S for row in rows) > len(rows) / 2
+
+
+def _left_road_s(row: Row) -> float:
+    """When the ego left the drivable area, as the reason says: "... at 4.2 s"; infinite if it never did."""
+    found = row["metrics"]["drivable_area"]
+    return inf if found["score"] == 1.0 else float(found["reason"].rsplit(" at ", 1)[1].removesuffix(" s"))
