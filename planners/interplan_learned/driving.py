@@ -42,5 +42,5 @@ def without_leaps(path: Floats, step_s: float) -> Floats:
     most_m = MOST_MPS * step_s
     if not (lengths_m > most_m).any():
         return path
-    steps *= (np.minimum(lengths_m, most_m) / np.maximum(lengths_m, most_m * 1e-9))[:, None]
+    steps *= (most_m / np.maximum(lengths_m, most_m))[:, None]
     return np.column_stack((path[0, :2] + np.pad(np.cumsum(steps, axis=0), ((1, 0), (0, 0))), path[:, 2]))

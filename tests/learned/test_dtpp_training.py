@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from few_steps import losses_of
 from untrained_card import write_untrained
 
 from interplan_learned.dtpp.inputs import BRANCH_CHANNELS, BRANCHES, SCENE
@@ -122,14 +123,7 @@ def test_the_loss_falls(learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp]) -> No
     recipe, batch, _ = learned
     torch.manual_seed(1)
     model = recipe.make_model()
-    rule = torch.optim.AdamW(model.parameters(), lr=3e-3)
-    losses: list[float] = []
-    for _ in range(12):
-        rule.zero_grad()
-        loss = recipe.loss(model, batch, 0.0)
-        loss.backward()
-        rule.step()
-        losses.append(float(loss.detach()))
+    losses = losses_of(model, lambda _done: recipe.loss(model, batch, 0.0), steps=12, learning_rate=3e-3)
     assert losses[-1] < 0.7 * losses[0]
 
 

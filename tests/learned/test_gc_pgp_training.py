@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few_steps import losses_of
 from untrained_card import write_untrained
 
 from interplan_learned.gc_pgp.inputs import POLICY_INPUTS
@@ -120,14 +121,7 @@ def test_first_the_experts_traversals_are_decoded_then_sampled_ones(tiny_data: D
 def test_the_loss_falls(tiny_data: Dataset) -> None:
     _, batch, model = batch_and_model(tiny_data, "train", 8)
     few = replace(COMPACT, train_traversals=20)
-    rule = torch.optim.AdamW(model.parameters(), lr=3e-3)
-    losses: list[float] = []
-    for step in range(24):
-        rule.zero_grad()
-        loss = gc_pgp.loss(model, batch, step / 24, few)
-        loss.backward()
-        rule.step()
-        losses.append(float(loss.detach()))
+    losses = losses_of(model, lambda done: gc_pgp.loss(model, batch, done, few), steps=24, learning_rate=3e-3)
     assert losses[-1] < losses[0] / 2.0
 
 

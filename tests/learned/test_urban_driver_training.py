@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from few_steps import losses_of
 from untrained_card import write_untrained
 
 from interplan_learned.training.data import read_samples
@@ -159,14 +160,7 @@ def test_the_loss_falls(tiny_data: Dataset) -> None:
     samples = read_samples(tiny_data, "train", recipe)
     torch.manual_seed(0)
     model, batch = recipe.make_model(), batch_of(recipe, samples.picked(np.arange(0, len(samples), 20)))
-    rule = torch.optim.AdamW(model.parameters(), lr=5e-3)
-    losses: list[float] = []
-    for _ in range(20):
-        rule.zero_grad()
-        loss = recipe.loss(model, batch, 0.0)
-        loss.backward()
-        rule.step()
-        losses.append(float(loss.detach()))
+    losses = losses_of(model, lambda _done: recipe.loss(model, batch, 0.0), steps=20, learning_rate=5e-3)
     assert losses[-1] < losses[0] / 3.0
 
 
