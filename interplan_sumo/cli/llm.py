@@ -99,6 +99,9 @@ def export_chats(
     seed: Annotated[int, typer.Option(help="Of the choice among scenarios, drives and moments.")] = 0,
     min_score: Annotated[float, typer.Option(help="Only drives with at least this score, 0 to 1.")] = 0.9,
     centerline: Annotated[bool, typer.Option(help="Tell the own lane's line, as llm_waypoints does.")] = True,
+    hold_out: Annotated[
+        bool, typer.Option("--hold-out", help="Say in each line what it is for: one scenario in ten is held out.")
+    ] = False,
     allow_benchmark: Annotated[
         bool, typer.Option("--allow-benchmark", help="Take scenes of the suites, too; they test nothing after that.")
     ] = False,
@@ -111,7 +114,7 @@ def export_chats(
 
     request = ChatRequest(
         file=out, runs=tuple(runs), count=count, each=each, seed=seed, choice=Choice(min_score),
-        benchmark=allow_benchmark, form={"planner": "llm_waypoints", "centerline": centerline},
+        hold_out=hold_out, benchmark=allow_benchmark, form={"planner": "llm_waypoints", "centerline": centerline},
     )  # fmt: skip
     teller = _shelf("waypoints.planner").LlmWaypointsPlanner("scripted:nothing is asked", centerline=centerline)
     card = write_chats(request, teller, None if quiet else _say)

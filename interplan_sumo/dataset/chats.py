@@ -32,6 +32,8 @@ STEP_FRAMES, FUTURE_FRAMES = 5, 80
 """Places are told every 0.5 s for 8 s."""
 APART_FRAMES: Final = 10
 """Moments of one drive are no nearer to each other."""
+HELD_OUT_ONE_IN: Final = 10
+"""Scenarios, where some are held out."""
 TOO_SHORT: Final = "shorter than 8 s"
 
 
@@ -69,6 +71,8 @@ class ChatRequest:
     seed: int = 0
     """Of the choice among scenarios, drives and moments."""
     choice: Choice = field(default_factory=Choice)
+    hold_out: bool = False
+    """Whether each line says in `about.split` what it is for: `train`, or `val` for one scenario in ten."""
     benchmark: bool = False
     """Whether scenes of the suites may be among them."""
     form: Mapping[str, Any] = field(default_factory=dict)
@@ -104,7 +108,7 @@ def write_chats(
     left_out = Counter(chosen.left_out)
     samples: list[_Sample] = []
     each = min(request.each, -(-request.count // len(drives)))  # all scenarios before many moments of a few
-    for sample in _samples(drives, teller, request.seed, each, left_out):
+    for sample in _samples(drives, teller, replace(request, each=each), left_out):
         samples.append(sample)
         if on_sample is not None:
             on_sample(sample.drive, len(samples), min(request.count, each * len(drives)))
@@ -160,7 +164,7 @@ def _drawn(seed: int, *names: object) -> bytes:
 
 
 def _samples(
-    scenarios: Iterable[Sequence[Drive]], teller: Teller, seed: int, each: int, left_out: Counter[str]
+    scenarios: Iterable[Sequence[Drive]], teller: Teller, request: ChatRequest, left_out: Counter[str]
 ) -> Iterator[_Sample]:
     """Samples of each scenario, from the first of its drives that is long enough."""
     for drives in scenarios:
@@ -170,13 +174,14 @@ def _samples(
             if frames < 1:
                 left_out[TOO_SHORT] += 1
                 continue
-            rng = np.random.default_rng(np.frombuffer(_drawn(seed, "moment", *drive.key), np.uint32))
+            rng = np.random.default_rng(np.frombuffer(_drawn(request.seed, "moment", *drive.key), np.uint32))
+            about = {"about": {"split": side_of(scenario.id)}} if request.hold_out else {}
             again = SeenAgain(scenario, roads, trace)
             teller.start(again.mission)
-            for frame in _moments(frames, each, rng):
+            for frame in _moments(frames, request.each, rng):
                 turns = teller.example(again.at(frame), future_places(trace, frame))
                 messages = [{"role": turn.role, "content": turn.text} for turn in turns]
-                yield _Sample(drive, frame, json.dumps({"messages": messages}, ensure_ascii=False))
+                yield _Sample(drive, frame, json.dumps({"messages": messages, **about}, ensure_ascii=False))
             break
 
 
@@ -189,6 +194,11 @@ def _moments(frames: int, count: int, rng: np.random.Generator) -> list[int]:
         if min(abs(frame - other) for other in found) >= APART_FRAMES:
             found.append(frame)
     return sorted(found)
+
+
+def side_of(scenario: str) -> str:
+    """What all moments of a scenario of that id are for, whatever the seed: `train` or, one in ten, `val`."""
+    return "train" if int.from_bytes(_drawn(0, "split", scenario)[:8]) % HELD_OUT_ONE_IN else "val"
 
 
 def future_places(trace: Trace, frame: int) -> Floats:
@@ -229,6 +239,7 @@ def _card(request: ChatRequest, samples: Sequence[_Sample], left_out: Counter[st
             "each": request.each,
             "seed": request.seed,
             "min_score": request.choice.min_score,
+            "hold_out": request.hold_out,
             **request.form,
         },
         "counts": {

@@ -14,7 +14,7 @@ from worlds import drive
 
 from interplan_llm.waypoints.planner import LlmWaypointsPlanner
 from interplan_sumo.batch.run import RunRequest, run
-from interplan_sumo.dataset.chats import ChatRequest, future_places, write_chats
+from interplan_sumo.dataset.chats import ChatRequest, future_places, side_of, write_chats
 from interplan_sumo.dataset.drives import Choice
 from interplan_sumo.errors import InputError
 from interplan_sumo.planner import Mission, Observation
@@ -117,12 +117,35 @@ def test_a_drive_gives_no_more_moments_than_lie_a_second_apart(ours: Path, tmp_p
         assert min(np.diff(frames)) >= 10
 
 
+def test_all_moments_of_a_scenario_are_on_the_same_side_whatever_the_seed(ours: Path, tmp_path: Path) -> None:
+    for seed in (0, 1):
+        out = tmp_path / f"{seed}.jsonl"
+        _, card = written(out, ours, each=3, seed=seed, hold_out=True)
+        lines = [json.loads(line) for line in out.read_text(encoding="utf-8").splitlines()]
+        assert [line["about"]["split"] for line in lines] == [side_of(drawn["scenario"]) for drawn in card["drawn"]]
+        assert card["options"]["hold_out"] is True
+
+
+def test_one_scenario_in_ten_is_held_out() -> None:
+    sides = [side_of(f"mine/{number}") for number in range(2000)]
+    assert set(sides) == {"train", "val"}
+    assert 160 <= sides.count("val") <= 240  # three standard deviations
+
+
+def test_lines_say_nothing_of_what_they_are_for_unless_asked(ours: Path, tmp_path: Path) -> None:
+    written(tmp_path / "a.jsonl", ours)
+    assert {tuple(json.loads(line)) for line in (tmp_path / "a.jsonl").read_text(encoding="utf-8").splitlines()} == {
+        ("messages",)
+    }
+
+
 def test_the_card_tells_what_the_lines_are_made_of(ours: Path, tmp_path: Path) -> None:
     _, card = written(tmp_path / "a.jsonl", ours, form={"planner": "teller"})
     assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == card
     assert card["sha256"] == hashlib.sha256((tmp_path / "a.jsonl").read_bytes()).hexdigest()
     assert card["counts"]["by_driver"] == {"idm": 2}
-    assert card["options"] == {"count": 600, "each": 1, "seed": 0, "min_score": 0.0, "planner": "teller"}
+    options = {"count": 600, "each": 1, "seed": 0, "min_score": 0.0, "hold_out": False}
+    assert card["options"] == {**options, "planner": "teller"}
     assert card["of_suites"] == 0
     assert card["versions"]["interplan_sumo"]
 
