@@ -259,7 +259,10 @@ def _terminated_like_interrupted() -> Generator[None]:
         yield
         return
 
-    def interrupt(_signal: int, _frame: FrameType | None) -> None:
+    def interrupt(_signal: int, frame: FrameType | None) -> None:
+        answer = signal.getsignal(signal.SIGINT)
+        if callable(answer):
+            answer(signal.SIGINT, frame)  # what tells Ctrl-C from a planner's own KeyboardInterrupt must see this, too
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGTERM, interrupt)

@@ -60,6 +60,22 @@ class Interrupts(StraightAhead):
         raise KeyboardInterrupt
 
 
+class Interrupted(StraightAhead):
+    """The user's Ctrl-C, while it plans."""
+
+    number = signal.SIGINT
+
+    def plan(self, seen: Observation) -> Trajectory:
+        signal.raise_signal(self.number)
+        return super().plan(seen)
+
+
+class Terminated(Interrupted):
+    """A batch system's polite end, while it plans."""
+
+    number = signal.SIGTERM
+
+
 class ExitsHard(StraightAhead):
     def plan(self, seen: Observation) -> Trajectory:  # noqa: ARG002
         os._exit(3)

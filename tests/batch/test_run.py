@@ -113,6 +113,13 @@ def test_a_planner_that_misbehaves_is_a_named_fault_and_a_zero(name: str, words:
     assert stored.missing == []
 
 
+@pytest.mark.parametrize("name", ["Interrupted", "Terminated"])
+def test_a_polite_end_while_a_planner_plans_ends_the_run_and_is_no_fault_of_its(name: str, tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run(request(tmp_path, f"{RUDE}:{name}"))
+    assert read_run(tmp_path).rows == {}
+
+
 def test_planners_that_take_their_process_down_leave_the_others_unharmed(tmp_path: Path) -> None:
     names = ("Steady", "ExitsHard", "Hangs")
     limits = Limits(plan_s=1.0, grace_s=0.0)
