@@ -16,6 +16,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 SHIPPED = ("nets/", "routes/")
 
+pytestmark = pytest.mark.slow
+
 
 def run(command: list[str | Path], cwd: Path, **environment: str) -> str:
     """Standard output of a command that must succeed; our import path and caches stay out of it."""
@@ -72,7 +74,6 @@ def test_the_sdist_holds_the_tests_with_the_pages_that_they_read_and_no_leftover
     assert top <= documents | {"docs", "interplan_sumo", "planners", "nets", "routes", "tests"}
 
 
-@pytest.mark.slow
 def test_a_fresh_environment_runs_and_scores_a_scenario_outside_the_checkout(built: Path, tmp_path: Path) -> None:
     (wheel,) = built.glob("*.whl")
     run([sys.executable, "-m", "venv", tmp_path / "venv"], tmp_path)

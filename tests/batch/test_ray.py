@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import shutil
 import signal
-import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,7 +14,7 @@ import pytest
 from interplan_sumo.batch import ray_backend
 from interplan_sumo.batch.crew import Report
 from interplan_sumo.batch.jobs import JobKey, Overrides
-from interplan_sumo.batch.processes import Workers, available_cores, environment
+from interplan_sumo.batch.processes import environment
 from interplan_sumo.batch.ray_backend import RayCrew, run_on_ray
 from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run import RunRequest, run
@@ -32,6 +30,8 @@ from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.world.trace import Trace
 from tests.batch.busy import BUSY
 from tests.batch.toys import ToysAway
+
+pytestmark = pytest.mark.slow  # a cluster takes its time to start
 
 QUICK = Limits(plan_s=0.3, grace_s=0.5, task_s=5.0, load_s=20.0, memory_bytes=4 << 30)
 
@@ -130,7 +130,6 @@ def test_a_task_that_loses_its_actor_is_done_again(
     assert [o.fault for o in outcomes("works", folder=tmp_path).values()] == [None] * 3
 
 
-@pytest.mark.slow
 def test_a_task_that_loses_three_actors_is_a_timeout_that_says_so(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -190,7 +189,6 @@ def hashes(stored: StoredRun) -> dict[JobKey, tuple[str, float]]:
     return {key: (row["trace_hash"], row["score"]) for key, row in stored.rows.items()}
 
 
-@pytest.mark.slow
 def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_the_files_they_came_from(
     cluster: Any, mine: Path, tmp_path: Path
 ) -> None:
@@ -210,7 +208,6 @@ def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_
     assert [(check.verdict, check.reason) for check in found.checks] == [("equal", ""), ("equal", "")]
 
 
-@pytest.mark.slow
 def test_the_commands_sweep_and_verify_take_the_same_workers_as_run(
     cluster: Any, mine: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -223,15 +220,6 @@ def test_the_commands_sweep_and_verify_take_the_same_workers_as_run(
     capsys.readouterr()
     assert main(["verify", str(tmp_path / "there" / "tau=3"), "--workers", "ray:auto", "--quiet"]) == 0
     assert "2 of 2 drives come again exactly" in capsys.readouterr().out
-
-
-def test_a_command_for_a_cluster_that_is_not_there_says_so_before_anything_else(
-    mine: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(is_initialized=lambda: False))
-    asked = ["--planner", "straight_ahead", "--param", "tau=1,3", "--scenarios", str(mine / "mine.yaml"), "--quiet"]
-    assert main(["sweep", *asked, "--workers", "ray:127.0.0.1:1", "--out", str(tmp_path / "swept")]) == 2
-    assert capsys.readouterr().err.count("cannot reach a Ray cluster at '127.0.0.1:1'") == 1
 
 
 def test_a_drive_on_the_cluster_gives_the_hash_and_the_files_of_one_at_home(cluster: Any, tmp_path: Path) -> None:
@@ -251,50 +239,3 @@ def test_a_drive_on_the_cluster_gives_the_hash_and_the_files_of_one_at_home(clus
     expected = summary(run(at_home))
     assert len(expected[0]) == 64
     assert summary(run(there)) == expected
-
-
-# --- without a cluster ---
-
-
-def test_without_ray_one_line_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(InputError, match=r"pip install 'interplan-sumo\[ray\]'"):
-        next(run_on_ray([Task(0, "works", 0)], ToysAway(tmp_path), address="local", limits=QUICK))
-
-
-@pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:1"])
-def test_a_cluster_that_is_not_there_is_named_at_once(
-    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(is_initialized=lambda: False))
-    with pytest.raises(InputError) as caught:
-        next(run_on_ray([Task(0, "works", 0)], ToysAway(tmp_path), address=address, limits=QUICK))
-    assert str(caught.value).startswith(f"cannot reach a Ray cluster at '{address}': ")
-    assert "start one with `ray start --head`" in str(caught.value)
-
-
-def test_nothing_to_do_needs_no_cluster(tmp_path: Path) -> None:
-    assert list(run_on_ray([], ToysAway(tmp_path), address="nowhere:1", limits=QUICK)) == []
-
-
-@pytest.mark.parametrize(
-    ("text", "workers"),
-    [
-        (None, Workers(available_cores())),
-        ("0", Workers(0)),
-        ("12", Workers(12)),
-        ("ray", Workers(0, "local")),
-        ("ray:auto", Workers(0, "auto")),
-        ("ray:10.0.0.7:6379", Workers(0, "10.0.0.7:6379")),
-        ("ray:ray://head:10001", Workers(0, "ray://head:10001")),
-        ("ray://head:10001", Workers(0, "ray://head:10001")),
-    ],
-)
-def test_who_works_is_read_from_one_option(text: str | None, workers: Workers) -> None:
-    assert Workers.parse(text) == workers
-
-
-@pytest.mark.parametrize("text", ["many", "", "1.5", "rays"])
-def test_what_is_no_number_of_workers_is_named(text: str) -> None:
-    with pytest.raises(InputError, match=f"--workers '{text}' is no number of processes"):
-        Workers.parse(text)

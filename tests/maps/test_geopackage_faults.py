@@ -324,9 +324,9 @@ def test_damaged_files_are_read_or_refused_and_nothing_else(
     file: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.CRITICAL)
-    read, refused = survive(range(100), file, tmp_path)
-    assert read > 10
-    assert refused > 30
+    read, refused = survive(range(30), file, tmp_path)
+    assert read > 3
+    assert refused > 9
 
 
 @pytest.mark.slow
