@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.render import INK, PAPER
 from interplan_sumo.report import scenario_drawing as drawing
-from interplan_sumo.report.moments import NOTHING, Moment, deciding_moment
+from interplan_sumo.report.film_files import WRITERS, Image
+from interplan_sumo.report.film_shot import Shot
+from interplan_sumo.report.moments import deciding_moment
 from interplan_sumo.report.scenario_drawing import View
-from interplan_sumo.world.actors import ActorKind, Actors
-from interplan_sumo.world.geometry import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,25 +27,14 @@ if TYPE_CHECKING:
 DPI: Final = 100
 SCALE: Final = 9.0
 """Pixels per metre."""
-WIDTH, HEIGHT, STRIP = 960, 400, 44
-"""Pixels of the view of one drive, and of the words above it."""
+WIDTH, HEIGHT, STRIP = 960, 400, 48
+"""Pixels of the view of one drive, and of the two lines of words above it."""
 HEIGHT_OF_TWO: Final = 296
 GIF_SHARE: Final = 0.75
 """GIFs are smaller: they compress worse."""
-AHEAD_M: Final = 14.0
-"""The camera looks so far ahead of the ego."""
-CALM_S: Final = 1.2
-"""Standard deviation of the Gaussian that smooths the camera's way."""
 MOST_PIXELS: Final = 48e6
 """Of the map that a film's views are cut out of; a longer drive is shown smaller."""
 FASTEST_FPS: Final = 25.0
-NEAR_M: Final = 10.0
-"""Who is so far outside the view may still reach into it."""
-PEOPLE: Final = "pedestrian"
-LOST: Final = "#b3261e"
-
-Image = NDArray[np.uint8]
-"""(H, W, 3) red, green, blue."""
 
 
 def write_film(
@@ -70,9 +56,9 @@ def write_film(
         raise InputError(f"a film shows one drive or two, not {len(drives)}; choose them with --planner")
     if not 0.05 <= speed <= 20.0:
         raise InputError(f"--speed {speed:g}: give 0.05 to 20")
-    writer = _WRITERS.get(path.suffix.lower())
+    writer = WRITERS.get(path.suffix.lower())
     if writer is None:
-        raise InputError(f"{path}: films end in {', '.join(_WRITERS)}")
+        raise InputError(f"{path}: films end in {', '.join(WRITERS)}")
     _require_extra()
     _check_writable(path)
     share = GIF_SHARE if path.suffix.lower() == ".gif" else 1.0
@@ -116,126 +102,6 @@ def _frames(drives: Sequence[StoredDrive], from_s: float | None, to_s: float | N
     return list(range(round(first_s / dt_s), min(last, round(last_s / dt_s)) + 1))
 
 
-# --- one drive -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class _Shot:
-    """A drive as the camera follows it."""
-
-    drive: StoredDrive
-    frames: Sequence[int]
-    size_m: tuple[float, float]
-    """Width and height of the view."""
-
-    @cached_property
-    def moment(self) -> Moment:
-        return deciding_moment(self.drive)
-
-    @cached_property
-    def turned_rad(self) -> float:
-        """Map heading that points to the right: from the start to the goal."""
-        scenario, roads = self.drive.scenario, self.drive.roads
-        start, goal = scenario.start.pose(roads), scenario.goal.pose(roads)
-        return float(np.arctan2(goal.y_m - start.y_m, goal.x_m - start.x_m))
-
-    def _held(self, frame: int) -> int:
-        return min(frame, len(self.drive.trace) - 1)
-
-    @cached_property
-    def way(self) -> Floats:
-        """(N, 2) where the camera looks in each frame of the drive."""
-        ego = self.drive.trace.ego
-        ahead = AHEAD_M * np.array((np.cos(self.turned_rad), np.sin(self.turned_rad)))
-        calm = CALM_S / self.drive.trace.dt_s
-        return np.stack([gaussian_filter1d(v, calm, mode="nearest") for v in (ego.x_m, ego.y_m)], axis=1) + ahead
-
-    @cached_property
-    def whole(self) -> View:
-        """All that the camera sees from the first to the last frame."""
-        flat = View(0.0, 0.0, self.turned_rad, 1.0, 1.0, 1.0)
-        seen = flat.points(self.way[[self._held(frame) for frame in self.frames]])
-        low, high = seen.min(axis=0), seen.max(axis=0)
-        width_m, height_m = (high - low + self.size_m).tolist()
-        middle = (low + high) / 2.0
-        c, s = np.cos(self.turned_rad), np.sin(self.turned_rad)
-        x_m, y_m = c * middle[0] - s * middle[1], s * middle[0] + c * middle[1]
-        return View(float(x_m), float(y_m), self.turned_rad, width_m, height_m, SCALE)
-
-    def view(self, frame: int, scale: float) -> View:
-        x_m, y_m = self.way[self._held(frame)].tolist()
-        return View(x_m, y_m, self.turned_rad, *self.size_m, scale)
-
-    @cached_property
-    def colours(self) -> dict[str, str]:
-        names = {str(name) for name in self.drive.trace.actors.behaviour if name}
-        return drawing.behaviour_colours(names) | {PEOPLE: drawing.PERSON}
-
-    @cached_property
-    def standing(self) -> set[str]:
-        """Ids of what stays at its place: it is drawn with the road."""
-        table = self.drive.trace.actors
-        places = pd.DataFrame({"id": table.ids, "x": table.x_m, "y": table.y_m}).groupby("id")
-        return set(places.std().fillna(0.0).max(axis=1).loc[lambda spread: spread < 0.01].index)
-
-    def moving(self, frame: int, view: View) -> tuple[Actors, dict[str, str]]:
-        """Who is in view and moves by itself, and the word that says the colour of each."""
-        table, rows = self.drive.trace.actors, self.drive.trace.actors.rows(self._held(frame))
-        actors = table.at(self._held(frame))
-        words = [
-            PEOPLE if kind == ActorKind.PEDESTRIAN and name not in self.standing else str(behaviour)
-            for name, kind, behaviour in zip(
-                actors.ids, actors.kind.tolist(), table.behaviour[rows].tolist(), strict=True
-            )
-        ]
-        x_m, y_m = np.abs(view.points(np.stack((actors.x_m, actors.y_m), axis=1))).T
-        near = (x_m < self.size_m[0] / 2.0 + NEAR_M) & (y_m < self.size_m[1] / 2.0 + NEAR_M)
-        return actors, {actors.ids[row]: words[row] for row in np.flatnonzero(near) if words[row]}
-
-    def draw_road(self, axes: Axes, view: View) -> None:
-        """What stays the same: the map, the task and what stands on it."""
-        roads, scenario = self.drive.roads, self.drive.scenario
-        drawing.draw_roads(axes, roads, view)
-        drawing.draw_route(axes, scenario, roads, view)
-        drawing.draw_obstacles(axes, scenario, roads, view)
-
-    def draw_frame(self, axes: Axes, frame: int, view: View) -> None:
-        """Who moves, the ego's way so far, and its plan."""
-        frame = self._held(frame)
-        ego, plans = self.drive.trace.ego, self.drive.trace.plans
-        trail = view.points(np.stack((ego.x_m[: frame + 1], ego.y_m[: frame + 1]), axis=1))
-        axes.plot(*trail.T, color=drawing.EGO, linewidth=1.6, alpha=0.45, zorder=4.0)
-        if frame < len(plans):
-            plan = view.points(np.stack((plans[frame].x_m, plans[frame].y_m), axis=1))
-            axes.plot(*plan.T, color="white", linewidth=4.2, alpha=0.8, solid_capstyle="round", zorder=4.2)
-            axes.plot(*plan.T, color=drawing.EGO, linewidth=2.2, solid_capstyle="round", zorder=4.3)
-        actors, words = self.moving(frame, view)
-        people = {name: word for name, word in words.items() if word == PEOPLE}
-        drivers = {name: word for name, word in words.items() if word != PEOPLE}
-        drawing.draw_agents(axes, actors, drivers, view, self.colours)
-        drawing.draw_agents(axes, self._ego(frame), {"ego": "ego"}, view, {"ego": drawing.EGO})
-        drawing.draw_agents(axes, actors, people, view, self.colours)
-
-    def _ego(self, frame: int) -> Actors:
-        """The ego as a row, so that it is drawn as everybody else."""
-        ego, shape = self.drive.trace.ego, self.drive.trace.shape
-        heading_rad, speed_mps = float(ego.heading_rad[frame]), float(ego.vx_mps[frame])
-        columns = (
-            float(ego.x_m[frame]), float(ego.y_m[frame]), heading_rad, shape.length_m, shape.width_m,
-            speed_mps * np.cos(heading_rad), speed_mps * np.sin(heading_rad),
-        )  # fmt: skip
-        kind = np.array([ActorKind.VEHICLE], dtype=np.int8)
-        return Actors(("ego",), kind, *(np.array([value]) for value in columns))
-
-    def words(self, frame: int) -> tuple[str, str]:
-        """The time and speed; what was lost, once it was."""
-        held = self._held(frame)
-        speed_mps = float(self.drive.trace.ego.vx_mps[held])
-        said = f"{held * self.drive.trace.dt_s:4.1f} s   {3.6 * max(0.0, speed_mps):3.0f} km/h"
-        lost = self.moment.metric != NOTHING and held >= self.moment.frame
-        return said, self.moment.reason if lost else ""
-
-
 # --- the film ------------------------------------------------------------------------------------
 
 
@@ -246,7 +112,7 @@ class _Film:
         height = HEIGHT if len(drives) == 1 else HEIGHT_OF_TWO
         self._size = WIDTH, height
         self._share = share
-        shots = [_Shot(drive, frames, (WIDTH / SCALE, height / SCALE)) for drive in drives]
+        shots = [Shot(drive, frames, (WIDTH / SCALE, height / SCALE)) for drive in drives]
         wider = max(1.0, *((shot.whole.width_m * shot.whole.height_m / self._most_m2) ** 0.5 for shot in shots))
         self._shots = [replace(shot, size_m=(wider * WIDTH / SCALE, wider * height / SCALE)) for shot in shots]
         self._scale = WIDTH * share / self._shots[0].size_m[0]
@@ -257,7 +123,7 @@ class _Film:
         """So much of the map can be drawn before memory runs out."""
         return MOST_PIXELS / (SCALE * self._share) ** 2
 
-    def _map(self, shot: _Shot) -> Image:
+    def _map(self, shot: Shot) -> Image:
         view = replace(shot.whole, scale=WIDTH * self._share / shot.size_m[0])
         width, height = ceil(view.width_m * view.scale), ceil(view.height_m * view.scale)
         figure = _figure(width, height, self._share)
@@ -285,23 +151,23 @@ class _Film:
 class _Stage:
     """The part of a film's picture that shows one drive."""
 
-    def __init__(self, figure: Figure, shot: _Shot, box: tuple[int, int, int, int], strip: int, total: int) -> None:
+    def __init__(self, figure: Figure, shot: Shot, box: tuple[int, int, int, int], strip: int, total: int) -> None:
         _, bottom, width, height = box
         self._shot, self._box = shot, box
         self._axes = _axes(figure, (0.0, bottom / total, 1.0, height / total), shot.view(0, 1.0))
         self._top = total - bottom - height
         row = shot.drive.row
         score = "no score" if row["score"] is None else f"{100.0 * row['score']:.0f}"
-        middle, edge = (bottom + height + 0.5 * strip) / total, 12.0 / width
+        upper, lower = ((bottom + height + share * strip) / total for share in (0.7, 0.27))
+        edge = 12.0 / width
         said: dict[str, Any] = {"va": "center", "color": INK}
-        name = figure.text(edge, middle, row["scenario_id"], fontsize=13, weight="bold", **said)
-        right = name.get_window_extent().x1 / width
-        who = figure.text(right + edge, middle, f"{row['planner']}, score {score}", fontsize=12, **said)
-        self._legend(figure, who.get_window_extent().x1 / width + 2.0 * edge, middle)
-        self._time = figure.text(1.0 - edge, middle, "", fontsize=12, ha="right", family="monospace", **said)
+        figure.text(edge, upper, row["scenario_id"], fontsize=13, weight="bold", **said)
+        self._time = figure.text(1.0 - edge, upper, "", fontsize=12, ha="right", family="monospace", **said)
+        who = figure.text(edge, lower, f"{row['planner']}, score {score}", fontsize=12, **said)
+        self._legend(figure, who.get_window_extent().x1 / width + 2.0 * edge, lower)
         self._lost = figure.text(
             0.5, (bottom + 16.0) / total, "", fontsize=11, ha="center", va="center", color="white", zorder=30,
-            bbox={"facecolor": LOST, "edgecolor": "none", "boxstyle": "round,pad=0.5"},
+            bbox={"facecolor": drawing.LOST, "edgecolor": "none", "boxstyle": "round,pad=0.5"},
         )  # fmt: skip
         self._lost.set_visible(False)
 
@@ -373,64 +239,3 @@ def _pixels(figure: Figure, under: NDArray[np.uint8] | None = None) -> Image:
         figure.patch.set_visible(False)
         figure.draw(renderer)
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
-
-
-# --- files ---------------------------------------------------------------------------------------
-
-
-def _write_gif(path: Path, images: Iterator[Image], per_s: float) -> None:
-    """With the same colours in all frames, which keeps what does not change unchanged."""
-    from PIL import Image as Pillow
-
-    opening = next(images)
-    palette = Pillow.fromarray(np.concatenate((opening, _swatches(opening.shape[1])))).quantize(128)
-    first = Pillow.fromarray(opening).quantize(palette=palette, dither=Pillow.Dither.NONE)
-    rest = [Pillow.fromarray(image).quantize(palette=palette, dither=Pillow.Dither.NONE) for image in images]
-    duration_ms = max(20, round(1000.0 / per_s))
-    first.save(path, "GIF", save_all=True, append_images=rest, duration=duration_ms, loop=0, optimize=False)
-
-
-def _swatches(width: int) -> Image:
-    """Bands of the colours that may not be in a film's first frame."""
-    colours = [
-        drawing.EGO,
-        drawing.GOAL,
-        drawing.PERSON,
-        LOST,
-        *drawing.BEHAVIOURS.values(),
-        *drawing.OBSTACLE_COLOURS.values(),
-    ]
-    rows = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours]
-    return np.repeat(np.array(rows, dtype=np.uint8)[:, None], width, axis=1).repeat(8, axis=0)
-
-
-def _write_mp4(path: Path, images: Iterator[Image], per_s: float) -> None:
-    from imageio_ffmpeg import write_frames as untyped_write_frames
-
-    write_frames: Any = untyped_write_frames
-
-    first = next(images)
-    height, width, _ = first.shape
-    flags = ["-crf", "20", "-preset", "veryfast", "-movflags", "+faststart"]
-    encoder = write_frames(
-        str(path), (width, height), fps=per_s, codec="libx264", pix_fmt_out="yuv420p", macro_block_size=2,
-        quality=None, output_params=flags, ffmpeg_log_level="error",
-    )  # fmt: skip
-    encoder.send(None)
-    encoder.send(np.ascontiguousarray(first))
-    for image in images:
-        encoder.send(np.ascontiguousarray(image))
-    encoder.close()
-
-
-def _write_png(path: Path, images: Iterator[Image], _per_s: float) -> None:
-    from PIL import Image as Pillow
-
-    Pillow.fromarray(next(images)).save(path, "PNG", optimize=True)
-
-
-_WRITERS: Final[dict[str, Callable[[Path, Iterator[Image], float], None]]] = {
-    ".gif": _write_gif,
-    ".mp4": _write_mp4,
-    ".png": _write_png,
-}

@@ -18,7 +18,8 @@ from interplan_sumo.scenario.trigger import trigger_distance_m
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, Pose, box_corners
-from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.roads import Roads, StopLineKind
+from interplan_sumo.world.signals import SignalStatus
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,6 +36,17 @@ PERSON: Final = "#c026d3"
 MARKING: Final = "#ffffff"
 MIDDLE: Final = "#e9b949"
 EDGE: Final = "#8a8f98"
+LIGHTS: Final = {
+    SignalStatus.GREEN: "#16a34a",
+    SignalStatus.YELLOW: "#f5b301",
+    SignalStatus.RED: "#e11d2e",
+    SignalStatus.UNKNOWN: "#8a8f98",
+}
+"""As in replays, whose style holds them."""
+LIGHT_M: Final = 0.9
+"""Width of a light's bar, as in replays."""
+LOST: Final = "#b3261e"
+"""Under the words on points that were lost."""
 BEHAVIOURS: Final = {"conservative": "#2a9d6f", "assertive": "#e11d48"}
 OTHERS: Final = ("#7c5cff", "#0891b2", "#b45309", "#64748b", "#be185d")
 """For types of drivers with other names, in order of their names."""
@@ -88,7 +100,7 @@ def behaviour_colours(names: Iterable[str]) -> dict[str, str]:
 # --- roads ---------------------------------------------------------------------------------------
 
 
-def draw_roads(axes: Axes, roads: Roads, view: View) -> None:
+def draw_roads(axes: Axes, roads: Roads, view: View, stop_colours: Mapping[StopLineKind, str] = STOP_COLOURS) -> None:
     """Surfaces, lane markings, crossings and stop lines inside the view."""
     near = view.outline
     layers: tuple[tuple[Iterable[Any], str], ...] = (
@@ -109,7 +121,7 @@ def draw_roads(axes: Axes, roads: Roads, view: View) -> None:
     crossings = _near((area.polygon for area in roads.crosswalks), near)
     _fill(axes, view, crossings, facecolor="#ffffff", alpha=0.8, edgecolor="none", zorder=2.0)
     _markings(axes, roads, view)
-    for kind, colour in STOP_COLOURS.items():
+    for kind, colour in stop_colours.items():
         lines = _near((line.polygon for line in roads.stop_lines.values() if line.kind is kind), near)
         _fill(axes, view, lines, facecolor=colour, edgecolor=colour, linewidth=0.6, alpha=0.8, zorder=2.6)
     ways = [c.centerline.points for c in roads.connectors.values() if c.polygon.intersects(near)]
@@ -265,6 +277,18 @@ def draw_jaywalkers(axes: Axes, scenario: Scenario, roads: Roads, view: View) ->
 
 
 # --- the traffic ---------------------------------------------------------------------------------
+
+
+def light_bar(ends: Floats) -> shapely.Polygon:
+    """The bar of a light on the ground, from its ends (2, 2)."""
+    return shapely.LineString(ends).buffer(LIGHT_M / 2.0, cap_style="flat")
+
+
+def draw_lights(axes: Axes, bars: Sequence[tuple[shapely.Polygon, SignalStatus]], view: View) -> None:
+    """The bars of lights in the colours of what they show: on the ground, under everybody's way."""
+    if bars:
+        shapes, shown = zip(*bars, strict=True)
+        _fill(axes, view, shapes, facecolor=[LIGHTS[status] for status in shown], edgecolor="none", zorder=3.5)
 
 
 def draw_agents(

@@ -101,12 +101,12 @@ def test_the_card_says_what_was_made_of_what(tiny: Path, examples: Path, tmp_pat
     assert not list(tmp_path.glob("*.npz"))
 
 
-def test_the_card_of_the_examples_is_taken_over_if_it_is_theirs(tiny: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["examples.jsonl.card.json", "examples.json"])  # of labels, and of chats
+def test_the_card_of_the_examples_is_taken_over_if_it_is_theirs(name: str, tiny: Path, tmp_path: Path) -> None:
     examples = write_examples(tmp_path / "examples.jsonl")
-    beside = tmp_path / "examples.jsonl.card.json"
     told = {"seeds": [100_000, 100_015], "sha256": file_hash(examples)}
-    for card, taken in ((told, told), ({**told, "sha256": "of another file"}, None)):
-        beside.write_text(json.dumps(card), encoding="utf-8")
+    for card, taken in (({**told, "drawn": ["a line", "each"]}, told), ({**told, "sha256": "of another file"}, None)):
+        (tmp_path / name).write_text(json.dumps(card), encoding="utf-8")
         assert tuned(tiny, examples, tmp_path / "sign.gguf", "--epochs", "1")["examples"]["card"] == taken
 
 

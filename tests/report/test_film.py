@@ -1,9 +1,12 @@
-"""Films: what the file is, how long it plays, and one line for what cannot be."""
+"""Films: what the file is, how long it plays, what the lights show, and one line for what cannot be."""
 
 from __future__ import annotations
 
 import builtins
+import re
 import subprocess
+from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +14,15 @@ import numpy as np
 import pytest
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.report.film import STRIP, WIDTH, write_film
-from tests.report.tiny_drives import TinyDrive, crossing_at, parked_at, tiny_drive
-from tests.worlds import cars
+from interplan_sumo.maps.render import STOP_COLOURS
+from interplan_sumo.report import scenario_drawing as drawing
+from interplan_sumo.report.film import HEIGHT, SCALE, STRIP, WIDTH, write_film
+from interplan_sumo.report.film_shot import AHEAD_M, Shot
+from interplan_sumo.scenario.scenario import LanePlace, Obstacle
+from interplan_sumo.world.roads import StopLineKind
+from interplan_sumo.world.signals import Signals, SignalStatus
+from tests.report.tiny_drives import TinyDrive, crossing_at, drive_at_lights, parked_at, tiny_drive
+from tests.worlds import cars, signals
 
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
@@ -53,6 +62,14 @@ def test_two_drives_stand_one_above_the_other(tmp_path: Path) -> None:
     one, two = picture(tmp_path / "one.png"), picture(tmp_path / "two.png")
     assert two.shape[1] == one.shape[1]
     assert two.shape[0] > one.shape[0]
+
+
+def test_a_long_name_leaves_the_time_alone(tmp_path: Path) -> None:
+    names = {"short": "nudge/0", "long": "starting_straight_traffic_light_intersection_traversal/0"}
+    for name, scenario_id in names.items():
+        write_film([driven(scenario_id=scenario_id)], tmp_path / f"{name}.png", from_s=0.0)
+    short, long = (picture(tmp_path / f"{name}.png")[:STRIP, WIDTH * 2 // 3 :] for name in names)
+    assert (short == long).all()
 
 
 @pytest.mark.parametrize(("speed", "frames", "duration_ms"), [(1.0, 21, 100), (0.5, 21, 200), (5.0, 11, 40)])
@@ -126,3 +143,108 @@ def test_without_the_extra_it_is_named(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(builtins, "__import__", lacking)
     with pytest.raises(InputError, match=r"films need imageio_ffmpeg; run: pip install 'interplan-sumo\[plots\]'"):
         write_film([driven()], tmp_path / "film.mp4")
+
+
+# --- lights --------------------------------------------------------------------------------------
+
+LANE_END = (-12.0, -1.75)
+"""Where the bar lies across lane 1, on which the ego comes."""
+EVERY_TURN = ("12", "13", "14")
+
+
+def still(tmp_path: Path, drive: TinyDrive) -> Any:
+    write_film([drive], tmp_path / "still.png", from_s=0.0)
+    return picture(tmp_path / "still.png")
+
+
+def pixel_at(x_m: float, y_m: float, ego_x_m: float = -30.0) -> tuple[int, int]:
+    """Row and column in a still of `drive_at_lights`."""
+    column = WIDTH / 2 + (x_m - ego_x_m - AHEAD_M) * SCALE
+    return round(STRIP + HEIGHT / 2 - (y_m + 1.75) * SCALE), round(column)
+
+
+def has_colour(image: Any, colour: str, tolerance: int = 0) -> Any:
+    """(H, W) bool."""
+    rgb = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    return (np.abs(image.astype(int) - rgb) <= tolerance).all(axis=-1)
+
+
+@pytest.mark.parametrize("status", SignalStatus)
+def test_a_bar_lies_across_the_lane_s_end_in_the_colour_of_what_it_shows(tmp_path: Path, status: SignalStatus) -> None:
+    image = still(tmp_path, drive_at_lights(Signals(EVERY_TURN, np.full(3, status))))
+    (top, left), (bottom, right) = pixel_at(-12.45, 0.0), pixel_at(-11.55, -3.5)
+    coloured = has_colour(image, drawing.LIGHTS[status])
+    assert coloured[top:bottom, left:right].mean() > 0.7  # its outermost pixels are softened
+    coloured[top : bottom + 1, left : right + 1] = False
+    assert status is SignalStatus.UNKNOWN or not coloured.any()  # roads have edges of the same grey
+
+
+def test_connectors_of_one_lane_show_each_its_own(tmp_path: Path) -> None:
+    image = still(tmp_path, drive_at_lights(signals(red=["14"], yellow=["13"], green=["12"])))
+    for y_m, status in zip(
+        (-0.6, -1.75, -2.9), (SignalStatus.RED, SignalStatus.YELLOW, SignalStatus.GREEN), strict=True
+    ):
+        assert has_colour(image[pixel_at(-12.2, y_m)], drawing.LIGHTS[status]), status
+
+
+def test_a_bar_changes_with_its_light_and_keeps_its_colour_after_the_end(tmp_path: Path) -> None:
+    red, green = signals(red=EVERY_TURN), signals(green=EVERY_TURN)
+    changing = drive_at_lights(red, red, green)
+    write_film([changing], tmp_path / "film.gif")
+    place = tuple(round(0.75 * each) for each in pixel_at(-12.0, -0.6))
+    with pillow.open(tmp_path / "film.gif") as film:
+        colours = []
+        for frame in range(film.n_frames):
+            film.seek(frame)
+            colours.append(np.asarray(film.convert("RGB"))[place])
+    for colour, status in zip(colours, (SignalStatus.RED, SignalStatus.RED, SignalStatus.GREEN), strict=True):
+        assert has_colour(colour, drawing.LIGHTS[status], tolerance=12)
+    shot = Shot(changing, (0, 9), (100.0, 40.0))
+    assert {status for _, status in shot.shown(9, shot.view(9, SCALE))} == {SignalStatus.GREEN}
+
+
+def test_nothing_is_drawn_where_no_light_is_or_none_was_seen(tmp_path: Path) -> None:
+    unlit = replace(driven(), trace=replace(driven().trace, signals=(signals(red=["11"]),) * 21))
+    for dark in (drive_at_lights(Signals.none()), unlit):
+        image = still(tmp_path, dark)
+        assert not any(has_colour(image, drawing.LIGHTS[status]).any() for status in list(SignalStatus)[:3])
+
+
+def test_the_ego_and_what_stands_on_a_bar_hide_it(tmp_path: Path) -> None:
+    red = signals(red=EVERY_TURN)
+    over = still(tmp_path, drive_at_lights(red, from_x_m=LANE_END[0]))
+    assert has_colour(over[pixel_at(*LANE_END, LANE_END[0])], drawing.EGO)
+    parked = still(tmp_path, drive_at_lights(red, obstacles=(Obstacle(LanePlace("1", 60.0)),)))
+    middle, beside = pixel_at(-12.2, -1.75), pixel_at(-12.2, -0.4)
+    assert not has_colour(parked[middle], drawing.LIGHTS[SignalStatus.RED], tolerance=40)
+    assert has_colour(parked[beside], drawing.LIGHTS[SignalStatus.RED])
+
+
+def artists(shot: Shot, frame: int) -> int:
+    """How many things are drawn in a frame."""
+    from matplotlib.figure import Figure
+
+    axes = Figure().add_axes((0.0, 0.0, 1.0, 1.0))
+    shot.draw_frame(axes, frame, shot.view(frame, SCALE))
+    return len(axes.get_children())
+
+
+def test_lights_out_of_view_cost_nothing() -> None:
+    lit, dark = (
+        Shot(drive_at_lights(*[shown] * 51, speed_mps=10.0, from_x_m=-66.0), range(51), (40.0, 20.0))
+        for shown in (signals(red=EVERY_TURN), Signals.none())
+    )
+    assert (len(lit.lights), len(dark.lights)) == (3, 0)
+    assert artists(lit, 0) == artists(dark, 0)
+    assert artists(lit, 50) == artists(dark, 50) + 1  # all bars of a frame are one
+
+
+def test_stop_lines_of_lights_are_paint_so_that_only_the_light_says_what_it_shows(tmp_path: Path) -> None:
+    image = still(tmp_path, drive_at_lights(signals(red=EVERY_TURN)))
+    assert not has_colour(image, STOP_COLOURS[StopLineKind.TRAFFIC_LIGHT], tolerance=30).any()
+
+
+def test_lights_have_the_colours_that_they_have_on_the_page_of_a_replay() -> None:
+    style = files("interplan_sumo.report.replay").joinpath("replay.css").read_text()
+    told = dict(re.findall(r"--light-(\w+): (#\w+);", style))
+    assert told == {status.name.lower(): colour for status, colour in drawing.LIGHTS.items()}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from itertools import accumulate
 from typing import Any
 
@@ -21,7 +20,7 @@ from interplan_sumo.scenario.scenario import LanePlace, Obstacle
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
 from tests.metrics.staging import drive_at
-from tests.report.tiny_drives import CRUISE_MPS, START_M, crossing_at, parked_at, tiny_drive
+from tests.report.tiny_drives import CRUISE_MPS, START_M, crossing_at, drive_at_lights, parked_at, tiny_drive
 from tests.worlds import cars, drive, junction, pedestrians, signals, straight_road, together
 
 CRUISE = [CRUISE_MPS] * 80
@@ -125,20 +124,19 @@ def test_the_expert_stays_where_it_ended() -> None:
     assert undone(held["x"], 80, PER_METRE)[:5] == pytest.approx([0.0, 1.0, 2.0, 2.0, 2.0])
 
 
-def test_lights_are_told_by_their_changes() -> None:
-    trace = replace(drive(*[0.0] * 5), signals=(signals(red=["13"]),) * 2 + (signals(green=["13"]),) * 3)
-    assert cast.signals(trace, ["13", "14"]) == {"13": [(0, 2), (2, 0)]}
-
-
-def test_the_connectors_of_a_lane_share_its_stop_bar_from_left_to_right() -> None:
+def test_a_light_is_told_with_its_bar_and_its_way_in_centimetres() -> None:
     roads = junction()
     found = surroundings.lights(roads, roads.drivable_area, ORIGIN)
-    bars = {
-        connector: np.cumsum(np.reshape(found[connector]["bar"], (2, 2)), axis=0) for connector in ("14", "13", "12")
-    }
-    assert all(abs(bar[1, 1] - bar[0, 1]) == pytest.approx(350.0 / 3, abs=1.5) for bar in bars.values())
-    middle = [float(bars[connector][:, 1].mean()) for connector in ("14", "13", "12")]  # left, straight on, right
-    assert middle == sorted(middle, reverse=True)
+    assert set(found) == {connector.id for connector in roads.connectors.values()}
+    assert np.cumsum(np.reshape(found["13"]["bar"], (2, 2)), axis=0).tolist() == [[-1200, -117], [-1200, -233]]
+    assert np.cumsum(np.reshape(found["13"]["way"], (2, 2)), axis=0).tolist() == [[-1200, -175], [1200, -175]]
+
+
+def test_a_drive_tells_what_the_lights_around_it_showed() -> None:
+    shown = signals(red=["13"], green=["24", "99"])
+    data = replay_data([drive_at_lights(*[shown] * 5, signals(green=["13", "24"]), speed_mps=CRUISE_MPS)])
+    assert only(data)["signals"] == {"13": [(0, 2), (5, 0)], "24": [(0, 0)]}
+    assert {"13", "24"} <= set(data["lights"])
 
 
 def test_a_lane_change_and_a_pedestrian_who_sets_off_are_events() -> None:

@@ -13,9 +13,10 @@ from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Sce
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.signals import Signals
 from interplan_sumo.world.trace import EgoTrack, Trace
 from tests.metrics.staging import scenario_on
-from tests.worlds import drive, straight_road
+from tests.worlds import LANE_WIDTH_M, drive, junction, straight_road
 
 START_M = 10.0
 START = Pose(START_M, 0.0, 0.0)
@@ -71,6 +72,18 @@ def tiny_drive(
     }
     named: Scenario = replace(scenario, id=scenario_id)
     return TinyDrive(row, named, driven, Path("runs/a"), False, road, expert)
+
+
+def drive_at_lights(
+    *shown: Signals, speed_mps: float = 0.0, from_x_m: float = -30.0, obstacles: tuple[Obstacle, ...] = ()
+) -> TinyDrive:
+    """A drive along lane 1 of the junction, whose light holds it at -12 m; a frame for each state of the lights."""
+    road = junction()
+    scenario = scenario_on(road, ("1", 10.0), ("7", 50.0), obstacles=obstacles)
+    driven = drive(*[speed_mps] * len(shown), start=Pose(from_x_m, -LANE_WIDTH_M / 2.0, 0.0))
+    elsewhere = tiny_drive([], trace=replace(driven, signals=shown), expert_mps=[0.0])
+    on_route = replace(scenario, route=("1", "13", "7"))
+    return replace(elsewhere, scenario=on_route, tiny_roads=road, tiny_expert=driven.ego)
 
 
 def parked_at(arc_m: float) -> Obstacle:

@@ -93,18 +93,6 @@ def plans(trace: Trace, origin: Floats) -> list[Whole]:
     return found
 
 
-def signals(trace: Trace, connectors: Iterable[str]) -> dict[str, list[tuple[int, int]]]:
-    """Of each connector its changes: the frame, and the status from then on."""
-    wanted = frozenset(connectors)
-    found: dict[str, list[tuple[int, int]]] = {}
-    for frame, seen in enumerate(trace.signals):
-        for connector, status in zip(seen.connector_ids, seen.status.tolist(), strict=True):
-            changes = found.setdefault(connector, []) if connector in wanted else None
-            if changes is not None and (not changes or changes[-1][1] != status):
-                changes.append((frame, status))
-    return found
-
-
 def triggers(drive: StoredDrive, route: Polyline, origin: Floats) -> list[dict[str, Any]]:
     """Of each jaywalker who still waits: where the ego's front must be, at its speed of each frame, to set it off.
 

@@ -33,6 +33,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.score import DEFAULT_PROFILE, ScoreSheet, score_facts
 from interplan_sumo.report import scenario_drawing as drawing
+from interplan_sumo.report.lights import signal_changes
 from interplan_sumo.report.moments import FAULT, Moment, deciding, lost_moments
 from interplan_sumo.report.replay import cast, surroundings
 from interplan_sumo.report.replay.charts import CHARTS, chart_series
@@ -116,8 +117,8 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
 
     `planner`, `seed`, `profile`, `score` (0 to 100, or None), `fault` (a sentence or
     None), `end` (how it ended, in words), `frames`, `metrics`, `events`,
-    `deciding` (frame, metric and reason), `charts`, and the cast: `ego`,
-    `agents`, `plans`, `signals`, `triggers`.
+    `deciding` (frame, metric and reason), `charts`, the cast (`ego`, `agents`,
+    `plans`, `triggers`) and `signals` (`lights.signal_changes`).
     """
     facts = Facts(drive.trace, drive.roads, drive.expert, drive.scenario)
     sheet = score_facts(facts, DEFAULT_PROFILE)
@@ -140,7 +141,7 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
         "ego": cast.ego(drive.trace, origin),
         "agents": cast.agents(drive, origin),
         "plans": cast.plans(drive.trace, origin),
-        "signals": cast.signals(drive.trace, lights),
+        "signals": signal_changes(drive.trace, lights),
         "triggers": triggers,
     }
 

@@ -8,10 +8,11 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
+from interplan_sumo.report.lights import stop_bars
 from interplan_sumo.report.markings import markings
 from interplan_sumo.report.replay.numbers import Whole, lines, points, rings
-from interplan_sumo.world.geometry import Floats, wrap_angle
-from interplan_sumo.world.roads import Area, Connector, Intersection, Roads
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.roads import Area, Intersection, Roads
 
 REACH_M: Final = 80.0
 """From the drives and the route: a screen in either direction at the usual zoom."""
@@ -71,34 +72,12 @@ def drivable_around(roads: Roads, area: shapely.Geometry) -> shapely.Geometry:
 
 
 def lights(roads: Roads, area: shapely.Geometry, origin: Floats) -> dict[str, dict[str, Whole]]:
-    """Every connector of the area with a traffic light: the share of the stop bar that is its own, and its way.
-
-    Connectors from one lane share the bar across its end, in the order in which they fan out, the leftmost first.
-    """
-    by_lane: dict[str, list[Connector]] = {}
-    for connector in roads.connectors.values():
-        if connector.has_traffic_light and shapely.intersects(area, connector.centerline.linestring):
-            by_lane.setdefault(connector.from_lane_id, []).append(connector)
+    """Every connector of the area with a traffic light: its `bar`, as `stop_bars` has it, and its `way`."""
     found: dict[str, dict[str, Whole]] = {}
-    for lane_id, connectors in by_lane.items():
-        lane = roads.lanes[lane_id]
-        left, right = lane.left_boundary.points[-1], lane.right_boundary.points[-1]
-        heading_rad = float(lane.centerline.segment_heading_rad[-1])
-        connectors.sort(key=lambda connector: -_bearing_rad(connector, heading_rad))
-        for i, connector in enumerate(connectors):
-            shares = np.array((i, i + 1))[:, None] / len(connectors)
-            way = shapely.simplify(connector.centerline.linestring, DETAIL_M)
-            found[connector.id] = {
-                "bar": points(left + shares * (right - left), origin),
-                "way": points(shapely.get_coordinates(way), origin),
-            }
+    for connector, bar in stop_bars(roads, area).items():
+        way = shapely.simplify(roads.connectors[connector].centerline.linestring, DETAIL_M)
+        found[connector] = {"bar": points(bar, origin), "way": points(shapely.get_coordinates(way), origin)}
     return found
-
-
-def _bearing_rad(connector: Connector, heading_rad: float) -> float:
-    """Where a connector leads, seen along the heading of the lane that it leaves; left positive."""
-    away = connector.centerline.points[-1] - connector.centerline.points[0]
-    return float(wrap_angle(np.arctan2(away[1], away[0]) - heading_rad))
 
 
 def _arrows(roads: Roads, area: shapely.Geometry, origin: Floats) -> list[tuple[int, int, float]]:

@@ -17,6 +17,8 @@ from interplan_llm.tuning.heldout import HeldOut, Share, chance, first_offered
 from interplan_sumo import __version__
 from interplan_sumo.world.files import file_hash
 
+EACH = "drawn"
+"""In the card of chats: a line about each of them."""
 CAVEAT = "Tuned on examples of its task: what it scores there is not a zero-shot result."
 
 
@@ -75,12 +77,15 @@ def _file(path: Path) -> dict[str, Any]:
 
 
 def _card_of(examples: Path) -> dict[str, Any] | None:
-    """What was written beside the examples about how they were made, if it is about these."""
-    try:
-        card = json.loads(examples.with_name(f"{examples.name}.card.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return card if isinstance(card, dict) and card.get("sha256") == file_hash(examples) else None
+    """What was written beside the examples about how they were made, if it is about these; but for its list of each."""
+    for path in (examples.with_name(f"{examples.name}.card.json"), examples.with_suffix(".json")):
+        try:
+            card = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            continue
+        if isinstance(card, dict) and card.get("sha256") == file_hash(examples):
+            return {name: told for name, told in card.items() if name != EACH}
+    return None
 
 
 def _judged(judged: HeldOut | None) -> dict[str, Any] | None:

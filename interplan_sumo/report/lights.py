@@ -1,0 +1,57 @@
+"""Lights: the stop bar of every connector that a traffic light controls, and what it shows when."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import shapely
+
+from interplan_sumo.world.geometry import Floats, wrap_angle
+from interplan_sumo.world.roads import Connector, Roads
+from interplan_sumo.world.signals import SignalStatus
+from interplan_sumo.world.trace import Trace
+
+
+def stop_bars(roads: Roads, area: shapely.Geometry) -> dict[str, Floats]:
+    """Of every connector with a traffic light whose way meets an area: the ends (2, 2) of its bar, the left one first.
+
+    Connectors from one lane share the bar across its end, in the order in which they fan out, the leftmost first.
+    """
+    by_lane: dict[str, list[Connector]] = {}
+    for connector in roads.connectors.values():
+        if connector.has_traffic_light and shapely.intersects(area, connector.centerline.linestring):
+            by_lane.setdefault(connector.from_lane_id, []).append(connector)
+    found: dict[str, Floats] = {}
+    for lane_id, connectors in by_lane.items():
+        lane = roads.lanes[lane_id]
+        left, right = lane.left_boundary.points[-1], lane.right_boundary.points[-1]
+        heading_rad = float(lane.centerline.segment_heading_rad[-1])
+        connectors.sort(key=lambda connector: -_bearing_rad(connector, heading_rad))
+        for i, connector in enumerate(connectors):
+            shares = np.array((i, i + 1))[:, None] / len(connectors)
+            found[connector.id] = left + shares * (right - left)
+    return found
+
+
+def _bearing_rad(connector: Connector, heading_rad: float) -> float:
+    """Where a connector leads, seen along the heading of the lane that it leaves; left positive."""
+    away = connector.centerline.points[-1] - connector.centerline.points[0]
+    return float(wrap_angle(np.arctan2(away[1], away[0]) - heading_rad))
+
+
+def signal_changes(trace: Trace, connectors: Iterable[str]) -> dict[str, list[tuple[int, int]]]:
+    """Of each connector that shows anything its changes: the frame, and the status from then on."""
+    wanted = frozenset(connectors)
+    found: dict[str, list[tuple[int, int]]] = {}
+    for frame, seen in enumerate(trace.signals):
+        for connector, status in zip(seen.connector_ids, seen.status.tolist(), strict=True):
+            changes = found.setdefault(connector, []) if connector in wanted else None
+            if changes is not None and (not changes or changes[-1][1] != status):
+                changes.append((frame, status))
+    return found
+
+
+def status_at(changes: Sequence[tuple[int, int]], frame: int) -> SignalStatus:
+    """The status of a connector in a frame, from its changes; unknown before the first."""
+    return next((SignalStatus(status) for since, status in reversed(changes) if since <= frame), SignalStatus.UNKNOWN)
