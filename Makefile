@@ -20,7 +20,7 @@ help:
 	@echo "make golden      only the comparison with nuPlan's own values"
 	@echo "make smoke       one scenario per family, in a minute"
 	@echo "make data        ordinary driving to train on, below data/ordinary (20 minutes); back_bay is for testing"
-	@echo "make tune-llm    EXAMPLES=choices.jsonl [OUT=hybrid.gguf]: teach the small language model"
+	@echo "make tune-llm    EXAMPLES=choices.jsonl [OUT=hybrid.gguf] [TUNE=...]: teach the small language model"
 	@echo "make train       PLANNER=pdm_open [DATA=folder] [TRAIN='--epochs 20']: train a learned planner anew"
 	@echo "make setup       make $(VENV) with everything for development"
 
@@ -78,7 +78,7 @@ train: $(VENV)/.installed-train
 
 tune-llm: $(VENV)/.installed-train
 	@test -n "$(EXAMPLES)" || { echo "error: which examples? make tune-llm EXAMPLES=choices.jsonl" >&2; exit 2; }
-	$(BIN)/python -m interplan_llm.tuning.train $(EXAMPLES) --out $(or $(OUT),hybrid.gguf)
+	$(BIN)/python -m interplan_llm.tuning.train $(EXAMPLES) --out $(or $(OUT),hybrid.gguf) $(TUNE)
 
 clean:
 	rm -rf build dist runs .pytest_cache .ruff_cache

@@ -30,6 +30,8 @@ SCALE: Final = 9.0
 WIDTH, HEIGHT, STRIP = 960, 400, 48
 """Pixels of the view of one drive, and of the two lines of words above it."""
 HEIGHT_OF_TWO: Final = 296
+PLANNER_CHARS: Final = 48
+"""Of a planner with its options, so that the legend has room beside it."""
 GIF_SHARE: Final = 0.75
 """GIFs are smaller: they compress worse."""
 MOST_PIXELS: Final = 48e6
@@ -163,7 +165,10 @@ class _Stage:
         said: dict[str, Any] = {"va": "center", "color": INK}
         figure.text(edge, upper, row["scenario_id"], fontsize=13, weight="bold", **said)
         self._time = figure.text(1.0 - edge, upper, "", fontsize=12, ha="right", family="monospace", **said)
-        who = figure.text(edge, lower, f"{row['planner']}, score {score}", fontsize=12, **said)
+        planner = row["planner"]
+        if len(planner) > PLANNER_CHARS:
+            planner = f"{planner[: PLANNER_CHARS - 1]}\N{HORIZONTAL ELLIPSIS}"
+        who = figure.text(edge, lower, f"{planner}, score {score}", fontsize=12, **said)
         self._legend(figure, who.get_window_extent().x1 / width + 2.0 * edge, lower)
         self._lost = figure.text(
             0.5, (bottom + 16.0) / total, "", fontsize=11, ha="center", va="center", color="white", zorder=30,

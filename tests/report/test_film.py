@@ -16,7 +16,7 @@ import pytest
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.render import STOP_COLOURS
 from interplan_sumo.report import scenario_drawing as drawing
-from interplan_sumo.report.film import HEIGHT, SCALE, STRIP, WIDTH, write_film
+from interplan_sumo.report.film import HEIGHT, PLANNER_CHARS, SCALE, STRIP, WIDTH, write_film
 from interplan_sumo.report.film_shot import AHEAD_M, Shot
 from interplan_sumo.scenario.scenario import LanePlace, Obstacle
 from interplan_sumo.world.roads import StopLineKind
@@ -62,6 +62,15 @@ def test_two_drives_stand_one_above_the_other(tmp_path: Path) -> None:
     one, two = picture(tmp_path / "one.png"), picture(tmp_path / "two.png")
     assert two.shape[1] == one.shape[1]
     assert two.shape[0] > one.shape[0]
+
+
+def test_a_planner_with_many_options_is_cut_so_that_the_rest_has_room(tmp_path: Path) -> None:
+    heads = []
+    for length in (PLANNER_CHARS - 1, PLANNER_CHARS, PLANNER_CHARS + 1, PLANNER_CHARS + 40):
+        write_film([driven(name="p" * length)], tmp_path / f"{length}.png", from_s=0.0)
+        heads.append(picture(tmp_path / f"{length}.png")[:STRIP])
+    assert (heads[2] == heads[3]).all()
+    assert not any((heads[i] == heads[j]).all() for i, j in ((0, 1), (0, 2), (1, 2)))
 
 
 def test_a_long_name_leaves_the_time_alone(tmp_path: Path) -> None:
