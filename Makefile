@@ -43,9 +43,8 @@ check: setup
 	$(BIN)/ruff check .
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
-# Tests of a file share what it sets up, so they stay in one process.
 test: setup
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"
 
 test-all: setup
 	$(BIN)/python -m pytest -n $(WORKERS)

@@ -11,6 +11,8 @@ import pytest
 from interplan_sumo.cli import main
 from tests.maps.argoverse_files import street, written
 
+pytestmark = pytest.mark.slow
+
 
 def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
     capsys.readouterr()

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 INDEX = ROOT / "docs" / "README.md"
 RUNNING = [page for page in PAGES if any(block.runs for block in blocks_of(page))]
-QUICK = [page for page in RUNNING if page.stem in ("gym", "language_models", "write_a_planner")]
+QUICK = [page for page in RUNNING if page.stem in ("gym", "language_models")]
 """Whose blocks run every time, but for those that are marked; all run among the slow tests, and always in CI."""
 
 USAGE_ERROR: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")

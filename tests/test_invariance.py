@@ -38,7 +38,7 @@ def scored(scenario: Scenario, episode: Episode) -> dict[str, float | None]:
     return {"score": sheet.score, **{name: result.score for name, result in sheet.metrics.items()}}
 
 
-@pytest.mark.parametrize("family", ["nudge", "lane_change_mtd"])
+@pytest.mark.parametrize("family", ["nudge", pytest.param("lane_change_mtd", marks=pytest.mark.slow)])
 def test_an_episode_on_a_shifted_map_gives_equal_scores(family: str, tmp_path: Path) -> None:
     here = next(s for s in FAMILIES[family].scenarios if s.map == "back_bay")
     files = MapFiles("elsewhere", "1.0", tmp_path / "elsewhere" / "1.0")

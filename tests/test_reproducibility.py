@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 CODE = """
 from interplan_sumo.planner import load_planner
 from interplan_sumo.scenario.suite import find_scenario
@@ -16,6 +18,7 @@ print(episode.trace.hash())
 """
 
 
+@pytest.mark.slow
 def test_a_trace_is_equal_under_two_blas_kernels() -> None:
     hashes = {
         kernel: subprocess.run(

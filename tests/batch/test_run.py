@@ -63,6 +63,7 @@ def hashes(stored: StoredRun) -> dict[object, tuple[str, float]]:
     return {key: (row["trace_hash"], row["score"]) for key, row in stored.rows.items()}
 
 
+@pytest.mark.slow
 def test_a_worker_and_this_process_give_the_same_hashes_and_scores(official: StoredRun, tmp_path: Path) -> None:
     again = run(request(tmp_path, "straight_ahead", workers=2, limit=None))
     assert len(hashes(again)) == len(find_suite(SUITE).scenarios)
@@ -120,6 +121,7 @@ def test_a_polite_end_while_a_planner_plans_ends_the_run_and_is_no_fault_of_its(
     assert read_run(tmp_path).rows == {}
 
 
+@pytest.mark.slow
 def test_planners_that_take_their_process_down_leave_the_others_unharmed(tmp_path: Path) -> None:
     names = ("Steady", "ExitsHard", "Hangs")
     limits = Limits(plan_s=1.0, grace_s=0.0)

@@ -21,6 +21,8 @@ from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.signals import SignalStatus
 from tests.recordings.nuplan_dbs import MAP, Goes, sweep, track_id, write_log
 
+pytestmark = pytest.mark.slow
+
 ROADS = junction(arm_m=150.0)
 X_M, Y_M = (float(value) for value in ROADS["1"].centerline.points[0])
 EGO = Goes(X_M + 20.0, Y_M, 0.0, 8.0)

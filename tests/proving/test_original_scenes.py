@@ -15,6 +15,8 @@ from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.tiny_worlds import junction
 from tests.recordings.nuplan_dbs import MAP, Goes, sweep, write_log
 
+pytestmark = pytest.mark.slow
+
 ROADS = junction(arm_m=150.0)
 X_M, Y_M = (float(value) for value in ROADS["1"].centerline.points[0])
 EGO = Goes(X_M + 20.0, Y_M, 0.0, 7.0)

@@ -21,6 +21,8 @@ from tests.maps import commonroad_files as commonroad
 from tests.realdata import real
 from tests.scenario.made_recordings import recording, track
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("content", "said"),
