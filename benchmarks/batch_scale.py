@@ -27,10 +27,10 @@ import pandas as pd
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.jobs import Job
-from interplan_sumo.batch.phases import Publish
 from interplan_sumo.batch.results import RESULTS, Row, write_rows
 from interplan_sumo.batch.run_folder import RunFolder
 from interplan_sumo.batch.shards import keep_shards
+from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
 from interplan_sumo.metrics.score import DEFAULT_PROFILE, PROFILES
 from interplan_sumo.scenario.suite import find_suite

@@ -31,11 +31,11 @@ from interplan_sumo.scenario.route import route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
+from interplan_sumo.simulation.lane_chains import ego_sumo_route
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, populate
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
-from interplan_sumo.simulation.ways import ego_sumo_route
 from interplan_sumo.world.ego import PACIFICA
 
 MANY = 100

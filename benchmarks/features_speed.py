@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from interplan_sumo.dataset.columns import Columns, count_of, joined, write_arrays
-from interplan_sumo.dataset.drives import Choice, chosen_drives, driven
+from interplan_sumo.dataset.drives import DriveSelection, chosen_drives, driven
+from interplan_sumo.dataset.observation_replay import SeenAgain
 from interplan_sumo.dataset.samples import drive_samples
-from interplan_sumo.dataset.seen_again import SeenAgain
 from interplan_sumo.features.lane_graph import lane_graph
 from interplan_sumo.features.map_lines import map_lines
 from interplan_sumo.features.view import EgoView
@@ -32,7 +32,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--every", type=int, default=5, help="frames between samples")
     every: int = parser.parse_args().every
-    drives = chosen_drives((), ("smoke==1",), Choice(min_score=0.0)).drives
+    drives = chosen_drives((), ("smoke==1",), DriveSelection(min_score=0.0)).drives
     parts: list[Columns] = []
     calls_ms: list[float] = []
     replay_s = samples_s = 0.0

@@ -23,10 +23,10 @@ from interplan_llm.hybrid.planner import HybridPlanner
 from interplan_sumo.batch.results import Brief
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import score
-from interplan_sumo.proving.oracle import Chooser, Effort, oracle_drive
 from interplan_sumo.report.table import COLUMNS
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import expert, find_suite
+from interplan_sumo.verification.oracle import Effort, OracleChooser, oracle_drive
 from interplan_sumo.world.trajectory import Trajectory
 
 SUITE = "interplan==1"
@@ -34,7 +34,7 @@ HIDDEN = ("ordinary", "driv")
 """Columns that the table in the docs leaves out."""
 
 
-def hybrid(chooser: Chooser, recorded: Sequence[Trajectory]) -> HybridPlanner:
+def hybrid(chooser: OracleChooser, recorded: Sequence[Trajectory]) -> HybridPlanner:
     return HybridPlanner(chooser, recorded=recorded)
 
 

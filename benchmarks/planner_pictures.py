@@ -28,8 +28,8 @@ from interplan_sumo.batch.run_folder import Row, StoredRun, read_run
 from interplan_sumo.maps.render import INK, PAPER
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.report import scenario_drawing as drawing
+from interplan_sumo.report.failure_reasons import TITLES
 from interplan_sumo.report.scenario_drawing import View
-from interplan_sumo.report.why import TITLES
 from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario, find_suite

@@ -16,7 +16,7 @@ import numpy as np
 
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.score import INFORMATIVE, PROFILES, score, score_facts
-from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.tiny_worlds import LANE_WIDTH_M, drive_through, road_along
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import Polyline
@@ -85,8 +85,8 @@ def main(counts: list[int]) -> None:
     first, last = roads.roadblocks["1"], max(roads.roadblocks.values(), key=lambda block: int(block.id))
     route = tuple(sorted(roads.roadblocks, key=int))
     scenario = Scenario(
-        "lane_change_mtd/0", "lane_change_mtd", "tiny_road", LanePlace(first.lane_ids[1], 20.0), 12.0,
-        LanePlace(last.lane_ids[2], 60.0), route,
+        "lane_change_mtd/0", "lane_change_mtd", "tiny_road", LanePosition(first.lane_ids[1], 20.0), 12.0,
+        LanePosition(last.lane_ids[2], 60.0), route,
     )  # fmt: skip
     print(f"{len(roads.lanes)} lanes, {len(roads.connectors)} connectors, {FRAMES} frames")
     for count in counts:

@@ -31,9 +31,9 @@ from interplan_sumo.metrics.score import score as score_trace
 from interplan_sumo.planner import Planner, registered
 from interplan_sumo.report.compare import Comparison
 from interplan_sumo.report.compare import compare as compare_runs
+from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.printing import progress as shown_progress
 from interplan_sumo.report.table import COLUMNS, make_table, planners_of
-from interplan_sumo.report.why import lost_points
 from interplan_sumo.scenario.files import MAPS, is_scenario_file, read_scenario, read_scenarios, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, expert, find_scenario, find_suite, suites
@@ -41,7 +41,7 @@ from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import EgoTrack, Trace
 
 if TYPE_CHECKING:
-    from interplan_sumo.batch.run import Watch
+    from interplan_sumo.batch.run import RunProgress
 
 PlannerLike = str | Planner | Callable[[], Planner]
 """A name as `--planner` takes it, a planner, or what makes one: its class or a function without arguments."""
@@ -63,7 +63,7 @@ def run(
     behaviour: str | None = None,
     traffic: str | PathLike[str] | None = None,
     limit: int | None = None,
-    progress: bool | Watch | None = None,
+    progress: bool | RunProgress | None = None,
     plan_limit_s: float = 10.0,
     job_limit_s: float = 3600.0,
     memory_gb: float = 8.0,
@@ -395,7 +395,7 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr)
 
 
-def _watching(progress: bool | Watch | None) -> contextlib.AbstractContextManager[Watch | None]:
+def _watching(progress: bool | RunProgress | None) -> contextlib.AbstractContextManager[RunProgress | None]:
     if progress is None:
         progress = sys.stderr.isatty()
     if isinstance(progress, bool):

@@ -20,7 +20,7 @@ SELF_TEST_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class DoctorCheck:
     """One thing that was looked at."""
 
     name: str
@@ -34,7 +34,7 @@ class Diagnosis:
 
     versions: dict[str, str]
     machine: dict[str, str | int]
-    checks: tuple[Check, ...]
+    checks: tuple[DoctorCheck, ...]
 
     @property
     def ok(self) -> bool:
@@ -48,7 +48,7 @@ def examine() -> Diagnosis:
     ]
     checks += [_check("maps", _read_maps), _check("vehicle types", _read_vehicle_types), _check("suites", _read_suites)]
     checks += [_check("planners", _load_recommended), _check("self-test", _drive_a_little)]
-    checks += [Check(f"extra [{name}]", True, _extra(name, modules)) for name, modules in EXTRAS.items()]
+    checks += [DoctorCheck(f"extra [{name}]", True, _extra(name, modules)) for name, modules in EXTRAS.items()]
     machine: dict[str, str | int] = {
         "platform": platform.platform(),
         "python": sys.executable,
@@ -57,11 +57,11 @@ def examine() -> Diagnosis:
     return Diagnosis(versions(), machine, tuple(checks))
 
 
-def _check(name: str, look: Callable[..., str], *arguments: str) -> Check:
+def _check(name: str, look: Callable[..., str], *arguments: str) -> DoctorCheck:
     try:
-        return Check(name, True, look(*arguments))
+        return DoctorCheck(name, True, look(*arguments))
     except Exception as error:
-        return Check(name, False, f"{type(error).__name__}: {error}")
+        return DoctorCheck(name, False, f"{type(error).__name__}: {error}")
 
 
 def _import(name: str) -> str:

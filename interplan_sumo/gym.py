@@ -22,10 +22,11 @@ try:
 except ImportError as error:
     raise ImportError("interplan_sumo.gym needs gymnasium; run: pip install 'interplan-sumo[gym]'") from error
 
-from interplan_sumo.batch.jobs import Overrides, Source, chosen, split_files
-from interplan_sumo.batch.own_experts import keep_certified, own_expert
+from interplan_sumo.batch.custom_references import keep_certified, own_expert
+from interplan_sumo.batch.jobs import Overrides, ScenarioSource, chosen, split_files
 from interplan_sumo.batch.run import changes
 from interplan_sumo.errors import InputError, PlannerError, TrafficError, UnknownNameError
+from interplan_sumo.families import FAMILIES
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.drivable_area import drivable_area
 from interplan_sumo.metrics.facts import Facts
@@ -41,7 +42,6 @@ from interplan_sumo.policy import (
     speed_limit_mps,
     vector_of,
 )
-from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import expert, suites
 from interplan_sumo.simulation.episode import Loop
@@ -111,7 +111,7 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
         if seeds < 1:
             raise InputError(f"seeds is {seeds}, expected 1 or more")
         files, globs = split_files((scenarios,) if isinstance(scenarios, str) else tuple(scenarios))
-        source = Source.of(suite, files)
+        source = ScenarioSource.of(suite, files)
         wanted = changes(density=density, behaviour=behaviour)
         self._overrides = Overrides.parse(wanted, None if traffic is None else Path(traffic))
         self._own_experts: Path | None = None

@@ -81,7 +81,7 @@ class Planner(Protocol):
         """Get ready for a new episode; nothing of the last one may remain."""
         ...
 
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         """A trajectory that covers `seen.time_s` and the time after it."""
         ...
 

@@ -16,7 +16,7 @@ from interplan_sumo.dynamics.rear_axle import rear_axle_of
 from interplan_sumo.errors import InputError, PlannerError, UnknownNameError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
-from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats, wrap_angle
@@ -36,7 +36,7 @@ UNKNOWN_LIMIT_MPS: Final = 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class FeatureBlock:
     """A part of what a policy sees: rows of equal columns."""
 
     name: str
@@ -55,7 +55,7 @@ _PLACE: Final = {"x_m": (-SIGHT_M, SIGHT_M), "y_m": (-SIGHT_M, SIGHT_M)}
 _ANGLE: Final = (-np.pi, np.pi)
 _SPEED: Final = (-60.0, 60.0)
 OBSERVED: Final = (
-    Part(
+    FeatureBlock(
         "ego",
         1,
         {
@@ -69,8 +69,8 @@ OBSERVED: Final = (
             "speed_limit_mps": (0.0, 60.0),
         },
     ),
-    Part("route", 16, {**_PLACE, "heading_rad": _ANGLE}),
-    Part(
+    FeatureBlock("route", 16, {**_PLACE, "heading_rad": _ANGLE}),
+    FeatureBlock(
         "actors",
         24,
         {
@@ -85,7 +85,7 @@ OBSERVED: Final = (
             "is_object": (0.0, 1.0),
         },
     ),
-    Part("light", 1, {"distance_m": (0.0, SIGHT_M), "is_red": (0.0, 1.0)}),
+    FeatureBlock("light", 1, {"distance_m": (0.0, SIGHT_M), "is_red": (0.0, 1.0)}),
 )
 """The ego; the route's line, 5 to 80 m ahead; the nearest actors, nearest first, rows of zeros where there are fewer;
 the next light on the route that is red or yellow, else the end of sight and 0. Velocities are over ground."""
@@ -124,14 +124,14 @@ class Senses:
             c.id: self.line.project_point(*c.centerline.points[0].tolist())[0] for c in on_route if c.has_traffic_light
         }
 
-    def parts(self, seen: Observation) -> dict[str, Arrays]:
+    def parts(self, observation: Observation) -> dict[str, Arrays]:
         """The parts of `OBSERVED` by name, each (rows, columns), cut to their bounds."""
-        arc_m, left_m = self.line.project_point(seen.ego.x_m, seen.ego.y_m)
+        arc_m, left_m = self.line.project_point(observation.ego.x_m, observation.ego.y_m)
         values = {
-            "ego": self._ego(seen.ego, arc_m, left_m),
-            "route": self._route(seen.ego, arc_m),
-            "actors": _actors(seen.ego, seen.actors),
-            "light": self._light(seen, arc_m),
+            "ego": self._ego(observation.ego, arc_m, left_m),
+            "route": self._route(observation.ego, arc_m),
+            "actors": _actors(observation.ego, observation.actors),
+            "light": self._light(observation, arc_m),
         }
         return {part.name: _within(values[part.name], part) for part in OBSERVED}
 
@@ -150,8 +150,10 @@ class Senses:
         poses = self.line.poses_at(arc_m + ROUTE_SPACING_M * np.arange(1, rows + 1))
         return np.column_stack((_seen_from(ego, poses[:, :2]), wrap_angle(poses[:, 2] - ego.heading_rad)))
 
-    def _light(self, seen: Observation, arc_m: float) -> Floats:
-        stopping = seen.signals.with_status(SignalStatus.RED) | seen.signals.with_status(SignalStatus.YELLOW)
+    def _light(self, observation: Observation, arc_m: float) -> Floats:
+        stopping = observation.signals.with_status(SignalStatus.RED) | observation.signals.with_status(
+            SignalStatus.YELLOW
+        )
         ahead = [at - arc_m for light, at in self._light_m.items() if light in stopping and at > arc_m]
         return np.array([min(ahead), 1.0]) if ahead and min(ahead) < SIGHT_M else np.array([SIGHT_M, 0.0])
 
@@ -232,11 +234,11 @@ class PolicyPlanner:
         self._mission = mission
         self._senses: Senses | None = None
 
-    def plan(self, seen: Observation) -> Trajectory:
-        self._senses = self._senses or Senses(self._mission, seen)
-        parts = self._senses.parts(seen)
+    def plan(self, observation: Observation) -> Trajectory:
+        self._senses = self._senses or Senses(self._mission, observation)
+        parts = self._senses.parts(observation)
         action = self._policy(parts if self._observation == "dict" else vector_of(parts))
-        return plan_of(action, seen.ego, self._action, self._mission.shape)
+        return plan_of(action, observation.ego, self._action, self._mission.shape)
 
 
 def _as_scenario(mission: Mission, start: EgoState) -> Scenario:
@@ -245,7 +247,7 @@ def _as_scenario(mission: Mission, start: EgoState) -> Scenario:
         id="mission/0",
         family="mission",
         map=mission.roads.name,
-        start=LanePlace(_lane_of(mission, start.x_m, start.y_m), 0.0),
+        start=LanePosition(_lane_of(mission, start.x_m, start.y_m), 0.0),
         start_speed_mps=0.0,
         goal=_goal_place(mission),
         route=mission.route,
@@ -259,10 +261,10 @@ def _lane_of(mission: Mission, x_m: float, y_m: float) -> str:
     return here[0] if here else roads.nearest_lane(x_m, y_m)
 
 
-def _goal_place(mission: Mission) -> LanePlace:
+def _goal_place(mission: Mission) -> LanePosition:
     lane = _lane_of(mission, mission.goal.x_m, mission.goal.y_m)
     arc_m, _ = mission.roads[lane].centerline.project_point(mission.goal.x_m, mission.goal.y_m)
-    return LanePlace(lane, arc_m)
+    return LanePosition(lane, arc_m)
 
 
 def _actors(ego: EgoState, actors: Actors) -> Floats:
@@ -292,7 +294,7 @@ def _seen_from(ego: EgoState, xy: Floats) -> Floats:
     return np.column_stack((cos * dx + sin * dy, cos * dy - sin * dx))
 
 
-def _within(values: Floats, part: Part) -> Arrays:
+def _within(values: Floats, part: FeatureBlock) -> Arrays:
     """Values as the part's rows, cut to its bounds."""
     low, high = part.bounds
     return np.clip(values.reshape(low.shape).astype(np.float32), low, high)

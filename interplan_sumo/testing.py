@@ -52,7 +52,7 @@ _REPEATED = ("bend", "dense traffic")
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class ConformanceFinding:
     """One thing the suite noticed."""
 
     severity: Severity
@@ -75,7 +75,7 @@ def assert_planner_conforms(planner: Planner | str, *, steps: int = 40) -> None:
         raise AssertionError("the planner does not conform:\n" + "\n".join(f"  {finding}" for finding in errors))
 
 
-def check_planner(planner: Planner | str, *, steps: int = 40) -> list[Finding]:
+def check_planner(planner: Planner | str, *, steps: int = 40) -> list[ConformanceFinding]:
     """Everything found, errors first; a conforming planner has no finding of severity "error".
 
     `planner` is an instance, or a name as `run --planner` takes it. `steps` of
@@ -86,13 +86,15 @@ def check_planner(planner: Planner | str, *, steps: int = 40) -> list[Finding]:
         try:
             planner = load_planner(planner)
         except InputError as error:
-            return [Finding("error", "loads", str(error))]
+            return [ConformanceFinding("error", "loads", str(error))]
     missing = [name for name in ("start", "plan") if not callable(getattr(planner, name, None))]
     if missing:
         text = f"{type(planner).__name__} has no method {' and no method '.join(missing)}"
-        return [Finding("error", "methods", f"{text}; a planner needs start(mission) and plan(seen)")]
+        return [ConformanceFinding("error", "methods", f"{text}; a planner needs start(mission) and plan(seen)")]
     if isinstance(planner, type):
-        return [Finding("error", "methods", f"{planner.__name__} is a class; give an instance or 'module:Class'")]
+        return [
+            ConformanceFinding("error", "methods", f"{planner.__name__} is a class; give an instance or 'module:Class'")
+        ]
 
     drives = {world.name: _drive(planner, world, steps) for world in check_worlds()}
     findings = [finding for drive in drives.values() for finding in drive.findings]
@@ -117,14 +119,14 @@ class _Drive:
     """One per plan; the state in which it was asked for."""
     plans: list[Trajectory]
     wall_s: list[float]
-    findings: list[Finding]
+    findings: list[ConformanceFinding]
 
     @property
     def failed(self) -> bool:
         return any(finding.severity == "error" for finding in self.findings)
 
     def report(self, severity: Severity, rule: str, message: str) -> None:
-        self.findings.append(Finding(severity, rule, message, (self.world.name,)))
+        self.findings.append(ConformanceFinding(severity, rule, message, (self.world.name,)))
 
 
 class _OverrunError(BaseException):
@@ -218,13 +220,23 @@ def _alarm(limit_s: float) -> Generator[None]:
         signal.signal(signal.SIGALRM, previous)
 
 
-def _seen_print(seen: Observation) -> tuple[Any, ...]:
+def _seen_print(observation: Observation) -> tuple[Any, ...]:
     """Everything in an observation that a planner could change, as bytes."""
-    a = seen.actors
-    columns = (a.kind, a.x_m, a.y_m, a.heading_rad, a.length_m, a.width_m, a.vx_mps, a.vy_mps, seen.signals.status)
-    past = tuple((e.x_m, e.y_m, e.heading_rad, e.vx_mps) for e in seen.past.egos)
-    past_actors = tuple(p.x_m.tobytes() + p.y_m.tobytes() for p in seen.past.actors)
-    return (*(column.tobytes() for column in columns), seen.ego, past, past_actors)
+    a = observation.actors
+    columns = (
+        a.kind,
+        a.x_m,
+        a.y_m,
+        a.heading_rad,
+        a.length_m,
+        a.width_m,
+        a.vx_mps,
+        a.vy_mps,
+        observation.signals.status,
+    )
+    past = tuple((e.x_m, e.y_m, e.heading_rad, e.vx_mps) for e in observation.past.egos)
+    past_actors = tuple(p.x_m.tobytes() + p.y_m.tobytes() for p in observation.past.actors)
+    return (*(column.tobytes() for column in columns), observation.ego, past, past_actors)
 
 
 def _roads_print(roads: Roads) -> tuple[bytes, ...]:
@@ -253,7 +265,7 @@ def _note_outcome(drive: _Drive, ego: EgoState) -> None:
             drive.report("note", "drives", f"passes a red light at t = {ego.time_s:.1f} s")
 
 
-def _differences(first: _Drive, again: _Drive) -> list[Finding]:
+def _differences(first: _Drive, again: _Drive) -> list[ConformanceFinding]:
     """Whether a second drive on the same world, by the same instance, gave the same plans to the last bit."""
     where = (first.world.name,)
     advice = (
@@ -261,7 +273,7 @@ def _differences(first: _Drive, again: _Drive) -> list[Finding]:
     )
     if again.failed:
         text = f"the second drive fails where the first did not: {again.findings[-1].message}; {advice}"
-        return [Finding("error", "repeatable", text, where)]
+        return [ConformanceFinding("error", "repeatable", text, where)]
     for k, (one, two) in enumerate(zip(first.plans, again.plans, strict=True)):
         if len(one) != len(two):
             what = f"{len(one)} poses, then {len(two)}"
@@ -271,19 +283,19 @@ def _differences(first: _Drive, again: _Drive) -> list[Finding]:
                 continue
             what = f"up to {max(apart[1:3]):.3g} m and {apart[3]:.3g} rad apart"
         text = f"two drives on the same world give different plans from t = {k * DT_S:.1f} s on ({what}); {advice}"
-        return [Finding("error", "repeatable", text, where)]
+        return [ConformanceFinding("error", "repeatable", text, where)]
     return []
 
 
-def _habits(drives: list[_Drive]) -> list[Finding]:
+def _habits(drives: list[_Drive]) -> list[ConformanceFinding]:
     """What only shows over all drives."""
-    findings: list[Finding] = []
+    findings: list[ConformanceFinding] = []
     wall_s = np.array([wall for drive in drives for wall in drive.wall_s])
     if wall_s.size:
         slow = bool(wall_s.max() > SLOW_PLAN_S)
         text = f"plan() takes {1e3 * wall_s.mean():.2f} ms on average, {1e3 * wall_s.max():.2f} ms at most"
         hint = f"; nuPlan allows {SLOW_PLAN_S:g} s, a run cuts off at {CALL_LIMIT_S:g} s by default" if slow else ""
-        findings.append(Finding("warning" if slow else "note", "time", text + hint))
+        findings.append(ConformanceFinding("warning" if slow else "note", "time", text + hint))
     plans = [(ego, plan) for drive in drives for ego, plan in zip(drive.egos, drive.plans, strict=True)]
     if not plans:
         return findings
@@ -293,10 +305,12 @@ def _habits(drives: list[_Drive]) -> list[Finding]:
         text = (
             f"a plan reaches only {reach_s:.2f} s ahead; the tracker takes its speed from {TRACKED_AHEAD_S:g} s ahead"
         )
-        findings.append(Finding("warning", "horizon", f"{text} and holds the last one; reach {ADVISED_REACH_S:g} s"))
+        findings.append(
+            ConformanceFinding("warning", "horizon", f"{text} and holds the last one; reach {ADVISED_REACH_S:g} s")
+        )
     elif reach_s < ADVISED_REACH_S - 1e-6:
         text = f"a plan reaches {reach_s:.2f} s ahead; nuPlan's planners return {ADVISED_REACH_S:g} s"
-        findings.append(Finding("note", "horizon", text))
+        findings.append(ConformanceFinding("note", "horizon", text))
 
     offsets: list[tuple[float, float]] = []
     for ego, plan in plans:
@@ -308,7 +322,7 @@ def _habits(drives: list[_Drive]) -> list[Finding]:
                 f"{degrees(abs(turned)):.0f} degrees off the ego's ({ego.heading_rad:.2f}); "
                 "headings are radians, counter-clockwise from +x"
             )
-            findings.append(Finding("warning", "heading", text))
+            findings.append(ConformanceFinding("warning", "heading", text))
             break
         dx, dy = pose.x_m - ego.x_m, pose.y_m - ego.y_m
         c, s = cos(ego.heading_rad), sin(ego.heading_rad)
@@ -320,13 +334,13 @@ def _habits(drives: list[_Drive]) -> list[Finding]:
             f"plans begin {-ahead_m:.2f} m behind the ego's centre, where the rear axle is; "
             f"a plan is of the box centre: move poses {shape.rear_axle_to_center_m} m ahead"
         )
-        findings.append(Finding("warning", "reference", text))
+        findings.append(ConformanceFinding("warning", "reference", text))
     return findings
 
 
-def _merged(findings: list[Finding]) -> list[Finding]:
+def _merged(findings: list[ConformanceFinding]) -> list[ConformanceFinding]:
     """One finding per severity and rule: the first, with the worlds of all of them."""
-    merged: dict[tuple[str, str, str], Finding] = {}
+    merged: dict[tuple[str, str, str], ConformanceFinding] = {}
     for finding in findings:
         # Notes on the drive differ in kind from world to world; errors of one rule hardly ever do.
         key = (finding.severity, finding.rule, finding.message if finding.severity == "note" else "")

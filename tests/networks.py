@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from interplan_sumo.maps.network import NetworkIds, SumoPiece
-from interplan_sumo.simulation.network import Network, read_network
+from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.setup import opaque_ids
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic
@@ -24,11 +24,11 @@ LANE_Y = (-8.75, -5.25, -1.75)
 WESTWARD_Y = 1.75
 
 
-def two_way_road() -> Network:
+def two_way_road() -> SumoNetwork:
     return read_network(NETWORK_FILE)
 
 
-def plain_ids(network: Network) -> NetworkIds:
+def plain_ids(network: SumoNetwork) -> NetworkIds:
     """Ids under which every SUMO lane is its own source lane."""
     pieces = {lane.id: (SumoPiece(lane.id, 0.0, lane.line.length_m),) for lane in network.lanes.values()}
     return NetworkIds((0.0, 0.0), "right", pieces, {})

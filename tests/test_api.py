@@ -32,10 +32,10 @@ class Creeping:
     def start(self, mission: ips.Mission) -> None:  # noqa: ARG002
         self.ahead_s = np.linspace(0.0, 2.0, 21)
 
-    def plan(self, seen: ips.Observation) -> Trajectory:
-        ego, ahead_m = seen.ego, self.speed_mps * self.ahead_s
+    def plan(self, observation: ips.Observation) -> Trajectory:
+        ego, ahead_m = observation.ego, self.speed_mps * self.ahead_s
         x, y = ego.x_m + np.cos(ego.heading_rad) * ahead_m, ego.y_m + np.sin(ego.heading_rad) * ahead_m
-        return Trajectory(seen.time_s + self.ahead_s, x, y, np.full(21, ego.heading_rad))
+        return Trajectory(observation.time_s + self.ahead_s, x, y, np.full(21, ego.heading_rad))
 
 
 @pytest.fixture(scope="module")
@@ -155,8 +155,8 @@ def test_a_script_without_a_main_guard_may_use_workers(tmp_path: Path) -> None:
 
 def test_a_fault_is_a_row_with_its_class_and_message() -> None:
     class Lost(Creeping):
-        def plan(self, seen: ips.Observation) -> Trajectory:
-            assert seen.time_s == 0.0
+        def plan(self, observation: ips.Observation) -> Trajectory:
+            assert observation.time_s == 0.0
             raise RuntimeError("lost the map")
 
     (row,) = ips.run(Lost(), scenarios=MINE, workers=0).to_dict("records")

@@ -16,9 +16,9 @@ SHELF = ROOT / "planners"
 # Each room and the rooms it may import from. A module of the package's root is a room of its own.
 BASE = {"errors", "resources"}
 LAYER_0 = {"world"}
-LAYER_1 = {"maps", "dynamics", "features", "planner", "plan_check", "recordings", "scenario", "tiny_worlds"}
+LAYER_1 = {"maps", "dynamics", "features", "planner", "plan_check", "recordings", "scenario", "families", "tiny_worlds"}
 LAYER_2 = {"simulation", "metrics", "policy"}
-LAYER_3 = {"proving", "batch", "report", "testing", "doctor", "dataset", "gym"}
+LAYER_3 = {"verification", "batch", "report", "testing", "doctor", "dataset", "gym"}
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "resources": {"errors"},
@@ -28,7 +28,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "dynamics": BASE | LAYER_0,
     "maps": BASE | LAYER_0,
     "recordings": BASE | LAYER_0,
-    "scenario": BASE | LAYER_0,
+    "scenario": BASE | LAYER_0 | {"families"},
+    "families": BASE | LAYER_0 | {"scenario"},
     "features": BASE | LAYER_0 | {"planner"},
     "tiny_worlds": BASE | LAYER_0 | {"planner"},
     "_check_worlds": BASE | LAYER_0 | {"planner", "tiny_worlds"},
@@ -36,12 +37,12 @@ MAY_IMPORT: dict[str, set[str]] = {
     "metrics": BASE | LAYER_0 | LAYER_1,
     "policy": BASE | LAYER_0 | LAYER_1,
     "testing": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"_check_worlds"},
-    "proving": BASE | LAYER_0 | LAYER_1 | LAYER_2,
-    "batch": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"proving"},
-    "report": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "proving"},
+    "verification": BASE | LAYER_0 | LAYER_1 | LAYER_2,
+    "batch": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification"},
+    "report": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "verification"},
     "doctor": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch"},
     "bridge": BASE | LAYER_0 | {"dynamics", "maps", "planner"},
-    "dataset": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"proving", "batch"},
+    "dataset": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification", "batch"},
     "gym": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},
     "api": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},
     "cli": BASE | LAYER_0 | LAYER_1 | LAYER_2 | LAYER_3,

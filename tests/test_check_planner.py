@@ -15,7 +15,7 @@ import interplan_sumo.testing as suite
 from interplan_planners.idm import IdmPlanner
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.planner import Mission, Observation
-from interplan_sumo.testing import Finding, assert_planner_conforms, check_planner
+from interplan_sumo.testing import ConformanceFinding, assert_planner_conforms, check_planner
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
 
@@ -29,11 +29,11 @@ class Altered(StraightAhead):
         super().__init__(horizon_s)
         self.alter = alter
 
-    def plan(self, seen: Observation) -> Trajectory:
-        return self.alter(super().plan(seen), seen)
+    def plan(self, observation: Observation) -> Trajectory:
+        return self.alter(super().plan(observation), observation)
 
 
-def found(alter: Callable[[Trajectory, Observation], Any], horizon_s: float = 8.0) -> Finding:
+def found(alter: Callable[[Trajectory, Observation], Any], horizon_s: float = 8.0) -> ConformanceFinding:
     """The worst finding."""
     return check_planner(Altered(alter, horizon_s), steps=STEPS)[0]
 
@@ -61,7 +61,7 @@ def test_a_blind_planner_conforms_but_is_told_what_it_hits() -> None:
 
 
 def test_findings_read_as_lines() -> None:
-    finding = Finding("error", "plan", "the plan ends.", ("bend", "empty road"))
+    finding = ConformanceFinding("error", "plan", "the plan ends.", ("bend", "empty road"))
     assert str(finding) == "error: plan: the plan ends. [bend, empty road]"
 
 
@@ -76,7 +76,7 @@ def test_an_unknown_name_is_one_finding() -> None:
 
 def test_missing_methods_are_named() -> None:
     class Half:
-        def plan(self, seen: Observation) -> None: ...
+        def plan(self, observation: Observation) -> None: ...
 
     (finding,) = check_planner(Half())  # pyright: ignore[reportArgumentType]
     assert finding.message == "Half has no method start; a planner needs start(mission) and plan(seen)"
@@ -155,8 +155,8 @@ def test_a_plan_that_begins_late_is_refused_in_every_world_but_said_once() -> No
 
 
 def test_a_plan_that_turns_to_nonsense_later_is_found() -> None:
-    def after_a_while(plan: Trajectory, seen: Observation) -> Any:
-        return None if seen.time_s > 0.25 else plan
+    def after_a_while(plan: Trajectory, observation: Observation) -> Any:
+        return None if observation.time_s > 0.25 else plan
 
     assert "at t = 0.3 s the plan is of type NoneType" in found(after_a_while).message
 
@@ -194,16 +194,16 @@ def test_chance_with_a_seed_per_episode_is_fine() -> None:
             super().start(mission)
             self.rng = np.random.default_rng(0)
 
-        def plan(self, seen: Observation) -> Trajectory:
-            plan = super().plan(seen)
+        def plan(self, observation: Observation) -> Trajectory:
+            plan = super().plan(observation)
             return replace(plan, y_m=plan.y_m + self.rng.uniform(-0.1, 0.1))
 
     assert_planner_conforms(Dice(), steps=STEPS)
 
 
 def test_writing_to_an_observation_raises_and_says_what_to_do() -> None:
-    def push(plan: Trajectory, seen: Observation) -> Trajectory:
-        seen.actors.x_m[:] = 0.0
+    def push(plan: Trajectory, observation: Observation) -> Trajectory:
+        observation.actors.x_m[:] = 0.0
         return plan
 
     finding = found(push)
@@ -212,17 +212,17 @@ def test_writing_to_an_observation_raises_and_says_what_to_do() -> None:
 
 
 def test_assigning_to_an_observation_raises_and_says_what_to_do() -> None:
-    def assign(plan: Trajectory, seen: Observation) -> Trajectory:
-        seen.ego.x_m = 0.0  # pyright: ignore[reportAttributeAccessIssue]
+    def assign(plan: Trajectory, observation: Observation) -> Trajectory:
+        observation.ego.x_m = 0.0  # pyright: ignore[reportAttributeAccessIssue]
         return plan
 
     assert found(assign).message.endswith("must not be changed, use dataclasses.replace")
 
 
 def test_forcing_a_write_is_found() -> None:
-    def force(plan: Trajectory, seen: Observation) -> Trajectory:
-        seen.actors.x_m.setflags(write=True)
-        seen.actors.x_m[:] = 1.0
+    def force(plan: Trajectory, observation: Observation) -> Trajectory:
+        observation.actors.x_m.setflags(write=True)
+        observation.actors.x_m[:] = 1.0
         return plan
 
     assert found(force).message == "plan() changed its observation at t = 0.0 s; work on a copy"

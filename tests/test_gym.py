@@ -16,7 +16,7 @@ from interplan_sumo.errors import UnknownNameError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.policy import POSE_SPACING_S, POSES, ActionForm, Senses, plan_of
 from interplan_sumo.scenario.files import write_scenarios
-from interplan_sumo.scenario.scenario import LanePlace, TrafficDemand
+from interplan_sumo.scenario.scenario import LanePosition, TrafficDemand
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.signals import Signals
@@ -305,7 +305,7 @@ def test_a_trajectory_is_in_the_frame_of_the_ego() -> None:
 
 def test_a_crowd_is_cut_to_the_nearest() -> None:
     roads = straight_road(lanes=2, length_m=400.0)
-    goal = LanePlace("11", 390.0).pose(roads)
+    goal = LanePosition("11", 390.0).pose(roads)
     count, ego = 30, EgoState(0.0, 20.0, 0.0, 0.0)
     crowd = Actors(
         tuple(f"{k:02}" for k in range(count)), np.zeros(count, dtype=np.int8),

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from interplan_sumo.families import FAMILIES
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import MapFiles, load_roads
 from interplan_sumo.maps.to_sumo import convert
 from interplan_sumo.metrics.score import score
 from interplan_sumo.planner import Mission, Observation, Past, Planner, load_planner
-from interplan_sumo.proving.reference import reference_drive
-from interplan_sumo.scenario.families import FAMILIES
-from interplan_sumo.scenario.scenario import LanePlace, PlacedVehicle, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, PlacedVehicle, Scenario
 from interplan_sumo.simulation.episode import Episode, drive
+from interplan_sumo.verification.reference_distance import reference_drive
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.trajectory import Trajectory
 from tests.metrics.staging import moved_roads
@@ -52,7 +52,7 @@ def test_an_episode_on_a_shifted_map_gives_equal_scores(family: str, tmp_path: P
 
 def test_a_vehicle_out_of_reach_changes_nothing() -> None:
     scenario = replace(FAMILIES["nudge"].scenarios[2], duration_s=SHORT_S)
-    far = PlacedVehicle(LanePlace("302010", 100.0), 12.0)
+    far = PlacedVehicle(LanePosition("302010", 100.0), 12.0)
     assert _apart_m(scenario, far) > 300.0
     alone, accompanied = (drive(s, load_planner("idm")) for s in (scenario, replace(scenario, vehicles=(far,))))
     assert _number(accompanied) == _number(alone) + 1
@@ -81,9 +81,9 @@ class Renaming:
         self.fresh: Iterator[int] = iter(np.random.default_rng(5).permutation(10_000).tolist())
         self.planner.start(mission)
 
-    def plan(self, seen: Observation) -> Trajectory:
-        past = Past(seen.past.egos, tuple(self.renamed(actors) for actors in seen.past.actors))
-        return self.planner.plan(replace(seen, actors=self.renamed(seen.actors), past=past))
+    def plan(self, observation: Observation) -> Trajectory:
+        past = Past(observation.past.egos, tuple(self.renamed(actors) for actors in observation.past.actors))
+        return self.planner.plan(replace(observation, actors=self.renamed(observation.actors), past=past))
 
     def renamed(self, actors: Actors) -> Actors:
         for name in actors.ids:

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrives
-from interplan_sumo.proving.audit import Finding, finding
+from interplan_sumo.verification.audit import AuditFinding, finding
 
 
-def findings(run: StoredRun, below: float | None = None) -> Iterator[tuple[Row, Finding]]:
+def findings(run: StoredRun, below: float | None = None) -> Iterator[tuple[Row, AuditFinding]]:
     """A finding for every row with a trace, in order; only rows that score less than `below` (0 to 100), if given."""
     drives = StoredDrives(run)
     briefs = run.briefs

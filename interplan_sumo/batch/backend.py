@@ -17,10 +17,10 @@ def drive_outcomes(
     """How the drives end, in the order in which they do; as `engine.run_tasks`. Traces lie in the settings' folder."""
     if workers.ray is None:
         return run_tasks(tasks, drive_jobs(settings), workers=workers.processes, limits=limits)
-    from interplan_sumo.batch.away import DrivesAway
     from interplan_sumo.batch.ray_backend import run_on_ray
+    from interplan_sumo.batch.remote_jobs import RemoteJobs
 
-    return run_on_ray(tasks, DrivesAway(settings), address=workers.ray, limits=limits)
+    return run_on_ray(tasks, RemoteJobs(settings), address=workers.ray, limits=limits)
 
 
 @contextlib.contextmanager

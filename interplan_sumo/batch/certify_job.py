@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from interplan_sumo.batch.engine import run_tasks
-from interplan_sumo.batch.phases import Publish
+from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Fault, Limits, Task, Work
-from interplan_sumo.proving.certificates import certify, check_certificate
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.verification.certificates import certify, check_certificate
 
 GROUP = "certify"
 

@@ -13,10 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from interplan_sumo.batch.custom_references import own_expert
 from interplan_sumo.batch.jobs import Job
-from interplan_sumo.batch.own_experts import own_expert
-from interplan_sumo.batch.phases import Publish
 from interplan_sumo.batch.run_folder import is_full, place_folder, trace_place
+from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import load_roads

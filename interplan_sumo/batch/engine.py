@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from interplan_sumo.batch.crew import Crew, Ending, ProcessCrew, Report, Worker
 from interplan_sumo.batch.in_process import run_in_process
-from interplan_sumo.batch.phases import PLANNER_PHASES
 from interplan_sumo.batch.processes import adopted_orphans, death, killed_from_outside
+from interplan_sumo.batch.shared_phase import PLANNER_PHASES
 from interplan_sumo.batch.tasks import TRAFFIC_RETRIES, Fault, Limits, OpenGroup, Outcome, Task
+from interplan_sumo.batch.worker_pool import Ending, ProcessCrew, Report, Worker, WorkerPool
 from interplan_sumo.errors import InputError, PlannerLoadError
 
 OUTSIDE_KILLS_FORGIVEN = 2
@@ -48,7 +48,7 @@ def run_tasks(tasks: Sequence[Task], open_group: OpenGroup, *, workers: int, lim
             crew.disband()
 
 
-def run_with(crew: Crew, tasks: Sequence[Task], workers: int) -> Generator[Outcome]:
+def run_with(crew: WorkerPool, tasks: Sequence[Task], workers: int) -> Generator[Outcome]:
     """Have a crew of up to `workers` do the tasks; outcomes and errors as in `run_tasks`.
 
     The crew outlives it: who is still there when it ends is the caller's to send home.
@@ -86,7 +86,7 @@ class _Books:
         return True
 
 
-def _settle(report: Report, crew: Crew, books: _Books) -> Outcome | None:
+def _settle(report: Report, crew: WorkerPool, books: _Books) -> Outcome | None:
     """Book what was heard from a worker; the outcome of its task, if that ended for good."""
     worker, answer = report.worker, report.answer
     if "ready" in answer:
@@ -118,7 +118,7 @@ def _settle(report: Report, crew: Crew, books: _Books) -> Outcome | None:
     return Outcome(task, value, fault, wall_s, report.printed)
 
 
-def _try_groups(groups: list[str], crew: Crew, workers: int) -> None:
+def _try_groups(groups: list[str], crew: WorkerPool, workers: int) -> None:
     """Open every group once before the first task, so that a planner that cannot be built ends the run at once."""
     if len(groups) == 1:
         return  # its first worker will tell
@@ -129,7 +129,7 @@ def _try_groups(groups: list[str], crew: Crew, workers: int) -> None:
         opened = _opened([crew.hire(group) for group in groups[first : first + workers]], crew)
 
 
-def _opened(hired: list[Worker], crew: Crew) -> list[Worker]:
+def _opened(hired: list[Worker], crew: WorkerPool) -> list[Worker]:
     """These workers, or others in their place, once all have opened their groups."""
     failures: dict[str, int] = {}
     while not all(worker.ready for worker in hired):
@@ -149,7 +149,7 @@ def _opened(hired: list[Worker], crew: Crew) -> list[Worker]:
     return hired
 
 
-def _staff(waiting: dict[str, deque[Task]], crew: Crew, workers: int) -> None:
+def _staff(waiting: dict[str, deque[Task]], crew: WorkerPool, workers: int) -> None:
     """Give idle workers tasks, let those go whose group is done, hire up to `workers`."""
     for worker in list(crew.workers):
         if worker.ready and worker.task is None:

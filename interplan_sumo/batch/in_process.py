@@ -11,7 +11,7 @@ from collections.abc import Generator, Sequence
 from types import FrameType
 from typing import Any
 
-from interplan_sumo.batch.phases import PhaseBoard
+from interplan_sumo.batch.shared_phase import SharedPhase
 from interplan_sumo.batch.tasks import TRAFFIC_RETRIES, Fault, Limits, OpenGroup, Outcome, Task
 from interplan_sumo.batch.worker import attempt
 from interplan_sumo.errors import InputError
@@ -27,7 +27,7 @@ def run_in_process(tasks: Sequence[Task], open_group: OpenGroup, limits: Limits)
     Limits are kept by an alarm signal, where there is one and this is the main
     thread; they rest while a debugger is at work. A crash is not survived.
     """
-    board = PhaseBoard([0, 0])
+    board = SharedPhase([0, 0])
     home = os.getpid()
     with _Alarm(limits) as alarm, _Interrupts() as interrupts:
 

@@ -37,7 +37,7 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ScenarioSource:
     """Where the scenarios of a run come from."""
 
     name: str
@@ -48,7 +48,7 @@ class Source:
     official: bool
 
     @classmethod
-    def of(cls, suite: str | None, files: Sequence[str]) -> Source:
+    def of(cls, suite: str | None, files: Sequence[str]) -> ScenarioSource:
         """A suite (the default one for None), or the scenarios of files; InputError if both are given."""
         if not files:
             found = find_suite(suite or DEFAULT_SUITE)

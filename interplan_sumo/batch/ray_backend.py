@@ -19,13 +19,13 @@ import warnings
 from collections.abc import Generator, Sequence
 from typing import Any
 
-from interplan_sumo.batch.away import Portable
-from interplan_sumo.batch.crew import PATIENCE_S, POLL_S, Ending, Report, Worker
 from interplan_sumo.batch.engine import run_with
 from interplan_sumo.batch.processes import available_cores, environment
-from interplan_sumo.batch.site import Home, Said, Site
+from interplan_sumo.batch.remote_jobs import Portable
+from interplan_sumo.batch.remote_worker import HostInfo, RemoteWorker, WorkerReply
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.versions import versions
+from interplan_sumo.batch.worker_pool import PATIENCE_S, POLL_S, Ending, Report, Worker
 from interplan_sumo.errors import InputError
 
 LOCAL = "local"
@@ -62,7 +62,7 @@ class RayCrew:
         self._limits = limits
         self._site = _remote_site(ray)
         self._luggage = ray.put(jobs.luggage())
-        self._home = Home(tuple(sys.path), os.getcwd())
+        self._home = HostInfo(tuple(sys.path), os.getcwd())
         self._versions = versions()
         self._actors: dict[Worker, Any] = {}
         self._idle: list[Any] = []
@@ -119,7 +119,7 @@ class RayCrew:
 
     def _report(self, reference: Any, worker: Worker) -> Report:
         try:
-            said: Said = self._ray.get(reference)
+            said: WorkerReply = self._ray.get(reference)
         except self._ray.exceptions.RayError as error:
             with contextlib.suppress(self._ray.exceptions.RayError):
                 self._ray.kill(self._actors.pop(worker))
@@ -141,9 +141,9 @@ class RayCrew:
 
 
 def _remote_site(ray: Any) -> Any:
-    """`Site` as a class of actors that hear `stop` while they are at work."""
+    """`RemoteWorker` as a class of actors that hear `stop` while they are at work."""
 
-    class RemoteSite(Site):
+    class RemoteSite(RemoteWorker):
         @ray.method(concurrency_group="control")
         def stop(self) -> None:
             super().stop()

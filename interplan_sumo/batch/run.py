@@ -15,10 +15,10 @@ from types import FrameType
 from typing import Protocol
 
 from interplan_sumo.batch.backend import drive_outcomes
+from interplan_sumo.batch.custom_references import keep_certified
 from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.in_process import alarm_works
-from interplan_sumo.batch.jobs import Job, Overrides, Source, chosen, jobs_for, own_maps, split_files
-from interplan_sumo.batch.own_experts import keep_certified
+from interplan_sumo.batch.jobs import Job, Overrides, ScenarioSource, chosen, jobs_for, own_maps, split_files
 from interplan_sumo.batch.processes import Workers
 from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
@@ -112,7 +112,7 @@ def changes(**overrides: str | None) -> list[str]:
     return [f"{name}={value}" for name, value in overrides.items() if value is not None]
 
 
-class Watch(Protocol):
+class RunProgress(Protocol):
     """Told how a run goes on."""
 
     def begin(self, jobs: int, done: Iterable[Row]) -> None:
@@ -124,7 +124,7 @@ class Watch(Protocol):
         ...
 
 
-def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
+def run(request: RunRequest, watch: RunProgress | None = None) -> StoredRun:
     """Do every job of the request that its folder does not hold yet.
 
     Raises InputError for anything that cannot be used, before the first job
@@ -145,7 +145,7 @@ def run(request: RunRequest, watch: Watch | None = None) -> StoredRun:
         if spec not in request.made:
             find_planner(spec.partition("?")[0])
     files, globs = split_files(request.scenarios)
-    source = Source.of(request.suite, files)
+    source = ScenarioSource.of(request.suite, files)
     scenarios = chosen(source.scenarios, globs, request.limit)
     jobs = jobs_for(scenarios, request.planners, request.seeds, request.overrides)
     if request.overrides.behaviour is not None:

@@ -37,7 +37,7 @@ PHASES: Final = ("setup", "simulation", "planner", "loop", "storing", "scoring",
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class ShardColumn:
     """A column of a shard."""
 
     name: str
@@ -60,27 +60,27 @@ def _part(whole: str, name: str) -> Callable[[Row], Any]:
 
 TEXT, NUMBER, BOOL = pa.string(), pa.float64(), pa.bool_()
 COLUMNS: Final = (
-    Column("scenario_id", TEXT, _held("scenario_id")),
-    Column("family", TEXT, _held("family")),
-    Column("planner", TEXT, _held("planner")),
-    Column("seed", pa.int64(), _held("seed")),
-    Column("score", NUMBER, _held("score")),
-    *(Column(f"metric_{name}", NUMBER, _metric(name)) for name in METRICS),
-    Column("reached_goal", BOOL, _held("reached_goal")),
-    Column("reached_goal_lane", BOOL, lambda row: Brief.of(row).goal_lane),
-    Column("fault_class", TEXT, _part("fault", "class")),
-    Column("fault_message", TEXT, _part("fault", "message")),
-    Column("official", BOOL, lambda row: Brief.of(row).official),
-    *(Column(f"override_{name}", TEXT, _part("overrides", name)) for name in ("density", "behaviour", "traffic")),
-    Column("trace", TEXT, _held("trace")),
-    Column("trace_hash", TEXT, _held("trace_hash")),
-    Column("scenario_hash", TEXT, _held("scenario_hash")),
-    Column("site", TEXT, _held("site")),
-    *(Column(f"{phase}_s", NUMBER, _part("times_s", phase)) for phase in PHASES),
-    Column("versions", TEXT, lambda row: json.dumps(row.get("versions", {}))),
-    Column("scoring_version", pa.int64(), _held("version")),
-    Column("questions", pa.int64(), lambda row: Brief.of(row).questions),
-    Column("unanswered", pa.int64(), lambda row: Brief.of(row).unanswered),
+    ShardColumn("scenario_id", TEXT, _held("scenario_id")),
+    ShardColumn("family", TEXT, _held("family")),
+    ShardColumn("planner", TEXT, _held("planner")),
+    ShardColumn("seed", pa.int64(), _held("seed")),
+    ShardColumn("score", NUMBER, _held("score")),
+    *(ShardColumn(f"metric_{name}", NUMBER, _metric(name)) for name in METRICS),
+    ShardColumn("reached_goal", BOOL, _held("reached_goal")),
+    ShardColumn("reached_goal_lane", BOOL, lambda row: Brief.of(row).goal_lane),
+    ShardColumn("fault_class", TEXT, _part("fault", "class")),
+    ShardColumn("fault_message", TEXT, _part("fault", "message")),
+    ShardColumn("official", BOOL, lambda row: Brief.of(row).official),
+    *(ShardColumn(f"override_{name}", TEXT, _part("overrides", name)) for name in ("density", "behaviour", "traffic")),
+    ShardColumn("trace", TEXT, _held("trace")),
+    ShardColumn("trace_hash", TEXT, _held("trace_hash")),
+    ShardColumn("scenario_hash", TEXT, _held("scenario_hash")),
+    ShardColumn("site", TEXT, _held("site")),
+    *(ShardColumn(f"{phase}_s", NUMBER, _part("times_s", phase)) for phase in PHASES),
+    ShardColumn("versions", TEXT, lambda row: json.dumps(row.get("versions", {}))),
+    ShardColumn("scoring_version", pa.int64(), _held("version")),
+    ShardColumn("questions", pa.int64(), lambda row: Brief.of(row).questions),
+    ShardColumn("unanswered", pa.int64(), lambda row: Brief.of(row).unanswered),
 )
 SCHEMA: Final = pa.schema([pa.field(column.name, column.type) for column in COLUMNS])
 KEY: Final = ("scenario_id", "planner", "seed")
@@ -156,7 +156,7 @@ def _read(path: Path, about: dict[str, Any], columns: list[str] | None = None) -
         return None
 
 
-def _array(column: Column, values: list[Any], results: Path, first: int) -> pa.Array:
+def _array(column: ShardColumn, values: list[Any], results: Path, first: int) -> pa.Array:
     try:
         return pa.array(values, column.type)
     except (pa.ArrowException, TypeError, ValueError) as error:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from interplan_sumo.batch.custom_references import own_expert
 from interplan_sumo.batch.jobs import Overrides
-from interplan_sumo.batch.own_experts import own_expert
 from interplan_sumo.batch.run_folder import OWN_SCENARIOS, Row, StoredRun
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import load_roads

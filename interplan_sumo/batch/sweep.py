@@ -18,8 +18,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal, cast
 
-from interplan_sumo.batch.jobs import JobKey, Overrides, Source, chosen, keys_of, split_files
-from interplan_sumo.batch.run import RunRequest, Watch, check_inputs, run
+from interplan_sumo.batch.jobs import JobKey, Overrides, ScenarioSource, chosen, keys_of, split_files
+from interplan_sumo.batch.run import RunProgress, RunRequest, check_inputs, run
 from interplan_sumo.batch.run_folder import TRAFFIC, StoredRun, read_run
 from interplan_sumo.batch.traffic_files import Edit, changed_name, write_changed
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
@@ -78,7 +78,7 @@ def as_number(value: str) -> float | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class SweepRun:
     """A run that a combination takes, and its drives."""
 
     request: RunRequest
@@ -101,7 +101,7 @@ class Combination:
     """One value of every parameter."""
 
     setting: dict[str, str]
-    parts: tuple[Part, ...]
+    parts: tuple[SweepRun, ...]
     """One run; several where the vehicle types of several files are changed."""
 
     @property
@@ -166,7 +166,7 @@ def plan_sweep(request: RunRequest, parameters: Sequence[Parameter]) -> Sweep:
     for spec in request.planners:
         find_planner(spec.partition("?")[0])
     files, globs = split_files(request.scenarios)
-    scenarios = chosen(Source.of(request.suite, files).scenarios, globs, request.limit)
+    scenarios = chosen(ScenarioSource.of(request.suite, files).scenarios, globs, request.limit)
     settings = [
         dict(zip((parameter.key for parameter in parameters), values, strict=True))
         for values in product(*(parameter.values for parameter in parameters))
@@ -196,7 +196,7 @@ def _check_agree(request: RunRequest, parameters: Sequence[Parameter]) -> None:
 
 def _parts(
     request: RunRequest, setting: Mapping[str, str], scenarios: Sequence[Scenario], files: Sequence[str]
-) -> Iterator[Part]:
+) -> Iterator[SweepRun]:
     """The runs of one combination: one, or one per vehicle-type file where that is changed."""
     folder = request.folder / folder_name(setting)
     density = cast("Literal['low', 'medium', 'high'] | None", setting.get("density", request.overrides.density))
@@ -219,13 +219,15 @@ def _parts(
 
 def _part(
     request: RunRequest, folder: Path, scenarios: Sequence[Scenario], files: Sequence[str], overrides: Overrides
-) -> Part:
+) -> SweepRun:
     ids = tuple(scenario.id for scenario in scenarios)
     chosen_ids = map(glob.escape, ids)
-    return Part(replace(request, folder=folder, scenarios=(*files, *chosen_ids), limit=None, overrides=overrides), ids)
+    return SweepRun(
+        replace(request, folder=folder, scenarios=(*files, *chosen_ids), limit=None, overrides=overrides), ids
+    )
 
 
-def run_combination(combination: Combination, watch: Watch | None = None) -> Result:
+def run_combination(combination: Combination, watch: RunProgress | None = None) -> Result:
     """Do what its folders do not hold yet. What cannot be run is in the result: the next combination may do."""
     runs: list[StoredRun] = []
     for part in combination.parts:

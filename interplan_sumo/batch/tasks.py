@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any
 
-from interplan_sumo.batch.phases import Publish
+from interplan_sumo.batch.shared_phase import Publish
 
 TRAFFIC_RETRIES = 1
 """How often a task is done again after SUMO gave up."""

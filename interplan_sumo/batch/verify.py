@@ -13,14 +13,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from interplan_sumo.batch import own_experts
+from interplan_sumo.batch import custom_references
 from interplan_sumo.batch.backend import drive_outcomes
 from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.in_process import alarm_works
 from interplan_sumo.batch.jobs import Job, JobKey, Overrides
 from interplan_sumo.batch.processes import Workers
 from interplan_sumo.batch.results import Row, row_key
-from interplan_sumo.batch.run import Watch
+from interplan_sumo.batch.run import RunProgress
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import own_scenarios
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
@@ -42,7 +42,7 @@ Verdict = Literal["equal", "differs", "unverifiable"]
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class RowSample:
     """Which rows of a run to drive again."""
 
     size: int | None = 10
@@ -56,7 +56,7 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class RowCheck:
     """How one row fared."""
 
     row: Row
@@ -94,7 +94,7 @@ class Verification:
     run: StoredRun
     candidates: int
     """Rows with a score that the sample was drawn from."""
-    checks: tuple[Check, ...]
+    checks: tuple[RowCheck, ...]
     """By scenario, planner and seed."""
 
     def count(self, verdict: Verdict) -> int:
@@ -108,13 +108,13 @@ class Verification:
 
 def verify(
     run: StoredRun,
-    sample: Sample,
+    sample: RowSample,
     *,
     workers: int,
     ray: str | None = None,
     vehicle_types: Path | None = None,
     limits: Limits | None = None,
-    watch: Watch | None = None,
+    watch: RunProgress | None = None,
 ) -> Verification:
     """Drive a sample of the rows again with their own scenario, planner, seed and overrides, and compare.
 
@@ -133,11 +133,11 @@ def verify(
         held.get("density"), held.get("behaviour"), recorded_vehicle_types(run.path, run.manifest, vehicle_types)
     )
     jobs: list[Job] = []
-    checks: list[Check] = []
+    checks: list[RowCheck] = []
     for key in drawn:
         scenario, problem = _scenario(run.rows[key], own, overrides)
         if scenario is None:
-            checks.append(Check(run.rows[key], "unverifiable", problem))
+            checks.append(RowCheck(run.rows[key], "unverifiable", problem))
         else:
             jobs.append(Job(scenario, key[1], key[2]))
     if watch is not None:
@@ -152,7 +152,7 @@ def _versions() -> dict[str, str]:
     return versions() | {"scoring": str(SCORING_VERSION)}
 
 
-def _candidates(run: StoredRun, sample: Sample) -> list[JobKey]:
+def _candidates(run: StoredRun, sample: RowSample) -> list[JobKey]:
     """The rows with a score that the sample may hold, in an order that does not depend on the workers'."""
     scored = sorted(key for key, brief in run.briefs.items() if brief.score is not None)
     if not scored:
@@ -172,7 +172,7 @@ def _candidates(run: StoredRun, sample: Sample) -> list[JobKey]:
     ]
 
 
-def _drawn(keys: Sequence[JobKey], sample: Sample) -> list[JobKey]:
+def _drawn(keys: Sequence[JobKey], sample: RowSample) -> list[JobKey]:
     if sample.size is not None and sample.size < 1:
         raise InputError(f"sample is {sample.size}, expected 1 or more")
     order = np.random.default_rng(sample.seed).permutation(len(keys))
@@ -201,16 +201,16 @@ def _driven_again(
     own: bool,
     who: Workers,
     limits: Limits,
-    watch: Watch | None,
-) -> list[Check]:
+    watch: RunProgress | None,
+) -> list[RowCheck]:
     """Do the jobs in a folder of their own, with the experts of the run, and compare each as it ends."""
     asked_s = run.manifest.get("plan_limit_s")
     limits = replace(limits, plan_s=float("inf") if asked_s is None else float(asked_s))
-    checks: list[Check] = []
+    checks: list[RowCheck] = []
     with tempfile.TemporaryDirectory(prefix="interplan-sumo-verify-") as place:
         scratch = Path(place)
-        if (run.path / own_experts.FOLDER).is_dir():
-            shutil.copytree(run.path / own_experts.FOLDER, scratch / own_experts.FOLDER)
+        if (run.path / custom_references.FOLDER).is_dir():
+            shutil.copytree(run.path / custom_references.FOLDER, scratch / custom_references.FOLDER)
         if vehicle_types is not None:  # SUMO reads no file with a comma in its path, which folders of sweeps have
             vehicle_types = Path(shutil.copy(vehicle_types, scratch / vehicle_types.name))
         settings = DriveSettings(
@@ -243,30 +243,30 @@ def _seen(row: Row, outcome: Outcome) -> Row:
     }
 
 
-def _check(run: StoredRun, row: Row, outcome: Outcome, scratch: Path) -> Check:
+def _check(run: StoredRun, row: Row, outcome: Outcome, scratch: Path) -> RowCheck:
     """Hold a drive made again against its row and its stored trace."""
     value, fault = outcome.value, outcome.fault
     made: dict[str, Any] = {"trace_hash": value.get("trace_hash"), "score": value.get("score")}
     if row["fault"] or fault is not None:
         reason = _fault_differs(row["fault"], fault)
         same = f"the same {row['fault']['class']} fault" if row["fault"] else ""
-        return Check(row, "differs" if reason else "equal", reason or same, **made)
+        return RowCheck(row, "differs" if reason else "equal", reason or same, **made)
     agrees = made["trace_hash"] == row["trace_hash"]
     stored, problem = _stored_trace(run, row)
     if not agrees:
         if stored is None:
-            return Check(row, "differs", problem, **made)
+            return RowCheck(row, "differs", problem, **made)
         parted = difference(stored, Trace.read(scratch / value["trace"]))
         said = "" if parted else "the drive repeats its trace file exactly: the hash in results.jsonl was changed"
-        return Check(row, "differs", said, **made, difference=parted)
+        return RowCheck(row, "differs", said, **made, difference=parted)
     if stored is not None and stored.hash() != row["trace_hash"]:
-        return Check(row, "differs", "the drive repeats its hash, its trace file does not: it was changed", **made)
+        return RowCheck(row, "differs", "the drive repeats its hash, its trace file does not: it was changed", **made)
     if stored is None and problem:
         missing = not (run.path / str(row.get("trace") or "?")).is_dir()
-        return Check(row, "equal" if missing else "differs", problem, **made)
+        return RowCheck(row, "equal" if missing else "differs", problem, **made)
     if abs(made["score"] - row["score"]) > SCORE_BAR:
-        return Check(row, "differs", f"the same drive, but its score was {row['score']:.6f}", **made)
-    return Check(row, "equal", "", **made)
+        return RowCheck(row, "differs", f"the same drive, but its score was {row['score']:.6f}", **made)
+    return RowCheck(row, "equal", "", **made)
 
 
 def _fault_differs(then: dict[str, str] | None, now: Any) -> str:

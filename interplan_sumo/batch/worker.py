@@ -13,13 +13,13 @@ from multiprocessing import connection, parent_process
 from multiprocessing.connection import Connection
 from typing import Any
 
-from interplan_sumo.batch.phases import PLANNER_PHASES, PhaseBoard, Shared
 from interplan_sumo.batch.processes import become_worker
+from interplan_sumo.batch.shared_phase import PLANNER_PHASES, Shared, SharedPhase
 from interplan_sumo.batch.tasks import OpenGroup, Work
 from interplan_sumo.errors import InputError, TrafficError
 
 
-def attempt(work: Work, task: Any, board: PhaseBoard) -> dict[str, Any]:
+def attempt(work: Work, task: Any, board: SharedPhase) -> dict[str, Any]:
     """Do one task; whatever escapes becomes a fault by the phase in which it was raised.
 
     SystemExit and KeyboardInterrupt included: in a worker nobody but the task raises them.
@@ -56,7 +56,7 @@ def serve(
     if hasattr(os, "register_at_fork"):
         # A copy of this process must not answer in its name, nor keep the line open when it has died.
         os.register_at_fork(after_in_child=line.close)
-    board = PhaseBoard(shared)
+    board = SharedPhase(shared)
 
     def publish(phase: str) -> None:
         if os.getpid() != home:  # a planner forked, and its copy came back from plan()

@@ -44,7 +44,7 @@ def export(
 ) -> int:
     """Write what planners saw, and what came of it, as arrays to train on. Options with a name may be repeated."""
     from interplan_sumo.batch.processes import available_cores
-    from interplan_sumo.dataset.drives import Choice
+    from interplan_sumo.dataset.drives import DriveSelection
     from interplan_sumo.dataset.export import ExportRequest
     from interplan_sumo.dataset.export import export as export_drives
 
@@ -55,7 +55,7 @@ def export(
         recordings=tuple(recordings or ()),
         map=map,
         every_s=every,
-        choice=Choice(min_score, tuple(exclude or ()), tuple(holdout_maps or ()), tuple(holdout_seeds or ())),
+        choice=DriveSelection(min_score, tuple(exclude or ()), tuple(holdout_maps or ()), tuple(holdout_seeds or ())),
         workers=available_cores() if workers is None else workers,
     )
     began_s = time.perf_counter()

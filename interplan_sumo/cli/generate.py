@@ -31,10 +31,10 @@ def generate(
     from interplan_sumo.batch.certify_job import proofs
     from interplan_sumo.batch.processes import available_cores
     from interplan_sumo.maps.store import find_map, load_roads
-    from interplan_sumo.proving.carried_maps import own_maps_root
-    from interplan_sumo.proving.certificates import Verdict
-    from interplan_sumo.proving.generation import carry, check_folder, families_of, write_generated
-    from interplan_sumo.proving.generation import generate as generated
+    from interplan_sumo.verification.certificates import SearchResult
+    from interplan_sumo.verification.generation import carry, check_folder, families_of, write_generated
+    from interplan_sumo.verification.generation import generate as generated
+    from interplan_sumo.verification.map_bundling import own_maps_root
 
     check_folder(out, overwrite=overwrite)
     files = find_map(map)
@@ -43,11 +43,11 @@ def generate(
     if root is not None and any(each.scenarios for each in made):
         carry(made, files, out, overwrite=overwrite)
     scenarios = [scenario for each in made for scenario in each.scenarios]
-    verdicts: list[Verdict] = []
+    verdicts: list[SearchResult] = []
     if certify:
         for proof in proofs(scenarios, workers=available_cores() if workers is None else workers):
             reason = "; ".join(proof.problems) or None
-            verdicts.append(Verdict(proof.scenario.id, proof.certificate, reason, proof.simulations))
+            verdicts.append(SearchResult(proof.scenario.id, proof.certificate, reason, proof.simulations))
             done = "certified" if proof.certificate is not None else f"not certified: {reason}"
             print(f"[{len(verdicts)}/{len(scenarios)}] {proof.scenario.id}: {done}", file=sys.stderr, flush=True)
     total, passed = write_generated(out, made, verdicts, overwrite=overwrite)

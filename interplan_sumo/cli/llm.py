@@ -110,10 +110,10 @@ def export_chats(
 ) -> int:
     """Write what llm_waypoints would have asked in drives, with what came true as the answer, to fine-tune on."""
     from interplan_sumo.dataset.chats import ChatRequest, write_chats
-    from interplan_sumo.dataset.drives import Choice
+    from interplan_sumo.dataset.drives import DriveSelection
 
     request = ChatRequest(
-        file=out, runs=tuple(runs), count=count, each=each, seed=seed, choice=Choice(min_score),
+        file=out, runs=tuple(runs), count=count, each=each, seed=seed, choice=DriveSelection(min_score),
         hold_out=hold_out, benchmark=allow_benchmark, form={"planner": "llm_waypoints", "centerline": centerline},
     )  # fmt: skip
     teller = _shelf("waypoints.planner").LlmWaypointsPlanner("scripted:nothing is asked", centerline=centerline)

@@ -31,8 +31,8 @@ def import_map(
     as_json: JsonOption = False,
 ) -> None:
     """Read a foreign map into nuPlan's schema and build its SUMO network; says what could not be taken over."""
-    from interplan_sumo.maps.foreign.importing import import_map as bring_in
     from interplan_sumo.maps.geopackage import read_map
+    from interplan_sumo.maps.importers.importing import import_map as bring_in
 
     files, record = bring_in(source, format, out, overwrite=overwrite)
     roads = read_map(files.gpkg, files.name)
@@ -67,9 +67,9 @@ def check_map(
     file that it came from: no lane, link, light or limit may be lost.
     """
     from interplan_sumo.maps.check import check_map as check
-    from interplan_sumo.maps.foreign.importing import NUPLAN, check_source
-    from interplan_sumo.maps.foreign.record import read_record
     from interplan_sumo.maps.geopackage import read_map
+    from interplan_sumo.maps.importers.importing import NUPLAN, check_source
+    from interplan_sumo.maps.importers.record import read_record
     from interplan_sumo.maps.store import find_map, load_roads
 
     files = find_map(folder)

@@ -12,8 +12,8 @@ from interplan_sumo.cli.options import DONE, JsonOption
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
-    from interplan_sumo.proving.scene_formats import Imported
     from interplan_sumo.scenario.recorded import RecordedScene
+    from interplan_sumo.verification.scene_formats import Imported
 
 
 def import_scenes(
@@ -50,16 +50,16 @@ def import_scenes(
     as_json: JsonOption = False,
 ) -> int:
     """Make scenarios of a recording: the ego in the place of a recorded car, among the road users around it."""
-    from interplan_sumo.proving.generation import check_folder
-    from interplan_sumo.proving.nuplan_scenes import Picked
-    from interplan_sumo.proving.recorded_scenes import Moments, write_scenes
-    from interplan_sumo.proving.scene_formats import Source, import_source
     from interplan_sumo.scenario.recorded import GOAL_M
+    from interplan_sumo.verification.generation import check_folder
+    from interplan_sumo.verification.nuplan_scenes import Picked
+    from interplan_sumo.verification.recorded_scenes import Moments, write_scenes
+    from interplan_sumo.verification.scene_formats import SceneSource, import_source
 
     check_folder(out, overwrite=overwrite)
     picked = Picked(tuple(token or ()), tuple(tag or ()), count, tuple(at or ()))
     moments = Moments(tuple(at or (0.0,)), ego, agents, GOAL_M if goal is None else goal, duration)
-    made = import_source(Source(source, map, format, picked, tuple(logs or ())), moments, out, overwrite=overwrite)
+    made = import_source(SceneSource(source, map, format, picked, tuple(logs or ())), moments, out, overwrite=overwrite)
     scenes = made.scenes
     passed = write_scenes(out, scenes, _proved(scenes, workers) if certify else ())
     entries = [_entry(each) for each in scenes]
@@ -77,20 +77,20 @@ def _proved(scenes: list[RecordedScene], workers: int | None) -> list[Any]:
     """What the search for a drive came to, each with a line on stderr."""
     from interplan_sumo.batch.certify_job import proofs
     from interplan_sumo.batch.processes import available_cores
-    from interplan_sumo.proving.certificates import Verdict
+    from interplan_sumo.verification.certificates import SearchResult
 
-    verdicts: list[Verdict] = []
+    verdicts: list[SearchResult] = []
     many = available_cores() if workers is None else workers
     for proof in proofs([each.scenario for each in scenes], workers=many):
         reason = "; ".join(proof.problems) or None
-        verdicts.append(Verdict(proof.scenario.id, proof.certificate, reason, proof.simulations))
+        verdicts.append(SearchResult(proof.scenario.id, proof.certificate, reason, proof.simulations))
         done = "certified" if proof.certificate is not None else f"not certified: {reason}"
         print(f"[{len(verdicts)}/{len(scenes)}] {proof.scenario.id}: {done}", file=sys.stderr, flush=True)
     return verdicts
 
 
 def _entry(scene: RecordedScene) -> dict[str, Any]:
-    from interplan_sumo.proving.start_checks import validate
+    from interplan_sumo.verification.start_checks import validate
 
     scenario = scene.scenario
     return {

@@ -80,7 +80,7 @@ def validate_scenarios(
     as_json: JsonOption = False,
 ) -> int:
     """Are scenarios sound at the start? One line for each breach of the rules; exit code 2 if there is any."""
-    from interplan_sumo.proving.start_checks import validate
+    from interplan_sumo.verification.start_checks import validate
 
     found, problems = _to_validate(files or [], suite)
     for source, scenario in found:
@@ -124,8 +124,8 @@ def freeze_suite(
     suite: Annotated[str, typer.Option(help="NAME==VERSION of a suite that is not released yet.")],
 ) -> None:
     """Write the lock of a suite anew. For maintainers: it says what the scenarios are; certify them afterwards."""
-    from interplan_sumo.proving.lock import write_lock
     from interplan_sumo.scenario.suite import find_suite
+    from interplan_sumo.verification.lock import write_lock
 
     print(write_lock(find_suite(suite)))
 

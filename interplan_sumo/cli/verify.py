@@ -42,14 +42,14 @@ def verify(
     import contextlib
 
     from interplan_sumo.batch.run_folder import read_run
-    from interplan_sumo.batch.verify import Sample
+    from interplan_sumo.batch.verify import RowSample
     from interplan_sumo.batch.verify import verify as drive_again
     from interplan_sumo.report.verify_table import verification_json, verification_text
 
     if every and sample is not None:
         raise InputError(f"--all and --sample {sample} are two sizes; give one of them")
     size = None if every else 10 if sample is None else sample
-    wanted = Sample(size, seed, tuple(scenarios or ()), tuple(planner or ()))
+    wanted = RowSample(size, seed, tuple(scenarios or ()), tuple(planner or ()))
     who = Workers.parse(workers)
     try:
         with progress(quiet=quiet) as watch, contextlib.redirect_stdout(sys.stderr):

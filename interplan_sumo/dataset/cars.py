@@ -19,7 +19,7 @@ from interplan_sumo.scenario.recorded import ego_scene
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, Ints, box_corners, penetration_m
-from interplan_sumo.world.recording import Recording, Track
+from interplan_sumo.world.recording import RecordedTrack, Recording
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import ActorTable, Trace
 
@@ -117,7 +117,7 @@ def way_of(drive: CarDrive, host: Scenario, roads: Roads) -> Scenario:
     poses = np.stack((ego.x_m, ego.y_m, ego.heading_rad), axis=1)
     velocity = ego.vx_mps[:, None] * np.stack((np.cos(ego.heading_rad), np.sin(ego.heading_rad)), axis=1)
     some = slice(None, None, MATCHED_FRAMES)
-    track = Track(drive.token, ActorKind.VEHICLE, shape.length_m, shape.width_m, 0, poses[some], velocity[some])
+    track = RecordedTrack(drive.token, ActorKind.VEHICLE, shape.length_m, shape.width_m, 0, poses[some], velocity[some])
     recording = Recording(host.id, roads.crs, MATCHED_FRAMES * STEP_S, (track,), drive.token)
     went_m = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
     bare, *_ = ego_scene(

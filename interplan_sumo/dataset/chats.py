@@ -14,8 +14,8 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from interplan_sumo.batch.versions import versions
-from interplan_sumo.dataset.drives import Choice, Drive, chosen_drives, driven, source_hash
-from interplan_sumo.dataset.seen_again import SeenAgain
+from interplan_sumo.dataset.drives import Drive, DriveSelection, chosen_drives, driven, source_hash
+from interplan_sumo.dataset.observation_replay import SeenAgain
 from interplan_sumo.errors import InputError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.scenario.scenario import Scenario
@@ -37,7 +37,7 @@ HELD_OUT_ONE_IN: Final = 10
 TOO_SHORT: Final = "shorter than 8 s"
 
 
-class Turn(Protocol):
+class ChatMessage(Protocol):
     """A message of a conversation."""
 
     @property
@@ -52,7 +52,7 @@ class Teller(Protocol):
 
     def start(self, mission: Mission) -> None: ...
 
-    def example(self, seen: Observation, places: Floats) -> Sequence[Turn]:
+    def example(self, observation: Observation, places: Floats) -> Sequence[ChatMessage]:
         """The conversation about a step; places (16, 2) are where the car came to be, in its frame at that step."""
         ...
 
@@ -70,7 +70,7 @@ class ChatRequest:
     """Samples of each scenario at most, at moments at least 1 s apart."""
     seed: int = 0
     """Of the choice among scenarios, drives and moments."""
-    choice: Choice = field(default_factory=Choice)
+    choice: DriveSelection = field(default_factory=DriveSelection)
     hold_out: bool = False
     """Whether each line says in `about.split` what it is for: `train`, or `val` for one scenario in ten."""
     benchmark: bool = False

@@ -18,11 +18,11 @@ from interplan_sumo.dataset.cars import Cars
 from interplan_sumo.dataset.recorded import RECORDED, Window, maps_beside, window_drive, windows
 from interplan_sumo.errors import InputError, ScenarioError, UnknownNameError
 from interplan_sumo.maps.store import MapFiles, find_map, load_roads
-from interplan_sumo.proving.replay import replay
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import Suite, find_suite
+from interplan_sumo.verification.replay import replay
 from interplan_sumo.world.files import file_hash
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
@@ -78,7 +78,7 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class DriveSelection:
     """Which drives are taken, and which are held out of training."""
 
     min_score: float = 0.9
@@ -103,7 +103,11 @@ class Chosen:
 
 
 def chosen_drives(
-    runs: Sequence[Path], suites: Sequence[str], choice: Choice, recordings: Sequence[Path] = (), on_map: str = ""
+    runs: Sequence[Path],
+    suites: Sequence[str],
+    choice: DriveSelection,
+    recordings: Sequence[Path] = (),
+    on_map: str = "",
 ) -> Chosen:
     """The drives of run folders, the certificates of suites that pass, and what recordings on a map show; each once.
 

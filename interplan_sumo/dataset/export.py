@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 
 from interplan_sumo.batch.engine import run_tasks
-from interplan_sumo.batch.phases import Publish
+from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.dataset import folder as layout
 from interplan_sumo.dataset.columns import count_of, joined, picked, read_arrays, write_arrays
 from interplan_sumo.dataset.drives import (
     SPLITS,
-    Choice,
     Chosen,
     Drive,
+    DriveSelection,
     Split,
     chosen_drives,
     driven,
@@ -57,7 +57,7 @@ class ExportRequest:
     """Of the recordings: a map that was imported, or the folder of nuPlan's maps."""
     every_s: float = 0.5
     """Between the samples of a drive."""
-    choice: Choice = field(default_factory=Choice)
+    choice: DriveSelection = field(default_factory=DriveSelection)
     workers: int = 1
     """Processes; 0 works in this one."""
     shard_samples: int = SHARD_SAMPLES

@@ -19,24 +19,24 @@ import numpy as np
 
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.phases import Publish
 from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
-from interplan_sumo.dataset import cars, survey
+from interplan_sumo.dataset import cars, sample_index
 from interplan_sumo.dataset import export as exporting
 from interplan_sumo.dataset.balance import balanced
-from interplan_sumo.dataset.drives import Choice, Chosen, Drive
+from interplan_sumo.dataset.drives import Chosen, Drive, DriveSelection
 from interplan_sumo.dataset.folder import DRIVEN, check_free, unwritable
-from interplan_sumo.dataset.survey import Offer
+from interplan_sumo.dataset.sample_index import Offer
 from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
 from interplan_sumo.maps.store import find_map, load_roads
-from interplan_sumo.proving.ordinary_scenes import CHANGE, FIRST_SEED, KINDS, check_seed, ordinary_scenes
-from interplan_sumo.proving.ordinary_suite import MAPS
 from interplan_sumo.scenario.files import read_scenarios, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.verification.ordinary_scenes import CHANGE, FIRST_SEED, KINDS, check_seed, ordinary_scenes
+from interplan_sumo.verification.ordinary_suite import MAPS
 from interplan_sumo.world.files import replacing
 from interplan_sumo.world.lane_changes import lane_changes_needed
 
@@ -111,7 +111,7 @@ def make_ordinary(
     wanted = _wanted(request)
     found = {split: _collected(request, split, wanted[split], say) for split in ("train", "val")}
     seeds = tuple(sorted({each.drive.seed for each in found["val"]}))
-    choice = Choice(request.min_score, (), request.holdout_maps, seeds)
+    choice = DriveSelection(request.min_score, (), request.holdout_maps, seeds)
     every = [*found["train"], *found["val"]]
     rng = np.random.default_rng(request.seed)
     picked: list[tuple[Drive, tuple[int, ...]]] = []
@@ -246,7 +246,7 @@ def _open(folder: Path, every_frames: int, _group: str, publish: Publish) -> Wor
     def work(key: JobKey) -> Answer:
         publish("simulate")
         drive = stored.read(stored.run.rows[key])
-        offers = survey.survey(drive.scenario, drive.roads, drive.trace, every_frames)
+        offers = sample_index.survey(drive.scenario, drive.roads, drive.trace, every_frames)
         return {"offers": [each.as_json() for each in offers]}, None
 
     return work
@@ -304,9 +304,9 @@ def _about(request: OrdinaryRequest, every: Sequence[_Offered]) -> dict[str, Any
         "samples_offered": _tally(every),
         "filters": {
             "min_score": request.min_score,
-            "most_cars_of_a_drive": survey.MOST_CARS,
-            "most_samples_of_a_car": survey.MOST_PER_CAR,
-            "most_standing_samples": survey.MOST_STANDING,
-            "car_sample_every_s": round(survey.CAR_EVERY_FRAMES * 0.1, 3),
+            "most_cars_of_a_drive": sample_index.MOST_CARS,
+            "most_samples_of_a_car": sample_index.MOST_PER_CAR,
+            "most_standing_samples": sample_index.MOST_STANDING,
+            "car_sample_every_s": round(sample_index.CAR_EVERY_FRAMES * 0.1, 3),
         },
     }

@@ -18,15 +18,15 @@ from interplan_sumo.dataset.motion import body, ego_track, smoothed
 from interplan_sumo.errors import InputError, ScenarioError
 from interplan_sumo.features.schema import FUTURE_FRAMES, HISTORY_FRAMES, STEP_S
 from interplan_sumo.maps.store import MapFiles, find_map, load_roads
-from interplan_sumo.proving.carried_maps import own_maps_root
-from interplan_sumo.proving.nuplan_scenes import log_map
-from interplan_sumo.proving.recorded_scenes import INTERPLAN, NUPLAN, format_of, read_recording
 from interplan_sumo.recordings.nuplan_db import NuplanLog, log_files
 from interplan_sumo.scenario.recorded import replayed_track, scene
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.setup import open_traffic
+from interplan_sumo.verification.map_bundling import own_maps_root
+from interplan_sumo.verification.nuplan_scenes import log_map
+from interplan_sumo.verification.recorded_scenes import INTERPLAN, NUPLAN, format_of, read_recording
 from interplan_sumo.world.geometry import Floats
-from interplan_sumo.world.recording import Recording, Track
+from interplan_sumo.world.recording import RecordedTrack, Recording
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import ActorTable, Trace
 
@@ -104,7 +104,7 @@ def _recording(window: Window) -> Recording:
         return log.recording(log.moment_at(window.at_s), WINDOW_S)
 
 
-def _trace(scenario: Scenario, roads: Roads, recording: Recording, ego: Track) -> Trace:
+def _trace(scenario: Scenario, roads: Roads, recording: Recording, ego: RecordedTrack) -> Trace:
     """The drive from where the scenario begins, as long as it lasts and the ego is there."""
     poses = _poses(recording, ego, round(scenario.duration_s / STEP_S) + 1)
     shape = body(ego.length_m, ego.width_m)
@@ -122,7 +122,7 @@ def _trace(scenario: Scenario, roads: Roads, recording: Recording, ego: Track) -
     return Trace(ego_track(time_us, poses, shape), actors, signals, (), np.zeros(0), shape)
 
 
-def _poses(recording: Recording, ego: Track, steps: int) -> Floats:
+def _poses(recording: Recording, ego: RecordedTrack, steps: int) -> Floats:
     """(F, 3) smoothed poses of the ego 0.1 s apart; ScenarioError if it is not there from the start on."""
     found = replayed_track(ego, recording.step_s, recording.start_step, steps)
     if isinstance(found, str) or found.first_step:

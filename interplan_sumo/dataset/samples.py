@@ -7,8 +7,8 @@ from typing import Any, Final
 
 from interplan_sumo.dataset.columns import Columns, stacked
 from interplan_sumo.dataset.labels import Futures, GraphWay
-from interplan_sumo.dataset.seen_again import SeenAgain
-from interplan_sumo.dataset.situations import Situations
+from interplan_sumo.dataset.observation_replay import SeenAgain
+from interplan_sumo.dataset.scenario_tags import Situations
 from interplan_sumo.features.tracks import nearest_agents
 from interplan_sumo.features.view import EgoView
 from interplan_sumo.scenario.scenario import Scenario

@@ -30,7 +30,7 @@ from interplan_sumo.world.geometry import Floats, wrap_angle
 
 
 @dataclass(frozen=True, eq=False)
-class Drives:
+class SimulatedDrives:
     """N drives of one ego: a row per drive, a column per 0.1 s, the first column is the common start.
 
     Meaning of the columns as in `EgoState`: box centre in the map frame,
@@ -51,10 +51,10 @@ class Drives:
     def __len__(self) -> int:
         return len(self.x_m)
 
-    def thinned(self, every: int) -> Drives:
+    def thinned(self, every: int) -> SimulatedDrives:
         """The same drives with every n-th state only, from the start on."""
         columns = (getattr(self, column.name)[..., ::every] for column in fields(self))
-        return Drives(*columns)
+        return SimulatedDrives(*columns)
 
     def state(self, drive: int, step: int) -> EgoState:
         """One state of one drive."""
@@ -74,7 +74,7 @@ class Drives:
 
 def follow_all(
     start: EgoState, x_m: Floats, y_m: Floats, heading_rad: Floats, steps: int | None = None, shape: EgoShape = PACIFICA
-) -> Drives:
+) -> SimulatedDrives:
     """Where the ego gets if it follows each of N plans, each for `steps` of 0.1 s (default: to the end of the plans).
 
     Plans are poses of the box centre in the map frame, (N, M + 1) each, every
@@ -112,7 +112,7 @@ def _drive(
     bend: Floats,
     steps: int,
     shape: EgoShape,
-) -> Drives:
+) -> SimulatedDrives:
     """Tracker and bicycle, step after step: `lqr.command` and `bicycle.step` on arrays."""
     many = len(ref_x)
     rows = np.empty((9, steps + 1, many))
@@ -180,7 +180,7 @@ def _drive(
     columns = np.ascontiguousarray(rows.transpose(0, 2, 1))
     columns[0, :, 0], columns[1, :, 0] = start.x_m, start.y_m
     columns.setflags(write=False)
-    return Drives(np.round(start.time_s + GRID_S * np.arange(steps + 1, dtype=np.float64), 6), *columns)
+    return SimulatedDrives(np.round(start.time_s + GRID_S * np.arange(steps + 1, dtype=np.float64), 6), *columns)
 
 
 def _held(profile: Floats, at: NDArray[np.intp]) -> Floats:

@@ -16,9 +16,9 @@ _STATE = ("x_m", "y_m", "heading_rad", "vx_mps", "vy_mps", "length_m", "width_m"
 _CAR, _VALID = 8, 12  # channels of `agents`: the first of four classes, and the last
 
 
-def ego_history(seen: Observation, frame: EgoFrame, shape: EgoShape) -> tuple[Floats, NDArray[np.bool_]]:
+def ego_history(observation: Observation, frame: EgoFrame, shape: EgoShape) -> tuple[Floats, NDArray[np.bool_]]:
     """`ego_history` and `ego_history_valid`."""
-    egos = (*seen.past.egos[-(HISTORY_FRAMES - 1) :], seen.ego)
+    egos = (*observation.past.egos[-(HISTORY_FRAMES - 1) :], observation.ego)
     table = np.array(
         [
             (e.x_m, e.y_m, e.heading_rad, e.vx_mps, e.vy_mps, e.ax_mps2, e.ay_mps2,
@@ -46,13 +46,13 @@ def nearest_agents(actors: Actors, frame: EgoFrame) -> tuple[str, ...]:
     return tuple(actors.ids[row] for row in rows[nearest(distance_m, rows, AGENTS)].tolist())
 
 
-def agents(seen: Observation, frame: EgoFrame, dt_s: float) -> Floats:
+def agents(observation: Observation, frame: EgoFrame, dt_s: float) -> Floats:
     """`agents`: (30, 21, 13)."""
-    ids = nearest_agents(seen.actors, frame)
+    ids = nearest_agents(observation.actors, frame)
     table = np.zeros((AGENTS, HISTORY_FRAMES, 13))
     if not ids:
         return table
-    frames = (*seen.past.actors[-(HISTORY_FRAMES - 1) :], seen.actors)
+    frames = (*observation.past.actors[-(HISTORY_FRAMES - 1) :], observation.actors)
     found, rows = _found(frames, ids)
     state = np.stack([np.concatenate([getattr(each, name) for each in frames]) for name in _STATE], axis=1)[rows]
     kind = np.concatenate([each.kind for each in frames])[rows]

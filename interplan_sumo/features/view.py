@@ -45,24 +45,24 @@ class EgoView:
         self._on_route = self.route.on_route[self.lines.pieces.lane]
         self._row = {lane: row for row, lane in enumerate(self.lines.lane_ids.tolist())}
 
-    def frame(self, seen: Observation) -> EgoFrame:
+    def frame(self, observation: Observation) -> EgoFrame:
         """The ego frame at this step."""
-        return EgoFrame.of(seen.ego, self.mission.shape)
+        return EgoFrame.of(observation.ego, self.mission.shape)
 
-    def arrays(self, seen: Observation) -> Arrays:
+    def arrays(self, observation: Observation) -> Arrays:
         """Every `seen` field of the schema, with its shape and type."""
-        frame = self.frame(seen)
+        frame = self.frame(observation)
         under = self.route.lane_under(frame)
-        history, history_valid = ego_history(seen, frame, self.mission.shape)
+        history, history_valid = ego_history(observation, frame, self.mission.shape)
         centerline, centerline_valid = self.route.centerline(under, frame)
         limit_mps = 0.0 if under is None else self.lines.limit_mps[self._row[int(under)]]
         found: dict[str, Any] = {
             "origin": frame.origin,
             "ego_history": history,
             "ego_history_valid": history_valid,
-            "agents": agents(seen, frame, self.mission.dt_s),
-            "static_objects": static_objects(seen.actors, frame),
-            **self._lanes(seen.signals, frame),
+            "agents": agents(observation, frame, self.mission.dt_s),
+            "static_objects": static_objects(observation.actors, frame),
+            **self._lanes(observation.signals, frame),
             **_areas("stop_lines", areas_near(self.lines.stop_lines, frame, AREAS)),
             **_areas("crosswalks", areas_near(self.lines.crosswalks, frame, AREAS)),
             "route_centerline": centerline,

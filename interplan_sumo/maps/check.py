@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.network_reader import Network, read_network
+from interplan_sumo.maps.network_reader import NetworkSummary, read_network
 from interplan_sumo.maps.rules import schema_problems
 from interplan_sumo.maps.signals_check import light_problems
 from interplan_sumo.maps.store import MapFiles
@@ -144,7 +144,7 @@ def _deviation_m(lane: LaneLike, shapes: Sequence[Floats], origin_m: tuple[float
     return max(float(distance), *(float(np.hypot(*end)) for end in ends))
 
 
-def _extra(roads: Roads, ids: NetworkIds, network: Network) -> list[str]:
+def _extra(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[str]:
     """Connections that follow neither a connector between its lanes nor one lane across a cut."""
     found: list[str] = []
     for way in network.ways:
@@ -160,7 +160,7 @@ def _extra(roads: Roads, ids: NetworkIds, network: Network) -> list[str]:
     return found
 
 
-def _broken_links(roads: Roads, ids: NetworkIds, network: Network) -> list[str]:
+def _broken_links(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[str]:
     """Lanes and connectors whose SUMO lanes are not joined one after the other."""
     onward: dict[str, set[str]] = {}
     for way in network.ways:

@@ -32,7 +32,7 @@ _REACH_M = 60.0  # how far beyond its ends the reference line is extended to fin
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class LaneStretch:
     """A stretch of a lane or connector of the map."""
 
     lane_id: str
@@ -51,7 +51,7 @@ class Edge:
     id: str
     from_node: str
     to_node: str
-    lanes: tuple[Stretch, ...]
+    lanes: tuple[LaneStretch, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class Join:
     from_lane: int
     to_edge: str
     to_lane: int
-    stretch: Stretch
+    stretch: LaneStretch
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +199,7 @@ def _assembled(
     joins: list[Join] = []
     for k in range(count):
         stretches = tuple(
-            Stretch(
+            LaneStretch(
                 lane,
                 float(cut[k]) + (half if k > 0 or longer[i] else 0.0),
                 float(cut[k + 1]) - (half if k < count - 1 or further[i] else 0.0),
@@ -209,7 +209,7 @@ def _assembled(
         edges.append(Edge(names[k], nodes[k], nodes[k + 1], stretches))
     for k, (here, there) in enumerate(pairwise(edges)):
         for i, (a, b) in enumerate(zip(here.lanes, there.lanes, strict=True)):
-            joins.append(Join(nodes[k + 1], here.id, i, there.id, i, Stretch(a.lane_id, a.end_m, b.start_m)))
+            joins.append(Join(nodes[k + 1], here.id, i, there.id, i, LaneStretch(a.lane_id, a.end_m, b.start_m)))
     first = {lane: (names[0], i) for i, lane in enumerate(ids)}
     last = {lane: (names[-1], i) for i, lane in enumerate(ids)}
     for i, lane in enumerate(ids):
@@ -218,7 +218,7 @@ def _assembled(
             edges += pads.edges
             joins += pads.joins
             final = pads.edges[-1]
-            stretch = Stretch(lane, final.lanes[0].end_m, edges[0].lanes[i].start_m)
+            stretch = LaneStretch(lane, final.lanes[0].end_m, edges[0].lanes[i].start_m)
             joins.append(Join(start_node, final.id, 0, names[0], i, stretch))
             first[lane] = pads.first[lane]
         if further[i]:
@@ -226,7 +226,7 @@ def _assembled(
             edges += pads.edges
             joins += pads.joins
             initial = pads.edges[0]
-            stretch = Stretch(lane, edges[count - 1].lanes[i].end_m, initial.lanes[0].start_m)
+            stretch = LaneStretch(lane, edges[count - 1].lanes[i].end_m, initial.lanes[0].start_m)
             joins.append(Join(end_node, names[-1], i, initial.id, 0, stretch))
             last[lane] = pads.last[lane]
     return LaneGroup(tuple(edges), tuple(joins), first, last)
@@ -236,7 +236,7 @@ def _pads(name: str, lane: str, start_m: float, end_m: float, node: str) -> Lane
     """A stretch of one lane that begins and ends at the same node, as two edges."""
     middle = (start_m + end_m) / 2
     cut = f"{name}.c"
-    before = Edge(f"{name}a", node, cut, (Stretch(lane, start_m, middle - CUT_M / 2),))
-    after = Edge(f"{name}b", cut, node, (Stretch(lane, middle + CUT_M / 2, end_m),))
-    across = Join(cut, before.id, 0, after.id, 0, Stretch(lane, before.lanes[0].end_m, after.lanes[0].start_m))
+    before = Edge(f"{name}a", node, cut, (LaneStretch(lane, start_m, middle - CUT_M / 2),))
+    after = Edge(f"{name}b", cut, node, (LaneStretch(lane, middle + CUT_M / 2, end_m),))
+    across = Join(cut, before.id, 0, after.id, 0, LaneStretch(lane, before.lanes[0].end_m, after.lanes[0].start_m))
     return LaneGroup((before, after), (across,), {lane: (before.id, 0)}, {lane: (after.id, 0)})

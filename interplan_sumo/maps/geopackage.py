@@ -13,7 +13,7 @@ import shapely
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps import schema
 from interplan_sumo.maps.geopackage_writer import write_map
-from interplan_sumo.maps.tables import GeoPackage, Objects, Table
+from interplan_sumo.maps.tables import GeoPackage, LayerTable, Objects
 from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import (
     Area,
@@ -108,7 +108,7 @@ def read_map(path: Path, name: str | None = None) -> Roads:
 class _Lines:
     """The vertices of a layer of lines, by id, cut from one array."""
 
-    def __init__(self, table: Table) -> None:
+    def __init__(self, table: LayerTable) -> None:
         ends = np.cumsum(shapely.get_num_coordinates(table.geometries))
         self._parts = dict(zip(table.ids, np.split(shapely.get_coordinates(table.geometries), ends[:-1]), strict=False))
 
@@ -121,14 +121,14 @@ class _Lines:
         return own if own.runs_with(line) else Polyline(own.points[::-1])
 
 
-def _polyline(table: Table, row: int) -> Polyline:
+def _polyline(table: LayerTable, row: int) -> Polyline:
     try:
         return Polyline(shapely.get_coordinates(table.geometries[row]))
     except ValueError as error:
         table.fault(row, f"a line without length ({error})")
 
 
-def _baseline_row(baselines: Table, rows: Sequence[int], what: str, id_: str) -> int:
+def _baseline_row(baselines: LayerTable, rows: Sequence[int], what: str, id_: str) -> int:
     """The one baseline of a lane or connector; nuPlan's classes refuse none or several."""
     if len(rows) != 1:
         known = f"{len(rows)} baselines ({', '.join(baselines.ids[r] for r in rows[:3])})" if rows else "no baseline"
@@ -136,7 +136,7 @@ def _baseline_row(baselines: Table, rows: Sequence[int], what: str, id_: str) ->
     return rows[0]
 
 
-def _by_reference(table: Table, column: str) -> dict[str, list[int]]:
+def _by_reference(table: LayerTable, column: str) -> dict[str, list[int]]:
     rows: dict[str, list[int]] = defaultdict(list)
     for row, value in enumerate(table.references(column)):
         if value is not None:
@@ -144,7 +144,7 @@ def _by_reference(table: Table, column: str) -> dict[str, list[int]]:
     return rows
 
 
-def _speed_limits(table: Table) -> list[float | None]:
+def _speed_limits(table: LayerTable) -> list[float | None]:
     """Limits in m/s; empty ones are unknown, and 0 stays 0: nuPlan takes both for "no limit to check"."""
     limits = table.numbers("speed_limit_mps")
     bad = ~np.isnan(limits) & ~((limits >= 0.0) & np.isfinite(limits))
@@ -154,7 +154,7 @@ def _speed_limits(table: Table) -> list[float | None]:
     return [None if np.isnan(limit) else limit for limit in limits.tolist()]
 
 
-def _boundary(boundaries: _Lines, table: Table, row: int, id_: str, line: Polyline) -> Polyline:
+def _boundary(boundaries: _Lines, table: LayerTable, row: int, id_: str, line: Polyline) -> Polyline:
     if id_ not in boundaries:
         table.fault(row, f"names boundary {id_}, which does not exist")
     try:
@@ -163,7 +163,7 @@ def _boundary(boundaries: _Lines, table: Table, row: int, id_: str, line: Polyli
         raise MapError(f"{table.path}: {schema.BOUNDARIES} {id_}: a line without length ({error})") from error
 
 
-def _lanes(table: Table, baselines: Table, boundaries: _Lines, blocks: frozenset[str]) -> dict[str, Lane]:
+def _lanes(table: LayerTable, baselines: LayerTable, boundaries: _Lines, blocks: frozenset[str]) -> dict[str, Lane]:
     owners = _by_reference(baselines, "lane_fid")
     block_ids = table.ids_in("lane_group_fid")
     left, right = table.ids_in("left_boundary_fid"), table.ids_in("right_boundary_fid")
@@ -190,9 +190,9 @@ def _lanes(table: Table, baselines: Table, boundaries: _Lines, blocks: frozenset
 
 
 def _connectors(
-    table: Table,
-    shapes: Table,
-    baselines: Table,
+    table: LayerTable,
+    shapes: LayerTable,
+    baselines: LayerTable,
     boundaries: _Lines,
     lanes: Mapping[str, Lane],
     blocks: frozenset[str],
@@ -237,7 +237,7 @@ def _connectors(
     return connectors
 
 
-def _stop_line_ids(table: Table, row: int, text: str, known: Mapping[str, StopLine]) -> tuple[str, ...]:
+def _stop_line_ids(table: LayerTable, row: int, text: str, known: Mapping[str, StopLine]) -> tuple[str, ...]:
     """The ids in a list such as "12, 14"; MapError for one that does not exist."""
     ids = tuple(part.strip() for part in text.split(",") if part.strip())
     for id_ in ids:
@@ -247,8 +247,8 @@ def _stop_line_ids(table: Table, row: int, text: str, known: Mapping[str, StopLi
 
 
 def _roadblocks(
-    blocks: Table,
-    connectors: Table,
+    blocks: LayerTable,
+    connectors: LayerTable,
     intersections: frozenset[str],
     lanes: Mapping[str, Lane],
     lane_connectors: Mapping[str, Connector],
@@ -293,7 +293,7 @@ def _code(kind: type[_Code], value: int, default: _Code) -> _Code:
         return default
 
 
-def _check_apart(table: Table, other: Table) -> None:
+def _check_apart(table: LayerTable, other: LayerTable) -> None:
     """MapError for an id that both tables use: planners keep them in one dictionary."""
     both = frozenset(table.ids) & frozenset(other.ids)
     if both:

@@ -49,7 +49,7 @@ class Sign(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Approach:
+class JunctionApproach:
     """The lanes that come to a junction on one arm."""
 
     block_ids: tuple[str, ...]
@@ -64,7 +64,7 @@ class Junction:
     """Connectors that meet, and what follows from their geometry. Rows and columns are in the order of `connectors`."""
 
     connectors: tuple[Connector, ...]
-    approaches: tuple[Approach, ...]
+    approaches: tuple[JunctionApproach, ...]
     approach_of: tuple[int, ...]
     opposite: Mapping[int, int]
     """Approach -> the one that faces it."""
@@ -221,7 +221,7 @@ def lane_signs(roads: Roads) -> dict[str, Sign]:
 
 def _approaches(
     roads: Roads, connectors: Sequence[Connector], signs: Mapping[str, Sign]
-) -> tuple[tuple[Approach, ...], dict[str, int]]:
+) -> tuple[tuple[JunctionApproach, ...], dict[str, int]]:
     """Arms of a junction: roadblocks that arrive side by side count as one."""
     arms: list[list[tuple[str, float, np.ndarray]]] = []
     for block_id in dict.fromkeys(roads.lanes[c.from_lane_id].roadblock_id for c in connectors):
@@ -237,14 +237,14 @@ def _approaches(
                 break
         else:
             arms.append([(block_id, heading, place)])
-    approaches: list[Approach] = []
+    approaches: list[JunctionApproach] = []
     of_block: dict[str, int] = {}
     used = {c.from_lane_id for c in connectors}
     for arm in arms:
         lanes = [roads.lanes[lane] for block, _, _ in arm for lane in roads.roadblocks[block].lane_ids]
         signed = [signs.get(lane.id, Sign.NONE) for lane in lanes if lane.id in used]
         approaches.append(
-            Approach(
+            JunctionApproach(
                 block_ids=tuple(block for block, _, _ in arm),
                 heading_rad=arm[0][1],
                 lane_count=len(lanes),
@@ -286,7 +286,7 @@ def _movement(connector: Connector, keeps_right: bool) -> Movement:
     return Movement.FAR_TURN if angle > 0.0 else Movement.NEAR_TURN
 
 
-def _opposites(approaches: Sequence[Approach]) -> dict[int, int]:
+def _opposites(approaches: Sequence[JunctionApproach]) -> dict[int, int]:
     """Pairs of approaches that face each other, each the other's best match."""
     count = len(approaches)
     off = np.full((count, count), np.inf)
@@ -304,7 +304,7 @@ def _opposites(approaches: Sequence[Approach]) -> dict[int, int]:
 
 
 def _strengths(
-    approaches: Sequence[Approach],
+    approaches: Sequence[JunctionApproach],
     approach_of: Sequence[int],
     movements: Sequence[Movement],
     opposite: Mapping[int, int],

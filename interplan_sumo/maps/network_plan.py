@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.maps import junctions, signals_plan
-from interplan_sumo.maps.edges import Edge, LaneGroup, Stretch, lane_group
+from interplan_sumo.maps.edges import Edge, LaneGroup, LaneStretch, lane_group
 from interplan_sumo.maps.junctions import Junction, end_port, start_port
 from interplan_sumo.maps.signals_plan import Program
 from interplan_sumo.world.geometry import Floats
@@ -31,7 +31,7 @@ class Link:
     from_lane: int
     to_edge: str
     to_lane: int
-    stretch: Stretch
+    stretch: LaneStretch
     connector_id: str | None = None
 
     @property
@@ -58,17 +58,17 @@ class NetworkPlan:
     def edges(self) -> tuple[Edge, ...]:
         return tuple(edge for group in self.groups.values() for edge in group.edges)
 
-    def points(self, stretch: Stretch) -> Floats:
+    def points(self, stretch: LaneStretch) -> Floats:
         """(N, 2) the shape of a stretch, origin shifted, without needless vertices."""
         if stretch not in self._shapes:
             self._shapes[stretch] = self._drawn(stretch)
         return self._shapes[stretch]
 
     @cached_property
-    def _shapes(self) -> dict[Stretch, Floats]:
+    def _shapes(self) -> dict[LaneStretch, Floats]:
         return {}
 
-    def _drawn(self, stretch: Stretch) -> Floats:
+    def _drawn(self, stretch: LaneStretch) -> Floats:
         line = self.roads[stretch.lane_id].centerline.between(stretch.start_m, stretch.end_m)
         thin = shapely.simplify(line.linestring, STRAIGHTENED_M, preserve_topology=False)
         points = shapely.get_coordinates(thin) if not thin.is_empty else line.points
@@ -110,7 +110,7 @@ def network_plan(roads: Roads) -> NetworkPlan:
             taken.add((connector.from_lane_id, connector.to_lane_id))
             start = groups[roads.lanes[connector.from_lane_id].roadblock_id].last[connector.from_lane_id]
             end = groups[roads.lanes[connector.to_lane_id].roadblock_id].first[connector.to_lane_id]
-            whole = Stretch(connector.id, 0.0, connector.centerline.length_m)
+            whole = LaneStretch(connector.id, 0.0, connector.centerline.length_m)
             links.append(Link(node, *start, *end, whole, connector.id))
     points = np.concatenate([lane.centerline.points for lane in roads.lanes.values()])
     origin = np.floor(points.min(axis=0) / _ORIGIN_GRID_M) * _ORIGIN_GRID_M

@@ -28,7 +28,7 @@ class SumoLane:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class CheckedLink:
     """A connection between two lanes that are not internal, and the internal lanes that it runs over."""
 
     from_lane: str
@@ -42,19 +42,19 @@ class Way:
 
 
 @dataclass(frozen=True, eq=False)
-class Network:
+class NetworkSummary:
     """What there is to check in a network."""
 
     left_hand: bool
     lanes: dict[str, SumoLane]
-    ways: tuple[Way, ...]
+    ways: tuple[CheckedLink, ...]
     lights: dict[str, tuple[tuple[float, str], ...]]
     """Traffic light -> phases of (seconds, state)."""
     yields: dict[str, dict[int, frozenset[int]]]
     """Node -> link -> links that it yields to."""
 
 
-def read_network(path: Path) -> Network:
+def read_network(path: Path) -> NetworkSummary:
     """A network file, plain or gzipped; MapError names the file if it is missing or damaged."""
     try:
         from sumolib.net import NetReader
@@ -86,9 +86,9 @@ def _head(text: bytes) -> bytes:
     return text[start : text.index(b">", start)]
 
 
-def _network(net: Any, head: bytes) -> Network:
+def _network(net: Any, head: bytes) -> NetworkSummary:
     lanes: dict[str, SumoLane] = {}
-    ways: list[Way] = []
+    ways: list[CheckedLink] = []
     onward: dict[str, str] = {}
     edges = net.getEdges(withInternal=True)
     for edge in edges:
@@ -113,7 +113,7 @@ def _network(net: Any, head: bytes) -> Network:
                 node = edge.getToNode()
                 light = connection.getTLSID()
                 ways.append(
-                    Way(
+                    CheckedLink(
                         lane.getID(),
                         connection.getToLane().getID(),
                         tuple(via),
@@ -137,4 +137,4 @@ def _network(net: Any, head: bytes) -> Network:
         }
         for node in net.getNodes()
     }
-    return Network(b'lefthand="true"' in head, lanes, tuple(ways), lights, yields)
+    return NetworkSummary(b'lefthand="true"' in head, lanes, tuple(ways), lights, yields)

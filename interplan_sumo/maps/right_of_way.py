@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.maps.junctions import Approach, Junction, Sign, brushing_m
+from interplan_sumo.maps.junctions import Junction, JunctionApproach, Sign, brushing_m
 from interplan_sumo.maps.network_plan import Link, NetworkPlan
 
 Key = tuple[str, str, str, str]
@@ -27,7 +27,7 @@ _CLEAR_VIEW_M = 100.0  # where paths only merge, drivers see each other from afa
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class BuiltLink:
     """A link as netconvert built it: its connection, and the internal lane that it runs over."""
 
     link: Link
@@ -40,7 +40,7 @@ class _Node:
     """The links of one node in SUMO's order, with the bits between them."""
 
     id: str
-    ways: tuple[Way, ...]
+    ways: tuple[BuiltLink, ...]
     rows: tuple[int | None, ...]
     """Row of each link in the junction of the plan; None for the way across a cut."""
     junction: Junction | None
@@ -52,7 +52,7 @@ class _Node:
         row = self.rows[at]
         return Sign.NONE if self.junction is None or row is None else self._approach(row).sign
 
-    def _approach(self, row: int) -> Approach:
+    def _approach(self, row: int) -> JunctionApproach:
         assert self.junction is not None
         return self.junction.approaches[self.junction.approach_of[row]]
 
@@ -65,9 +65,9 @@ def text_of(element: Element, name: str) -> str:
     return value
 
 
-def set_right_of_way(plan: NetworkPlan, root: Element, ways: Mapping[Key, Way]) -> None:
+def set_right_of_way(plan: NetworkPlan, root: Element, ways: Mapping[Key, BuiltLink]) -> None:
     """Write requests, link states and junction types in place."""
-    leaving: dict[str, list[Way]] = defaultdict(list)
+    leaving: dict[str, list[BuiltLink]] = defaultdict(list)
     for connection in root.iterfind("connection"):  # SUMO numbers the links of a lane in the order of the file
         key = cast("Key", tuple(connection.get(name) for name in ("from", "to", "fromLane", "toLane")))
         if key in ways:
@@ -88,7 +88,7 @@ def set_right_of_way(plan: NetworkPlan, root: Element, ways: Mapping[Key, Way]) 
             way.connection.extend(_brushes(node, at))
 
 
-def _node(plan: NetworkPlan, id_: str, ways: Sequence[Way]) -> _Node:
+def _node(plan: NetworkPlan, id_: str, ways: Sequence[BuiltLink]) -> _Node:
     junction = plan.junctions.get(id_)
     bits = np.zeros((2, len(ways), len(ways)), dtype=np.bool_)
     rows: list[int | None] = [None] * len(ways)

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from interplan_sumo.maps.junctions import path_conflicts
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.network_reader import Network, Way
+from interplan_sumo.maps.network_reader import CheckedLink, NetworkSummary
 from interplan_sumo.world.roads import Connector, Roads
 
 SHORTEST_YELLOW_S = 2.5
@@ -16,11 +16,11 @@ SHORTEST_YELLOW_S = 2.5
 _LETTERS = frozenset("Ggyr")
 
 
-def light_problems(roads: Roads, ids: NetworkIds, network: Network) -> list[str]:
+def light_problems(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[str]:
     """One line per fault: a connector without its light, a path that never gets green, conflicting greens."""
     problems: list[str] = []
     by_start = {way.via[0]: way for way in network.ways if way.via}
-    groups: dict[str, list[tuple[Connector, Way]]] = defaultdict(list)
+    groups: dict[str, list[tuple[Connector, CheckedLink]]] = defaultdict(list)
     for connector in roads.connectors.values():
         pieces = ids.pieces.get(connector.id)
         way = by_start.get(pieces[0].sumo_lane) if pieces else None
@@ -48,9 +48,9 @@ def light_problems(roads: Roads, ids: NetworkIds, network: Network) -> list[str]
 
 def _program_problems(
     roads: Roads,
-    network: Network,
+    network: NetworkSummary,
     light: str,
-    members: Sequence[tuple[Connector, Way]],
+    members: Sequence[tuple[Connector, CheckedLink]],
     phases: Sequence[tuple[float, str]],
 ) -> Iterator[str]:
     connectors = [connector for connector, _ in members]
@@ -74,7 +74,7 @@ def _program_problems(
                     yield f"light {light}: connectors {connector.id} and {connectors[j].id} meet and both show {shown}"
 
 
-def _collide(network: Network, letters: tuple[str, str], ways: tuple[Way, Way]) -> bool:
+def _collide(network: NetworkSummary, letters: tuple[str, str], ways: tuple[CheckedLink, CheckedLink]) -> bool:
     """Whether two paths that meet are both open and neither must yield; a path that runs out ("y") yields like "g"."""
     if not all(letter in "Ggy" for letter in letters) or letters == ("y", "y"):
         return False

@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class LayerTable:
     """One layer: ids, columns and geometries, row by row."""
 
     path: Path
@@ -132,14 +132,14 @@ class GeoPackage:
             raise MapError(f"{path}: {schema.META}: {schema.PROJECTED_CRS_KEY} {self.crs[:60]} does not measure metres")
         self.grid_m = _grid(self.meta.get(schema.GRID_KEY, ""))
 
-    def read(self, layer: str, *, geometry: bool = True) -> Table:
+    def read(self, layer: str, *, geometry: bool = True) -> LayerTable:
         """One layer; an absent optional layer is an empty table, an absent required one a MapError."""
         wanted = schema.LAYERS[layer]
         geometry = geometry and wanted.geometry is not None
         if layer not in self.layers:
             if wanted.required:
                 raise MapError(f"{self.path}: layer {layer} is missing; nuPlan's maps have it even when it is empty")
-            return Table(self.path, layer, (), {}, np.zeros(0, dtype=object))
+            return LayerTable(self.path, layer, (), {}, np.zeros(0, dtype=object))
         try:
             with _quiet_gdal():
                 info, fids, wkb, values = read(
@@ -157,7 +157,7 @@ class GeoPackage:
             if column not in columns:
                 raise MapError(f"{self.path}: layer {layer} has no column {column}")
         ids = tuple(map(str, fids.tolist()))
-        table = Table(self.path, layer, ids, columns, np.zeros(0, dtype=object))
+        table = LayerTable(self.path, layer, ids, columns, np.zeros(0, dtype=object))
         if not geometry:
             return table
         if wkb is None:
@@ -165,13 +165,13 @@ class GeoPackage:
         shapes = _decoded(table, wkb)
         if wanted.areas:
             ids, rows, shapes = _split(table, shapes)
-            table = Table(self.path, layer, ids, {name: column[rows] for name, column in columns.items()}, shapes)
+            table = LayerTable(self.path, layer, ids, {name: column[rows] for name, column in columns.items()}, shapes)
         shapes = self._projected(table, _single(table, shapes, wanted.geometry or "Polygon"), info["crs"])
         if wanted.geometry == "Polygon":
             shapes = _sound(table, shapes)
-        return Table(self.path, layer, ids, table.columns, shapes)
+        return LayerTable(self.path, layer, ids, table.columns, shapes)
 
-    def _projected(self, table: Table, shapes: Objects, stored_crs: str | None) -> Objects:
+    def _projected(self, table: LayerTable, shapes: Objects, stored_crs: str | None) -> Objects:
         coordinates = shapely.get_coordinates(shapes)
         if not len(coordinates):
             return shapes
@@ -217,7 +217,7 @@ def transformer_to_stored(projected_crs: str) -> pyproj.Transformer:
     return _transformer(projected_crs, schema.STORED_CRS)
 
 
-def _decoded(table: Table, wkb: NDArray[Any]) -> Objects:
+def _decoded(table: LayerTable, wkb: NDArray[Any]) -> Objects:
     """Row by row the geometry; MapError for one that is absent, empty or damaged."""
     try:
         shapes = np.asarray(shapely.from_wkb(wkb), dtype=object)
@@ -234,7 +234,7 @@ def _decoded(table: Table, wkb: NDArray[Any]) -> Objects:
     return shapes
 
 
-def _split(table: Table, shapes: Objects) -> tuple[tuple[str, ...], Ints, Objects]:
+def _split(table: LayerTable, shapes: Objects) -> tuple[tuple[str, ...], Ints, Objects]:
     """Ids, rows and geometries with one row per part; further parts get ids above all others."""
     parts, rows = shapely.get_parts(shapes, return_index=True)
     ids = [table.ids[row] for row in rows]
@@ -246,7 +246,7 @@ def _split(table: Table, shapes: Objects) -> tuple[tuple[str, ...], Ints, Object
     return tuple(ids), rows, parts
 
 
-def _single(table: Table, shapes: Objects, geometry: schema.Geometry) -> Objects:
+def _single(table: LayerTable, shapes: Objects, geometry: schema.Geometry) -> Objects:
     """Row by row one geometry of the layer's type: collections of one part are unwrapped."""
     lone = (shapely.get_type_id(shapes) >= _FIRST_COLLECTION) & (shapely.get_num_geometries(shapes) == 1)
     shapes = np.where(lone, shapely.get_geometry(shapes, 0), shapes)
@@ -257,7 +257,7 @@ def _single(table: Table, shapes: Objects, geometry: schema.Geometry) -> Objects
     return shapes
 
 
-def _sound(table: Table, polygons: Objects) -> Objects:
+def _sound(table: LayerTable, polygons: Objects) -> Objects:
     """Polygons without self-intersections.
 
     Published maps hold a few polygons with a small fold, which nuPlan's classes

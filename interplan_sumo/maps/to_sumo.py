@@ -7,10 +7,10 @@ import io
 from pathlib import Path
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.maps.finish import finish, network_text
 from interplan_sumo.maps.netconvert import network
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.network_plan import network_plan
+from interplan_sumo.maps.network_postprocess import finish, network_text
 from interplan_sumo.maps.plain_xml import plain_files
 from interplan_sumo.world.roads import Roads
 

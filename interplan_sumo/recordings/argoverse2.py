@@ -17,7 +17,7 @@ from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.argoverse_frame import argoverse_name, city_frame, find_city
 from interplan_sumo.world.geometry import Floats, Ints, wrap_angle
-from interplan_sumo.world.recording import Recording, Track
+from interplan_sumo.world.recording import RecordedTrack, Recording
 
 STEP_S = 0.1
 """The set is sampled at 10 Hz."""
@@ -112,9 +112,9 @@ def read_argoverse2_recording(path: Path) -> Recording:
 # --- tracks ----------------------------------------------------------------------------------------
 
 
-def _tracks(rows: _Rows, origin_m: tuple[float, float], notes: list[str]) -> list[Track]:
+def _tracks(rows: _Rows, origin_m: tuple[float, float], notes: list[str]) -> list[RecordedTrack]:
     starts = np.flatnonzero(np.append(True, rows.ids[1:] != rows.ids[:-1]))
-    tracks: list[Track] = []
+    tracks: list[RecordedTrack] = []
     strange: set[str] = set()
     filled = 0
     for start, end in zip(starts.tolist(), [*starts[1:].tolist(), len(rows.ids)], strict=True):
@@ -152,14 +152,14 @@ def _long_gaps(step: Ints) -> Ints:
     return np.flatnonzero(np.diff(step) > MAX_BRIDGED_STEPS + 1)
 
 
-def _track(rows: _Rows, piece: Ints, id_: str, found: _Type, origin_m: tuple[float, float]) -> Track:
+def _track(rows: _Rows, piece: Ints, id_: str, found: _Type, origin_m: tuple[float, float]) -> RecordedTrack:
     """One track over consecutive steps, with the missing ones filled in."""
     seen = rows.step[piece]
     steps = np.arange(seen[0], seen[-1] + 1)
     x, y, heading = rows.poses[piece].T
     heading = np.interp(steps, seen, np.unwrap(heading))
     position = [np.interp(steps, seen, at) + origin for at, origin in zip((x, y), origin_m, strict=True)]
-    return Track(
+    return RecordedTrack(
         id=id_,
         kind=found.kind,
         length_m=found.length_m,
@@ -171,7 +171,7 @@ def _track(rows: _Rows, piece: Ints, id_: str, found: _Type, origin_m: tuple[flo
     )
 
 
-def _note_ends(tracks: Sequence[Track], notes: list[str]) -> None:
+def _note_ends(tracks: Sequence[RecordedTrack], notes: list[str]) -> None:
     """Say by how much positions lag at the ends of tracks: published scenarios come smoothed there."""
     way_m = told_m = 0.0
     for track in tracks:

@@ -16,7 +16,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.commonroad_frame import CommonRoadFile, read_commonroad_file
 from interplan_sumo.world.geometry import Floats, wrap_angle
-from interplan_sumo.world.recording import Recording, Track
+from interplan_sumo.world.recording import RecordedTrack, Recording
 
 _KINDS = {
     "car": (ActorKind.VEHICLE, "car"),
@@ -86,7 +86,7 @@ def read_commonroad_recording(path: Path) -> Recording:
     file = read_commonroad_file(path)
     notes = list(file.notes)
     left_out: Counter[str] = Counter({what: len(file.parts.get(tag, ())) for tag, what in _NOT_READ.items()})
-    tracks: list[Track] = []
+    tracks: list[RecordedTrack] = []
     obstacles = [(one, _is_static(one)) for tag in _TAGS for one in file.parts.get(tag, ())]
     for element in (one for one, static in obstacles if not static):
         try:
@@ -262,7 +262,7 @@ def _corners(box: _Box) -> Floats:
 # --- tracks ------------------------------------------------------------------------------------------
 
 
-def _moving(file: CommonRoadFile, element: Element) -> Iterable[Track]:
+def _moving(file: CommonRoadFile, element: Element) -> Iterable[RecordedTrack]:
     """One track for every run of consecutive steps of a dynamic obstacle."""
     states = _moving_states(file, element)
     box = _box(file, element, static=False)
@@ -272,7 +272,7 @@ def _moving(file: CommonRoadFile, element: Element) -> Iterable[Track]:
         yield _track(element, box, number, int(steps[rows[0]]), poses[rows], velocity_mps[rows])
 
 
-def _standing(file: CommonRoadFile, element: Element, steps: int) -> Track:
+def _standing(file: CommonRoadFile, element: Element, steps: int) -> RecordedTrack:
     """A static obstacle, through the whole recording."""
     initial = element.find("initialState")
     state = _state(file, element, initial) if initial is not None else None
@@ -284,10 +284,12 @@ def _standing(file: CommonRoadFile, element: Element, steps: int) -> Track:
     return _track(element, box, 1, 0, np.repeat(poses, steps, axis=0), np.repeat(velocity_mps, steps, axis=0))
 
 
-def _track(element: Element, box: _Box, number: int, first_step: int, poses: Floats, velocity_mps: Floats) -> Track:
+def _track(
+    element: Element, box: _Box, number: int, first_step: int, poses: Floats, velocity_mps: Floats
+) -> RecordedTrack:
     kind, model = _KINDS.get((element.findtext("type") or "").strip(), _OTHER)
     id_ = element.get("id", "").strip()
-    return Track(
+    return RecordedTrack(
         id=id_ if number == 1 else f"{id_}.{number}",
         kind=kind,
         length_m=box.length_m,

@@ -20,7 +20,7 @@ from interplan_sumo.recordings.nuplan_sqlite import TOKEN_BYTES, Database, Kind
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, Ints, wrap_angle
-from interplan_sumo.world.recording import Recording, Track
+from interplan_sumo.world.recording import RecordedTrack, Recording
 from interplan_sumo.world.signals import SignalStatus
 
 STEP_S: Final = 0.1
@@ -82,7 +82,7 @@ Seen = tuple[int, float, float, float, float, float, float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class LogMoment:
     """One sweep of the lidar, at which a scenario may begin."""
 
     token: str
@@ -125,7 +125,7 @@ class NuplanLog:
 
     # --- moments -------------------------------------------------------------------------------
 
-    def moment(self, token: str) -> Moment:
+    def moment(self, token: str) -> LogMoment:
         """The sweep of a token, 16 hexadecimal digits; InputError if the log has none of it."""
         if not _TOKEN.fullmatch(token):
             raise InputError(f"token {token[:40]!r} is none of nuPlan's, expected {2 * TOKEN_BYTES} hexadecimal digits")
@@ -135,7 +135,7 @@ class NuplanLog:
                 return self._moment(frame)
         raise InputError(f"{self.path}: there is no lidar_pc {token}; the token belongs to another log")
 
-    def moments_tagged(self, tag: str) -> tuple[Moment, ...]:
+    def moments_tagged(self, tag: str) -> tuple[LogMoment, ...]:
         """The sweeps at which a scenario of this type was found, by time; UnknownNameError if there is none."""
         question = "SELECT lidar_pc_token, type FROM scenario_tag"
         rows = list(self._database.rows("scenario_tag", question, ("token", "text")))
@@ -150,7 +150,7 @@ class NuplanLog:
         """From the first sweep to the last."""
         return self._moment(self._frames[-1]).at_s
 
-    def moment_at(self, at_s: float) -> Moment:
+    def moment_at(self, at_s: float) -> LogMoment:
         """The sweep nearest to a time since the log began; InputError if that is not within it."""
         if not 0.0 <= at_s <= self.lasts_s:
             raise InputError(
@@ -158,12 +158,12 @@ class NuplanLog:
             )
         return min(map(self._moment, self._frames), key=lambda moment: abs(moment.at_s - at_s))
 
-    def _moment(self, frame: _Frame) -> Moment:
-        return Moment(frame.token.hex(), (frame.time_us - self._frames[0].time_us) / 1e6)
+    def _moment(self, frame: _Frame) -> LogMoment:
+        return LogMoment(frame.token.hex(), (frame.time_us - self._frames[0].time_us) / 1e6)
 
     # --- the recording -------------------------------------------------------------------------
 
-    def recording(self, moment: Moment, duration_s: float = WINDOW_S) -> Recording:
+    def recording(self, moment: LogMoment, duration_s: float = WINDOW_S) -> Recording:
         """What follows a moment, to the end of the log at most, 0.1 s a step. The ego's track bears the token.
 
         It begins 2 s before, where the log does. Each step is the sweep nearest
@@ -202,7 +202,9 @@ class NuplanLog:
                 found[step] = (abs(at - step), frame)
         return {step: frame for step, (_, frame) in sorted(found.items())}
 
-    def _ego(self, moment: Moment, start: int, steps: dict[int, _Frame], notes: list[str]) -> tuple[str, Track]:
+    def _ego(
+        self, moment: LogMoment, start: int, steps: dict[int, _Frame], notes: list[str]
+    ) -> tuple[str, RecordedTrack]:
         """The system of the poses, and the car that measured, up to where its poses are missing for long."""
         poses = {frame.ego_pose: step for step, frame in steps.items()}
         question = "SELECT token, x, y, qw, qx, qy, qz, vx, vy, epsg FROM ego_pose WHERE token IN ({tokens})"
@@ -238,7 +240,7 @@ class NuplanLog:
             notes.append(f"The log says that its poses are in {said}; those of {self.map_name} are in {known}.")
         return known
 
-    def _others(self, steps: dict[int, _Frame], notes: list[str]) -> Iterator[Track]:
+    def _others(self, steps: dict[int, _Frame], notes: list[str]) -> Iterator[RecordedTrack]:
         step_of = {frame.token: step for step, frame in steps.items()}
         question = (
             "SELECT lidar_pc_token, track_token, x, y, yaw, length, width, vx, vy FROM lidar_box "
@@ -303,7 +305,7 @@ class NuplanLog:
                 shown[step] = shown[step - 1]
         return dict(sorted(found.items()))
 
-    def _track(self, id_: str, kind: ActorKind, rows: Sequence[Seen], table: str) -> Track:
+    def _track(self, id_: str, kind: ActorKind, rows: Sequence[Seen], table: str) -> RecordedTrack:
         """One track over consecutive steps, with the missing ones filled in."""
         columns = np.array(rows, dtype=np.float64)  # None becomes NaN
         seen = columns[:, 0]
@@ -321,7 +323,7 @@ class NuplanLog:
             velocity = _velocities(columns, steps, np.stack((x, y), axis=1))
         if not (np.hypot(*velocity.T) < MAX_SPEED_MPS).all():
             self._fault(f"{table}: track {id_} moves at more than {MAX_SPEED_MPS:g} m/s")
-        return Track(
+        return RecordedTrack(
             id=id_,
             kind=kind,
             length_m=length_m,

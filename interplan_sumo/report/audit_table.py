@@ -10,11 +10,13 @@ from rich.console import Console
 from rich.table import Table
 
 from interplan_sumo.batch.run_folder import Row
-from interplan_sumo.proving.audit import ASKED, DEFECTS, Finding
-from interplan_sumo.report.why import lost_points
+from interplan_sumo.report.failure_reasons import lost_points
+from interplan_sumo.verification.audit import ASKED, DEFECTS, AuditFinding
 
 
-def audit_entry(suite: str, planner: str, below: float | None, found: Sequence[tuple[Row, Finding]]) -> dict[str, Any]:
+def audit_entry(
+    suite: str, planner: str, below: float | None, found: Sequence[tuple[Row, AuditFinding]]
+) -> dict[str, Any]:
     """Counts per class, and every scenario with its class and the reasons for lost points."""
     counts = Counter(each.kind for _, each in found)
     return {

@@ -12,8 +12,8 @@ from interplan_sumo.batch.jobs import JobKey
 from interplan_sumo.batch.results import Brief, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
+from interplan_sumo.report.failure_reasons import fault_sentence, metric_sentence
 from interplan_sumo.report.table import BOOTSTRAP_SEED, MANY_DRIVES, RESAMPLES, Z_95, planner_label, planners_of
-from interplan_sumo.report.why import fault_sentence, metric_sentence
 from interplan_sumo.world.geometry import Floats
 
 TIE = 1e-6
@@ -30,7 +30,7 @@ DriveKey = tuple[str, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class ScoreChange:
     """One drive that both runs have."""
 
     scenario_id: str
@@ -53,7 +53,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
+class GroupComparison:
     """The comparison over all drives, or over those of one family; scores 0 to 100."""
 
     scenarios: int
@@ -79,9 +79,9 @@ class Comparison:
     """Run folder and planner, as the user knows them."""
     suite: str
     profile: str
-    overall: Share
-    families: dict[str, Share]
-    changes: tuple[Change, ...]
+    overall: GroupComparison
+    families: dict[str, GroupComparison]
+    changes: tuple[ScoreChange, ...]
     """Drives of both runs, the largest change first."""
     missing_a: tuple[DriveKey, ...]
     missing_b: tuple[DriveKey, ...]
@@ -162,7 +162,9 @@ def _drives(run: StoredRun, planner: str) -> dict[DriveKey, Brief | None]:
     return {key: drive if drive is not None and drive.score is not None else None for key, drive in drives.items()}
 
 
-def _change(run_a: StoredRun, run_b: StoredRun, key_a: JobKey, key_b: JobKey, drive_a: Brief, drive_b: Brief) -> Change:
+def _change(
+    run_a: StoredRun, run_b: StoredRun, key_a: JobKey, key_b: JobKey, drive_a: Brief, drive_b: Brief
+) -> ScoreChange:
     """Two drives with a score; their rows are read only where they differ."""
     a, b = float(drive_a.score or 0.0), float(drive_b.score or 0.0)
     reason = ""
@@ -170,7 +172,7 @@ def _change(run_a: StoredRun, run_b: StoredRun, key_a: JobKey, key_b: JobKey, dr
         row_a, row_b = run_a.rows[key_a], run_b.rows[key_b]
         worse, better = (row_a, row_b) if a < b else (row_b, row_a)
         reason = f"{'a' if a < b else 'b'}: {_lost(worse, better)}"
-    return Change(key_a[0], drive_a.family, key_a[2], a, b, reason)
+    return ScoreChange(key_a[0], drive_a.family, key_a[2], a, b, reason)
 
 
 def _lost(worse: Row, better: Row) -> str:
@@ -187,8 +189,8 @@ def _judged(row: Row) -> tuple[str, ...]:
     return (*row["gates"], *row["weights"])
 
 
-def _share(changes: Sequence[Change]) -> Share:
-    by_scenario: dict[str, list[Change]] = {}
+def _share(changes: Sequence[ScoreChange]) -> GroupComparison:
+    by_scenario: dict[str, list[ScoreChange]] = {}
     for change in changes:
         by_scenario.setdefault(change.scenario_id, []).append(change)
 
@@ -198,7 +200,7 @@ def _share(changes: Sequence[Change]) -> Share:
 
     winners = [change.winner for change in changes]
     some = bool(changes)
-    return Share(
+    return GroupComparison(
         scenarios=len(by_scenario),
         drives=len(changes),
         a=float(means("a").mean()) if some else None,
@@ -212,7 +214,7 @@ def _share(changes: Sequence[Change]) -> Share:
     )
 
 
-def _differences(changes: Sequence[Change]) -> Floats:
+def _differences(changes: Sequence[ScoreChange]) -> Floats:
     return 100.0 * np.array([change.difference for change in changes], dtype=np.float64)
 
 

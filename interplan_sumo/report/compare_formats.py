@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table as Grid
 from rich.text import Text
 
-from interplan_sumo.report.compare import Comparison, DriveKey, Share
+from interplan_sumo.report.compare import Comparison, DriveKey, GroupComparison
 
 LISTED = 10
 """So many changes and missing drives are listed on a terminal; the rest is counted."""
@@ -43,7 +43,7 @@ def comparison_json(found: Comparison) -> dict[str, Any]:
     }
 
 
-def _share_json(share: Share) -> dict[str, Any]:
+def _share_json(share: GroupComparison) -> dict[str, Any]:
     return {key: _rounded(value) for key, value in asdict(share).items()}
 
 

@@ -17,7 +17,7 @@ from interplan_sumo.maps.render import INK, PAPER
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.film_files import WRITERS, Image
 from interplan_sumo.report.film_shot import Shot
-from interplan_sumo.report.moments import deciding_moment
+from interplan_sumo.report.key_events import deciding_moment
 from interplan_sumo.report.scenario_drawing import View
 
 if TYPE_CHECKING:

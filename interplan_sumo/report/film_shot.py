@@ -15,8 +15,8 @@ from scipy.ndimage import gaussian_filter1d
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.maps.render import STOP_COLOURS
 from interplan_sumo.report import scenario_drawing as drawing
+from interplan_sumo.report.key_events import NOTHING, KeyEvent, deciding_moment
 from interplan_sumo.report.lights import signal_changes, status_at, stop_bars
-from interplan_sumo.report.moments import NOTHING, Moment, deciding_moment
 from interplan_sumo.report.scenario_drawing import View
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import Floats, box_corners
@@ -47,7 +47,7 @@ class Shot:
     """Width and height of the view."""
 
     @cached_property
-    def moment(self) -> Moment:
+    def moment(self) -> KeyEvent:
         return deciding_moment(self.drive)
 
     @cached_property

@@ -13,16 +13,16 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from interplan_sumo.batch.results import Row
-from interplan_sumo.report.agreement import agreement
+from interplan_sumo.report.failure_reasons import fault_sentence, lost_points, why_lost
+from interplan_sumo.report.paper_comparison import agreement
 from interplan_sumo.report.published import SOURCE, published_figure, published_rows
-from interplan_sumo.report.table import COLUMNS, ORDINARY, Cell, Column, Line, Table
-from interplan_sumo.report.why import fault_sentence, lost_points, why_lost
+from interplan_sumo.report.table import COLUMNS, ORDINARY, Cell, Column, Line, ResultsTable
 
 LISTED = 20
 """So many faults, missing rows or zeros are listed on a terminal; the rest is counted."""
 
 
-def as_json(table: Table, *, paper: bool = False, why: bool = False) -> dict[str, Any]:
+def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> dict[str, Any]:
     """The report as plain data; scores 0 to 100, null where there is nothing or where rows are missing."""
     rows: list[dict[str, Any]] = []
     for line in table.lines:
@@ -76,7 +76,7 @@ def reasons(line: Line) -> Iterator[tuple[Row, str]]:
     return ((row, sentence) for row in line.rows for sentence in why_lost(row))
 
 
-def as_csv(table: Table, *, paper: bool = False) -> str:
+def as_csv(table: ResultsTable, *, paper: bool = False) -> str:
     """The table for spreadsheets: empty fields where there is no figure."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -90,7 +90,7 @@ def as_csv(table: Table, *, paper: bool = False) -> str:
     return text.getvalue()
 
 
-def as_markdown(table: Table, *, paper: bool = False) -> str:
+def as_markdown(table: ResultsTable, *, paper: bool = False) -> str:
     """The table for a README."""
     shown = columns(table, paper=paper)
     head = ["planner", *(c.title for c in shown)]
@@ -102,7 +102,7 @@ def as_markdown(table: Table, *, paper: bool = False) -> str:
     return "\n".join([*lines, "", *notes(table, paper=paper)]) + "\n"
 
 
-def columns(table: Table, *, paper: bool) -> list[Column]:
+def columns(table: ResultsTable, *, paper: bool) -> list[Column]:
     """The paper's columns; ordinary driving before them where there is any."""
     ordinary = paper or any(line.cells[ORDINARY.key].asked for line in table.lines)
     return [column for column in COLUMNS if ordinary or column is not ORDINARY]
@@ -120,7 +120,7 @@ def figure(cell: Cell) -> str:
     return f"{cell.value:.0f} [{low:.0f}, {high:.0f}]"
 
 
-def notes(table: Table, *, paper: bool = False) -> list[str]:
+def notes(table: ResultsTable, *, paper: bool = False) -> list[str]:
     """What a reader of the figures must know."""
     rare = {family: count for family, count in table.families.items() if not ORDINARY.covers(family)}
     families = ", ".join(f"{family} {count}" for family, count in rare.items()) or "none yet"
@@ -155,7 +155,7 @@ def notes(table: Table, *, paper: bool = False) -> list[str]:
 
 
 def as_text(
-    table: Table, *, width: int = 200, paper: bool = False, why: bool = False, details: bool = False
+    table: ResultsTable, *, width: int = 200, paper: bool = False, why: bool = False, details: bool = False
 ) -> RenderableType:
     """The table and its notes for a terminal of `width` characters; columns that no line has are left out."""
     parts: list[RenderableType] = [_grid(table, width, paper), *(Text(note) for note in notes(table, paper=paper))]
@@ -182,7 +182,7 @@ def _listed(title: str, entries: Sequence[str], count: int) -> list[Text]:
     return [Text(f"\n{title} ({count})", style="bold"), *(Text(f"  {entry}") for entry in entries), *map(Text, more)]
 
 
-def _grid(table: Table, width: int, paper: bool) -> Grid:
+def _grid(table: ResultsTable, width: int, paper: bool) -> Grid:
     """A row per planner where that fits into `width`, else a column per planner."""
     shown = [c for c in columns(table, paper=paper) if paper or any(line.cells[c.key].asked for line in table.lines)]
     rows: list[list[str]] = [["planner", *(c.title for c in shown)]]

@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError
-from interplan_sumo.report.table import Table, make_table
+from interplan_sumo.report.table import ResultsTable, make_table
 
 FILE: Final = "interplan-sumo.nuboard"
 METRICS: Final = "metrics"
@@ -236,7 +236,7 @@ class _Drive:
         return None if found is None else found["score"]
 
 
-def _scored(table: Table) -> Iterator[_Drive]:
+def _scored(table: ResultsTable) -> Iterator[_Drive]:
     for line in table.lines:
         yield from (_Drive.of(row, line.label) for row in line.rows if row["score"] is not None)
 

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from interplan_sumo.batch.run_folder import StoredRun
     from interplan_sumo.report.compare import Comparison
     from interplan_sumo.report.progress import LiveProgress, PlainProgress
-    from interplan_sumo.report.table import Table
+    from interplan_sumo.report.table import ResultsTable
 
 Form = Literal["text", "json", "csv", "markdown"]
 
 
 def print_table(
-    table: Table, form: Form = "text", *, paper: bool = False, why: bool = False, details: bool = False
+    table: ResultsTable, form: Form = "text", *, paper: bool = False, why: bool = False, details: bool = False
 ) -> None:
     """The paper's table on stdout; `details` are for people, JSON has them anyway."""
     from interplan_sumo.report import formats
@@ -52,7 +52,7 @@ def print_comparison(found: Comparison, *, as_json: bool) -> None:
 
 
 def write_page(
-    table: Table, path: Path, runs: Sequence[StoredRun] = (), *, paper: bool = False, replays: str = "none"
+    table: ResultsTable, path: Path, runs: Sequence[StoredRun] = (), *, paper: bool = False, replays: str = "none"
 ) -> None:
     """The report as one HTML file, and replays of these drives beside it; InputError if it cannot be written."""
     from interplan_sumo.report.page.document import page

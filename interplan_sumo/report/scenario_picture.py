@@ -45,19 +45,19 @@ COLUMNS: Final = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Traffic:
+class StagedTraffic:
     """The moving vehicles of seed 0 at t = 0."""
 
     actors: Actors
     behaviours: dict[str, str]
 
 
-def start_traffic(scenario: Scenario, roads: Roads) -> Traffic:
+def start_traffic(scenario: Scenario, roads: Roads) -> StagedTraffic:
     """Who drives where when the scenario begins; opens SUMO unless nothing moves."""
     if not scenario.has_traffic:
-        return Traffic(Actors.none(), {})
+        return StagedTraffic(Actors.none(), {})
     with open_traffic(scenario, roads) as traffic:
-        return Traffic(traffic.observe().actors, dict(traffic.behaviours))
+        return StagedTraffic(traffic.observe().actors, dict(traffic.behaviours))
 
 
 def render_scenario(scenario: Scenario, roads: Roads, path: str | PathLike[str]) -> None:
@@ -206,7 +206,9 @@ def _around(xy: Floats, turned_rad: float, width: int, heights: tuple[int, int],
     return View(float(x_m), float(y_m), turned_rad, width_m, height_m, scale)
 
 
-def _scene(axes: Axes, scenario: Scenario, roads: Roads, traffic: Traffic, colours: dict[str, str], view: View) -> None:
+def _scene(
+    axes: Axes, scenario: Scenario, roads: Roads, traffic: StagedTraffic, colours: dict[str, str], view: View
+) -> None:
     axes.set_facecolor(PAPER)
     axes.set_xlim(-view.width_m / 2.0, view.width_m / 2.0)
     axes.set_ylim(-view.height_m / 2.0, view.height_m / 2.0)
@@ -250,7 +252,12 @@ def _title(figure: Figure, scenario: Scenario, roads: Roads, total: int) -> None
 
 
 def _legend(
-    figure: Figure, scenario: Scenario, roads: Roads, traffic: Traffic, colours: dict[str, str], views: Sequence[View]
+    figure: Figure,
+    scenario: Scenario,
+    roads: Roads,
+    traffic: StagedTraffic,
+    colours: dict[str, str],
+    views: Sequence[View],
 ) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch

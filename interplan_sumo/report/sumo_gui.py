@@ -21,12 +21,12 @@ from interplan_sumo.maps.plain_xml import shape_text
 from interplan_sumo.maps.render import ASPHALT, JUNCTION, PAPER
 from interplan_sumo.maps.store import MapFiles, find_map
 from interplan_sumo.report import scenario_drawing as drawing
-from interplan_sumo.report.moments import deciding_moment
+from interplan_sumo.report.key_events import deciding_moment
 from interplan_sumo.report.sumo_rerun import traffic_at_start, types_of
 from interplan_sumo.report.sumo_xml import colour, configuration, document, tag
-from interplan_sumo.simulation.bodies import navigation_deg
+from interplan_sumo.simulation.agent_kinematics import navigation_deg
 from interplan_sumo.simulation.ego_proxy import EGO
-from interplan_sumo.simulation.network import Network, NetworkLane, read_network
+from interplan_sumo.simulation.network import NetworkLane, SumoNetwork, read_network
 from interplan_sumo.simulation.sumo import DT_S
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, box_corners
@@ -136,7 +136,7 @@ class _Export:
 
     drive: StoredDrive
     files: MapFiles
-    network: Network
+    network: SumoNetwork
     origin_m: tuple[float, float]
     colours: Mapping[str, str]
     """By behaviour."""

@@ -9,7 +9,7 @@ from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.report.sumo_xml import tag
-from interplan_sumo.simulation.network import Network, read_network
+from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.setup import open_sumo_traffic
 from interplan_sumo.simulation.sumo import Commanding, sumo
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
@@ -45,7 +45,7 @@ def _type(kind: str) -> str:
     return tag("vType", id=kind, length=f"{get.getLength(kind):.3f}", width=f"{get.getWidth(kind):.3f}")
 
 
-def _vehicle(name: str, network: Network) -> str:
+def _vehicle(name: str, network: SumoNetwork) -> str:
     get = sumo.vehicle
     lane, position_m = network.lanes[get.getLaneID(name)], float(get.getLanePosition(name))
     if lane.internal:  # SUMO lets nobody depart inside a junction

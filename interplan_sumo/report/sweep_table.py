@@ -20,8 +20,8 @@ from interplan_sumo.batch.jobs import JobKey
 from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.sweep import Parameter, Result
 from interplan_sumo.report.compare import mean_interval
+from interplan_sumo.report.failure_reasons import fault_sentence
 from interplan_sumo.report.table import LANE_CHANGES
-from interplan_sumo.report.why import fault_sentence
 
 HARD_BRAKING_MPS2 = 4.05
 """Beyond it nuPlan calls braking uncomfortable."""

@@ -99,7 +99,7 @@ class Cell:
         return self.done < self.asked
 
 
-class Drives(Sequence[Row]):
+class DriveRows(Sequence[Row]):
     """Rows of one or more runs in an order of their own, each read when it is asked for."""
 
     def __init__(self, places: Sequence[tuple[Mapping[JobKey, Row], JobKey]]) -> None:
@@ -112,10 +112,10 @@ class Drives(Sequence[Row]):
     @overload
     def __getitem__(self, at: int) -> Row: ...
     @overload
-    def __getitem__(self, at: slice) -> Drives: ...
-    def __getitem__(self, at: int | slice) -> Row | Drives:
+    def __getitem__(self, at: slice) -> DriveRows: ...
+    def __getitem__(self, at: int | slice) -> Row | DriveRows:
         if isinstance(at, slice):
-            return Drives(self._places[at])
+            return DriveRows(self._places[at])
         rows, key = self._places[at]
         return rows[key]
 
@@ -134,9 +134,9 @@ class Line:
     scenarios: int
     seeds: int
     """Of the interPlan columns; of ordinary driving where there is nothing else."""
-    rows: Drives
+    rows: DriveRows
     """In suite order, ordinary driving last."""
-    faulty: Drives
+    faulty: DriveRows
     """Those of the rows that ended in a fault."""
     missing: tuple[JobKey, ...]
     families: Mapping[str, frozenset[str]]
@@ -151,7 +151,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ResultsTable:
     """What a report is about."""
 
     suite: str
@@ -197,7 +197,7 @@ class _Driven:
         return cls(run, briefs, keys, ordinary and bool(keys))
 
 
-def make_table(runs: Sequence[StoredRun]) -> Table:
+def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
     """One line per planner and run; official and overridden rows are never mixed.
 
     Runs of ordinary driving may stand beside runs of one other suite: a planner
@@ -212,7 +212,7 @@ def make_table(runs: Sequence[StoredRun]) -> Table:
         _check_agree(group, "suite", "suite_hash")
     first = (others or ordinary)[0].manifest
     beside = ordinary[0].manifest["suite"] if others and ordinary else None
-    return Table(first["suite"], beside, first["profile"], tuple(_lines(driven)))
+    return ResultsTable(first["suite"], beside, first["profile"], tuple(_lines(driven)))
 
 
 def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
@@ -288,8 +288,8 @@ def _line(driven: Sequence[_Driven], planner: str, label: str) -> Line:
         cells={column.key: _cell(column, scenarios.values()) for column in COLUMNS},
         scenarios=len({key[0] for key in first.keys[planner]}),
         seeds=len({key[2] for key in first.keys[planner]}),
-        rows=Drives(rows),
-        faulty=Drives(faulty),
+        rows=DriveRows(rows),
+        faulty=DriveRows(faulty),
         missing=tuple(missing),
         families={family: frozenset(ids) for family, ids in families.items()},
         faults=dict(sorted(faults.items())),

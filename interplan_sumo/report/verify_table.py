@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table as Grid
 from rich.text import Text
 
-from interplan_sumo.batch.verify import Check, Verification
+from interplan_sumo.batch.verify import RowCheck, Verification
 
 
 def verification_json(found: Verification) -> dict[str, Any]:
@@ -25,7 +25,7 @@ def verification_json(found: Verification) -> dict[str, Any]:
     }
 
 
-def _check_json(check: Check) -> dict[str, Any]:
+def _check_json(check: RowCheck) -> dict[str, Any]:
     row, parted = check.row, check.difference
     return {
         "scenario_id": row["scenario_id"],
@@ -86,7 +86,7 @@ def verification_text(found: Verification) -> RenderableType:
     return Group(*parts)
 
 
-def _cells(check: Check) -> dict[str, Text]:
+def _cells(check: RowCheck) -> dict[str, Text]:
     row, parted = check.row, check.difference
     score, now = (f"{100.0 * each:.1f}" if each is not None else "-" for each in (row["score"], check.score))
     cells = {
@@ -102,7 +102,7 @@ def _cells(check: Check) -> dict[str, Text]:
     return {title: Text(text) for title, text in cells.items()}
 
 
-def _reason(check: Check) -> str:
+def _reason(check: RowCheck) -> str:
     """Why, with the first difference and whether rounding explains it."""
     parts = [check.reason]
     if check.difference is not None:
@@ -112,5 +112,5 @@ def _reason(check: Check) -> str:
     return "; ".join(filter(None, parts))
 
 
-def _name(check: Check) -> str:
+def _name(check: RowCheck) -> str:
     return f"{check.row['scenario_id']}, {check.row['planner']}, seed {check.row['seed']}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError, UnknownNameError
-from interplan_sumo.scenario.families import FAMILIES
+from interplan_sumo.families import FAMILIES
 from interplan_sumo.scenario.ordinary import MAKERS
 from interplan_sumo.scenario.route import route_lanes
 from interplan_sumo.scenario.scenario import Scenario

@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 import shapely
 
-from interplan_sumo.scenario.families import lane_change
+from interplan_sumo.families import lane_change
 from interplan_sumo.scenario.scenario import (
     Density,
     Jaywalker,
-    LanePlace,
+    LanePosition,
     Obstacle,
     PlacedVehicle,
     Scenario,
@@ -71,7 +71,7 @@ def _bends(way: Connector, turn: Turn) -> bool:
 
 def _through(
     roads: Roads, way: Connector, before_m: float, after_m: float
-) -> tuple[LanePlace, LanePlace, tuple[str, ...]]:
+) -> tuple[LanePosition, LanePosition, tuple[str, ...]]:
     length_m = roads[way.from_lane_id].centerline.length_m
     behind, start = walk(roads, way.from_lane_id, length_m, -before_m)
     ahead, goal = walk(roads, way.to_lane_id, 0.0, after_m)
@@ -187,8 +187,8 @@ def _pedestrian(id: str, roads: Roads, lane_id: str, _at_m: float, rng: np.rando
     from_left = bool(rng.random() < 0.5)
     here_m, there_m = (left_m + 1.0, -right_m - 1.0) if from_left else (-right_m - 1.0, left_m + 1.0)
     person = Jaywalker(
-        LanePlace(ways[0].id, crossing_m, round(here_m, 2)),
-        LanePlace(ways[0].id, crossing_m, round(there_m, 2)),
+        LanePosition(ways[0].id, crossing_m, round(here_m, 2)),
+        LanePosition(ways[0].id, crossing_m, round(there_m, 2)),
         PEOPLE_MPS,
     )
     return _scenario(id, roads, start, goal, route, share=0.6, density="none", jaywalkers=[person])
@@ -221,7 +221,7 @@ def _change(id: str, roads: Roads, lane_id: str, at_m: float, _rng: np.random.Ge
 
 def _trip(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Generator) -> Scenario:
     """Goes some way through the town: straight on, off to the sides and from lane to lane, as drawn."""
-    start = LanePlace(lane_id, round(at_m, CENTIMETRES))
+    start = LanePosition(lane_id, round(at_m, CENTIMETRES))
     share = float(np.round(rng.choice((0.0, 0.4, 0.7, 0.9)), 1))
     length_m, left_m = roads[lane_id].centerline.length_m, float(rng.uniform(*TRIP_M))
     if not IN_LANE_M <= at_m <= length_m - IN_LANE_M:
@@ -235,7 +235,7 @@ def _trip(id: str, roads: Roads, lane_id: str, at_m: float, rng: np.random.Gener
         here, room_m = way.to_lane_id, roads[way.to_lane_id].centerline.length_m
         chain += [way.from_lane_id, way.id, here]
     begin_m = roads[here].centerline.length_m - room_m
-    goal = _beside(roads, LanePlace(here, round(begin_m + max(left_m, IN_LANE_M), CENTIMETRES)), begin_m, rng)
+    goal = _beside(roads, LanePosition(here, round(begin_m + max(left_m, IN_LANE_M), CENTIMETRES)), begin_m, rng)
     route = roads.route_through((*chain, goal.lane))
     return _scenario(id, roads, start, goal, route, share=share, density=_some(rng), oncoming=_some(rng))
 
@@ -256,7 +256,7 @@ def _way_on(roads: Roads, lane_id: str, room_m: float, rng: np.random.Generator)
     return pool[int(rng.integers(len(pool)))]
 
 
-def _beside(roads: Roads, place: LanePlace, begin_m: float, rng: np.random.Generator) -> LanePlace:
+def _beside(roads: Roads, place: LanePosition, begin_m: float, rng: np.random.Generator) -> LanePosition:
     """A goal, or in most cases the one beside it on a neighbour lane, where there is room to change."""
     neighbours = [lane for lane in (roads.left_of(place.lane), roads.right_of(place.lane)) if lane is not None]
     if not neighbours or place.arc_m - begin_m < CHANGE_ROOM_M or rng.random() >= BESIDE_SHARE:
@@ -264,7 +264,7 @@ def _beside(roads: Roads, place: LanePlace, begin_m: float, rng: np.random.Gener
     lane = neighbours[int(rng.integers(len(neighbours)))]
     there = place.pose(roads)
     arc_m = round(lane.centerline.project_point(there.x_m, there.y_m)[0], CENTIMETRES)
-    return LanePlace(lane.id, min(arc_m, lane.centerline.length_m - IN_LANE_M))
+    return LanePosition(lane.id, min(arc_m, lane.centerline.length_m - IN_LANE_M))
 
 
 # --- parts -------------------------------------------------------------------------------------
@@ -287,7 +287,7 @@ def _along(
 
 
 def _scenario(
-    id: str, roads: Roads, start: LanePlace, goal: LanePlace, route: tuple[str, ...], *,
+    id: str, roads: Roads, start: LanePosition, goal: LanePosition, route: tuple[str, ...], *,
     share: float, density: Density, oncoming: Density = "none", vehicles: Sequence[PlacedVehicle] = (),
     obstacles: Sequence[Obstacle] = (), jaywalkers: Sequence[Jaywalker] = (),
 ) -> Scenario:  # fmt: skip
@@ -306,7 +306,7 @@ def _scenario(
     )
 
 
-def _limit_mps(roads: Roads, place: LanePlace) -> float:
+def _limit_mps(roads: Roads, place: LanePosition) -> float:
     return roads[place.lane].speed_limit_mps or USUAL_LIMIT_MPS
 
 
@@ -314,12 +314,12 @@ def _some(rng: np.random.Generator) -> Density:
     return ("low", "medium")[int(rng.integers(2))]
 
 
-def _ahead_of(roads: Roads, start: LanePlace, ahead_m: float) -> LanePlace:
+def _ahead_of(roads: Roads, start: LanePosition, ahead_m: float) -> LanePosition:
     """A place ahead of the start, on its lane; UnsuitableError where the lane ends before."""
     arc_m = round(start.arc_m + ahead_m, 2)
     if arc_m > roads[start.lane].centerline.length_m - 3.0:
         raise UnsuitableError("the lane ends before the car ahead would stand")
-    return LanePlace(start.lane, arc_m)
+    return LanePosition(start.lane, arc_m)
 
 
 TYPES: Final[dict[str, Maker]] = {

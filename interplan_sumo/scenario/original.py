@@ -55,7 +55,7 @@ class Letters:
 
 
 @dataclass(frozen=True, slots=True)
-class Walk:
+class PublishedWalk:
     """A pedestrian's way, in the map frame."""
 
     start: Point
@@ -76,7 +76,7 @@ class Original:
     cars: tuple[tuple[float, float, float], ...] = ()
     buses: tuple[tuple[float, float, float], ...] = ()
     cones: tuple[Point, ...] = ()
-    walks: tuple[Walk, ...] = ()
+    walks: tuple[PublishedWalk, ...] = ()
     moving: tuple[tuple[float, float, float], ...] = ()
     """x, y and speed of single cars that drive."""
     filled_at: tuple[Point, ...] = ()
@@ -208,14 +208,14 @@ class _Details:
             self._numbers(row[:width] if more and isinstance(row, list) else row, key, width) for row in self._list(key)
         ]
 
-    def walks(self) -> list[Walk]:
+    def walks(self) -> list[PublishedWalk]:
         """The pedestrians: two points and, if it is not left to the distance, the step at which they begin."""
-        found: list[Walk] = []
+        found: list[PublishedWalk] = []
         for row in self._list("pedestrian"):
             trigger = row[4] if isinstance(row, list) and len(row) == 5 else None
             x0, y0, x1, y1 = self._numbers(row[:4] if isinstance(row, list) else row, "pedestrian", 4)
             step = None if trigger in (None, "", "null") else int(self._numbers([trigger], "pedestrian", 1)[0])
-            found.append(Walk((x0, y0), (x1, y1), step))
+            found.append(PublishedWalk((x0, y0), (x1, y1), step))
         return found
 
     def _list(self, key: str) -> Sequence[Any]:

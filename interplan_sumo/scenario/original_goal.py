@@ -9,7 +9,7 @@ from typing import Final
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.original import GoalSide, Original, Point
 from interplan_sumo.scenario.recorded import END_M, floored_m
-from interplan_sumo.scenario.scenario import LanePlace
+from interplan_sumo.scenario.scenario import LanePosition
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
 
@@ -23,8 +23,8 @@ NEAR_M: Final = 20.0
 
 
 def way_to_goal(
-    original: Original, roads: Roads, start: LanePlace, logged: tuple[str, ...], duration_s: float
-) -> tuple[tuple[str, ...], LanePlace]:
+    original: Original, roads: Roads, start: LanePosition, logged: tuple[str, ...], duration_s: float
+) -> tuple[tuple[str, ...], LanePosition]:
     """Route and goal of a scenario whose name asks for a goal side.
 
     `logged` are the roadblocks that were driven: a way without a goal point
@@ -37,7 +37,7 @@ def way_to_goal(
     return _turning(original, roads, start, TURN_RAD[original.letters.goal], len(logged), duration_s)
 
 
-def _to_point(name: str, roads: Roads, start: LanePlace, point: Point) -> tuple[tuple[str, ...], LanePlace]:
+def _to_point(name: str, roads: Roads, start: LanePosition, point: Point) -> tuple[tuple[str, ...], LanePosition]:
     """The fewest roadblocks to the lane at a point."""
     lane = _lane_at(name, roads, point)
     here = start.pose(roads)
@@ -47,7 +47,7 @@ def _to_point(name: str, roads: Roads, start: LanePlace, point: Point) -> tuple[
     if route is None:
         raise ScenarioError(f"{name}: no way leads from lane {start.lane} to the goal {_said(point)} on lane {lane}")
     arc_m = roads[lane].centerline.project_point(*point)[0]
-    return route, LanePlace(lane, floored_m(arc_m))
+    return route, LanePosition(lane, floored_m(arc_m))
 
 
 def _lane_at(name: str, roads: Roads, point: Point) -> str:
@@ -78,8 +78,8 @@ def _fewest(roads: Roads, first: str, last: str) -> tuple[str, ...] | None:
 
 
 def _turning(
-    original: Original, roads: Roads, start: LanePlace, turn_rad: float, count: int, duration_s: float
-) -> tuple[tuple[str, ...], LanePlace]:
+    original: Original, roads: Roads, start: LanePosition, turn_rad: float, count: int, duration_s: float
+) -> tuple[tuple[str, ...], LanePosition]:
     """At every fork the roadblock that turns most nearly as wanted, as many as were driven, up to what is in reach.
 
     The goal is the end of the rightmost lane of the last roadblock that can be
@@ -104,7 +104,7 @@ def _turning(
         raise ScenarioError(f"{original.name}: the ego starts on a connector that leads nowhere")
     lane = roads.roadblocks[route[-1]].lane_ids[-1]
     length_m = roads[lane].centerline.length_m
-    return tuple(route), LanePlace(lane, floored_m(length_m - min(END_M, length_m / 2.0)))
+    return tuple(route), LanePosition(lane, floored_m(length_m - min(END_M, length_m / 2.0)))
 
 
 def _lanes(roads: Roads, block: str) -> tuple[str, ...]:

@@ -10,14 +10,14 @@ import numpy as np
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.matching import matches
-from interplan_sumo.scenario.original import UNNAMED_POLICY, Original, Point, Walk
+from interplan_sumo.scenario.original import UNNAMED_POLICY, Original, Point, PublishedWalk
 from interplan_sumo.scenario.original_goal import way_to_goal
 from interplan_sumo.scenario.recorded import DECIMALS_M, RecordedScene, ego_scene, floored_m
 from interplan_sumo.scenario.recorded_lights import with_recorded_lights
 from interplan_sumo.scenario.scenario import (
     Density,
     Jaywalker,
-    LanePlace,
+    LanePosition,
     Obstacle,
     ObstacleKind,
     PlacedVehicle,
@@ -96,11 +96,11 @@ def _obstacle(
     return found
 
 
-def _speed_mps(walk: Walk) -> float:
+def _speed_mps(walk: PublishedWalk) -> float:
     return hypot(walk.end[0] - walk.start[0], walk.end[1] - walk.start[1]) / CROSSING_S
 
 
-def _stands(walk: Walk) -> bool:
+def _stands(walk: PublishedWalk) -> bool:
     return _speed_mps(walk) < SLOWEST_MPS
 
 
@@ -128,7 +128,7 @@ def _moving(original: Original, roads: Roads, notes: list[str]) -> tuple[PlacedV
         if near is None or abs(beside[near][1]) > LANE_REACH_M:
             notes.append(f"the single car at {_said((x_m, y_m))} is left out: it is on no lane")
         else:
-            found.append(PlacedVehicle(LanePlace(near, floored_m(beside[near][0])), round(speed_mps, DECIMALS_M)))
+            found.append(PlacedVehicle(LanePosition(near, floored_m(beside[near][0])), round(speed_mps, DECIMALS_M)))
     return tuple(found)
 
 

@@ -17,12 +17,12 @@ from interplan_sumo.scenario.ego_past import PAST_STEPS, EgoPast
 from interplan_sumo.scenario.matching import LaneMatch, MatchedPath, matched_path
 from interplan_sumo.scenario.recorded_lights import with_recorded_lights
 from interplan_sumo.scenario.replayed import REPLAYED, ReplayedKind, ReplayedTrack
-from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
 from interplan_sumo.scenario.surroundings import Surroundings, surroundings
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, Pose, wrap_angle
-from interplan_sumo.world.recording import Recording, Track
+from interplan_sumo.world.recording import RecordedTrack, Recording
 from interplan_sumo.world.roads import Connector, Roads
 
 Agents = Literal["sumo", "replayed"]
@@ -85,7 +85,7 @@ def scene(
 def ego_scene(
     recording: Recording, roads: Roads, *, ego_id: str | None, at_s: float, agents: Agents, goal_m: float,
     duration_s: float | None,
-) -> tuple[Scenario, Track, int, tuple[str, ...]]:  # fmt: skip
+) -> tuple[Scenario, RecordedTrack, int, tuple[str, ...]]:  # fmt: skip
     """`scene` with the ego and the recorded lights only; the ego's track, the step that it begins at, and notes."""
     if recording.crs != roads.crs:
         raise ScenarioError(
@@ -130,7 +130,7 @@ def _step(recording: Recording, at_s: float) -> int:
     return recording.start_step + round(at_s / recording.step_s)
 
 
-def _ego(recording: Recording, ego_id: str | None, step: int) -> Track:
+def _ego(recording: Recording, ego_id: str | None, step: int) -> RecordedTrack:
     """The track that the ego takes the place of."""
     vehicles = {track.id: track for track in recording.tracks if track.kind is ActorKind.VEHICLE}
     wanted = recording.ego_id if ego_id is None else ego_id
@@ -152,16 +152,16 @@ def _ego(recording: Recording, ego_id: str | None, step: int) -> Track:
     return track
 
 
-def _travelled_m(track: Track) -> float:
+def _travelled_m(track: RecordedTrack) -> float:
     return float(np.hypot(*np.diff(track.poses[:, :2], axis=0).T).sum())
 
 
-def _start(first: LaneMatch) -> LanePlace:
+def _start(first: LaneMatch) -> LanePosition:
     left_m = min(max(first.left_m, -ON_LANE_M), ON_LANE_M)
-    return LanePlace(first.lane, floored_m(first.arc_m), round(left_m, DECIMALS_M))
+    return LanePosition(first.lane, floored_m(first.arc_m), round(left_m, DECIMALS_M))
 
 
-def _past(ego: Track, row: int, step_s: float, start: Pose) -> EgoPast | None:
+def _past(ego: RecordedTrack, row: int, step_s: float, start: Pose) -> EgoPast | None:
     """The track before a row, moved and turned so that it ends in the start; None where it is too short."""
     at = row + np.arange(-PAST_STEPS, 0) * STEP_S / step_s
     if at[0] < -1e-6:
@@ -188,8 +188,8 @@ def floored_m(arc_m: float) -> float:
 
 
 def _way(
-    recording: Recording, roads: Roads, ego: Track, path: MatchedPath, goal_m: float
-) -> tuple[tuple[str, ...], LanePlace, tuple[str, ...]]:
+    recording: Recording, roads: Roads, ego: RecordedTrack, path: MatchedPath, goal_m: float
+) -> tuple[tuple[str, ...], LanePosition, tuple[str, ...]]:
     """Route, goal and notes: along the recorded path, then straight on until the goal is `goal_m` away."""
     chain, is_simple = _one_lane_per_block(roads, path.chain)
     ends = _ends_m(roads, chain, path.first)
@@ -209,7 +209,7 @@ def _way(
     chain, ends = _up_to(roads, chain, ends, wanted_m)
     last = roads[chain[-1]].centerline.length_m
     reached_m = min(wanted_m, ends[-1] - min(END_M, last / 2.0))
-    goal = LanePlace(chain[-1], floored_m(max(reached_m - (ends[-1] - last), min(END_M, last / 2.0))))
+    goal = LanePosition(chain[-1], floored_m(max(reached_m - (ends[-1] - last), min(END_M, last / 2.0))))
     at_m = ends[-1] - last + goal.arc_m
     if at_m <= PACIFICA.length_m:
         raise ScenarioError(
@@ -289,7 +289,7 @@ def _driven(bare: Scenario, around: Surroundings) -> Scenario:
 
 
 def _replayed(
-    bare: Scenario, recording: Recording, others: list[Track], step: int
+    bare: Scenario, recording: Recording, others: list[RecordedTrack], step: int
 ) -> tuple[Scenario, tuple[tuple[str, str], ...]]:
     """Everyone follows their track."""
     steps = round(bare.duration_s / STEP_S) + 1
@@ -309,7 +309,7 @@ def _replayed(
     return replace(bare, replayed=tuple(found)), tuple(left_out)
 
 
-def replayed_track(track: Track, step_s: float, start: int, steps: int) -> ReplayedTrack | str:
+def replayed_track(track: RecordedTrack, step_s: float, start: int, steps: int) -> ReplayedTrack | str:
     """A track from step `start` of a recording on, at `steps` instants 0.1 s apart; why it is none of them otherwise.
 
     Between two steps of the recording everything is interpolated; nothing is invented before or behind the track.

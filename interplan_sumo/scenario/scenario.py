@@ -30,7 +30,7 @@ ADDED_LATER = frozenset({"replayed", "lights", "past"})
 
 
 @dataclass(frozen=True, slots=True)
-class LanePlace:
+class LanePosition:
     """A place on a lane: arc length along its centre line and offset to the left."""
 
     lane: str
@@ -68,7 +68,7 @@ PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M = 0.9, 0.79
 class Obstacle:
     """Something that stands in or beside the road for the whole run."""
 
-    place: LanePlace
+    place: LanePosition
     """Of its centre."""
     kind: ObstacleKind = "car"
     turned_rad: float = 0.0
@@ -93,8 +93,8 @@ class Obstacle:
 class Jaywalker:
     """A pedestrian who waits at the kerb and walks straight across when the ego comes near, yielding to nobody."""
 
-    start: LanePlace
-    end: LanePlace
+    start: LanePosition
+    end: LanePosition
     speed_mps: float
 
 
@@ -119,7 +119,7 @@ VEHICLE_KINDS: tuple[VehicleKind, ...] = ("car", "truck", "bus", "motorcycle")
 class PlacedVehicle:
     """A moving vehicle that starts on a given place, besides those that the density brings."""
 
-    place: LanePlace
+    place: LanePosition
     """Of its centre; on the centre line of a lane."""
     speed_mps: float
     kind: VehicleKind = "car"
@@ -134,9 +134,9 @@ class Scenario:
     """`family/index`."""
     family: str
     map: str
-    start: LanePlace
+    start: LanePosition
     start_speed_mps: float
-    goal: LanePlace
+    goal: LanePosition
     """The run ends when the ego's projection on the route passes this place, in any lane."""
     route: tuple[str, ...]
     """Roadblock and roadblock-connector ids in driving order."""

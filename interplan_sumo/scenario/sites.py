@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from interplan_sumo.scenario.scenario import LanePlace
+from interplan_sumo.scenario.scenario import LanePosition
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import USUAL_LIMIT_MPS, DrivingSide, Lane, Roads
 
@@ -41,8 +41,8 @@ class Site:
     lane: str
     at_m: float
     """Arc length on `lane`."""
-    start: LanePlace
-    goal: LanePlace
+    start: LanePosition
+    goal: LanePosition
     route: tuple[str, ...]
     driving_side: DrivingSide
     limit_mps: float
@@ -89,10 +89,10 @@ class Site:
         """Lanes of the same direction between this one and the middle of the road."""
         return self.lanes_right if self.driving_side == "left" else self.lanes_left
 
-    def place(self, ahead_m: float, towards_kerb_m: float = 0.0) -> LanePlace:
+    def place(self, ahead_m: float, towards_kerb_m: float = 0.0) -> LanePosition:
         """A place `ahead_m` behind the site in driving direction (negative: before it) and towards the near kerb."""
         arc_m, left_m = self.at_m + ahead_m, self.kerb * towards_kerb_m
-        return LanePlace(self.lane, round(arc_m, CENTIMETRES), round(left_m, CENTIMETRES) + 0.0)
+        return LanePosition(self.lane, round(arc_m, CENTIMETRES), round(left_m, CENTIMETRES) + 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +185,7 @@ def find_sites(
 # --- the way there and on ----------------------------------------------------------------------
 
 
-def walk(roads: Roads, lane_id: str, at_m: float, distance_m: float) -> tuple[list[str], LanePlace]:
+def walk(roads: Roads, lane_id: str, at_m: float, distance_m: float) -> tuple[list[str], LanePosition]:
     """Lanes and connectors beyond `lane_id` in walking order, and the place `distance_m` away (negative: upstream).
 
     Follows the straightest way without traffic lights; UnsuitableError where there is none.
@@ -199,7 +199,7 @@ def walk(roads: Roads, lane_id: str, at_m: float, distance_m: float) -> tuple[li
             arc_m = room_m - left_m if distance_m < 0.0 else line.length_m - (room_m - left_m)
             arc_m = max(arc_m, IN_LANE_M) if distance_m > 0.0 else min(arc_m, line.length_m - IN_LANE_M)
             if IN_LANE_M <= arc_m <= line.length_m - IN_LANE_M:
-                return chain, LanePlace(here, round(arc_m, CENTIMETRES))
+                return chain, LanePosition(here, round(arc_m, CENTIMETRES))
         left_m -= room_m
         here = _next(roads, here, upstream=distance_m < 0.0, walked_m=abs(distance_m) - left_m)
         chain.append(here)

@@ -10,9 +10,9 @@ from importlib.resources import files
 from pathlib import Path
 
 from interplan_sumo.errors import ScenarioError, UnknownNameError
+from interplan_sumo.families import FAMILIES
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate, Summary
-from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.trace import EgoTrack

@@ -13,7 +13,7 @@ from interplan_sumo.scenario.matching import LaneMatch, matches
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import (
     VEHICLE_KINDS,
-    LanePlace,
+    LanePosition,
     Obstacle,
     ObstacleKind,
     PlacedVehicle,
@@ -23,7 +23,7 @@ from interplan_sumo.scenario.scenario import (
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, box_corners, penetration_m, wrap_angle
-from interplan_sumo.world.recording import Track
+from interplan_sumo.world.recording import RecordedTrack
 from interplan_sumo.world.roads import Lane, Roads
 
 STANDS_MPS: Final = 0.5
@@ -63,7 +63,7 @@ class Surroundings:
     """Ids of tracks with the reason."""
 
 
-def surroundings(tracks: Sequence[Track], step: int, bare: Scenario, roads: Roads) -> Surroundings:
+def surroundings(tracks: Sequence[RecordedTrack], step: int, bare: Scenario, roads: Roads) -> Surroundings:
     """Everyone who is there at a step of the recording, the nearest to the ego first, as far as they can be staged.
 
     Whoever comes later cannot be; nor can those who drive inside a junction or
@@ -75,7 +75,7 @@ def surroundings(tracks: Sequence[Track], step: int, bare: Scenario, roads: Road
     obstacles: list[Obstacle] = []
     left_out: list[tuple[str, str]] = []
 
-    def away_m(track: Track) -> float:
+    def away_m(track: RecordedTrack) -> float:
         row = track.at(step)
         return np.inf if row is None else float(np.hypot(*(track.poses[row, :2] - (start.x_m, start.y_m))))
 
@@ -96,7 +96,7 @@ def surroundings(tracks: Sequence[Track], step: int, bare: Scenario, roads: Road
     return Surroundings(tuple(vehicles), tuple(obstacles), tuple(sorted(left_out)))
 
 
-def _staged(track: Track, step: int, bare: Scenario, roads: Roads) -> PlacedVehicle | Obstacle | str:
+def _staged(track: RecordedTrack, step: int, bare: Scenario, roads: Roads) -> PlacedVehicle | Obstacle | str:
     """What a track is in the scenario, or why it is nothing."""
     row = track.at(step)
     if row is None:
@@ -134,11 +134,11 @@ def _vehicle(match: LaneMatch, kind: VehicleKind, speed_mps: float, roads: Roads
     arc_m = min(max(match.arc_m, half_m + 0.001), length_m - half_m - 0.001)
     if abs(arc_m - match.arc_m) > MOVED_M:
         return f"it reaches beyond lane {match.lane} by more than {MOVED_M:g} m"
-    place = LanePlace(match.lane, floor(arc_m * 1000.0) / 1000.0)
+    place = LanePosition(match.lane, floor(arc_m * 1000.0) / 1000.0)
     return PlacedVehicle(place, round(speed_mps if speed_mps >= STANDS_MPS else 0.0, 3), kind)
 
 
-def _obstacle(track: Track, kind: ObstacleKind, pose: Floats, bare: Scenario, roads: Roads) -> Obstacle | str:
+def _obstacle(track: RecordedTrack, kind: ObstacleKind, pose: Floats, bare: Scenario, roads: Roads) -> Obstacle | str:
     """Where it was recorded, given by the nearest lane that it lies beside."""
     found = obstacle_at(roads, kind, pose, (round(track.length_m, 3), round(track.width_m, 3)))
     return f"it stands beside no lane within {OFF_LANES_M:g} m" if found is None else _before_goal(found, bare, roads)
@@ -157,11 +157,11 @@ def obstacle_at(
     return Obstacle(place, kind, round(turned_rad, 5), *size_m)
 
 
-def place_at(roads: Roads, x_m: float, y_m: float, reach_m: float) -> LanePlace | None:
+def place_at(roads: Roads, x_m: float, y_m: float, reach_m: float) -> LanePosition | None:
     """The point as a place beside the nearest lane or connector that it lies beside; None if none is within reach."""
     for lane in sorted(roads.lanes_near(x_m, y_m, reach_m), key=lambda each: _away_m(roads, each, x_m, y_m)):
         arc_m, left_m = roads[lane].centerline.project_point(x_m, y_m)
-        place = LanePlace(lane, floor(arc_m * 1000.0) / 1000.0, round(left_m, 3))
+        place = LanePosition(lane, floor(arc_m * 1000.0) / 1000.0, round(left_m, 3))
         there = place.pose(roads)
         if np.hypot(there.x_m - x_m, there.y_m - y_m) <= EXACT_M:
             return place

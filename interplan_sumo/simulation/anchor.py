@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, hypot, sin
 
-from interplan_sumo.simulation.network import Network, Strip
-from interplan_sumo.simulation.tiles import ego_ring
+from interplan_sumo.simulation.lane_polygons import ego_ring
+from interplan_sumo.simulation.network import LanePiece, SumoNetwork
 from interplan_sumo.world.ego import EgoShape, EgoState
 
 REACH_M = 20.0
@@ -36,7 +36,7 @@ class Anchor:
 
 
 def find_anchor(
-    network: Network,
+    network: SumoNetwork,
     front: tuple[float, float],
     heading_rad: float,
     before: Anchor | None,
@@ -59,7 +59,7 @@ def find_anchor(
     )
 
 
-def _still_on(network: Network, before: Anchor, front: tuple[float, float], heading_rad: float) -> Anchor | None:
+def _still_on(network: SumoNetwork, before: Anchor, front: tuple[float, float], heading_rad: float) -> Anchor | None:
     """The anchor moved along its lane while the front is inside that normal lane: what the full search would find."""
     lane = network.lanes[before.lane]
     if lane.internal:
@@ -76,7 +76,7 @@ def _still_on(network: Network, before: Anchor, front: tuple[float, float], head
 
 
 def _nearest(
-    network: Network,
+    network: SumoNetwork,
     front: tuple[float, float],
     reach_m: float,
     heading_rad: float,
@@ -86,7 +86,7 @@ def _nearest(
     """The anchor of the least cost on lanes of the ego's direction that lie within reach."""
     x, y = front
     least: tuple[float, str] | None = None
-    best: tuple[Strip, float, bool] | None = None
+    best: tuple[LanePiece, float, bool] | None = None
     for strip, away_m in network.strips_around(x, y, reach_m):
         if least is not None and away_m > least[0]:
             break  # nothing farther can cost less
@@ -109,7 +109,7 @@ def _nearest(
 
 
 def touches_road(
-    network: Network, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float], anchor: Anchor
+    network: SumoNetwork, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float], anchor: Anchor
 ) -> bool:
     """Whether the ego's box reaches into any lane."""
     lane, half_m, reach_m = network.lanes[anchor.lane], shape.width_m / 2.0, shape.length_m / 2.0

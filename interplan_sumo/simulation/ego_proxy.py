@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from math import cos, sin
 
+from interplan_sumo.simulation.agent_kinematics import navigation_deg
 from interplan_sumo.simulation.anchor import Anchor, find_anchor, touches_road
-from interplan_sumo.simulation.bodies import navigation_deg
-from interplan_sumo.simulation.network import Network
+from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.sumo import Commanding, finite, sumo
 from interplan_sumo.world.ego import EgoShape, EgoState
 
@@ -26,7 +26,12 @@ class EgoProxy:
     """The proxy of one episode."""
 
     def __init__(
-        self, network: Network, origin_m: tuple[float, float], shape: EgoShape, route: tuple[str, ...], ego: EgoState
+        self,
+        network: SumoNetwork,
+        origin_m: tuple[float, float],
+        shape: EgoShape,
+        route: tuple[str, ...],
+        ego: EgoState,
     ) -> None:
         """Add it to SUMO; `route` are SUMO edges."""
         self._network = network

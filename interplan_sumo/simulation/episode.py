@@ -23,8 +23,8 @@ from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.history import PAST_STEPS, invented_past
 from interplan_sumo.simulation.setup import open_traffic, start_state
-from interplan_sumo.simulation.sight import occluding_box, visible
-from interplan_sumo.simulation.traffic import Scene, Traffic
+from interplan_sumo.simulation.traffic import Traffic, TrafficState
+from interplan_sumo.simulation.visibility import occluding_box, visible
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.geometry import Polyline
@@ -41,7 +41,7 @@ _T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class EpisodeFault:
     """Why an episode ended before its time."""
 
     kind: FaultClass
@@ -65,7 +65,7 @@ class Episode:
 
     trace: Trace | None
     """None if nothing was recorded."""
-    fault: Fault | None
+    fault: EpisodeFault | None
     reached_goal: bool
     times_s: dict[str, float]
     """Wall-clock seconds spent in `setup`, `simulation`, `planner` and the rest, `loop`."""
@@ -107,7 +107,7 @@ def drive(
     try:
         traffic = open_traffic(scenario, roads, seed=seed, vehicle_types=options.vehicle_types, shape=options.shape)
     except TrafficError as error:
-        return Episode(None, Fault("traffic", str(error)), False, {"setup": time.perf_counter() - began})
+        return Episode(None, EpisodeFault("traffic", str(error)), False, {"setup": time.perf_counter() - began})
     setup_s = time.perf_counter() - began
     try:
         episode = run_loop(scenario, roads, planner, traffic, options=options, on_phase=tell)
@@ -132,9 +132,11 @@ def run_loop(
     try:
         _run(loop, planner, options.plan_limit_s, on_phase)
     except PlannerError as error:
-        fault = Fault("planner", f"{error} (t = {(len(record.egos) - 1) * DT_S:.1f} s)" if record.egos else str(error))
+        fault = EpisodeFault(
+            "planner", f"{error} (t = {(len(record.egos) - 1) * DT_S:.1f} s)" if record.egos else str(error)
+        )
     except TrafficError as error:
-        fault = Fault("traffic", f"{error} (scenario {scenario.id}, t = {len(record.egos) * DT_S:.1f} s)")
+        fault = EpisodeFault("traffic", f"{error} (scenario {scenario.id}, t = {len(record.egos) * DT_S:.1f} s)")
     on_phase("record")
     trace = loop.trace()
     planner_s = sum(record.plan_wall_s)
@@ -165,7 +167,7 @@ class Loop:
     """
 
     ego: EgoState
-    scene: Scene
+    scene: TrafficState
     """Both now."""
     route: Polyline
     """The route as one line, map frame."""
@@ -233,9 +235,9 @@ class Loop:
         return self.record.trace(dict(self.traffic.behaviours), self.shape)
 
 
-def _planned(planner: Planner, seen: Observation, record: _Record, limit_s: float) -> Trajectory:
+def _planned(planner: Planner, observation: Observation, record: _Record, limit_s: float) -> Trajectory:
     began = time.perf_counter()
-    plan = _guarded(lambda: planner.plan(seen), "plan()")
+    plan = _guarded(lambda: planner.plan(observation), "plan()")
     wall_s = time.perf_counter() - began
     record.plan_wall_s.append(wall_s)
     if wall_s > limit_s:

@@ -19,14 +19,14 @@ from math import cos, hypot, inf, sin
 import numpy as np
 
 from interplan_sumo.scenario.scenario import SMALLEST_GAP_M
+from interplan_sumo.simulation.agent_registry import AgentRegistry
 from interplan_sumo.simulation.idm import acceleration_mps2, largest_speed_mps
-from interplan_sumo.simulation.network import HALF_PASSAGE_M, Network, NetworkLink
-from interplan_sumo.simulation.obstacles import Blockage
-from interplan_sumo.simulation.roster import Roster
+from interplan_sumo.simulation.lane_chains import ROUTE_M, continued_route, upstream_of
+from interplan_sumo.simulation.network import HALF_PASSAGE_M, NetworkLink, SumoNetwork
+from interplan_sumo.simulation.obstacles import LaneBlockage
+from interplan_sumo.simulation.plain_polyline import PlainPolyline
 from interplan_sumo.simulation.spawning import CAR_LENGTH_M, CLEAR_M, FilledLane, Spawn, safe, start_speed_mps
-from interplan_sumo.simulation.track import Track
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
-from interplan_sumo.simulation.ways import ROUTE_M, continued_route, upstream_of
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats, Polyline
 
@@ -81,7 +81,7 @@ class Inflow:
     """The queue of one chain of lanes. Places are arc lengths along the chain's line, before 0 is off the map."""
 
     def __init__(
-        self, network: Network, filled: FilledLane, blocked: Sequence[Blockage], arrivals: list[Arrival],
+        self, network: SumoNetwork, filled: FilledLane, blocked: Sequence[LaneBlockage], arrivals: list[Arrival],
         speed_mps: float, dt_s: float, taken: set[str],
     ) -> None:  # fmt: skip
         """`arrivals` in the order in which they come; `speed_mps` is that of the flow.
@@ -94,7 +94,7 @@ class Inflow:
         self._stretches = [*upstream, *filled.chain]
         self._first_filled = len(upstream)
         self._line, self._starts_m = _joined([stretch.lane.line for stretch in self._stretches])
-        self._track = Track(self._line)
+        self._track = PlainPolyline(self._line)
         self._at_edge = not network.incoming.get(self._stretches[0].lane.id)
         self._begin_m = max(LONGEST_HALF_M, self._arc_of(filled.begin_m))
         self._closed = self._closed_spans(blocked)
@@ -113,7 +113,7 @@ class Inflow:
         stretch = self._stretches[at]
         return self._starts_m[at] + stretch.lane.arc_of(min(chain_m - stretch.start_m, stretch.lane.length_m))
 
-    def _closed_spans(self, blocked: Sequence[Blockage]) -> list[tuple[float, float]]:
+    def _closed_spans(self, blocked: Sequence[LaneBlockage]) -> list[tuple[float, float]]:
         starts = {stretch.lane.id: i for i, stretch in enumerate(self._stretches)}
         found: list[tuple[float, float]] = []
         for each in blocked:
@@ -128,7 +128,7 @@ class Inflow:
         self._head_m = min(self._begin_m + RETRY_STEPS * self._step_m, self._head_m + self._step_m)
 
     def entry(
-        self, roster: Roster, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float],
+        self, roster: AgentRegistry, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float],
         opens: Callable[[NetworkLink], bool],
     ) -> Spawn | None:  # fmt: skip
         """The first in the queue, if it drives in now; `opens` tells which links are open."""
@@ -180,7 +180,7 @@ class Inflow:
         return self._starts_m[at] + self._stretches[at].lane.line.length_m
 
     def _others(
-        self, centre_m: float, roster: Roster, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float]
+        self, centre_m: float, roster: AgentRegistry, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float]
     ) -> _Others:
         """Everyone near a place who is, or reaches, on the lane, where they will be after the step."""
         heading, half_m = np.append(roster.bodies.heading_rad, ego.heading_rad), shape.length_m / 2.0
@@ -292,7 +292,7 @@ class Flow:
         self._looked = [0] * len(inflows)
 
     def entry(
-        self, roster: Roster, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float],
+        self, roster: AgentRegistry, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float],
         opens: Callable[[NetworkLink], bool],
     ) -> tuple[str, Spawn] | None:  # fmt: skip
         """Who drives in with the next step, if anyone, and under which id; to be called once per step."""

@@ -23,8 +23,8 @@ from defusedxml import DefusedXmlException
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.simulation.tiles import Area, Grid, Ring, Tile, tiles_between
-from interplan_sumo.simulation.track import Track
+from interplan_sumo.simulation.lane_polygons import ClipArea, RectangleIndex, Ring, Tile, tiles_between
+from interplan_sumo.simulation.plain_polyline import PlainPolyline
 from interplan_sumo.world.geometry import Floats, Polyline
 
 SHAPE_TOLERANCE_M = 0.005
@@ -76,12 +76,12 @@ class NetworkLane:
         return position_m * self.line.length_m / self.length_m
 
     @cached_property
-    def track(self) -> Track:
+    def track(self) -> PlainPolyline:
         """The line in plain floats."""
-        return Track(self.line)
+        return PlainPolyline(self.line)
 
     @cached_property
-    def strips(self) -> tuple[Strip, ...]:
+    def strips(self) -> tuple[LanePiece, ...]:
         """The lane in short pieces, upstream to downstream."""
         line = self.line.resampled(STRIP_M)
         delta = np.diff(line.points, axis=0) / np.diff(line.arc_m)[:, None]
@@ -91,7 +91,7 @@ class NetworkLane:
         reach = self.width_m / 2.0 / np.maximum(0.5, (unit[1:] * delta).sum(axis=1))
         across = np.stack((-unit[:, 1], unit[:, 0]), axis=1) * np.append(reach[:1], reach)[:, None]
         left, right = line.points + across, line.points - across
-        strips: list[Strip] = []
+        strips: list[LanePiece] = []
         first = 0
         for last in range(1, len(line.points)):
             if last == len(line.points) - 1 or line.arc_m[last + 1] - line.arc_m[first] > STRIP_M + 1e-9:
@@ -99,14 +99,16 @@ class NetworkLane:
                 polygon = shapely.Polygon(np.concatenate((left[rows], right[rows][::-1])))
                 valid = polygon if polygon.is_valid else shapely.convex_hull(polygon)
                 strips.append(
-                    Strip(self, float(line.arc_m[first]), Polyline(line.points[rows]), valid, left[rows], right[rows])
+                    LanePiece(
+                        self, float(line.arc_m[first]), Polyline(line.points[rows]), valid, left[rows], right[rows]
+                    )
                 )
                 first = last
         return tuple(strips)
 
 
 @dataclass(frozen=True, eq=False)
-class Strip:
+class LanePiece:
     """A short piece of a lane: what is found and cut fast."""
 
     lane: NetworkLane
@@ -120,9 +122,9 @@ class Strip:
     """(N, 2) right ends."""
 
     @cached_property
-    def track(self) -> Track:
+    def track(self) -> PlainPolyline:
         """The line in plain floats."""
-        return Track(self.line)
+        return PlainPolyline(self.line)
 
     @cached_property
     def tiles(self) -> tuple[Tile, ...]:
@@ -140,7 +142,7 @@ class Strip:
 
 
 @dataclass(frozen=True, eq=False)
-class Network:
+class SumoNetwork:
     """All lanes of one network and how they join."""
 
     path: Path
@@ -153,7 +155,7 @@ class Network:
     """State strings of each traffic light's program, from time 0 on."""
 
     @cached_property
-    def strips(self) -> tuple[tuple[Strip, ...], shapely.STRtree]:
+    def strips(self) -> tuple[tuple[LanePiece, ...], shapely.STRtree]:
         """All lanes in short pieces and a spatial index over them."""
         strips = tuple(strip for lane in self.lanes.values() for strip in lane.strips)
         return strips, shapely.STRtree([strip.polygon for strip in strips])
@@ -172,15 +174,15 @@ class Network:
         return float(easternmost[0]) + NOWHERE_M, float(easternmost[1])
 
     @cached_property
-    def _grid(self) -> Grid:
-        return Grid(shapely.bounds([strip.polygon for strip in self.strips[0]]))
+    def _grid(self) -> RectangleIndex:
+        return RectangleIndex(shapely.bounds([strip.polygon for strip in self.strips[0]]))
 
-    def strips_near(self, area: Area) -> list[Strip]:
+    def strips_near(self, area: ClipArea) -> list[LanePiece]:
         """The strips whose upright rectangles meet an area's, in the order of `strips`."""
         strips = self.strips[0]
         return [strips[i] for i in self._grid.within(area.low_x, area.low_y, area.high_x, area.high_y)]
 
-    def strips_around(self, x_m: float, y_m: float, reach_m: float) -> list[tuple[Strip, float]]:
+    def strips_around(self, x_m: float, y_m: float, reach_m: float) -> list[tuple[LanePiece, float]]:
         """Strips that may lie within reach of a point, nearest first; none is nearer than the distance beside it."""
         strips = self.strips[0]
         found = self._grid.around(x_m, y_m, reach_m)
@@ -188,7 +190,7 @@ class Network:
 
     def touches_lane(self, box: Ring) -> bool:
         """Whether a box in SUMO's frame reaches into any lane."""
-        area = Area.of(box)
+        area = ClipArea.of(box)
         return any(len(area.on(tile)) > 0 for strip in self.strips_near(area) for tile in strip.tiles)
 
     @cached_property
@@ -264,7 +266,7 @@ class Network:
         return self.first_state[light][index] == "G"
 
 
-def read_network(path: Path) -> Network:
+def read_network(path: Path) -> SumoNetwork:
     """Read a network file; MapError if it is missing or damaged. Cached until the file changes."""
     try:
         stat = path.stat()
@@ -274,7 +276,7 @@ def read_network(path: Path) -> Network:
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, _mtime_ns: int, _size: int) -> Network:
+def _read(path: Path, _mtime_ns: int, _size: int) -> SumoNetwork:
     try:
         with gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb") as file:
             root = defusedxml.ElementTree.fromstring(file.read())
@@ -293,7 +295,7 @@ def _read(path: Path, _mtime_ns: int, _size: int) -> Network:
         ) from None
 
 
-def _network(path: Path, root: Element) -> Network:
+def _network(path: Path, root: Element) -> SumoNetwork:
     lanes: dict[str, NetworkLane] = {}
     edges: dict[str, tuple[str, ...]] = {}
     for edge in root.iter("edge"):
@@ -323,7 +325,7 @@ def _network(path: Path, root: Element) -> Network:
         if not phases:
             raise ValueError(f"traffic light {logic.attrib['id']} has no phase")
         programs.setdefault(logic.attrib["id"], _from_time_0(phases, float(logic.get("offset", "0"))))
-    return Network(path, lanes, edges, {lane: tuple(found) for lane, found in links.items()}, programs)
+    return SumoNetwork(path, lanes, edges, {lane: tuple(found) for lane, found in links.items()}, programs)
 
 
 def _from_time_0(phases: list[tuple[float, str]], offset_s: float) -> tuple[str, ...]:

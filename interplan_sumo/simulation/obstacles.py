@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
-from interplan_sumo.simulation.network import Network
-from interplan_sumo.simulation.passage import reached
+from interplan_sumo.simulation.lane_footprint import reached
+from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import box_polygons
 from interplan_sumo.world.roads import Roads
@@ -20,7 +20,7 @@ SWING_OUT_M = 6.0
 
 
 @dataclass(frozen=True, slots=True)
-class Blockage:
+class LaneBlockage:
     """A stretch of a SUMO lane that cars must keep out of: where none can pass, and the room to swing out before it."""
 
     lane: str
@@ -47,7 +47,7 @@ def standing_actors(scenario: Scenario, roads: Roads, ids: tuple[str, ...]) -> A
     )
 
 
-def blockages(network: Network, obstacles: Actors, origin_m: tuple[float, float]) -> tuple[Blockage, ...]:
+def blockages(network: SumoNetwork, obstacles: Actors, origin_m: tuple[float, float]) -> tuple[LaneBlockage, ...]:
     """The stretches of normal lanes that obstacles block, sorted by lane and position.
 
     An obstacle blocks a lane if a car on its centre line would touch it; one
@@ -64,7 +64,7 @@ def blockages(network: Network, obstacles: Actors, origin_m: tuple[float, float]
     for box in boxes:
         for lane_id, (start_m, end_m) in reached(network, box).items():
             found.setdefault(lane_id, []).append((max(0.0, start_m - SWING_OUT_M), end_m))
-    return tuple(Blockage(lane, *span) for lane in sorted(found) for span in _merged(found[lane]))
+    return tuple(LaneBlockage(lane, *span) for lane in sorted(found) for span in _merged(found[lane]))
 
 
 def _merged(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -10,7 +10,7 @@ import shapely
 
 from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Jaywalker, Scenario
 from interplan_sumo.scenario.trigger import trigger_distance_m
-from interplan_sumo.simulation.tiles import Ring, hull
+from interplan_sumo.simulation.lane_polygons import Ring, hull
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats, Polyline
@@ -21,7 +21,7 @@ FORESIGHT_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Walk:
+class PedestrianWalk:
     """One jaywalker's way across, in the map frame."""
 
     start: tuple[float, float]
@@ -39,14 +39,14 @@ class Walk:
         return hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]) / self.speed_mps
 
 
-def walk(jaywalker: Jaywalker, roads: Roads, route: Polyline) -> Walk:
+def walk(jaywalker: Jaywalker, roads: Roads, route: Polyline) -> PedestrianWalk:
     """The way of a jaywalker; where it does not cross the route's line, the nearest point stands for the crossing."""
     start, end = jaywalker.start.pose(roads), jaywalker.end.pose(roads)
     way = shapely.LineString([(start.x_m, start.y_m), (end.x_m, end.y_m)])
     crossing = shapely.intersection(way, route.linestring)
     point = shapely.get_coordinates(crossing)[:1] if not crossing.is_empty else shapely.get_coordinates(way.centroid)
     conflict_m = float(route.project(point)[0][0])
-    return Walk((start.x_m, start.y_m), (end.x_m, end.y_m), jaywalker.speed_mps, conflict_m)
+    return PedestrianWalk((start.x_m, start.y_m), (end.x_m, end.y_m), jaywalker.speed_mps, conflict_m)
 
 
 class Crowd:

@@ -29,8 +29,8 @@ from typing import NamedTuple
 
 from interplan_sumo.simulation.anchor import LOCAL_M
 from interplan_sumo.simulation.idm import SMALLEST_GAP_M, acceleration_mps2, wished_gap_m
-from interplan_sumo.simulation.network import Network, NetworkLane, NetworkLink, Strip
-from interplan_sumo.simulation.tiles import Area, Ring, area_m2, hull
+from interplan_sumo.simulation.lane_polygons import ClipArea, Ring, area_m2, hull
+from interplan_sumo.simulation.network import LanePiece, NetworkLane, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
 FULLY_MERGED = 0.98
@@ -52,7 +52,7 @@ class Treatment(Enum):
     IMPOSE = "impose"
 
 
-class Cover(NamedTuple):
+class LaneCoverage(NamedTuple):
     """What the ego's box covers of one SUMO lane."""
 
     share: float
@@ -67,7 +67,7 @@ class Cover(NamedTuple):
 class EgoOnNetwork(NamedTuple):
     """The ego as the reaction layer needs it, in SUMO's frame."""
 
-    covers: Mapping[str, Cover]
+    covers: Mapping[str, LaneCoverage]
     """Per SUMO lane that the box touches."""
     centre_lanes: frozenset[str]
     """SUMO lanes that contain the box centre."""
@@ -96,14 +96,14 @@ class Agent(NamedTuple):
 
 
 @dataclass(slots=True)
-class Attention:
+class ReactionMemory:
     """What is remembered of one agent from step to step."""
 
     reacting: bool = False
     centre_in_corridor_s: float = 0.0
 
 
-class Decision(NamedTuple):
+class ReactionDecision(NamedTuple):
     """The outcome for one agent."""
 
     treatment: Treatment
@@ -118,7 +118,7 @@ class Decision(NamedTuple):
 
 def cover_of_one_lane(
     lane: NetworkLane, near_m: float, corners: Ring, velocity_mps: tuple[float, float]
-) -> dict[str, Cover] | None:
+) -> dict[str, LaneCoverage] | None:
     """What a box in SUMO's frame covers if it lies wholly inside one normal lane; None if it does not.
 
     The quick way for most steps: normal lanes do not overlap, so there is
@@ -137,16 +137,16 @@ def cover_of_one_lane(
     if first <= 0.0 or last >= track.length_m:
         return None
     speed_mps = track.speed_along((first + last) / 2.0, velocity_mps)
-    return {lane.id: Cover(1.0, lane.position_of(first), lane.position_of(last), speed_mps)}
+    return {lane.id: LaneCoverage(1.0, lane.position_of(first), lane.position_of(last), speed_mps)}
 
 
-def cover(near: Iterable[Strip], area: Area, velocity_mps: tuple[float, float]) -> dict[str, Cover]:
+def cover(near: Iterable[LanePiece], area: ClipArea, velocity_mps: tuple[float, float]) -> dict[str, LaneCoverage]:
     """What an area in SUMO's frame covers of each lane; `velocity_mps` is the ego's, in the same frame.
 
     `near` are the strips of lanes that the area may touch; lanes come in their order.
     """
     whole_m2 = abs(area_m2(area.ring))
-    covers: dict[str, Cover] = {}
+    covers: dict[str, LaneCoverage] = {}
     for strip in near:
         track, parts_m2 = strip.track, 0.0
         first, last = inf, -inf
@@ -164,10 +164,10 @@ def cover(near: Iterable[Strip], area: Area, velocity_mps: tuple[float, float]) 
         lane, before = strip.lane, covers.get(strip.lane.id)
         start_m, end_m = lane.position_of(strip.start_m + first), lane.position_of(strip.start_m + last)
         if before is None:
-            covers[lane.id] = Cover(share, start_m, end_m, track.speed_along((first + last) / 2.0, velocity_mps))
+            covers[lane.id] = LaneCoverage(share, start_m, end_m, track.speed_along((first + last) / 2.0, velocity_mps))
         else:
             start_m, end_m = min(start_m, before.start_m), max(end_m, before.end_m)
-            covers[lane.id] = Cover(before.share + share, start_m, end_m, before.speed_mps)
+            covers[lane.id] = LaneCoverage(before.share + share, start_m, end_m, before.speed_mps)
     return covers
 
 
@@ -179,7 +179,7 @@ def swept(box: Ring, velocity_mps: tuple[float, float], time_s: float) -> Ring:
     return hull([*box, *((x + dx, y + dy) for x, y in box)])
 
 
-def corridor(network: Network, lane: str, route: tuple[str, ...]) -> dict[str, float]:
+def corridor(network: SumoNetwork, lane: str, route: tuple[str, ...]) -> dict[str, float]:
     """The lanes that an agent on `lane` will drive on along `route`, with the distance to the start of each.
 
     Ends where the agent must change lane first. An agent inside a junction
@@ -207,7 +207,7 @@ def corridor(network: Network, lane: str, route: tuple[str, ...]) -> dict[str, f
     return found
 
 
-def _link_onward(network: Network, lane: str, route: tuple[str, ...]) -> NetworkLink | None:
+def _link_onward(network: SumoNetwork, lane: str, route: tuple[str, ...]) -> NetworkLink | None:
     edge = network.lanes[lane].edge
     if edge not in route[:-1]:
         return None
@@ -215,7 +215,7 @@ def _link_onward(network: Network, lane: str, route: tuple[str, ...]) -> Network
     return next((x for x in network.links[lane] if network.lanes[x.to_lane].edge == following), None)
 
 
-def _link_through(network: Network, internal: str, route: tuple[str, ...]) -> NetworkLink | None:
+def _link_through(network: SumoNetwork, internal: str, route: tuple[str, ...]) -> NetworkLink | None:
     pairs = set(pairwise(route))
     for way in network.ways_through(internal):
         if (network.lanes[way.from_lane].edge, network.lanes[way.to_lane].edge) in pairs:
@@ -226,19 +226,19 @@ def _link_through(network: Network, internal: str, route: tuple[str, ...]) -> Ne
 def decide(
     agents: Iterable[Agent],
     ego: EgoOnNetwork,
-    ahead: Mapping[float, Mapping[str, Cover]],
-    memory: dict[str, Attention],
+    ahead: Mapping[float, Mapping[str, LaneCoverage]],
+    memory: dict[str, ReactionMemory],
     dt_s: float,
     *,
     at_start: bool = False,
-) -> dict[str, Decision]:
+) -> dict[str, ReactionDecision]:
     """The decision for each agent; `memory` is updated, agents that need none are left out.
 
     `ahead` holds, per anticipation time above 0, what the ego's swept box covers.
     `at_start` marks the first step: an ego that starts in a driver's lane is
     respected from the beginning.
     """
-    decisions: dict[str, Decision] = {}
+    decisions: dict[str, ReactionDecision] = {}
     for agent in agents:
         covers = ego.covers if agent.driver.anticipation_s <= 0.0 else ahead[agent.driver.anticipation_s]
         corridor, position_m = agent.corridor, agent.position_m
@@ -258,11 +258,11 @@ def decide(
         if attention is None:
             if nearest is None and not sees:
                 continue
-            attention = memory[agent.id] = Attention()
+            attention = memory[agent.id] = ReactionMemory()
         if nearest is None:
             attention.reacting = False
             attention.centre_in_corridor_s = 0.0
-            decisions[agent.id] = Decision(Treatment.IGNORE if sees else Treatment.LEAVE, 0.0, False)
+            decisions[agent.id] = ReactionDecision(Treatment.IGNORE if sees else Treatment.LEAVE, 0.0, False)
             continue
         overlap = min(1.0, overlap)
         attention.centre_in_corridor_s = attention.centre_in_corridor_s + dt_s if leads else 0.0
@@ -271,22 +271,22 @@ def decide(
         if leads and (at_start or attention.centre_in_corridor_s >= LEADER_AFTER_S - 1e-9):
             attention.reacting = True
         if not attention.reacting:
-            decisions[agent.id] = Decision(Treatment.IGNORE if sees else Treatment.LEAVE, overlap, False)
+            decisions[agent.id] = ReactionDecision(Treatment.IGNORE if sees else Treatment.LEAVE, overlap, False)
         elif sees and nearest.speed_mps >= ATHWART * ego.speed_mps and ego.speed_mps >= 0.0:
             _, at_limit = _next_speed_mps(agent, nearest_m - position_m, nearest.speed_mps, dt_s)
-            decisions[agent.id] = Decision(Treatment.LEAVE, overlap, True, at_limit=at_limit)
+            decisions[agent.id] = ReactionDecision(Treatment.LEAVE, overlap, True, at_limit=at_limit)
         else:
             wanted = _next_speed_mps(agent, nearest_m - position_m, nearest.speed_mps, dt_s)
-            decisions[agent.id] = Decision(Treatment.IMPOSE, overlap, True, *wanted)
+            decisions[agent.id] = ReactionDecision(Treatment.IMPOSE, overlap, True, *wanted)
     return decisions
 
 
 def yield_to(
     agents: Iterable[Agent],
-    things: Mapping[str, Sequence[tuple[str, Cover]]],
-    decisions: Mapping[str, Decision],
+    things: Mapping[str, Sequence[tuple[str, LaneCoverage]]],
+    decisions: Mapping[str, ReactionDecision],
     dt_s: float,
-) -> dict[str, Decision]:
+) -> dict[str, ReactionDecision]:
     """`decisions` with the speeds lowered that agents need to follow, or stop before, what is in their corridor.
 
     `things` are, by SUMO lane, names and covers of pedestrians (nameless) and
@@ -299,17 +299,19 @@ def yield_to(
         if leader is None:
             continue
         speed_mps, at_limit = _next_speed_mps(agent, *leader, dt_s)
-        before = decided.get(agent.id, Decision(Treatment.IMPOSE, 0.0, False))
+        before = decided.get(agent.id, ReactionDecision(Treatment.IMPOSE, 0.0, False))
         if before.speed_mps is not None:
             speed_mps = min(speed_mps, before.speed_mps)
         if before.at_limit:
             speed_mps, at_limit = min(speed_mps, _hardest_mps(agent, dt_s)), True
         treatment = Treatment.IGNORE if before.treatment is Treatment.IGNORE else Treatment.IMPOSE
-        decided[agent.id] = Decision(treatment, before.overlap, before.reacting, speed_mps, at_limit)
+        decided[agent.id] = ReactionDecision(treatment, before.overlap, before.reacting, speed_mps, at_limit)
     return decided
 
 
-def _hardest_to_follow(agent: Agent, things: Mapping[str, Sequence[tuple[str, Cover]]]) -> tuple[float, float] | None:
+def _hardest_to_follow(
+    agent: Agent, things: Mapping[str, Sequence[tuple[str, LaneCoverage]]]
+) -> tuple[float, float] | None:
     """Gap and speed, not below 0, of the thing ahead for which IDM brakes hardest: largest wished gap per gap."""
     name, driver, position_m, speed_mps, _, ahead = agent
     comfort_mps2 = 2.0 * sqrt(driver.accel_mps2 * driver.decel_mps2)

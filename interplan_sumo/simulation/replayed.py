@@ -9,7 +9,7 @@ import numpy as np
 
 from interplan_sumo.scenario.replayed import REPLAYED, ReplayedTrack
 from interplan_sumo.simulation.logged_lights import LoggedLights
-from interplan_sumo.simulation.traffic import Scene
+from interplan_sumo.simulation.traffic import TrafficState
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Floats
@@ -52,7 +52,7 @@ class ReplayedTraffic:
     def behaviours(self) -> Mapping[str, str]:
         return {each.id: BEHAVIOUR for each in self._known}
 
-    def observe(self) -> Scene:
+    def observe(self) -> TrafficState:
         here = [each for each in self._known if each.track.first_step <= self._step < each.track.end_step]
         still = self._standing
         ids = [*(each.id for each in here), *still.ids]
@@ -65,7 +65,7 @@ class ReplayedTraffic:
         order = sorted(range(len(ids)), key=ids.__getitem__)
         kind, *others = table[order].T
         actors = Actors(tuple(ids[row] for row in order), kind.astype(np.int8), *others)
-        return Scene(actors, self._lights.signals(self._step))
+        return TrafficState(actors, self._lights.signals(self._step))
 
     def react(self, ego: EgoState) -> None:
         """Nobody reacts."""

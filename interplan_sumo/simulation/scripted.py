@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from interplan_sumo.simulation.traffic import Scene
+from interplan_sumo.simulation.traffic import TrafficState
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Polyline
@@ -42,7 +42,7 @@ class ScriptedTraffic:
     def behaviours(self) -> Mapping[str, str]:
         return {actor.id: actor.behaviour for actor in self._actors}
 
-    def observe(self) -> Scene:
+    def observe(self) -> TrafficState:
         rows: list[tuple[float, float, float, float, float]] = []
         for actor in self._actors:
             arc_m = actor.arc_m + actor.speed_mps * self._dt_s * self._step
@@ -62,7 +62,7 @@ class ScriptedTraffic:
             vx_mps=vx,
             vy_mps=vy,
         )
-        return Scene(actors, self._signals)
+        return TrafficState(actors, self._signals)
 
     def react(self, ego: EgoState) -> None:
         """Nobody reacts."""

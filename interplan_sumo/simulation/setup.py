@@ -12,16 +12,16 @@ from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.route import route_centerline, route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.flow import Flow, Inflow, draw_arrivals
+from interplan_sumo.simulation.lane_chains import ego_sumo_route
 from interplan_sumo.simulation.logged_lights import LoggedLights
-from interplan_sumo.simulation.network import Network, read_network
-from interplan_sumo.simulation.obstacles import Blockage, blockages, standing_actors
+from interplan_sumo.simulation.network import SumoNetwork, read_network
+from interplan_sumo.simulation.obstacles import LaneBlockage, blockages, standing_actors
 from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, FilledLane, populate
 from interplan_sumo.simulation.sumo import DT_S as STEP_S
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
-from interplan_sumo.simulation.ways import ego_sumo_route
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.roads import Roads
 
@@ -104,7 +104,7 @@ def _replays(scenario: Scenario, roads: Roads, seed: int) -> ReplayedTraffic:
 
 
 def open_flow(
-    scenario: Scenario, network: Network, filled: tuple[FilledLane, ...], blocked: tuple[Blockage, ...],
+    scenario: Scenario, network: SumoNetwork, filled: tuple[FilledLane, ...], blocked: tuple[LaneBlockage, ...],
     types: VehicleTypes, rng: np.random.Generator, besides: tuple[str, ...],
 ) -> Flow:  # fmt: skip
     """Queues upstream of all filled lanes, with ids of their own."""

@@ -18,10 +18,10 @@ from interplan_sumo.errors import ScenarioError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, SMALLEST_GAP_M, Density, Scenario
 from interplan_sumo.simulation.idm import acceleration_mps2, largest_speed_mps
-from interplan_sumo.simulation.network import Network
-from interplan_sumo.simulation.obstacles import Blockage
+from interplan_sumo.simulation.lane_chains import ROUTE_M, ChainedLane, chain_through, closed_spans, continued_route
+from interplan_sumo.simulation.network import SumoNetwork
+from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
-from interplan_sumo.simulation.ways import ROUTE_M, Stretch, chain_through, closed_spans, continued_route
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
@@ -62,7 +62,7 @@ class Spawn:
 class FilledLane:
     """A chain of lanes that has been filled, and where the filling ended."""
 
-    chain: list[Stretch]
+    chain: list[ChainedLane]
     begin_m: float
     """Where the filled part begins, along the chain."""
     next_m: float
@@ -107,8 +107,8 @@ class _Fixed:
 
 
 def populate(
-    scenario: Scenario, roads: Roads, network: Network, ids: NetworkIds, types: VehicleTypes, shape: EgoShape,
-    blocked: tuple[Blockage, ...], rng: np.random.Generator, reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
+    scenario: Scenario, roads: Roads, network: SumoNetwork, ids: NetworkIds, types: VehicleTypes, shape: EgoShape,
+    blocked: tuple[LaneBlockage, ...], rng: np.random.Generator, reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
 ) -> Population:  # fmt: skip
     """All agents of a scenario at the start; none that is drawn stands on a blocked stretch.
 
@@ -148,7 +148,7 @@ def populate(
 
 
 def _placed(
-    scenario: Scenario, number: int, roads: Roads, network: Network, ids: NetworkIds, types: VehicleTypes,
+    scenario: Scenario, number: int, roads: Roads, network: SumoNetwork, ids: NetworkIds, types: VehicleTypes,
     rng: np.random.Generator,
 ) -> Spawn:  # fmt: skip
     """One of the vehicles that the scenario places: its centre where it says, at the speed that it says."""
@@ -173,7 +173,7 @@ def _placed(
     return Spawn(sumo_lane, position_m, vehicle.speed_mps, driver, continued_route(network, sumo_lane, ROUTE_M, rng))
 
 
-def _fixed(chain: list[Stretch], placed: Sequence[Spawn]) -> list[_Fixed]:
+def _fixed(chain: list[ChainedLane], placed: Sequence[Spawn]) -> list[_Fixed]:
     """Those of the placed vehicles that start on a chain."""
     stretches = {stretch.lane.id: stretch for stretch in chain}
     return [
@@ -210,7 +210,7 @@ def oncoming_lanes(roads: Roads, scenario: Scenario) -> tuple[str, ...]:
 
 
 def _fill(
-    network: Network, chain: list[Stretch], span: tuple[float, float], closed: list[tuple[float, float]],
+    network: SumoNetwork, chain: list[ChainedLane], span: tuple[float, float], closed: list[tuple[float, float]],
     largest_gap_m: float, types: VehicleTypes, fixed: Sequence[_Fixed], rng: np.random.Generator,
 ) -> tuple[list[Spawn], float]:  # fmt: skip
     """Agents on one chain, from its downstream end, and where the next one would have been.
@@ -264,7 +264,7 @@ def _make_room(placed: list[tuple[Spawn, float]], here: _Fixed) -> None:
         placed.pop()
 
 
-def _next_line_m(network: Network, chain: list[Stretch], front_m: float) -> float | None:
+def _next_line_m(network: SumoNetwork, chain: list[ChainedLane], front_m: float) -> float | None:
     """How far ahead the next junction is that may not be open at the start."""
     for part in chain:
         if part.end_m >= front_m and part.link is not None and not network.opens_freely(part.link):

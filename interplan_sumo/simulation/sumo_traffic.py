@@ -13,22 +13,22 @@ import numpy as np
 import shapely
 
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.simulation.driving import Driving
+from interplan_sumo.simulation.agent_registry import AgentRegistry
+from interplan_sumo.simulation.agent_snapshot import AgentSnapshot
 from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE, EgoProxy
+from interplan_sumo.simulation.ego_reactions import FREEZE_RADIUS_M, EgoReactions
 from interplan_sumo.simulation.flow import Flow
+from interplan_sumo.simulation.lane_polygons import Ring
 from interplan_sumo.simulation.lights import Lights
 from interplan_sumo.simulation.logged_lights import LoggedLights
-from interplan_sumo.simulation.network import Network, NetworkLink
-from interplan_sumo.simulation.obstacles import Blockage
+from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
+from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.pedestrians import Crowd
-from interplan_sumo.simulation.reactions import Decision, Treatment
-from interplan_sumo.simulation.roster import Roster
+from interplan_sumo.simulation.reactions import ReactionDecision, Treatment
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, finite, open_simulation, sumo
-from interplan_sumo.simulation.tiles import Ring
-from interplan_sumo.simulation.traffic import Scene
+from interplan_sumo.simulation.traffic import TrafficState
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
-from interplan_sumo.simulation.watch import FREEZE_RADIUS_M, Watch
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.signals import Signals, SignalStatus
@@ -46,7 +46,7 @@ class SumoTraffic:
 
     def __init__(
         self,
-        network: Network,
+        network: SumoNetwork,
         ids: NetworkIds,
         types: VehicleTypes,
         spawns: tuple[Spawn, ...],
@@ -56,7 +56,7 @@ class SumoTraffic:
         shape: EgoShape,
         *,
         standing: Actors | None = None,
-        blocked: tuple[Blockage, ...] = (),
+        blocked: tuple[LaneBlockage, ...] = (),
         crowd: Crowd | None = None,
         flow: Flow | None = None,
         with_ego: bool = True,
@@ -89,7 +89,7 @@ class SumoTraffic:
         self._signals: Signals | None = None
         self._next_switch_s = 0.0
         standing = standing if standing is not None else Actors.none()
-        self._roster = Roster(types.path, standing, crowd, ids.origin_m, DT_S)
+        self._roster = AgentRegistry(types.path, standing, crowd, ids.origin_m, DT_S)
         open_simulation(network.path, types.path)
         self._open = True
         try:
@@ -97,7 +97,7 @@ class SumoTraffic:
             anticipations_s = {spawn.driver.anticipation_s for spawn in spawns}
             if flow is not None:
                 anticipations_s.update(driver.anticipation_s for driver in types.members)
-            self._watch = Watch(network, ids.origin_m, shape, self._roster, anticipations_s, blocked, DT_S)
+            self._watch = EgoReactions(network, ids.origin_m, shape, self._roster, anticipations_s, blocked, DT_S)
             for token, each in zip(tokens, spawns, strict=True):
                 self._add(token, each)
             self._block(blocked)
@@ -139,7 +139,7 @@ class SumoTraffic:
         self._roster.enlist(name, token, driver, each.route)
         self._coming.add(name)
 
-    def _block(self, blocked: tuple[Blockage, ...]) -> None:
+    def _block(self, blocked: tuple[LaneBlockage, ...]) -> None:
         """Stopped proxies where obstacles block a lane; nobody but SUMO's own drivers sees them."""
         for i, each in enumerate(blocked):
             name, lane = f"obstacle{i}", self._network.lanes[each.lane]
@@ -178,8 +178,8 @@ class SumoTraffic:
     def behaviours(self) -> Mapping[str, str]:
         return self._roster.behaviours
 
-    def observe(self) -> Scene:
-        return Scene(self._roster.actors(), self._read_signals())
+    def observe(self) -> TrafficState:
+        return TrafficState(self._roster.actors(), self._read_signals())
 
     def react(self, ego: EgoState) -> None:
         self._ego = ego
@@ -193,7 +193,7 @@ class SumoTraffic:
             self._crowd.notice(ego, self._shape)
             walked, standing = self._crowd.foreseen(origin_m), self._crowd.standing(origin_m)
         roster, bodies = self._roster, self._roster.bodies
-        driving = Driving(
+        driving = AgentSnapshot(
             roster.names,
             roster.front_x,
             roster.front_y,
@@ -312,7 +312,7 @@ class SumoTraffic:
         with Commanding("reading the agents' positions"):
             return [position_of(name) for name in names]
 
-    def _treat(self, name: str, decision: Decision) -> None:
+    def _treat(self, name: str, decision: ReactionDecision) -> None:
         ignored, imposed = self._treated.get(name, (False, 0))
         ignore, impose = decision.treatment is Treatment.IGNORE, decision.speed_mps is not None
         if not (ignore or ignored or impose or imposed):

@@ -12,7 +12,7 @@ from interplan_sumo.world.signals import Signals
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class TrafficState:
     """What the background looks like at one instant."""
 
     actors: Actors
@@ -27,7 +27,7 @@ class Traffic(Protocol):
         """Behaviour type of each agent by its id; constant over the episode, never shown to planners."""
         ...
 
-    def observe(self) -> Scene:
+    def observe(self) -> TrafficState:
         """The scene now."""
         ...
 

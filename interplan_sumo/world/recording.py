@@ -13,7 +13,7 @@ from interplan_sumo.world.geometry import Floats, Ints, frozen
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class RecordedTrack:
     """One road user over consecutive steps, without gaps. Arrays are made read-only."""
 
     id: str
@@ -58,7 +58,7 @@ class Recording:
     crs: str
     """Of the poses; the same as that of the map it belongs to."""
     step_s: float
-    tracks: tuple[Track, ...]
+    tracks: tuple[RecordedTrack, ...]
     """Sorted by id."""
     ego_id: str | None = None
     """The track of the car that measured, where there is one."""

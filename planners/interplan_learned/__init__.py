@@ -20,8 +20,8 @@ apart, which `driving.plan_through` turns into what `plan()` returns.
         def start(self, mission):
             self._view = EgoView(mission)
 
-        def plan(self, seen):
-            outputs = self._network.run(inputs(one_sample(self._view.arrays(seen))))
+        def plan(self, observation):
+            outputs = self._network.run(inputs(one_sample(self._view.arrays(observation))))
             return plan_through(outputs["poses"][0], self._view, seen)
 
 Training: `python -m interplan_learned.training pdm_open --data DIR --out DIR`. What a recipe must say is told in

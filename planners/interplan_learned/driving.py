@@ -24,11 +24,11 @@ def one_sample(arrays: Arrays) -> Arrays:
     return {name: values[None] for name, values in arrays.items()}
 
 
-def plan_through(poses: NDArray[Any], view: EgoView, seen: Observation, step_s: float = STEP_S) -> Trajectory:
+def plan_through(poses: NDArray[Any], view: EgoView, observation: Observation, step_s: float = STEP_S) -> Trajectory:
     """From the ego's pose through poses (N, 3) of the rear axle in the ego frame, `step_s` apart, `without_leaps`."""
     path = without_leaps(np.concatenate((np.zeros((1, 3)), np.asarray(poses, dtype=np.float64))), step_s)
-    time_s: Floats = seen.time_s + step_s * np.arange(len(path), dtype=np.float64)
-    return view.frame(seen).plan(path, time_s, view.mission.shape)
+    time_s: Floats = observation.time_s + step_s * np.arange(len(path), dtype=np.float64)
+    return view.frame(observation).plan(path, time_s, view.mission.shape)
 
 
 def without_leaps(path: Floats, step_s: float) -> Floats:

@@ -19,7 +19,7 @@ MAIN: Final = "main"
 SHIPPED: Final = Path(__file__).parent / "weights"
 
 
-class Network:
+class OnnxNetwork:
     """The graphs of one card. Runs on one thread of the processor: equal inputs give equal outputs."""
 
     def __init__(self, path: Path) -> None:
@@ -57,7 +57,7 @@ class Network:
         }
 
 
-def load_network(planner: str, weights: str, driver: str | None = None) -> Network:
+def load_network(planner: str, weights: str, driver: str | None = None) -> OnnxNetwork:
     """The network of a planner: `weights` is a name of shipped ones, or a path to a card or to the .onnx beside it.
 
     `planner` is what the card names, `driver` the planner that uses it, where it has another name.
@@ -75,7 +75,7 @@ def load_network(planner: str, weights: str, driver: str | None = None) -> Netwo
             f"Train them: python -m interplan_learned.training {planner} --data DATA --out FOLDER, "
             f"then drive with {driver or planner}?weights=FOLDER/{planner}.json"
         )
-    network = Network(path)
+    network = OnnxNetwork(path)
     if network.card.planner != planner:
         raise InputError(f"{path} was trained for planner {network.card.planner!r}, not for {planner!r}")
     return network

@@ -52,9 +52,9 @@ class PdmHybridPlanner:
         self._closed.start(mission)
         self._view = EgoView(mission)
 
-    def plan(self, seen: Observation) -> Trajectory:
-        closed, frame, shape = self._closed.plan(seen), self._view.frame(seen), self._view.mission.shape
-        arrays = {**self._view.arrays(seen), CLOSED_PLAN: closed_poses(closed, frame, shape)}
+    def plan(self, observation: Observation) -> Trajectory:
+        closed, frame, shape = self._closed.plan(observation), self._view.frame(observation), self._view.mission.shape
+        arrays = {**self._view.arrays(observation), CLOSED_PLAN: closed_poses(closed, frame, shape)}
         outputs = self._network.run(inputs(one_sample(arrays), self._history_s))
         return corrected(closed, outputs["correction"][0], frame, shape)
 

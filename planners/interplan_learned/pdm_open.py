@@ -37,10 +37,10 @@ class PdmOpenPlanner:
     def start(self, mission: Mission) -> None:
         self._view = EgoView(mission)
 
-    def plan(self, seen: Observation) -> Trajectory:
-        arrays = one_sample(self._view.arrays(seen))
+    def plan(self, observation: Observation) -> Trajectory:
+        arrays = one_sample(self._view.arrays(observation))
         outputs = self._network.run(inputs(arrays, self._history_s))
-        return plan_through(outputs["poses"][0], self._view, seen)
+        return plan_through(outputs["poses"][0], self._view, observation)
 
     def report(self) -> dict[str, Any]:
         return self._network.about

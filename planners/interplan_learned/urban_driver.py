@@ -90,9 +90,9 @@ class UrbanDriverPlanner:
     def start(self, mission: Mission) -> None:
         self._view = EgoView(mission)
 
-    def plan(self, seen: Observation) -> Trajectory:
-        given = inputs(one_sample(self._view.arrays(seen)), self._network.card.size)
-        return plan_through(self._network.run(given)["poses"][0], self._view, seen)
+    def plan(self, observation: Observation) -> Trajectory:
+        given = inputs(one_sample(self._view.arrays(observation)), self._network.card.size)
+        return plan_through(self._network.run(given)["poses"][0], self._view, observation)
 
     def report(self) -> dict[str, Any]:
         return self._network.about

@@ -74,8 +74,8 @@ class IdmPlanner:
         self._driver = self._driver_for(self.target_speed_mps)
         self.decision = None
 
-    def plan(self, seen: Observation) -> Trajectory:
-        ego = seen.ego
+    def plan(self, observation: Observation) -> Trajectory:
+        ego = observation.ego
         if self._corridor is None:
             self._corridor = self._begin(ego)
         progress_m, left_m = self._corridor.path.project_point(ego.x_m, ego.y_m)
@@ -84,7 +84,7 @@ class IdmPlanner:
             horizon_s = self.samples * self.sample_interval_s
             return braking_plan(ego, self.max_deceleration_mps2, horizon_s, self.sample_interval_s)
         found = obstacles(
-            seen, self._corridor, self._mission.roads, self._route_lanes, self._mission.shape, self.radius_m
+            observation, self._corridor, self._mission.roads, self._route_lanes, self._mission.shape, self.radius_m
         )
         plan, self.decision = roll_out(
             ego, progress_m, found, self._corridor.path, self._driver, self.samples, self.sample_interval_s,

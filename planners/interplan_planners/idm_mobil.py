@@ -11,16 +11,16 @@ from interplan_planners.common.forecast import constant_velocity
 from interplan_planners.common.gaps import GapRules
 from interplan_planners.common.idm_policy import IdmDriver
 from interplan_planners.common.lane_change import lane_change_path
+from interplan_planners.common.lane_routes import LaneRoute, Ways
 from interplan_planners.common.mobil_options import options, synchronised
 from interplan_planners.common.neighbours import moved, stands_for_good, together
 from interplan_planners.common.occupancy import occupancy
-from interplan_planners.common.paths import Path, braking_plan, plan_along
+from interplan_planners.common.paths import DrivingPath, braking_plan, plan_along
 from interplan_planners.common.red_lights import RedLights
-from interplan_planners.common.rollout import Track, roll_out
+from interplan_planners.common.rollout import ProposalPath, roll_out
 from interplan_planners.common.route_correction import corrected_route
 from interplan_planners.common.route_search import LaneFinder, lanes_of_route
 from interplan_planners.common.sight import Sight
-from interplan_planners.common.ways import Way, Ways
 from interplan_planners.mobil_published import PublishedMobil
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.ego import EgoState
@@ -66,8 +66,8 @@ class MobilDecision:
 class _Course:
     """What the ego is doing: keeping to a way, or changing to one."""
 
-    path: Path
-    way: Way
+    path: DrivingPath
+    way: LaneRoute
     """The way that is kept, or that the path leads to."""
     index: int
     """Of the way's first block on the route."""
@@ -153,14 +153,14 @@ class IdmMobilPlanner:
         if self.published is not None:
             self.published.start(mission)
 
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         if self.published is not None:
-            return self.published.plan(seen)
-        ego, shape = seen.ego, self._mission.shape
+            return self.published.plan(observation)
+        ego, shape = observation.ego, self._mission.shape
         course = self._begun(ego) if self._course is None else self._current(ego, self._course)
-        forecast = constant_velocity(seen.actors, self.horizon_s, STEP_S)
-        closed = self._red_lights.closed(seen.signals, ego, shape)
-        sight = Sight(ego, shape, forecast, stands_for_good(seen), self._red_lights, closed)
+        forecast = constant_velocity(observation.actors, self.horizon_s, STEP_S)
+        closed = self._red_lights.closed(observation.signals, ego, shape)
+        sight = Sight(ego, shape, forecast, stands_for_good(observation), self._red_lights, closed)
         cap: tuple[Floats, float] | None = None
         if course.old is None:
             course, cap = self._decided(sight, course)
@@ -234,11 +234,11 @@ class IdmMobilPlanner:
         return course, synchronised(sight, here, wished, needed, self._steps, STEP_S)
 
     def _changing(
-        self, course: _Course, way: Way, index: int, ego: EgoState, way_m: float, aborting: bool = False
+        self, course: _Course, way: LaneRoute, index: int, ego: EgoState, way_m: float, aborting: bool = False
     ) -> _Course:
         """A course from the ego's pose to another way, over a length of it."""
         self._eases_until_s = ego.time_s + EASING_S
-        path = Path(lane_change_path(way.path.line, ego.pose, way_m))
+        path = DrivingPath(lane_change_path(way.path.line, ego.pose, way_m))
         ahead_m = path.line.project_point(ego.x_m, ego.y_m)[0] - way.path.line.project_point(ego.x_m, ego.y_m)[0]
         metres = np.arange(int(path.length_m) + 1) - round(ahead_m)
         limit_mps = way.limit_mps[np.clip(metres, 0, len(way.limit_mps) - 1)]
@@ -272,7 +272,7 @@ class IdmMobilPlanner:
                 course.way.path, half_width_m, sight.forecast, (stretch[0] - shifted_by, stretch[1] - shifted_by)
             )
             occupied = together(occupied, moved(beside, shifted_by))
-        track = Track(path.length_m, occupied, sight.red_lights.on_path(path, sight.closed), course.limit_mps)
+        track = ProposalPath(path.length_m, occupied, sight.red_lights.on_path(path, sight.closed), course.limit_mps)
         most_mps2, most_mps = cap if cap is not None else (None, np.inf)
         half_m = shape.length_m / 2
         driver = self._eased(ego, track, arc_m + half_m)
@@ -283,7 +283,7 @@ class IdmMobilPlanner:
         time_s = ego.time_s + STEP_S * np.arange(self._steps + 1)
         return plan_along(path.line, time_s, rolled.progress_m[0], rolled.speed_mps[0])
 
-    def _eased(self, ego: EgoState, track: Track, front_m: float) -> IdmDriver:
+    def _eased(self, ego: EgoState, track: ProposalPath, front_m: float) -> IdmDriver:
         """The driver, who after a change does not brake to make up for a headway that is short but not closing."""
         if ego.time_s > self._eases_until_s:
             return self.driver
@@ -294,6 +294,6 @@ class IdmMobilPlanner:
         return replace(self.driver, headway_s=min(max(has_s + EASING_STEP_S, shortest_s), self.driver.headway_s))
 
 
-def _off_m(path: Path, ego: EgoState) -> float:
+def _off_m(path: DrivingPath, ego: EgoState) -> float:
     """How far the ego is from a path; beyond its ends, from them."""
     return abs(path.line.project_point(ego.x_m, ego.y_m)[1])

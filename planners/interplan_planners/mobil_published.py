@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from interplan_planners.common.corridor import Corridor
-from interplan_planners.common.frozen_world import IdmDecision, Obstacle, obstacles, roll_out
+from interplan_planners.common.frozen_world import FrozenObstacle, IdmDecision, obstacles, roll_out
 from interplan_planners.common.idm_policy import IdmDriver, idm_step
 from interplan_planners.common.paths import braking_plan, centerline
 from interplan_planners.common.route_search import lane_chain, lanes_of_route, starting_lane
@@ -82,8 +82,8 @@ class PublishedMobil:
         self._pushes = False
         self.decision = None
 
-    def plan(self, seen: Observation) -> Trajectory:
-        ego, shape = seen.ego, self._mission.shape
+    def plan(self, observation: Observation) -> Trajectory:
+        ego, shape = observation.ego, self._mission.shape
         index, lane_id = starting_lane(self._mission.roads, self._mission.route, ego, shape)
         if self._corridor is None:
             self._follow(index, lane_id, ego)
@@ -96,13 +96,13 @@ class PublishedMobil:
             phantom = self._phantom(lane, ego, corridor.path)
         self._pushes = False
         if corridor is not None and lane is not None and self._settled(ego):
-            self._pushes = self._decide(seen, index, lane, corridor, phantom)
+            self._pushes = self._decide(observation, index, lane, corridor, phantom)
         corridor = self._corridor
         progress_m, left_m = corridor.path.project_point(ego.x_m, ego.y_m) if corridor is not None else (0.0, np.inf)
         if corridor is None or abs(left_m) > FARTHEST_FROM_PATH_M:
             self.decision = None
             return braking_plan(ego, self._driver.max_deceleration_mps2, SAMPLES * STEP_S, STEP_S)
-        found = obstacles(seen, corridor, self._mission.roads, self._route_lanes, shape, RADIUS_M)
+        found = obstacles(observation, corridor, self._mission.roads, self._route_lanes, shape, RADIUS_M)
         plan, self.decision = roll_out(
             ego, progress_m, found, corridor.path, self._driver, SAMPLES, STEP_S, shape, phantom
         )
@@ -128,30 +128,32 @@ class PublishedMobil:
 
     # --- MOBIL ---------------------------------------------------------------------------------
 
-    def _decide(self, seen: Observation, index: int, lane: Lane, corridor: Corridor, phantom: Obstacle | None) -> bool:
+    def _decide(
+        self, observation: Observation, index: int, lane: Lane, corridor: Corridor, phantom: FrozenObstacle | None
+    ) -> bool:
         """Change the path if a neighbour is worth it; whether one is needed and none is."""
-        roads, ego = self._mission.roads, seen.ego
+        roads, ego = self._mission.roads, observation.ego
         cost = self._costs.get(lane.id, 0)
         neighbours = [n for n in (roads.left_of(lane.id), roads.right_of(lane.id)) if n is not None]
         allowed = [n for n in neighbours if self._costs.get(n.id, 0) <= cost]
         if not allowed:
             return False
-        weighed = [(self._incentive(seen, index, n, corridor, phantom), n) for n in allowed]
+        weighed = [(self._incentive(observation, index, n, corridor, phantom), n) for n in allowed]
         incentive, best = max(weighed, key=lambda pair: pair[0])
         if incentive >= THRESHOLD_MPS2:
             self._objective = best.id  # even if the change is given up now
             way = _swerve(best, ego)
-            if not self._barred(seen, way):
+            if not self._barred(observation, way):
                 self._follow(index, best.id, ego, way)
             return False
         return any(self._costs.get(n.id, 0) < cost for n in allowed)
 
     def _incentive(
-        self, seen: Observation, index: int, lane: Lane, corridor: Corridor, phantom: Obstacle | None
+        self, observation: Observation, index: int, lane: Lane, corridor: Corridor, phantom: FrozenObstacle | None
     ) -> float:
-        roads, ego, shape = self._mission.roads, seen.ego, self._mission.shape
+        roads, ego, shape = self._mission.roads, observation.ego, self._mission.shape
         there = Corridor(centerline(roads, lane_chain(roads, self._mission.route, index, lane.id)), shape.width_m / 2)
-        old, new = self._lead(seen, corridor, phantom), self._lead(seen, there)
+        old, new = self._lead(observation, corridor, phantom), self._lead(observation, there)
         if new.gap_m <= 0.0:
             return 0.0
         speed_mps = max(ego.speed_mps, 0.0)
@@ -161,11 +163,11 @@ class PublishedMobil:
             after = -self._driver.max_deceleration_mps2
         arc_m, _ = there.path.project_point(ego.x_m, ego.y_m)
         others = 0.0
-        new_follower = self._follower(seen, there.path.pose_at(arc_m))
+        new_follower = self._follower(observation, there.path.pose_at(arc_m))
         if new_follower is not None:  # its acceleration now counts as 0
             gap_m, follower_mps = new_follower
             others += self._change_of_speed(follower_mps, _Lead(gap_m, speed_mps))
-        old_follower = self._follower(seen, ego.pose)
+        old_follower = self._follower(observation, ego.pose)
         if old_follower is not None:
             gap_m, follower_mps = old_follower
             freed = _Lead(gap_m + shape.length_m + old.gap_m, old.speed_mps)
@@ -177,12 +179,12 @@ class PublishedMobil:
         _, later_mps = idm_step(self._driver, speed_mps, lead.gap_m, lead.speed_mps, STEP_S)
         return (later_mps - speed_mps) / STEP_S
 
-    def _lead(self, seen: Observation, corridor: Corridor, phantom: Obstacle | None = None) -> _Lead:
-        ego, shape = seen.ego, self._mission.shape
+    def _lead(self, observation: Observation, corridor: Corridor, phantom: FrozenObstacle | None = None) -> _Lead:
+        ego, shape = observation.ego, self._mission.shape
         arc_m, _ = corridor.path.project_point(ego.x_m, ego.y_m)
         pose = corridor.path.pose_at(arc_m)
         box = shapely.Polygon(box_corners(pose.x_m, pose.y_m, pose.heading_rad, shape.length_m, shape.width_m)[0])
-        found = obstacles(seen, corridor, self._mission.roads, self._route_lanes, shape, RADIUS_M)
+        found = obstacles(observation, corridor, self._mission.roads, self._route_lanes, shape, RADIUS_M)
         ahead = [o for o in found if any(end >= arc_m for _, end in o.occupied_m)]
         ahead += [phantom] if phantom is not None else []
         if not ahead:
@@ -192,9 +194,9 @@ class PublishedMobil:
         along_mps = ahead[first].speed_mps * cos(ahead[first].heading_rad - pose.heading_rad)
         return _Lead(float(gaps_m[first]), along_mps)
 
-    def _follower(self, seen: Observation, pose: Pose) -> tuple[float, float] | None:
+    def _follower(self, observation: Observation, pose: Pose) -> tuple[float, float] | None:
         """Gap and speed of the nearest car behind whose box, carried on, meets the ego's at a pose, carried on."""
-        ego, actors, shape = seen.ego, seen.actors, self._mission.shape
+        ego, actors, shape = observation.ego, observation.actors, self._mission.shape
         c, s = cos(pose.heading_rad), sin(pose.heading_rad)
         dx, dy = actors.x_m - pose.x_m, actors.y_m - pose.y_m
         behind = (dx * c + dy * s < 0.0) & (np.hypot(dx, dy) < RADIUS_M) & (actors.kind == 0)
@@ -217,20 +219,20 @@ class PublishedMobil:
         nearest = int(np.argmin(gaps_m))
         return float(gaps_m[nearest]), float(actors.speed_mps[rows[meets[nearest]]])
 
-    def _barred(self, seen: Observation, way: Polyline) -> bool:
+    def _barred(self, observation: Observation, way: Polyline) -> bool:
         """Whether something slow stands where the ego would pass over."""
-        actors, shape = seen.actors, self._mission.shape
+        actors, shape = observation.actors, self._mission.shape
         slow = np.flatnonzero(actors.speed_mps < SLOW_MPS)
         return bool(slow.size) and bool(Corridor(way, shape.width_m / 2).occupied_m(actors.polygons[slow]))
 
-    def _phantom(self, lane: Lane, ego: EgoState, path: Polyline) -> Obstacle:
+    def _phantom(self, lane: Lane, ego: EgoState, path: Polyline) -> FrozenObstacle:
         """A car 10 m ahead on the path that is the slower, the less of the lane is left where it is."""
         shape = self._mission.shape
         pose = path.pose_at(path.project_point(ego.x_m, ego.y_m)[0] + PHANTOM_AHEAD_M)
         left_m = lane.centerline.length_m - lane.centerline.project_point(pose.x_m, pose.y_m)[0]
         speed_mps = self._driver.target_speed_mps * left_m / lane.centerline.length_m
         corners = box_corners(pose.x_m, pose.y_m, pose.heading_rad, shape.length_m, shape.width_m)[0]
-        return Obstacle("phantom", shapely.Polygon(corners), speed_mps, pose.heading_rad, ())
+        return FrozenObstacle("phantom", shapely.Polygon(corners), speed_mps, pose.heading_rad, ())
 
 
 def lane_costs(roads: Roads, route: tuple[str, ...], goal: Pose) -> dict[str, int]:

@@ -10,8 +10,8 @@ from typing import ClassVar
 
 from interplan_planners.common.ground import Ground
 from interplan_planners.common.idm_policy import IdmDriver
-from interplan_planners.common.paths import Path, centerline, shifted
-from interplan_planners.common.pdm import Course, PdmDecision, PdmMotion, PdmSettings
+from interplan_planners.common.paths import DrivingPath, centerline, shifted
+from interplan_planners.common.pdm import PdmCorridor, PdmDecision, PdmMotion, PdmSettings
 from interplan_planners.common.red_lights import RedLights
 from interplan_planners.common.route_correction import DEPTH_FORWARD, corrected_route
 from interplan_planners.common.route_search import LaneFinder, lane_chain, lanes_of_route
@@ -93,8 +93,8 @@ class PdmClosedPlanner:
         self._route: tuple[str, ...] = ()
         self.decision = None
 
-    def plan(self, seen: Observation) -> Trajectory:
-        axle = seen.ego.rear_axle(self._mission.shape)
+    def plan(self, observation: Observation) -> Trajectory:
+        axle = observation.ego.rear_axle(self._mission.shape)
         if not self._route:
             self._begin(axle)
             self._lay_paths(axle)
@@ -102,8 +102,8 @@ class PdmClosedPlanner:
             self._lay_paths(axle)
         _, lane_id = self._lanes.at(axle.x_m, axle.y_m, axle.heading_rad)
         limit_mps = self._mission.roads[lane_id].speed_limit_mps or self.fallback_limit_mps
-        course = Course(self._paths, self._center, self._ground, self._red_lights, limit_mps)
-        plan, self.decision = self._motion.plan(seen, course)
+        course = PdmCorridor(self._paths, self._center, self._ground, self._red_lights, limit_mps)
+        plan, self.decision = self._motion.plan(observation, course)
         return plan
 
     def _begin(self, axle: Pose) -> None:
@@ -118,6 +118,8 @@ class PdmClosedPlanner:
         roads, shape = self._mission.roads, self._mission.shape
         index, lane_id = self._lanes.at(axle.x_m, axle.y_m, axle.heading_rad)
         line = centerline(roads, lane_chain(roads, self._route, index, lane_id, shortest=True, depth=DEPTH_FORWARD))
-        self._center = Path(line)
-        self._paths = [Path(shifted(line, left_m)) if left_m else self._center for left_m in self.lateral_offsets_m]
+        self._center = DrivingPath(line)
+        self._paths = [
+            DrivingPath(shifted(line, left_m)) if left_m else self._center for left_m in self.lateral_offsets_m
+        ]
         self._red_lights = RedLights(roads, lanes_of_route(roads, self._route), shape.width_m / 2)

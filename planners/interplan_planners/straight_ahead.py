@@ -19,8 +19,8 @@ class StraightAhead:
     def start(self, mission: Mission) -> None:
         self._ahead_s = np.linspace(0.0, self.horizon_s, round(self.horizon_s / mission.dt_s) + 1)
 
-    def plan(self, seen: Observation) -> Trajectory:
-        ego = seen.ego
+    def plan(self, observation: Observation) -> Trajectory:
+        ego = observation.ego
         travelled_m = ego.speed_mps * self._ahead_s
         return Trajectory(
             time_s=ego.time_s + self._ahead_s,

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
 
 PLAIN = Scenario(
     id="mine/0",
     family="mine",
     map="strip",
-    start=LanePlace("402032", 20.0),
+    start=LanePosition("402032", 20.0),
     start_speed_mps=12.0,
-    goal=LanePlace("402032", 80.0),
+    goal=LanePosition("402032", 80.0),
     route=("40203",),
 )
 """Nobody else on the road, and the usual duration."""

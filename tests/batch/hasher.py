@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 
-from interplan_sumo.batch.phases import Publish
+from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Work
 
 

@@ -20,43 +20,43 @@ class Steady(StraightAhead):
 
 
 class Raises(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:
-        if seen.time_s > 0.95:
+    def plan(self, observation: Observation) -> Trajectory:
+        if observation.time_s > 0.95:
             raise ValueError("I cannot see")
-        return super().plan(seen)
+        return super().plan(observation)
 
 
 class ReturnsNan(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:
-        plan = super().plan(seen)
+    def plan(self, observation: Observation) -> Trajectory:
+        plan = super().plan(observation)
         return replace(plan, x_m=np.full(len(plan), np.nan))
 
 
 class ReturnsNothing(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:
-        super().plan(seen)
+    def plan(self, observation: Observation) -> Trajectory:
+        super().plan(observation)
         return None  # type: ignore[return-value]
 
 
 class ReturnsThePast(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:
-        plan = super().plan(seen)
+    def plan(self, observation: Observation) -> Trajectory:
+        plan = super().plan(observation)
         return replace(plan, time_s=plan.time_s - 20.0)
 
 
 class Teleports(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:
-        plan = super().plan(seen)
+    def plan(self, observation: Observation) -> Trajectory:
+        plan = super().plan(observation)
         return replace(plan, x_m=plan.x_m + 500.0)
 
 
 class Exits(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:  # noqa: ARG002
+    def plan(self, observation: Observation) -> Trajectory:  # noqa: ARG002
         sys.exit("enough")
 
 
 class Interrupts(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:  # noqa: ARG002
+    def plan(self, observation: Observation) -> Trajectory:  # noqa: ARG002
         raise KeyboardInterrupt
 
 
@@ -65,9 +65,9 @@ class Interrupted(StraightAhead):
 
     number = signal.SIGINT
 
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         signal.raise_signal(self.number)
-        return super().plan(seen)
+        return super().plan(observation)
 
 
 class Terminated(Interrupted):
@@ -77,38 +77,38 @@ class Terminated(Interrupted):
 
 
 class ExitsHard(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:  # noqa: ARG002
+    def plan(self, observation: Observation) -> Trajectory:  # noqa: ARG002
         os._exit(3)
 
 
 class Crashes(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         os.kill(os.getpid(), signal.SIGSEGV)
-        return super().plan(seen)
+        return super().plan(observation)
 
 
 class Hangs(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         time.sleep(600.0)
-        return super().plan(seen)
+        return super().plan(observation)
 
 
 class Allocates(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         bytearray(50 << 30)
-        return super().plan(seen)
+        return super().plan(observation)
 
 
 class Forks(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         os.fork()
-        return super().plan(seen)
+        return super().plan(observation)
 
 
 class Chatters(StraightAhead):
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         print("x" * 4000)
-        return super().plan(seen)
+        return super().plan(observation)
 
 
 class CannotBeBuilt(StraightAhead):
@@ -119,6 +119,6 @@ class CannotBeBuilt(StraightAhead):
 class Slow(StraightAhead):
     """Drives as StraightAhead does, but gives a test the time to interrupt it."""
 
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         time.sleep(0.003)
-        return super().plan(seen)
+        return super().plan(observation)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.batch.crew import ProcessCrew, Worker
 from interplan_sumo.batch.engine import run_tasks, run_with
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
+from interplan_sumo.batch.worker_pool import ProcessCrew, Worker
 from interplan_sumo.errors import InputError, PlannerLoadError
 from tests.batch.toys import open_toy
 

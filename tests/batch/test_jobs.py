@@ -8,7 +8,7 @@ import pytest
 
 from interplan_sumo.batch.jobs import Overrides, chosen, jobs_for, keys_of
 from interplan_sumo.errors import InputError, UnknownNameError
-from interplan_sumo.scenario.scenario import LanePlace, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
 
 
 def scenario(name: str, density: str = "none", oncoming: str = "none") -> Scenario:
@@ -16,9 +16,9 @@ def scenario(name: str, density: str = "none", oncoming: str = "none") -> Scenar
         id=name,
         family=name.partition("/")[0],
         map="tiny",
-        start=LanePlace("1", 10.0),
+        start=LanePosition("1", 10.0),
         start_speed_mps=10.0,
-        goal=LanePlace("1", 90.0),
+        goal=LanePosition("1", 90.0),
         route=("1",),
         traffic=TrafficDemand(density, "mixed", oncoming),  # type: ignore[arg-type]
     )

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.batch.jobs import Source, own_maps
+from interplan_sumo.batch.jobs import ScenarioSource, own_maps
 from interplan_sumo.batch.rescore import rescore
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, MapError, RunFolderError
 from interplan_sumo.maps.store import find_map, load_roads
-from interplan_sumo.proving.recorded_scenes import Moments, recorded_scenes, write_scenes
 from interplan_sumo.scenario.files import read_scenarios
+from interplan_sumo.verification.recorded_scenes import Moments, recorded_scenes, write_scenes
 from interplan_sumo.world.recording import Recording
 from tests.scenario.made_recordings import recording, track
 
@@ -88,14 +88,14 @@ def test_a_map_beside_that_has_a_shipped_name_is_refused(folder: Path, tmp_path:
     file = tmp_path / "made" / "scenarios.yaml"
     file.write_text(file.read_text().replace("map: backwater", "map: strip"))
     with pytest.raises(MapError, match="map 'strip' is a shipped one"):
-        Source.of(None, (str(file),))
+        ScenarioSource.of(None, (str(file),))
 
 
 def test_a_folder_of_maps_that_no_scenario_names_changes_no_hash(tmp_path: Path) -> None:
     assert main(["scenarios", "export", "nudge/0", str(tmp_path / "mine.yaml")]) == 0
-    before = Source.of(None, (str(tmp_path / "mine.yaml"),)).hash
+    before = ScenarioSource.of(None, (str(tmp_path / "mine.yaml"),)).hash
     (tmp_path / "maps" / "other").mkdir(parents=True)
-    assert Source.of(None, (str(tmp_path / "mine.yaml"),)).hash == before
+    assert ScenarioSource.of(None, (str(tmp_path / "mine.yaml"),)).hash == before
 
 
 def test_every_command_about_scenarios_finds_the_map_beside_the_file(

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.batch.jobs import Overrides, Source, split_files
-from interplan_sumo.batch.own_experts import own_expert
+from interplan_sumo.batch.custom_references import own_expert
+from interplan_sumo.batch.jobs import Overrides, ScenarioSource, split_files
 from interplan_sumo.batch.rescore import rescore
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, ScenarioError, UnknownNameError
 from interplan_sumo.report.table import make_table
 from interplan_sumo.scenario.files import write_scenarios
-from interplan_sumo.scenario.scenario import LanePlace, TrafficDemand
+from interplan_sumo.scenario.scenario import LanePosition, TrafficDemand
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
 from tests.batch.busy import PLAIN
 
@@ -101,16 +101,16 @@ def test_a_repeated_run_does_nothing_twice(tmp_path: Path, file: Path) -> None:
 
 
 def test_a_source_is_a_suite_or_files(tmp_path: Path, file: Path) -> None:
-    suite = Source.of(None, ())
+    suite = ScenarioSource.of(None, ())
     assert (suite.name, suite.official) == (DEFAULT_SUITE, True)
     assert suite.hash == find_suite(DEFAULT_SUITE).hash()
-    own = Source.of(None, (str(file),))
+    own = ScenarioSource.of(None, (str(file),))
     assert (own.name, own.scenarios, own.official) == ("mine.yaml", (PLAIN, OTHER), False)
     with pytest.raises(InputError, match=r"--suite smoke==1 and the file .*mine\.yaml are two sources"):
-        Source.of("smoke==1", (str(file),))
+        ScenarioSource.of("smoke==1", (str(file),))
     write_scenarios((PLAIN,), tmp_path / "twin.yaml")
     with pytest.raises(InputError, match=r"twin\.yaml: .*mine\.yaml holds a scenario mine/0, too; rename one"):
-        Source.of(None, (str(file), str(tmp_path / "twin.yaml")))
+        ScenarioSource.of(None, (str(file), str(tmp_path / "twin.yaml")))
 
 
 def test_files_are_told_from_globs() -> None:
@@ -120,7 +120,7 @@ def test_files_are_told_from_globs() -> None:
 def test_what_cannot_be_used_is_refused_before_anything_is_driven(tmp_path: Path, file: Path) -> None:
     with pytest.raises(ScenarioError, match="cannot read"):
         run(request(tmp_path / "run", tmp_path / "nowhere.yaml"))
-    write_scenarios((replace(PLAIN, goal=LanePlace("402032", 9999.0)),), file)
+    write_scenarios((replace(PLAIN, goal=LanePosition("402032", 9999.0)),), file)
     with pytest.raises(ScenarioError, match=r"mine/0: goal: lane 402032 is .* long"):
         run(request(tmp_path / "run", file))
     assert not (tmp_path / "run").exists()

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 
 from interplan_sumo.batch import ray_backend
-from interplan_sumo.batch.crew import Report
 from interplan_sumo.batch.jobs import JobKey, Overrides
 from interplan_sumo.batch.processes import environment
 from interplan_sumo.batch.ray_backend import RayCrew, run_on_ray
@@ -20,7 +19,8 @@ from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
-from interplan_sumo.batch.verify import Sample, verify
+from interplan_sumo.batch.verify import RowSample, verify
+from interplan_sumo.batch.worker_pool import Report
 from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, PlannerLoadError
 from interplan_sumo.maps.store import find_map
@@ -204,7 +204,7 @@ def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_
     assert hashes(done) == hashes(at_home)
     assert all(row["fault"] is None for row in done.rows.values())
     shutil.rmtree(tmp_path / "mine")
-    found = verify(read_run(there.folder), Sample(None), workers=0, ray="auto")
+    found = verify(read_run(there.folder), RowSample(None), workers=0, ray="auto")
     assert [(check.verdict, check.reason) for check in found.checks] == [("equal", ""), ("equal", "")]
 
 

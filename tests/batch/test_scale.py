@@ -14,9 +14,9 @@ from rich.console import Console
 
 from interplan_sumo.batch import results
 from interplan_sumo.batch.engine import run_tasks
-from interplan_sumo.batch.phases import Publish
 from interplan_sumo.batch.results import write_rows
 from interplan_sumo.batch.run_folder import RunFolder, read_run
+from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.report.progress import PlainProgress, Tally

@@ -29,7 +29,7 @@ from interplan_sumo.batch.sweep import (
     run_combination,
 )
 from interplan_sumo.batch.traffic_files import KEYS, Edit, changed_text, write_changed
-from interplan_sumo.batch.verify import Sample, verify
+from interplan_sumo.batch.verify import RowSample, verify
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.scenario.files import write_scenarios
@@ -278,7 +278,7 @@ def test_a_changed_parameter_changes_the_drives_and_rows_say_what_was_changed(
 
 def test_every_combination_can_be_verified(swept: tuple[Sweep, list[Result]]) -> None:
     for result in swept[1]:
-        assert verify(result.runs[0], Sample(None), workers=0).count("equal") == 1
+        assert verify(result.runs[0], RowSample(None), workers=0).count("equal") == 1
 
 
 def test_repeating_a_sweep_drives_nothing_again(swept: tuple[Sweep, list[Result]]) -> None:

@@ -18,7 +18,7 @@ from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.trace_difference import POSITION_BAR_M, TraceDifference, difference
-from interplan_sumo.batch.verify import SCORE_BAR, Check, Sample, Verification, verify
+from interplan_sumo.batch.verify import SCORE_BAR, RowCheck, RowSample, Verification, verify
 from interplan_sumo.errors import InputError, PlannerLoadError, RunFolderError, UnknownNameError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.scenario.files import write_scenarios
@@ -53,8 +53,8 @@ def copy(original: StoredRun, tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
-def checked(place: Path, sample: Sample | None = None, **options: Any) -> Verification:
-    return verify(read_run(place), sample or Sample(None), workers=0, **options)
+def checked(place: Path, sample: RowSample | None = None, **options: Any) -> Verification:
+    return verify(read_run(place), sample or RowSample(None), workers=0, **options)
 
 
 def rewritten(place: Path, change: Callable[[Row], Row], scenario: str = "mine/1") -> None:
@@ -68,7 +68,7 @@ def verdicts(found: Verification) -> dict[str, str]:
     return {check.row["scenario_id"]: check.verdict for check in found.checks}
 
 
-STRAIGHT = Sample(None, planners=("straight_ahead",))
+STRAIGHT = RowSample(None, planners=("straight_ahead",))
 
 
 def test_a_run_comes_again_with_its_faults_and_is_left_as_it_was(original: StoredRun) -> None:
@@ -80,7 +80,7 @@ def test_a_run_comes_again_with_its_faults_and_is_left_as_it_was(original: Store
 
 
 def test_a_worker_makes_the_same_drives(original: StoredRun) -> None:
-    found = verify(original, Sample(1, planners=("straight_ahead",)), workers=1)
+    found = verify(original, RowSample(1, planners=("straight_ahead",)), workers=1)
     assert found.count("equal") == 1
 
 
@@ -147,7 +147,7 @@ def test_a_fault_must_come_again_with_its_class(
     fault: dict[str, str] | None, verdict: str, words: str, copy: Path
 ) -> None:
     rewritten(copy, lambda row: row | {"fault": fault, "score": 0.0} if row["planner"] == RAISES else row)
-    (check,) = checked(copy, Sample(None, scenarios=("mine/1",), planners=(RAISES,))).checks
+    (check,) = checked(copy, RowSample(None, scenarios=("mine/1",), planners=(RAISES,))).checks
     assert check.verdict == verdict
     assert words in check.reason
 
@@ -222,7 +222,7 @@ def test_a_sample_depends_on_its_seed_alone_and_grows_without_losing_rows(origin
     def drawn(size: int | None, seed: int) -> set[object]:
         from interplan_sumo.batch.verify import _candidates, _drawn
 
-        sample = Sample(size, seed)
+        sample = RowSample(size, seed)
         return set(_drawn(_candidates(original, sample), sample))
 
     assert len(drawn(2, 0)) == 2
@@ -235,13 +235,13 @@ def test_a_sample_depends_on_its_seed_alone_and_grows_without_losing_rows(origin
 @pytest.mark.parametrize(
     ("sample", "error", "words"),
     [
-        (Sample(0), InputError, "sample is 0, expected 1 or more"),
-        (Sample(scenarios=("mine/7",)), UnknownNameError, "Did you mean"),
-        (Sample(planners=("idm",)), UnknownNameError, "no planner in"),
+        (RowSample(0), InputError, "sample is 0, expected 1 or more"),
+        (RowSample(scenarios=("mine/7",)), UnknownNameError, "Did you mean"),
+        (RowSample(planners=("idm",)), UnknownNameError, "no planner in"),
     ],
 )
 def test_what_the_run_does_not_hold_is_one_line(
-    sample: Sample, error: type[Exception], words: str, original: StoredRun
+    sample: RowSample, error: type[Exception], words: str, original: StoredRun
 ) -> None:
     with pytest.raises(error, match=words):
         checked(original.path, sample)
@@ -312,7 +312,7 @@ def test_an_actor_of_another_name_is_beyond_any_bar(trace: Trace) -> None:
 @pytest.mark.parametrize(("score", "within"), [(0.5 + 0.9e-6, True), (0.5 + 1.1e-6, False), (None, False)])
 def test_a_millionth_of_a_score_is_the_bar(score: float | None, within: bool) -> None:
     parted = TraceDifference(3, 0.3, "ego: x", 1e-4, only_numbers=True)
-    check = Check({"score": 0.5}, "differs", "", "1", score, parted)
+    check = RowCheck({"score": 0.5}, "differs", "", "1", score, parted)
     assert check.within_bars is within
 
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from interplan_sumo.batch.away import Files
-from interplan_sumo.batch.phases import Publish
+from interplan_sumo.batch.remote_jobs import Files
+from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
 from interplan_sumo.errors import InputError, MapError, TrafficError
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from interplan_sumo.batch.run import RunRequest, run
-from interplan_sumo.dataset.drives import Choice
+from interplan_sumo.dataset.drives import DriveSelection
 from interplan_sumo.dataset.export import ExportRequest
 
-ANY_SCORE = Choice(min_score=0.0)
+ANY_SCORE = DriveSelection(min_score=0.0)
 
 
 def recorded_run(folder: Path, *scenarios: str, seeds: int = 1) -> Path:
@@ -17,7 +17,7 @@ def recorded_run(folder: Path, *scenarios: str, seeds: int = 1) -> Path:
     return folder
 
 
-def request(out: Path, *runs: Path, choice: Choice = ANY_SCORE, **options: object) -> ExportRequest:
+def request(out: Path, *runs: Path, choice: DriveSelection = ANY_SCORE, **options: object) -> ExportRequest:
     """An export in this process, a sample every 2 s, shards of 4."""
     settled = {"every_s": 2.0, "workers": 0, "shard_samples": 4, **options}
     return ExportRequest(out, tuple(runs), choice=choice, **settled)  # type: ignore[arg-type]

@@ -13,12 +13,12 @@ from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.dataset.cars import BEYOND_M, EGO, CarDrive, Cars, way_of
 from interplan_sumo.dataset.motion import body
+from interplan_sumo.dataset.observation_replay import SeenAgain
 from interplan_sumo.dataset.samples import drive_samples
-from interplan_sumo.dataset.seen_again import SeenAgain
 from interplan_sumo.features.schema import BY_NAME, SEEN
 from interplan_sumo.features.view import EgoView
 from interplan_sumo.scenario.route import route_centerline
-from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import wrap_angle
@@ -29,7 +29,9 @@ LEAST = 101
 
 
 def scenario(length_m: float = 400.0) -> Scenario:
-    return Scenario("test/0", "test", "tiny", LanePlace("11", 10.0), 10.0, LanePlace("11", length_m - 10.0), ("1",))
+    return Scenario(
+        "test/0", "test", "tiny", LanePosition("11", 10.0), 10.0, LanePosition("11", length_m - 10.0), ("1",)
+    )
 
 
 def traffic(frames: int, *, speed_mps: float = 10.0, y_m: float = 0.0, first: int = 0, length_m: float = 4.6) -> Trace:

@@ -15,7 +15,7 @@ from worlds import drive
 from interplan_llm.waypoints.planner import LlmWaypointsPlanner
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.dataset.chats import ChatRequest, future_places, side_of, write_chats
-from interplan_sumo.dataset.drives import Choice
+from interplan_sumo.dataset.drives import DriveSelection
 from interplan_sumo.errors import InputError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.scenario.files import write_scenarios
@@ -23,7 +23,7 @@ from interplan_sumo.scenario.scenario import TrafficDemand
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.world.geometry import Floats, Pose
 
-ANY_SCORE = Choice(min_score=0.0)
+ANY_SCORE = DriveSelection(min_score=0.0)
 ALONE = replace(find_scenario("following_lane_with_lead/0"), traffic=TrafficDemand(), vehicles=(), duration_s=12.0)
 """Nobody else on the road."""
 
@@ -39,8 +39,8 @@ class Teller:
     def start(self, mission: Mission) -> None:
         self.route = mission.route
 
-    def example(self, seen: Observation, places: Floats) -> list[Turn]:
-        return [Turn("user", f"{seen.time_s:.1f} {self.route[0]}"), Turn("assistant", str(places.tolist()))]
+    def example(self, observation: Observation, places: Floats) -> list[Turn]:
+        return [Turn("user", f"{observation.time_s:.1f} {self.route[0]}"), Turn("assistant", str(places.tolist()))]
 
 
 @pytest.fixture(scope="module")

@@ -15,11 +15,11 @@ from recorded import ANY_SCORE, recorded_run, request
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.dataset.columns import ragged
-from interplan_sumo.dataset.drives import Choice, _check_maps, chosen_drives
+from interplan_sumo.dataset.drives import DriveSelection, _check_maps, chosen_drives
 from interplan_sumo.dataset.export import export
+from interplan_sumo.dataset.observation_replay import SeenAgain
 from interplan_sumo.dataset.reading import read_dataset
 from interplan_sumo.dataset.samples import sample_frames
-from interplan_sumo.dataset.seen_again import SeenAgain
 from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
 from interplan_sumo.features import schema
 from interplan_sumo.features.view import EgoView
@@ -108,10 +108,10 @@ def test_shards_are_full_but_for_the_last_of_a_split(driven: Path, tmp_path: Pat
 
 def test_low_scores_and_excluded_families_stay_out_and_are_counted(driven: Path, tmp_path: Path) -> None:
     scores = sorted({drive.score or 0.0 for drive in chosen_drives([driven], (), ANY_SCORE).drives})
-    exactly = export(request(tmp_path / "a", driven, choice=Choice(min_score=scores[-1])))
+    exactly = export(request(tmp_path / "a", driven, choice=DriveSelection(min_score=scores[-1])))
     just_above = scores[0] + 1e-9
     assert exactly["counts"]["drives"] >= 1
-    above = export(request(tmp_path / "c", driven, choice=Choice(min_score=just_above)))
+    above = export(request(tmp_path / "c", driven, choice=DriveSelection(min_score=just_above)))
     assert above["counts"]["drives"] < 4
     assert above["left_out"] == {f"score below {just_above:g}": 4 - above["counts"]["drives"]}
     excluded = export(request(tmp_path / "b", driven, choice=replace(ANY_SCORE, exclude=("nudge",))))
@@ -125,7 +125,7 @@ def test_a_run_given_twice_counts_once(driven: Path, tmp_path: Path) -> None:
 
 
 def test_certificates_are_replayed_with_their_traffic(tmp_path: Path) -> None:
-    choice = Choice(exclude=tuple(f for f in SMOKE_FAMILIES if f != "lane_change_mtd"))
+    choice = DriveSelection(exclude=tuple(f for f in SMOKE_FAMILIES if f != "lane_change_mtd"))
     manifest = export(request(tmp_path / "a", choice=choice, certificates=("smoke==1",)))
     dataset = read_dataset(tmp_path / "a")
     (drive,) = dataset.drives
@@ -160,8 +160,8 @@ def test_nothing_to_export_is_refused_with_the_way_out(tmp_path: Path) -> None:
         ({"every_s": 0.0}, "every is 0 s"),
         ({"workers": -1}, "workers is -1"),
         ({"shard_samples": 0}, "shard_samples is 0"),
-        ({"choice": Choice(min_score=90.0)}, "min-score is 90, expected 0 to 1"),
-        ({"choice": Choice(min_score=1.0)}, r"no drive is left to export \(4 score below 1\)"),
+        ({"choice": DriveSelection(min_score=90.0)}, "min-score is 90, expected 0 to 1"),
+        ({"choice": DriveSelection(min_score=1.0)}, r"no drive is left to export \(4 score below 1\)"),
         ({"choice": replace(ANY_SCORE, exclude=("nuge",))}, "no family named 'nuge'. Did you mean 'nudge'"),
         ({"choice": replace(ANY_SCORE, holdout_maps=("stripe",))}, "no map among the drives named 'stripe'"),
         ({"choice": replace(ANY_SCORE, holdout_seeds=(7,))}, "no seed among the drives named '7'. Known: 0, 1."),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from worlds import junction
 
-from interplan_sumo.dataset.drives import Choice
+from interplan_sumo.dataset.drives import DriveSelection
 from interplan_sumo.dataset.export import ExportRequest, export
 from interplan_sumo.dataset.reading import read_dataset
 from interplan_sumo.errors import InputError
@@ -43,7 +43,7 @@ def request(out: Path, maps: Path, *sources: Path, **choice: object) -> ExportRe
         recordings=sources,
         map=str(maps),
         workers=0,
-        choice=Choice(**choice),  # type: ignore[arg-type]
+        choice=DriveSelection(**choice),  # type: ignore[arg-type]
     )
 
 

@@ -33,9 +33,9 @@ class Move:
         pose = Pose(float(x), float(y), float(wrap_angle(goal.heading_rad + self.turn_rad)))
         return replace(mission, roads=self.roads(mission.roads), goal=pose)
 
-    def observation(self, seen: Observation) -> Observation:
-        past = Past(tuple(map(self.ego, seen.past.egos)), tuple(map(self.actors, seen.past.actors)))
-        return replace(seen, ego=self.ego(seen.ego), actors=self.actors(seen.actors), past=past)
+    def observation(self, observation: Observation) -> Observation:
+        past = Past(tuple(map(self.ego, observation.past.egos)), tuple(map(self.actors, observation.past.actors)))
+        return replace(observation, ego=self.ego(observation.ego), actors=self.actors(observation.actors), past=past)
 
     def ego(self, ego: EgoState) -> EgoState:
         x, y = self.points(np.array((ego.x_m, ego.y_m)))

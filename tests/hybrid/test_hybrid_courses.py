@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from worlds import cars, ego, junction, mission, observation, straight_road
 
+from interplan_llm.hybrid.behaviour_paths import Courses, passing_line
 from interplan_llm.hybrid.behaviours import Behaviour
-from interplan_llm.hybrid.courses import Courses, passing_line
-from interplan_llm.hybrid.scene import Blockage, Scene, Watch
-from interplan_planners.common.pdm import Course
+from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, SceneObserver
+from interplan_planners.common.pdm import PdmCorridor
 from interplan_sumo.planner import Mission, Past
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
@@ -23,19 +23,19 @@ class Drive:
     """One episode, of which courses are made."""
 
     def __init__(self, job: Mission = ROAD, actors: Actors | None = None) -> None:
-        self.watch = Watch(job, 15.0)
+        self.watch = SceneObserver(job, 15.0)
         self.actors = Actors.none() if actors is None else actors
         self._courses = Courses(self.watch, 15.0)
 
-    def scene(self, state: EgoState) -> Scene:
+    def scene(self, state: EgoState) -> DecisionScene:
         past = Past((state,) * 20, (self.actors,) * 20)
         return self.watch.scene(observation(state, self.actors, None, past))
 
-    def course(self, behaviour: Behaviour, state: EgoState) -> Course:
+    def course(self, behaviour: Behaviour, state: EgoState) -> PdmCorridor:
         return self._courses.course(behaviour, self.scene(state), state.rear_axle(PACIFICA))
 
 
-def ends_at_y_m(course: Course) -> float:
+def ends_at_y_m(course: PdmCorridor) -> float:
     line = course.center.line
     return float(line.points[-1, 1])
 
@@ -73,7 +73,7 @@ def test_beside_what_is_passed_the_proposals_keep_nearer_to_the_line(behaviour: 
 
 def test_the_way_out_to_the_next_lane_and_back_is_gentle_where_there_is_room() -> None:
     line = Polyline(np.array(((0.0, 0.0), (300.0, 0.0))))
-    obstacle = Blockage("barrier", 95.0, 150.0, 155.0, (("left", 3.5),), against_traffic=True)
+    obstacle = BlockedLane("barrier", 95.0, 150.0, 155.0, (("left", 3.5),), against_traffic=True)
     passing = passing_line(line, Pose(50.0, 0.0, 0.0), obstacle, 10.0, PACIFICA.length_m)
     assert passing.poses_at(np.array((150.0,)))[0, 1] == pytest.approx(3.5, abs=0.01)
     x_m, y_m = passing.points.T

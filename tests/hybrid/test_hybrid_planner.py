@@ -10,7 +10,7 @@ from worlds import cars, ego, mission, observation, straight_road
 from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.choosers import RandomChooser
 from interplan_llm.hybrid.planner import HybridPlanner
-from interplan_llm.hybrid.scene import Scene
+from interplan_llm.hybrid.scene import DecisionScene
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Mission, Past
@@ -25,7 +25,7 @@ BROAD = mission(straight_road(lanes=1, length_m=600.0, limit_mps=12.0), ("11",))
 class Scripted:
     """Chooses by a rule, after a delay."""
 
-    def __init__(self, rule: Callable[[Scene, tuple[Behaviour, ...]], Behaviour], delay_s: float = 0.0) -> None:
+    def __init__(self, rule: Callable[[DecisionScene, tuple[Behaviour, ...]], Behaviour], delay_s: float = 0.0) -> None:
         self.rule = rule
         self.delay_s = delay_s
         self.asked_at_s: list[float] = []
@@ -35,7 +35,7 @@ class Scripted:
 
     def choose(
         self,
-        scene: Scene,
+        scene: DecisionScene,
         options: tuple[Behaviour, ...],
         now: Behaviour | None,  # noqa: ARG002
     ) -> tuple[Behaviour, float]:
@@ -83,7 +83,7 @@ def test_a_merge_arrives_on_the_other_lane_and_stays_there() -> None:
 
 
 def test_a_merge_that_is_called_off_goes_back() -> None:
-    def rule(scene: Scene, options: tuple[Behaviour, ...]) -> Behaviour:
+    def rule(scene: DecisionScene, options: tuple[Behaviour, ...]) -> Behaviour:
         return Behaviour.MERGE_LEFT if scene.time_s < 0.5 and Behaviour.MERGE_LEFT in options else options[0]
 
     states, _ = driven(Scripted(rule), 9.0)
@@ -121,7 +121,7 @@ def test_one_is_asked_once_a_second_and_only_where_there_is_a_choice() -> None:
 
 
 def test_an_answer_takes_effect_when_it_is_known() -> None:
-    def rule(scene: Scene, options: tuple[Behaviour, ...]) -> Behaviour:
+    def rule(scene: DecisionScene, options: tuple[Behaviour, ...]) -> Behaviour:
         return Behaviour.MERGE_LEFT if scene.time_s > 0.5 and Behaviour.MERGE_LEFT in options else options[0]
 
     at_once, _ = driven(Scripted(rule), 3.0)
@@ -131,7 +131,7 @@ def test_an_answer_takes_effect_when_it_is_known() -> None:
 
 
 def test_nobody_is_asked_again_before_the_answer_is_known_and_a_slow_answer_is_not_lost() -> None:
-    def rule(scene: Scene, options: tuple[Behaviour, ...]) -> Behaviour:
+    def rule(scene: DecisionScene, options: tuple[Behaviour, ...]) -> Behaviour:
         return Behaviour.MERGE_LEFT if scene.time_s > 0.5 and Behaviour.MERGE_LEFT in options else options[0]
 
     slow = Scripted(rule, delay_s=1.6)

@@ -6,7 +6,7 @@ import pytest
 from worlds import cars, ego, junction, mission, observation, pedestrians, signals, straight_road
 
 from interplan_llm.hybrid.behaviours import Behaviour, offered
-from interplan_llm.hybrid.scene import CLEARANCE_M, Scene, Watch
+from interplan_llm.hybrid.scene import CLEARANCE_M, DecisionScene, SceneObserver
 from interplan_sumo.planner import Mission, Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
@@ -29,11 +29,11 @@ def seen(
     y_m: float = OWN_Y,
     lights: Signals | None = None,
     x_m: float = 100.0,
-) -> Scene:
+) -> DecisionScene:
     """The scene around an ego; whoever stands has been standing for two seconds."""
     state = ego(x_m, y_m, speed_mps)
     everyone = Actors.none() if actors is None else actors
-    return Watch(job, 15.0).scene(observation(state, everyone, lights, Past((state,) * 20, (everyone,) * 20)))
+    return SceneObserver(job, 15.0).scene(observation(state, everyone, lights, Past((state,) * 20, (everyone,) * 20)))
 
 
 def cones(*places: tuple[float, float]) -> Actors:
@@ -99,7 +99,7 @@ def test_a_car_that_stands_blocks_and_is_nobody_to_follow() -> None:
 def test_a_car_that_has_just_stopped_does_not_block_yet() -> None:
     state = ego(100.0, OWN_Y, 8.0)
     moved = Past((state,) * 20, (cars((129.0, OWN_Y, 1.0)),) * 20)
-    scene = Watch(MIDDLE, 15.0).scene(observation(state, cars((130.0, OWN_Y)), None, moved))
+    scene = SceneObserver(MIDDLE, 15.0).scene(observation(state, cars((130.0, OWN_Y)), None, moved))
     assert scene.current.blocked is None
     assert scene.current.ahead is not None
 
@@ -166,8 +166,8 @@ def test_cars_that_wait_for_a_light_do_not_block() -> None:
     waiting = cars((end.x_m, end.y_m, 0.0, end.heading_rad))
     state = ego(start.x_m, start.y_m, 5.0, start.heading_rad)
     past = Past((state,) * 20, (waiting,) * 20)
-    red = Watch(job, 15.0).scene(observation(state, waiting, signals(red=[west.id]), past))
-    green = Watch(job, 15.0).scene(observation(state, waiting, signals(green=[west.id]), past))
+    red = SceneObserver(job, 15.0).scene(observation(state, waiting, signals(red=[west.id]), past))
+    green = SceneObserver(job, 15.0).scene(observation(state, waiting, signals(green=[west.id]), past))
     assert red.current.blocked is None
     assert red.current.ahead is not None
     assert red.light is not None

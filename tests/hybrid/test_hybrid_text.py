@@ -9,7 +9,7 @@ from worlds import cars, ego, mission, observation, pedestrians, straight_road
 
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import ModelChooser
-from interplan_llm.hybrid.scene import Oncoming, Scene, Watch
+from interplan_llm.hybrid.scene import DecisionScene, Oncoming, SceneObserver
 from interplan_llm.hybrid.text import messages
 from interplan_llm.models.protocol import ModelFailure, Request
 from interplan_llm.models.scripted import ScriptedModel, always
@@ -21,13 +21,13 @@ JOB = mission(ROAD, ("11",), goal_arc_m=200.0)
 BOTH = (Behaviour.FOLLOW, Behaviour.MERGE_LEFT)
 
 
-def seen(actors: Actors | None = None, y_m: float = -3.5, speed_mps: float = 8.0) -> Scene:
+def seen(actors: Actors | None = None, y_m: float = -3.5, speed_mps: float = 8.0) -> DecisionScene:
     state = ego(100.0, y_m, speed_mps)
     everyone = Actors.none() if actors is None else actors
-    return Watch(JOB, 15.0).scene(observation(state, everyone, None, Past((state,) * 20, (everyone,) * 20)))
+    return SceneObserver(JOB, 15.0).scene(observation(state, everyone, None, Past((state,) * 20, (everyone,) * 20)))
 
 
-def told(scene: Scene, past: tuple[tuple[float, Behaviour], ...] = ()) -> str:
+def told(scene: DecisionScene, past: tuple[tuple[float, Behaviour], ...] = ()) -> str:
     return messages(scene, offered(scene), past)[1].text
 
 

@@ -10,7 +10,7 @@ from worlds import cars, ego, mission, observation, pedestrians, straight_road, 
 
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import RuleChooser
-from interplan_llm.hybrid.scene import Blockage, Oncoming, Scene, Watch
+from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, Oncoming, SceneObserver
 from interplan_sumo.planner import Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
@@ -23,14 +23,18 @@ UPWARDS = 1.5707963
 PASSING = (Behaviour.OVERTAKE, Behaviour.STOP)
 
 
-def seen(*others: Actors, speed_mps: float = 8.0) -> Scene:
+def seen(*others: Actors, speed_mps: float = 8.0) -> DecisionScene:
     """An ego at 100 m in the middle of three lanes, the goal to its left; who stands has stood for two seconds."""
     state = ego(100.0, OWN_Y, speed_mps)
     everyone = together(*others) if others else Actors.none()
-    return Watch(TO_THE_LEFT, 15.0).scene(observation(state, everyone, None, Past((state,) * 20, (everyone,) * 20)))
+    return SceneObserver(TO_THE_LEFT, 15.0).scene(
+        observation(state, everyone, None, Past((state,) * 20, (everyone,) * 20))
+    )
 
 
-def chosen(scene: Scene, options: tuple[Behaviour, ...] | None = None, now: Behaviour | None = None) -> Behaviour:
+def chosen(
+    scene: DecisionScene, options: tuple[Behaviour, ...] | None = None, now: Behaviour | None = None
+) -> Behaviour:
     chooser = RuleChooser()
     chooser.start(TO_THE_LEFT)
     return chooser.choose(scene, offered(scene) if options is None else options, now)[0]
@@ -95,11 +99,11 @@ def test_a_blocked_lane_without_a_gap_beside_it_is_waited_in() -> None:
 # --- passing ---------------------------------------------------------------------------------------
 
 
-def blocked(gap_m: float, against_traffic: bool, meets_in_s: float | None = None) -> Scene:
+def blocked(gap_m: float, against_traffic: bool, meets_in_s: float | None = None) -> DecisionScene:
     """5 m of obstacle ahead in the own lane, and somebody who comes at 10 m/s; the ego drives 8 m/s."""
     scene = seen()
     start_m = scene.current.arc_m + HALF_M + gap_m
-    obstacle = Blockage("barrier", max(gap_m, 0.0), start_m, start_m + 5.0, (("left", 3.0),), against_traffic)
+    obstacle = BlockedLane("barrier", max(gap_m, 0.0), start_m, start_m + 5.0, (("left", 3.0),), against_traffic)
     comes = None if meets_in_s is None else Oncoming(18.0 * meets_in_s, 10.0, 18.0)
     return replace(scene, current=replace(scene.current, blocked=obstacle), left=None, right=None, oncoming=comes)
 

@@ -17,7 +17,7 @@ from interplan_learned.dtpp.tree import (
     FIRST_STEPS,
     SPEED,
     STEP_S,
-    Start,
+    TreeStart,
     best_parents,
     cubic_speeds,
     first_stage,
@@ -43,10 +43,10 @@ def bend(radius_m: float) -> Floats:
     return sampled_path(radius_m * np.stack((np.sin(angle) * np.sign(radius_m), 1.0 - np.cos(angle)), axis=1))
 
 
-def start(*paths: Floats, speed_mps: float = 0.0, push_mps2: float = 0.0, limit_mps: float = 12.0) -> Start:
+def start(*paths: Floats, speed_mps: float = 0.0, push_mps2: float = 0.0, limit_mps: float = 12.0) -> TreeStart:
     held = np.zeros((1, 3, 121, 4))
     held[0, : len(paths)] = paths if paths else 0.0
-    return Start(
+    return TreeStart(
         paths=held, paths_valid=np.arange(3)[None] < len(paths), speed_mps=np.array([speed_mps]),
         acceleration_mps2=np.array([push_mps2]), limit_mps=np.array([limit_mps]),
     )  # fmt: skip
@@ -135,7 +135,7 @@ def test_too_many_leaves_are_thinned_evenly() -> None:
 def test_a_sample_among_others_has_the_same_leaves() -> None:
     one, other = start(road(), speed_mps=5.0), start(road(), road(3.5), speed_mps=9.0, push_mps2=-1.0)
     names = ("paths", "paths_valid", "speed_mps", "acceleration_mps2", "limit_mps")
-    both = Start(**{name: np.concatenate((getattr(one, name), getattr(other, name))) for name in names})
+    both = TreeStart(**{name: np.concatenate((getattr(one, name), getattr(other, name))) for name in names})
     for row, alone in enumerate((one, other)):
         np.testing.assert_array_equal(first_stage(both, WIDE).motion[row], first_stage(alone, WIDE).motion[0])
 

@@ -38,8 +38,8 @@ def at(x_m: float, y_m: float = 0.0, speed_mps: float = 8.0, actors: Actors | No
     return tiny_worlds.observation(tiny_worlds.ego(x_m + PACIFICA.rear_axle_to_center_m, y_m, speed_mps), actors)
 
 
-def found(where: Mission, seen: Observation) -> ReferencePath:
-    path = ReferencePaths(where).at(seen)
+def found(where: Mission, observation: Observation) -> ReferencePath:
+    path = ReferencePaths(where).at(observation)
     assert path is not None
     return path
 

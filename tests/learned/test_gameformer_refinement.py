@@ -7,9 +7,9 @@ import pytest
 
 from interplan_learned.gameformer.inputs import PLAN_STEP_S
 from interplan_learned.gameformer.occupancy import taken
-from interplan_learned.gameformer.refinement import LEAST_MPS2, MOST_MPS2, Task, refined_speeds
+from interplan_learned.gameformer.refinement import LEAST_MPS2, MOST_MPS2, SpeedTask, refined_speeds
 from interplan_learned.scene import AGENT_CHANNELS
-from interplan_planners.common.paths import Path
+from interplan_planners.common.paths import DrivingPath
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, Polyline
 
@@ -20,8 +20,8 @@ NOBODY = np.zeros((80, 120), dtype=np.bool_)
 
 def task(
     planned_m: Floats, cap_mps: float = 13.0, cells: np.ndarray = NOBODY, speed_mps: float = 8.0, push_mps2: float = 0.0
-) -> Task:
-    return Task(
+) -> SpeedTask:
+    return SpeedTask(
         planned_m=planned_m, cap_mps=np.full(80, cap_mps), taken=cells, speed_mps=speed_mps,
         acceleration_mps2=push_mps2, front_m=PACIFICA.front_m,
     )  # fmt: skip
@@ -31,11 +31,11 @@ def gained_mps2(speeds: Floats, speed_mps: float) -> Floats:
     return np.diff(speeds, prepend=speed_mps) / PLAN_STEP_S
 
 
-def road(length_m: float = 120.0) -> Path:
-    return Path(Polyline(np.array(((0.0, 0.0), (length_m, 0.0)))).resampled(0.5))
+def road(length_m: float = 120.0) -> DrivingPath:
+    return DrivingPath(Polyline(np.array(((0.0, 0.0), (length_m, 0.0)))).resampled(0.5))
 
 
-def one_step(what: Task) -> tuple[float, float]:
+def one_step(what: SpeedTask) -> tuple[float, float]:
     """Speed and acceleration after a step of the refined motion."""
     speed = float(refined_speeds(what)[0])
     return speed, (speed - what.speed_mps) / PLAN_STEP_S
@@ -120,7 +120,7 @@ def agent(x_m: float, y_m: float, length_m: float = 5.0) -> tuple[np.ndarray, np
 
 
 def cells_of(
-    agents: np.ndarray, futures: np.ndarray, red: list[Polyline] | None = None, path: Path | None = None
+    agents: np.ndarray, futures: np.ndarray, red: list[Polyline] | None = None, path: DrivingPath | None = None
 ) -> np.ndarray:
     return taken(path or road(), agents, futures, red or [], PACIFICA.width_m)
 

@@ -19,7 +19,7 @@ torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan
 
 from interplan_learned.training.models import gameformer as made  # noqa: E402
 from interplan_learned.training.recipe import find_recipe  # noqa: E402
-from interplan_learned.training.scene_encoder import EncoderSize, Scene  # noqa: E402
+from interplan_learned.training.scene_encoder import EncodedScene, EncoderSize  # noqa: E402
 
 SMALL = EncoderSize(width=16, heads=2, layers=1, dropout=0.0)
 STEPS = 16
@@ -118,7 +118,7 @@ def test_a_level_answers_to_what_the_others_were_going_to_do() -> None:
     layer = made.FurtherLevel(SMALL, STEPS).eval()
     empty = torch.zeros(1, 5, dtype=torch.bool)
     empty[0, 2] = True
-    scene = Scene(torch.randn(1, 5, 16), empty)
+    scene = EncodedScene(torch.randn(1, 5, 16), empty)
     now, content = torch.zeros(1, 3, 2), torch.randn(1, 3, MODES, 16)
     before, futures = level(torch.zeros(3, MODES, STEPS, 2)), torch.randn(1, 3, MODES, 16)
 
@@ -206,7 +206,7 @@ def test_onnx_gives_what_torch_gives_for_a_single_sample_too(weights: Path) -> N
     model = find_recipe("gameformer").make_model().eval()
     model.load_state_dict(torch.load(weights.parent / "model.pt", weights_only=True))
     with torch.no_grad():
-        plan, futures, scores = made.Driving(model)(*(torch.from_numpy(given[name]) for name in made.INPUTS))
+        plan, futures, scores = made.GameFormerPlan(model)(*(torch.from_numpy(given[name]) for name in made.INPUTS))
     for name, wanted in (("plan", plan), ("futures", futures), ("scores", scores)):
         np.testing.assert_allclose(found[name], wanted.numpy(), rtol=1e-4, atol=1e-4)
 

@@ -36,8 +36,8 @@ def rear_at(x_m: float, y_m: float, speed_mps: float = 5.0, heading_rad: float =
     return tiny_worlds.observation(tiny_worlds.ego(x_m, y_m, speed_mps, heading_rad, time_s=2.0))
 
 
-def held(roads: Roads, lanes: list[str], seen: Observation) -> Arrays:
-    arrays = EgoView(tiny_worlds.mission(roads, lanes)).arrays(seen)
+def held(roads: Roads, lanes: list[str], observation: Observation) -> Arrays:
+    arrays = EgoView(tiny_worlds.mission(roads, lanes)).arrays(observation)
     return kept(one_sample(arrays), [nodes_of(roads, COMPACT.points)], COMPACT)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from interplan_learned.card import Card, Graph, Port, read_card
-from interplan_learned.network import SHIPPED, Network, load_network
+from interplan_learned.network import SHIPPED, OnnxNetwork, load_network
 from interplan_sumo.errors import InputError
 from interplan_sumo.features import schema
 from interplan_sumo.world.files import file_hash
@@ -57,7 +57,7 @@ def test_a_network_runs_batches_of_any_size_and_tells_of_itself(doubling: Path) 
 
 
 def test_inputs_of_another_shape_or_name_are_refused(doubling: Path) -> None:
-    network = Network(doubling)
+    network = OnnxNetwork(doubling)
     with pytest.raises(ValueError, match=r"was given x of shape \(3,\), its card says \(2,\)"):
         network.run({"x": np.zeros((1, 3))})
     with pytest.raises(ValueError, match=r"was given \['z'\], its card names \['x'\]"):

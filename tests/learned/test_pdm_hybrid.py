@@ -138,9 +138,12 @@ def scene() -> tuple[Mission, Observation]:
     return tiny_worlds.mission(roads, ["1", "13", "7"]), Observation(4.0, ego, around, signals, Past((before,), ()))
 
 
-def sample(mission: Mission, seen: Observation) -> Columns:
-    arrays = EgoView(mission).arrays(seen)
-    return {**{name: values[None] for name, values in arrays.items()}, "tick": np.array([round(seen.time_s / 0.1)])}
+def sample(mission: Mission, observation: Observation) -> Columns:
+    arrays = EgoView(mission).arrays(observation)
+    return {
+        **{name: values[None] for name, values in arrays.items()},
+        "tick": np.array([round(observation.time_s / 0.1)]),
+    }
 
 
 def test_a_sample_gives_back_what_the_planner_saw(scene: tuple[Mission, Observation]) -> None:

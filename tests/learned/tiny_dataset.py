@@ -18,7 +18,7 @@ from interplan_sumo.features import schema
 from interplan_sumo.features.lane_graph import lane_graph
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import find_map
-from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.world.files import file_hash
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Roads
@@ -42,7 +42,7 @@ def samples_of(name: str, speed_mps: float, push_mps2: float = 0.0, drive: int =
     speeds = np.maximum(speed_mps + push_mps2 * 0.1 * np.arange(FRAMES), 0.0)
     trace = tiny_worlds.drive_along(line, *speeds, start_m=10.0, actors=tiny_worlds.cars((70.0, 0.5)))
     scenario = Scenario(
-        "test/0", "test", name, LanePlace(lane.id, 10.0), speed_mps, LanePlace(lane.id, line.length_m - 5.0),
+        "test/0", "test", name, LanePosition(lane.id, 10.0), speed_mps, LanePosition(lane.id, line.length_m - 5.0),
         (lane.roadblock_id,), duration_s=9.0,
     )  # fmt: skip
     return drive_samples(scenario, roads, trace, drive=drive, frames=sample_frames(trace, 5))

@@ -13,5 +13,5 @@ class OptionHolder:
 
     def start(self, mission: Mission) -> None: ...
 
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         raise NotImplementedError

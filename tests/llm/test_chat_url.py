@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from interplan_llm.models.ledger import Ledger
 from interplan_llm.models.protocol import MAX_TEXT_BYTES, Capabilities, Cause, LanguageModel, ModelFailure
+from interplan_llm.models.usage_stats import Ledger
 from interplan_sumo.errors import InputError
 from tests.llm import chat_server
 from tests.llm.chat_server import Act, ChatServer

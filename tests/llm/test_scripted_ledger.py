@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from interplan_llm.models.ledger import Ledger
 from interplan_llm.models.protocol import CAUSES, LanguageModel, ModelFailure, Reply
 from interplan_llm.models.scripted import ScriptedModel, always
+from interplan_llm.models.usage_stats import Ledger
 from tests.llm.questions import question
 
 

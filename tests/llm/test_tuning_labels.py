@@ -13,9 +13,9 @@ from worlds import cars, ego, mission, observation, straight_road
 
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChooser
-from interplan_llm.hybrid.scene import Scene, Watch
+from interplan_llm.hybrid.scene import DecisionScene, SceneObserver
 from interplan_llm.models.scripted import always
-from interplan_llm.tuning.labels import Parts, Settings, balanced, main, make_labels
+from interplan_llm.tuning.labels import LabelSettings, Parts, balanced, main, make_labels
 from interplan_llm.tuning.rollouts import (
     HOPELESS,
     MARGIN,
@@ -35,19 +35,19 @@ from interplan_llm.tuning.scenes import (
     scenes_of,
 )
 from interplan_sumo.errors import InputError
+from interplan_sumo.families import FAMILIES
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.planner import Past
-from interplan_sumo.proving.generation import generate
-from interplan_sumo.proving.oracle import Tried, Value
-from interplan_sumo.proving.ordinary_scenes import FIRST_SEED
-from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario, suites
+from interplan_sumo.verification.generation import generate
+from interplan_sumo.verification.oracle import Tried, Value
+from interplan_sumo.verification.ordinary_scenes import FIRST_SEED
 
 FOLLOW, STOP = Behaviour.FOLLOW, Behaviour.STOP
 FULL = Value(1.0, 5, 1.0)
-QUICK = Settings(every=2, hold=1, drives_per_scene=2)
+QUICK = LabelSettings(every=2, hold=1, drives_per_scene=2)
 
 
 @cache
@@ -63,11 +63,11 @@ def training(number: int = 0) -> TrainingScene:
 
 
 @cache
-def scene() -> Scene:
+def scene() -> DecisionScene:
     road = straight_road(lanes=2, length_m=500.0, limit_mps=12.0)
     state, others = ego(100.0, -3.5, 8.0), cars((118.0, -3.5))
     job = mission(road, ("11",), goal_arc_m=200.0)
-    return Watch(job, 15.0).scene(observation(state, others, None, Past((state,) * 20, (others,) * 20)))
+    return SceneObserver(job, 15.0).scene(observation(state, others, None, Past((state,) * 20, (others,) * 20)))
 
 
 def tried(*scores: float, held: int = 0) -> Tried:

@@ -23,7 +23,7 @@ from interplan_llm.tuning.chat import ChatTokens  # noqa: E402
 from interplan_llm.tuning.examples import Example, as_samples  # noqa: E402
 from interplan_llm.tuning.gguf_weights import GgufModel, read_model  # noqa: E402
 from interplan_llm.tuning.heldout import choices_made, mean_loss  # noqa: E402
-from interplan_llm.tuning.llama import TARGETS, Adapter, Llama, token_tree  # noqa: E402
+from interplan_llm.tuning.llama import TARGETS, Llama, LowRankSettings, token_tree  # noqa: E402
 from tests.llm.tuning_models import OPTIONS, conversation, write_llama  # noqa: E402
 
 SAME = 0.02
@@ -42,7 +42,7 @@ def read(tiny: Path) -> GgufModel:
     return read_model(tiny)
 
 
-def changed_at_random(model: Llama, targets: tuple[str, ...] = TARGETS, size: float = 0.3) -> Adapter:
+def changed_at_random(model: Llama, targets: tuple[str, ...] = TARGETS, size: float = 0.3) -> LowRankSettings:
     adapter = model.new_adapter(targets, rank=4, alpha=8.0, seed=1)
     generator = torch.Generator().manual_seed(2)
     with torch.no_grad():
@@ -51,14 +51,14 @@ def changed_at_random(model: Llama, targets: tuple[str, ...] = TARGETS, size: fl
     return adapter
 
 
-def log_probabilities(model: Llama, tokens: list[int], adapter: Adapter | None = None) -> Any:
+def log_probabilities(model: Llama, tokens: list[int], adapter: LowRankSettings | None = None) -> Any:
     tree = token_tree([tokens], 0)
     with torch.no_grad():
         return model.logits(tree, torch.tensor([len(tokens) - 1]), adapter).log_softmax(-1)[0]
 
 
 def largest_difference(
-    model: Llama, path: Path, prompts: list[list[int]], adapter: tuple[Adapter, Path] | None
+    model: Llama, path: Path, prompts: list[list[int]], adapter: tuple[LowRankSettings, Path] | None
 ) -> float:
     ours = [log_probabilities(model, tokens, adapter and adapter[0]) for tokens in prompts]
     with native_model(path, adapter and adapter[1]) as library:

@@ -23,13 +23,13 @@ from interplan_llm.tuning import train  # noqa: E402
 from interplan_llm.tuning.adapters import read_adapter  # noqa: E402
 from interplan_llm.tuning.chat import ChatTokens  # noqa: E402
 from interplan_llm.tuning.examples import as_samples, divided, read_examples, shuffled_batches  # noqa: E402
-from interplan_llm.tuning.fitting import PATIENCE, Fitting, Settings  # noqa: E402
+from interplan_llm.tuning.fitting import PATIENCE, Fitting, FittingSettings  # noqa: E402
 from interplan_llm.tuning.gguf_weights import read_model  # noqa: E402
-from interplan_llm.tuning.heldout import Share, chance, first_offered  # noqa: E402
+from interplan_llm.tuning.heldout import Ratio, chance, first_offered  # noqa: E402
 from interplan_llm.tuning.llama import Llama  # noqa: E402
 from tests.llm.tuning_models import line, write_examples, write_llama  # noqa: E402
 
-FAST = Settings(epochs=5, learning_rate=0.02, rank=4, alpha=4.0, batch=4, threads=1, precision="float32")
+FAST = FittingSettings(epochs=5, learning_rate=0.02, rank=4, alpha=4.0, batch=4, threads=1, precision="float32")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -50,7 +50,7 @@ def examples(tiny: Path) -> Path:
     return write_examples(tiny.parent / "examples.jsonl")
 
 
-def fitting(tiny: Path, examples: Path, folder: Path, settings: Settings = FAST) -> Fitting:
+def fitting(tiny: Path, examples: Path, folder: Path, settings: FittingSettings = FAST) -> Fitting:
     read = read_model(tiny)
     learned, held_out = divided(as_samples(read_examples(examples), ChatTokens(read.vocabulary)), 100)
     return Fitting(Llama(read), learned, held_out, settings, folder / "checkpoint.npz", "tiny")
@@ -248,11 +248,11 @@ def test_what_the_command_cannot_do_is_one_line(
 
 
 def test_an_interval_holds_its_share_and_shrinks_with_numbers() -> None:
-    low, high = Share(8, 10).interval
+    low, high = Ratio(8, 10).interval
     assert (low, high) == (pytest.approx(0.490, abs=1e-3), pytest.approx(0.943, abs=1e-3))
-    assert Share(0, 10).interval[0] == 0.0
-    assert Share(10, 10).interval[1] == pytest.approx(1.0)
-    wider, narrower = Share(8, 10).interval, Share(80, 100).interval
+    assert Ratio(0, 10).interval[0] == 0.0
+    assert Ratio(10, 10).interval[1] == pytest.approx(1.0)
+    wider, narrower = Ratio(8, 10).interval, Ratio(80, 100).interval
     assert wider[0] < narrower[0] < 0.8 < narrower[1] < wider[1]
 
 
@@ -263,7 +263,7 @@ def test_chance_and_the_first_option_are_counted_where_there_are_choices(tiny: P
     (tmp_path / "three.jsonl").write_text("\n".join(map(json.dumps, told)), encoding="utf-8")
     samples = as_samples(read_examples(tmp_path / "three.jsonl"), ChatTokens(read_model(tiny).vocabulary))
     assert chance(samples) == pytest.approx((1 / 2 + 1 / 4) / 2)
-    assert first_offered(samples) == (Share(1, 2), None)
+    assert first_offered(samples) == (Ratio(1, 2), None)
     assert chance(samples[2:]) is None
     assert first_offered(samples[2:]) == (None, None)
 
@@ -278,4 +278,4 @@ def test_what_is_decisive_is_counted_by_itself_where_it_is_known(tiny: Path, tmp
     samples = as_samples(read_examples(tmp_path / "some.jsonl"), ChatTokens(read_model(tiny).vocabulary))
     learned, held_out = divided(samples, 10)
     assert (len(learned), len(held_out), len(divided(samples, 2)[1])) == (1, 3, 2)
-    assert first_offered(held_out) == (Share(3, 3), Share(2, 2))
+    assert first_offered(held_out) == (Ratio(3, 3), Ratio(2, 2))

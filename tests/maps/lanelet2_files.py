@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from pyproj import Transformer
 
-from interplan_sumo.maps.foreign.readers.lanelet2 import read_lanelet2
-from interplan_sumo.maps.foreign.source import SourceCount, SourceLane, SourceMap
+from interplan_sumo.maps.importers.readers.lanelet2 import read_lanelet2
+from interplan_sumo.maps.importers.source import SourceCount, SourceLane, SourceMap
 from interplan_sumo.world.geometry import Floats
 from tests.realdata import real
 

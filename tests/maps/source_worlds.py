@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from interplan_sumo.maps.foreign.source import SourceLane, SourceMap
+from interplan_sumo.maps.importers.source import SourceLane, SourceMap
 from interplan_sumo.world.geometry import Floats
 
 WIDTH_M = 3.5

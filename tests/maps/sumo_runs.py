@@ -16,7 +16,7 @@ from defusedxml.ElementTree import parse
 from interplan_sumo.maps.junctions import junction_groups, path_conflicts
 from interplan_sumo.maps.netconvert import program_path, sumo_home
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.network_reader import Network, read_network
+from interplan_sumo.maps.network_reader import NetworkSummary, read_network
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.resources import routes_root
 from interplan_sumo.world.geometry import box_corners, penetration_m, wrap_angle
@@ -231,7 +231,7 @@ def _edges(ids: NetworkIds, walk: list[tuple[str, str, str | None]]) -> list[str
 # --- reading what SUMO wrote -------------------------------------------------------------------
 
 
-def _frames(path: Path, ids: NetworkIds, network: Network) -> dict[float, list[_Car]]:
+def _frames(path: Path, ids: NetworkIds, network: NetworkSummary) -> dict[float, list[_Car]]:
     root = parse(path).getroot()
     assert root is not None
     frames: dict[float, list[_Car]] = {}

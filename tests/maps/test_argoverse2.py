@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from interplan_sumo.errors import MapError, UnknownNameError
-from interplan_sumo.maps.foreign.counts.argoverse2 import count_argoverse2
-from interplan_sumo.maps.foreign.readers.argoverse2 import BRIDGE_M, MAX_NEIGHBOUR_GAP_M, read_argoverse2
-from interplan_sumo.maps.foreign.source import SourceLane, SourceMap
+from interplan_sumo.maps.importers.counts.argoverse2 import count_argoverse2
+from interplan_sumo.maps.importers.readers.argoverse2 import BRIDGE_M, MAX_NEIGHBOUR_GAP_M, read_argoverse2
+from interplan_sumo.maps.importers.source import SourceLane, SourceMap
 from interplan_sumo.world.argoverse_frame import CITIES, city_frame
 from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.geometry import Floats

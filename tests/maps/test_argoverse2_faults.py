@@ -15,9 +15,9 @@ import pytest
 import shapely
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.maps.foreign.readers import argoverse2_file
-from interplan_sumo.maps.foreign.readers.argoverse2 import read_argoverse2
-from interplan_sumo.maps.foreign.source import SourceMap
+from interplan_sumo.maps.importers.readers import argoverse2_file
+from interplan_sumo.maps.importers.readers.argoverse2 import read_argoverse2
+from interplan_sumo.maps.importers.source import SourceMap
 from tests.maps.argoverse_files import lane, line, straight, street, tile, written
 
 Change = Callable[[dict[str, Any]], Any]

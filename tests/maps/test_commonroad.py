@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from interplan_sumo.maps.foreign.counts.commonroad import count_commonroad
-from interplan_sumo.maps.foreign.readers.commonroad import read_commonroad
-from interplan_sumo.maps.foreign.readers.commonroad_signs import HIGHEST_LIMIT_MPS, usable_limit_mps
-from interplan_sumo.maps.foreign.readers.sumo_network import read_sumo_network
-from interplan_sumo.maps.foreign.source import SourceCount, SourceMap
+from interplan_sumo.maps.importers.counts.commonroad import count_commonroad
+from interplan_sumo.maps.importers.readers.commonroad import read_commonroad
+from interplan_sumo.maps.importers.readers.commonroad_signs import HIGHEST_LIMIT_MPS, usable_limit_mps
+from interplan_sumo.maps.importers.readers.sumo_network import read_sumo_network
+from interplan_sumo.maps.importers.source import SourceCount, SourceMap
 from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M, Frame, utm_frame
 from interplan_sumo.world.geometry import Floats, Polyline, wrap_angle
 from interplan_sumo.world.roads import StopLineKind

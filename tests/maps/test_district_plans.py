@@ -10,15 +10,15 @@ import pytest
 
 from interplan_sumo.maps.districts.draw import draw_plan
 from interplan_sumo.maps.districts.geometry import alignment
-from interplan_sumo.maps.districts.plan import Approach, BusStop, Junction, Plan, Road, Section, lanes
+from interplan_sumo.maps.districts.plan import BusStop, Plan, PlannedApproach, PlannedJunction, Road, RoadSection, lanes
 from interplan_sumo.world.roads import Turn
 
 
 def crossroads(**changes: object) -> Plan:
     """Two streets of 400 m that cross in the middle, a pocket on one approach."""
     street = lanes(1, 50, width_m=3.5)
-    junction = Junction(
-        1, "the crossing", (0, 0), ("main", "side"), "signal", approaches={"main-": Approach(inner_pockets=1)}
+    junction = PlannedJunction(
+        1, "the crossing", (0, 0), ("main", "side"), "signal", approaches={"main-": PlannedApproach(inner_pockets=1)}
     )
     plan = Plan(
         "crossroads",
@@ -26,8 +26,8 @@ def crossroads(**changes: object) -> Plan:
         (500000.0, 5300000.0),
         "right",
         roads=(
-            Road(10, "main", ((-200, 0), (200, 0)), (Section(0, street, street),)),
-            Road(20, "side", ((0, -200), (0, 200)), (Section(0, street, street),)),
+            Road(10, "main", ((-200, 0), (200, 0)), (RoadSection(0, street, street),)),
+            Road(20, "side", ((0, -200), (0, 200)), (RoadSection(0, street, street),)),
         ),
         junctions=(junction,),
     )
@@ -52,7 +52,7 @@ def test_a_pocket_lane_turns_and_the_lane_beside_it_goes_straight_on() -> None:
 
 
 def test_the_same_plan_on_the_left_is_its_mirror_image() -> None:
-    plan = crossroads(junctions=(Junction(1, "the crossing", (0, 0), ("main", "side"), "signal"),))
+    plan = crossroads(junctions=(PlannedJunction(1, "the crossing", (0, 0), ("main", "side"), "signal"),))
     right, left = draw_plan(plan), draw_plan(replace(plan, driving_side="left"))
     for roads, across_m in ((right, -1.75), (left, 1.75)):
         start = roads.lanes["101010"].centerline.points[0]
@@ -67,10 +67,10 @@ def test_a_junction_with_a_closed_median_cuts_only_the_near_carriageway() -> Non
     roads = draw_plan(
         crossroads(
             roads=(
-                Road(10, "main", ((-200, 0), (200, 0)), (Section(0, divided, divided),)),
-                Road(20, "side", ((0, -200), (0, 0)), (Section(0, street, street),)),
+                Road(10, "main", ((-200, 0), (200, 0)), (RoadSection(0, divided, divided),)),
+                Road(20, "side", ((0, -200), (0, 0)), (RoadSection(0, street, street),)),
             ),
-            junctions=(Junction(1, "the side street", (0, 0), ("main", "side"), "stop", carriageway="forward"),),
+            junctions=(PlannedJunction(1, "the side street", (0, 0), ("main", "side"), "stop", carriageway="forward"),),
         )
     )
     assert {block for block in roads.roadblocks if block.startswith("102") and len(block) == 5} == {"10201", "10202"}
@@ -96,8 +96,8 @@ def test_a_pocket_that_leads_nowhere_is_named() -> None:
         draw_plan(
             crossroads(
                 roads=(
-                    Road(10, "main", ((-200, 0), (200, 0)), (Section(0, street, street),)),
-                    Road(20, "side", ((0, -200), (0, 0)), (Section(0, street, street),)),
+                    Road(10, "main", ((-200, 0), (200, 0)), (RoadSection(0, street, street),)),
+                    Road(20, "side", ((0, -200), (0, 0)), (RoadSection(0, street, street),)),
                 )
             )
         )
@@ -111,6 +111,8 @@ def test_a_bus_stop_in_a_junction_is_named() -> None:
 
 
 def test_an_approach_of_an_arm_that_does_not_exist_is_named() -> None:
-    wrong = Junction(1, "the crossing", (0, 0), ("main", "side"), "signal", approaches={"mian-": Approach()})
+    wrong = PlannedJunction(
+        1, "the crossing", (0, 0), ("main", "side"), "signal", approaches={"mian-": PlannedApproach()}
+    )
     with pytest.raises(ValueError, match="has no arm mian-"):
         draw_plan(crossroads(junctions=(wrong,)))

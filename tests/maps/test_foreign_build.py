@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.check import check_map
-from interplan_sumo.maps.foreign.build import build
-from interplan_sumo.maps.foreign.fidelity import compare
-from interplan_sumo.maps.foreign.record import ImportRecord, read_record
-from interplan_sumo.maps.foreign.source import LeftOut, SourceCount, SourceMap, SourceStopLine
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.geopackage_writer import write_map
+from interplan_sumo.maps.importers.build import build
+from interplan_sumo.maps.importers.fidelity import compare
+from interplan_sumo.maps.importers.record import ImportRecord, read_record
+from interplan_sumo.maps.importers.source import LeftOut, SourceCount, SourceMap, SourceStopLine
 from interplan_sumo.maps.rules import schema_problems
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.maps.to_sumo import convert

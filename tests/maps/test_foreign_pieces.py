@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from interplan_sumo.maps.foreign.pieces import JOINT_M, MARGIN_M, STUB_M, Piece, links, pieces
-from interplan_sumo.maps.foreign.sections import Section, sections
-from interplan_sumo.maps.foreign.source import SourceMap
+from interplan_sumo.maps.importers.lane_segments import JOINT_M, MARGIN_M, STUB_M, Piece, links, pieces
+from interplan_sumo.maps.importers.sections import LaneSection, sections
+from interplan_sumo.maps.importers.source import SourceMap
 from interplan_sumo.world.roads import StopLineKind
 from tests.maps.source_worlds import (
     WIDTH_M,
@@ -36,7 +36,7 @@ def shape(found: tuple[Piece, ...]) -> str:
     return "".join("L" if piece.is_lane else "C" for piece in found)
 
 
-def only(source: SourceMap) -> Section:
+def only(source: SourceMap) -> LaneSection:
     (section,) = sections(source)
     return section
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interplan_sumo.maps.foreign.counts.lanelet2 import count_lanelet2
-from interplan_sumo.maps.foreign.readers.lanelet2 import read_lanelet2
+from interplan_sumo.maps.importers.counts.lanelet2 import count_lanelet2
+from interplan_sumo.maps.importers.readers.lanelet2 import read_lanelet2
 from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.roads import StopLineKind
 from tests.maps.lanelet2_files import ORIGIN_M, Osm, assert_agree, crossing, example, middle_m, read

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.maps.foreign.counts.lanelet2 import count_lanelet2
-from interplan_sumo.maps.foreign.readers.lanelet2 import read_lanelet2
-from interplan_sumo.maps.foreign.source import SourceCount, SourceMap
+from interplan_sumo.maps.importers.counts.lanelet2 import count_lanelet2
+from interplan_sumo.maps.importers.readers.lanelet2 import read_lanelet2
+from interplan_sumo.maps.importers.source import SourceCount, SourceMap
 from tests.maps.lanelet2_files import Encoding, Osm, crossing, mutate
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.maps.foreign.counts.lanelet2 import count_lanelet2
-from interplan_sumo.maps.foreign.readers.lanelet2.limits import sign_mps, speed_mps
+from interplan_sumo.maps.importers.counts.lanelet2 import count_lanelet2
+from interplan_sumo.maps.importers.readers.lanelet2.limits import sign_mps, speed_mps
 from interplan_sumo.world.roads import StopLineKind
 from tests.maps.lanelet2_files import Osm, assert_agree, read
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from interplan_sumo.families import FAMILIES
 from interplan_sumo.maps.check import check_map
-from interplan_sumo.maps.foreign.importing import check_source, import_map
-from interplan_sumo.maps.foreign.record import ImportRecord, read_record
+from interplan_sumo.maps.importers.importing import check_source, import_map
+from interplan_sumo.maps.importers.record import ImportRecord, read_record
 from interplan_sumo.maps.store import MapFiles, load_roads
-from interplan_sumo.proving.generation import generate
-from interplan_sumo.scenario.families import FAMILIES
+from interplan_sumo.verification.generation import generate
 from tests.maps.sumo_runs import random_traffic
 from tests.realdata import real
 

@@ -10,7 +10,7 @@ from interplan_sumo.maps.check import check_map
 from interplan_sumo.maps.districts import DISTRICTS, draw
 from interplan_sumo.maps.store import find_map, load_roads, maps
 from interplan_sumo.maps.to_sumo import convert
-from interplan_sumo.proving.lock import roads_hash
+from interplan_sumo.verification.lock import roads_hash
 
 NAMES = sorted(DISTRICTS)
 

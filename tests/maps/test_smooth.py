@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from interplan_sumo.maps.foreign.smooth import FARTHEST_M, smoothed
+from interplan_sumo.maps.importers.smooth import FARTHEST_M, smoothed
 from interplan_sumo.world.geometry import Polyline, wrap_angle
 
 

@@ -13,10 +13,10 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from interplan_sumo.maps.foreign.counts.sumo_network import count_sumo_network
-from interplan_sumo.maps.foreign.readers.offset import beside
-from interplan_sumo.maps.foreign.readers.sumo_network import read_sumo_network
-from interplan_sumo.maps.foreign.source import SourceCount, SourceMap
+from interplan_sumo.maps.importers.counts.sumo_network import count_sumo_network
+from interplan_sumo.maps.importers.readers.offset import beside
+from interplan_sumo.maps.importers.readers.sumo_network import read_sumo_network
+from interplan_sumo.maps.importers.source import SourceCount, SourceMap
 from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import StopLineKind

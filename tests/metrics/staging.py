@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import Area, Connector, Lane, Roadblock, Roads
@@ -45,7 +45,7 @@ def scenario_on(
     """A scenario through all roadblocks of a tiny road, in order."""
     route = tuple(sorted(roads.roadblocks, key=int))
     return Scenario(
-        f"{family}/0", family, roads.name, LanePlace(*start), 10.0, LanePlace(*goal), route,
+        f"{family}/0", family, roads.name, LanePosition(*start), 10.0, LanePosition(*goal), route,
         obstacles=obstacles, jaywalkers=jaywalkers, exempt=exempt,
     )  # fmt: skip
 

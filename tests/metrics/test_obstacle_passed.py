@@ -8,16 +8,16 @@ import pytest
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.obstacle_passed import clear_by_m, obstacle_passed
 from interplan_sumo.metrics.result import MetricResult
-from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle
 from interplan_sumo.world.geometry import Polyline, box_corners
 from tests.metrics.staging import NOBODY, drive_at, facts_of, scenario_on
 from tests.worlds import straight_road
 
 ROAD = straight_road(length_m=300.0)
 REAR_M = 5.176 / 2
-CAR = Obstacle(LanePlace("11", 100.0, 0.5), length_m=4.8, width_m=2.0)
+CAR = Obstacle(LanePosition("11", 100.0, 0.5), length_m=4.8, width_m=2.0)
 """Its front is at x = 102.4."""
-CROSSING = Jaywalker(LanePlace("11", 120.0, -6.0), LanePlace("11", 123.0, 6.0), 1.4)
+CROSSING = Jaywalker(LanePosition("11", 120.0, -6.0), LanePosition("11", 123.0, 6.0), 1.4)
 
 
 def facts_with(x_m: object, *staged: Obstacle | Jaywalker) -> Facts:
@@ -41,7 +41,7 @@ def test_the_rear_bumper_must_be_beyond_the_last_corner(beyond_m: float, score: 
 
 
 def test_every_obstacle_must_be_passed():
-    cone = Obstacle(LanePlace("11", 110.0), "cone")
+    cone = Obstacle(LanePosition("11", 110.0), "cone")
     assert passing([50.0, 106.0], CAR).score == 1.0
     assert passing([50.0, 106.0], CAR, cone).score == 0.0
     assert passing([50.0, 113.0], CAR, cone).score == 1.0
@@ -53,12 +53,12 @@ def test_of_a_way_across_the_farther_end_counts():
 
 
 def test_where_pedestrians_cross_the_bus_beside_them_is_scenery():
-    bus = Obstacle(LanePlace("11", 150.0, -3.0), "bus")
+    bus = Obstacle(LanePosition("11", 150.0, -3.0), "bus")
     assert passing([50.0, 130.0], CROSSING, bus).score == 1.0
 
 
 def test_an_obstacle_turned_in_its_lane_reaches_as_far_as_its_corners():
-    across = Obstacle(LanePlace("11", 100.0), turned_rad=np.pi / 2, length_m=4.8, width_m=2.0)
+    across = Obstacle(LanePosition("11", 100.0), turned_rad=np.pi / 2, length_m=4.8, width_m=2.0)
     assert passing([50.0, 100.9 + REAR_M], across).score == 0.0
     assert passing([50.0, 101.1 + REAR_M], across).score == 1.0
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from interplan_sumo.metrics.published import published_lane_changes, published_obstacle_passed
-from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle
 from tests.metrics.staging import NOBODY, drive_at, facts_of, lane_y_m, scenario_on
 from tests.worlds import straight_road
 
@@ -51,7 +51,7 @@ def test_a_start_beside_the_route_gives_the_constant_of_the_published_code():
     assert result.score == 0.2607
 
 
-CAR = Obstacle(LanePlace("11", 100.0))
+CAR = Obstacle(LanePosition("11", 100.0))
 BLOCKED = replace(scenario_on(ROAD, ("11", 20.0), ("31", 150.0)), obstacles=(CAR,))
 
 
@@ -65,7 +65,7 @@ def test_an_obstacle_is_passed_by_the_share_of_the_experts_way(ego_m: float, sco
 
 @pytest.mark.parametrize(("ego_m", "score"), [(78.9, 0.0), (79.1, 1.0)])
 def test_of_a_pedestrian_the_end_of_the_way_counts(ego_m: float, score: float):
-    walker = Jaywalker(LanePlace("11", 90.0, 5.0), LanePlace("11", 99.0, -5.0), 1.4)
+    walker = Jaywalker(LanePosition("11", 90.0, 5.0), LanePosition("11", 99.0, -5.0), 1.4)
     expert = drive_at(np.linspace(20.0, 220.0, 50)).ego
     facts = facts_of(drive_at([20.0, 20.0 + ego_m]), ROAD, expert, replace(BLOCKED, jaywalkers=(walker,)))
     assert published_obstacle_passed(facts).score == score

@@ -23,7 +23,7 @@ from interplan_sumo.metrics.result import MetricResult, plain
 from interplan_sumo.metrics.score import PROFILES, SCORING_VERSION, Gate, score, score_facts, weighted_score
 from interplan_sumo.metrics.speed_limit import OVERSPEED_SCALE_MPS
 from interplan_sumo.metrics.time_to_collision import LEAST_S
-from interplan_sumo.scenario.scenario import LanePlace, Obstacle, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
@@ -34,7 +34,7 @@ ROAD = straight_road(lanes=2, length_m=600.0)
 SCENARIO = scenario_on(ROAD, ("11", 20.0), ("11", 550.0))
 CRUISE = drive(*[10.0] * 301, start=Pose(20.0, 0.0, 0.0))
 EXPERT = CRUISE.ego
-CAR = Obstacle(LanePlace("11", 80.0, 3.0))
+CAR = Obstacle(LanePosition("11", 80.0, 3.0))
 
 
 NOTHING = Trace(NOBODY, ActorTable.of([]), (), (), np.zeros(0))
@@ -122,7 +122,7 @@ def test_an_obstacle_gate_exists_only_where_there_is_an_obstacle():
         assert "obstacle_passed" in passed.gates
         assert passed.score == 1.0
     assert "obstacle_passed" not in score_facts(blocked, "nuplan").metrics
-    beyond_the_end = replace(SCENARIO, obstacles=(Obstacle(LanePlace("11", 500.0, 3.0)),))
+    beyond_the_end = replace(SCENARIO, obstacles=(Obstacle(LanePosition("11", 500.0, 3.0)),))
     assert score_facts(facts_of(scenario=beyond_the_end)).score == 0.0
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_planners.common.forecast import Forecast, constant_velocity
-from interplan_sumo.dynamics.batch import Drives, follow_all
+from interplan_sumo.dynamics.batch import SimulatedDrives, follow_all
 from interplan_sumo.tiny_worlds import ego
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
@@ -39,14 +39,16 @@ def polygons_at(forecast: Forecast, instant: int) -> NDArray[np.object_]:
     return box_polygons(x_m, y_m, heading_rad, forecast.length_m, forecast.width_m)
 
 
-def ego_boxes(drives: Drives) -> NDArray[np.object_]:
+def ego_boxes(drives: SimulatedDrives) -> NDArray[np.object_]:
     """(N, T) boxes of drives as shapely polygons."""
     x_m, y_m, heading_rad = (c.ravel() for c in (drives.x_m, drives.y_m, drives.heading_rad))
     length_m, width_m = (np.full(x_m.size, size) for size in (PACIFICA.length_m, PACIFICA.width_m))
     return box_polygons(x_m, y_m, heading_rad, length_m, width_m).reshape(drives.x_m.shape)
 
 
-def drives_along(line: Polyline, start: EgoState, speeds_mps: list[float], left_m: list[float], steps: int) -> Drives:
+def drives_along(
+    line: Polyline, start: EgoState, speeds_mps: list[float], left_m: list[float], steps: int
+) -> SimulatedDrives:
     """Drives at constant speeds on lines parallel to a line, from where the start projects on it."""
     arc_m, _ = line.project_point(start.x_m, start.y_m)
     ahead = arc_m + 0.1 * np.arange(steps + 1)[None, :] * np.array(speeds_mps)[:, None]
@@ -56,7 +58,7 @@ def drives_along(line: Polyline, start: EgoState, speeds_mps: list[float], left_
     return follow_all(start, x_m, y_m, poses[..., 2])
 
 
-def straight_drives(*speeds_mps: float, x_m: float = 20.0, y_m: float = 0.0, steps: int = 40) -> Drives:
+def straight_drives(*speeds_mps: float, x_m: float = 20.0, y_m: float = 0.0, steps: int = 40) -> SimulatedDrives:
     """Drives along +x that hold their speeds; the ego starts at the first of them."""
     line = Polyline(np.array(((x_m, y_m), (x_m + 400.0, y_m))))
     return drives_along(line, ego(x_m, y_m, speeds_mps[0]), list(speeds_mps), [0.0] * len(speeds_mps), steps)

@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 from interplan_planners.common.gaps import Ego, GapRules, best_gap, clearances_needed_m
 from interplan_planners.common.idm_policy import IdmDriver
 from interplan_planners.common.mobil import ENTRY_S, Side, judge, side_of
-from interplan_planners.common.neighbours import Queue
+from interplan_planners.common.neighbours import LaneQueue
 
 RULES = GapRules()
 DRIVER = IdmDriver(15.0, min_gap_m=1.0, headway_s=0.8)
 FREE = Side(200.0, 0.0, float("inf"), 0.0, 15.0)
 
 
-def queue(*places: tuple[float, float]) -> Queue:
+def queue(*places: tuple[float, float]) -> LaneQueue:
     """Cars of 5 m, from (middle, speed), back to front."""
     middle, speed = np.array(places, dtype=np.float64).reshape(-1, 2).T
-    return Queue(np.arange(len(places)), middle - 2.5, middle + 2.5, speed)
+    return LaneQueue(np.arange(len(places)), middle - 2.5, middle + 2.5, speed)
 
 
 def gap_in(

@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from worlds import cars, ego, observation, pedestrians, straight_road, together
 
 from interplan_planners.common.forecast import STEP_S, constant_velocity, nearest
-from interplan_planners.common.neighbours import Queue, moved, queue_on, stands_for_good
+from interplan_planners.common.neighbours import LaneQueue, moved, queue_on, stands_for_good
 from interplan_planners.common.neighbours import together as joined
 from interplan_planners.common.occupancy import occupancy
-from interplan_planners.common.paths import Path
+from interplan_planners.common.paths import DrivingPath
 from interplan_sumo.planner import Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from tests.planners.staging_planners import crowd, polygons_at, wavy_line
 
 LINE = wavy_line()
-LANE = Path(straight_road(length_m=300.0)["11"].centerline)
+LANE = DrivingPath(straight_road(length_m=300.0)["11"].centerline)
 
 
 # --- forecasts -----------------------------------------------------------------------------------
@@ -71,7 +71,7 @@ def test_the_nearest_of_each_class_are_kept() -> None:
 def test_a_box_occupies_the_path_where_shapely_says_so(seed: int) -> None:
     forecast = crowd(np.random.default_rng(seed), 40, LINE)
     start_m, end_m, half_width_m = 20.0, 120.0, 1.2
-    found = occupancy(Path(LINE), half_width_m, forecast, (start_m, end_m))
+    found = occupancy(DrivingPath(LINE), half_width_m, forecast, (start_m, end_m))
     strip = LINE.between(start_m, end_m).linestring.buffer(half_width_m, cap_style="flat", quad_segs=16)
     for k in range(0, forecast.instants, 5):
         boxes = polygons_at(forecast, k)
@@ -154,7 +154,7 @@ def test_a_queue_is_sorted_from_back_to_front() -> None:
 
 def test_an_empty_queue_has_nobody_ahead() -> None:
     nobody = np.zeros(0)
-    assert Queue(np.zeros(0, dtype=np.int64), nobody, nobody, nobody).ahead_of(5.0) == 0
+    assert LaneQueue(np.zeros(0, dtype=np.int64), nobody, nobody, nobody).ahead_of(5.0) == 0
 
 
 def test_what_has_not_moved_for_two_seconds_stands_for_good() -> None:

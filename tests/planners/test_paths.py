@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from worlds import curved_road, ego
 
 from interplan_planners.common.lane_change import lane_change_path, largest_turn_rad, quintic_offset
-from interplan_planners.common.paths import Path, center_poses, rear_axle_plan, shifted
+from interplan_planners.common.paths import DrivingPath, center_poses, rear_axle_plan, shifted
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Polyline, Pose
 from tests.planners.staging_planners import wavy_line
 
 LINE = wavy_line()
-PATH = Path(LINE)
+PATH = DrivingPath(LINE)
 STRAIGHT = Polyline(np.array(((0.0, 0.0), (200.0, 0.0)))).resampled(1.0)
 
 
@@ -31,13 +31,15 @@ def test_the_quick_projection_is_the_exact_one_near_the_line(seed: int) -> None:
 
 
 def test_beyond_the_ends_a_projection_stops_there() -> None:
-    arc_m, left_m = Path(STRAIGHT).project(np.array((-3.0, 204.0)), np.array((4.0, -3.0)))
+    arc_m, left_m = DrivingPath(STRAIGHT).project(np.array((-3.0, 204.0)), np.array((4.0, -3.0)))
     assert arc_m == pytest.approx([0.0, 200.0])
     assert left_m == pytest.approx([5.0, -5.0])
 
 
 def test_a_path_of_two_points_can_be_projected_on() -> None:
-    arc_m, left_m = Path(Polyline(np.array(((0.0, 0.0), (10.0, 0.0))))).project(np.array((4.0,)), np.array((2.0,)))
+    arc_m, left_m = DrivingPath(Polyline(np.array(((0.0, 0.0), (10.0, 0.0))))).project(
+        np.array((4.0,)), np.array((2.0,))
+    )
     assert (arc_m[0], left_m[0]) == pytest.approx((4.0, 2.0))
 
 
@@ -67,7 +69,9 @@ def test_offsets_may_differ_from_vertex_to_vertex() -> None:
 def test_a_rear_axle_plan_puts_the_box_ahead_of_the_path() -> None:
     plan = rear_axle_plan(STRAIGHT, [0.0, 1.0], [10.0, 20.0], [10.0, 10.0], PACIFICA)
     assert plan.x_m == pytest.approx([11.461, 21.461])
-    x_m, y_m, heading_rad = center_poses([PATH, Path(STRAIGHT)], np.array([1]), np.array([[10.0, 20.0]]), PACIFICA)
+    x_m, y_m, heading_rad = center_poses(
+        [PATH, DrivingPath(STRAIGHT)], np.array([1]), np.array([[10.0, 20.0]]), PACIFICA
+    )
     assert (x_m[0] == plan.x_m).all()
     assert (y_m[0] == plan.y_m).all()
     assert (heading_rad[0] == plan.heading_rad).all()

@@ -8,25 +8,25 @@ from worlds import cars, straight_road
 
 from interplan_planners.common.forecast import constant_velocity
 from interplan_planners.common.idm_policy import IdmDriver, idm_accelerations_mps2, idm_step
-from interplan_planners.common.occupancy import Occupancy, occupancy
-from interplan_planners.common.paths import Path
-from interplan_planners.common.rollout import Track, roll_out
+from interplan_planners.common.occupancy import StripOccupancy, occupancy
+from interplan_planners.common.paths import DrivingPath
+from interplan_planners.common.rollout import ProposalPath, roll_out
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import Floats
 
-LANE = Path(straight_road(length_m=300.0)["11"].centerline)
+LANE = DrivingPath(straight_road(length_m=300.0)["11"].centerline)
 DRIVER = IdmDriver(12.0, 1.0, 1.5, 1.5, 3.0, 10.0)
 FRONT_M, REAR_M = 4.0, 1.0
 STEPS = 40
 INSTANTS = np.arange(STEPS + 1) // 2
 
 
-def on_lane(*places: tuple[float, ...]) -> Occupancy:
+def on_lane(*places: tuple[float, ...]) -> StripOccupancy:
     actors = cars(*places) if places else Actors.none()
     return occupancy(LANE, 1.1, constant_velocity(actors, 8.0), (0.0, 300.0))
 
 
-def rolled(track: Track, speed_mps: float, targets: list[float], **options: Floats) -> tuple[Floats, Floats]:
+def rolled(track: ProposalPath, speed_mps: float, targets: list[float], **options: Floats) -> tuple[Floats, Floats]:
     count = len(targets)
     found = roll_out(
         [track], np.zeros(count, dtype=np.int64), np.full(count, 20.0), speed_mps, np.array(targets), DRIVER, FRONT_M,
@@ -44,14 +44,14 @@ def test_accelerations_of_many_are_those_of_one(speed: float, target: float, gap
 
 
 def test_without_a_lead_each_reaches_its_target_speed() -> None:
-    _, speed = rolled(Track(1e4, on_lane()), 8.0, [4.0, 8.0, 10.0])
+    _, speed = rolled(ProposalPath(1e4, on_lane()), 8.0, [4.0, 8.0, 10.0])
     assert speed[:, -1] == pytest.approx([4.0, 8.0, 10.0], abs=0.6)
     assert (np.diff(speed[0]) <= 1e-9).all()
 
 
 def test_a_proposal_is_one_idm_step_after_the_other() -> None:
     """Against the plain model, with a lead that drives on."""
-    progress, speed = rolled(Track(300.0, on_lane((60.0, 0.0, 5.0))), 10.0, [12.0])
+    progress, speed = rolled(ProposalPath(300.0, on_lane((60.0, 0.0, 5.0))), 10.0, [12.0])
     s, v, rear_m = 20.0, 10.0, 0.0
     for k in range(1, STEPS + 1):
         if (k - 1) % 2 == 0:
@@ -62,32 +62,32 @@ def test_a_proposal_is_one_idm_step_after_the_other() -> None:
 
 
 def test_whoever_is_behind_is_no_lead() -> None:
-    with_one = rolled(Track(300.0, on_lane((19.0, 0.0, 3.0))), 8.0, [12.0])
-    assert (with_one[0] == rolled(Track(300.0, on_lane()), 8.0, [12.0])[0]).all()
+    with_one = rolled(ProposalPath(300.0, on_lane((19.0, 0.0, 3.0))), 8.0, [12.0])
+    assert (with_one[0] == rolled(ProposalPath(300.0, on_lane()), 8.0, [12.0])[0]).all()
 
 
 def test_it_stops_before_what_stands() -> None:
-    progress, speed = rolled(Track(300.0, on_lane(), standing_m=((50.0, 60.0),)), 8.0, [12.0])
+    progress, speed = rolled(ProposalPath(300.0, on_lane(), standing_m=((50.0, 60.0),)), 8.0, [12.0])
     assert speed[0, -1] < 2.5
     assert 40.0 < progress[0, -1] + FRONT_M < 50.0
 
 
 def test_it_stops_before_the_end_of_the_path() -> None:
-    progress, _ = rolled(Track(45.0, on_lane()), 8.0, [12.0])
+    progress, _ = rolled(ProposalPath(45.0, on_lane()), 8.0, [12.0])
     assert progress[0, -1] + (FRONT_M + REAR_M) / 2 < 45.0
 
 
 def test_limits_along_the_path_are_kept() -> None:
     limit = np.where(np.arange(300) < 40, 12.0, 6.0)
-    _, speed = rolled(Track(300.0, on_lane(), limit_mps=limit), 10.0, [12.0])
+    _, speed = rolled(ProposalPath(300.0, on_lane(), limit_mps=limit), 10.0, [12.0])
     assert speed[0, -1] == pytest.approx(6.0, abs=0.5)
-    _, slow = rolled(Track(300.0, on_lane(), limit_mps=limit), 10.0, [3.0])
+    _, slow = rolled(ProposalPath(300.0, on_lane(), limit_mps=limit), 10.0, [3.0])
     assert slow[0, -1] == pytest.approx(3.0, abs=0.5)
 
 
 def test_accelerations_can_be_capped() -> None:
     most = np.concatenate((np.full(10, -2.0), np.full(STEPS - 10, np.inf)))
-    _, speed = rolled(Track(300.0, on_lane()), 8.0, [12.0], most_mps2=most)
+    _, speed = rolled(ProposalPath(300.0, on_lane()), 8.0, [12.0], most_mps2=most)
     assert speed[0, 10] == pytest.approx(6.0)
     assert speed[0, -1] > 6.0
 
@@ -95,14 +95,14 @@ def test_accelerations_can_be_capped() -> None:
 def test_target_speeds_may_change_over_time() -> None:
     targets = np.where(np.arange(STEPS) < 20, 12.0, 2.0)[None, :]
     found = roll_out(
-        [Track(300.0, on_lane())], np.zeros(1, dtype=np.int64), np.array([20.0]), 8.0, targets, DRIVER, FRONT_M,
+        [ProposalPath(300.0, on_lane())], np.zeros(1, dtype=np.int64), np.array([20.0]), 8.0, targets, DRIVER, FRONT_M,
         REAR_M, STEPS, INSTANTS,
     )  # fmt: skip
     assert found.speed_mps[0, 20] > 8.0 > found.speed_mps[0, -1]
 
 
 def test_each_proposal_minds_its_own_track() -> None:
-    tracks = [Track(300.0, on_lane()), Track(300.0, on_lane((40.0, 0.0)))]
+    tracks = [ProposalPath(300.0, on_lane()), ProposalPath(300.0, on_lane((40.0, 0.0)))]
     found = roll_out(
         tracks, np.array([1, 0]), np.array([20.0, 20.0]), 8.0, np.array([12.0, 12.0]), DRIVER, FRONT_M, REAR_M, STEPS,
         INSTANTS,
@@ -112,6 +112,6 @@ def test_each_proposal_minds_its_own_track() -> None:
 
 
 def test_a_backing_start_counts_as_standing() -> None:
-    progress, speed = rolled(Track(300.0, on_lane()), -0.3, [12.0])
+    progress, speed = rolled(ProposalPath(300.0, on_lane()), -0.3, [12.0])
     assert speed[0, 0] == 0.0
     assert (np.diff(progress[0]) >= 0.0).all()

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from worlds import curved_road, ego, ego_on, junction, mission, signals, straight_road
 
-from interplan_planners.common.paths import Path
+from interplan_planners.common.lane_routes import Ways
+from interplan_planners.common.paths import DrivingPath
 from interplan_planners.common.red_lights import RedLights
 from interplan_planners.common.route_correction import block_at, corrected_route
 from interplan_planners.common.route_search import LaneFinder, lane_chain, lane_changes_to
-from interplan_planners.common.ways import Ways
 from interplan_planners.mobil_published import lane_costs
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Pose
@@ -140,7 +140,7 @@ def test_a_map_without_limits_takes_the_fallback() -> None:
 
 def test_red_connectors_of_the_route_close_the_path() -> None:
     lights = RedLights(CROSSING, ("1", "14", "8"), PACIFICA.width_m / 2)
-    path = Path(CROSSING["1"].centerline)
+    path = DrivingPath(CROSSING["1"].centerline)
     closed = lights.closed(signals(red=("12", "14"), green=("13",)), ego_on(CROSSING, "1", 20.0), PACIFICA)
     assert closed == ("14",)
     ((start_m, _),) = lights.on_path(path, closed)

@@ -11,10 +11,10 @@ from interplan_planners.common.comfort import comfortable
 from interplan_planners.common.contacts import contacts, touched_now
 from interplan_planners.common.forecast import Forecast, constant_velocity
 from interplan_planners.common.ground import Ground
-from interplan_planners.common.paths import Path
+from interplan_planners.common.paths import DrivingPath
 from interplan_planners.common.route_search import lanes_of_route
 from interplan_planners.common.scoring import LOOK_AHEAD_S, Scores, Weights, places, score
-from interplan_sumo.dynamics.batch import Drives
+from interplan_sumo.dynamics.batch import SimulatedDrives
 from interplan_sumo.metrics.motion import derivative, smoothed, unwrapped
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
@@ -24,10 +24,10 @@ from tests.planners.staging_planners import crowd, drives_along, ego_boxes, poly
 LINE = wavy_line()
 ROAD = straight_road(lanes=2, length_m=400.0, cuts_m=((200.0, 215.0),))
 GROUND = Ground(ROAD, lanes_of_route(ROAD, ("1", "2", "3")))
-LANE = Path(ROAD["11"].centerline)
+LANE = DrivingPath(ROAD["11"].centerline)
 
 
-def scored(drives: Drives, actors: Actors | None = None, weights: Weights | None = None) -> Scores:
+def scored(drives: SimulatedDrives, actors: Actors | None = None, weights: Weights | None = None) -> Scores:
     forecast = constant_velocity(actors if actors is not None else Actors.none(), 5.0)
     return score(drives, forecast, GROUND, LANE, weights=weights or Weights())
 
@@ -72,11 +72,11 @@ def test_what_touches_the_ego_now_is_known() -> None:
 # --- comfort -------------------------------------------------------------------------------------
 
 
-def wild_drives(rng: np.random.Generator, count: int, states: int) -> Drives:
+def wild_drives(rng: np.random.Generator, count: int, states: int) -> SimulatedDrives:
     columns = {name: rng.normal(0.0, 1.0, (count, states)).cumsum(axis=1) * 0.3 for name in ("ax_mps2", "yaw_rate")}
     zeros = np.zeros((count, states))
     heading = wrap_angle(rng.normal(0.0, 0.05, (count, states)).cumsum(axis=1) + 3.0)
-    return Drives(
+    return SimulatedDrives(
         0.1 * np.arange(states, dtype=float), zeros, zeros, heading, zeros, columns["ax_mps2"], zeros, zeros,
         0.1 * columns["yaw_rate"], 0.01 * columns["yaw_rate"],
     )  # fmt: skip
@@ -189,7 +189,7 @@ def test_metres_off_the_route_are_counted(speed: float, steps: int, left: float)
     ground = Ground(two_way, ("1",))
     wrong = two_way["5"].centerline
     backwards = drives_along(wrong, ego(-40.0, 1.75, speed, np.pi), [speed], [0.0], steps)
-    found = score(backwards, constant_velocity(Actors.none(), 5.0), ground, Path(wrong))
+    found = score(backwards, constant_velocity(Actors.none(), 5.0), ground, DrivingPath(wrong))
     assert found.driving_direction.tolist() == [left]
 
 

@@ -18,7 +18,7 @@ from interplan_sumo.maps.render import STOP_COLOURS
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.film import HEIGHT, PLANNER_CHARS, SCALE, STRIP, WIDTH, write_film
 from interplan_sumo.report.film_shot import AHEAD_M, Shot
-from interplan_sumo.scenario.scenario import LanePlace, Obstacle
+from interplan_sumo.scenario.scenario import LanePosition, Obstacle
 from interplan_sumo.world.roads import StopLineKind
 from interplan_sumo.world.signals import Signals, SignalStatus
 from tests.report.tiny_drives import TinyDrive, crossing_at, drive_at_lights, parked_at, tiny_drive
@@ -223,7 +223,7 @@ def test_the_ego_and_what_stands_on_a_bar_hide_it(tmp_path: Path) -> None:
     red = signals(red=EVERY_TURN)
     over = still(tmp_path, drive_at_lights(red, from_x_m=LANE_END[0]))
     assert has_colour(over[pixel_at(*LANE_END, LANE_END[0])], drawing.EGO)
-    parked = still(tmp_path, drive_at_lights(red, obstacles=(Obstacle(LanePlace("1", 60.0)),)))
+    parked = still(tmp_path, drive_at_lights(red, obstacles=(Obstacle(LanePosition("1", 60.0)),)))
     middle, beside = pixel_at(-12.2, -1.75), pixel_at(-12.2, -0.4)
     assert not has_colour(parked[middle], drawing.LIGHTS[SignalStatus.RED], tolerance=40)
     assert has_colour(parked[beside], drawing.LIGHTS[SignalStatus.RED])

@@ -10,13 +10,13 @@ from rich.console import Console
 
 from interplan_sumo.report.formats import as_csv, as_json, as_markdown, as_text
 from interplan_sumo.report.published import published_rows
-from interplan_sumo.report.table import Table, make_table
+from interplan_sumo.report.table import ResultsTable, make_table
 from tests.report.rows import drive, stored
 
 FAMILY_KEYS = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
 
 
-def table() -> Table:
+def table() -> ResultsTable:
     return make_table(
         [
             stored(
@@ -28,13 +28,13 @@ def table() -> Table:
     )
 
 
-def incomplete() -> Table:
+def incomplete() -> ResultsTable:
     return make_table(
         [stored(drive("nudge/0", 1.0), drive("nudge/1", None, fault=("timeout", "killed")), missing=("nudge/2",))]
     )
 
 
-def text(found: Table, **options: bool) -> str:
+def text(found: ResultsTable, **options: bool) -> str:
     console = Console(file=io.StringIO(), width=200)
     console.print(as_text(found, **options))
     return console.file.getvalue()  # type: ignore[attr-defined]
@@ -141,7 +141,7 @@ def test_the_published_rows_stand_beside_ours_on_request() -> None:
     assert len(as_json(table(), paper=True)["paper"]["rows"]) == 14
 
 
-def with_ordinary() -> Table:
+def with_ordinary() -> ResultsTable:
     common = stored(drive("changing_lane/0", 0.9), path="runs/o", suite="common==1", suite_hash="2")
     return make_table([stored(drive("nudge/0", 0.4)), common])
 
@@ -177,7 +177,7 @@ def test_each_published_total_is_the_mean_of_its_eight_families(row: dict[str, f
     assert row["interplan"] == pytest.approx(sum(row[key] for key in FAMILY_KEYS) / 8, abs=1.0)
 
 
-def asking(queries: int, **fallbacks: int) -> Table:
+def asking(queries: int, **fallbacks: int) -> ResultsTable:
     row = drive("nudge/0", 1.0) | {"planner_report": {"queries": queries, "fallbacks": fallbacks}}
     return make_table([stored(row)])
 

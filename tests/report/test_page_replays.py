@@ -16,7 +16,7 @@ from interplan_sumo.planner import Mission
 from interplan_sumo.report.page.drives import pair_replay, replays_folder, shown_drives
 from interplan_sumo.report.page.replays import replay_jobs, wanted_drives
 from interplan_sumo.report.printing import write_page
-from interplan_sumo.report.table import Table, make_table
+from interplan_sumo.report.table import ResultsTable, make_table
 from tests.report.rows import drive, stored
 
 
@@ -25,7 +25,7 @@ class NeverBegins(StraightAhead):
         raise ValueError(f"no model for {mission.roads.name}")
 
 
-def table() -> Table:
+def table() -> ResultsTable:
     rows = [drive("nudge/0", 1.0), drive("nudge/1", 0.5, no_collision=0.0), drive("nudge/2", 0.2, no_collision=0.0)]
     return make_table([stored(*rows)])
 

@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.report.replay import cast, surroundings
+from interplan_sumo.report.replay import agents_timeline, surroundings
 from interplan_sumo.report.replay.data import replay_data
 from interplan_sumo.report.replay.numbers import PER_METRE, column, points, series
-from interplan_sumo.scenario.scenario import LanePlace, Obstacle
+from interplan_sumo.scenario.scenario import LanePosition, Obstacle
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
 from tests.metrics.staging import drive_at
@@ -114,13 +114,13 @@ def test_events_are_in_time_order_and_one_decides() -> None:
 
 
 def test_a_plan_has_a_point_every_half_second_and_its_end() -> None:
-    plans = cast.plans(tiny_drive(CRUISE).trace, ORIGIN)
+    plans = agents_timeline.plans(tiny_drive(CRUISE).trace, ORIGIN)
     assert plans[0] == [1000, 0, 500, 0, 500, 0]  # 1 s at 10 m/s from 10 m on
 
 
 def test_the_expert_stays_where_it_ended() -> None:
     track = drive(10.0, 10.0, 10.0).ego
-    held = cast.expert(track, drive(*CRUISE).ego.time_us, ORIGIN)
+    held = agents_timeline.expert(track, drive(*CRUISE).ego.time_us, ORIGIN)
     assert undone(held["x"], 80, PER_METRE)[:5] == pytest.approx([0.0, 1.0, 2.0, 2.0, 2.0])
 
 
@@ -156,7 +156,7 @@ def test_a_lane_change_and_a_pedestrian_who_sets_off_are_events() -> None:
 def test_every_look_has_a_colour() -> None:
     data = replay_data([tiny_drive(CRUISE, actors=together(cars((50.0, 8.0, 5.0)), pedestrians((60.0, 8.0))))])
     assert {agent["look"] for agent in only(data)["agents"]} == {"vehicle", "pedestrian"} <= set(data["looks"])
-    assert {look for look, _ in cast._LOOKS.values()} <= set(data["looks"])
+    assert {look for look, _ in agents_timeline._LOOKS.values()} <= set(data["looks"])
 
 
 def test_every_chart_has_a_value_per_frame_and_speed_stands_beside_the_limit() -> None:
@@ -194,7 +194,7 @@ def test_the_distance_to_the_edge_is_that_of_the_nearest_corner_and_negative_bey
     ],
 )
 def test_vehicles_are_named_by_their_size(length_m: float, width_m: float, word: str) -> None:
-    (agent,) = cast.agents(
+    (agent,) = agents_timeline.agents(
         tiny_drive(CRUISE, actors=cars((50.0, 8.0, 5.0), length_m=length_m, width_m=width_m)), ORIGIN
     )
     assert (agent["look"], agent["kind"]) == ("vehicle", word)
@@ -206,9 +206,9 @@ def test_what_was_staged_is_told_apart_from_the_traffic() -> None:
     workers = cars((120.0, 6.0), kind=ActorKind.PEDESTRIAN, prefix="worker")
     cones = cars((90.0, 6.0), kind=ActorKind.TRAFFIC_CONE, prefix="cone")
     everybody = together(parked, walker, workers, cones)
-    obstacles = (parked_at(100.0), Obstacle(LanePlace("11", 120.0, 6.0), "worker"))
+    obstacles = (parked_at(100.0), Obstacle(LanePosition("11", 120.0, 6.0), "worker"))
     staged = tiny_drive(CRUISE, actors=everybody, obstacles=obstacles, jaywalkers=(crossing_at(150.0),))
-    looks = {agent["id"]: (agent["look"], agent["kind"]) for agent in cast.agents(staged, ORIGIN)}
+    looks = {agent["id"]: (agent["look"], agent["kind"]) for agent in agents_timeline.agents(staged, ORIGIN)}
     assert looks == {
         "cone00": ("cone", "traffic cone"),
         "parked00": ("standing", "parked car"),
@@ -221,17 +221,17 @@ def test_an_actor_that_comes_back_is_told_twice_and_one_far_away_not_at_all() ->
     here, gone = cars((50.0, 8.0)), cars()
     far = cars((50.0, 500.0), prefix="far")
     frames = [together(here, far)] * 10 + [gone] * 5 + [here] * 10
-    agents = cast.agents(tiny_drive([CRUISE_MPS] * 25, actors=frames), ORIGIN)
+    agents = agents_timeline.agents(tiny_drive([CRUISE_MPS] * 25, actors=frames), ORIGIN)
     assert [(agent["id"], agent["first"], agent["frames"]) for agent in agents] == [("car00", 0, 10), ("car00", 15, 10)]
 
 
 def test_a_trigger_waits_where_the_ego_must_be_at_its_speed_and_ends_when_the_pedestrian_walks() -> None:
     waits, walks = pedestrians((150.0, -3.0)), pedestrians((150.0, -3.0, 1.0, np.pi / 2))
     staged = tiny_drive(CRUISE, actors=[waits] * 30 + [walks] * 50, jaywalkers=(crossing_at(150.0),))
-    (trigger,) = cast.triggers(staged, straight_road(length_m=300.0)["11"].centerline, ORIGIN)
+    (trigger,) = agents_timeline.triggers(staged, straight_road(length_m=300.0)["11"].centerline, ORIGIN)
     assert trigger["frame"] == 30
     assert undone(trigger["x"], 30, PER_METRE) == pytest.approx([110.0] * 30)  # 4 s at 10 m/s before it
-    assert cast.set_off(drive(*CRUISE, actors=waits), (150.0, -3.0)) is None
+    assert agents_timeline.set_off(drive(*CRUISE, actors=waits), (150.0, -3.0)) is None
 
 
 # --- the map -------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report import scenario_picture as picture
 from interplan_sumo.report.scenario_drawing import View, behaviour_colours
 from interplan_sumo.report.scenario_picture import contact_sheet, render_scenario
-from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario, TrafficDemand
 
 image = pytest.importorskip("matplotlib.image")
 
@@ -26,9 +26,9 @@ BUSY = Scenario(
     id="mine/0",
     family="mine",
     map="strip",
-    start=LanePlace(LANE, 20.0),
+    start=LanePosition(LANE, 20.0),
     start_speed_mps=12.0,
-    goal=LanePlace("402030", 200.0),
+    goal=LanePosition("402030", 200.0),
     route=("40203",),
     traffic=TrafficDemand("medium", "mixed"),
 )
@@ -36,14 +36,14 @@ CROSSED = replace(
     BUSY,
     id="mine/1",
     traffic=TrafficDemand(),
-    goal=LanePlace(LANE, 200.0),
+    goal=LanePosition(LANE, 200.0),
     obstacles=(
-        Obstacle(LanePlace(LANE, 104.0, -3.6), "bus"),
-        Obstacle(LanePlace(LANE, 130.0), "cone"),
-        Obstacle(LanePlace(LANE, 132.0), "worker"),
-        Obstacle(LanePlace(LANE, 134.0), "barrier"),
+        Obstacle(LanePosition(LANE, 104.0, -3.6), "bus"),
+        Obstacle(LanePosition(LANE, 130.0), "cone"),
+        Obstacle(LanePosition(LANE, 132.0), "worker"),
+        Obstacle(LanePosition(LANE, 134.0), "barrier"),
     ),
-    jaywalkers=(Jaywalker(LanePlace(LANE, 112.0, -5.0), LanePlace(LANE, 112.0, 8.0), 1.5),),
+    jaywalkers=(Jaywalker(LanePosition(LANE, 112.0, -5.0), LanePosition(LANE, 112.0, 8.0), 1.5),),
     occluder=0,
 )
 ROADS = load_roads("strip")

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from interplan_sumo.batch.run import RunRequest
 from interplan_sumo.batch.run_folder import Row
-from interplan_sumo.batch.sweep import Combination, Parameter, Part, Result
+from interplan_sumo.batch.sweep import Combination, Parameter, Result, SweepRun
 from interplan_sumo.errors import InputError
 from interplan_sumo.report import sweep_plot
 from interplan_sumo.report.sweep_plot import plot_sweep, why_no_plot
@@ -68,7 +68,7 @@ def result(
     ids = tuple(dict.fromkeys(row["scenario_id"] for row in rows))
     if asked is not None:
         ids = tuple(f"{FAMILY}/{index}" for index in range(asked))
-    part = Part(RunRequest((planner,), Path("nowhere"), seeds=seeds), ids)
+    part = SweepRun(RunRequest((planner,), Path("nowhere"), seeds=seeds), ids)
     return Result(Combination({**(setting or {}), **values}, (part,)), (stored(*rows),) if rows else (), failure)
 
 

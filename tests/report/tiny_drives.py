@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from interplan_sumo.batch.stored_drive import StoredDrive
-from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.roads import Roads
@@ -88,9 +88,9 @@ def drive_at_lights(
 
 def parked_at(arc_m: float) -> Obstacle:
     """A car that stands in the lane."""
-    return Obstacle(LanePlace("11", arc_m))
+    return Obstacle(LanePosition("11", arc_m))
 
 
 def crossing_at(arc_m: float) -> Jaywalker:
     """Somebody who walks across the lane at 1 m/s, from the right."""
-    return Jaywalker(LanePlace("11", arc_m, -3.0), LanePlace("11", arc_m, 3.0), 1.0)
+    return Jaywalker(LanePosition("11", arc_m, -3.0), LanePosition("11", arc_m, 3.0), 1.0)

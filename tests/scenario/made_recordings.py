@@ -9,7 +9,7 @@ import numpy as np
 from interplan_sumo.tiny_worlds import CRS
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats
-from interplan_sumo.world.recording import Recording, Track
+from interplan_sumo.world.recording import RecordedTrack, Recording
 
 STEP_S = 0.1
 
@@ -35,21 +35,21 @@ def track(
     size_m: tuple[float, float] = (4.6, 1.85),
     model: str = "car",
     step_s: float = STEP_S,
-) -> Track:
+) -> RecordedTrack:
     """A track whose velocities are the differences of its positions."""
     moved = np.gradient(poses[:, :2], axis=0) / step_s if len(poses) > 1 else np.zeros((1, 2))
-    return Track(id, kind, *size_m, first_step, poses, moved, model)
+    return RecordedTrack(id, kind, *size_m, first_step, poses, moved, model)
 
 
-def drives(id: str, x_m: float, y_m: float, speed_mps: float, steps: int = 50, **more: object) -> Track:
+def drives(id: str, x_m: float, y_m: float, speed_mps: float, steps: int = 50, **more: object) -> RecordedTrack:
     """A vehicle that moves towards +x."""
     return track(id, poses_along(((x_m, y_m), (x_m + 1000.0, y_m)), speed_mps, steps), **more)  # type: ignore[arg-type]
 
 
-def stands(id: str, x_m: float, y_m: float, steps: int = 50, **more: object) -> Track:
+def stands(id: str, x_m: float, y_m: float, steps: int = 50, **more: object) -> RecordedTrack:
     """Somebody who stays where they are."""
     return track(id, poses_along(((x_m, y_m),), 0.0, steps), **more)  # type: ignore[arg-type]
 
 
-def recording(*tracks: Track, ego_id: str | None = "ego", crs: str = CRS, step_s: float = STEP_S) -> Recording:
+def recording(*tracks: RecordedTrack, ego_id: str | None = "ego", crs: str = CRS, step_s: float = STEP_S) -> Recording:
     return Recording("made", crs, step_s, tuple(sorted(tracks, key=lambda each: each.id)), ego_id)

@@ -10,10 +10,10 @@ import pytest
 import shapely
 
 from interplan_sumo.errors import ScenarioError
+from interplan_sumo.families import FAMILIES, construction, jaywalker, nudge, overtake
+from interplan_sumo.families.jaywalker import Person
+from interplan_sumo.families.shapes import PASSING_M, reach_m
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.scenario.families import FAMILIES, construction, jaywalker, nudge, overtake
-from interplan_sumo.scenario.families.jaywalker import Person
-from interplan_sumo.scenario.families.shapes import PASSING_M, reach_m
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import Site, site_at

@@ -18,7 +18,7 @@ from interplan_sumo.scenario.scenario import (
     OBSTACLES,
     VEHICLE_KINDS,
     Jaywalker,
-    LanePlace,
+    LanePosition,
     Obstacle,
     PlacedVehicle,
     Scenario,
@@ -29,22 +29,24 @@ WHOLE = Scenario(
     id="crossing/0",
     family="jaywalker",
     map="one_north",
-    start=LanePlace("101010", 20.0),
+    start=LanePosition("101010", 20.0),
     start_speed_mps=8.0,
-    goal=LanePlace("102020", 35.5),
+    goal=LanePosition("102020", 35.5),
     route=("10101", "10151", "10202"),
     traffic=TrafficDemand("low", "assertive", "high", flow=True),
     obstacles=(
-        Obstacle(LanePlace("101010", 60.0, 2.4), "bus", 0.02, width_m=2.5),
-        Obstacle(LanePlace("101010", 90.0), "cone"),
+        Obstacle(LanePosition("101010", 60.0, 2.4), "bus", 0.02, width_m=2.5),
+        Obstacle(LanePosition("101010", 90.0), "cone"),
     ),
-    jaywalkers=(Jaywalker(LanePlace("101010", 67.5, 3.0), LanePlace("101010", 67.5, -8.0), 1.4),),
+    jaywalkers=(Jaywalker(LanePosition("101010", 67.5, 3.0), LanePosition("101010", 67.5, -8.0), 1.4),),
     occluder=0,
-    vehicles=(PlacedVehicle(LanePlace("101010", 8.0), 7.5, "truck"),),
+    vehicles=(PlacedVehicle(LanePosition("101010", 8.0), 7.5, "truck"),),
     duration_s=25.0,
     exempt=("driving_direction",),
 )
-LEAST = Scenario("mine/0", "mine", "strip", LanePlace("402032", 20.0), 12.0, LanePlace("402030", 260.0), ("40203",))
+LEAST = Scenario(
+    "mine/0", "mine", "strip", LanePosition("402032", 20.0), 12.0, LanePosition("402030", 260.0), ("40203",)
+)
 TEXT = """\
 format: 1
 id: crossing/0
@@ -87,7 +89,7 @@ def written(folder: Path, text: str) -> Path:
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 SIZES = st.none() | st.floats(1e-3, 1e3)
 NAMES = st.text(st.characters(exclude_categories=("Cs",)), min_size=1, max_size=12)
-PLACES = st.builds(LanePlace, NAMES, NUMBERS, NUMBERS)
+PLACES = st.builds(LanePosition, NAMES, NUMBERS, NUMBERS)
 OBSTACLE = st.builds(Obstacle, PLACES, st.sampled_from(sorted(OBSTACLES)), NUMBERS, SIZES, SIZES)  # type: ignore[arg-type]
 WALKERS = st.builds(Jaywalker, PLACES, PLACES, st.floats(0.1, 5.0))
 DENSITIES = st.sampled_from(("none", "low", "medium", "high"))
@@ -95,7 +97,7 @@ DEMANDS = st.builds(
     TrafficDemand, DENSITIES, st.sampled_from(("conservative", "assertive", "mixed")), DENSITIES, st.booleans()
 )
 VEHICLES = st.builds(
-    PlacedVehicle, st.builds(LanePlace, NAMES, NUMBERS), st.floats(0.0, 60.0), st.sampled_from(VEHICLE_KINDS)
+    PlacedVehicle, st.builds(LanePosition, NAMES, NUMBERS), st.floats(0.0, 60.0), st.sampled_from(VEHICLE_KINDS)
 )
 
 
@@ -152,7 +154,7 @@ def test_several_scenarios_are_several_documents_in_order(tmp_path: Path) -> Non
 
 
 def test_numbers_of_numpy_are_written_as_numbers(tmp_path: Path) -> None:
-    place: Any = LanePlace("402032", np.float64(20.5))
+    place: Any = LanePosition("402032", np.float64(20.5))
     write_scenario(replace(LEAST, start=place), tmp_path / "mine.yaml")
     assert "arc_m: 20.5}" in (tmp_path / "mine.yaml").read_text()
 

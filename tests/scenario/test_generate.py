@@ -8,8 +8,8 @@ import pytest
 from worlds import straight_road
 
 from interplan_sumo.errors import UnknownNameError
+from interplan_sumo.families import FAMILIES
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.generate import Search
 from interplan_sumo.scenario.ordinary import TYPES
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline

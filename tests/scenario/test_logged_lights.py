@@ -11,20 +11,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.proving.carried_maps import ALONG_M, KEPT_M
 from interplan_sumo.scenario.files import read_scenario, write_scenario
 from interplan_sumo.scenario.logged_lights import STATUS, LightStatus, LoggedLight
 from interplan_sumo.scenario.recorded_lights import AROUND_M, with_recorded_lights
-from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.simulation.logged_lights import LoggedLights
 from interplan_sumo.tiny_worlds import junction, straight_road
+from interplan_sumo.verification.map_bundling import ALONG_M, KEPT_M
 from interplan_sumo.world.recording import Recording
 from interplan_sumo.world.signals import SignalStatus
 
 ROADS = junction()
 BARE = Scenario(
-    "tiny.recorded/0", "recorded", "tiny_junction", LanePlace("1", 10.0), 8.0, LanePlace("7", 30.0), ("1", "13", "7"),
-    duration_s=5.0,
+    "tiny.recorded/0", "recorded", "tiny_junction", LanePosition("1", 10.0), 8.0, LanePosition("7", 30.0),
+    ("1", "13", "7"), duration_s=5.0,
 )  # fmt: skip
 RED = LoggedLight("13", (0, 20), ("red", "green"))
 
@@ -67,7 +67,7 @@ def test_a_scenario_refuses_a_connector_twice_and_what_the_map_does_not_control(
     with pytest.raises(ScenarioError, match=r"lights\[0\]: map tiny_junction has no connector '99'"):
         replace(BARE, lights=(replace(RED, connector="99"),)).check(ROADS)
     road = straight_road(cuts_m=((50.0, 60.0),))
-    unlit = Scenario("a/0", "a", "tiny_road", LanePlace("11", 5.0), 0.0, LanePlace("31", 9.0), ("1", "2", "3"))
+    unlit = Scenario("a/0", "a", "tiny_road", LanePosition("11", 5.0), 0.0, LanePosition("31", 9.0), ("1", "2", "3"))
     with pytest.raises(ScenarioError, match="no connector with a traffic light '21'"):
         replace(unlit, lights=(replace(RED, connector="21"),)).check(road)
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.scenario.original import Letters, Walk, parse_letters, read_original
+from interplan_sumo.scenario.original import Letters, PublishedWalk, parse_letters, read_original
 
 TOKEN = "feb82815b92a5512"
 DETAILS: dict[str, Any] = {
@@ -101,7 +101,7 @@ def test_an_empty_list_of_roads_overrides_that_of_the_token() -> None:
 
 def test_people_buses_and_cones_are_read() -> None:
     walkers = read_original(f"{TOKEN}-s2", DETAILS)
-    assert walkers.walks == (Walk((0.0, 1.0), (2.0, 3.0)), Walk((0.0, 1.0), (2.0, 3.0), 50))
+    assert walkers.walks == (PublishedWalk((0.0, 1.0), (2.0, 3.0)), PublishedWalk((0.0, 1.0), (2.0, 3.0), 50))
     assert walkers.buses == ((7.0, 8.0, 1.7),)
     works = read_original(f"{TOKEN}-s3", DETAILS)
     assert (works.cones, works.letters.goal) == (((1.0, 2.0), (3.0, 4.0)), "left")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.scenario.original import Letters, Original, Walk
+from interplan_sumo.scenario.original import Letters, Original, PublishedWalk
 from interplan_sumo.scenario.original_scene import original_scene
 from interplan_sumo.scenario.recorded import END_M, RecordedScene
-from interplan_sumo.scenario.scenario import LanePlace, TrafficDemand
+from interplan_sumo.scenario.scenario import LanePosition, TrafficDemand
 from interplan_sumo.tiny_worlds import junction, straight_road
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.recording import Recording
@@ -71,7 +71,7 @@ def test_cars_are_as_large_as_the_ego_where_the_log_was_emptied() -> None:
 def test_cones_buses_and_workers_stand() -> None:
     works = nudge(
         family="construction", cars=(), buses=((-70.0, Y_M - 2.0, 0.0),), cones=((-60.0, Y_M), (-58.0, Y_M)),
-        walks=(Walk((-59.0, Y_M), (-58.0, Y_M)),),
+        walks=(PublishedWalk((-59.0, Y_M), (-58.0, Y_M)),),
     )  # fmt: skip
     scenario = made(works).scenario
     assert [each.kind for each in scenario.obstacles] == ["bus", "cone", "cone", "worker"]
@@ -81,7 +81,7 @@ def test_cones_buses_and_workers_stand() -> None:
 
 @pytest.mark.parametrize(("way_m", "walks"), [(1.49, 0), (1.51, 1), (12.0, 1)])
 def test_people_walk_their_way_in_fifteen_seconds_or_stand(way_m: float, walks: int) -> None:
-    person = Walk((-60.0, Y_M - 4.0), (-60.0, Y_M - 4.0 + way_m))
+    person = PublishedWalk((-60.0, Y_M - 4.0), (-60.0, Y_M - 4.0 + way_m))
     scenario = made(nudge(family="jaywalker", cars=(), walks=(person,))).scenario
     assert len(scenario.jaywalkers) == walks
     assert len(scenario.obstacles) == 1 - walks
@@ -92,7 +92,7 @@ def test_people_walk_their_way_in_fifteen_seconds_or_stand(way_m: float, walks: 
 
 
 def test_a_step_at_which_somebody_begins_to_walk_is_noted() -> None:
-    person = Walk((-60.0, Y_M - 4.0), (-60.0, Y_M + 4.0), 50)
+    person = PublishedWalk((-60.0, Y_M - 4.0), (-60.0, Y_M + 4.0), 50)
     found = made(nudge(family="jaywalker", cars=(), walks=(person,)))
     assert "begins when the ego is near, not at a step" in found.notes[-1]
 
@@ -147,7 +147,7 @@ def test_a_goal_side_leads_no_farther_than_the_log_did() -> None:
 def test_a_goal_point_is_on_its_lane_whatever_the_lane_of_the_start() -> None:
     goal = (230.0, 0.0)
     found = made(dense(Letters(density="low", goal="left"), goal_point=goal), WIDE).scenario
-    assert (found.start.lane, found.goal) == ("12", LanePlace("31", 60.0))
+    assert (found.start.lane, found.goal) == ("12", LanePosition("31", 60.0))
     assert found.route == ("1", "2", "3")
 
 
@@ -190,7 +190,7 @@ def test_an_obstacle_beside_no_lane_is_one_line() -> None:
 
 def test_a_walk_beside_no_lane_is_one_line() -> None:
     with pytest.raises(ScenarioError, match="walks beside no lane"):
-        made(nudge(family="jaywalker", walks=(Walk((900.0, 0.0), (900.0, 9.0)),)))
+        made(nudge(family="jaywalker", walks=(PublishedWalk((900.0, 0.0), (900.0, 9.0)),)))
 
 
 def test_an_ego_beside_the_lanes_is_one_line() -> None:

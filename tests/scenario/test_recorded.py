@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 
 from interplan_sumo.errors import ScenarioError, UnknownNameError
 from interplan_sumo.scenario.recorded import END_M, ON_LANE_M, RecordedScene, replayed_track, scene
-from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.tiny_worlds import junction, straight_road
 from interplan_sumo.world.actors import ActorKind
-from interplan_sumo.world.recording import Recording, Track
+from interplan_sumo.world.recording import RecordedTrack, Recording
 from tests.scenario.made_recordings import drives, poses_along, recording, stands, track
 
 ROADS = straight_road(lanes=2, length_m=400.0, cuts_m=((100.0, 110.0),))
 """Lanes 11 and 12, connectors 21 and 22, lanes 31 and 32."""
 
 
-def made(*others: Track, **options: object) -> RecordedScene:
+def made(*others: RecordedTrack, **options: object) -> RecordedScene:
     """A scene on `ROADS`, the ego at x = 20 m on the left lane at 10 m/s for 5 s."""
     return scene(recording(drives("ego", 20.0, 0.0, 10.0, steps=51), *others), ROADS, **options)  # type: ignore[arg-type]
 
@@ -35,7 +35,7 @@ def reasons(found: RecordedScene) -> dict[str, str]:
 
 def test_the_ego_begins_where_the_recorded_car_was() -> None:
     scenario = made(at_s=2.0).scenario
-    assert scenario.start == LanePlace("11", 40.0)
+    assert scenario.start == LanePosition("11", 40.0)
     assert scenario.start_speed_mps == pytest.approx(10.0)
     assert (scenario.map, scenario.family) == ("tiny_road", "recorded")
 
@@ -51,24 +51,24 @@ def test_it_keeps_its_place_beside_the_centre_line_as_far_as_it_stays_in_its_lan
 def test_a_short_track_is_extended_straight_on_and_that_is_said() -> None:
     found = made()
     assert found.scenario.route == ("1", "2", "3")
-    assert found.scenario.goal == LanePlace("31", 60.0)  # 20 + 150 - 110
+    assert found.scenario.goal == LanePosition("31", 60.0)  # 20 + 150 - 110
     assert found.notes == ("the track shows 50 m of the way, the goal lies 150 m ahead: straight on",)
 
 
 @pytest.mark.parametrize(("goal_m", "arc_m"), [(49.0, 70.0), (60.0, 80.0)])
 def test_the_goal_lies_at_the_end_of_the_track_if_that_is_farther(goal_m: float, arc_m: float) -> None:
     found = made(goal_m=goal_m)
-    assert found.scenario.goal == LanePlace("11", arc_m)
+    assert found.scenario.goal == LanePosition("11", arc_m)
     assert found.scenario.route == ("1",)
 
 
 def test_a_goal_inside_a_junction_moves_to_the_lane_behind() -> None:
-    assert made(goal_m=85.0).scenario.goal == LanePlace("31", END_M)
+    assert made(goal_m=85.0).scenario.goal == LanePosition("31", END_M)
 
 
 def test_the_goal_keeps_off_the_end_of_the_roads_and_that_is_said() -> None:
     found = made(goal_m=1000.0)
-    assert found.scenario.goal == LanePlace("31", 290.0 - END_M)
+    assert found.scenario.goal == LanePosition("31", 290.0 - END_M)
     assert "the roads end before 1000 m" in found.notes
 
 
@@ -174,7 +174,7 @@ def test_other_steps_are_interpolated_on_the_straight_line_that_was_driven(
     steps = 30
     at_s = step_s * (first + np.arange(steps))
     poses = np.array([(10.0 * each_s, 0.0, 0.0) for each_s in at_s])
-    recorded = Track("a", ActorKind.VEHICLE, 4.6, 1.85, first, poses, np.tile((10.0, 0.0), (steps, 1)))
+    recorded = RecordedTrack("a", ActorKind.VEHICLE, 4.6, 1.85, first, poses, np.tile((10.0, 0.0), (steps, 1)))
     found = replayed_track(recorded, step_s, start, 200)
     if isinstance(found, str):
         assert first + steps - 1 < start
@@ -188,7 +188,7 @@ def test_other_steps_are_interpolated_on_the_straight_line_that_was_driven(
 
 def test_headings_are_interpolated_the_short_way_round() -> None:
     poses = np.array(((0.0, 0.0, np.pi - 0.1), (1.0, 0.0, -np.pi + 0.1)))
-    recorded = Track("a", ActorKind.BICYCLE, 1.8, 0.6, 0, poses, np.zeros((2, 2)))
+    recorded = RecordedTrack("a", ActorKind.BICYCLE, 1.8, 0.6, 0, poses, np.zeros((2, 2)))
     found = replayed_track(recorded, 0.2, 0, 10)
     assert not isinstance(found, str)
     assert np.abs(found.heading_rad) == pytest.approx((np.pi - 0.1, np.pi, np.pi - 0.1), abs=1e-4)
@@ -198,7 +198,7 @@ def test_headings_are_interpolated_the_short_way_round() -> None:
 # --- driven by SUMO ------------------------------------------------------------------------------
 
 
-def sumo(*others: Track, **options: object) -> RecordedScene:
+def sumo(*others: RecordedTrack, **options: object) -> RecordedScene:
     return made(*others, agents="sumo", **options)
 
 

@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.files import read_scenario, read_scenarios, scenario_text, write_scenario
 from interplan_sumo.scenario.replayed import ReplayedTrack
-from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, PlacedVehicle, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, PlacedVehicle, Scenario, TrafficDemand
 from interplan_sumo.scenario.suite import find_scenario
 
-PLACE = LanePlace("11", 20.0)
-BARE = Scenario("tiny.recorded/0", "recorded", "tiny_road", PLACE, 5.0, LanePlace("31", 20.0), ("1", "2", "3"))
+PLACE = LanePosition("11", 20.0)
+BARE = Scenario("tiny.recorded/0", "recorded", "tiny_road", PLACE, 5.0, LanePosition("31", 20.0), ("1", "2", "3"))
 
 
 def replayed(steps: int = 3, id: str = "a", **changes: object) -> ReplayedTrack:

@@ -10,7 +10,7 @@ from worlds import straight_road
 
 from interplan_sumo.errors import ScenarioError, UnknownNameError
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline, route_lanes
-from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario, TrafficDemand
 from interplan_sumo.scenario.suite import find_scenario, find_suite
 
 DENSE: Any = "dense"
@@ -23,9 +23,9 @@ def staged(goal_lane: str = "51", start_lane: str = "13", **rest: object) -> Sce
         id="test/0",
         family="test",
         map="test",
-        start=LanePlace(start_lane, 10.0),
+        start=LanePosition(start_lane, 10.0),
         start_speed_mps=10.0,
-        goal=LanePlace(goal_lane, 50.0),
+        goal=LanePosition(goal_lane, 50.0),
         route=("1", "2", "3", "4", "5"),
         **rest,  # type: ignore[arg-type]
     )
@@ -40,9 +40,9 @@ def staged(goal_lane: str = "51", start_lane: str = "13", **rest: object) -> Sce
         ({"start_speed_mps": float("nan")}, "start_speed_mps is nan"),
         ({"route": ()}, "route is empty"),
         ({"traffic": TrafficDemand(density=DENSE)}, "traffic.density is 'dense', expected none, low, medium, high"),
-        ({"obstacles": (Obstacle(LanePlace("11", 5.0), TANK),)}, r"obstacles\[0\]\.kind is 'tank'"),
-        ({"obstacles": (Obstacle(LanePlace("11", 5.0), length_m=-1.0),)}, r"obstacles\[0\] has the size"),
-        ({"jaywalkers": (Jaywalker(LanePlace("11", 5.0), LanePlace("11", 5.0, 9.0), 9.0),)}, r"speed_mps is 9.0"),
+        ({"obstacles": (Obstacle(LanePosition("11", 5.0), TANK),)}, r"obstacles\[0\]\.kind is 'tank'"),
+        ({"obstacles": (Obstacle(LanePosition("11", 5.0), length_m=-1.0),)}, r"obstacles\[0\] has the size"),
+        ({"jaywalkers": (Jaywalker(LanePosition("11", 5.0), LanePosition("11", 5.0, 9.0), 9.0),)}, r"speed_mps is 9.0"),
     ],
 )
 def test_a_field_that_cannot_be_is_named(change: dict[str, object], message: str) -> None:
@@ -53,11 +53,11 @@ def test_a_field_that_cannot_be_is_named(change: dict[str, object], message: str
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"start": LanePlace("99", 5.0)}, "start: map .* has no lane '99'"),
-        ({"goal": LanePlace("51", 500.0)}, "goal: lane 51 is 90.0 m long, there is no place at 500.0 m"),
+        ({"start": LanePosition("99", 5.0)}, "start: map .* has no lane '99'"),
+        ({"goal": LanePosition("51", 500.0)}, "goal: lane 51 is 90.0 m long, there is no place at 500.0 m"),
         ({"route": ("1", "3", "5")}, "route jumps from roadblock 1 to 3"),
         ({"route": ("1", "2", "77")}, "does not lie on the route"),
-        ({"obstacles": (Obstacle(LanePlace("88", 5.0)),)}, r"obstacles\[0\]: map .* has no lane '88'"),
+        ({"obstacles": (Obstacle(LanePosition("88", 5.0)),)}, r"obstacles\[0\]: map .* has no lane '88'"),
     ],
 )
 def test_what_does_not_fit_the_map_is_named(change: dict[str, object], message: str) -> None:
@@ -70,7 +70,7 @@ def test_the_hash_sees_every_field_and_seeds_give_different_chance() -> None:
     one = staged()
     assert one.hash() == staged().hash()
     assert one.hash() != replace(one, start_speed_mps=10.1).hash()
-    assert one.hash() != replace(one, obstacles=(Obstacle(LanePlace("11", 5.0)),)).hash()
+    assert one.hash() != replace(one, obstacles=(Obstacle(LanePosition("11", 5.0)),)).hash()
     assert one.rng(0).random() == staged().rng(0).random() != one.rng(1).random()
 
 
@@ -82,14 +82,14 @@ def test_the_route_follows_the_goal_lane_back_to_the_start() -> None:
 
 
 def test_a_goal_off_the_route_is_an_error() -> None:
-    astray = replace(staged(), route=("3", "4", "5"), start=LanePlace("33", 10.0), goal=LanePlace("13", 1.0))
+    astray = replace(staged(), route=("3", "4", "5"), start=LanePosition("33", 10.0), goal=LanePosition("13", 1.0))
     with pytest.raises(ScenarioError, match="goal lane 13 does not lie on the route"):
         route_lanes(ROAD, astray)
 
 
 def test_the_site_is_the_first_obstacle_or_else_the_goal() -> None:
     assert staged().site(ROAD) == "test/5@50"
-    blocked = replace(staged(), obstacles=(Obstacle(LanePlace("31", 47.0)),))
+    blocked = replace(staged(), obstacles=(Obstacle(LanePosition("31", 47.0)),))
     assert blocked.site(ROAD) == "test/3@40"
 
 

@@ -7,14 +7,14 @@ from itertools import combinations
 
 import pytest
 
+from interplan_sumo.families import FAMILIES
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.proving.lock import lock, read_lock
-from interplan_sumo.proving.start_checks import start_problems
 from interplan_sumo.scenario.certificates import FILE, read_certificates
-from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, LLM_INDICES, certificate_of, expert, find_suite, suites
+from interplan_sumo.verification.lock import lock, read_lock
+from interplan_sumo.verification.start_checks import start_problems
 
 OFFICIAL = list({scenario.id: scenario for suite in suites().values() for scenario in suite.scenarios}.values())
 

@@ -11,12 +11,12 @@ import shapely
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads
-from interplan_sumo.simulation.network import Network, read_network
+from interplan_sumo.simulation.lane_chains import continued_route
+from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import VehicleTypes
-from interplan_sumo.simulation.ways import continued_route
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import Roads
@@ -170,7 +170,7 @@ def measured(merge: Merge, types: VehicleTypes, blind: Floats | None = None) -> 
     ), blind
 
 
-def _edges(network: Network, ids: NetworkIds, lanes: tuple[str, ...]) -> tuple[str, ...]:
+def _edges(network: SumoNetwork, ids: NetworkIds, lanes: tuple[str, ...]) -> tuple[str, ...]:
     named = [network.lanes[piece.sumo_lane] for lane in lanes for piece in ids.pieces[lane]]
     edges = [lane.edge for lane in named if not lane.internal]
     edges = edges[:1] + [there for here, there in pairwise(edges) if there != here]
@@ -179,7 +179,7 @@ def _edges(network: Network, ids: NetworkIds, lanes: tuple[str, ...]) -> tuple[s
 
 
 def _run(
-    network: Network, ids: NetworkIds, types: VehicleTypes, spawn: Spawn, driven: list[EgoState],
+    network: SumoNetwork, ids: NetworkIds, types: VehicleTypes, spawn: Spawn, driven: list[EgoState],
     route: tuple[str, ...], *, with_ego: bool,
 ) -> tuple[Floats, list[tuple[float, float]], float]:  # fmt: skip
     """Speeds and front bumpers of the only agent at each step, and its length. All lights are green."""

@@ -11,7 +11,7 @@ import numpy as np
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.route import route_centerline
-from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario, TrafficDemand
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.world.actors import ActorKind, Actors
@@ -56,9 +56,9 @@ def random_scenario(
         id=f"random/{number}",
         family="random",
         map=name,
-        start=LanePlace(lane, start_m),
+        start=LanePosition(lane, start_m),
         start_speed_mps=float(rng.uniform(0.0, 12.0)),
-        goal=LanePlace(goal, roads[goal].centerline.length_m * 0.9),
+        goal=LanePosition(goal, roads[goal].centerline.length_m * 0.9),
         route=tuple(roads[each].roadblock_id for each in way),
         traffic=demand,
         obstacles=things if obstacles else (),
@@ -82,9 +82,9 @@ def _way(roads: Roads, lane: str, rng: np.random.Generator) -> list[str]:
     return way
 
 
-def _places(roads: Roads, way: list[str], start_m: float, rng: np.random.Generator) -> list[LanePlace]:
+def _places(roads: Roads, way: list[str], start_m: float, rng: np.random.Generator) -> list[LanePosition]:
     """Random places on the way's lanes and their neighbours, 30 m and more ahead of the start, nearest first."""
-    found: list[tuple[float, LanePlace]] = []
+    found: list[tuple[float, LanePosition]] = []
     driven_m = -start_m
     for each in way:
         length_m = roads[each].centerline.length_m
@@ -94,21 +94,21 @@ def _places(roads: Roads, way: list[str], start_m: float, rng: np.random.Generat
             siblings = roads.roadblocks[roads[each].roadblock_id].lane_ids
             lane = siblings[int(rng.integers(len(siblings)))]
             arc_m = min(arc_m, roads[lane].centerline.length_m - 1.0)
-            found.append((driven_m + arc_m, LanePlace(lane, arc_m, float(rng.uniform(-1.8, 1.8)))))
+            found.append((driven_m + arc_m, LanePosition(lane, arc_m, float(rng.uniform(-1.8, 1.8)))))
         driven_m += length_m
     return [place for _, place in found]
 
 
-def _across(roads: Roads, place: LanePlace, rng: np.random.Generator) -> Jaywalker:
+def _across(roads: Roads, place: LanePosition, rng: np.random.Generator) -> Jaywalker:
     """From 1 m beside the outermost lane of one side to 1 m beside that of the other."""
     lanes = roads.roadblocks[roads[place.lane].roadblock_id].lane_ids
-    ends: list[LanePlace] = []
+    ends: list[LanePosition] = []
     for lane, side in ((lanes[0], 1.0), (lanes[-1], -1.0)):
         line = roads[lane].centerline
         arc_m = min(place.arc_m, line.length_m - 0.5)
         boundary = roads[lane].left_boundary if side > 0.0 else roads[lane].right_boundary
         half_m = float(np.hypot(*(boundary.points - (line.pose_at(arc_m).x_m, line.pose_at(arc_m).y_m)).T).min())
-        ends.append(LanePlace(lane, arc_m, side * (half_m + 1.0)))
+        ends.append(LanePosition(lane, arc_m, side * (half_m + 1.0)))
     if rng.random() < 0.5:
         ends.reverse()
     return Jaywalker(ends[0], ends[1], float(rng.uniform(1.0, 1.9)))

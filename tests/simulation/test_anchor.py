@@ -17,7 +17,7 @@ from interplan_sumo.simulation.anchor import (
     Anchor,
     find_anchor,
 )
-from interplan_sumo.simulation.network import Network, read_network
+from interplan_sumo.simulation.network import SumoNetwork, read_network
 
 ROAD = two_way_road()
 EASTWARD = ("e0", "e1")
@@ -56,7 +56,7 @@ def test_far_from_all_lanes_there_is_no_anchor(away_m: float, seen: bool) -> Non
 
 
 def searched(
-    network: Network, front: tuple[float, float], heading_rad: float, before: Anchor | None, route: tuple[str, ...]
+    network: SumoNetwork, front: tuple[float, float], heading_rad: float, before: Anchor | None, route: tuple[str, ...]
 ) -> tuple[str, float] | None:
     """Lane and position of the anchor, by looking at every strip."""
     kept = network.continuations(before.lane) if before is not None else frozenset[str]()

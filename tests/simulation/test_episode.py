@@ -14,7 +14,7 @@ from worlds import straight_road
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.errors import TrafficError
 from interplan_sumo.planner import Mission, Observation, Planner
-from interplan_sumo.scenario.scenario import LanePlace, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
 from interplan_sumo.simulation.scripted import ScriptedActor, ScriptedTraffic
 from interplan_sumo.world.actors import Actors
@@ -30,9 +30,9 @@ def scenario(goal_m: float = 390.0, duration_s: float = 3.0, start_m: float = 20
         id="test/0",
         family="test",
         map="test",
-        start=LanePlace("11", start_m),
+        start=LanePosition("11", start_m),
         start_speed_mps=10.0,
-        goal=LanePlace("11", goal_m),
+        goal=LanePosition("11", goal_m),
         route=("1",),
         duration_s=duration_s,
     )
@@ -48,15 +48,15 @@ class Planning:
     def start(self, mission: Mission) -> None:
         self.mission = mission
 
-    def plan(self, seen: Observation) -> Trajectory:
-        self.seen.append(seen)
-        return self._plan(seen)  # type: ignore[return-value]
+    def plan(self, observation: Observation) -> Trajectory:
+        self.seen.append(observation)
+        return self._plan(observation)  # type: ignore[return-value]
 
 
-def straight(seen: Observation, speed_mps: float = 10.0, from_s: float = 0.0, to_s: float = 4.0) -> Trajectory:
+def straight(observation: Observation, speed_mps: float = 10.0, from_s: float = 0.0, to_s: float = 4.0) -> Trajectory:
     ahead = np.array([from_s, to_s])
-    x, y = seen.ego.x_m, seen.ego.y_m
-    return Trajectory(seen.time_s + ahead, x + speed_mps * ahead, np.full(2, y), np.zeros(2))
+    x, y = observation.ego.x_m, observation.ego.y_m
+    return Trajectory(observation.time_s + ahead, x + speed_mps * ahead, np.full(2, y), np.zeros(2))
 
 
 def run(
@@ -124,13 +124,13 @@ def leaving(_: Observation) -> object:
     sys.exit(3)
 
 
-def sleeping(seen: Observation) -> object:
+def sleeping(observation: Observation) -> object:
     time.sleep(0.05)
-    return straight(seen)
+    return straight(observation)
 
 
-def poisoned(seen: Observation) -> object:
-    plan = straight(seen)
+def poisoned(observation: Observation) -> object:
+    plan = straight(observation)
     object.__setattr__(plan, "x_m", np.array([np.nan, 1.0]))
     return plan
 
@@ -142,9 +142,9 @@ def poisoned(seen: Observation) -> object:
         (leaving, r"raised SystemExit: 3"),
         (poisoned, r"not finite"),
         (lambda _: Trajectory(np.array([0.0, np.inf]), *[np.zeros(2)] * 3), r"not finite"),
-        (lambda seen: straight(seen, from_s=0.4), r"begins 0\.400 s after now"),
-        (lambda seen: straight(seen, from_s=-3.0, to_s=-1.0), r"(?i)end|reach|past"),
-        (lambda seen: straight(seen, speed_mps=100.0), r"100 m/s \(at most 60\)"),
+        (lambda observation: straight(observation, from_s=0.4), r"begins 0\.400 s after now"),
+        (lambda observation: straight(observation, from_s=-3.0, to_s=-1.0), r"(?i)end|reach|past"),
+        (lambda observation: straight(observation, speed_mps=100.0), r"100 m/s \(at most 60\)"),
         (lambda _: None, r"NoneType"),
         (sleeping, r"took .* the limit is 0.01 s"),
     ],
@@ -159,11 +159,11 @@ def test_a_faulty_planner_ends_its_episode_with_a_planner_fault_that_says_why(
 
 
 def test_a_planner_that_teleports_is_stopped_before_the_ego_moves() -> None:
-    def teleport(seen: Observation) -> object:
-        if seen.time_s < 1.0:
-            return straight(seen)
+    def teleport(observation: Observation) -> object:
+        if observation.time_s < 1.0:
+            return straight(observation)
         ahead = np.array([0.0, 4.0])
-        return Trajectory(seen.time_s + ahead, seen.ego.x_m + 50.0 + ahead, np.zeros(2), np.zeros(2))
+        return Trajectory(observation.time_s + ahead, observation.ego.x_m + 50.0 + ahead, np.zeros(2), np.zeros(2))
 
     episode = run(Planning(teleport))
     assert episode.fault is not None
@@ -195,9 +195,9 @@ def test_ctrl_c_is_nobodys_fault() -> None:
 
 
 def test_a_planner_cannot_change_what_it_is_shown() -> None:
-    def vandal(seen: Observation) -> object:
-        seen.actors.x_m[:] = 0.0
-        return straight(seen)
+    def vandal(observation: Observation) -> object:
+        observation.actors.x_m[:] = 0.0
+        return straight(observation)
 
     car = ScriptedActor("c", Polyline(np.array([[0.0, 0.0], [400.0, 0.0]])), 50.0)
     episode = run(Planning(vandal), actors=(car,))

@@ -18,6 +18,7 @@ from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads, maps
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, SMALLEST_GAP_M, Scenario
 from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.simulation.agent_registry import AgentRegistry
 from interplan_sumo.simulation.episode import drive
 from interplan_sumo.simulation.flow import (
     EDGE_CLEAR_M,
@@ -28,11 +29,10 @@ from interplan_sumo.simulation.flow import (
     draw_arrivals,
 )
 from interplan_sumo.simulation.idm import acceleration_mps2
+from interplan_sumo.simulation.lane_chains import chain_through
 from interplan_sumo.simulation.network import NetworkLink, read_network
-from interplan_sumo.simulation.roster import Roster
 from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.simulation.spawning import FilledLane, Spawn
-from interplan_sumo.simulation.ways import chain_through
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats
@@ -61,9 +61,9 @@ def inflow(lane: FilledLane | None = None, seed: int = 0) -> Inflow:
     return Inflow(NETWORK, lane, (), arrivals, speed_mps, DT_S, taken)
 
 
-def roster(cars: list[tuple[float, float, float]] | None = None) -> Roster:
+def roster(cars: list[tuple[float, float, float]] | None = None) -> AgentRegistry:
     """Conservative drivers: (x of the front bumper, y, speed), heading east."""
-    found = Roster(Path("conservative.xml"), Actors.none(), None, (0.0, 0.0), DT_S)
+    found = AgentRegistry(Path("conservative.xml"), Actors.none(), None, (0.0, 0.0), DT_S)
     names = [f"a{i}" for i in range(len(cars or ()))]
     for name in names:
         found.enlist(name, name, types("conservative").members[0], ("e0", "e1"))
@@ -73,7 +73,7 @@ def roster(cars: list[tuple[float, float, float]] | None = None) -> Roster:
     return found
 
 
-def entries(queue: Inflow, steps: int, ego: EgoState = FAR_AWAY, others: Roster | None = None) -> list[Spawn]:
+def entries(queue: Inflow, steps: int, ego: EgoState = FAR_AWAY, others: AgentRegistry | None = None) -> list[Spawn]:
     """Who drives in within some steps onto a road on which nothing else happens."""
     here = others or roster()
     flow = Flow([queue], [str(i) for i in range(1000)])

@@ -16,14 +16,14 @@ from random_drives import overlapping
 from interplan_sumo.errors import ScenarioError, VehicleTypeError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads, maps
-from interplan_sumo.scenario.scenario import LanePlace, PlacedVehicle, Scenario, TrafficDemand, VehicleKind
+from interplan_sumo.scenario.scenario import LanePosition, PlacedVehicle, Scenario, TrafficDemand, VehicleKind
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation import spawning
 from interplan_sumo.simulation.idm import acceleration_mps2
+from interplan_sumo.simulation.lane_chains import chain_through
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.simulation.vehicle_types import VehicleType, vehicle_type_file
-from interplan_sumo.simulation.ways import chain_through
 from interplan_sumo.world.actors import Actors
 
 LTD = find_scenario("lane_change_ltd/0")
@@ -51,9 +51,9 @@ LENGTH_M: dict[VehicleKind, float] = {"car": 4.6, "truck": 8.0, "bus": 12.0, "mo
 
 @pytest.mark.parametrize("kind", ["car", "truck", "bus", "motorcycle"])
 def test_a_vehicle_starts_with_its_centre_where_it_is_placed_at_its_speed_and_drives_on(kind: VehicleKind) -> None:
-    scenario = placed(PlacedVehicle(LanePlace("402031", 100.0), 7.25, kind))
+    scenario = placed(PlacedVehicle(LanePosition("402031", 100.0), 7.25, kind))
     first, later = start(scenario), start(scenario, steps=20)
-    pose = LanePlace("402031", 100.0).pose(ROADS)
+    pose = LanePosition("402031", 100.0).pose(ROADS)
     assert len(first) == 1
     assert first.length_m[0] == pytest.approx(LENGTH_M[kind])
     assert (first.x_m[0], first.y_m[0]) == pytest.approx((pose.x_m, pose.y_m), abs=0.005)
@@ -67,10 +67,10 @@ def test_a_vehicle_may_be_placed_anywhere_on_any_lane_of_a_map() -> None:
     network, ids = read_network(find_map(LTD.map).network), NetworkIds.read(find_map(LTD.map).ids)
     cut = next(lane for lane, pieces in ids.pieces.items() if len(pieces) > 1 and lane in ROADS.lanes)
     rng = np.random.default_rng(0)
-    places = [LanePlace(cut, piece.end_m) for piece in ids.pieces[cut][:-1]]
+    places = [LanePosition(cut, piece.end_m) for piece in ids.pieces[cut][:-1]]
     for lane in rng.choice(sorted(ROADS.lanes), 30, replace=False).tolist():
         length_m = ROADS[lane].centerline.length_m
-        places.append(LanePlace(lane, float(rng.uniform(3.0, length_m - 3.0))))
+        places.append(LanePosition(lane, float(rng.uniform(3.0, length_m - 3.0))))
     assert any(network.lanes[ids.sumo_place(each.lane, each.arc_m)[0]].index > 0 for each in places)
     for place in places:
         actors = start(placed(PlacedVehicle(place, 5.0)))
@@ -83,7 +83,7 @@ def test_a_vehicle_may_be_placed_anywhere_on_any_lane_of_a_map() -> None:
 def test_a_vehicle_may_start_faster_than_the_limit_and_then_keeps_it(over_mps: float) -> None:
     limit_mps = ROADS["402031"].speed_limit_mps
     assert limit_mps is not None
-    scenario = placed(PlacedVehicle(LanePlace("402031", 60.0), limit_mps + over_mps))
+    scenario = placed(PlacedVehicle(LanePosition("402031", 60.0), limit_mps + over_mps))
     speeds = [float(start(scenario, steps=k).speed_mps[0]) for k in (0, 1, 2, 60)]
     assert speeds[0] == pytest.approx(limit_mps + over_mps, abs=1e-6)
     if over_mps > 0.0:
@@ -92,7 +92,7 @@ def test_a_vehicle_may_start_faster_than_the_limit_and_then_keeps_it(over_mps: f
 
 
 def test_equal_seeds_give_equal_drivers() -> None:
-    scenario = placed(*(PlacedVehicle(LanePlace("402031", 60.0 + 30.0 * i), 8.0) for i in range(4)))
+    scenario = placed(*(PlacedVehicle(LanePosition("402031", 60.0 + 30.0 * i), 8.0) for i in range(4)))
     with open_traffic(scenario, ROADS, seed=1) as traffic:
         first = dict(traffic.behaviours)
     with open_traffic(scenario, ROADS, seed=1) as traffic:
@@ -101,7 +101,7 @@ def test_equal_seeds_give_equal_drivers() -> None:
 
 
 def test_a_file_without_the_kind_is_refused_by_name() -> None:
-    scenario = placed(PlacedVehicle(LanePlace("402031", 100.0), 5.0, "bus"))
+    scenario = placed(PlacedVehicle(LanePosition("402031", 100.0), 5.0, "bus"))
     with pytest.raises(
         VehicleTypeError, match=r'mixed\.xml: no vType that .traffic. stands for is a bus \(vClass="bus"'
     ):
@@ -111,8 +111,8 @@ def test_a_file_without_the_kind_is_refused_by_name() -> None:
 @pytest.mark.parametrize(
     ("vehicle", "message"),
     [
-        (PlacedVehicle(LanePlace("402031", 1.0), 5.0), r"vehicles\[0\] .* reaches beyond lane 402031"),
-        (PlacedVehicle(LanePlace("402031", 100.0), 90.0), r"vehicles\[0\]\.speed_mps is 90, its type .* reaches 55"),
+        (PlacedVehicle(LanePosition("402031", 1.0), 5.0), r"vehicles\[0\] .* reaches beyond lane 402031"),
+        (PlacedVehicle(LanePosition("402031", 100.0), 90.0), r"vehicles\[0\]\.speed_mps is 90, its type .* reaches 55"),
     ],
 )
 def test_a_vehicle_that_cannot_start_there_is_refused(vehicle: PlacedVehicle, message: str) -> None:
@@ -122,7 +122,7 @@ def test_a_vehicle_that_cannot_start_there_is_refused(vehicle: PlacedVehicle, me
 
 def test_a_vehicle_cannot_be_placed_inside_a_junction() -> None:
     connector = sorted(ROADS.connectors)[0]
-    place = LanePlace(connector, ROADS[connector].centerline.length_m / 2.0)
+    place = LanePosition(connector, ROADS[connector].centerline.length_m / 2.0)
     with pytest.raises(ScenarioError, match="inside a junction"):
         open_traffic(placed(PlacedVehicle(place, 5.0)), ROADS)
 
@@ -175,9 +175,9 @@ def test_amid_dense_traffic_nobody_overlaps_a_placed_vehicle(name: str) -> None:
     roads = load_roads(name)
     lane = next(each for each in roads.lanes.values() if each.centerline.length_m > 150.0)
     block = roads.roadblocks[lane.roadblock_id].lane_ids
-    vehicles = tuple(PlacedVehicle(LanePlace(each, 100.0 + 7.0 * i), 6.0) for i, each in enumerate(block))
+    vehicles = tuple(PlacedVehicle(LanePosition(each, 100.0 + 7.0 * i), 6.0) for i, each in enumerate(block))
     scenario = Scenario(
-        "test/0", "test", name, LanePlace(lane.id, 50.0), 8.0, LanePlace(lane.id, 140.0), (lane.roadblock_id,),
+        "test/0", "test", name, LanePosition(lane.id, 50.0), 8.0, LanePosition(lane.id, 140.0), (lane.roadblock_id,),
         TrafficDemand("high", "mixed", "high"), vehicles=vehicles,
     )  # fmt: skip
     for seed in range(3):

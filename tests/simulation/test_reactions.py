@@ -6,8 +6,15 @@ import pytest
 from networks import LANE_Y, two_way_road
 
 from interplan_sumo.simulation import reactions
-from interplan_sumo.simulation.reactions import Agent, Attention, Cover, Decision, EgoOnNetwork, Treatment
-from interplan_sumo.simulation.tiles import Area, Ring
+from interplan_sumo.simulation.lane_polygons import ClipArea, Ring
+from interplan_sumo.simulation.reactions import (
+    Agent,
+    EgoOnNetwork,
+    LaneCoverage,
+    ReactionDecision,
+    ReactionMemory,
+    Treatment,
+)
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import PACIFICA, EgoState
 
@@ -29,8 +36,8 @@ def ring(ego: EgoState) -> Ring:
     return [(x, y) for x, y in ego.corners(PACIFICA).tolist()]
 
 
-def cover(ring: Ring, velocity_mps: tuple[float, float]) -> dict[str, Cover]:
-    area = Area.of(ring)
+def cover(ring: Ring, velocity_mps: tuple[float, float]) -> dict[str, LaneCoverage]:
+    area = ClipArea.of(ring)
     return reactions.cover(NETWORK.strips_near(area), area, velocity_mps)
 
 
@@ -41,9 +48,11 @@ def seen(y_m: float, anchor: str, speed_mps: float = 8.0, x_m: float = 100.0, he
     return EgoOnNetwork(covers, centre, anchor, x_m + 2.6, speed_mps, True)
 
 
-def decision(agent: Agent, ego: EgoOnNetwork, memory: dict[str, Attention] | None = None, **rest: bool) -> Decision:
+def decision(
+    agent: Agent, ego: EgoOnNetwork, memory: dict[str, ReactionMemory] | None = None, **rest: bool
+) -> ReactionDecision:
     decided = reactions.decide([agent], ego, {}, {} if memory is None else memory, 0.1, **rest)
-    return decided.get("a", Decision(Treatment.LEAVE, 0.0, False))
+    return decided.get("a", ReactionDecision(Treatment.LEAVE, 0.0, False))
 
 
 def at_overlap(share: float) -> float:
@@ -82,7 +91,7 @@ def test_an_assertive_agent_follows_a_fully_merged_ego_as_sumo_does() -> None:
 
 
 def test_a_reaction_lasts_until_the_ego_has_left_the_lane() -> None:
-    memory: dict[str, Attention] = {}
+    memory: dict[str, ReactionMemory] = {}
     assert decision(follower(1.0), seen(LANE_Y[1], "e0_1"), memory).reacting
     assert decision(follower(1.0), seen(at_overlap(0.05), "e0_0"), memory).reacting
     assert not decision(follower(1.0), seen(at_overlap(-0.05), "e0_0"), memory).reacting
@@ -96,7 +105,7 @@ def test_an_ego_that_starts_in_the_lane_is_respected_from_the_first_step() -> No
 
 
 def test_after_two_seconds_with_its_centre_in_the_lane_the_ego_is_the_leader() -> None:
-    memory: dict[str, Attention] = {}
+    memory: dict[str, ReactionMemory] = {}
     reacting = [decision(follower(1.0), seen(at_overlap(0.7), "e0_1"), memory).reacting for _ in range(20)]
     assert reacting == [False] * 19 + [True]
 
@@ -135,7 +144,7 @@ def test_a_speed_imposed_for_another_thing_brakes_for_the_ego_too_but_no_harder_
     """SUMO's safe speed, to which an imposed one is cut, would stop the car dead."""
     agent = follower(1.0, position_m=position_m)
     decided = reactions.decide([agent], seen(LANE_Y[1], "e0_1"), {}, {}, 0.1)
-    far = {"e0_1": [("b", Cover(1.0, 300.0, 305.0, 10.0))]}
+    far = {"e0_1": [("b", LaneCoverage(1.0, 300.0, 305.0, 10.0))]}
     told = reactions.yield_to([agent], far, decided, 0.1)["a"]
     assert told.at_limit == (speed_mps < 10.0)
     assert told.speed_mps == pytest.approx(speed_mps, abs=0.05)

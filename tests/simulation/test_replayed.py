@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from interplan_sumo.scenario.replayed import REPLAYED, ReplayedKind, ReplayedTrack
-from interplan_sumo.scenario.scenario import LanePlace, Obstacle, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.tiny_worlds import ego, straight_road
 from interplan_sumo.world.actors import Actors
 
 ROADS = straight_road(lanes=2)
-BARE = Scenario("tiny.recorded/0", "recorded", "tiny_road", LanePlace("11", 20.0), 10.0, LanePlace("11", 150.0), ("1",))
+BARE = Scenario(
+    "tiny.recorded/0", "recorded", "tiny_road", LanePosition("11", 20.0), 10.0, LanePosition("11", 150.0), ("1",)
+)
 
 
 def moves(id: str, x_m: float, steps: int, first_step: int = 0, kind: ReplayedKind = "vehicle") -> ReplayedTrack:
@@ -56,7 +58,7 @@ def test_every_kind_has_its_class(kind: ReplayedKind) -> None:
 
 def test_obstacles_stand_among_them_and_ids_say_nothing() -> None:
     tracks = (moves("AV-1", 40.0, steps=50), moves("AV-2", 60.0, steps=50))
-    scenario = replace(BARE, replayed=tracks, obstacles=(Obstacle(LanePlace("11", 100.0), "cone"),))
+    scenario = replace(BARE, replayed=tracks, obstacles=(Obstacle(LanePosition("11", 100.0), "cone"),))
     with open_traffic(scenario, ROADS, seed=0) as traffic:
         scene = traffic.observe()
         behaviours = dict(traffic.behaviours)

@@ -10,11 +10,11 @@ import shapely
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, maps
-from interplan_sumo.simulation.network import Network, NetworkLink, read_network
+from interplan_sumo.simulation.lane_chains import continued_route
+from interplan_sumo.simulation.network import NetworkLink, SumoNetwork, read_network
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
-from interplan_sumo.simulation.ways import continued_route
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Polyline, box_corners, penetration_m
 from interplan_sumo.world.signals import SignalStatus
@@ -50,7 +50,7 @@ def junction(link: NetworkLink) -> str:
     return link.via[0].rsplit("_", 2)[0]
 
 
-def must_yield(network: Network, first: NetworkLink, second: NetworkLink) -> bool:
+def must_yield(network: SumoNetwork, first: NetworkLink, second: NetworkLink) -> bool:
     """Whether `second` must let `first` pass, by sign or while both show green."""
     if first.light is None or second.light is None:
         return first.light is second.light is None and first.major and not second.major
@@ -59,7 +59,7 @@ def must_yield(network: Network, first: NetworkLink, second: NetworkLink) -> boo
     return any((s[mine], s[other]) == ("G", "g") for s in states) and all(s[other] != "G" for s in states)
 
 
-def way(network: Network, link: NetworkLink) -> Polyline:
+def way(network: SumoNetwork, link: NetworkLink) -> Polyline:
     """The centre line over the junction, with the lanes before and behind it."""
     line = network.lanes[link.from_lane].line
     for lane in (*link.via, link.to_lane):

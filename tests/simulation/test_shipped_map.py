@@ -16,7 +16,7 @@ from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.errors import MapError, TrafficError, VehicleTypeError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import MapFiles, find_map, load_roads, maps
-from interplan_sumo.scenario.scenario import Jaywalker, LanePlace, Obstacle, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario, TrafficDemand
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation import setup
 from interplan_sumo.simulation.episode import EpisodeOptions, drive
@@ -163,7 +163,7 @@ def test_denser_traffic_is_denser() -> None:
 BLOCKED = replace(
     HTD,
     id="test/blocked",
-    obstacles=(Obstacle(LanePlace("402031", 150.0), turned_rad=0.6), Obstacle(LanePlace("402032", 215.0, -1.6))),
+    obstacles=(Obstacle(LanePosition("402031", 150.0), turned_rad=0.6), Obstacle(LanePosition("402032", 215.0, -1.6))),
 )
 
 
@@ -190,7 +190,7 @@ CROSSED = replace(
     LTD,
     id="test/crossed",
     traffic=TrafficDemand("none"),
-    jaywalkers=(Jaywalker(LanePlace("402032", 150.0, -6.0), LanePlace("402032", 150.0, 9.0), 1.5),),
+    jaywalkers=(Jaywalker(LanePosition("402032", 150.0, -6.0), LanePosition("402032", 150.0, 9.0), 1.5),),
 )
 
 

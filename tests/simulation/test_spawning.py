@@ -12,9 +12,9 @@ from networks import two_way_road, types
 
 from interplan_sumo.simulation import spawning
 from interplan_sumo.simulation.idm import acceleration_mps2
+from interplan_sumo.simulation.lane_chains import chain_through, continued_route
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.vehicle_types import VehicleType
-from interplan_sumo.simulation.ways import chain_through, continued_route
 
 NETWORK = two_way_road()
 EGO_X = 160.0

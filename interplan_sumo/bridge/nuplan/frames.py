@@ -66,13 +66,15 @@ def rear_axle_rows(plan: Trajectory, shape: EgoShape, start_us: int = START_US) 
     return np.column_stack((start_us + np.rint(plan.time_s * 1e6), x_m, y_m, plan.heading_rad, speed_mps))
 
 
-def samples(seen: Observation, dt_s: float) -> list[tuple[EgoState, Actors]]:
+def samples(observation: Observation, dt_s: float) -> list[tuple[EgoState, Actors]]:
     """The last `SAMPLES` instants, oldest first, the present last.
 
     What the past of an observation does not reach is its oldest sample moved
     back at constant velocity.
     """
-    known = [*zip(seen.past.egos, seen.past.actors, strict=True), (seen.ego, seen.actors)][-SAMPLES:]
+    known = [*zip(observation.past.egos, observation.past.actors, strict=True), (observation.ego, observation.actors)][
+        -SAMPLES:
+    ]
     ego, actors = known[0]
     missing = range(SAMPLES - len(known), 0, -1)
     return [(_ego_before(ego, k * dt_s), _actors_before(actors, k * dt_s)) for k in missing] + known

@@ -63,8 +63,8 @@ class NuPlanPlanner:
             )
         )
 
-    def plan(self, seen: Observation) -> Trajectory:
-        asked = self._input(seen)
+    def plan(self, observation: Observation) -> Trajectory:
+        asked = self._input(observation)
         self._step += 1
         collecting = gc.isenabled()
         try:
@@ -74,19 +74,19 @@ class NuPlanPlanner:
                 gc.enable()
         return our_plan(trajectory, self._shape)
 
-    def _input(self, seen: Observation) -> PlannerInput:
-        now_us = time_us(seen.time_s)
+    def _input(self, observation: Observation) -> PlannerInput:
+        now_us = time_us(observation.time_s)
         if self._history is not None and now_us - self._seen_us == round(self._dt_s * 1e6):
-            self._history.append(*self._sample(seen.ego, seen.actors))
+            self._history.append(*self._sample(observation.ego, observation.actors))
         else:
-            past = [self._sample(ego, actors) for ego, actors in samples(seen, self._dt_s)]
+            past = [self._sample(ego, actors) for ego, actors in samples(observation, self._dt_s)]
             egos, tracks = zip(*past, strict=True)
             self._history = SimulationHistoryBuffer(deque(egos, SAMPLES), deque(tracks, SAMPLES), self._dt_s)
         self._seen_us = now_us
         return PlannerInput(
             iteration=SimulationIteration(TimePoint(now_us), self._step),
             history=self._history,
-            traffic_light_data=nuplan_lights(seen.signals, now_us),
+            traffic_light_data=nuplan_lights(observation.signals, now_us),
         )
 
     def _sample(self, ego: EgoState, actors: Actors) -> tuple[Any, DetectionsTracks]:

@@ -6,12 +6,12 @@ import math
 
 from interplan_sumo.maps.districts.plan import (
     BusStop,
-    Crossing,
-    Junction,
+    Carriageway,
     Plan,
+    PlannedCrossing,
+    PlannedJunction,
     Road,
-    Section,
-    Way,
+    RoadSection,
     lanes,
     one_way,
 )
@@ -43,8 +43,8 @@ def _near(along_m: float, across_m: float) -> tuple[float, float]:
     return x_m, y_m
 
 
-def _both(way: Way) -> tuple[Section, ...]:
-    return (Section(0, way, way),)
+def _both(way: Carriageway) -> tuple[RoadSection, ...]:
+    return (RoadSection(0, way, way),)
 
 
 PLAN = Plan(
@@ -65,9 +65,9 @@ PLAN = Plan(
             20,
             "boylston",
             points=(_at(-560, -185), _at(-330, -192, 600), _at(560, -180)),
-            sections=(Section(0, _BOYLSTON),),
+            sections=(RoadSection(0, _BOYLSTON),),
             bus_stops=(BusStop("forward", 360), BusStop("forward", 590), BusStop("forward", 960)),
-            crossings=(Crossing(540),),
+            crossings=(PlannedCrossing(540),),
             sidewalk_m=3.5,
         ),
         Road(
@@ -82,14 +82,14 @@ PLAN = Plan(
             40,
             "marlborough",
             points=(_at(560, 135), _at(-300, 135)),
-            sections=(Section(0, _MARLBOROUGH),),
+            sections=(RoadSection(0, _MARLBOROUGH),),
         ),
         # Westbound.
         Road(
             50,
             "beacon",
             points=(_at(560, 222), _at(150, 228, 700), _at(-150, 226, 500), _at(-540, 270)),
-            sections=(Section(0, _BEACON),),
+            sections=(RoadSection(0, _BEACON),),
             bus_stops=(BusStop("forward", 200), BusStop("forward", 560)),
         ),
         Road(
@@ -104,7 +104,7 @@ PLAN = Plan(
             61,
             "fairfield",
             points=(_at(-110, -192), _at(-110, 226)),
-            sections=(Section(0, _FAIRFIELD),),
+            sections=(RoadSection(0, _FAIRFIELD),),
         ),
         Road(
             62,
@@ -118,18 +118,18 @@ PLAN = Plan(
             63,
             "clarendon",
             points=(_at(330, 330), _at(330, 20, 300), _at(345, -420)),
-            sections=(Section(0, _CLARENDON),),
+            sections=(RoadSection(0, _CLARENDON),),
         ),
         Road(
             70,
             "huntington",
             points=(_at(-170, -430), _at(0, -290, 160), _at(105, -185)),
-            sections=(Section(0, _HUNTINGTON_IN, _HUNTINGTON_OUT),),
+            sections=(RoadSection(0, _HUNTINGTON_IN, _HUNTINGTON_OUT),),
             bus_stops=(BusStop("forward", 110), BusStop("backward", 140)),
         ),
     ),
     junctions=(
-        Junction(
+        PlannedJunction(
             1,
             "commonwealth and massachusetts",
             at=_near(-320, 30),
@@ -137,7 +137,7 @@ PLAN = Plan(
             control="signal",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             2,
             "commonwealth and fairfield",
             at=_near(-110, 30),
@@ -145,7 +145,7 @@ PLAN = Plan(
             control="signal",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             3,
             "commonwealth and dartmouth",
             at=_near(102, 30),
@@ -153,7 +153,7 @@ PLAN = Plan(
             control="signal",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             4,
             "commonwealth and clarendon",
             at=_near(330, 30),
@@ -161,7 +161,7 @@ PLAN = Plan(
             control="signal",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             5,
             "boylston and massachusetts",
             at=_near(-360, -190),
@@ -169,7 +169,7 @@ PLAN = Plan(
             control="signal",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             6,
             "boylston and fairfield",
             at=_near(-110, -188),
@@ -178,7 +178,7 @@ PLAN = Plan(
             crosswalks=("fairfield+",),
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             7,
             "boylston, dartmouth and huntington",
             at=_near(105, -185),
@@ -188,7 +188,7 @@ PLAN = Plan(
             # Sharper than a right angle and a half.
             banned=(("huntington-", "dartmouth-"), ("dartmouth-", "huntington-")),
         ),
-        Junction(
+        PlannedJunction(
             8,
             "boylston and clarendon",
             at=_near(338, -183),
@@ -196,7 +196,7 @@ PLAN = Plan(
             control="signal",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             9,
             "newbury and massachusetts",
             at=_near(-341, -80),
@@ -205,7 +205,7 @@ PLAN = Plan(
             crosswalks=("newbury+",),
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             10,
             "newbury and fairfield",
             at=_near(-110, -80),
@@ -213,7 +213,7 @@ PLAN = Plan(
             control="all_way_stop",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             11,
             "newbury and dartmouth",
             at=_near(103, -80),
@@ -221,7 +221,7 @@ PLAN = Plan(
             control="all_way_stop",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             12,
             "newbury and clarendon",
             at=_near(335, -80),
@@ -229,7 +229,7 @@ PLAN = Plan(
             control="stop",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             13,
             "marlborough and massachusetts",
             at=_near(-300, 135),
@@ -238,7 +238,7 @@ PLAN = Plan(
             crosswalks=("marlborough-",),
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             14,
             "marlborough and fairfield",
             at=_near(-110, 135),
@@ -246,7 +246,7 @@ PLAN = Plan(
             control="stop",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             15,
             "marlborough and dartmouth",
             at=_near(101, 135),
@@ -254,7 +254,7 @@ PLAN = Plan(
             control="stop",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             16,
             "marlborough and clarendon",
             at=_near(330, 135),
@@ -262,7 +262,7 @@ PLAN = Plan(
             control="stop",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             17,
             "beacon and massachusetts",
             at=_near(-290, 240),
@@ -270,7 +270,7 @@ PLAN = Plan(
             control="signal",
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             18,
             "beacon and fairfield",
             at=_near(-110, 226),
@@ -279,7 +279,7 @@ PLAN = Plan(
             crosswalks=("fairfield-",),
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             19,
             "beacon and dartmouth",
             at=_near(100, 228),
@@ -288,7 +288,7 @@ PLAN = Plan(
             crosswalks=("dartmouth-",),
             corner_m=5,
         ),
-        Junction(
+        PlannedJunction(
             20,
             "beacon and clarendon",
             at=_near(330, 226),

@@ -25,7 +25,7 @@ from interplan_sumo.maps.districts.geometry import turn
 from interplan_sumo.maps.districts.kerb import bus_bays, car_parks, parking_strips, sidewalks
 from interplan_sumo.maps.districts.layout import Arm, Block, Joint, layout
 from interplan_sumo.maps.districts.movements import joint_pairs, movements
-from interplan_sumo.maps.districts.plan import Crossing, Junction, Plan, Ramp, Road
+from interplan_sumo.maps.districts.plan import Plan, PlannedCrossing, PlannedJunction, Ramp, Road
 from interplan_sumo.maps.districts.sheet import Sheet, between
 from interplan_sumo.world.geometry import Floats, Pose, wrap_angle
 from interplan_sumo.world.roads import (
@@ -102,7 +102,7 @@ def _ramp_at(plan: Plan, joint: Joint) -> Ramp | None:
     return None
 
 
-def _crossing_at(plan: Plan, joint: Joint) -> Crossing | None:
+def _crossing_at(plan: Plan, joint: Joint) -> PlannedCrossing | None:
     low_m, high_m = sorted((joint.before.to_m, joint.after.from_m))
     for crossing in plan.road[joint.before.road].crossings:
         if low_m <= crossing.at_m <= high_m:
@@ -165,7 +165,7 @@ def _draw_ramp(drawing: Drawing, joint: Joint, ramp: Ramp) -> None:
     draw_intersection(drawing, place, [c.polygon for c in (*drawn, link)], kind)
 
 
-def _draw_crossing(drawing: Drawing, joint: Joint, crossing: Crossing) -> None:
+def _draw_crossing(drawing: Drawing, joint: Joint, crossing: PlannedCrossing) -> None:
     """A pedestrian crossing; both carriageways stop for it at one place, drawn with the first of them."""
     sheet, plan = drawing.sheet, drawing.sheet.plan
     road = plan.road[joint.before.road]
@@ -194,7 +194,7 @@ def _draw_crossing(drawing: Drawing, joint: Joint, crossing: Crossing) -> None:
 # --- junctions -----------------------------------------------------------------------------------
 
 
-def _stop_kind(junction: Junction, arm: Arm, group: int) -> StopLineKind | None:
+def _stop_kind(junction: PlannedJunction, arm: Arm, group: int) -> StopLineKind | None:
     """Why the lanes of a group stop at a junction; None where they have the right of way."""
     if junction.control == "signal":
         return StopLineKind.TRAFFIC_LIGHT
@@ -216,7 +216,7 @@ def _groups(block: Block) -> tuple[tuple[int, range], ...]:
     return tuple((group, lanes) for group, lanes in parts if lanes)
 
 
-def _draw_junction(drawing: Drawing, junction: Junction, arms: Sequence[Arm]) -> None:
+def _draw_junction(drawing: Drawing, junction: PlannedJunction, arms: Sequence[Arm]) -> None:
     sheet = drawing.sheet
     line_of: dict[tuple[str, int], str] = {}
     for arm in arms:

@@ -19,9 +19,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.districts.geometry import Course, smooth_step, turn
+from interplan_sumo.maps.districts.geometry import SmoothCurve, smooth_step, turn
 from interplan_sumo.maps.districts.layout import Block, Layout
-from interplan_sumo.maps.districts.sections import Strip
+from interplan_sumo.maps.districts.sections import LaneStrip
 from interplan_sumo.maps.districts.sheet import Sheet, between
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import (
@@ -117,7 +117,7 @@ def connect(
     return connector
 
 
-def _half_width_m(course: Course, start: Strip, end: Strip) -> Floats:
+def _half_width_m(course: SmoothCurve, start: LaneStrip, end: LaneStrip) -> Floats:
     share, _ = smooth_step(np.linspace(0.0, 1.0, len(course.points)))
     return (start.width_m + share * (end.width_m - start.width_m)) / 2.0
 

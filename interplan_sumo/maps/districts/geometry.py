@@ -60,7 +60,7 @@ class Element:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class SmoothCurve:
     """A smooth line as vertices with exact headings, so that parallels of it are exact too."""
 
     points: Floats
@@ -74,8 +74,8 @@ class Course:
         normal = np.stack((-np.sin(self.heading_rad), np.cos(self.heading_rad)), axis=1)
         return self.points + left[:, None] * normal
 
-    def reversed(self) -> Course:
-        return Course(self.points[::-1], self.heading_rad[::-1] + np.pi)
+    def reversed(self) -> SmoothCurve:
+        return SmoothCurve(self.points[::-1], self.heading_rad[::-1] + np.pi)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +223,7 @@ def smooth_step(share: ArrayLike) -> tuple[Floats, Floats]:
     return t**3 * (10.0 - 15.0 * t + 6.0 * t**2), 30.0 * t**2 * (1.0 - t) ** 2
 
 
-def beside(axis: Alignment, stations_m: Floats, from_left_m: float, to_left_m: float) -> Course:
+def beside(axis: Alignment, stations_m: Floats, from_left_m: float, to_left_m: float) -> SmoothCurve:
     """The line along an axis whose offset glides from one value to another between the first and last station."""
     span_m = float(stations_m[-1] - stations_m[0])
     blend, slope = smooth_step((stations_m - stations_m[0]) / span_m)
@@ -232,7 +232,7 @@ def beside(axis: Alignment, stations_m: Floats, from_left_m: float, to_left_m: f
     stretch = 1.0 - axis.curvature_per_m(stations_m) * left_m
     drift = np.arctan2((to_left_m - from_left_m) / span_m * slope, stretch)
     normal = np.stack((-np.sin(poses[:, 2]), np.cos(poses[:, 2])), axis=1)
-    return Course(poses[:, :2] + left_m[:, None] * normal, poses[:, 2] + drift)
+    return SmoothCurve(poses[:, :2] + left_m[:, None] * normal, poses[:, 2] + drift)
 
 
 def crossing_m(one: Pose, other: Pose) -> tuple[float, float]:
@@ -252,7 +252,9 @@ def beside_pose(pose: Pose, left_m: float) -> Pose:
     return Pose(float(x_m), float(y_m), pose.heading_rad)
 
 
-def turn(start: Pose, end: Pose, *, spiral_share: float = SPIRAL_SHARE, spacing_m: float = TURN_SPACING_M) -> Course:
+def turn(
+    start: Pose, end: Pose, *, spiral_share: float = SPIRAL_SHARE, spacing_m: float = TURN_SPACING_M
+) -> SmoothCurve:
     """The way from one pose to another as a driver steers it.
 
     Where the tangents of both poses cross ahead of the first and behind the
@@ -271,7 +273,7 @@ def turn(start: Pose, end: Pose, *, spiral_share: float = SPIRAL_SHARE, spacing_
 
 def _rounded(
     start: Pose, deflection_rad: float, before_m: float, after_m: float, spiral_share: float, spacing_m: float
-) -> Course:
+) -> SmoothCurve:
     spiral_rad = abs(deflection_rad) * spiral_share / 2.0
     tangent_m = min(before_m, after_m)
     radius_m = tangent_m / _tangent_per_radius(deflection_rad, spiral_rad)
@@ -286,10 +288,10 @@ def _rounded(
     line = Alignment(tuple(elements))
     count = max(2, int(np.ceil(line.length_m / spacing_m)))
     poses = line.poses(np.linspace(0.0, line.length_m, count + 1))
-    return Course(poses[:, :2], poses[:, 2])
+    return SmoothCurve(poses[:, :2], poses[:, 2])
 
 
-def _quintic(start: Pose, end: Pose, spacing_m: float) -> Course:
+def _quintic(start: Pose, end: Pose, spacing_m: float) -> SmoothCurve:
     chord_m = float(np.hypot(end.x_m - start.x_m, end.y_m - start.y_m))
     count = max(2, int(np.ceil(chord_m / spacing_m)))
     t = np.linspace(0.0, 1.0, count + 1)
@@ -306,4 +308,4 @@ def _quintic(start: Pose, end: Pose, spacing_m: float) -> Course:
         columns.append(a + (b - a) * blend + chord_m * (along_a * first + along_b * last))
         rates.append((b - a) * slope + chord_m * (along_a * first_d + along_b * last_d))
     heading = np.unwrap(np.arctan2(rates[1], rates[0]))
-    return Course(np.stack(columns, axis=1), heading)
+    return SmoothCurve(np.stack(columns, axis=1), heading)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 
 from interplan_sumo.maps.districts.plan import (
-    Approach,
     BusStop,
     CarPark,
-    Crossing,
-    Junction,
+    Carriageway,
     Plan,
+    PlannedApproach,
+    PlannedCrossing,
+    PlannedJunction,
     Ramp,
     Road,
-    Section,
-    Way,
+    RoadSection,
     lanes,
     one_way,
     ramp_mouth,
@@ -29,11 +29,11 @@ _AVENUE = lanes(1, 40, width_m=3.3, parking_m=2.2)
 _STREET = lanes(1, 40, width_m=3.3)
 _RAMP = one_way(1, 48, width_m=3.6)  # 30 mph
 
-_POCKET = Approach(inner_pockets=1, storage_m=45, taper_m=30, pocket_width_m=3.1)
+_POCKET = PlannedApproach(inner_pockets=1, storage_m=45, taper_m=30, pocket_width_m=3.1)
 
 
-def _both(way: Way) -> tuple[Section, ...]:
-    return (Section(0, way, way),)
+def _both(way: Carriageway) -> tuple[RoadSection, ...]:
+    return (RoadSection(0, way, way),)
 
 
 _EXIT_EAST = Ramp("parkway", "forward", 420, "river_exit", "exit")
@@ -48,15 +48,15 @@ _PARKWAY = Road(
     sections=(
         # Eastbound: an exit lane from 200 on, the exit at 420; an entry at 1010, whose lane ends at 1400.
         # Westbound: an exit lane from 1500 on, the exit at 1290; an entry at 470, whose lane ends at 150.
-        Section(0, _PARKWAY_2, _PARKWAY_2),
-        Section(150, _PARKWAY_2, _PARKWAY_3, taper_m=80),
-        Section(200, _PARKWAY_3, _PARKWAY_3, taper_m=60),
-        Section(420, _PARKWAY_2, _PARKWAY_3, taper_m=24),
-        Section(470, _PARKWAY_2, _PARKWAY_2, taper_m=24),
-        Section(1010, _PARKWAY_3, _PARKWAY_2, taper_m=24),
-        Section(1290, _PARKWAY_3, _PARKWAY_3, taper_m=24),
-        Section(1400, _PARKWAY_2, _PARKWAY_3, taper_m=80),
-        Section(1500, _PARKWAY_2, _PARKWAY_2, taper_m=60),
+        RoadSection(0, _PARKWAY_2, _PARKWAY_2),
+        RoadSection(150, _PARKWAY_2, _PARKWAY_3, taper_m=80),
+        RoadSection(200, _PARKWAY_3, _PARKWAY_3, taper_m=60),
+        RoadSection(420, _PARKWAY_2, _PARKWAY_3, taper_m=24),
+        RoadSection(470, _PARKWAY_2, _PARKWAY_2, taper_m=24),
+        RoadSection(1010, _PARKWAY_3, _PARKWAY_2, taper_m=24),
+        RoadSection(1290, _PARKWAY_3, _PARKWAY_3, taper_m=24),
+        RoadSection(1400, _PARKWAY_2, _PARKWAY_3, taper_m=80),
+        RoadSection(1500, _PARKWAY_2, _PARKWAY_2, taper_m=60),
     ),
     sidewalk_m=0,
 )
@@ -85,9 +85,9 @@ PLAN = Plan(
             "second_avenue",
             points=((-880, -20), (-430, -150, 260, 40), (60, -60, 420, 40), (430, -160, 300, 40), (880, -40)),
             sections=(
-                Section(0, _SECOND, _SECOND),
-                Section(560, _SECOND_TOWN, _SECOND_TOWN),
-                Section(1140, _SECOND, _SECOND),
+                RoadSection(0, _SECOND, _SECOND),
+                RoadSection(560, _SECOND_TOWN, _SECOND_TOWN),
+                RoadSection(1140, _SECOND, _SECOND),
             ),
             bus_stops=(
                 BusStop("forward", 260),
@@ -99,7 +99,7 @@ PLAN = Plan(
                 BusStop("backward", 1660),
                 BusStop("forward", 1400),
             ),
-            crossings=(Crossing(930),),
+            crossings=(PlannedCrossing(930),),
             car_parks=(CarPark("backward", 1180, 1270, depth_m=40),),
         ),
         Road(
@@ -150,33 +150,33 @@ PLAN = Plan(
             50,
             "town_exit",
             points=(_mouth(_EXIT_WEST), _bend(_EXIT_WEST, 90, 120, 30), (170, -300, 80, 20), (150, -78)),
-            sections=(Section(0, _RAMP),),
+            sections=(RoadSection(0, _RAMP),),
             sidewalk_m=0,
         ),
         Road(
             51,
             "town_entry",
             points=((-262, -112), _bend(_ENTRY_WEST, -150, 80, 20), _mouth(_ENTRY_WEST)),
-            sections=(Section(0, _RAMP),),
+            sections=(RoadSection(0, _RAMP),),
             sidewalk_m=0,
         ),
         Road(
             52,
             "river_exit",
             points=(_mouth(_EXIT_EAST), _bend(_EXIT_EAST, 80, 120, 30), (-280, -490, 80, 20), (-262, -606)),
-            sections=(Section(0, _RAMP),),
+            sections=(RoadSection(0, _RAMP),),
             sidewalk_m=0,
         ),
         Road(
             53,
             "river_entry",
             points=((-8, -607), _bend(_ENTRY_EAST, -110, 70, 20), _mouth(_ENTRY_EAST)),
-            sections=(Section(0, _RAMP),),
+            sections=(RoadSection(0, _RAMP),),
             sidewalk_m=0,
         ),
     ),
     junctions=(
-        Junction(
+        PlannedJunction(
             1,
             "second avenue and hazelwood avenue",
             at=(-55, -78),
@@ -184,7 +184,7 @@ PLAN = Plan(
             control="signal",
             approaches={"second_avenue-": _POCKET, "hazelwood_avenue+": _POCKET},
         ),
-        Junction(
+        PlannedJunction(
             2,
             "second avenue and town exit",
             at=(150, -80),
@@ -192,7 +192,7 @@ PLAN = Plan(
             control="signal",
             corner_m=8,
         ),
-        Junction(
+        PlannedJunction(
             3,
             "second avenue and town entry",
             at=(-262, -118),
@@ -200,9 +200,11 @@ PLAN = Plan(
             control="none",
             crosswalks=(),
             corner_m=10,
-            approaches={"second_avenue+": Approach(inner_pockets=1, storage_m=35, taper_m=24, pocket_width_m=3.0)},
+            approaches={
+                "second_avenue+": PlannedApproach(inner_pockets=1, storage_m=35, taper_m=24, pocket_width_m=3.0)
+            },
         ),
-        Junction(
+        PlannedJunction(
             4,
             "second avenue and glenwood",
             at=(400, -150),
@@ -210,7 +212,7 @@ PLAN = Plan(
             control="stop",
             crosswalks=("glenwood-",),
         ),
-        Junction(
+        PlannedJunction(
             5,
             "second avenue and sylvan",
             at=(-500, -130),
@@ -218,7 +220,7 @@ PLAN = Plan(
             control="stop",
             crosswalks=("sylvan-",),
         ),
-        Junction(
+        PlannedJunction(
             6,
             "second avenue and elizabeth",
             at=(640, -104),
@@ -226,14 +228,14 @@ PLAN = Plan(
             control="signal",
             approaches={"second_avenue-": _POCKET},
         ),
-        Junction(
+        PlannedJunction(
             7,
             "hazelwood avenue and glenwood",
             at=(-65, 65),
             roads=("hazelwood_avenue", "glenwood"),
             control="all_way_stop",
         ),
-        Junction(
+        PlannedJunction(
             8,
             "hazelwood avenue and sylvan",
             at=(-170, 262),
@@ -241,14 +243,14 @@ PLAN = Plan(
             control="stop",
             crosswalks=("sylvan+",),
         ),
-        Junction(
+        PlannedJunction(
             9,
             "hazelwood avenue and johnston",
             at=(-175, 470),
             roads=("hazelwood_avenue", "johnston"),
             control="all_way_stop",
         ),
-        Junction(
+        PlannedJunction(
             10,
             "glenwood and johnston",
             at=(180, 112),
@@ -256,7 +258,7 @@ PLAN = Plan(
             control="stop",
             crosswalks=("johnston+",),
         ),
-        Junction(
+        PlannedJunction(
             11,
             "johnston and elizabeth",
             at=(226, 256),
@@ -264,7 +266,7 @@ PLAN = Plan(
             control="stop",
             crosswalks=("elizabeth+",),
         ),
-        Junction(
+        PlannedJunction(
             12,
             "river road and river exit",
             at=(-262, -608),
@@ -273,7 +275,7 @@ PLAN = Plan(
             crosswalks=(),
             corner_m=10,
         ),
-        Junction(
+        PlannedJunction(
             13,
             "river road and river entry",
             at=(-8, -607),

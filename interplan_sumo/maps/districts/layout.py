@@ -13,8 +13,16 @@ from itertools import pairwise
 import numpy as np
 
 from interplan_sumo.maps.districts.mouths import Mouth, mouths
-from interplan_sumo.maps.districts.plan import JOINT_M, Approach, Direction, Junction, Plan, Road, Way
-from interplan_sumo.maps.districts.sections import Strip, strips, way_at
+from interplan_sumo.maps.districts.plan import (
+    JOINT_M,
+    Carriageway,
+    Direction,
+    Plan,
+    PlannedApproach,
+    PlannedJunction,
+    Road,
+)
+from interplan_sumo.maps.districts.sections import LaneStrip, strips, way_at
 
 SHORTEST_BLOCK_M = 12.0
 
@@ -29,9 +37,9 @@ class Block:
     """1, 2, ... along the direction of travel."""
     from_m: float
     to_m: float
-    strips: tuple[Strip, ...]
+    strips: tuple[LaneStrip, ...]
     """From the inner lane to the kerb."""
-    way: Way
+    way: Carriageway
     inner_pockets: int = 0
     kerb_pockets: int = 0
     widened: bool = False
@@ -83,14 +91,14 @@ class _Link:
 
     low_m: float
     high_m: float
-    low: tuple[Junction, Mouth] | None
+    low: tuple[PlannedJunction, Mouth] | None
     """The junction at the lower station, with the mouth in which the link ends."""
-    high: tuple[Junction, Mouth] | None
+    high: tuple[PlannedJunction, Mouth] | None
 
 
 def _links(plan: Plan, direction: Direction) -> dict[str, list[_Link]]:
     """The links of each road as its traffic in one direction sees them, in order of station."""
-    met: dict[str, list[tuple[float, Junction, Mapping[str, Mouth]]]] = {road.name: [] for road in plan.roads}
+    met: dict[str, list[tuple[float, PlannedJunction, Mapping[str, Mouth]]]] = {road.name: [] for road in plan.roads}
     for junction in plan.junctions:
         arms = mouths(plan, junction)
         for name in junction.roads:
@@ -100,9 +108,9 @@ def _links(plan: Plan, direction: Direction) -> dict[str, list[_Link]]:
     return {road.name: _links_of(road, sorted(met[road.name], key=lambda m: m[0])) for road in plan.roads}
 
 
-def _links_of(road: Road, met: Sequence[tuple[float, Junction, Mapping[str, Mouth]]]) -> list[_Link]:
+def _links_of(road: Road, met: Sequence[tuple[float, PlannedJunction, Mapping[str, Mouth]]]) -> list[_Link]:
     links: list[_Link] = []
-    start: tuple[Junction, Mouth] | None = None
+    start: tuple[PlannedJunction, Mouth] | None = None
     start_m, ended = 0.0, False
     for _, junction, arms in met:
         below, above = arms.get(f"{road.name}-"), arms.get(f"{road.name}+")
@@ -125,8 +133,8 @@ class _Stretch:
 
     from_t: float
     to_t: float
-    way: Way
-    approach: Approach | None
+    way: Carriageway
+    approach: PlannedApproach | None
     pushed_m: float
 
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from interplan_sumo.maps.districts.geometry import beside_pose, crossing_m
-from interplan_sumo.maps.districts.plan import Approach, Direction, Junction, Plan, Road
+from interplan_sumo.maps.districts.plan import Direction, Plan, PlannedApproach, PlannedJunction, Road
 from interplan_sumo.maps.districts.sections import missing_median_m, strips, way_at
 from interplan_sumo.world.geometry import Pose, wrap_angle
 
@@ -39,7 +39,7 @@ class Mouth:
     """Of the middle of the junction."""
     setback_m: float
     """From the middle to the stop line, along the axis."""
-    approach: Approach
+    approach: PlannedApproach
     pushed_m: float
     """How far either direction moves outward, so that pockets fit between them."""
 
@@ -56,7 +56,7 @@ class Mouth:
         return self.station_m + self.sign * self.setback_m
 
 
-def junction_middle(plan: Plan, junction: Junction) -> tuple[float, float]:
+def junction_middle(plan: Plan, junction: PlannedJunction) -> tuple[float, float]:
     """Where the axes of the first two roads cross, prolonged if one of them stops short."""
     x_m, y_m = junction.at
     first, second = (plan.road[name].axis for name in junction.roads[:2])
@@ -70,7 +70,7 @@ def junction_middle(plan: Plan, junction: Junction) -> tuple[float, float]:
     return x_m, y_m
 
 
-def mouths(plan: Plan, junction: Junction) -> Mapping[str, Mouth]:
+def mouths(plan: Plan, junction: PlannedJunction) -> Mapping[str, Mouth]:
     """The arms of a junction by key, in the order in which the plan names the roads, minus before plus."""
     middle = junction_middle(plan, junction)
     found: dict[str, Mouth] = {}
@@ -81,7 +81,7 @@ def mouths(plan: Plan, junction: Junction) -> Mapping[str, Mouth]:
         for sign, room_m in ((-1, station_m), (1, road.axis.length_m - station_m)):
             if room_m > STUB_M:
                 key = f"{name}{'-' if sign < 0 else '+'}"
-                approach = junction.approaches.get(key, Approach())
+                approach = junction.approaches.get(key, PlannedApproach())
                 mouth = Mouth(key, road, sign, station_m, SIGHT_M, approach, 0.0)
                 way = way_at(road, mouth.arriving, mouth.cut_m)
                 missing_m = missing_median_m(way, approach) if way is not None else 0.0
@@ -108,7 +108,7 @@ class _Ray:
     right_m: float
 
 
-def _fitted(plan: Plan, junction: Junction, mouths: Mapping[str, Mouth]) -> dict[str, Mouth]:
+def _fitted(plan: Plan, junction: PlannedJunction, mouths: Mapping[str, Mouth]) -> dict[str, Mouth]:
     """One round: setbacks that suit the directions which the arms have at the old ones.
 
     Kerbs round the corner with the wanted radius, and a crosswalk finds room.
@@ -129,10 +129,10 @@ def _fitted(plan: Plan, junction: Junction, mouths: Mapping[str, Mouth]) -> dict
     return {key: replace(mouth, setback_m=fitted[key]) for key, mouth in mouths.items()}
 
 
-def _ray(plan: Plan, junction: Junction, mouth: Mouth) -> _Ray:
+def _ray(plan: Plan, junction: PlannedJunction, mouth: Mouth) -> _Ray:
     side = 1.0 if plan.driving_side == "right" else -1.0
     edges: list[float] = []
-    both: tuple[tuple[Direction, Approach | None, float], ...] = (
+    both: tuple[tuple[Direction, PlannedApproach | None, float], ...] = (
         (mouth.arriving, mouth.approach, side),
         (mouth.leaving, None, -side),
     )

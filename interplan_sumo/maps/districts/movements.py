@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from interplan_sumo.maps.districts.layout import Arm, Block
-from interplan_sumo.maps.districts.plan import Junction, Plan
-from interplan_sumo.maps.districts.sections import Strip
+from interplan_sumo.maps.districts.plan import Plan, PlannedJunction
+from interplan_sumo.maps.districts.sections import LaneStrip
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Turn
 
@@ -21,7 +21,7 @@ LETTERS = {Turn.LEFT: "L", Turn.STRAIGHT: "T", Turn.RIGHT: "R"}
 
 
 @dataclass(frozen=True, slots=True)
-class Movement:
+class PlannedMovement:
     """One connector to be: lanes are counted from the inner one."""
 
     arriving: Arm
@@ -40,16 +40,16 @@ def travel_heading_rad(plan: Plan, arm: Arm, *, arriving: bool) -> float:
     return float(wrap_angle(axis if along else axis + np.pi))
 
 
-def movements(plan: Plan, junction: Junction, arms: Sequence[Arm]) -> tuple[Movement, ...]:
+def movements(plan: Plan, junction: PlannedJunction, arms: Sequence[Arm]) -> tuple[PlannedMovement, ...]:
     """All connectors of a junction, by approach; ValueError where lanes do not fit."""
-    found: list[Movement] = []
+    found: list[PlannedMovement] = []
     for arm in arms:
         if arm.arriving is not None:
             found += _from(plan, junction, arm, arm.arriving, arms)
     return tuple(found)
 
 
-def _from(plan: Plan, junction: Junction, arm: Arm, block: Block, arms: Sequence[Arm]) -> list[Movement]:
+def _from(plan: Plan, junction: PlannedJunction, arm: Arm, block: Block, arms: Sequence[Arm]) -> list[PlannedMovement]:
     heading = travel_heading_rad(plan, arm, arriving=True)
     exits: dict[Turn, list[Arm]] = {Turn.LEFT: [], Turn.STRAIGHT: [], Turn.RIGHT: []}
     for other in arms:
@@ -71,7 +71,7 @@ def _from(plan: Plan, junction: Junction, arm: Arm, block: Block, arms: Sequence
     for use in letters:
         if not offered & set(use):
             raise ValueError(f"junction {junction.name}: a lane of {arm.key} leads nowhere ({', '.join(letters)})")
-    found: list[Movement] = []
+    found: list[PlannedMovement] = []
     for turn, letter in LETTERS.items():
         sources = [i for i, use in enumerate(letters) if letter in use]
         for other in exits[turn]:
@@ -89,7 +89,9 @@ def _from(plan: Plan, junction: Junction, arm: Arm, block: Block, arms: Sequence
                 shift = best_shift([block.strips[i] for i in sources], targets)
             else:
                 shift = 0 if inner_turn else len(targets) - len(sources)
-            found += [Movement(arm, other, block, after, lane, shift + i, turn) for i, lane in enumerate(sources)]
+            found += [
+                PlannedMovement(arm, other, block, after, lane, shift + i, turn) for i, lane in enumerate(sources)
+            ]
     return found
 
 
@@ -116,7 +118,7 @@ def _lane_use(plan: Plan, block: Block, exits: dict[Turn, list[Arm]]) -> tuple[s
     )
 
 
-def best_shift(sources: Sequence[Strip], targets: Sequence[Strip]) -> int:
+def best_shift(sources: Sequence[LaneStrip], targets: Sequence[LaneStrip]) -> int:
     """How far to count on in the longer of two rows of lanes so that pairs lie as nearly in line as can be."""
     shorter, longer = sorted((sources, targets), key=len)
     shifts = range(len(longer) - len(shorter) + 1)
@@ -126,7 +128,7 @@ def best_shift(sources: Sequence[Strip], targets: Sequence[Strip]) -> int:
     return int(np.argmin(np.round(miss, 6)))
 
 
-def joint_pairs(before: Sequence[Strip], after: Sequence[Strip]) -> tuple[tuple[int, int], ...]:
+def joint_pairs(before: Sequence[LaneStrip], after: Sequence[LaneStrip]) -> tuple[tuple[int, int], ...]:
     """Lanes that lead into one another across a taper, from the inner one.
 
     Where lanes are gained the nearest old lane leads into each new one as well;

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from interplan_sumo.maps.districts.plan import (
-    Approach,
     BusStop,
     CarPark,
-    Crossing,
-    Junction,
+    Carriageway,
     Plan,
+    PlannedApproach,
+    PlannedCrossing,
+    PlannedJunction,
     Road,
-    Section,
-    Way,
+    RoadSection,
     lanes,
 )
 
@@ -23,13 +23,13 @@ _STREET = lanes(1, 50, width_m=3.6)
 _PORTSDOWN = lanes(1, 50, width_m=3.4)
 _BIOPOLIS = lanes(1, 40, width_m=3.3, parking_m=2.4)
 
-_POCKET = Approach(inner_pockets=1, storage_m=60, taper_m=30)
-_POCKETS = Approach(inner_pockets=1, kerb_pockets=1, storage_m=60, taper_m=30)
-_SHORT_POCKET = Approach(inner_pockets=1, storage_m=45, taper_m=26, pocket_width_m=3.0)
+_POCKET = PlannedApproach(inner_pockets=1, storage_m=60, taper_m=30)
+_POCKETS = PlannedApproach(inner_pockets=1, kerb_pockets=1, storage_m=60, taper_m=30)
+_SHORT_POCKET = PlannedApproach(inner_pockets=1, storage_m=45, taper_m=26, pocket_width_m=3.0)
 
 
-def _both(way: Way) -> tuple[Section, ...]:
-    return (Section(0, way, way),)
+def _both(way: Carriageway) -> tuple[RoadSection, ...]:
+    return (RoadSection(0, way, way),)
 
 
 PLAN = Plan(
@@ -56,8 +56,8 @@ PLAN = Plan(
             "commonwealth",
             points=((-620, 340), (0, 445, 700, 50), (640, 400)),
             sections=(
-                Section(0, _COMMONWEALTH_2, _COMMONWEALTH_2, taper_m=60),
-                Section(110, _COMMONWEALTH, _COMMONWEALTH, taper_m=60),
+                RoadSection(0, _COMMONWEALTH_2, _COMMONWEALTH_2, taper_m=60),
+                RoadSection(110, _COMMONWEALTH, _COMMONWEALTH, taper_m=60),
             ),
             bus_stops=(BusStop("forward", 400, bay=True), BusStop("backward", 930, bay=True)),
             sidewalk_m=3.0,
@@ -82,7 +82,7 @@ PLAN = Plan(
                 BusStop("forward", 1480),
                 BusStop("backward", 1440),
             ),
-            crossings=(Crossing(990),),
+            crossings=(PlannedCrossing(990),),
         ),
         Road(
             40,
@@ -128,7 +128,7 @@ PLAN = Plan(
         ),
     ),
     junctions=(
-        Junction(
+        PlannedJunction(
             1,
             "buona vista and commonwealth",
             at=(10, 443),
@@ -142,7 +142,7 @@ PLAN = Plan(
                 "commonwealth+": _POCKETS,
             },
         ),
-        Junction(
+        PlannedJunction(
             2,
             "buona vista and ayer rajah",
             at=(-52, -315),
@@ -156,7 +156,7 @@ PLAN = Plan(
                 "ayer_rajah+": _SHORT_POCKET,
             },
         ),
-        Junction(
+        PlannedJunction(
             3,
             "buona vista and fusionopolis",
             at=(-70, 45),
@@ -170,7 +170,7 @@ PLAN = Plan(
                 "stars-": _SHORT_POCKET,
             },
         ),
-        Junction(
+        PlannedJunction(
             4,
             "commonwealth and ayer rajah",
             at=(395, 421),
@@ -179,7 +179,7 @@ PLAN = Plan(
             corner_m=8,
             approaches={"commonwealth-": _POCKET},
         ),
-        Junction(
+        PlannedJunction(
             5,
             "commonwealth and portsdown",
             at=(-320, 391),
@@ -188,7 +188,7 @@ PLAN = Plan(
             corner_m=8,
             approaches={"commonwealth-": _POCKET, "portsdown-": _SHORT_POCKET},
         ),
-        Junction(
+        PlannedJunction(
             6,
             "ayer rajah and portsdown",
             at=(-370, -318),
@@ -197,7 +197,7 @@ PLAN = Plan(
             crosswalks=("portsdown+",),
             approaches={"ayer_rajah+": _SHORT_POCKET},
         ),
-        Junction(
+        PlannedJunction(
             7,
             "ayer rajah and fusionopolis",
             at=(463, 40),
@@ -205,7 +205,7 @@ PLAN = Plan(
             control="signal",
             approaches={"ayer_rajah+": _SHORT_POCKET, "fusionopolis-": _SHORT_POCKET},
         ),
-        Junction(
+        PlannedJunction(
             8,
             "fusionopolis and biopolis",
             at=(305, 84),
@@ -213,7 +213,7 @@ PLAN = Plan(
             control="yield",
             crosswalks=("biopolis+",),
         ),
-        Junction(
+        PlannedJunction(
             9,
             "commonwealth and biopolis",
             at=(215, 428),
@@ -222,7 +222,7 @@ PLAN = Plan(
             crosswalks=("biopolis-",),
             carriageway="backward",  # left in, left out
         ),
-        Junction(
+        PlannedJunction(
             10,
             "portsdown and stars",
             at=(-305, 25),
@@ -230,7 +230,7 @@ PLAN = Plan(
             control="yield",
             crosswalks=("stars+",),
         ),
-        Junction(
+        PlannedJunction(
             11,
             "ayer rajah and slim barracks",
             at=(180, -345),
@@ -239,7 +239,7 @@ PLAN = Plan(
             crosswalks=("slim_barracks+",),
             approaches={"ayer_rajah+": _SHORT_POCKET},
         ),
-        Junction(
+        PlannedJunction(
             12,
             "fusionopolis and slim barracks",
             at=(130, 22),

@@ -37,7 +37,7 @@ GORE_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Carriageway:
     """One direction of a road: its lanes from the inner one to the kerb."""
 
     widths_m: tuple[float, ...]
@@ -54,25 +54,27 @@ class Way:
         return sum(self.widths_m)
 
 
-def lanes(count: int, limit_kmh: float, *, width_m: float = 3.3, median_m: float = 0.0, parking_m: float = 0.0) -> Way:
+def lanes(
+    count: int, limit_kmh: float, *, width_m: float = 3.3, median_m: float = 0.0, parking_m: float = 0.0
+) -> Carriageway:
     """Equal lanes on one side of a median of the given full width."""
-    return Way((width_m,) * count, limit_kmh, median_m / 2.0, parking_m)
+    return Carriageway((width_m,) * count, limit_kmh, median_m / 2.0, parking_m)
 
 
 def one_way(
     count: int, limit_kmh: float, *, width_m: float = 3.3, parking_m: float = 0.0, far_parking_m: float = 0.0
-) -> Way:
+) -> Carriageway:
     """Equal lanes centred on the axis."""
-    return Way((width_m,) * count, limit_kmh, -count * width_m / 2.0, parking_m, far_parking_m)
+    return Carriageway((width_m,) * count, limit_kmh, -count * width_m / 2.0, parking_m, far_parking_m)
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class RoadSection:
     """The cross-section of a road from one station on."""
 
     from_m: float
-    forward: Way | None
-    backward: Way | None = None
+    forward: Carriageway | None
+    backward: Carriageway | None = None
     taper_m: float = 40.0
     """Length over which lanes are gained, lost or shifted, centred on `from_m`."""
 
@@ -88,7 +90,7 @@ class BusStop:
 
 
 @dataclass(frozen=True, slots=True)
-class Crossing:
+class PlannedCrossing:
     """A pedestrian crossing away from junctions."""
 
     at_m: float
@@ -114,9 +116,9 @@ class Road:
     name: str
     points: tuple[tuple[float, ...], ...]
     """Polygon of tangents, see `geometry.alignment`."""
-    sections: tuple[Section, ...]
+    sections: tuple[RoadSection, ...]
     bus_stops: tuple[BusStop, ...] = ()
-    crossings: tuple[Crossing, ...] = ()
+    crossings: tuple[PlannedCrossing, ...] = ()
     car_parks: tuple[CarPark, ...] = ()
     sidewalk_m: float = 2.5
     """0 without sidewalks."""
@@ -129,7 +131,7 @@ class Road:
 
 
 @dataclass(frozen=True, slots=True)
-class Approach:
+class PlannedApproach:
     """What an arm of a junction adds for the traffic that arrives on it."""
 
     inner_pockets: int = 0
@@ -151,7 +153,7 @@ class Approach:
 
 
 @dataclass(frozen=True, slots=True)
-class Junction:
+class PlannedJunction:
     """A place where roads meet; a road either passes through it or ends in it.
 
     An *arm* is named by its road and the side on which it leaves the junction:
@@ -165,7 +167,7 @@ class Junction:
     """Roughly where; the exact place is where the axes of the first two roads cross."""
     roads: tuple[str, ...]
     control: Control
-    approaches: Mapping[str, Approach] = field(default_factory=lambda: MappingProxyType({}))
+    approaches: Mapping[str, PlannedApproach] = field(default_factory=lambda: MappingProxyType({}))
     crosswalks: tuple[str, ...] | None = None
     """Arms with a crosswalk; None: all."""
     corner_m: float = 6.0
@@ -207,7 +209,7 @@ class Plan:
     """Projected coordinates of the local origin."""
     driving_side: DrivingSide
     roads: tuple[Road, ...]
-    junctions: tuple[Junction, ...]
+    junctions: tuple[PlannedJunction, ...]
     ramps: tuple[Ramp, ...] = ()
 
     @cached_property

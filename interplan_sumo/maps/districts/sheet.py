@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.districts.geometry import Course, beside
+from interplan_sumo.maps.districts.geometry import SmoothCurve, beside
 from interplan_sumo.maps.districts.layout import Arm, Block
 from interplan_sumo.maps.districts.plan import Direction, Plan, Road
 from interplan_sumo.world.geometry import Floats, Polyline, Pose
@@ -48,7 +48,7 @@ class Sheet:
         to_m: float,
         from_outward_m: float,
         to_outward_m: float,
-    ) -> Course:
+    ) -> SmoothCurve:
         """The line in the direction of travel from one grid station to another, gliding between two offsets."""
         side = self.side(direction)
         stations = road.axis.grid_between(min(from_m, to_m), max(from_m, to_m))
@@ -87,7 +87,7 @@ class Sheet:
         inside = road.axis.grid_m[(road.axis.grid_m > low_m + 1e-6) & (road.axis.grid_m < high_m - 1e-6)]
         stations = np.concatenate(([low_m], inside, [high_m]))
         poses = road.axis.poses(stations)
-        course = Course(poses[:, :2], poses[:, 2])
+        course = SmoothCurve(poses[:, :2], poses[:, 2])
         return self.surface(course.shifted(left_m), course.shifted(right_m))
 
     def surface(self, left: Floats, right: Floats) -> shapely.Polygon:

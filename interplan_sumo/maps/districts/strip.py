@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from interplan_sumo.maps.districts.plan import (
-    Approach,
     BusStop,
     CarPark,
-    Crossing,
-    Junction,
+    Carriageway,
     Plan,
+    PlannedApproach,
+    PlannedCrossing,
+    PlannedJunction,
     Road,
-    Section,
-    Way,
+    RoadSection,
     lanes,
 )
 
@@ -27,15 +27,15 @@ _ARENA = lanes(1, 48, width_m=3.6, parking_m=2.4)
 _PARK = lanes(1, 48, width_m=3.5)
 _LANE = lanes(1, 40, width_m=3.3)
 
-_DOUBLE_LEFT = Approach(inner_pockets=2, storage_m=85, taper_m=36)
-_DOUBLE_LEFT_AND_RIGHT = Approach(inner_pockets=2, kerb_pockets=1, storage_m=85, taper_m=36)
-_LEFT = Approach(inner_pockets=1, storage_m=60, taper_m=28)
-_LEFT_AND_RIGHT = Approach(inner_pockets=1, kerb_pockets=1, storage_m=60, taper_m=28)
-_SHORT_LEFT = Approach(inner_pockets=1, storage_m=45, taper_m=26, pocket_width_m=3.0)
+_DOUBLE_LEFT = PlannedApproach(inner_pockets=2, storage_m=85, taper_m=36)
+_DOUBLE_LEFT_AND_RIGHT = PlannedApproach(inner_pockets=2, kerb_pockets=1, storage_m=85, taper_m=36)
+_LEFT = PlannedApproach(inner_pockets=1, storage_m=60, taper_m=28)
+_LEFT_AND_RIGHT = PlannedApproach(inner_pockets=1, kerb_pockets=1, storage_m=60, taper_m=28)
+_SHORT_LEFT = PlannedApproach(inner_pockets=1, storage_m=45, taper_m=26, pocket_width_m=3.0)
 
 
-def _both(way: Way) -> tuple[Section, ...]:
-    return (Section(0, way, way),)
+def _both(way: Carriageway) -> tuple[RoadSection, ...]:
+    return (RoadSection(0, way, way),)
 
 
 PLAN = Plan(
@@ -49,11 +49,11 @@ PLAN = Plan(
             "boulevard",
             points=((-70, -800), (30, -120, 1600), (-50, 780)),
             sections=(
-                Section(0, _BOULEVARD_3, _BOULEVARD_3, taper_m=60),
-                Section(115, _BOULEVARD_4, _BOULEVARD_4, taper_m=60),
-                Section(745, _CORE_5, _CORE_4),
-                Section(1145, _CORE_4, _CORE_4),
-                Section(1475, _CORE_4, lanes(3, 56, width_m=3.4, median_m=7.2), taper_m=60),
+                RoadSection(0, _BOULEVARD_3, _BOULEVARD_3, taper_m=60),
+                RoadSection(115, _BOULEVARD_4, _BOULEVARD_4, taper_m=60),
+                RoadSection(745, _CORE_5, _CORE_4),
+                RoadSection(1145, _CORE_4, _CORE_4),
+                RoadSection(1475, _CORE_4, lanes(3, 56, width_m=3.4, median_m=7.2), taper_m=60),
             ),
             bus_stops=(
                 BusStop("forward", 520, bay=True),
@@ -61,7 +61,7 @@ PLAN = Plan(
                 BusStop("forward", 1320, bay=True),
                 BusStop("backward", 880, bay=True),
             ),
-            crossings=(Crossing(945, signal=True),),
+            crossings=(PlannedCrossing(945, signal=True),),
             sidewalk_m=4.5,
         ),
         Road(
@@ -128,7 +128,7 @@ PLAN = Plan(
         ),
     ),
     junctions=(
-        Junction(
+        PlannedJunction(
             1,
             "boulevard and tropicana",
             at=(-15, -431),
@@ -142,7 +142,7 @@ PLAN = Plan(
                 "tropicana+": _LEFT_AND_RIGHT,
             },
         ),
-        Junction(
+        PlannedJunction(
             2,
             "boulevard and harmon",
             at=(8, -62),
@@ -152,11 +152,11 @@ PLAN = Plan(
             approaches={
                 "boulevard-": _LEFT_AND_RIGHT,
                 "boulevard+": _LEFT,
-                "harmon+": Approach(inner_pockets=1, storage_m=60, taper_m=28, use=("L", "T", "R")),
+                "harmon+": PlannedApproach(inner_pockets=1, storage_m=60, taper_m=28, use=("L", "T", "R")),
                 "park_avenue-": _SHORT_LEFT,
             },
         ),
-        Junction(
+        PlannedJunction(
             3,
             "boulevard and flamingo",
             at=(-12, 337),
@@ -164,7 +164,7 @@ PLAN = Plan(
             control="signal",
             corner_m=9,
             approaches={
-                "boulevard-": Approach(
+                "boulevard-": PlannedApproach(
                     inner_pockets=2, storage_m=85, taper_m=36, use=("L", "L", "T", "T", "T", "T", "R")
                 ),
                 "boulevard+": _DOUBLE_LEFT,
@@ -172,7 +172,7 @@ PLAN = Plan(
                 "flamingo+": _LEFT,
             },
         ),
-        Junction(
+        PlannedJunction(
             4,
             "koval and tropicana",
             at=(389, -462),
@@ -185,7 +185,7 @@ PLAN = Plan(
                 "koval+": _SHORT_LEFT,
             },
         ),
-        Junction(
+        PlannedJunction(
             5,
             "koval and harmon",
             at=(402, 25),
@@ -193,7 +193,7 @@ PLAN = Plan(
             control="signal",
             approaches={"koval-": _SHORT_LEFT},
         ),
-        Junction(
+        PlannedJunction(
             6,
             "koval and flamingo",
             at=(400, 362),
@@ -206,7 +206,7 @@ PLAN = Plan(
                 "koval+": _SHORT_LEFT,
             },
         ),
-        Junction(
+        PlannedJunction(
             7,
             "arena drive and tropicana",
             at=(-335, -450),
@@ -219,7 +219,7 @@ PLAN = Plan(
                 "arena_drive+": _SHORT_LEFT,
             },
         ),
-        Junction(
+        PlannedJunction(
             8,
             "arena drive and flamingo",
             at=(-335, 355),
@@ -232,7 +232,7 @@ PLAN = Plan(
                 "arena_drive+": _SHORT_LEFT,
             },
         ),
-        Junction(
+        PlannedJunction(
             9,
             "arena drive and park avenue",
             at=(-383, -82),
@@ -240,7 +240,7 @@ PLAN = Plan(
             control="stop",
             crosswalks=("park_avenue+",),
         ),
-        Junction(
+        PlannedJunction(
             10,
             "boulevard and linq lane",
             at=(-30, 570),
@@ -249,7 +249,7 @@ PLAN = Plan(
             crosswalks=("linq_lane+",),
             carriageway="forward",  # right in, right out
         ),
-        Junction(
+        PlannedJunction(
             11,
             "koval and linq lane",
             at=(396, 560),

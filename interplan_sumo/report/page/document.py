@@ -17,14 +17,14 @@ from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.report.formats import notes
 from interplan_sumo.report.page import figures
 from interplan_sumo.report.page.drives import ShownDrive, by_scenario, pair_replay, replays_folder, shown_drives
-from interplan_sumo.report.table import Table
+from interplan_sumo.report.table import ResultsTable
 
 LISTED = 20
 """So many missing jobs are named at the top; the rest is counted."""
 
 
 def page(
-    table: Table,
+    table: ResultsTable,
     runs: Sequence[StoredRun] = (),
     *,
     title: str = "interplan-sumo report",
@@ -80,14 +80,14 @@ def page(
 """
 
 
-def _notes(table: Table, paper: bool) -> str:
+def _notes(table: ResultsTable, paper: bool) -> str:
     return "".join(f'<p class="note">{escape(note)}</p>' for note in notes(table, paper=paper))
 
 
 # --- what went wrong -----------------------------------------------------------------------------
 
 
-def _warnings(table: Table, rows: Mapping[ShownDrive, str]) -> str:
+def _warnings(table: ResultsTable, rows: Mapping[ShownDrive, str]) -> str:
     missing = [
         f"{scenario} ({planner}, seed {seed})" for line in table.lines for scenario, planner, seed in line.missing
     ]
@@ -115,7 +115,7 @@ def _listed(entries: Sequence[str]) -> str:
 
 
 def _drives(
-    table: Table, drives: Sequence[ShownDrive], rows: Mapping[ShownDrive, str], replays: Collection[str],
+    table: ResultsTable, drives: Sequence[ShownDrive], rows: Mapping[ShownDrive, str], replays: Collection[str],
     folder: Path | None, runs: Sequence[StoredRun],
 ) -> str:  # fmt: skip
     names = (("scenario", ""), ("planner", ""), ("seed", "n"), ("score", "score"), ("goal line", ""),
@@ -156,7 +156,7 @@ def _drive(drive: ShownDrive, row: str, links: str) -> str:
     )
 
 
-def _filters(table: Table, drives: Sequence[ShownDrive]) -> str:
+def _filters(table: ResultsTable, drives: Sequence[ShownDrive]) -> str:
     """Controls that the script brings to life; without it they stay hidden and all drives are shown."""
     planners = "".join(f'<option value="{i}">{escape(line.label)}</option>' for i, line in enumerate(table.lines))
     names = "".join(
@@ -205,7 +205,7 @@ def _hint(runs: Iterable[StoredRun], folder: Path | None) -> str:
 # --- how it was made -----------------------------------------------------------------------------
 
 
-def _made(table: Table, runs: Sequence[StoredRun]) -> str:
+def _made(table: ResultsTable, runs: Sequence[StoredRun]) -> str:
     if not runs:
         lines = "".join(
             f"<dt>{escape(line.label)}</dt><dd>{line.scenarios} scenarios, {_seeds(line.seeds)}</dd>"

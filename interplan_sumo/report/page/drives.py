@@ -9,8 +9,8 @@ from typing import Final
 
 from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run_folder import slug
-from interplan_sumo.report.table import Table
-from interplan_sumo.report.why import lost_points
+from interplan_sumo.report.failure_reasons import lost_points
+from interplan_sumo.report.table import ResultsTable
 
 WHOLE: Final = 99.95
 """A score from which on it shows as 100.0."""
@@ -43,7 +43,7 @@ class ShownDrive:
         return bool(self.reasons) or self.score is None
 
 
-def shown_drives(table: Table) -> list[ShownDrive]:
+def shown_drives(table: ResultsTable) -> list[ShownDrive]:
     """All drives, those of one scenario and seed side by side; scenarios in the order of the table's rows."""
     found = [
         ShownDrive(

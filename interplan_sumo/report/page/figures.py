@@ -9,7 +9,7 @@ from typing import Final
 from interplan_sumo.report.formats import columns
 from interplan_sumo.report.page.drives import WHOLE, ShownDrive, by_scenario
 from interplan_sumo.report.published import published_figure, published_rows
-from interplan_sumo.report.table import COLUMNS, Cell, Column, Table
+from interplan_sumo.report.table import COLUMNS, Cell, Column, ResultsTable
 
 BANDS: Final = ((0.0, "0"), (40.0, "below 40"), (80.0, "40 to 80"), (WHOLE, "80 to 100"), (100.0, "100"))
 """Where a score lies: up to 0, below the next two, below what shows as 100, and all the rest."""
@@ -38,7 +38,7 @@ def who(line: int, label: str) -> str:
 # --- table ---------------------------------------------------------------------------------------
 
 
-def scores(table: Table, *, paper: bool) -> str:
+def scores(table: ResultsTable, *, paper: bool) -> str:
     """The paper's table; the best of each column stands out where there is a choice."""
     shown = columns(table, paper=paper)
     head = "".join(f'<th class="n" scope="col">{escape(column.title)}</th>' for column in shown)
@@ -57,7 +57,7 @@ def scores(table: Table, *, paper: bool) -> str:
     )
 
 
-def _best(table: Table, column: Column) -> float | None:
+def _best(table: ResultsTable, column: Column) -> float | None:
     """The highest mean as it is shown, if there are two lines or more and they differ."""
     values = [round(value) for line in table.lines if (value := line.cells[column.key].value) is not None]
     return max(values) if len(values) > 1 and max(values) > min(values) else None
@@ -81,14 +81,14 @@ def _figure(cell: Cell, column: Column, best: float | None) -> str:
 # --- families ------------------------------------------------------------------------------------
 
 
-def families(table: Table) -> str:
+def families(table: ResultsTable) -> str:
     """One card per column of the table with a bar for each planner."""
     return "".join(
         _card(table, column) for column in COLUMNS if any(line.cells[column.key].asked for line in table.lines)
     )
 
 
-def _card(table: Table, column: Column) -> str:
+def _card(table: ResultsTable, column: Column) -> str:
     rows = "".join(
         f'<tr><th scope="row">{who(number, line.label)}</th><td>{_bar(line.cells[column.key], number)}</td>'
         f'<td class="n">{_short(line.cells[column.key])}</td></tr>'
@@ -137,7 +137,7 @@ def _svg(kind: str, inner: str) -> str:
 # --- spread --------------------------------------------------------------------------------------
 
 
-def spread(table: Table, drives: Sequence[ShownDrive]) -> str:
+def spread(table: ResultsTable, drives: Sequence[ShownDrive]) -> str:
     """How many drives of each planner lie in each band of scores."""
     head = "".join(
         f'<th class="n" scope="col"><i class="swatch b{i}"></i>{text}</th>' for i, (_, text) in enumerate(BANDS)
@@ -167,7 +167,7 @@ def _stack(counts: Sequence[int]) -> str:
 # --- all scenarios at a glance -------------------------------------------------------------------
 
 
-def matrix(table: Table, drives: Sequence[ShownDrive], rows: dict[ShownDrive, str]) -> str:
+def matrix(table: ResultsTable, drives: Sequence[ShownDrive], rows: dict[ShownDrive, str]) -> str:
     """A block per family: a row per planner, a column per scenario; a cell leads to the drive's row (its anchor)."""
     blocks: dict[str, list[ShownDrive]] = {}
     for drive in drives:
@@ -175,7 +175,7 @@ def matrix(table: Table, drives: Sequence[ShownDrive], rows: dict[ShownDrive, st
     return "".join(_block(table, family, mine, rows) for family, mine in blocks.items())
 
 
-def _block(table: Table, family: str, drives: Iterable[ShownDrive], rows: dict[ShownDrive, str]) -> str:
+def _block(table: ResultsTable, family: str, drives: Iterable[ShownDrive], rows: dict[ShownDrive, str]) -> str:
     scenarios = by_scenario(drives)
     head = "".join(
         f'<th scope="col" title="{escape(scenario)}">{escape(scenario.removeprefix(f"{family}/"))}</th>'

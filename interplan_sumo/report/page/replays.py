@@ -17,7 +17,7 @@ from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.report.page.drives import ShownDrive, by_scenario, pair_replay, replays_folder, shown_drives
-from interplan_sumo.report.table import Table
+from interplan_sumo.report.table import ResultsTable
 
 ALONE: Final = 3
 """So few replays are made in this process: starting others would take longer."""
@@ -36,7 +36,7 @@ class ReplayJob:
     path: Path
 
 
-def wanted_drives(table: Table, which: str) -> list[ShownDrive]:
+def wanted_drives(table: ResultsTable, which: str) -> list[ShownDrive]:
     """The drives that `which` names: all, lost (points), none or a number of the worst; InputError for other words."""
     if which == "none":
         return []
@@ -54,7 +54,7 @@ def _score(drive: ShownDrive) -> float:
     return -1.0 if drive.score is None else drive.score
 
 
-def write_replays(table: Table, runs: Sequence[StoredRun], page: Path, which: str) -> None:
+def write_replays(table: ResultsTable, runs: Sequence[StoredRun], page: Path, which: str) -> None:
     """Make the replays for a page, with progress on stderr. One that cannot be made is named there and left out.
 
     InputError if `which` is none of the words of `wanted_drives`, or the folder cannot be written.
@@ -82,7 +82,7 @@ def _tell(done: int, jobs: int) -> None:
         print(f"{start}replays: {done} of {jobs}", end=end, file=sys.stderr, flush=True)
 
 
-def replay_jobs(table: Table, runs: Sequence[StoredRun], page: Path, which: str) -> list[ReplayJob]:
+def replay_jobs(table: ResultsTable, runs: Sequence[StoredRun], page: Path, which: str) -> list[ReplayJob]:
     """A page for each wanted drive, and for each of their scenarios one of its best drive beside its worst."""
     wanted = wanted_drives(table, which)
     if not wanted:

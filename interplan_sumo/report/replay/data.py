@@ -33,13 +33,13 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.score import DEFAULT_PROFILE, ScoreSheet, score_facts
 from interplan_sumo.report import scenario_drawing as drawing
+from interplan_sumo.report.failure_reasons import fault_sentence
+from interplan_sumo.report.key_events import FAULT, KeyEvent, deciding, lost_moments
 from interplan_sumo.report.lights import signal_changes
-from interplan_sumo.report.moments import FAULT, Moment, deciding, lost_moments
-from interplan_sumo.report.replay import cast, surroundings
+from interplan_sumo.report.replay import agents_timeline, surroundings
 from interplan_sumo.report.replay.charts import CHARTS, chart_series
 from interplan_sumo.report.replay.events import events
 from interplan_sumo.report.replay.numbers import PER_METRE, PER_RADIAN, PER_UNIT, points
-from interplan_sumo.report.why import fault_sentence
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.geometry import Floats, Polyline
@@ -87,7 +87,7 @@ def replay_data(drives: Sequence[StoredDrive]) -> dict[str, Any]:
         "map": surroundings.map_around(roads, area, origin),
         "lights": lights,
         "route": {"line": points(route.points, origin), "goal": points(_goal_line(roads, scenario), origin)},
-        "expert": cast.expert(first.expert, longest.trace.ego.time_us, origin),
+        "expert": agents_timeline.expert(first.expert, longest.trace.ego.time_us, origin),
         "looks": LOOKS,
         "behaviours": drawing.behaviour_colours(_behaviours(drives)),
         "charts": [asdict(chart) for chart in CHARTS],
@@ -124,7 +124,7 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
     sheet = score_facts(facts, DEFAULT_PROFILE)
     lost = lost_moments(facts, sheet, drive.row)
     decided = deciding(lost, facts, sheet)
-    triggers = cast.triggers(drive, facts.route_line, origin)
+    triggers = agents_timeline.triggers(drive, facts.route_line, origin)
     set_off: list[int | None] = [trigger["frame"] for trigger in triggers]
     return {
         "planner": drive.row["planner"],
@@ -138,15 +138,15 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
         "events": events(drive, facts, sheet, lost, decided, set_off),
         "deciding": {"frame": decided.frame, "metric": decided.metric, "reason": decided.reason},
         "charts": chart_series(facts, sheet, drivable),
-        "ego": cast.ego(drive.trace, origin),
-        "agents": cast.agents(drive, origin),
-        "plans": cast.plans(drive.trace, origin),
+        "ego": agents_timeline.ego(drive.trace, origin),
+        "agents": agents_timeline.agents(drive, origin),
+        "plans": agents_timeline.plans(drive.trace, origin),
         "signals": signal_changes(drive.trace, lights),
         "triggers": triggers,
     }
 
 
-def _metrics(sheet: ScoreSheet, lost: Sequence[Moment]) -> list[dict[str, Any]]:
+def _metrics(sheet: ScoreSheet, lost: Sequence[KeyEvent]) -> list[dict[str, Any]]:
     """The judged metrics, gates first: `name`, `weight` (None of a gate), `score`, `reason`, `frame` of the loss."""
     frames = {moment.metric: moment.frame for moment in lost if moment.metric != FAULT}
     return [

@@ -8,8 +8,8 @@ from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.lane_crossings import find_crossings
 from interplan_sumo.metrics.score import ScoreSheet
-from interplan_sumo.report.moments import FAULT, NOTHING, Moment
-from interplan_sumo.report.why import TITLES
+from interplan_sumo.report.failure_reasons import TITLES
+from interplan_sumo.report.key_events import FAULT, NOTHING, KeyEvent
 
 Event = dict[str, Any]
 
@@ -18,8 +18,8 @@ def events(
     drive: StoredDrive,
     facts: Facts,
     sheet: ScoreSheet,
-    lost: tuple[Moment, ...],
-    decided: Moment,
+    lost: tuple[KeyEvent, ...],
+    decided: KeyEvent,
     set_off: list[int | None],
 ) -> list[Event]:
     """Everything of note in time order: `frame`, `kind`, `text`, and `decides` on the deciding moment.
@@ -39,7 +39,7 @@ def events(
     return sorted(found, key=lambda event: (event["frame"], not event["decides"]))
 
 
-def _lost(moment: Moment, sheet: ScoreSheet) -> Event:
+def _lost(moment: KeyEvent, sheet: ScoreSheet) -> Event:
     kind = "fault" if moment.metric == FAULT else "gate" if moment.metric in sheet.gates else "weight"
     title = TITLES.get(moment.metric, moment.metric.replace("_", " "))
     text = moment.reason if moment.metric == FAULT else f"{title}: {moment.reason}"

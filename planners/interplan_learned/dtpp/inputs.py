@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from interplan_learned.card import Size
 from interplan_learned.dtpp import paths
 from interplan_learned.dtpp.sizes import SIZES
-from interplan_learned.dtpp.tree import ACCELERATION, CURVATURE, SPEED, STEP_S, STEPS, Branches, Start, first_stage
+from interplan_learned.dtpp.tree import ACCELERATION, CURVATURE, SPEED, STEP_S, STEPS, Branches, TreeStart, first_stage
 from interplan_learned.scene import FIELDS as SCENE_FIELDS
 from interplan_learned.scene import scene_inputs, thinned
 from interplan_sumo.features.schema import channel_index
@@ -51,10 +51,10 @@ def scene_of(arrays: Arrays, size: Size) -> Arrays:
     return {name: scene[name] for name in SCENE}
 
 
-def start_of(arrays: Arrays) -> Start:
+def start_of(arrays: Arrays) -> TreeStart:
     """Where the tree begins, from what is `kept`."""
     now = arrays["ego_history"][:, -1].astype(np.float64)
-    return Start(
+    return TreeStart(
         paths=arrays["paths"],
         paths_valid=arrays["paths_valid"],
         speed_mps=np.maximum(now[:, _VX], 0.0),
@@ -63,7 +63,7 @@ def start_of(arrays: Arrays) -> Start:
     )
 
 
-def shown(branches: Branches, start: Start, size: Size) -> dict[str, NDArray[Any]]:
+def shown(branches: Branches, start: TreeStart, size: Size) -> dict[str, NDArray[Any]]:
     """`branches` (B, M, T, 7) of `BRANCH_CHANNELS` and `effort` (B, M, 4); what does not exist is 0.
 
     Steps are 8 s / T apart; those beyond the end of a stage are 0 as well.
@@ -77,7 +77,7 @@ def shown(branches: Branches, start: Start, size: Size) -> dict[str, NDArray[Any
     return {"branches": table, "effort": effort(branches, start)}
 
 
-def effort(branches: Branches, start: Start) -> NDArray[np.float32]:
+def effort(branches: Branches, start: TreeStart) -> NDArray[np.float32]:
     """(B, M, 4) mean speed, acceleration, jerk and lateral acceleration of each branch, see `EFFORT`."""
     speed, acceleration = branches.motion[..., SPEED], branches.motion[..., ACCELERATION]
     now = np.broadcast_to(start.acceleration_mps2[:, None, None], (*speed.shape[:2], 1))

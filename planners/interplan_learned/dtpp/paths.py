@@ -42,7 +42,7 @@ _CLASS = channel_index("static_objects", "class")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Way:
+class LaneChain:
     """A chain of pieces of lanes ahead of the ego."""
 
     line: Polyline
@@ -73,7 +73,7 @@ def reference_paths(arrays: Arrays) -> tuple[NDArray[np.float32], NDArray[np.boo
     return paths, valid
 
 
-def ways_ahead(pieces: Floats) -> list[Way]:
+def ways_ahead(pieces: Floats) -> list[LaneChain]:
     """Ways along pieces of lanes (N, points, C) in driving order, from where the rear axle is."""
     if not len(pieces):
         return []
@@ -86,13 +86,13 @@ def ways_ahead(pieces: Floats) -> list[Way]:
     begins = (beside_m.min(axis=1) < NEAR_LANE_M) & along & (nearest < pieces.shape[1] - 1)
     begins &= ~(follows & begins[:, None]).any(axis=0)  # what follows another beginning is on its way
     lengths_m = np.hypot(*np.moveaxis(np.diff(pieces[..., :2], axis=1), -1, 0)).sum(axis=1)
-    ways: list[Way] = []
+    ways: list[LaneChain] = []
     for first in np.flatnonzero(begins).tolist():
         first_m = float(lengths_m[first])
         for chain in _chains(first, follows, lengths_m, -first_m):
             line = Polyline(np.concatenate([pieces[row, :, :2] for row in chain]))
             from_m, aside_m = line.project_point(0.0, 0.0, (0.0, first_m))
-            ways.append(Way(line, from_m, abs(aside_m)))
+            ways.append(LaneChain(line, from_m, abs(aside_m)))
     longest_m = max((way.left_m for way in ways), default=0.0)
     enough_m = max(min(SHORT * _REACH_M, longest_m), _LEAST_M)
     return [way for way in ways if way.left_m >= enough_m]
@@ -106,7 +106,7 @@ def standing(agents: NDArray[Any], objects: NDArray[Any]) -> Floats:
     return np.concatenate((agents[slow & vehicle][:, _BOX], things)).astype(np.float64)
 
 
-def cheapest(ways: list[Way], boxes: Floats) -> list[Floats]:
+def cheapest(ways: list[LaneChain], boxes: Floats) -> list[Floats]:
     """At most `PATHS` paths (POINTS, 4), the cheapest first: of each way the path that joins it most cheaply."""
     found: list[tuple[float, int, Floats]] = []
     for number, way in enumerate(ways):

@@ -29,9 +29,9 @@ class DtppPlanner:
         self._view = EgoView(mission)
         self._steps = self._stops = 0
 
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         size = self._network.card.size
-        arrays = kept(one_sample(self._view.arrays(seen)), size)
+        arrays = kept(one_sample(self._view.arrays(observation)), size)
         start = start_of(arrays)
         self._steps += 1
         self._stops += not start.paths_valid.any()
@@ -41,7 +41,7 @@ class DtppPlanner:
         def decode(branches: Arrays) -> NDArray[Any]:
             return self._network.run({**encoded, **branches}, "decoder")["scores"]
 
-        return plan_through(plans(start, decode, size)[0], self._view, seen, STEP_S)
+        return plan_through(plans(start, decode, size)[0], self._view, observation, STEP_S)
 
     def report(self) -> dict[str, Any]:
         """The network's, and in how many steps there was no reference path, so that the plan was to stop."""

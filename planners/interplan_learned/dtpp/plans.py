@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from interplan_learned.card import Size
 from interplan_learned.dtpp.inputs import shown
 from interplan_learned.dtpp.sizes import SIZES
-from interplan_learned.dtpp.tree import POSE, Start, best_parents, first_stage, second_stage
+from interplan_learned.dtpp.tree import POSE, TreeStart, best_parents, first_stage, second_stage
 from interplan_sumo.features.view import Arrays
 from interplan_sumo.world.geometry import Floats
 
@@ -19,7 +19,7 @@ Decode = Callable[[Arrays], NDArray[Any]]
 """Scores (B, M) of branches as `inputs.shown` gives them; higher is better."""
 
 
-def plans(start: Start, decode: Decode, size: Size) -> Floats:
+def plans(start: TreeStart, decode: Decode, size: Size) -> Floats:
     """(B, 80, 3) poses 0.1 s apart: the child with the best sum of its own and its parent's score.
 
     All zeros, which is to stop, where there is no path.

@@ -43,7 +43,7 @@ class Branches:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Start:
+class TreeStart:
     """Where trees begin."""
 
     paths: NDArray[Any]
@@ -77,7 +77,7 @@ def cubic_speeds(speed_mps: Floats, acceleration_mps2: Floats, target_mps: Float
     return np.maximum(cubic, 0.0)
 
 
-def first_stage(start: Start, size: TreeSize) -> Branches:
+def first_stage(start: TreeStart, size: TreeSize) -> Branches:
     """Every path with every speed of the grid; merged, then at most `size.branches`."""
     count, paths = start.paths_valid.shape
     targets = target_speeds(start.speed_mps, start.limit_mps, FIRST_STEPS * STEP_S, size.first_speeds)
@@ -93,7 +93,7 @@ def first_stage(start: Start, size: TreeSize) -> Branches:
     return _kept(_branches(start, speeds, path, np.zeros_like(path), valid), size.branches)
 
 
-def second_stage(start: Start, first: Branches, parents: Ints, size: TreeSize) -> Branches:
+def second_stage(start: TreeStart, first: Branches, parents: Ints, size: TreeSize) -> Branches:
     """Children of some leaves (B, K) of the first stage, -1 where there is none: on with the parent's path."""
     count, chosen = parents.shape
     rows, valid = np.maximum(parents, 0), parents >= 0
@@ -115,7 +115,7 @@ def best_parents(scores: NDArray[Any], valid: NDArray[np.bool_], count: int) -> 
     return np.where(np.take_along_axis(valid, rows, axis=1), rows, -1)
 
 
-def _branches(start: Start, speeds: Floats, path: Ints, parent: Ints, valid: NDArray[np.bool_]) -> Branches:
+def _branches(start: TreeStart, speeds: Floats, path: Ints, parent: Ints, valid: NDArray[np.bool_]) -> Branches:
     """All leaves with speeds (B, K, T) on paths (B, K), before any of them is left out."""
     before = np.broadcast_to(start.speed_mps[:, None, None], (*speeds.shape[:2], 1))
     known = np.concatenate((before, speeds), axis=-1)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from interplan_learned.gameformer.candidates import REACH_M
 from interplan_learned.gameformer.inputs import PLAN_STEP_S, PLAN_STEPS
 from interplan_learned.scene import AGENT_CHANNELS
-from interplan_planners.common.paths import Path
+from interplan_planners.common.paths import DrivingPath
 from interplan_sumo.world.geometry import Floats, Polyline
 
 CELLS: Final = round(REACH_M)
@@ -27,7 +27,7 @@ _CELL_MIDDLES: Final[Floats] = np.arange(CELLS, dtype=np.float64) + 0.5
 
 
 def taken(
-    path: Path, agents: NDArray[Any], futures: NDArray[Any], red: list[Polyline], ego_width_m: float
+    path: DrivingPath, agents: NDArray[Any], futures: NDArray[Any], red: list[Polyline], ego_width_m: float
 ) -> NDArray[np.bool_]:
     """(80, 120) whether metre m of a path is taken at 0.1, 0.2 ... 8 s; all in the ego frame.
 
@@ -64,11 +64,11 @@ def _every_step(agents: Floats, futures: NDArray[Any]) -> Floats:
     return known[:, after - 1] + share * (known[:, after] - known[:, after - 1])
 
 
-def _beyond(path: Path) -> NDArray[np.bool_]:
+def _beyond(path: DrivingPath) -> NDArray[np.bool_]:
     return np.arange(CELLS) >= np.ceil(path.length_m)
 
 
-def _red(path: Path, red: list[Polyline]) -> NDArray[np.bool_]:
+def _red(path: DrivingPath, red: list[Polyline]) -> NDArray[np.bool_]:
     held = np.zeros(CELLS, dtype=np.bool_)
     middles = np.asarray(shapely.points(path.line.poses_at(_CELL_MIDDLES)[:, :2]))
     for line in red:

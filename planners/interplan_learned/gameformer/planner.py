@@ -11,7 +11,7 @@ from interplan_learned.driving import one_sample, plan_through
 from interplan_learned.gameformer.inputs import PLAN_STEP_S, inputs
 from interplan_learned.gameformer.occupancy import taken
 from interplan_learned.gameformer.reference import ReferencePath, ReferencePaths
-from interplan_learned.gameformer.refinement import Task, refined_speeds
+from interplan_learned.gameformer.refinement import SpeedTask, refined_speeds
 from interplan_learned.network import load_network
 from interplan_learned.scene import EGO_CHANNELS
 from interplan_planners.common.route_search import lanes_of_route
@@ -40,26 +40,28 @@ class GameFormerPlanner:
         self._members = lanes_of_route(mission.roads, mission.route)
         self._steps = self._without_path = 0
 
-    def plan(self, seen: Observation) -> Trajectory:
-        given = inputs(one_sample(self._view.arrays(seen)), self._network.card.size)
+    def plan(self, observation: Observation) -> Trajectory:
+        given = inputs(one_sample(self._view.arrays(observation)), self._network.card.size)
         outputs = self._network.run(given)
-        reference = self._references.at(seen)
+        reference = self._references.at(observation)
         self._steps += 1
         if reference is None:
             self._without_path += 1
-            return plan_through(outputs["plan"][0], self._view, seen, PLAN_STEP_S)
+            return plan_through(outputs["plan"][0], self._view, observation, PLAN_STEP_S)
         predicted = likeliest(outputs["futures"][0], outputs["scores"][0])
-        poses = refined(reference, given, outputs["plan"][0], predicted, self._red(seen), self._view.mission.shape)
-        return plan_through(poses, self._view, seen, PLAN_STEP_S)
+        poses = refined(
+            reference, given, outputs["plan"][0], predicted, self._red(observation), self._view.mission.shape
+        )
+        return plan_through(poses, self._view, observation, PLAN_STEP_S)
 
     def report(self) -> dict[str, Any]:
         """The network's, and in how many steps there was no reference path, so that its own plan was driven."""
         return {**self._network.about, "steps": self._steps, "without_reference_path": self._without_path}
 
-    def _red(self, seen: Observation) -> list[Polyline]:
+    def _red(self, observation: Observation) -> list[Polyline]:
         """Centre lines of the route's red connectors, ego frame."""
-        frame, roads = self._view.frame(seen), self._view.mission.roads
-        shown = sorted(seen.signals.with_status(SignalStatus.RED) & self._members)
+        frame, roads = self._view.frame(observation), self._view.mission.roads
+        shown = sorted(observation.signals.with_status(SignalStatus.RED) & self._members)
         return [Polyline(frame.points(roads[each].centerline.points)) for each in shown]
 
 
@@ -82,7 +84,7 @@ def refined(
     planned_m, _ = path.project(x_m, y_m)
     agents, ego = given["agents"][0, :, -1], given["ego"][0, -1]
     speeds = refined_speeds(
-        Task(
+        SpeedTask(
             planned_m=planned_m,
             cap_mps=reference.cap_at(planned_m),
             taken=taken(path, agents[: len(predicted)], predicted, red, shape.width_m),

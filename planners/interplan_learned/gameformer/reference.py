@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from interplan_learned.gameformer.candidates import REACH_M, Candidate, CandidatePaths
-from interplan_planners.common.paths import Path
+from interplan_planners.common.paths import DrivingPath
 from interplan_sumo.features.frame import EgoFrame
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.actors import ActorKind
@@ -50,7 +50,7 @@ _FINE_M: Final = 0.5
 class ReferencePath:
     """Where the rear axle shall go: a path from the ego on, ego frame."""
 
-    path: Path
+    path: DrivingPath
     """Vertices about 0.5 m apart, at most `REACH_M` of it."""
     cap_mps: Floats
     """(N,) speed to aim at, per vertex."""
@@ -70,9 +70,9 @@ class ReferencePaths:
         lights = [each.centerline.linestring for each in mission.roads.connectors.values() if each.has_traffic_light]
         self._lights = np.array(lights, dtype=object)
 
-    def at(self, seen: Observation) -> ReferencePath | None:
+    def at(self, observation: Observation) -> ReferencePath | None:
         """The path to follow now; None off the route or at its end."""
-        here = seen.ego.rear_axle(self._mission.shape)
+        here = observation.ego.rear_axle(self._mission.shape)
         found = self._candidates.block_under(here)
         if found is None:
             return None
@@ -80,20 +80,20 @@ class ReferencePaths:
         candidates = self._candidates.of(here, index, distances_m)
         if not candidates:
             return None
-        slow = self._candidates.lanes_beside(index) >= WIDE_LANES and seen.ego.speed_mps <= SLOW_MPS
-        costs = self._costs(candidates, seen, stay=slow or self._near_lights(here))
+        slow = self._candidates.lanes_beside(index) >= WIDE_LANES and observation.ego.speed_mps <= SLOW_MPS
+        costs = self._costs(candidates, observation, stay=slow or self._near_lights(here))
         limit_mps = self._limit_mps(index)
         return reference_path(
-            candidates[int(costs.argmin())].points, EgoFrame.of(seen.ego, self._mission.shape), limit_mps
+            candidates[int(costs.argmin())].points, EgoFrame.of(observation.ego, self._mission.shape), limit_mps
         )
 
-    def _costs(self, candidates: Sequence[Candidate], seen: Observation, stay: bool) -> Floats:
+    def _costs(self, candidates: Sequence[Candidate], observation: Observation, stay: bool) -> Floats:
         """(K,)"""
         half_width_m = self._mission.shape.width_m / 2.0
         begun = [Polyline(each.points).between(0.0, LOOKED_AT_M) for each in candidates]
         starts = np.array([line.linestring for line in begun], dtype=object)
         firsts = np.array([line.between(0.0, LOOKED_AT_M / 2.0).linestring for line in begun], dtype=object)
-        obstacles, vehicles = around(seen, self._mission)
+        obstacles, vehicles = around(observation, self._mission)
         hit = _any_within(starts, obstacles, half_width_m)
         out = np.array([
             bool(_any_within(starts[k : k + 1], outer_boundaries(self._mission.roads, each.lanes), half_width_m)[0])
@@ -121,12 +121,12 @@ class ReferencePaths:
         return min(max(roads[first].speed_limit_mps or USUAL_MPS, SLOWEST_MPS), FASTEST_MPS)
 
 
-def around(seen: Observation, mission: Mission) -> tuple[NDArray[np.object_], NDArray[np.object_]]:
+def around(observation: Observation, mission: Mission) -> tuple[NDArray[np.object_], NDArray[np.object_]]:
     """Boxes near the ego: of what stands in the way (things and standing vehicles), and of moving vehicles."""
-    actors = seen.actors
+    actors = observation.actors
     vehicle, standing = actors.kind == ActorKind.VEHICLE, actors.speed_mps < STANDING_MPS
     thing = actors.kind > ActorKind.BICYCLE
-    near = shapely.distance(actors.polygons, seen.ego.polygon(mission.shape)) <= SIGHT_M
+    near = shapely.distance(actors.polygons, observation.ego.polygon(mission.shape)) <= SIGHT_M
     return actors.polygons[near & (thing | (vehicle & standing))], actors.polygons[near & vehicle & ~standing]
 
 
@@ -156,7 +156,7 @@ def reference_path(points: Floats, frame: EgoFrame, limit_mps: float) -> Referen
     cap_mps = np.full(len(at_m), limit_mps)
     if sharp.size:
         cap_mps[sharp[0] :] = SLOWEST_MPS
-    return ReferencePath(Path(Polyline(spline(at_m))), cap_mps)
+    return ReferencePath(DrivingPath(Polyline(spline(at_m))), cap_mps)
 
 
 def _any_within(lines: NDArray[np.object_], shapes: NDArray[np.object_], distance_m: float) -> NDArray[np.bool_]:

@@ -38,7 +38,7 @@ _RATE: Final[Floats] = (np.eye(PLAN_STEPS) - np.eye(PLAN_STEPS, k=-1)) / PLAN_ST
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Task:
+class SpeedTask:
     """What the speeds are to be for: 80 steps of 0.1 s along a path, arc lengths of the rear axle from 0 now."""
 
     planned_m: Floats
@@ -55,7 +55,7 @@ class Task:
     """Rear axle to front bumper."""
 
 
-def refined_speeds(task: Task) -> Floats:
+def refined_speeds(task: SpeedTask) -> Floats:
     """(80,) speeds, none negative: the best of all iterations.
 
     Metres that the network's plan has passed with its rear axle by then do not
@@ -74,7 +74,7 @@ def refined_speeds(task: Task) -> Floats:
     return np.maximum(best, 0.0)
 
 
-def _linearised(speeds: Floats, task: Task, ahead: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def _linearised(speeds: Floats, task: SpeedTask, ahead: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     """Weighted residuals (R,) and their derivatives (R, 80)."""
     acceleration = _RATE @ speeds
     acceleration[0] -= task.speed_mps / PLAN_STEP_S

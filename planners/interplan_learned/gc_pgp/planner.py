@@ -32,15 +32,15 @@ class GcPgpPlanner:
         self._view = EgoView(mission)
         self._nodes = nodes_of(mission.roads, self._size.points)
 
-    def plan(self, seen: Observation) -> Trajectory:
-        given = inputs(kept(one_sample(self._view.arrays(seen)), [self._nodes], self._size))
+    def plan(self, observation: Observation) -> Trajectory:
+        given = inputs(kept(one_sample(self._view.arrays(observation)), [self._nodes], self._size))
         policy = self._network.run({name: given[name] for name in POLICY_INPUTS}, "policy")
 
         def decoded(paths: NDArray[np.int64], noise: NDArray[np.float32]) -> NDArray[Any]:
             encoded = {"ego_code": policy["ego_code"], "node_codes": policy["node_codes"]}
             return self._network.run({"paths": paths, "noise": noise, **encoded}, "decoder")["trajectories"]
 
-        return plan_through(plans(given, policy["scores"], decoded, self._size)[0], self._view, seen)
+        return plan_through(plans(given, policy["scores"], decoded, self._size)[0], self._view, observation)
 
     def report(self) -> dict[str, Any]:
         return self._network.about

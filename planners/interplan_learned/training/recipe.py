@@ -31,7 +31,7 @@ ALWAYS: Final = ("ego_history", "ego_history_valid", "ego_future")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class TrainingSettings:
     """How long and how fast; the rate falls along a cosine from its first value to 0 over all epochs."""
 
     epochs: int = 40
@@ -92,7 +92,7 @@ class Recipe:
     map. Must not change `inputs`. Read once, before the training."""
     augmented: Callable[[Columns, np.random.Generator], Columns] = _as_they_are
     """Samples as they are shown in one epoch, perturbed (see `augment`)."""
-    settings: Settings = Settings()
+    settings: TrainingSettings = TrainingSettings()
 
 
 def find_recipe(planner: str, size: str | None = None, options: Mapping[str, Any] | None = None) -> Recipe:

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from interplan_learned.scene import AGENT_CHANNELS, EGO_CHANNELS, LANE_CHANNELS
-from interplan_learned.training.recipe import Settings
+from interplan_learned.training.recipe import TrainingSettings
 
 POOLED_POINTS: Final = 10
 """So many points of a lane or crosswalk make one token, as published."""
@@ -44,10 +44,10 @@ class NetworkSize:
     """Of a network that builds on the encoder, and how it is trained."""
 
     encoder: EncoderSize
-    settings: Settings
+    settings: TrainingSettings
 
 
-class Scene(NamedTuple):
+class EncodedScene(NamedTuple):
     """What is known of a batch of scenes."""
 
     tokens: Tensor
@@ -68,7 +68,7 @@ class SceneEncoder(nn.Module):
         self.layers = nn.ModuleList(AttentionLayer(size) for _ in range(size.layers))
         self.norm = nn.LayerNorm(size.width)
 
-    def forward(self, ego: Tensor, agents: Tensor, lanes: Tensor, crosswalks: Tensor) -> Scene:
+    def forward(self, ego: Tensor, agents: Tensor, lanes: Tensor, crosswalks: Tensor) -> EncodedScene:
         """From the arrays of `scene.scene_inputs`."""
         lane_tokens, lane_empty = self.lanes(lanes)
         crosswalk_tokens, crosswalk_empty = self.crosswalks(crosswalks)
@@ -78,7 +78,7 @@ class SceneEncoder(nn.Module):
         empty = torch.cat((torch.zeros_like(ego_empty), agent_empty, lane_empty, crosswalk_empty), dim=1)
         for layer in self.layers:
             tokens = layer(tokens, tokens, empty)
-        return Scene(self.norm(tokens), empty)
+        return EncodedScene(self.norm(tokens), empty)
 
 
 class TrackEncoder(nn.Module):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from interplan_llm.hybrid.scene import LaneView, Scene
+from interplan_llm.hybrid.scene import DecisionScene, LaneView
 
 
 class Behaviour(StrEnum):
@@ -21,7 +21,7 @@ NEAR_S, NEAR_M = 3.0, 15.0
 """A lane that is blocked beyond what is driven in this time, and beyond this, may still be followed."""
 
 
-def offered(scene: Scene) -> tuple[Behaviour, ...]:
+def offered(scene: DecisionScene) -> tuple[Behaviour, ...]:
     """The behaviours that make sense, in a fixed order; never empty.
 
     As published: following is out where the lane is blocked; a merge needs a

@@ -7,11 +7,11 @@ import zlib
 import numpy as np
 
 from interplan_llm.hybrid.behaviours import Behaviour
-from interplan_llm.hybrid.scene import Blockage, LaneView, Scene, Walker
+from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, LaneView, Walker
 from interplan_llm.hybrid.text import messages
-from interplan_llm.models.exchange import Exchange
-from interplan_llm.models.ledger import Ledger
 from interplan_llm.models.protocol import LanguageModel, ModelFailure, Request
+from interplan_llm.models.qa_record import Exchange
+from interplan_llm.models.usage_stats import Ledger
 from interplan_planners.common.gaps import GapRules, clearances_needed_m
 from interplan_sumo.planner import Mission
 
@@ -41,7 +41,7 @@ class RandomChooser:
 
     def choose(
         self,
-        scene: Scene,  # noqa: ARG002
+        scene: DecisionScene,  # noqa: ARG002
         options: tuple[Behaviour, ...],
         now: Behaviour | None,  # noqa: ARG002
     ) -> tuple[Behaviour, float]:
@@ -57,7 +57,9 @@ class RuleChooser:
     def start(self, mission: Mission) -> None:
         self._length_m = mission.shape.length_m
 
-    def choose(self, scene: Scene, options: tuple[Behaviour, ...], now: Behaviour | None) -> tuple[Behaviour, float]:
+    def choose(
+        self, scene: DecisionScene, options: tuple[Behaviour, ...], now: Behaviour | None
+    ) -> tuple[Behaviour, float]:
         if Behaviour.STOP in options and (_must_wait(scene, self._length_m) or _too_fast(scene)):
             return Behaviour.STOP, 0.0
         merges = [(Behaviour.MERGE_LEFT, scene.left), (Behaviour.MERGE_RIGHT, scene.right)]
@@ -72,7 +74,7 @@ class RuleChooser:
         rest = (Behaviour.FOLLOW, Behaviour.STOP)
         return next((behaviour for behaviour in rest if behaviour in options), options[0]), 0.0
 
-    def _may_pass(self, scene: Scene, blocked: Blockage, now: Behaviour | None) -> bool:
+    def _may_pass(self, scene: DecisionScene, blocked: BlockedLane, now: Behaviour | None) -> bool:
         if not blocked.against_traffic or scene.oncoming is None:
             return True
         if now is Behaviour.OVERTAKE and blocked.gap_m <= 0.0:
@@ -82,7 +84,7 @@ class RuleChooser:
         return scene.oncoming.meets_in_s > takes_s + PASSING_SPARE_S
 
 
-def _gap(scene: Scene, lane: LaneView, share: float) -> bool:
+def _gap(scene: DecisionScene, lane: LaneView, share: float) -> bool:
     ahead_mps = scene.speed_mps if lane.ahead is None else lane.ahead.speed_mps
     behind_mps = 0.0 if lane.behind is None else max(lane.behind.speed_mps, 0.0)
     before_m, behind_m = clearances_needed_m(GAPS, scene.speed_mps, ahead_mps, behind_mps)
@@ -90,7 +92,7 @@ def _gap(scene: Scene, lane: LaneView, share: float) -> bool:
     return free_ahead and (lane.behind is None or lane.behind.gap_m > share * float(behind_m))
 
 
-def _must_wait(scene: Scene, length_m: float) -> bool:
+def _must_wait(scene: DecisionScene, length_m: float) -> bool:
     """Whether a pedestrian is about to be where the ego is then."""
     for walker in scene.walkers:
         arrives_s = walker.ahead_m / max(scene.speed_mps, 1.0)
@@ -103,13 +105,13 @@ def _must_wait(scene: Scene, length_m: float) -> bool:
     return False
 
 
-def _too_fast(scene: Scene) -> bool:
+def _too_fast(scene: DecisionScene) -> bool:
     """Whether the ego must begin to slow down for who might step out before a long vehicle, within the next second."""
     slow_m = max(scene.speed_mps**2 - COVER_MPS**2, 0.0) / (2.0 * COVER_MPS2)
     return slow_m > 0.0 and any(cover.ahead_m < slow_m + scene.speed_mps for cover in scene.covers)
 
 
-def _shielded(scene: Scene, walker: Walker, length_m: float) -> bool:
+def _shielded(scene: DecisionScene, walker: Walker, length_m: float) -> bool:
     """Whether who stands there, at work perhaps, is among what blocks the lane, and so is passed with it."""
     blocked = scene.current.blocked
     at_m = scene.current.arc_m + length_m / 2 + walker.ahead_m
@@ -153,7 +155,7 @@ class ModelChooser:
         self.exchanges = []
         self._past = []
 
-    def request(self, scene: Scene, options: tuple[Behaviour, ...]) -> Request:
+    def request(self, scene: DecisionScene, options: tuple[Behaviour, ...]) -> Request:
         """The question as it is put."""
         return Request(
             messages(scene, options, self._past if self.memory else (), thoughts=self.thoughts),
@@ -164,7 +166,9 @@ class ModelChooser:
             timeout_s=self.timeout_s,
         )
 
-    def choose(self, scene: Scene, options: tuple[Behaviour, ...], now: Behaviour | None) -> tuple[Behaviour, float]:
+    def choose(
+        self, scene: DecisionScene, options: tuple[Behaviour, ...], now: Behaviour | None
+    ) -> tuple[Behaviour, float]:
         request = self.request(scene, options)
         reply, failed = None, None
         try:

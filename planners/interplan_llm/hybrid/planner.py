@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
+from interplan_llm.hybrid.behaviour_paths import Courses
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChooser
-from interplan_llm.hybrid.courses import Courses
-from interplan_llm.hybrid.scene import Scene, Watch
-from interplan_llm.models.exchange import Exchange
+from interplan_llm.hybrid.scene import DecisionScene, SceneObserver
+from interplan_llm.models.qa_record import Exchange
 from interplan_llm.models.spec import open_model
 from interplan_llm.models.store import Mode
 from interplan_planners.common.pdm import PdmMotion, PdmSettings
@@ -23,14 +23,16 @@ CENTER_BONUS = 0.02
 """A proposal beside the line must be this much better than those on it."""
 
 
-class Chooser(Protocol):
+class BehaviourChooser(Protocol):
     """Chooses among behaviours that a scene offers."""
 
     def start(self, mission: Mission) -> None:
         """A new episode; nothing of the last one may remain."""
         ...
 
-    def choose(self, scene: Scene, options: tuple[Behaviour, ...], now: Behaviour | None) -> tuple[Behaviour, float]:
+    def choose(
+        self, scene: DecisionScene, options: tuple[Behaviour, ...], now: Behaviour | None
+    ) -> tuple[Behaviour, float]:
         """One of the options (two or more), and how many seconds from now on it takes until it is known.
 
         `now` is what is being done; None at the first decision.
@@ -39,7 +41,7 @@ class Chooser(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class BehaviourDecision:
     """One choice."""
 
     time_s: float
@@ -56,17 +58,17 @@ class HybridPlanner:
     asking. The motion is PDM's on the line that the behaviour leads to.
     """
 
-    def __init__(self, chooser: Chooser, every_s: float = 1.0, recorded: Sequence[Trajectory] = ()) -> None:
+    def __init__(self, chooser: BehaviourChooser, every_s: float = 1.0, recorded: Sequence[Trajectory] = ()) -> None:
         """`recorded` are plans, one per step, of an earlier drive that was the same until they end."""
         if not every_s > 0.0:
             raise ValueError(f"every_s is {every_s}, expected more than 0")
         self.chooser = chooser
         self.every_s = every_s
         self._recorded = tuple(recorded)
-        self.decisions: list[Decision] = []
+        self.decisions: list[BehaviourDecision] = []
 
     def start(self, mission: Mission) -> None:
-        self._watch = Watch(mission, FALLBACK_LIMIT_MPS)
+        self._watch = SceneObserver(mission, FALLBACK_LIMIT_MPS)
         self._courses = Courses(self._watch, FALLBACK_LIMIT_MPS)
         self._motion = PdmMotion(PdmSettings(first_path_bonus=CENTER_BONUS), mission.shape)
         self._shape = mission.shape
@@ -77,33 +79,33 @@ class HybridPlanner:
         self.decisions = []
         self.chooser.start(mission)
 
-    def plan(self, seen: Observation) -> Trajectory:
-        asks = self._asks_at_s is None or seen.time_s >= self._asks_at_s - 1e-6
-        known = self._pending is not None and seen.time_s >= self._pending[0] - 1e-6
+    def plan(self, observation: Observation) -> Trajectory:
+        asks = self._asks_at_s is None or observation.time_s >= self._asks_at_s - 1e-6
+        known = self._pending is not None and observation.time_s >= self._pending[0] - 1e-6
         if asks or known:
-            self._decide(seen, self._watch.scene(seen), asks)
+            self._decide(observation, self._watch.scene(observation), asks)
         self._step += 1
         if self._step <= len(self._recorded):
             return self._recorded[self._step - 1]
-        plan, _ = self._motion.plan(seen, self._course)
+        plan, _ = self._motion.plan(observation, self._course)
         return plan
 
-    def _decide(self, seen: Observation, scene: Scene, asks: bool) -> None:
+    def _decide(self, observation: Observation, scene: DecisionScene, asks: bool) -> None:
         """Ask if it is time to, and set out on what is known now; what is no longer offered gives way."""
         options = offered(scene)
-        self._take(seen.time_s)
+        self._take(observation.time_s)
         if asks:
             self._ask(scene, options)
-            self._take(seen.time_s)
+            self._take(observation.time_s)
         behaviour = self._now if self._now is not None and self._now in options else options[0]
-        self._course = self._courses.course(behaviour, scene, seen.ego.rear_axle(self._shape))
+        self._course = self._courses.course(behaviour, scene, observation.ego.rear_axle(self._shape))
 
-    def _ask(self, scene: Scene, options: tuple[Behaviour, ...]) -> None:
+    def _ask(self, scene: DecisionScene, options: tuple[Behaviour, ...]) -> None:
         if len(options) == 1:
             chosen, delay_s = options[0], 0.0
         else:
             chosen, delay_s = self.chooser.choose(scene, options, self._now)
-        self.decisions.append(Decision(scene.time_s, options, chosen))
+        self.decisions.append(BehaviourDecision(scene.time_s, options, chosen))
         if self._now is None:
             delay_s = 0.0
         self._pending = (scene.time_s + delay_s, chosen)

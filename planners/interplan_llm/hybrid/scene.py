@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from interplan_planners.common.forecast import constant_velocity
 from interplan_planners.common.ground import Ground
+from interplan_planners.common.lane_routes import LaneRoute, Ways
 from interplan_planners.common.neighbours import STANDING_MPS, stands_for_good
 from interplan_planners.common.occupancy import occupancy
 from interplan_planners.common.route_correction import corrected_route
 from interplan_planners.common.route_search import LaneFinder, lanes_of_route
-from interplan_planners.common.ways import Way, Ways
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, wrap_angle
@@ -63,7 +63,7 @@ class Other:
 
 
 @dataclass(frozen=True, slots=True)
-class Blockage:
+class BlockedLane:
     """What stands for good in a lane, as one group."""
 
     kind: str
@@ -84,7 +84,7 @@ class Blockage:
 class LaneView:
     """One lane from the ego on, and who is on it."""
 
-    way: Way
+    way: LaneRoute
     index: int
     """Of its block on the route."""
     changes_needed: int | None
@@ -95,7 +95,7 @@ class LaneView:
     """How far left of the way's line the ego is."""
     ahead: Other | None
     behind: Other | None
-    blocked: Blockage | None
+    blocked: BlockedLane | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ class Walker:
 
 
 @dataclass(frozen=True, slots=True)
-class Cover:
+class Occluder:
     """A long vehicle that stands beside the lane, a bus at a stop perhaps: who steps out before it is seen late."""
 
     ahead_m: float
@@ -133,7 +133,7 @@ class Cover:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class DecisionScene:
     """One instant, for a decision."""
 
     time_s: float
@@ -148,10 +148,10 @@ class Scene:
     light: tuple[Literal["red", "yellow"], float] | None
     """The next light on the own way that is not green, and metres to it."""
     walkers: tuple[Walker, ...]
-    covers: tuple[Cover, ...]
+    covers: tuple[Occluder, ...]
 
 
-class Watch:
+class SceneObserver:
     """Looks at a drive as scenes; one instance serves one episode."""
 
     def __init__(self, mission: Mission, fallback_limit_mps: float) -> None:
@@ -175,20 +175,20 @@ class Watch:
         """The route from where the ego began, once there was a first scene."""
         return self._route
 
-    def scene(self, seen: Observation) -> Scene:
+    def scene(self, observation: Observation) -> DecisionScene:
         """What can be said of a step."""
-        ego, roads = seen.ego, self.mission.roads
-        ways = self._ways or self._begun(seen)
+        ego, roads = observation.ego, self.mission.roads
+        ways = self._ways or self._begun(observation)
         index, lane_id = self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad)
-        here = _Sight(seen, self.mission, self._ground)
+        here = _Sight(observation, self.mission, self._ground)
         current = here.view(ways.from_lane(index, lane_id), index, ways.changes_needed.get(lane_id))
         beside = [
             None if lane is None else here.view(ways.from_lane(index, lane.id), index, ways.changes_needed.get(lane.id))
             for lane in (roads.left_of(lane_id), roads.right_of(lane_id))
         ]
         metre = min(int(current.arc_m), len(current.way.limit_mps) - 1)
-        return Scene(
-            seen.time_s,
+        return DecisionScene(
+            observation.time_s,
             max(ego.speed_mps, 0.0),
             float(current.way.limit_mps[metre]),
             current.way.room_m - current.arc_m,
@@ -201,9 +201,9 @@ class Watch:
             here.covers(current),
         )
 
-    def _begun(self, seen: Observation) -> Ways:
+    def _begun(self, observation: Observation) -> Ways:
         roads, mission = self.mission.roads, self.mission
-        self._route = corrected_route(roads, mission.route, seen.ego.pose)
+        self._route = corrected_route(roads, mission.route, observation.ego.pose)
         self._lanes = LaneFinder(roads, self._route)
         self._ground = Ground(roads, lanes_of_route(roads, self._route))
         self._ways = Ways(mission, self._route, self._fallback_limit_mps)
@@ -213,14 +213,14 @@ class Watch:
 class _Sight:
     """One observation, along lanes."""
 
-    def __init__(self, seen: Observation, mission: Mission, ground: Ground) -> None:
-        self.seen = seen
+    def __init__(self, observation: Observation, mission: Mission, ground: Ground) -> None:
+        self.seen = observation
         self.mission = mission
         self.ground = ground
-        self.now = constant_velocity(seen.actors, 0.0)
-        self.stands = stands_for_good(seen)
+        self.now = constant_velocity(observation.actors, 0.0)
+        self.stands = stands_for_good(observation)
 
-    def view(self, way: Way, index: int, changes_needed: int | None) -> LaneView:
+    def view(self, way: LaneRoute, index: int, changes_needed: int | None) -> LaneView:
         ego, shape, actors = self.seen.ego, self.mission.shape, self.seen.actors
         arc_m, left_m = way.path.line.project_point(ego.x_m, ego.y_m)
         half_m = shape.length_m / 2
@@ -249,7 +249,7 @@ class _Sight:
             self._blockage(way, arc_m, still),
         )
 
-    def _stays(self, way: Way, arc_m: float) -> NDArray[np.bool_]:
+    def _stays(self, way: LaneRoute, arc_m: float) -> NDArray[np.bool_]:
         """(A,) who stands for good; a car that waits for a light, or behind one that does, is not among them."""
         still = self.stands.copy()
         actors = self.seen.actors
@@ -273,7 +273,7 @@ class _Sight:
             head_m, reach_m = float(on.near_m[i, 0]), QUEUE_M
         return still
 
-    def _blockage(self, way: Way, arc_m: float, still: NDArray[np.bool_]) -> Blockage | None:
+    def _blockage(self, way: LaneRoute, arc_m: float, still: NDArray[np.bool_]) -> BlockedLane | None:
         """The first group of things on the way that stand where the ego would have to drive."""
         shape, actors = self.mission.shape, self.seen.actors
         half_m = shape.length_m / 2
@@ -302,7 +302,7 @@ class _Sight:
                 passes.append((side, offsets[side], against))
         passes.sort(key=lambda each: abs(each[1]))
         kind = _KINDS[ActorKind(int(actors.kind[on.rows[group[0]]]))]
-        return Blockage(
+        return BlockedLane(
             "stopped vehicle" if kind == "vehicle" else kind,
             max(start_m - arc_m - half_m, 0.0),
             start_m,
@@ -311,7 +311,7 @@ class _Sight:
             bool(passes) and passes[0][2],
         )
 
-    def _ground_at(self, way: Way, arcs_m: Floats, offset_m: float) -> tuple[bool, bool]:
+    def _ground_at(self, way: LaneRoute, arcs_m: Floats, offset_m: float) -> tuple[bool, bool]:
         """Whether a car with its centre at an offset is on drivable ground, and whether it leaves the route's lanes."""
         poses = way.path.line.poses_at(np.clip(arcs_m, 0.0, way.path.length_m))
         left = np.stack((-np.sin(poses[:, 2]), np.cos(poses[:, 2])), axis=1)
@@ -321,7 +321,7 @@ class _Sight:
         under = self.ground.under(places[..., 0], places[..., 1])
         return bool(under.drivable.all()), not under.on_route[:, 1].all()
 
-    def _free(self, way: Way, start_m: float, end_m: float, offset_m: float, still: NDArray[np.bool_]) -> bool:
+    def _free(self, way: LaneRoute, start_m: float, end_m: float, offset_m: float, still: NDArray[np.bool_]) -> bool:
         """Whether nothing stands where the ego would pass."""
         line = way.path.line
         arcs = np.arange(max(start_m, 0.0), min(end_m, line.length_m) + 1.0, 1.0)
@@ -361,7 +361,7 @@ class _Sight:
             return None
         return ("red", reds - front_m) if reds <= yellows else ("yellow", yellows - front_m)
 
-    def _light_m(self, way: Way, after_m: float, status: tuple[SignalStatus, ...]) -> float:
+    def _light_m(self, way: LaneRoute, after_m: float, status: tuple[SignalStatus, ...]) -> float:
         """Arc length at which the first connector of a way begins that shows one of some lights; inf without one."""
         shown = {c for s in status for c in self.seen.signals.with_status(s)}
         starts = zip(way.lanes, way.starts_m.tolist(), strict=True)
@@ -384,7 +384,7 @@ class _Sight:
         ]
         return tuple(sorted(found, key=lambda walker: walker.ahead_m))
 
-    def covers(self, current: LaneView) -> tuple[Cover, ...]:
+    def covers(self, current: LaneView) -> tuple[Occluder, ...]:
         """Long vehicles that stand beside the own lane ahead, nearest first."""
         actors, path = self.seen.actors, current.way.path
         rows = np.flatnonzero(self.stands & (actors.kind == ActorKind.VEHICLE) & (actors.length_m >= LARGE_M))
@@ -395,5 +395,7 @@ class _Sight:
         turned = wrap_angle(actors.heading_rad[rows] - np.interp(arc, path.line.arc_m, path.line.vertex_heading_rad))
         beside = (ahead > 0.0) & (ahead < WALKER_AHEAD_M) & (np.abs(off) > LANE_HALF_WIDTH_M)
         beside &= (np.abs(off) < ONCOMING_ASIDE_M) & (np.abs(np.sin(turned)) < 0.5)
-        found = [Cover(float(ahead[i]), "left" if off[i] > 0.0 else "right") for i in np.flatnonzero(beside).tolist()]
+        found = [
+            Occluder(float(ahead[i]), "left" if off[i] > 0.0 else "right") for i in np.flatnonzero(beside).tolist()
+        ]
         return tuple(sorted(found, key=lambda cover: cover.ahead_m))

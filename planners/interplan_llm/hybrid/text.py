@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from interplan_llm.hybrid.behaviours import Behaviour
-from interplan_llm.hybrid.scene import Blockage, Cover, LaneView, Oncoming, Other, Scene, Walker
+from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, LaneView, Occluder, Oncoming, Other, Walker
 from interplan_llm.models.protocol import Message
 
 MEANINGS = {
@@ -32,7 +32,7 @@ _THOUGHTS = (
 
 
 def messages(
-    scene: Scene,
+    scene: DecisionScene,
     options: Sequence[Behaviour],
     past: Sequence[tuple[float, Behaviour]] = (),
     *,
@@ -47,7 +47,7 @@ def messages(
     return Message("system", f"{_ROLE} {form}"), Message("user", "\n".join(_lines(scene, options, past)))
 
 
-def _lines(scene: Scene, options: Sequence[Behaviour], past: Sequence[tuple[float, Behaviour]]) -> list[str]:
+def _lines(scene: DecisionScene, options: Sequence[Behaviour], past: Sequence[tuple[float, Behaviour]]) -> list[str]:
     told = [
         f"Own speed {scene.speed_mps:.1f}, limit {scene.limit_mps:.1f}.",
         _goal(scene),
@@ -70,7 +70,7 @@ def _lines(scene: Scene, options: Sequence[Behaviour], past: Sequence[tuple[floa
     return told
 
 
-def _goal(scene: Scene) -> str:
+def _goal(scene: DecisionScene) -> str:
     needed = scene.current.changes_needed
     if needed == 0:
         return f"The own lane leads to the goal, {scene.goal_m:.0f} ahead."
@@ -99,11 +99,11 @@ def _where(gap_m: float, where: str) -> str:
     return f"{gap_m:.0f} {where}" if gap_m > 0.0 else "beside you"
 
 
-def _what(blocked: Blockage) -> str:
+def _what(blocked: BlockedLane) -> str:
     return blocked.kind if blocked.kind == "cones" else f"a {blocked.kind}"
 
 
-def _way_round(blocked: Blockage) -> str:
+def _way_round(blocked: BlockedLane) -> str:
     if not blocked.passes:
         return "There is no room to drive around it."
     side, offset_m = blocked.passes[0]
@@ -118,7 +118,7 @@ def _oncoming(oncoming: Oncoming) -> str:
     )
 
 
-def _cover(cover: Cover) -> str:
+def _cover(cover: Occluder) -> str:
     return (
         f"A long vehicle, perhaps a bus at a stop, stands on the {cover.side} {cover.ahead_m:.0f} ahead "
         "and hides who may step out."

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
-from interplan_llm.models.words import normal
+from interplan_llm.models.normalize import normal
 from interplan_sumo.errors import InterplanError
 
 Role = Literal["system", "user", "assistant"]

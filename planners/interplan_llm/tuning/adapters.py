@@ -8,14 +8,14 @@ import numpy as np
 import torch
 from gguf import GGUFReader, GGUFWriter
 
-from interplan_llm.tuning.llama import TARGETS, Adapter, LowRank
+from interplan_llm.tuning.llama import TARGETS, LowRank, LowRankSettings
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import replacing
 
 ALPHA = "adapter.lora.alpha"
 
 
-def write_adapter(path: Path, adapter: Adapter, name: str) -> None:
+def write_adapter(path: Path, adapter: LowRankSettings, name: str) -> None:
     """Write the changes as float16, half the size at a precision that the activations beside them do not have."""
     with replacing(path) as fresh:
         writer = GGUFWriter(fresh, "llama")
@@ -34,7 +34,7 @@ def write_adapter(path: Path, adapter: Adapter, name: str) -> None:
         writer.close()
 
 
-def read_adapter(path: Path) -> Adapter:
+def read_adapter(path: Path) -> LowRankSettings:
     """The changes that a file holds. InputError if it is no adapter, or one with parts that are unknown here."""
     try:
         reader = GGUFReader(path)
@@ -49,7 +49,7 @@ def read_adapter(path: Path) -> Adapter:
         raise InputError(f"cannot read the adapter {path}: {error or type(error).__name__}") from None
     if sum(2 * len(change.down) for change in changes.values()) != len(tensors):
         raise InputError(f"{path} changes tensors that are unknown here; known: {', '.join(TARGETS)}")
-    return Adapter(changes, float(alpha))
+    return LowRankSettings(changes, float(alpha))
 
 
 def _stacked(tensors: dict[str, np.ndarray], target: str, letter: str) -> torch.Tensor:

@@ -11,9 +11,9 @@ from typing import Any
 
 import torch
 
-from interplan_llm.tuning.examples import Sample
-from interplan_llm.tuning.fitting import Fitted, Settings
-from interplan_llm.tuning.heldout import HeldOut, Share, chance, first_offered
+from interplan_llm.tuning.examples import TokenSample
+from interplan_llm.tuning.fitting import Fitted, FittingSettings
+from interplan_llm.tuning.heldout import HeldOut, Ratio, chance, first_offered
 from interplan_sumo import __version__
 from interplan_sumo.world.files import file_hash
 
@@ -29,9 +29,9 @@ class Made:
     adapter: Path
     base: Path
     examples: Path
-    learned: Sequence[Sample]
-    held_out: Sequence[Sample]
-    settings: Settings
+    learned: Sequence[TokenSample]
+    held_out: Sequence[TokenSample]
+    settings: FittingSettings
     before: HeldOut | None
     """None without held-out examples, as for `after`."""
     after: HeldOut | None
@@ -94,11 +94,11 @@ def _judged(judged: HeldOut | None) -> dict[str, Any] | None:
     return {"token_loss": round(judged.loss, 4), **_shares(judged.agreement, judged.decisive)}
 
 
-def _shares(agreement: Share | None, decisive: Share | None) -> dict[str, Any]:
+def _shares(agreement: Ratio | None, decisive: Ratio | None) -> dict[str, Any]:
     return {"agreement": _share(agreement), "agreement_where_decisive": _share(decisive)}
 
 
-def _share(share: Share | None) -> dict[str, Any] | None:
+def _share(share: Ratio | None) -> dict[str, Any] | None:
     if share is None:
         return None
     interval = [round(end, 3) for end in share.interval]

@@ -39,7 +39,7 @@ class Example:
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class TokenSample:
     """An example as tokens."""
 
     example: Example
@@ -69,10 +69,10 @@ def read_examples(path: Path) -> list[Example]:
     return examples
 
 
-def as_samples(examples: Sequence[Example], chat: ChatTokens) -> list[Sample]:
+def as_samples(examples: Sequence[Example], chat: ChatTokens) -> list[TokenSample]:
     """The examples as the model reads them. InputError for one over the embedded model's context."""
     samples = [
-        Sample(each, tuple(chat.prompt(each.messages)), (*chat.plain(each.answer), chat.end_of_turn))
+        TokenSample(each, tuple(chat.prompt(each.messages)), (*chat.plain(each.answer), chat.end_of_turn))
         for each in examples
     ]
     longest = max(len(sample.prompt) + len(sample.answer) for sample in samples)
@@ -81,7 +81,7 @@ def as_samples(examples: Sequence[Example], chat: ChatTokens) -> list[Sample]:
     return samples
 
 
-def divided(samples: Sequence[Sample], at_most: int) -> tuple[list[Sample], list[Sample]]:
+def divided(samples: Sequence[TokenSample], at_most: int) -> tuple[list[TokenSample], list[TokenSample]]:
     """The samples to learn from; and those held out, in an order by chance, at most so many."""
     learned = [sample for sample in samples if not sample.example.held_out]
     held_out = [sample for sample in samples if sample.example.held_out]
@@ -89,13 +89,13 @@ def divided(samples: Sequence[Sample], at_most: int) -> tuple[list[Sample], list
     return learned, [held_out[index] for index in order]
 
 
-def in_batches(samples: Sequence[Sample], size: int) -> Iterator[list[int]]:
+def in_batches(samples: Sequence[TokenSample], size: int) -> Iterator[list[int]]:
     """Indices of samples of like length, all of them once, in an order that depends on nothing else."""
     order = sorted(range(len(samples)), key=lambda index: len(samples[index].read))
     return (order[at : at + size] for at in range(0, len(order), size))
 
 
-def shuffled_batches(samples: Sequence[Sample], size: int, rng: np.random.Generator) -> list[list[int]]:
+def shuffled_batches(samples: Sequence[TokenSample], size: int, rng: np.random.Generator) -> list[list[int]]:
     """Indices of samples, all of them once: by chance, but those of a batch of like length."""
     order = rng.permutation(len(samples)).tolist()
     pool = size * SORTED_BATCHES

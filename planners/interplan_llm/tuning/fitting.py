@@ -13,9 +13,9 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
-from interplan_llm.tuning.examples import Sample, shuffled_batches
+from interplan_llm.tuning.examples import TokenSample, shuffled_batches
 from interplan_llm.tuning.heldout import answer_losses, mean_loss
-from interplan_llm.tuning.llama import Adapter, Llama
+from interplan_llm.tuning.llama import Llama, LowRankSettings
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import replacing
 
@@ -38,7 +38,7 @@ Ending = Literal["done", "no longer better", "out of time"]
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class FittingSettings:
     """What decides the outcome, beside model and examples."""
 
     epochs: int = 1
@@ -72,7 +72,7 @@ class Progress:
 class Fitted:
     """What came out."""
 
-    adapter: Adapter
+    adapter: LowRankSettings
     """With the smallest held-out loss, or the last one where nothing is held out."""
     progress: Progress
     steps: int
@@ -86,9 +86,9 @@ class Fitting:
     def __init__(
         self,
         model: Llama,
-        learned: Sequence[Sample],
-        held_out: Sequence[Sample],
-        settings: Settings,
+        learned: Sequence[TokenSample],
+        held_out: Sequence[TokenSample],
+        settings: FittingSettings,
         checkpoint: Path,
         key: str,
     ) -> None:
@@ -202,7 +202,7 @@ class Fitting:
         progress.looks_since_best = 0
         self._best = {name: tensor.detach().clone() for name, tensor in self._tensors.items()}
 
-    def _kept(self) -> Adapter:
+    def _kept(self) -> LowRankSettings:
         """The adapter with the best weights in it, of the last step where no look has come yet."""
         if self._progress.best_step:
             self._put(self._tensors, self._best)

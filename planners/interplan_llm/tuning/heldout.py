@@ -11,8 +11,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from interplan_llm.tuning.chat import ChatTokens
-from interplan_llm.tuning.examples import Sample, in_batches
-from interplan_llm.tuning.llama import Adapter, Llama, token_tree
+from interplan_llm.tuning.examples import TokenSample, in_batches
+from interplan_llm.tuning.llama import Llama, LowRankSettings, token_tree
 
 BATCH = 16
 Z_95 = 1.959964
@@ -20,7 +20,7 @@ Z_95 = 1.959964
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
+class Ratio:
     """So many of so many."""
 
     count: int
@@ -45,13 +45,15 @@ class HeldOut:
 
     loss: float
     """Mean over the tokens of the answers and of the ends of their turns, in nats."""
-    agreement: Share | None
+    agreement: Ratio | None
     """Where the choice is the right one; None without choices."""
-    decisive: Share | None
+    decisive: Ratio | None
     """The same where the other choices would have been worse; None where that is nowhere known."""
 
 
-def judged(model: Llama, chat: ChatTokens, samples: Sequence[Sample], adapter: Adapter | None = None) -> HeldOut:
+def judged(
+    model: Llama, chat: ChatTokens, samples: Sequence[TokenSample], adapter: LowRankSettings | None = None
+) -> HeldOut:
     """Loss over all samples, agreement over those with choices."""
     offered = [sample.example for sample in samples if sample.example.choices is not None]
     made = choices_made(model, chat, [sample for sample in samples if sample.example.choices is not None], adapter)
@@ -59,19 +61,19 @@ def judged(model: Llama, chat: ChatTokens, samples: Sequence[Sample], adapter: A
     return HeldOut(mean_loss(model, samples, adapter), *_shares(right))
 
 
-def first_offered(samples: Sequence[Sample]) -> tuple[Share | None, Share | None]:
+def first_offered(samples: Sequence[TokenSample]) -> tuple[Ratio | None, Ratio | None]:
     """The agreement of whoever always takes the first option, everywhere and where it is decisive; None as above."""
     examples = [sample.example for sample in samples]
     return _shares([(each.answer == each.choices[0], each.decisive) for each in examples if each.choices])
 
 
-def chance(samples: Sequence[Sample]) -> float | None:
+def chance(samples: Sequence[TokenSample]) -> float | None:
     """The agreement that a fair die would have; None without choices."""
     shares = [1.0 / len(sample.example.choices) for sample in samples if sample.example.choices is not None]
     return sum(shares) / len(shares) if shares else None
 
 
-def answer_losses(model: Llama, samples: Sequence[Sample], adapter: Adapter | None = None) -> Tensor:
+def answer_losses(model: Llama, samples: Sequence[TokenSample], adapter: LowRankSettings | None = None) -> Tensor:
     """The loss of each token of the answers of one batch, one after the other."""
     tree = token_tree([sample.read for sample in samples], min(len(sample.prompt) for sample in samples) - 1)
     wanted = [
@@ -84,7 +86,7 @@ def answer_losses(model: Llama, samples: Sequence[Sample], adapter: Adapter | No
 
 
 @torch.no_grad()
-def mean_loss(model: Llama, samples: Sequence[Sample], adapter: Adapter | None = None) -> float:
+def mean_loss(model: Llama, samples: Sequence[TokenSample], adapter: LowRankSettings | None = None) -> float:
     """Over all tokens of all answers, in nats."""
     batches = ([samples[index] for index in batch] for batch in in_batches(samples, BATCH))
     losses = torch.cat([answer_losses(model, batch, adapter) for batch in batches])
@@ -93,7 +95,7 @@ def mean_loss(model: Llama, samples: Sequence[Sample], adapter: Adapter | None =
 
 @torch.no_grad()
 def choices_made(
-    model: Llama, chat: ChatTokens, samples: Sequence[Sample], adapter: Adapter | None = None
+    model: Llama, chat: ChatTokens, samples: Sequence[TokenSample], adapter: LowRankSettings | None = None
 ) -> list[str]:
     """What the model chooses where a grammar of the choices holds it and it takes the likeliest token each time.
 
@@ -111,17 +113,17 @@ def choices_made(
     return [state.choice or "" for state in states]
 
 
-def _shares(right: Sequence[tuple[bool, bool]]) -> tuple[Share | None, Share | None]:
+def _shares(right: Sequence[tuple[bool, bool]]) -> tuple[Ratio | None, Ratio | None]:
     """Of what is right, of all and of what is decisive; the latter only if some is and some is not."""
     decisive = [each for each, decides in right if decides]
-    everywhere = Share(sum(each for each, _ in right), len(right)) if right else None
-    return everywhere, Share(sum(decisive), len(decisive)) if 0 < len(decisive) < len(right) else None
+    everywhere = Ratio(sum(each for each, _ in right), len(right)) if right else None
+    return everywhere, Ratio(sum(decisive), len(decisive)) if 0 < len(decisive) < len(right) else None
 
 
 class _Choosing:
     """A choice that is being written."""
 
-    def __init__(self, sample: Sample, chat: ChatTokens) -> None:
+    def __init__(self, sample: TokenSample, chat: ChatTokens) -> None:
         self.tokens = list(sample.prompt)
         self._chat = chat
         self._rests = {choice: choice.encode() for choice in sample.example.choices or ()}

@@ -26,11 +26,11 @@ from typing import Any, Final
 from interplan_llm.tuning.rollouts import MARGIN, STEPS_PER_PLAN, labelled
 from interplan_llm.tuning.scenes import START_APART_M, TrainingScene, generated_scenes, scenes_of
 from interplan_sumo.batch.engine import run_tasks
-from interplan_sumo.batch.phases import Publish
+from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError
-from interplan_sumo.proving.ordinary_scenes import FIRST_SEED
+from interplan_sumo.verification.ordinary_scenes import FIRST_SEED
 from interplan_sumo.world.files import replacing
 
 KIND: Final = "interplan-sumo decisions labelled by rollout"
@@ -41,7 +41,7 @@ _GROUP: Final = "labels"
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class LabelSettings:
     """What decides on the examples of a scene."""
 
     every: int = 3
@@ -56,13 +56,13 @@ class Settings:
                 raise InputError(f"{name.replace('_', '-')} is {value}, expected 1 or more")
 
 
-DEFAULTS: Final = Settings()
+DEFAULTS: Final = LabelSettings()
 
 
 def make_labels(
     out: Path,
     scenes: Sequence[TrainingScene],
-    settings: Settings = DEFAULTS,
+    settings: LabelSettings = DEFAULTS,
     *,
     others: float = 1.0,
     workers: int = 1,
@@ -93,7 +93,7 @@ def make_labels(
     return _gathered(out, scenes, parts, settings, others)
 
 
-def _open(settings: Settings, _group: str, publish: Publish) -> Work:
+def _open(settings: LabelSettings, _group: str, publish: Publish) -> Work:
     def work(scene: TrainingScene) -> Answer:
         publish("simulate")
         found = labelled(scene, every=settings.every, hold=settings.hold, most_drives=settings.drives_per_scene)
@@ -119,7 +119,7 @@ def _say(text: str) -> None:
 class Parts:
     """Scenes with their examples, one a line, in the order in which they were done."""
 
-    def __init__(self, out: Path, settings: Settings) -> None:
+    def __init__(self, out: Path, settings: LabelSettings) -> None:
         """Reads what is there beside the file of examples, and forgets a line that was cut off.
 
         InputError if it was made with other settings or cannot be read.
@@ -186,7 +186,7 @@ def _drawn(example: dict[str, Any]) -> str:
 
 
 def _gathered(
-    out: Path, scenes: Sequence[TrainingScene], parts: Parts, settings: Settings, others: float
+    out: Path, scenes: Sequence[TrainingScene], parts: Parts, settings: LabelSettings, others: float
 ) -> dict[str, Any]:
     done = [scene for scene in scenes if _key(scene) in parts.done]
     values = [parts.done[_key(scene)] for scene in done]
@@ -275,7 +275,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float, help="wait for no scene after this time")
     given = parser.parse_args(arguments)
     try:
-        settings = Settings(given.every, given.hold, given.drives_per_scene)
+        settings = LabelSettings(given.every, given.hold, given.drives_per_scene)
         if not given.others >= 0.0:
             raise InputError(f"others is {given.others}, expected 0 or more")
         if given.workers < 0:

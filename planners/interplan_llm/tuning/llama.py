@@ -28,7 +28,7 @@ class LowRank:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Adapter:
+class LowRankSettings:
     """What is learned. `alpha / rank` scales the changes."""
 
     changes: dict[str, LowRank]
@@ -94,7 +94,7 @@ class Llama:
         }
         self._norms = {name: torch.from_numpy(values) for name, values in model.norms.items()}
 
-    def new_adapter(self, targets: Iterable[str], rank: int, alpha: float, seed: int) -> Adapter:
+    def new_adapter(self, targets: Iterable[str], rank: int, alpha: float, seed: int) -> LowRankSettings:
         """Changes that change nothing yet: A is random with variance 1/(3 inputs), B zero, as in LoRA."""
         generator = torch.Generator().manual_seed(seed)
         changes: dict[str, LowRank] = {}
@@ -103,9 +103,9 @@ class Llama:
             down = torch.rand((self.shape.layers, rank, inputs), generator=generator) * 2.0 - 1.0
             up = torch.zeros((self.shape.layers, outputs, rank))
             changes[target] = LowRank((down / inputs**0.5).requires_grad_(), up.requires_grad_())
-        return Adapter(changes, alpha)
+        return LowRankSettings(changes, alpha)
 
-    def logits(self, tree: TokenTree, wanted: Tensor, adapter: Adapter | None = None) -> Tensor:
+    def logits(self, tree: TokenTree, wanted: Tensor, adapter: LowRankSettings | None = None) -> Tensor:
         """Of the token after each of the flat positions `wanted` (N,): (N, vocabulary), float32."""
         trunk, (rows, width) = len(tree.trunk), tree.branches.shape
         turns = self._turns(torch.cat((torch.arange(trunk), torch.arange(trunk, trunk + width).repeat(rows))))
@@ -120,7 +120,7 @@ class Llama:
         self,
         state: Tensor,
         layer: int,
-        adapter: Adapter | None,
+        adapter: LowRankSettings | None,
         trunk: int,
         rows: int,
         turns: Tensor,
@@ -143,12 +143,12 @@ class Llama:
         ]
         return self._times(torch.cat(seen), layer, "attn_output", adapter).float()
 
-    def _feed_forward(self, state: Tensor, layer: int, adapter: Adapter | None) -> Tensor:
+    def _feed_forward(self, state: Tensor, layer: int, adapter: LowRankSettings | None) -> Tensor:
         normed = self._normed(state, f"blk.{layer}.ffn_norm", self.dtype)
         gate = functional.silu(self._times(normed, layer, "ffn_gate", adapter))
         return self._times(gate * self._times(normed, layer, "ffn_up", adapter), layer, "ffn_down", adapter).float()
 
-    def _times(self, state: Tensor, layer: int, name: str, adapter: Adapter | None) -> Tensor:
+    def _times(self, state: Tensor, layer: int, name: str, adapter: LowRankSettings | None) -> Tensor:
         """The product with a matrix and with its change."""
         product = functional.linear(state, self._matrices[f"blk.{layer}.{name}"])
         if adapter is None or name not in adapter.changes:

@@ -11,13 +11,13 @@ import numpy as np
 from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChooser
 from interplan_llm.hybrid.planner import HybridPlanner
-from interplan_llm.hybrid.scene import Scene
+from interplan_llm.hybrid.scene import DecisionScene
 from interplan_llm.models.scripted import ScriptedModel
 from interplan_llm.tuning.scenes import TrainingScene
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.planner import Mission, Observation
-from interplan_sumo.proving.oracle import ENOUGH, Chooser, Effort, Tried, Value, oracle_drive
-from interplan_sumo.proving.reference import reference_drive
+from interplan_sumo.verification.oracle import ENOUGH, Effort, OracleChooser, Tried, Value, oracle_drive
+from interplan_sumo.verification.reference_distance import reference_drive
 from interplan_sumo.world.trajectory import Trajectory
 
 STEPS_PER_PLAN: Final = 5
@@ -88,7 +88,7 @@ def tried_example(tried: Tried, training: TrainingScene) -> dict[str, Any]:
 
 
 def _example(
-    scene: Scene, options: tuple[Behaviour, ...], answer: Behaviour, training: TrainingScene,
+    scene: DecisionScene, options: tuple[Behaviour, ...], answer: Behaviour, training: TrainingScene,
     values: Mapping[Behaviour, Value], held: Behaviour,
 ) -> dict[str, Any]:  # fmt: skip
     request = _ASKING.request(scene, options)
@@ -124,7 +124,7 @@ class Curiosity:
         self._left_out = 0
         self._known: set[str] = set()
 
-    def wants(self, scene: Scene, options: tuple[Behaviour, ...], before: Sequence[Tried]) -> bool:
+    def wants(self, scene: DecisionScene, options: tuple[Behaviour, ...], before: Sequence[Tried]) -> bool:
         question = _ASKING.request(scene, options).messages[-1].text
         is_new = question not in self._known
         self._known.add(question)
@@ -147,7 +147,9 @@ class StrayingChooser:
         self._coin.start(mission)
         self._rules.start(mission)
 
-    def choose(self, scene: Scene, options: tuple[Behaviour, ...], now: Behaviour | None) -> tuple[Behaviour, float]:
+    def choose(
+        self, scene: DecisionScene, options: tuple[Behaviour, ...], now: Behaviour | None
+    ) -> tuple[Behaviour, float]:
         chooser = self._coin if scene.time_s < self.until_s else self._rules
         return chooser.choose(scene, options, now)
 
@@ -155,7 +157,7 @@ class StrayingChooser:
 class SparingPlanner:
     """The hybrid, asked for a plan only every few steps; in between the last one is followed."""
 
-    def __init__(self, chooser: Chooser, recorded: Sequence[Trajectory] = ()) -> None:
+    def __init__(self, chooser: OracleChooser, recorded: Sequence[Trajectory] = ()) -> None:
         """`recorded` are plans, one per step, of an earlier drive that was the same until they end."""
         self._hybrid = HybridPlanner(chooser, recorded=recorded[::STEPS_PER_PLAN])
         self._step = 0
@@ -164,13 +166,13 @@ class SparingPlanner:
         self._step = 0
         self._hybrid.start(mission)
 
-    def plan(self, seen: Observation) -> Trajectory:
+    def plan(self, observation: Observation) -> Trajectory:
         if self._step % STEPS_PER_PLAN == 0:
-            self._plan = self._hybrid.plan(seen)
+            self._plan = self._hybrid.plan(observation)
         self._step += 1
         return self._plan
 
 
-def sparing_planner(chooser: Chooser, recorded: Sequence[Trajectory]) -> SparingPlanner:
+def sparing_planner(chooser: OracleChooser, recorded: Sequence[Trajectory]) -> SparingPlanner:
     """Makes the planner that the rollouts drive with."""
     return SparingPlanner(chooser, recorded)

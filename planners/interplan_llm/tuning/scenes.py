@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Final, Literal
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.families import FAMILIES
 from interplan_sumo.maps.store import load_roads, maps
-from interplan_sumo.proving.generation import generate
-from interplan_sumo.proving.ordinary_scenes import FIRST_SEED
-from interplan_sumo.scenario.families import FAMILIES
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import suites
+from interplan_sumo.verification.generation import generate
+from interplan_sumo.verification.ordinary_scenes import FIRST_SEED
 
 Split = Literal["train", "val"]
 

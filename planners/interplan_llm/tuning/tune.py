@@ -13,7 +13,7 @@ from interplan_llm.tuning.adapters import write_adapter
 from interplan_llm.tuning.card import Made, write_card
 from interplan_llm.tuning.chat import ChatTokens
 from interplan_llm.tuning.examples import as_samples, divided, read_examples
-from interplan_llm.tuning.fitting import Fitting, Settings
+from interplan_llm.tuning.fitting import Fitting, FittingSettings
 from interplan_llm.tuning.gguf_weights import read_model
 from interplan_llm.tuning.heldout import HeldOut, judged
 from interplan_llm.tuning.llama import TARGETS, Llama
@@ -67,12 +67,12 @@ def tune(given: argparse.Namespace) -> None:
     _say(f"wrote {given.out} ({given.out.stat().st_size / 1e6:.1f} MB) and {card}")
 
 
-def _settings(given: argparse.Namespace) -> Settings:
+def _settings(given: argparse.Namespace) -> FittingSettings:
     targets = tuple(given.targets.split(","))
     unknown = sorted(set(targets) - set(TARGETS))
     if unknown:
         raise InputError(f"no target {unknown[0]!r}; there are {', '.join(TARGETS)}")
-    return Settings(
+    return FittingSettings(
         epochs=given.epochs,
         rank=given.rank,
         alpha=float(given.rank),

@@ -6,11 +6,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from interplan_llm.models.exchange import Exchange
-from interplan_llm.models.ledger import Ledger
 from interplan_llm.models.protocol import LanguageModel, Message, ModelFailure, Request
+from interplan_llm.models.qa_record import Exchange
 from interplan_llm.models.spec import open_model
 from interplan_llm.models.store import Mode
+from interplan_llm.models.usage_stats import Ledger
 from interplan_llm.waypoints.answers import kept_up_with, trajectory, waypoints
 from interplan_llm.waypoints.form import GRAMMAR, POINTS, SCHEMA, STEP_S, answer_text
 from interplan_llm.waypoints.prompt import Prompter
@@ -71,20 +71,20 @@ class LlmWaypointsPlanner:
         self.ledger = Ledger()
         self.exchanges = []
 
-    def plan(self, seen: Observation) -> Trajectory:
-        self._take(seen.time_s)
-        if seen.time_s >= self._asks_at_s - 1e-6:
-            self._ask(seen)
-            self._take(seen.time_s)
-        if self._now is None or seen.time_s > float(self._now.time_s[0]) + KEPT_S:
-            return braking_plan(seen.ego, BRAKING_MPS2, POINTS * STEP_S, 0.1)
-        self._now = kept_up_with(self._now, seen.ego)
+    def plan(self, observation: Observation) -> Trajectory:
+        self._take(observation.time_s)
+        if observation.time_s >= self._asks_at_s - 1e-6:
+            self._ask(observation)
+            self._take(observation.time_s)
+        if self._now is None or observation.time_s > float(self._now.time_s[0]) + KEPT_S:
+            return braking_plan(observation.ego, BRAKING_MPS2, POINTS * STEP_S, 0.1)
+        self._now = kept_up_with(self._now, observation.ego)
         return self._now
 
-    def request(self, seen: Observation) -> Request:
+    def request(self, observation: Observation) -> Request:
         """The question as it is put."""
         return Request(
-            self._prompter.messages(seen),
+            self._prompter.messages(observation),
             schema=SCHEMA,
             grammar=GRAMMAR,
             max_tokens=ANSWER_TOKENS,
@@ -92,15 +92,15 @@ class LlmWaypointsPlanner:
         )
 
     def example(
-        self, seen: Observation, places: Floats, thoughts: str | None = None
+        self, observation: Observation, places: Floats, thoughts: str | None = None
     ) -> tuple[Message, Message, Message]:
         """A step with the answer that would have been right, for fine-tuning; asked as if the episode began there.
 
         Places (16, 2) are in the car's frame; `thoughts` come from rules if
         none are given. ValueError for an answer that the grammar does not have.
         """
-        said = thoughts_by_rules(seen, places, self._shape) if thoughts is None else thoughts
-        return *self._prompter.messages(seen), Message("assistant", answer_text(said, places))
+        said = thoughts_by_rules(observation, places, self._shape) if thoughts is None else thoughts
+        return *self._prompter.messages(observation), Message("assistant", answer_text(said, places))
 
     def report(self) -> dict[str, Any]:
         """How often the model was asked in this episode, and how often in vain."""
@@ -112,22 +112,24 @@ class LlmWaypointsPlanner:
             self._now = self._pending[1]
             self._pending = None
 
-    def _ask(self, seen: Observation) -> None:
+    def _ask(self, observation: Observation) -> None:
         """Put a question; in real time the next one waits until this one is answered."""
-        request = self.request(seen)
+        request = self.request(observation)
         try:
             reply = self.model.ask(request)
-            plan = trajectory(waypoints(reply), seen.ego)
+            plan = trajectory(waypoints(reply), observation.ego)
         except ModelFailure as failure:
             self.ledger.failed(failure)
-            self.exchanges.append(Exchange(seen.time_s, request, failure.reply, failure, "the last plan, or braking"))
+            self.exchanges.append(
+                Exchange(observation.time_s, request, failure.reply, failure, "the last plan, or braking")
+            )
             delay_s = self._delay_s(failure.latency_s)
         else:
             self.ledger.answered(reply)
-            self.exchanges.append(Exchange(seen.time_s, request, reply, None, "the waypoints"))
+            self.exchanges.append(Exchange(observation.time_s, request, reply, None, "the waypoints"))
             delay_s = self._delay_s(reply.latency_s)
-            self._pending = (seen.time_s + delay_s, plan)
-        self._asks_at_s = seen.time_s + max(self.every_s, delay_s)
+            self._pending = (observation.time_s + delay_s, plan)
+        self._asks_at_s = observation.time_s + max(self.every_s, delay_s)
 
     def _delay_s(self, latency_s: float) -> float:
         """Until an answer is there in the episode's time; the first plan is waited for."""

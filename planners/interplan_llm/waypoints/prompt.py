@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_llm.models.protocol import Message
+from interplan_planners.common.lane_routes import Ways
 from interplan_planners.common.route_correction import corrected_route
 from interplan_planners.common.route_search import LaneFinder
-from interplan_planners.common.ways import Ways
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, Ints
@@ -49,22 +49,22 @@ class Prompter:
         self._centerline = centerline
         self._ways: Ways | None = None
 
-    def messages(self, seen: Observation) -> tuple[Message, Message]:
+    def messages(self, observation: Observation) -> tuple[Message, Message]:
         """The question about a step."""
-        ego = seen.ego
-        agents, static = told_rows(seen)
+        ego = observation.ego
+        agents, static = told_rows(observation)
         lines = [
-            f"Agents: {_told(seen, agents, moving=True) or 'none'}.",
-            f"Things in the way: {_told(seen, static, moving=False) or 'none'}.",
+            f"Agents: {_told(observation, agents, moving=True) or 'none'}.",
+            f"Things in the way: {_told(observation, static, moving=False) or 'none'}.",
             f"Car: speed {ego.vx_mps:.1f}, acceleration {ego.ax_mps2:.1f}, yaw rate {ego.yaw_rate_radps:.2f} rad/s.",
-            f"Car's past, every 0.5 s: {_past(seen)}.",
-            *self._way(seen),
+            f"Car's past, every 0.5 s: {_past(observation)}.",
+            *self._way(observation),
         ]
         return Message("system", SYSTEM), Message("user", "\n".join(lines))
 
-    def _way(self, seen: Observation) -> list[str]:
+    def _way(self, observation: Observation) -> list[str]:
         """Mission goal, and where the own lane leads."""
-        ego, roads = seen.ego, self._mission.roads
+        ego, roads = observation.ego, self._mission.roads
         if self._ways is None:
             route = corrected_route(roads, self._mission.route, ego.pose)
             self._lanes = LaneFinder(roads, route)
@@ -78,7 +78,7 @@ class Prompter:
             arcs = np.array([m for m in LINE_M if arc_m + m <= way.path.length_m])
             if arcs.size:
                 poses = way.path.line.poses_at(arc_m + arcs)
-                told.append(f"Lane ahead: {_places(_in_frame(seen, poses[:, 0], poses[:, 1]))}.")
+                told.append(f"Lane ahead: {_places(_in_frame(observation, poses[:, 0], poses[:, 1]))}.")
         return told
 
     def _goal(self, lane_id: str) -> str:
@@ -93,52 +93,54 @@ class Prompter:
         return "forward"
 
 
-def told_rows(seen: Observation) -> tuple[Ints, Ints]:
+def told_rows(observation: Observation) -> tuple[Ints, Ints]:
     """Rows of the actors that are told of, nearest first: those that may move, and those that stand for ever."""
-    return _nearest(seen, seen.actors.kind <= ActorKind.BICYCLE), _nearest(seen, seen.actors.kind > ActorKind.BICYCLE)
+    return _nearest(observation, observation.actors.kind <= ActorKind.BICYCLE), _nearest(
+        observation, observation.actors.kind > ActorKind.BICYCLE
+    )
 
 
-def places_of(seen: Observation, rows: Ints) -> Floats:
+def places_of(observation: Observation, rows: Ints) -> Floats:
     """(N, 2) centres of actors in the car's frame."""
-    return _in_frame(seen, seen.actors.x_m[rows], seen.actors.y_m[rows])
+    return _in_frame(observation, observation.actors.x_m[rows], observation.actors.y_m[rows])
 
 
-def velocities_of(seen: Observation, rows: Ints) -> Floats:
+def velocities_of(observation: Observation, rows: Ints) -> Floats:
     """(N, 2) velocities of actors over the ground, along the axes of the car's frame, m/s."""
-    cos, sin = np.cos(seen.ego.heading_rad), np.sin(seen.ego.heading_rad)
-    vx, vy = seen.actors.vx_mps[rows], seen.actors.vy_mps[rows]
+    cos, sin = np.cos(observation.ego.heading_rad), np.sin(observation.ego.heading_rad)
+    vx, vy = observation.actors.vx_mps[rows], observation.actors.vy_mps[rows]
     return np.stack((cos * vx + sin * vy, cos * vy - sin * vx), axis=1) + 0.0
 
 
-def _nearest(seen: Observation, group: NDArray[np.bool_]) -> Ints:
-    away = np.hypot(seen.actors.x_m - seen.ego.x_m, seen.actors.y_m - seen.ego.y_m)
+def _nearest(observation: Observation, group: NDArray[np.bool_]) -> Ints:
+    away = np.hypot(observation.actors.x_m - observation.ego.x_m, observation.actors.y_m - observation.ego.y_m)
     near = np.flatnonzero(group & (away < WITHIN_M))
     return near[np.argsort(away[near], kind="stable")[:NEAREST]]
 
 
-def _told(seen: Observation, rows: Ints, *, moving: bool) -> str:
+def _told(observation: Observation, rows: Ints, *, moving: bool) -> str:
     """Class, place and, where they move, velocity."""
-    places, velocities = places_of(seen, rows).tolist(), velocities_of(seen, rows).tolist()
+    places, velocities = places_of(observation, rows).tolist(), velocities_of(observation, rows).tolist()
     told: list[str] = []
     for row, (x_m, y_m), (vx, vy) in zip(rows.tolist(), places, velocities, strict=True):
-        text = f"{NAMES[ActorKind(int(seen.actors.kind[row]))]} at ({x_m:.1f}, {y_m:.1f})"
+        text = f"{NAMES[ActorKind(int(observation.actors.kind[row]))]} at ({x_m:.1f}, {y_m:.1f})"
         told.append(f"{text} moving ({vx:.1f}, {vy:.1f})" if moving else text)
     return "; ".join(told)
 
 
-def _past(seen: Observation) -> str:
-    egos = seen.past.egos
+def _past(observation: Observation) -> str:
+    egos = observation.past.egos
     steps = [round(ago / 0.1) for ago in PAST_S]
     rows = [egos[-k] for k in steps if k <= len(egos)]
     if not rows:
         return "unknown"
-    return _places(_in_frame(seen, np.array([e.x_m for e in rows]), np.array([e.y_m for e in rows])))
+    return _places(_in_frame(observation, np.array([e.x_m for e in rows]), np.array([e.y_m for e in rows])))
 
 
-def _in_frame(seen: Observation, x_m: Floats, y_m: Floats) -> Floats:
+def _in_frame(observation: Observation, x_m: Floats, y_m: Floats) -> Floats:
     """(N, 2) places in the car's frame."""
-    cos, sin = np.cos(seen.ego.heading_rad), np.sin(seen.ego.heading_rad)
-    dx, dy = x_m - seen.ego.x_m, y_m - seen.ego.y_m
+    cos, sin = np.cos(observation.ego.heading_rad), np.sin(observation.ego.heading_rad)
+    dx, dy = x_m - observation.ego.x_m, y_m - observation.ego.y_m
     return np.stack((cos * dx + sin * dy, cos * dy - sin * dx), axis=1)
 
 

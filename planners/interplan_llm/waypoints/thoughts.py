@@ -31,40 +31,40 @@ BESIDE_M: Final = 2.0
 """What is farther to the side than this is called left or right."""
 
 
-def thoughts(seen: Observation, places: Floats, shape: EgoShape = PACIFICA) -> str:
+def thoughts(observation: Observation, places: Floats, shape: EgoShape = PACIFICA) -> str:
     """What matters and what is done, in at most twelve words; places (16, 2) are the car's future in its own frame."""
-    return f"{_objects(seen, places, shape)} {_action(seen.ego.vx_mps, places)}"
+    return f"{_objects(observation, places, shape)} {_action(observation.ego.vx_mps, places)}"
 
 
-def notable(seen: Observation, places: Floats, shape: EgoShape = PACIFICA) -> Ints:
+def notable(observation: Observation, places: Floats, shape: EgoShape = PACIFICA) -> Ints:
     """Rows of the actors, of those that are told of, that come near if they keep their velocity; soonest first."""
-    rows = np.concatenate(told_rows(seen))
-    near = _near(seen, rows, places, shape)
+    rows = np.concatenate(told_rows(observation))
+    near = _near(observation, rows, places, shape)
     found = np.flatnonzero(near.any(axis=0))
     return rows[found[np.argsort(near[:, found].argmax(axis=0), kind="stable")]]
 
 
-def _near(seen: Observation, rows: Ints, places: Floats, shape: EgoShape) -> NDArray[np.bool_]:
+def _near(observation: Observation, rows: Ints, places: Floats, shape: EgoShape) -> NDArray[np.bool_]:
     """(17, N) whether boxes of actors are near the car's at each step, the present included."""
     future = trajectory(places, EgoState(0.0, 0.0, 0.0, 0.0))
     after_s = np.arange(len(future.time_s))[:, None, None] * STEP_S
-    apart = places_of(seen, rows) + after_s * velocities_of(seen, rows)
+    apart = places_of(observation, rows) + after_s * velocities_of(observation, rows)
     apart = apart - np.stack((future.x_m, future.y_m), axis=1)[:, None, :]
     cos, sin = np.cos(future.heading_rad)[:, None], np.sin(future.heading_rad)[:, None]
     ahead_m = np.abs(cos * apart[..., 0] + sin * apart[..., 1])
     aside_m = np.abs(cos * apart[..., 1] - sin * apart[..., 0])
-    turned_rad = seen.actors.heading_rad[rows] - seen.ego.heading_rad - future.heading_rad[:, None]
+    turned_rad = observation.actors.heading_rad[rows] - observation.ego.heading_rad - future.heading_rad[:, None]
     along, across = np.abs(np.cos(turned_rad)), np.abs(np.sin(turned_rad))
-    long_m, wide_m = seen.actors.length_m[rows] / 2, seen.actors.width_m[rows] / 2
+    long_m, wide_m = observation.actors.length_m[rows] / 2, observation.actors.width_m[rows] / 2
     ahead_m -= shape.length_m / 2 + along * long_m + across * wide_m
     aside_m -= shape.width_m / 2 + along * wide_m + across * long_m
     return (ahead_m < NEAR_AHEAD_M) & (aside_m < NEAR_ASIDE_M)
 
 
-def _objects(seen: Observation, places: Floats, shape: EgoShape) -> str:
-    rows = notable(seen, places, shape)
-    wheres = [_where(x_m, y_m) for x_m, y_m in places_of(seen, rows).tolist()]
-    kinds = [NAMES[ActorKind(kind)] for kind in seen.actors.kind[rows].tolist()]
+def _objects(observation: Observation, places: Floats, shape: EgoShape) -> str:
+    rows = notable(observation, places, shape)
+    wheres = [_where(x_m, y_m) for x_m, y_m in places_of(observation, rows).tolist()]
+    kinds = [NAMES[ActorKind(kind)] for kind in observation.actors.kind[rows].tolist()]
     told = list(dict.fromkeys(f"{kind} {where}" for kind, where in zip(kinds, wheres, strict=True)))
     return f"Mind {', '.join(told[:MOST_OBJECTS])}." if told else "Nothing comes near."
 

@@ -9,7 +9,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_sumo.dynamics.batch import Drives
+from interplan_sumo.dynamics.batch import SimulatedDrives
 from interplan_sumo.dynamics.lqr import GRID_S
 from interplan_sumo.world.geometry import Floats
 
@@ -21,7 +21,7 @@ MAX_YAW_RATE_RADPS = 0.95
 MAX_YAW_ACCELERATION_RADPS2 = 1.93
 
 
-def comfortable(drives: Drives, center_ahead_m: float = 0.0) -> NDArray[np.bool_]:
+def comfortable(drives: SimulatedDrives, center_ahead_m: float = 0.0) -> NDArray[np.bool_]:
     """(N,) whether all six signals of a drive stay within nuPlan's bounds.
 
     PDM takes the longitudinal acceleration of the rear axle (0.0), the

@@ -36,7 +36,7 @@ class IdmDecision:
 
 
 @dataclass(frozen=True, slots=True)
-class Obstacle:
+class FrozenObstacle:
     """Something that touches the corridor or the ego; it does not move while a plan is rolled out."""
 
     id: str
@@ -48,23 +48,23 @@ class Obstacle:
 
 
 def obstacles(
-    seen: Observation,
+    observation: Observation,
     corridor: Corridor,
     roads: Roads,
     route_lanes: frozenset[str],
     shape: EgoShape,
     radius_m: float,
-) -> list[Obstacle]:
+) -> list[FrozenObstacle]:
     """Actors within the radius and red connectors of the route that touch the corridor or the ego."""
-    ego, actors = seen.ego, seen.actors
+    ego, actors = observation.ego, observation.actors
     rows = np.flatnonzero(np.hypot(actors.x_m - ego.x_m, actors.y_m - ego.y_m) < radius_m)
-    red = sorted(seen.signals.with_status(SignalStatus.RED) & route_lanes)
+    red = sorted(observation.signals.with_status(SignalStatus.RED) & route_lanes)
     shapes = np.array([*actors.polygons[rows], *(roads[connector].polygon for connector in red)], dtype=object)
     if not shapes.size:
         return []
     occupied = corridor.occupied_m(shapes)
     touching = np.flatnonzero(shapely.intersects(shapes, ego.polygon(shape)))
-    found: list[Obstacle] = []
+    found: list[FrozenObstacle] = []
     for i in sorted({*occupied, *touching.tolist()}):
         if i < len(rows):
             row = int(rows[i])
@@ -75,20 +75,20 @@ def obstacles(
             heading_rad = float(actors.heading_rad[row])
         else:
             obstacle_id, speed_mps, heading_rad = red[i - len(rows)], 0.0, 0.0
-        found.append(Obstacle(obstacle_id, shapes[i], speed_mps, heading_rad, occupied.get(i, ())))
+        found.append(FrozenObstacle(obstacle_id, shapes[i], speed_mps, heading_rad, occupied.get(i, ())))
     return found
 
 
 def roll_out(
     ego: EgoState,
     progress_m: float,
-    found: Sequence[Obstacle],
+    found: Sequence[FrozenObstacle],
     path: Polyline,
     driver: IdmDriver,
     samples: int,
     dt_s: float,
     shape: EgoShape,
-    phantom: Obstacle | None = None,
+    phantom: FrozenObstacle | None = None,
 ) -> tuple[Trajectory, IdmDecision]:
     """IDM along the path from the ego's progress in explicit Euler steps; the plan, and the first step's decision.
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from interplan_planners.common.neighbours import Queue
+from interplan_planners.common.neighbours import LaneQueue
 
 _FAR_M = 1e6
 OWN_HEADWAY_S = 0.3
@@ -63,7 +63,7 @@ def clearances_needed_m(rules: GapRules, speed_mps: Any, ahead_mps: Any, behind_
 
 
 def best_gap(
-    ego: Ego, queue: Queue, rules: GapRules, limit_mps: float, lead: tuple[float, float] | None, room_m: float
+    ego: Ego, queue: LaneQueue, rules: GapRules, limit_mps: float, lead: tuple[float, float] | None, room_m: float
 ) -> GapChoice | None:
     """The gap in a queue that is reached with the least effort, or None if there is none within the rules.
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from interplan_planners.common.gaps import GapRules, clearances_needed_m
 from interplan_planners.common.idm_policy import IdmDriver, idm_acceleration_mps2
-from interplan_planners.common.neighbours import Queue
+from interplan_planners.common.neighbours import LaneQueue
 
 ENTRY_S = 1.5
 """After this part of a change the car's side crosses the lane line."""
@@ -46,7 +46,7 @@ class Side:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class MobilVerdict:
     """What MOBIL says of one change."""
 
     safe: bool
@@ -58,7 +58,7 @@ class Verdict:
     """Acceleration of the new follower after the change; 0 if there is none."""
 
 
-def side_of(queue: Queue, arc_m: float, half_length_m: float, end_m: float, limit_mps: float) -> Side:
+def side_of(queue: LaneQueue, arc_m: float, half_length_m: float, end_m: float, limit_mps: float) -> Side:
     """A lane as seen by a car whose middle is at an arc length; `end_m` is where something stands or the lane ends."""
     i = queue.ahead_of(arc_m)
     gap_m, lead_mps = end_m - arc_m - half_length_m, 0.0
@@ -82,7 +82,7 @@ def judge(
     rules: GapRules,
     politeness: float,
     safe_deceleration_mps2: float,
-) -> Verdict:
+) -> MobilVerdict:
     """MOBIL's criteria for a change from one lane to another.
 
     Followers are taken to drive as the ego does, towards the limit of their
@@ -117,7 +117,7 @@ def judge(
         and own_after >= -safe_deceleration_mps2
     )
     incentive = own_after - own_before + politeness * (new_after - new_before + old_gain)
-    return Verdict(safe, incentive, own_after, new_after)
+    return MobilVerdict(safe, incentive, own_after, new_after)
 
 
 def acceleration(driver: IdmDriver, limit_mps: float, speed_mps: float, gap_m: float, lead_mps: float) -> float:

@@ -8,9 +8,9 @@ import numpy as np
 
 from interplan_planners.common.gaps import Ego, GapRules, best_gap
 from interplan_planners.common.idm_policy import IdmDriver
-from interplan_planners.common.mobil import Verdict, judge
+from interplan_planners.common.lane_routes import Ways
+from interplan_planners.common.mobil import MobilVerdict, judge
 from interplan_planners.common.sight import OnWay, Sight
-from interplan_planners.common.ways import Ways
 from interplan_sumo.world.geometry import Floats
 
 BLOCKED_AHEAD_M = 100.0
@@ -38,7 +38,7 @@ SLOWER_THAN_FLOW_MPS, FLOW_WITHIN_M = 1.0, 40.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Option:
+class LaneOption:
     """A neighbour lane that might be changed to."""
 
     there: OnWay
@@ -50,7 +50,7 @@ class Option:
     """How far the ego can go before it is too late for it."""
     rules: GapRules
     """What counts as a gap, urgent as it is."""
-    verdict: Verdict
+    verdict: MobilVerdict
     incentive_mps2: float
     """MOBIL's, and what the way to the goal adds."""
 
@@ -65,7 +65,7 @@ def options(
     rules: GapRules,
     politeness: float,
     safe_deceleration_mps2: float,
-) -> list[Option]:
+) -> list[LaneOption]:
     """The neighbours of a lane of block `index` that are worth a thought, left before right, safe or not.
 
     Away from the goal lane they are so only if the own lane is blocked ahead,
@@ -73,7 +73,7 @@ def options(
     only if the other lane is not blocked nearer than the own. The more urgent
     a change is, the more of it counts as safe.
     """
-    found: list[Option] = []
+    found: list[LaneOption] = []
     needed = ways.changes_needed.get(lane_id, 1)
     for neighbour, spared in ways.beside(lane_id):
         there = sight.on(ways.from_lane(index, neighbour.id))
@@ -93,7 +93,7 @@ def options(
             replace(driver, headway_s=driver.headway_s * (1.0 - URGENT_HEADWAY * hurry)), relaxed, politeness,
             safe_deceleration_mps2 + URGENT_BRAKING_MPS2 * hurry,
         )  # fmt: skip
-        found.append(Option(there, index, wished, room_m, relaxed, verdict, verdict.incentive_mps2 + bonus))
+        found.append(LaneOption(there, index, wished, room_m, relaxed, verdict, verdict.incentive_mps2 + bonus))
     return found
 
 
@@ -107,7 +107,7 @@ def relaxed_rules(rules: GapRules, urgency: float) -> GapRules:
 
 
 def synchronised(
-    sight: Sight, here: OnWay, option: Option, needed: int, steps: int, step_s: float
+    sight: Sight, here: OnWay, option: LaneOption, needed: int, steps: int, step_s: float
 ) -> tuple[Floats, float]:
     """What must not be exceeded to get beside a gap of the other lane: accelerations (steps,) and a speed.
 

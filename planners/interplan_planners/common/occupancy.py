@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_planners.common.forecast import Forecast
-from interplan_planners.common.paths import Path
+from interplan_planners.common.paths import DrivingPath
 from interplan_sumo.world.geometry import Floats, Ints
 
 _CAR_RADIUS_M = 3.0
@@ -25,7 +25,7 @@ _AROUND_CAR, _AROUND_LONG = _around(3), _around(7)
 
 
 @dataclass(frozen=True, eq=False)
-class Occupancy:
+class StripOccupancy:
     """What B actors occupy of a strip along a path at K + 1 instants, as arc lengths of the path."""
 
     rows: Ints  # (B,) rows of the forecast
@@ -36,12 +36,12 @@ class Occupancy:
 
 
 def occupancy(
-    path: Path,
+    path: DrivingPath,
     half_width_m: float,
     forecast: Forecast,
     between_m: tuple[float, float],
     ignore: NDArray[np.bool_] | None = None,
-) -> Occupancy:
+) -> StripOccupancy:
     """The actors that reach into the strip of `half_width_m` on both sides of a stretch of the path, at any instant.
 
     `ignore` (A,) leaves actors out.
@@ -82,13 +82,13 @@ def occupancy(
         column[standing[rows]] = column[standing[rows], :1]
         return column
 
-    return Occupancy(
+    return StripOccupancy(
         rows, table(near[inside], np.inf), table(far[inside], -np.inf), table(center, np.nan), table(speed, 0.0)
     )
 
 
 def _ever_near(
-    path: Path, half_width_m: float, forecast: Forecast, between_m: tuple[float, float]
+    path: DrivingPath, half_width_m: float, forecast: Forecast, between_m: tuple[float, float]
 ) -> NDArray[np.bool_]:
     """(A,) whether the circle around all boxes of an actor comes near the stretch; if not, it is never in the strip."""
     middle = forecast.instants // 2
@@ -99,7 +99,7 @@ def _ever_near(
 
 
 def _stretches(
-    path: Path, half_width_m: float, forecast: Forecast, actor: Ints, instant: Ints, segments: Ints
+    path: DrivingPath, half_width_m: float, forecast: Forecast, actor: Ints, instant: Ints, segments: Ints
 ) -> tuple[Floats, Floats]:
     """Where boxes (M,) begin and end to occupy the strip; their centres project on `segments`."""
     heading = forecast.heading_rad[actor, instant]

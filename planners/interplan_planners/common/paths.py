@@ -42,7 +42,7 @@ def shifted(line: Polyline, left_m: float | Floats) -> Polyline:
     return Polyline(points)
 
 
-class Path:
+class DrivingPath:
     """A line with quick projections of many points that lie near it.
 
     The nearest of every fourth vertex is sought first, then the nearest point
@@ -110,7 +110,7 @@ class Path:
 
 
 def center_poses(
-    paths: Sequence[Path], path_of: Ints, progress_m: Floats, shape: EgoShape
+    paths: Sequence[DrivingPath], path_of: Ints, progress_m: Floats, shape: EgoShape
 ) -> tuple[Floats, Floats, Floats]:
     """x, y, heading (N, T) of the box centre where the rear axle is at arc lengths (N, T) of paths `path_of` (N,)."""
     x_m, y_m, heading_rad = (np.empty_like(progress_m) for _ in range(3))

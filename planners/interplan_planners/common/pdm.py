@@ -13,11 +13,11 @@ from interplan_planners.common.forecast import STEP_S, Forecast, constant_veloci
 from interplan_planners.common.ground import Ground
 from interplan_planners.common.idm_policy import IdmDriver
 from interplan_planners.common.occupancy import occupancy
-from interplan_planners.common.paths import Path, braking_plan, center_poses, rear_axle_plan
+from interplan_planners.common.paths import DrivingPath, braking_plan, center_poses, rear_axle_plan
 from interplan_planners.common.red_lights import RedLights
-from interplan_planners.common.rollout import Rollout, Track, roll_out
+from interplan_planners.common.rollout import ProposalPath, Rollout, roll_out
 from interplan_planners.common.scoring import LOOK_AHEAD_S, Scores, score
-from interplan_sumo.dynamics.batch import Drives, follow_all
+from interplan_sumo.dynamics.batch import SimulatedDrives, follow_all
 from interplan_sumo.dynamics.lqr import GRID_S
 from interplan_sumo.planner import Observation
 from interplan_sumo.world.ego import EgoShape, EgoState
@@ -69,7 +69,7 @@ class PdmSettings:
 class PdmDecision:
     """What was proposed at the last step, and what came of it."""
 
-    drives: Drives
+    drives: SimulatedDrives
     """Simulated proposals, in order of paths, then of speed fractions."""
     scores: Scores
     best: int
@@ -78,11 +78,11 @@ class PdmDecision:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class PdmCorridor:
     """Where the ego may drive in this step."""
 
-    paths: Sequence[Path]
-    center: Path
+    paths: Sequence[DrivingPath]
+    center: DrivingPath
     """Along which progress is measured."""
     ground: Ground
     red_lights: RedLights
@@ -103,18 +103,20 @@ class PdmMotion:
         self._settings = settings
         self._shape = shape
 
-    def plan(self, seen: Observation, course: Course) -> tuple[Trajectory, PdmDecision | None]:
+    def plan(self, observation: Observation, course: PdmCorridor) -> tuple[Trajectory, PdmDecision | None]:
         """The plan, and how it was chosen; None where no path was near enough to propose anything."""
-        settings, ego, shape = self._settings, seen.ego, self._shape
+        settings, ego, shape = self._settings, observation.ego, self._shape
         paths, axle = course.paths, ego.rear_axle(shape)
         starts_m = np.array([path.line.project_point(axle.x_m, axle.y_m)[0] for path in paths])
         far_off = self._jumps_m(ego, paths, starts_m) > FARTHEST_FROM_PATH_M
         if far_off.all():
             return braking_plan(ego, settings.driver.max_deceleration_mps2, settings.horizon_s, GRID_S), None
 
-        forecast = constant_velocity(nearest(seen.actors, ego.x_m, ego.y_m), settings.horizon_s + LOOK_AHEAD_S[-1])
+        forecast = constant_velocity(
+            nearest(observation.actors, ego.x_m, ego.y_m), settings.horizon_s + LOOK_AHEAD_S[-1]
+        )
         ignore = touched_now(ego, forecast, shape)
-        closed = course.red_lights.closed(seen.signals, ego, shape)
+        closed = course.red_lights.closed(observation.signals, ego, shape)
         path_of = np.repeat(np.arange(len(paths)), len(settings.speed_fractions))
         targets_mps = np.tile(course.limit_mps * np.array(settings.speed_fractions), len(paths))
         reach_m = float(targets_mps.max()) * settings.horizon_s
@@ -146,7 +148,7 @@ class PdmMotion:
             ego, best, path, course.red_lights, rolled, targets_mps, forecast, ignore, closed, reach_m
         ), decision
 
-    def _jumps_m(self, ego: EgoState, paths: Sequence[Path], starts_m: Floats) -> Floats:
+    def _jumps_m(self, ego: EgoState, paths: Sequence[DrivingPath], starts_m: Floats) -> Floats:
         """(P,) how far from the ego's centre each path would put it, with the rear axle at arc lengths (P,)."""
         rows = np.arange(len(paths))
         x_m, y_m, _ = center_poses(paths, rows, starts_m[:, None], self._shape)
@@ -154,23 +156,23 @@ class PdmMotion:
 
     def _track(
         self,
-        path: Path,
+        path: DrivingPath,
         red_lights: RedLights,
         start_m: float,
         reach_m: float,
         forecast: Forecast,
         ignore: NDArray[np.bool_],
         closed: tuple[str, ...],
-    ) -> Track:
+    ) -> ProposalPath:
         """One of the paths and all that may lead on it."""
         half_width_m = self._shape.width_m / 2
         stretch = (start_m - half_width_m, start_m + reach_m + half_width_m)  # square caps, as published
         occupied = occupancy(path, half_width_m, forecast, stretch, ignore)
-        return Track(path.length_m, occupied, red_lights.on_path(path, closed))
+        return ProposalPath(path.length_m, occupied, red_lights.on_path(path, closed))
 
     def _roll_out(
         self,
-        tracks: list[Track],
+        tracks: list[ProposalPath],
         path_of: Ints,
         progress_m: Floats,
         speed_mps: ArrayLike,
@@ -190,7 +192,7 @@ class PdmMotion:
         self,
         ego: EgoState,
         best: int,
-        path: Path,
+        path: DrivingPath,
         red_lights: RedLights,
         rolled: Rollout,
         targets_mps: Floats,

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from interplan_planners.common.corridor import Corridor
-from interplan_planners.common.paths import Path
+from interplan_planners.common.paths import DrivingPath
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals, SignalStatus
@@ -20,8 +20,8 @@ class RedLights:
         self._roads = roads
         self._route_lanes = frozenset(route_lanes)
         self._half_width_m = half_width_m
-        self._corridors: dict[Path, Corridor] = {}
-        self._stretches: dict[tuple[Path, str], tuple[tuple[float, float], ...]] = {}
+        self._corridors: dict[DrivingPath, Corridor] = {}
+        self._stretches: dict[tuple[DrivingPath, str], tuple[tuple[float, float], ...]] = {}
 
     def closed(self, signals: Signals, ego: EgoState, shape: EgoShape) -> tuple[str, ...]:
         """The connectors of the route that show red, but for those that hold all of the ego (PDM's rule)."""
@@ -31,7 +31,7 @@ class RedLights:
         box = ego.polygon(shape)
         return tuple(connector for connector in red if not self._roads[connector].polygon.contains(box))
 
-    def on_path(self, path: Path, closed: Iterable[str]) -> list[tuple[float, float]]:
+    def on_path(self, path: DrivingPath, closed: Iterable[str]) -> list[tuple[float, float]]:
         """The stretches of a path that closed connectors cover, as arc lengths."""
         found: list[tuple[float, float]] = []
         for connector in closed:

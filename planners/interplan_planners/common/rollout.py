@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from interplan_planners.common.idm_policy import IdmDriver, idm_accelerations_mps2
-from interplan_planners.common.occupancy import Occupancy
+from interplan_planners.common.occupancy import StripOccupancy
 from interplan_sumo.world.geometry import Floats, Ints
 
 
@@ -22,11 +22,11 @@ class Rollout:
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class ProposalPath:
     """One path as a roll-out sees it: its end and who is on it."""
 
     length_m: float
-    occupied: Occupancy
+    occupied: StripOccupancy
     standing_m: Sequence[tuple[float, float]] = ()
     """Stretches that stay occupied by something that stands, such as connectors that show red."""
     limit_mps: Floats | None = None
@@ -34,7 +34,7 @@ class Track:
 
 
 def roll_out(
-    tracks: Sequence[Track],
+    tracks: Sequence[ProposalPath],
     track_of: Ints,
     progress_m: Floats,
     speed_mps: ArrayLike,
@@ -92,7 +92,7 @@ def roll_out(
     return Rollout(*(np.ascontiguousarray(column.T) for column in columns))
 
 
-def _limits(tracks: Sequence[Track]) -> Floats | None:
+def _limits(tracks: Sequence[ProposalPath]) -> Floats | None:
     """(P, S) speed limits for each metre of the tracks, None if no track has any."""
     columns = [track.limit_mps if track.limit_mps is not None else np.array([np.inf]) for track in tracks]
     longest = max(len(column) for column in columns)
@@ -101,7 +101,7 @@ def _limits(tracks: Sequence[Track]) -> Floats | None:
     return np.stack([np.pad(column, (0, longest - len(column)), mode="edge") for column in columns])
 
 
-def _tables(tracks: Sequence[Track]) -> tuple[Floats, Floats, Floats]:
+def _tables(tracks: Sequence[ProposalPath]) -> tuple[Floats, Floats, Floats]:
     """Near ends, centres and speeds (P, K + 1, B) of all that is on the tracks; inf, -inf and 0 where there is less."""
     most = max(len(track.occupied.rows) + len(track.standing_m) for track in tracks)
     instants = tracks[0].occupied.near_m.shape[1]

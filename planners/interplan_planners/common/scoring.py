@@ -11,8 +11,8 @@ from interplan_planners.common.comfort import comfortable
 from interplan_planners.common.contacts import Contacts, boxes_touch, contacts
 from interplan_planners.common.forecast import Forecast
 from interplan_planners.common.ground import Ground
-from interplan_planners.common.paths import Path
-from interplan_sumo.dynamics.batch import Drives
+from interplan_planners.common.paths import DrivingPath
+from interplan_sumo.dynamics.batch import SimulatedDrives
 from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.geometry import Floats, Ints
 
@@ -75,10 +75,10 @@ class Places:
 
 
 def score(
-    drives: Drives,
+    drives: SimulatedDrives,
     forecast: Forecast,
     ground: Ground,
-    line: Path,
+    line: DrivingPath,
     shape: EgoShape = PACIFICA,
     weights: Weights = Weights(),
     ignore: NDArray[np.bool_] | None = None,
@@ -113,7 +113,7 @@ def score(
     )
 
 
-def places(drives: Drives, ground: Ground, shape: EgoShape = PACIFICA) -> Places:
+def places(drives: SimulatedDrives, ground: Ground, shape: EgoShape = PACIFICA) -> Places:
     """Where the ego is at each state of each drive."""
     cos, sin = np.cos(drives.heading_rad), np.sin(drives.heading_rad)
     # front left, rear left, rear right, front right, centre, rear axle
@@ -140,7 +140,7 @@ def _first(found: Contacts, states: int, actors: int) -> Contacts:
 
 
 def _collisions(
-    drives: Drives,
+    drives: SimulatedDrives,
     ahead_s: Floats,
     forecast: Forecast,
     where: Places,
@@ -171,7 +171,7 @@ def _collisions(
 
 
 def _dangers(
-    drives: Drives,
+    drives: SimulatedDrives,
     ahead_s: Floats,
     forecast: Forecast,
     where: Places,
@@ -210,7 +210,7 @@ def _dangers(
     return danger_s
 
 
-def _direction(drives: Drives, where: Places) -> Floats:
+def _direction(drives: SimulatedDrives, where: Places) -> Floats:
     """(N,) driving-direction score from the metres that the centre travels off the route's lanes."""
     step_m = np.hypot(np.diff(drives.x_m, axis=1), np.diff(drives.y_m, axis=1))
     wrong_m = (step_m * where.off_route[:, 1:]).sum(axis=1)
@@ -218,7 +218,7 @@ def _direction(drives: Drives, where: Places) -> Floats:
 
 
 def _bearing(
-    drives: Drives, pose: Ints, actor: Ints, instant: Ints, forecast: Forecast, shape: EgoShape
+    drives: SimulatedDrives, pose: Ints, actor: Ints, instant: Ints, forecast: Forecast, shape: EgoShape
 ) -> tuple[Floats, Floats, Floats]:
     """(C,) way from the ego's centre to an actor's in x and y; cosine of the angle at which the rear axle sees it."""
     heading = drives.heading_rad.ravel()[pose]
@@ -231,7 +231,7 @@ def _bearing(
 
 
 def _front_touches(
-    drives: Drives,
+    drives: SimulatedDrives,
     pose: Ints,
     actor: Ints,
     other_x: Floats,

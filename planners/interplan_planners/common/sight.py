@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_planners.common.forecast import Forecast
+from interplan_planners.common.lane_routes import LaneRoute
 from interplan_planners.common.mobil import Side, side_of
-from interplan_planners.common.neighbours import Queue, queue_on
-from interplan_planners.common.paths import Path
+from interplan_planners.common.neighbours import LaneQueue, queue_on
+from interplan_planners.common.paths import DrivingPath
 from interplan_planners.common.red_lights import RedLights
-from interplan_planners.common.ways import Way
 from interplan_sumo.world.ego import EgoShape, EgoState
 
 LOOK_BEHIND_M, LOOK_AHEAD_M = 60.0, 100.0
@@ -24,12 +24,12 @@ LOOK_BEHIND_M, LOOK_AHEAD_M = 60.0, 100.0
 class OnWay:
     """The ego's place along a way and who else is on it."""
 
-    way: Way
+    way: LaneRoute
     arc_m: float
     """Of the ego's middle."""
     left_m: float
     """How far the ego is left of the way's line."""
-    queue: Queue
+    queue: LaneQueue
     side: Side
     blocked_m: float
     """From the ego's front bumper to the first that stands for good; infinite if none does."""
@@ -53,7 +53,7 @@ class Sight:
     closed: tuple[str, ...]
     """Connectors that show red."""
 
-    def on(self, way: Way) -> OnWay:
+    def on(self, way: LaneRoute) -> OnWay:
         """The ego and the others along a way."""
         arc_m, left_m = way.path.line.project_point(self.ego.x_m, self.ego.y_m)
         stretch = (arc_m - LOOK_BEHIND_M, arc_m + LOOK_AHEAD_M)
@@ -65,7 +65,7 @@ class Sight:
         blocked_m = float(standing.min()) - arc_m - half_m if standing.size else float("inf")
         return OnWay(way, arc_m, left_m, queue, side, blocked_m)
 
-    def _end_m(self, path: Path, arc_m: float) -> float:
+    def _end_m(self, path: DrivingPath, arc_m: float) -> float:
         """Where the path ends or the next red light closes it."""
         reds: Iterable[tuple[float, float]] = self.red_lights.on_path(path, self.closed)
         return min((start for start, end in reds if 0.5 * (start + end) > arc_m), default=path.length_m)

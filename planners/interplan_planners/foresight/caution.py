@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from interplan_planners.foresight.courses import BRAKING_MPS2, DRAWN_M, RUN_IN_M, Base, Course, shortest_m
-from interplan_planners.foresight.scene import Scene
-from interplan_planners.foresight.standing import Blockage
+from interplan_planners.foresight.candidate_paths import (
+    BRAKING_MPS2,
+    DRAWN_M,
+    RUN_IN_M,
+    Base,
+    CandidatePath,
+    shortest_m,
+)
+from interplan_planners.foresight.scene import PlanningScene
+from interplan_planners.foresight.static_classification import StandingGroup
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import Floats
@@ -34,7 +41,7 @@ STEP_OUT_BEFORE_M, STEP_OUT_BEYOND_M = 9.0, 2.0
 """Around the front of what hides him."""
 
 
-def red_stops(scene: Scene, base: Base, at_m: float) -> list[float]:
+def red_stops(scene: PlanningScene, base: Base, at_m: float) -> list[float]:
     """Arc lengths of a base at which lights hold an ego whose rear axle is at `at_m`."""
     signals = scene.seen.signals
     if not len(signals):
@@ -57,7 +64,7 @@ def soonest_stop_m(front_m: float, speed_mps: float) -> float:
     return front_m + speed_mps * speed_mps / (2.0 * WAITING_BRAKING_MPS2) + 0.2
 
 
-def waiting_m(blocked: Blockage, front_m: float, speed_mps: float, shape: EgoShape) -> float:
+def waiting_m(blocked: StandingGroup, front_m: float, speed_mps: float, shape: EgoShape) -> float:
     """Where the front bumper waits before a blockage: far enough away to get round it from a standstill."""
     swing_m = LEAST_WAITING_GAP_M
     if blocked.passages:
@@ -69,7 +76,7 @@ def waiting_m(blocked: Blockage, front_m: float, speed_mps: float, shape: EgoSha
     return max(blocked.start_m - swing_m, min(soonest_stop_m(front_m, speed_mps), blocked.start_m - 1.0))
 
 
-def cautious_limits(course: Course, arc_m: float, scene: Scene) -> Floats:
+def cautious_limits(course: CandidatePath, arc_m: float, scene: PlanningScene) -> Floats:
     """(S,) the limits of a course, lowered where people may step out before something long that stands beside it."""
     actors = scene.traffic.actors
     limit = course.limit_mps

@@ -13,9 +13,9 @@ from interplan_planners.common.paths import center_poses
 from interplan_planners.common.scoring import places, score
 from interplan_planners.foresight.costs import HIT, HIT_FADES_S
 from interplan_planners.foresight.prediction import STEP_S
-from interplan_planners.foresight.scene import Scene
+from interplan_planners.foresight.scene import PlanningScene
 from interplan_planners.foresight.speeds import Drafts
-from interplan_planners.foresight.stages import Stage
+from interplan_planners.foresight.st_obstacles import Stage
 from interplan_sumo.dynamics.batch import follow_all
 from interplan_sumo.dynamics.lqr import GRID_S
 from interplan_sumo.world.geometry import Floats
@@ -35,7 +35,7 @@ MOVING_LONGER_M, MOVING_WIDER_M, STANDING_LARGER_M = 0.5, 0.3, 0.1
 
 
 def checked_costs(
-    scene: Scene, stages: Sequence[Stage], drafts: Drafts, chosen: Sequence[int], ground: Ground
+    scene: PlanningScene, stages: Sequence[Stage], drafts: Drafts, chosen: Sequence[int], ground: Ground
 ) -> Floats:
     """(C,) what the close look adds to the costs of chosen drafts: contacts, danger, the road's edge, comfort."""
     shape = scene.shape

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from interplan_planners.foresight.prediction import STEP_S
 from interplan_planners.foresight.speeds import Drafts
-from interplan_planners.foresight.stages import Stage
+from interplan_planners.foresight.st_obstacles import Stage
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import Floats
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from interplan_planners.common.ground import Ground
+from interplan_planners.common.lane_routes import Ways
 from interplan_planners.common.route_correction import corrected_route
 from interplan_planners.common.route_search import LaneFinder, lanes_of_route
-from interplan_planners.common.ways import Ways
-from interplan_planners.foresight.caution import BESIDE_M
-from interplan_planners.foresight.courses import (
+from interplan_planners.foresight.candidate_paths import (
     Base,
-    Course,
+    CandidatePath,
     base_of,
     changed,
     drawn_point,
@@ -20,8 +19,9 @@ from interplan_planners.foresight.courses import (
     returned,
     shortest_m,
 )
-from interplan_planners.foresight.scene import Scene, curvature_per_m
-from interplan_planners.foresight.standing import Blockage, Passage, blockage
+from interplan_planners.foresight.caution import BESIDE_M
+from interplan_planners.foresight.scene import PlanningScene, curvature_per_m
+from interplan_planners.foresight.static_classification import Passage, StandingGroup, blockage
 from interplan_sumo.planner import Mission
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import wrap_angle
@@ -63,10 +63,10 @@ ANEW, GIVING_UP = 0.2, 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Option:
+class ManoeuvreOption:
     """A course and what it is worth."""
 
-    course: Course
+    course: CandidatePath
     worth: float
     """For its lane and the way ahead on it; at most about 0."""
     begun: float = 0.0
@@ -90,7 +90,7 @@ class Manoeuvres:
         self._lanes = LaneFinder(roads, route)
         self.ground = Ground(roads, lanes_of_route(roads, route))
         self._bases: dict[tuple[int, str], Base] = {}
-        self._kept: dict[tuple[int, str], Course] = {}
+        self._kept: dict[tuple[int, str], CandidatePath] = {}
 
     # --- lanes ---------------------------------------------------------------------------------
 
@@ -102,18 +102,18 @@ class Manoeuvres:
             self._bases[key] = base_of(self._mission.roads, way, index, self._fallback_limit_mps)
         return self._bases[key]
 
-    def kept(self, base: Base) -> Course:
+    def kept(self, base: Base) -> CandidatePath:
         """Stay on a base's line."""
         key = (base.index, base.way.lanes[0])
         if key not in self._kept:
             self._kept[key] = kept(base)
         return self._kept[key]
 
-    def here(self, ego: EgoState) -> Course:
+    def here(self, ego: EgoState) -> CandidatePath:
         """Keep to whatever lane the ego is on."""
         return self.back_to(self.base(*self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad)), ego)
 
-    def back_to(self, base: Base, ego: EgoState, stretch: float = 1.0) -> Course:
+    def back_to(self, base: Base, ego: EgoState, stretch: float = 1.0) -> CandidatePath:
         """Come to a base's line and stay on it; `stretch` makes the way longer."""
         shape = self._mission.shape
         axle, own = ego.rear_axle(shape), self.kept(base)
@@ -124,7 +124,7 @@ class Manoeuvres:
         way_m = stretch * max(3.0 * ego.speed_mps, shortest_m(left_m) + 4.0, 10.0)
         return returned(base, axle, curvature_per_m(ego, shape), way_m)
 
-    def worth(self, base: Base, at_m: float, blocked: Blockage | None) -> float:
+    def worth(self, base: Base, at_m: float, blocked: StandingGroup | None) -> float:
         """What it is worth to be at an arc length of a base: 0 on a free way to the goal's lane, else less."""
         _, lane_id = base.lane_at(at_m)
         needed = self._ways.changes_needed.get(lane_id, 4)
@@ -138,34 +138,36 @@ class Manoeuvres:
 
     # --- what may be done ----------------------------------------------------------------------
 
-    def options(self, scene: Scene, course: Course) -> tuple[list[Option], Blockage | None]:
+    def options(
+        self, scene: PlanningScene, course: CandidatePath
+    ) -> tuple[list[ManoeuvreOption], StandingGroup | None]:
         """Courses to choose from, the present one first; and what blocks the way along the present base."""
         ego, shape, base = scene.ego, scene.shape, course.base
         at_m, left_m = base.line.project_point(scene.axle.x_m, scene.axle.y_m)
         blocked = self._blocked(scene, base, at_m - (shape.length_m - shape.front_m))
         free, worth = self.worth(base, at_m, None), self.worth(base, at_m, blocked)
-        found: list[Option] = []
+        found: list[ManoeuvreOption] = []
         if course.kind == "keep":
-            found.append(Option(course, worth))
+            found.append(ManoeuvreOption(course, worth))
             if abs(left_m) > OFF_LINE_M:
-                found += [Option(self.back_to(base, ego, stretch), worth, -ANEW) for stretch in (1.0, GENTLE)]
+                found += [ManoeuvreOption(self.back_to(base, ego, stretch), worth, -ANEW) for stretch in (1.0, GENTLE)]
         elif course.kind == "change":
-            found.append(Option(course, free, RESOLVED))
+            found.append(ManoeuvreOption(course, free, RESOLVED))
             old = course.old
             assert old is not None
             old_m, old_left_m = old.line.project_point(ego.x_m, ego.y_m)
             if abs(old_left_m) < LEAVABLE_M:
                 behind = self._blocked(scene, old, old_m - 3.0)
-                found.append(Option(self.back_to(old, ego), self.worth(old, old_m, behind), -GIVING_UP))
+                found.append(ManoeuvreOption(self.back_to(old, ego), self.worth(old, old_m, behind), -GIVING_UP))
         else:
             grown = blocked is not None and not set(blocked.ids) <= set(course.around)  # there is more to pass
-            found.append(Option(course, worth) if grown else Option(course, free, RESOLVED))
+            found.append(ManoeuvreOption(course, worth) if grown else ManoeuvreOption(course, free, RESOLVED))
             arc_m, _ = course.path.line.project_point(scene.axle.x_m, scene.axle.y_m)
             passing = arc_m > course.beside_m[1] - 2.0
             if passing or abs(base.line.project_point(ego.x_m, ego.y_m)[1]) < RECALLABLE_M:
-                found.append(Option(self.back_to(base, ego), worth, 0.0 if passing else -GIVING_UP))
+                found.append(ManoeuvreOption(self.back_to(base, ego), worth, 0.0 if passing else -GIVING_UP))
             if passing:
-                found.append(Option(self.back_to(base, ego, GENTLE), worth))
+                found.append(ManoeuvreOption(self.back_to(base, ego, GENTLE), worth))
 
         uncommitted = course.kind != "change" and abs(left_m) < UNCOMMITTED_M
         if blocked is not None and (uncommitted or course.kind == "keep" or blocked.ids != course.around):
@@ -175,15 +177,15 @@ class Manoeuvres:
             found += self._changes(scene, base, at_m)
         return found, blocked
 
-    def _blocked(self, scene: Scene, base: Base, from_m: float) -> Blockage | None:
+    def _blocked(self, scene: PlanningScene, base: Base, from_m: float) -> StandingGroup | None:
         return blockage(base, from_m, LOOK_M, scene.traffic, scene.stays, scene.shape, self.ground)
 
-    def _changes(self, scene: Scene, base: Base, at_m: float) -> list[Option]:
+    def _changes(self, scene: PlanningScene, base: Base, at_m: float) -> list[ManoeuvreOption]:
         """Changes to the neighbours of the lane that the ego is on."""
         shape, axle = scene.shape, scene.axle
         index, lane_id = base.lane_at(at_m + shape.rear_axle_to_center_m)
         longest_m = (base.lane_end_m(at_m) - at_m) * BEYOND_LANE
-        found: list[Option] = []
+        found: list[ManoeuvreOption] = []
         for neighbour, _ in self._ways.beside(lane_id):
             there = self.base(index, neighbour.id)
             there_m, there_left_m = there.line.project_point(axle.x_m, axle.y_m)
@@ -193,12 +195,12 @@ class Manoeuvres:
                 continue
             worth = self.worth(there, there_m, self._blocked(scene, there, there_m - 2.0))
             course = changed(base, there, axle, scene.curvature_per_m, way_m)
-            found.append(Option(course, worth, -BEGINNING))
+            found.append(ManoeuvreOption(course, worth, -BEGINNING))
         return found
 
     def _passes(
-        self, scene: Scene, base: Base, block: Blockage, passage: Passage, axle_m: float, worth: float
-    ) -> list[Option]:
+        self, scene: PlanningScene, base: Base, block: StandingGroup, passage: Passage, axle_m: float, worth: float
+    ) -> list[ManoeuvreOption]:
         """Ways past what blocks the base, on one side."""
         shape, roads, speed = scene.shape, self._mission.roads, scene.speed_mps
         drawn = drawn_point(scene.axle)
@@ -226,7 +228,7 @@ class Manoeuvres:
         if new is not None and at_once_m < room_m - 3.0:
             outs.append((at_m, at_m + at_once_m))  # where others drive beside, the first gap is the best
         way_back_m = max(2.4 * max(min(speed, most_mps), 4.0), 1.3 * least_m)
-        found: list[Option] = []
+        found: list[ManoeuvreOption] = []
         for out_m in outs:
             course = passed(
                 base, scene.axle, scene.curvature_per_m, passage.offset_m, out_m, (over_m, over_m + way_back_m),
@@ -234,5 +236,5 @@ class Manoeuvres:
             )  # fmt: skip
             if course is not None:
                 begun = -0.5 * BEGINNING - (AGAINST_TRAFFIC if passage.oncoming else 0.0)
-                found.append(Option(course, worth, begun))
+                found.append(ManoeuvreOption(course, worth, begun))
         return found

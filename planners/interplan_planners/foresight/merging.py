@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from interplan_planners.common.gaps import GapRules, clearances_needed_m
-from interplan_planners.foresight.manoeuvres import Option
+from interplan_planners.foresight.manoeuvres import ManoeuvreOption
 from interplan_planners.foresight.prediction import STEP_S
 from interplan_planners.foresight.speeds import Drafts, Lead
-from interplan_planners.foresight.stages import Stage
+from interplan_planners.foresight.st_obstacles import Stage
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import Floats
 
@@ -24,7 +24,7 @@ PROSPECT_SHARE, PROSPECT_FADES_S = 0.8, 8.0
 WORTHWHILE = 0.2
 
 
-def wished_changes(options: Sequence[Option]) -> list[tuple[int, float]]:
+def wished_changes(options: Sequence[ManoeuvreOption]) -> list[tuple[int, float]]:
     """The stages that enter another lane of the same direction and are worth more than staying, and by how much."""
     own = options[0]
     if own.course.kind != "keep":

@@ -9,19 +9,19 @@ from math import cos, hypot, inf, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_planners.common.occupancy import Occupancy
+from interplan_planners.common.occupancy import StripOccupancy
 from interplan_planners.common.paths import braking_plan, rear_axle_plan
+from interplan_planners.foresight.candidate_paths import RUN_IN_M, Base, CandidatePath
 from interplan_planners.foresight.caution import cautious_limits, red_stops, soonest_stop_m, waiting_m
 from interplan_planners.foresight.checking import CHECKED_S, TRACKED_AHEAD_S, checked_costs, finer
 from interplan_planners.foresight.costs import speed_costs
-from interplan_planners.foresight.courses import RUN_IN_M, Base, Course
-from interplan_planners.foresight.manoeuvres import Manoeuvres, Option
+from interplan_planners.foresight.manoeuvres import ManoeuvreOption, Manoeuvres
 from interplan_planners.foresight.merging import leads_beside, prospects, wished_changes
 from interplan_planners.foresight.prediction import MOVING_MPS, STEP_S, Prediction
-from interplan_planners.foresight.scene import Scene
+from interplan_planners.foresight.scene import PlanningScene
 from interplan_planners.foresight.speeds import Drafts, drafted
-from interplan_planners.foresight.stages import Stage, occupied_base, staged
-from interplan_planners.foresight.standing import Blockage, Stillness
+from interplan_planners.foresight.st_obstacles import Stage, occupied_base, staged
+from interplan_planners.foresight.static_classification import StandingGroup, Stillness
 from interplan_sumo.dynamics.lqr import GRID_S
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.actors import ActorKind
@@ -113,23 +113,23 @@ class ForesightPlanner:
         self._prediction = Prediction(mission.roads)
         self._stillness = Stillness()
         self._manoeuvres: Manoeuvres | None = None
-        self._course: Course | None = None
+        self._course: CandidatePath | None = None
         self._plan: Trajectory | None = None
         self._planned_s = -inf
         self._waited_s = 0.0
         self.decision = None
 
-    def plan(self, seen: Observation) -> Trajectory:
-        due = seen.time_s - self._planned_s >= self.replan_s - 1e-6
-        if self._plan is None or due or _strayed_m(self._plan, seen.ego) > FARTHEST_FROM_PLAN_M:
-            self._plan = self._planned(seen)
-            self._planned_s = seen.time_s
+    def plan(self, observation: Observation) -> Trajectory:
+        due = observation.time_s - self._planned_s >= self.replan_s - 1e-6
+        if self._plan is None or due or _strayed_m(self._plan, observation.ego) > FARTHEST_FROM_PLAN_M:
+            self._plan = self._planned(observation)
+            self._planned_s = observation.time_s
         return self._plan
 
     # --- one round of planning -----------------------------------------------------------------
 
-    def _planned(self, seen: Observation) -> Trajectory:
-        ego, shape = seen.ego, self._mission.shape
+    def _planned(self, observation: Observation) -> Trajectory:
+        ego, shape = observation.ego, self._mission.shape
         if self._manoeuvres is None:
             self._manoeuvres = Manoeuvres(self._mission, ego, self.fallback_limit_mps, self.change_time_s)
         course = self._current(self._manoeuvres, ego)
@@ -138,14 +138,16 @@ class ForesightPlanner:
             self.decision = None
             return braking_plan(ego, LOST_BRAKING_MPS2, self.horizon_s + self.replan_s, STEP_S)
         # a plan is kept until the next round and should still reach as far then
-        traffic = self._prediction.traffic(seen, shape, self.horizon_s + self.replan_s)
-        scene = Scene(seen, shape, traffic, self._stillness.for_good(seen, traffic, self._prediction))
+        traffic = self._prediction.traffic(observation, shape, self.horizon_s + self.replan_s)
+        scene = PlanningScene(
+            observation, shape, traffic, self._stillness.for_good(observation, traffic, self._prediction)
+        )
         options, blocked = self._manoeuvres.options(scene, course)
         # where the ego stands across its lane not every course can begin at it
         options = [option for option in options if self._off_m(option.course, ego) <= FARTHEST_FROM_PLAN_M]
         return self._best(scene, self._manoeuvres, options, blocked)
 
-    def _current(self, manoeuvres: Manoeuvres, ego: EgoState) -> Course:
+    def _current(self, manoeuvres: Manoeuvres, ego: EgoState) -> CandidatePath:
         """The course as it stands now: it may be done, or lost."""
         course = self._course
         if course is None or self._off_m(course, ego) > FARTHEST_FROM_PLAN_M:
@@ -155,7 +157,7 @@ class ForesightPlanner:
         done = course.settles_m > 0.0 and arc_m > course.settles_m + SETTLED_M
         return manoeuvres.kept(course.base) if done else course
 
-    def _off_m(self, course: Course, ego: EgoState) -> float:
+    def _off_m(self, course: CandidatePath, ego: EgoState) -> float:
         """How far the centre is from where a plan along a course begins: with the rear axle on it, turned as it is."""
         shape = self._mission.shape
         axle = ego.rear_axle(shape)
@@ -166,7 +168,11 @@ class ForesightPlanner:
         return hypot(x_m - ego.x_m, y_m - ego.y_m)
 
     def _best(
-        self, scene: Scene, manoeuvres: Manoeuvres, options: list[Option], blocked: Blockage | None
+        self,
+        scene: PlanningScene,
+        manoeuvres: Manoeuvres,
+        options: list[ManoeuvreOption],
+        blocked: StandingGroup | None,
     ) -> Trajectory:
         """The plan that costs least; its course becomes the present one."""
         ego, shape = scene.ego, scene.shape
@@ -198,7 +204,7 @@ class ForesightPlanner:
         speed_mps = np.interp(ahead_s, STEP_S * np.arange(drafts.arc_m.shape[1]), drafts.speed_mps[best])
         return rear_axle_plan(course.path.line, ego.time_s + ahead_s, arc_m, speed_mps, shape)
 
-    def _impatience(self, scene: Scene, blocked: Blockage | None) -> float:
+    def _impatience(self, scene: PlanningScene, blocked: StandingGroup | None) -> float:
         """0 to 1: how long the ego has been waiting before what blocks its way."""
         if blocked is None:
             self._waited_s = 0.0
@@ -209,13 +215,18 @@ class ForesightPlanner:
     # --- who is in the way ---------------------------------------------------------------------
 
     def _stages(
-        self, scene: Scene, courses: Sequence[Course], base_m: float, reach_m: float, blocked: Blockage | None
+        self,
+        scene: PlanningScene,
+        courses: Sequence[CandidatePath],
+        base_m: float,
+        reach_m: float,
+        blocked: StandingGroup | None,
     ) -> list[Stage]:
         """The courses with everybody who will be on them."""
         shape, axle = scene.shape, scene.axle
         present = courses[0]
         tail = _tail(scene, present.old if present.old is not None else present.base, base_m)
-        beside_of: dict[int, Occupancy] = {}
+        beside_of: dict[int, StripOccupancy] = {}
         found: list[Stage] = []
         for course in courses:
             arc_m, _ = course.path.line.project_point(axle.x_m, axle.y_m)
@@ -244,7 +255,7 @@ def _strayed_m(plan: Trajectory, ego: EgoState) -> float:
     return hypot(x_m - ego.x_m, y_m - ego.y_m)
 
 
-def _tail(scene: Scene, base: Base, base_m: float) -> NDArray[np.bool_]:
+def _tail(scene: PlanningScene, base: Base, base_m: float) -> NDArray[np.bool_]:
     """(A,) who comes behind the ego in its own lane: they follow it."""
     actors, traffic = scene.traffic.actors, scene.traffic
     s, d = base.path.project(actors.x_m, actors.y_m)
@@ -269,7 +280,7 @@ def _chosen(cost: np.ndarray, drafts: Drafts) -> list[int]:
     return chosen if hard in chosen else [*chosen, hard]
 
 
-def _name(options: Sequence[Option], drafts: Drafts, n: int) -> str:
+def _name(options: Sequence[ManoeuvreOption], drafts: Drafts, n: int) -> str:
     """A draft in words."""
     course = options[int(drafts.stage_of[n])].course
     words: list[str] = [course.kind]

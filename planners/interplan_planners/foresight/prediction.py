@@ -60,7 +60,7 @@ class Chain:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Traffic:
+class PredictedTraffic:
     """Everybody as of now: the forecast, and which lane each is on."""
 
     actors: Actors
@@ -117,9 +117,9 @@ class Prediction:
         bend_mps = np.sqrt(BEND_MPS2 / np.maximum(np.abs(after - before) / 4.0, 1e-6))
         return Chain(tuple(lanes), starts_m, line, own[0] if own else FALLBACK_LIMIT_MPS, bend_mps)
 
-    def traffic(self, seen: Observation, shape: EgoShape, horizon_s: float) -> Traffic:
+    def traffic(self, observation: Observation, shape: EgoShape, horizon_s: float) -> PredictedTraffic:
         """Everybody at `seen`, forecast along the lanes for `horizon_s`."""
-        actors = seen.actors
+        actors = observation.actors
         steps = round(horizon_s / STEP_S)
         lane_of, arc_m, left_m, turned_rad = self._places(actors)
         speed = np.where(actors.kind <= ActorKind.BICYCLE, actors.speed_mps, 0.0)
@@ -137,9 +137,11 @@ class Prediction:
 
         rows = np.flatnonzero(follows)
         if rows.size:
-            queue = self._queue(seen, shape, rows, lane_of, arc_m, left_m, speed)
-            most_mps2 = np.where(_leads_ego(seen, rows), NOT_FASTER_MPS2, ACCELERATION_MPS2)
-            moved_m, along_mps = _rolled(queue, arc_m[rows], speed[rows], most_mps2, _braking_mps2(seen, rows), steps)
+            queue = self._queue(observation, shape, rows, lane_of, arc_m, left_m, speed)
+            most_mps2 = np.where(_leads_ego(observation, rows), NOT_FASTER_MPS2, ACCELERATION_MPS2)
+            moved_m, along_mps = _rolled(
+                queue, arc_m[rows], speed[rows], most_mps2, _braking_mps2(observation, rows), steps
+            )
             speeds[rows] = along_mps
             by_lane: dict[str, list[int]] = {}
             for place, row in enumerate(rows.tolist()):
@@ -162,7 +164,7 @@ class Prediction:
                 heading[here] = towards + turned_rad[here, None] * fading
         is_agent = actors.kind <= ActorKind.BICYCLE
         forecast = Forecast(actors.ids, is_agent, actors.length_m, actors.width_m, x_m, y_m, heading, speeds, STEP_S)
-        return Traffic(actors, forecast, lane_of, arc_m, left_m, turned_rad)
+        return PredictedTraffic(actors, forecast, lane_of, arc_m, left_m, turned_rad)
 
     def _places(self, actors: Actors) -> tuple[tuple[str | None, ...], Floats, Floats, Floats]:
         """Per actor: the lane under it whose direction fits best, where on it, how far beside it, how turned."""
@@ -189,7 +191,7 @@ class Prediction:
 
     def _queue(
         self,
-        seen: Observation,
+        observation: Observation,
         shape: EgoShape,
         rows: NDArray[np.int64],
         lane_of: tuple[str | None, ...],
@@ -198,7 +200,7 @@ class Prediction:
         speed_mps: Floats,
     ) -> _Queue:
         """Who is ahead of each of those that follow lanes, the ego and red lights included."""
-        actors, ego = seen.actors, seen.ego
+        actors, ego = observation.actors, observation.ego
         on: dict[str, list[tuple[float, int]]] = {}
         for row, lane in enumerate(lane_of):
             if lane is not None and abs(left_m[row]) < IN_LANE_M:
@@ -209,7 +211,7 @@ class Prediction:
             s_m, _ = line.project_point(ego.x_m, ego.y_m)
             if abs(wrap_angle(ego.heading_rad - line.pose_at(s_m).heading_rad)) < LARGEST_TURN_RAD:
                 on.setdefault(lane, []).append((s_m, EGO))
-        red = seen.signals.with_status(SignalStatus.RED)
+        red = observation.signals.with_status(SignalStatus.RED)
 
         count = len(rows)
         gap_m, lead_mps = np.full(count, inf), np.zeros(count)
@@ -296,23 +298,23 @@ def straightest(roads: Roads, ways: Sequence[str]) -> str:
     return min(ways, key=bend_rad)
 
 
-def _leads_ego(seen: Observation, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _leads_ego(observation: Observation, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
     """(R,) who drives before the ego in its direction: a gap behind them must not be counted on to grow."""
-    actors, ego = seen.actors, seen.ego
+    actors, ego = observation.actors, observation.ego
     cos, sin = np.cos(ego.heading_rad), np.sin(ego.heading_rad)
     ahead_m = (actors.x_m[rows] - ego.x_m) * cos + (actors.y_m[rows] - ego.y_m) * sin
     along_mps = actors.vx_mps[rows] * cos + actors.vy_mps[rows] * sin
     return (ahead_m > 0.0) & (along_mps > STARTED_MPS)
 
 
-def _braking_mps2(seen: Observation, rows: NDArray[np.int64]) -> Floats:
+def _braking_mps2(observation: Observation, rows: NDArray[np.int64]) -> Floats:
     """(R,) acceleration over the last half second of those who brake; infinite for the rest."""
     found = np.full(len(rows), inf)
-    if len(seen.past.actors) < BRAKING_FRAMES:
+    if len(observation.past.actors) < BRAKING_FRAMES:
         return found
-    before = seen.past.actors[-BRAKING_FRAMES]
+    before = observation.past.actors[-BRAKING_FRAMES]
     speed_of = dict(zip(before.ids, before.speed_mps.tolist(), strict=True))
-    actors = seen.actors
+    actors = observation.actors
     for place, row in enumerate(rows.tolist()):
         was = speed_of.get(actors.ids[row])
         if was is not None:

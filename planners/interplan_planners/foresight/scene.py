@@ -9,19 +9,19 @@ from math import tan
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_planners.foresight.prediction import Traffic
+from interplan_planners.foresight.prediction import PredictedTraffic
 from interplan_sumo.planner import Observation
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.geometry import Pose
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class PlanningScene:
     """What all parts of the planner need of one step."""
 
     seen: Observation
     shape: EgoShape
-    traffic: Traffic
+    traffic: PredictedTraffic
     stays: NDArray[np.bool_]
     """(A,) who is taken to stay where he is."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_planners.foresight.prediction import STEP_S
-from interplan_planners.foresight.stages import Stage
+from interplan_planners.foresight.st_obstacles import Stage
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import Floats, Ints
 

@@ -35,15 +35,21 @@ from interplan_learned.dtpp.tree import (
     STEP_S,
     STEPS,
     Branches,
-    Start,
+    TreeStart,
     best_parents,
     first_stage,
     second_stage,
 )
 from interplan_learned.scene import AGENT_CHANNELS, scene_futures
 from interplan_learned.training.augment import without_past
-from interplan_learned.training.recipe import Batch, GraphCall, Recipe, Settings
-from interplan_learned.training.scene_encoder import AttentionLayer, EncoderSize, NetworkSize, Scene, SceneEncoder
+from interplan_learned.training.recipe import Batch, GraphCall, Recipe, TrainingSettings
+from interplan_learned.training.scene_encoder import (
+    AttentionLayer,
+    EncodedScene,
+    EncoderSize,
+    NetworkSize,
+    SceneEncoder,
+)
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.features.view import Arrays
 from interplan_sumo.world.ego import PACIFICA
@@ -69,11 +75,11 @@ _START: Final = ("paths", "paths_valid", "speed_mps", "acceleration_mps2", "limi
 NETWORKS: Final[Mapping[Size, NetworkSize]] = {
     "compact": NetworkSize(
         encoder=EncoderSize(width=64, heads=4, layers=2),
-        settings=Settings(epochs=6, batch=64, learning_rate=1e-3, patience=6),
+        settings=TrainingSettings(epochs=6, batch=64, learning_rate=1e-3, patience=6),
     ),
     "published": NetworkSize(
         encoder=EncoderSize(width=256, heads=8, layers=3),
-        settings=Settings(epochs=30, batch=16, learning_rate=2e-4, weight_decay=1e-2, patience=30),
+        settings=TrainingSettings(epochs=30, batch=16, learning_rate=2e-4, weight_decay=1e-2, patience=30),
     ),
 }
 
@@ -122,7 +128,7 @@ class Dtpp(nn.Module):
         self.ego = nn.Sequential(nn.Linear(size.width, size.width), nn.ReLU(), nn.Linear(size.width, 2 * steps))
         self.steps = steps
 
-    def expected(self, scene: Scene) -> Tensor:
+    def expected(self, scene: EncodedScene) -> Tensor:
         """(B, T, 2) where the ego would be: only to learn from, nobody drives it."""
         return _FAR_M * self.ego(scene.tokens[:, 0]).unflatten(-1, (self.steps, 2))
 
@@ -306,7 +312,7 @@ def _poses(model: nn.Module, batch: Batch, size: Size) -> Tensor:
         given = [torch.from_numpy(branches[name]).to(device) for name in BRANCHES]
         return model.decoder(*scene, batch["agents"], *given).scores.detach().cpu().numpy()
 
-    start = Start(**{name: batch[name].cpu().numpy() for name in _START})
+    start = TreeStart(**{name: batch[name].cpu().numpy() for name in _START})
     every = STEPS // POSES
     return torch.from_numpy(plans(start, decode, size)[:, every - 1 :: every].astype(np.float32))
 
@@ -319,7 +325,7 @@ class Encoding(nn.Module):
         self.encoder = encoder
 
     def forward(self, *given: Tensor) -> tuple[Tensor, Tensor]:
-        scene: Scene = self.encoder(*given)
+        scene: EncodedScene = self.encoder(*given)
         return scene.tokens, scene.empty
 
 

@@ -19,13 +19,13 @@ from interplan_learned.driving import POSES
 from interplan_learned.gameformer.inputs import MODES, PLAN_STEP_S, PLAN_STEPS, SIZES, inputs
 from interplan_learned.scene import EGO_CHANNELS, FIELDS, scene_futures, thinned
 from interplan_learned.training.augment import Perturbation, perturbed_start, without_past
-from interplan_learned.training.recipe import Batch, GraphCall, Recipe, Settings
+from interplan_learned.training.recipe import Batch, GraphCall, Recipe, TrainingSettings
 from interplan_learned.training.scene_encoder import (
     AttentionLayer,
+    EncodedScene,
     EncoderSize,
     LineEncoder,
     NetworkSize,
-    Scene,
     SceneEncoder,
 )
 from interplan_sumo.dataset.columns import Columns
@@ -46,11 +46,11 @@ _FAR_M: Final = 20.0
 NETWORKS: Final[Mapping[Size, NetworkSize]] = {
     "compact": NetworkSize(
         encoder=EncoderSize(width=64, heads=4, layers=2),
-        settings=Settings(epochs=10, batch=64, learning_rate=1e-3, patience=8),
+        settings=TrainingSettings(epochs=10, batch=64, learning_rate=1e-3, patience=8),
     ),
     "published": NetworkSize(
         encoder=EncoderSize(width=256, heads=8, layers=3),
-        settings=Settings(epochs=20, batch=32, learning_rate=1e-4, weight_decay=1e-2, patience=20),
+        settings=TrainingSettings(epochs=20, batch=32, learning_rate=1e-4, weight_decay=1e-2, patience=20),
     ),
 }
 
@@ -87,7 +87,7 @@ class Level(NamedTuple):
     """(B, R, M) of the modes."""
 
 
-class Outcome(NamedTuple):
+class GameFormerOutput(NamedTuple):
     """What the network makes of a batch."""
 
     plan: Tensor
@@ -108,7 +108,9 @@ class GameFormer(nn.Module):
         self.further = nn.ModuleList(FurtherLevel(size, steps) for _ in range(LEVELS))
         self.planner = PlanHead(size)
 
-    def forward(self, ego: Tensor, agents: Tensor, lanes: Tensor, crosswalks: Tensor, route_lanes: Tensor) -> Outcome:
+    def forward(
+        self, ego: Tensor, agents: Tensor, lanes: Tensor, crosswalks: Tensor, route_lanes: Tensor
+    ) -> GameFormerOutput:
         """From the arrays of `scene.scene_inputs`."""
         scene = self.encoder(ego, agents, lanes, crosswalks)
         now = torch.cat((ego[:, None, -1, :2], agents[:, : self.road_users - 1, -1, :2]), dim=1)
@@ -117,7 +119,7 @@ class GameFormer(nn.Module):
         for layer in self.further:
             content, level = layer(scene, now, content, level, self.future(level.means.detach(), now))
             levels.append(level)
-        return Outcome(self.planner(content[:, 0], route_lanes, ego[:, -1]), tuple(levels))
+        return GameFormerOutput(self.planner(content[:, 0], route_lanes, ego[:, -1]), tuple(levels))
 
 
 class FirstLevel(nn.Module):
@@ -130,7 +132,7 @@ class FirstLevel(nn.Module):
         self.attention = AttentionLayer(size)
         self.mixture = Mixture(size, steps)
 
-    def forward(self, scene: Scene, now: Tensor) -> tuple[Tensor, Level]:
+    def forward(self, scene: EncodedScene, now: Tensor) -> tuple[Tensor, Level]:
         """Contents (B, R, M, width) and predictions, from places now (B, R, 2)."""
         tokens = scene.tokens[:, : now.shape[1], None]
         queries = (tokens + self.mode + self.road_user).flatten(1, 2)
@@ -148,7 +150,7 @@ class FurtherLevel(nn.Module):
         self.mixture = Mixture(size, steps)
 
     def forward(
-        self, scene: Scene, now: Tensor, content: Tensor, before: Level, futures: Tensor
+        self, scene: EncodedScene, now: Tensor, content: Tensor, before: Level, futures: Tensor
     ) -> tuple[Tensor, Level]:
         """Contents and predictions from those of the level before, and its futures as `FutureEncoder` gives them."""
         road_users = now.shape[1]
@@ -259,7 +261,7 @@ def targets(arrays: Columns, size: Size) -> Columns:
 
 def loss(model: nn.Module, batch: Batch, _done: float) -> Tensor:
     """Every level's loss, and the plan's."""
-    outcome: Outcome = model(*(batch[name] for name in INPUTS))
+    outcome: GameFormerOutput = model(*(batch[name] for name in INPUTS))
     levels = [level_loss(level, batch["futures"], batch["futures_valid"]) for level in outcome.levels]
     return torch.stack(levels).sum() + plan_loss(outcome.plan, batch["wanted"], batch["wanted_valid"])
 
@@ -297,7 +299,7 @@ def _poses(model: nn.Module, batch: Batch) -> Tensor:
     return model(*(batch[name] for name in INPUTS)).plan[:, every - 1 :: every]
 
 
-class Driving(nn.Module):
+class GameFormerPlan(nn.Module):
     """What driving needs: the plan, and the agents' futures (B, A, M, T, 2) and scores (B, A, M) of the last level."""
 
     def __init__(self, model: nn.Module) -> None:
@@ -305,14 +307,14 @@ class Driving(nn.Module):
         self.model = model
 
     def forward(self, *given: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        outcome: Outcome = self.model(*given)
+        outcome: GameFormerOutput = self.model(*given)
         last = outcome.levels[-1]
         return outcome.plan, last.means[:, 1:], last.logits[:, 1:]
 
 
 def _graphs(model: nn.Module, batch: Batch) -> Mapping[str, GraphCall]:
     arguments = {name: batch[name] for name in INPUTS}
-    return {"main": GraphCall(module=Driving(model), arguments=arguments, outputs=("plan", "futures", "scores"))}
+    return {"main": GraphCall(module=GameFormerPlan(model), arguments=arguments, outputs=("plan", "futures", "scores"))}
 
 
 def _augmented(columns: Columns, rng: np.random.Generator, perturbation: Perturbation, past_dropped: float) -> Columns:

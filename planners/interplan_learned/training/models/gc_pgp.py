@@ -22,7 +22,7 @@ from interplan_learned.gc_pgp.sizes import EDGES, LATENTS, PATH_NODES, SIZES, Di
 from interplan_learned.gc_pgp.traversals import chances, sampled
 from interplan_learned.training.augment import Perturbation, perturbed_start, without_agents, without_past
 from interplan_learned.training.metrics import wanted_poses
-from interplan_learned.training.recipe import Batch, GraphCall, Recipe, Settings
+from interplan_learned.training.recipe import Batch, GraphCall, Recipe, TrainingSettings
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.world.geometry import Ints
@@ -64,7 +64,7 @@ def recipe(
             agents_dropped=agents_dropped,
             past_dropped=past_dropped,
         ),
-        settings=Settings(epochs=10, batch=64, learning_rate=1e-3, patience=8),
+        settings=TrainingSettings(epochs=10, batch=64, learning_rate=1e-3, patience=8),
     )
 
 
@@ -85,12 +85,12 @@ class Policy(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.ego = Track((_LENGTH_M, _LENGTH_M, _LENGTH_M / 2, 1.0, 1.0))
-        self.agents = Track((_LENGTH_M, _LENGTH_M, _LENGTH_M / 2, 1.0, 1.0, 1.0))
-        self.nodes = Track((_LENGTH_M, _LENGTH_M, 1.0, 1.0, 1.0, 1.0))
-        self.agent_attention = Attention(_CODE)
+        self.ego = SequenceEncoder((_LENGTH_M, _LENGTH_M, _LENGTH_M / 2, 1.0, 1.0))
+        self.agents = SequenceEncoder((_LENGTH_M, _LENGTH_M, _LENGTH_M / 2, 1.0, 1.0, 1.0))
+        self.nodes = SequenceEncoder((_LENGTH_M, _LENGTH_M, 1.0, 1.0, 1.0, 1.0))
+        self.agent_attention = HeadAttention(_CODE)
         self.joined = nn.Linear(2 * _CODE, _CODE)
-        self.graph = nn.ModuleList((Attention(_CODE), Attention(_CODE)))
+        self.graph = nn.ModuleList((HeadAttention(_CODE), HeadAttention(_CODE)))
         self.from_ego = nn.Linear(_CODE, _CODE)
         self.from_source, self.from_target = (nn.Linear(_CODE, _CODE, bias=False) for _ in range(2))
         self.from_kind = nn.Embedding(2, _CODE)
@@ -171,7 +171,7 @@ class Decoder(nn.Module):
         return (values.unflatten(-1, (self.heads, each)) * weights[..., None]).sum(dim=2).flatten(2)
 
 
-class Track(nn.Module):
+class SequenceEncoder(nn.Module):
     """A code for a sequence: an embedding and a GRU, whose last state it is."""
 
     units: Tensor
@@ -188,7 +188,7 @@ class Track(nn.Module):
         return self.gru(self.embedded(flat))[1][0].reshape(*rows.shape[:-2], _CODE)
 
 
-class Attention(nn.Module):
+class HeadAttention(nn.Module):
     """One head; rows that may attend to nothing get 0."""
 
     def __init__(self, width: int) -> None:

@@ -26,7 +26,7 @@ from interplan_learned.training.models.pdm_open import (
     mean_error,
     targets,
 )
-from interplan_learned.training.recipe import ALWAYS, Batch, GraphCall, Recipe, Settings
+from interplan_learned.training.recipe import ALWAYS, Batch, GraphCall, Recipe, TrainingSettings
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.errors import InputError
@@ -57,7 +57,7 @@ def recipe(size: Size = "published", history_s: float = 2.0, past_dropped: float
         graphs=graphs,
         keep=keep,
         augmented=partial(without_past, share=past_dropped),
-        settings=Settings(epochs=20, batch=64, learning_rate=5e-4, patience=25),
+        settings=TrainingSettings(epochs=20, batch=64, learning_rate=5e-4, patience=25),
     )
 
 

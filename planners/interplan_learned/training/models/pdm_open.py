@@ -14,7 +14,7 @@ from interplan_learned.driving import POSES
 from interplan_learned.pdm_open import FIELDS, inputs
 from interplan_learned.training.augment import Perturbation, perturbed_start, without_past
 from interplan_learned.training.metrics import wanted_poses
-from interplan_learned.training.recipe import Batch, GraphCall, Recipe, Settings
+from interplan_learned.training.recipe import Batch, GraphCall, Recipe, TrainingSettings
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.errors import InputError
 
@@ -47,7 +47,7 @@ def recipe(
         poses=_poses,
         graphs=_graphs,
         augmented=partial(_augmented, perturbation=Perturbation(share=perturbed), past_dropped=past_dropped),
-        settings=Settings(epochs=40, batch=64, learning_rate=5e-4, patience=25),
+        settings=TrainingSettings(epochs=40, batch=64, learning_rate=5e-4, patience=25),
     )
 
 

@@ -20,7 +20,7 @@ from interplan_learned.card import Size
 from interplan_learned.driving import POSES
 from interplan_learned.training.augment import Perturbation, perturbed_start, without_agents
 from interplan_learned.training.metrics import wanted_poses
-from interplan_learned.training.recipe import Batch, GraphCall, Recipe, Settings
+from interplan_learned.training.recipe import Batch, GraphCall, Recipe, TrainingSettings
 from interplan_learned.training.scene_encoder import Scale
 from interplan_learned.urban_driver import (
     FIELDS,
@@ -54,17 +54,17 @@ class Learning:
     left_m: float
     turned_rad: float
     """How far from the driven line a drive may start, to both sides."""
-    settings: Settings
+    settings: TrainingSettings
 
 
 LEARNING: Final[Mapping[Size, Learning]] = {
     "compact": Learning(
         width=64, forward_m=1.0, left_m=1.0, turned_rad=0.3,
-        settings=Settings(epochs=12, batch=64, learning_rate=1e-3, patience=8),
+        settings=TrainingSettings(epochs=12, batch=64, learning_rate=1e-3, patience=8),
     ),
     "published": Learning(
         width=256, forward_m=2.0, left_m=2.0, turned_rad=0.75,
-        settings=Settings(epochs=100, batch=64, learning_rate=1e-4, patience=25),
+        settings=TrainingSettings(epochs=100, batch=64, learning_rate=1e-4, patience=25),
     ),
 }  # fmt: skip
 

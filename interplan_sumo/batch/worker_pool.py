@@ -1,0 +1,257 @@
+"""Crew: worker processes on this machine: each has its own line to the parent and at most one task in hand.
+
+What ends a worker that hangs, crashes or is killed, and in which phase it was, is found out here; what that means
+for its task is the engine's to say.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import multiprocessing
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from multiprocessing import connection
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any, Protocol
+
+from interplan_sumo.batch.processes import SINGLE_THREAD, environment, interrupts_held, kill_group
+from interplan_sumo.batch.shared_phase import SharedPhase
+from interplan_sumo.batch.tasks import Limits, OpenGroup, Task
+from interplan_sumo.batch.worker import serve
+
+POLL_S = 0.1
+PATIENCE_S = 5.0
+"""How long a worker that was told to leave may take before it is ended."""
+OUTPUT_KEPT = 2000
+"""Characters of what a worker printed that are kept with a fault."""
+
+
+@dataclass(slots=True, eq=False)
+class Worker:
+    """One worker as the engine sees it: the group it serves and the task it has in hand."""
+
+    group: str
+    task_since_s: float
+    """Monotonic: when it was given its task; without one, when it began to open its group or had done so."""
+    ready: bool = False
+    """Whether it has opened its group."""
+    task: Task | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """How a worker ended without an answer."""
+
+    exit_code: int | None
+    phase: str
+    limit: str | None = None
+    """The limit for which it was ended, in words."""
+    lost: str | None = None
+    """Why it is out of reach, where that is all that is known: its machine is gone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a crew has heard from a worker: an answer, or how it ended."""
+
+    worker: Worker
+    answer: dict[str, Any]
+    """`ready`, `input_error`, or `value` and `fault`; empty if it ended."""
+    ending: Ending | None = None
+    printed: str = ""
+    """The end of what it printed, if it failed."""
+
+
+class WorkerPool(Protocol):
+    """Workers that serve groups, wherever they are."""
+
+    @property
+    def workers(self) -> Sequence[Worker]:
+        """Those that may be given tasks, or will be once they are ready."""
+        ...
+
+    def hire(self, group: str) -> Worker:
+        """A new worker; it reports as soon as it has opened its group."""
+        ...
+
+    def give(self, worker: Worker, task: Task) -> bool:
+        """Hand a task to a worker that is ready and has none; False if it has died meanwhile."""
+        ...
+
+    def reports(self) -> list[Report]:
+        """What there is to hear, after waiting a moment; those who ended or ran over a limit are no longer of it."""
+        ...
+
+    def dismiss(self, worker: Worker) -> None:
+        """Let an idle worker end by itself, so that what it opened is closed in order."""
+        ...
+
+    def bury(self, worker: Worker) -> None:
+        """End a worker and everything it started, at once."""
+        ...
+
+
+@dataclass(slots=True)
+class _Process:
+    """What belongs to a worker on this machine."""
+
+    process: BaseProcess
+    line: Connection
+    board: SharedPhase
+    output: Path
+    phase_since_s: float
+    phase_changes: int = -1
+    over: Ending | None = None
+    """Phase and limit, if it was killed for one."""
+
+
+class ProcessCrew:
+    """Workers that are processes of this machine, and the folder in which they keep what they print."""
+
+    def __init__(self, open_group: OpenGroup, limits: Limits, folder: Path) -> None:
+        self._open_group = open_group
+        self._limits = limits
+        self._folder = folder
+        self._hired = 0
+        self._present: dict[Worker, _Process] = {}
+        self._leaving: dict[Worker, _Process] = {}
+
+    @property
+    def workers(self) -> list[Worker]:
+        return list(self._present)
+
+    def hire(self, group: str) -> Worker:
+        context = multiprocessing.get_context("spawn")
+        ends: tuple[Any, Any] = context.Pipe(duplex=True)
+        here, there = ends
+        shared = context.RawArray("q", 2)
+        self._hired += 1
+        output = self._folder / f"worker-{self._hired}.txt"
+        process = context.Process(
+            target=serve,
+            args=(there, shared, group, self._open_group, str(output), self._limits.memory_bytes),
+            daemon=False,
+            name=f"interplan-sumo worker {self._hired}",
+        )
+        # Set iteration order, too, must not differ from worker to worker.
+        with environment({**SINGLE_THREAD, "PYTHONHASHSEED": "0"}), interrupts_held():
+            process.start()
+        there.close()
+        now_s = time.monotonic()
+        worker = Worker(group, now_s)
+        self._present[worker] = _Process(process, here, SharedPhase(shared), output, now_s)
+        return worker
+
+    def give(self, worker: Worker, task: Task) -> bool:
+        own = self._present[worker]
+        try:
+            own.line.send(task.payload)
+        except OSError:  # it died just now; `reports` will tell
+            return False
+        worker.task = task
+        worker.task_since_s = own.phase_since_s = time.monotonic()
+        return True
+
+    def dismiss(self, worker: Worker) -> None:
+        own = self._leaving[worker] = self._present.pop(worker)
+        with contextlib.suppress(OSError):
+            own.line.send(None)
+        worker.task_since_s = time.monotonic()
+
+    def bury(self, worker: Worker) -> None:
+        for place in (self._present, self._leaving):
+            own = place.pop(worker, None)
+            if own is not None:
+                kill_group(own.process)
+                own.line.close()
+                own.output.unlink(missing_ok=True)
+
+    def reports(self) -> list[Report]:
+        found = [report for worker in self._heard() if (report := self._listen(worker)) is not None]
+        self._enforce()
+        self._see_off()
+        return found
+
+    def leave(self) -> None:
+        """Dismiss all workers and wait until they are gone."""
+        for worker in self.workers:
+            self.dismiss(worker)
+        while self._leaving:
+            self._see_off()
+            connection.wait([own.process.sentinel for own in self._leaving.values()], timeout=POLL_S)
+
+    def disband(self) -> None:
+        """Bury all workers."""
+        for worker in [*self._present, *self._leaving]:
+            self.bury(worker)
+
+    def _heard(self) -> list[Worker]:
+        """The workers with something to say, or dead; waits a moment for one."""
+        things = [thing for own in self._present.values() for thing in (own.line, own.process.sentinel)]
+        ready = set(connection.wait(things, timeout=POLL_S)) if things else set()
+        return [w for w, own in self._present.items() if own.line in ready or own.process.sentinel in ready]
+
+    def _listen(self, worker: Worker) -> Report | None:
+        """The worker's answer, or how it ended; None if there is nothing yet. A worker that ended is buried."""
+        own = self._present[worker]
+        broken = False
+        try:
+            if own.line.poll():
+                answer = json.loads(own.line.recv_bytes())
+                if isinstance(answer, dict):
+                    return Report(worker, answer, printed=_end_of(own.output) if answer.get("fault") else "")
+                broken = True
+        except (EOFError, OSError, ValueError):
+            broken = True
+        if not broken and own.process.is_alive():
+            return None
+        phase = own.board.phase
+        own.process.join(timeout=0.5 if broken else None)  # a closed line: most often it is just about to end
+        exit_code = own.process.exitcode
+        ending = Ending(exit_code, phase) if own.over is None else Ending(exit_code, own.over.phase, own.over.limit)
+        printed = _end_of(own.output)
+        self.bury(worker)
+        return Report(worker, {}, ending, printed)
+
+    def _enforce(self) -> None:
+        """Kill workers that are over a limit; the next `_listen` finds them dead."""
+        now_s = time.monotonic()
+        limits = self._limits
+        for worker, own in self._present.items():
+            changes = own.board.changes
+            if changes != own.phase_changes:
+                own.phase_changes, own.phase_since_s = changes, now_s
+            if own.over is not None or (worker.ready and worker.task is None):
+                continue
+            phase = own.board.phase
+            in_phase_s, in_task_s = now_s - own.phase_since_s, now_s - worker.task_since_s
+            if not worker.ready:
+                if in_task_s > limits.load_s:
+                    own.over = Ending(None, "load", f"took longer than {limits.load_s:g} s to build")
+            elif phase == "plan" and in_phase_s > limits.plan_s + limits.grace_s:
+                own.over = Ending(None, "plan", f"plan() took longer than {limits.plan_s:g} s")
+            elif in_task_s > limits.task_s:
+                own.over = Ending(None, phase, f"no result after {limits.task_s:g} s")
+            if own.over is not None:
+                own.process.kill()
+
+    def _see_off(self) -> None:
+        """Bury those who left, and those who do not leave in time."""
+        for worker, own in list(self._leaving.items()):
+            if not own.process.is_alive() or time.monotonic() - worker.task_since_s > PATIENCE_S:
+                self.bury(worker)
+
+
+def _end_of(output: Path) -> str:
+    """The end of what a worker printed during its task."""
+    try:
+        with output.open("rb") as file:
+            file.seek(0, 2)
+            file.seek(max(0, file.tell() - 4 * OUTPUT_KEPT))
+            return file.read().decode(errors="replace")[-OUTPUT_KEPT:]
+    except OSError:
+        return ""

@@ -1,0 +1,259 @@
+"""From a foreign map to `Roads`: lanes that never overlap, connectors between them, roadblocks, intersections."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps.importers import signs
+from interplan_sumo.maps.importers.areas import clipped, intersections, numbered, surface_of
+from interplan_sumo.maps.importers.connector_paths import ConnectorPath, SegmentLane, SegmentSurfaces, ways
+from interplan_sumo.maps.importers.cross_sections import Ribbon
+from interplan_sumo.maps.importers.drop_invalid import sifted
+from interplan_sumo.maps.importers.lane_segments import JOINT_M, links, pieces
+from interplan_sumo.maps.importers.record import LaneOrigin
+from interplan_sumo.maps.importers.sections import SourceStretch, sections
+from interplan_sumo.maps.importers.smooth import FARTHEST_IN_JUNCTION_M, smoothed
+from interplan_sumo.maps.importers.source import SourceMap
+from interplan_sumo.world.geometry import Polyline, wrap_angle
+from interplan_sumo.world.roads import Connector, Lane, Roadblock, Roads, Turn
+
+BLOCKS_BEFORE_WAYS = 1_000_000
+"""Roadblocks count from 1, roadblock connectors from here."""
+LANES_PER_BLOCK = 100
+"""Lane and connector ids are those of their block times this, plus the place in it."""
+_STRAIGHT_RAD, _U_TURN_RAD = np.radians(30.0), np.radians(150.0)
+_SHORTEST_M = 0.05  # a lane or connector without length has no direction
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """Roads made of a foreign map, and how."""
+
+    roads: Roads
+    origins: Mapping[str, tuple[LaneOrigin, ...]]
+    """By lane and connector id: the stretches of lanes of the file that it consists of, in driving order."""
+    left_out: Mapping[str, tuple[str, ...]]
+    """Ids of the file by the reason why they are no lanes of the map."""
+    notes: tuple[str, ...]
+
+
+def build(source: SourceMap) -> Built:
+    """The map in nuPlan's terms; MapError if the file has no lane.
+
+    See `pieces` for what becomes a lane and what a connector. A roadblock is a
+    stretch of lanes side by side; a roadblock connector holds all connectors
+    between the same two. Ids are new; `Built.origins` says what came from where.
+    """
+    if not source.lanes:
+        raise MapError(f"{source.name}: the file holds no lane for cars")
+    parts = sections(source)
+    joined = links(source.lanes, parts)
+    drawing = _Drawing(source, SegmentSurfaces(parts, pieces(source.lanes, parts, joined), joined, source.driving_side))
+    drawing.draw_lanes()
+    drawing.draw_connectors()
+    left_out: dict[str, list[str]] = defaultdict(list)
+    for item in source.left_out:
+        left_out[item.reason].append(item.id)
+    reasons = {reason: tuple(ids) for reason, ids in left_out.items()}
+    roads, broken = sifted(drawing.roads())
+    taken_out = tuple(
+        f"{', '.join(dict.fromkeys(origin.source_id for origin in drawing.origins[id_]))}: left out, {reason}"
+        for id_, reason in broken.items()
+    )
+    origins = {id_: rows for id_, rows in drawing.origins.items() if id_ in roads}
+    return Built(roads, origins, reasons, (*source.notes, *drawing.notes(), *taken_out))
+
+
+@dataclass(eq=False)
+class _Drawing:
+    source: SourceMap
+    ground: SegmentSurfaces
+    lanes: dict[str, Lane] = field(default_factory=dict[str, Lane])
+    connectors: dict[str, Connector] = field(default_factory=dict[str, Connector])
+    roadblocks: dict[str, Roadblock] = field(default_factory=dict[str, Roadblock])
+    origins: dict[str, tuple[LaneOrigin, ...]] = field(default_factory=dict[str, tuple[LaneOrigin, ...]])
+    id_of: dict[SegmentLane, str] = field(default_factory=dict[SegmentLane, str])
+    ways: dict[str, ConnectorPath] = field(default_factory=dict[str, ConnectorPath])
+    used: set[SegmentLane] = field(default_factory=set[SegmentLane])
+
+    # --- lanes -----------------------------------------------------------------------------------
+
+    def draw_lanes(self) -> None:
+        surfaces: dict[str, shapely.Polygon] = {}
+        grounds: dict[str, shapely.Polygon] = {}
+        members: dict[str, list[str]] = {}
+        for s, section_pieces in enumerate(self.ground.pieces):
+            for p, piece in enumerate(section_pieces):
+                if not piece.is_lane:
+                    continue
+                block = str(len(members) + 1)
+                members[block] = []
+                ribbon = self.ground.surface(s, p)
+                grounds[block] = ribbon.outline()
+                for i in range(ribbon.lanes):
+                    if SegmentLane(s, p, i) in self.ground.twins:
+                        self.used.add(SegmentLane(s, p, i))
+                        continue
+                    id_ = str(int(block) * LANES_PER_BLOCK + i)
+                    self.id_of[SegmentLane(s, p, i)] = id_
+                    self.used.add(SegmentLane(s, p, i))
+                    members[block].append(id_)
+                    surfaces[id_] = ribbon.polygon(i)
+                    self.lanes[id_] = self._lane(SegmentLane(s, p, i), id_, block, ribbon)
+        for id_, polygon in clipped(surfaces).items():
+            lane = self.lanes[id_]
+            self.lanes[id_] = Lane(
+                id_, lane.roadblock_id, lane.index, lane.centerline, polygon, lane.left_boundary, lane.right_boundary,
+                lane.speed_limit_mps,
+            )  # fmt: skip
+        for block, polygon in clipped({block: grounds[block] for block, ids in members.items() if ids}).items():
+            self.roadblocks[block] = Roadblock(block, polygon, tuple(members[block]))
+
+    def _lane(self, node: SegmentLane, id_: str, block: str, ribbon: Ribbon) -> Lane:
+        line = smoothed(ribbon.centerline(node.lane))
+        self.origins[id_] = self._origins((node,), (0.0, 0.0), line)
+        first = self.ground.sections[node.section].columns[node.lane][0]
+        return Lane(
+            id=id_,
+            roadblock_id=block,
+            index=node.lane,
+            centerline=line,
+            polygon=ribbon.polygon(node.lane),
+            left_boundary=ribbon.boundary(node.lane),
+            right_boundary=ribbon.boundary(node.lane + 1),
+            speed_limit_mps=self.source.lanes[first].speed_limit_mps,
+        )
+
+    # --- connectors ------------------------------------------------------------------------------
+
+    def draw_connectors(self) -> None:
+        between: dict[tuple[str, str], list[ConnectorPath]] = defaultdict(list)
+        for way in ways(self.ground):
+            if way.ribbon.length_m < _SHORTEST_M:
+                continue
+            ends = (self.lanes[self.id_of[node]].roadblock_id for node in (way.start, way.end))
+            between[next(ends), next(ends)].append(way)
+            self.used.update(way.parts)
+        for number, ((start, end), found) in enumerate(sorted(between.items(), key=_by_blocks)):
+            block = str(BLOCKS_BEFORE_WAYS + number + 1)
+            found.sort(key=lambda way: (way.start.lane, way.end.lane, way.start, way.end))
+            ids = [str(int(block) * LANES_PER_BLOCK + k) for k in range(len(found))]
+            for id_, way in zip(ids, found, strict=True):
+                self.ways[id_] = way
+                self.connectors[id_] = self._connector(way, id_, block)
+            shape = surface_of([self.connectors[id_].polygon for id_ in ids])
+            self.roadblocks[block] = Roadblock(block, shape, tuple(ids), is_connector=True, from_id=start, to_id=end)
+
+    def _connector(self, way: ConnectorPath, id_: str, block: str) -> Connector:
+        ends = (self.lanes[self.id_of[node]].centerline for node in (way.start, way.end))
+        line = smoothed(way.ribbon.centerline(), *ends, farthest_m=FARTHEST_IN_JUNCTION_M)
+        self.origins[id_] = self._origins(way.parts, way.drawn_m, line)
+        polygon = way.ribbon.polygon()
+        if polygon.is_empty:
+            polygon = shapely.buffer(line.linestring, 1.0, cap_style="flat")
+        return Connector(
+            id=id_,
+            roadblock_id=block,
+            from_lane_id=self.id_of[way.start],
+            to_lane_id=self.id_of[way.end],
+            centerline=line,
+            polygon=polygon,
+            left_boundary=way.ribbon.boundary(0),
+            right_boundary=way.ribbon.boundary(1),
+            speed_limit_mps=self._limit_mps(way),
+            turn=_turn(line),
+        )
+
+    def _limit_mps(self, way: ConnectorPath) -> float | None:
+        """The lowest limit of the lanes of the file on the way; on a mere joint that of the lane before it."""
+        rows = [row for node in way.parts for row in self._stretches(node)]
+        own = [row for row in rows if row.length_m > 2.0 * JOINT_M or row.to_share - row.from_share > 0.99]
+        limits = [self.source.lanes[row.source_id].speed_limit_mps for row in own]
+        if not own:
+            return self.lanes[self.id_of[way.start]].speed_limit_mps
+        return min((limit for limit in limits if limit is not None), default=None)
+
+    # --- where things come from ------------------------------------------------------------------
+
+    def _stretches(self, node: SegmentLane) -> tuple[SourceStretch, ...]:
+        """Lanes of the file along a node."""
+        piece = self.ground.piece(node)
+        return self.ground.sections[node.section].stretches(node.lane, piece.start_m, piece.end_m)
+
+    def _origins(
+        self, nodes: Sequence[SegmentLane], drawn_m: Sequence[float], line: Polyline
+    ) -> tuple[LaneOrigin, ...]:
+        """Origins along a line, whose length the nodes, and what was drawn before and behind each, share by theirs."""
+        rows = [self._stretches(node) for node in nodes]
+        total = sum(drawn_m) + sum(row.length_m for own in rows for row in own) or 1.0
+        found: list[LaneOrigin] = []
+        at = 0.0
+        for own, gap_m in zip(rows, drawn_m, strict=False):
+            at += gap_m / total * line.length_m
+            for source_id, first, last, length_m in own:
+                to = at + length_m / total * line.length_m
+                found.append(LaneOrigin(source_id, round(first, 6), round(last, 6), round(at, 3), round(to, 3)))
+                at = to
+        return tuple(found)
+
+    def notes(self) -> list[str]:
+        """What of the file could not be used."""
+        found: list[str] = []
+        for here, there, gap_m in self.ground.torn:
+            ends = (self._stretches(node)[k][0] for node, k in ((here, -1), (there, 0)))
+            found.append(f"the link from {next(ends)} to {next(ends)} is left out: {gap_m:.1f} m lie between the two")
+        lost: dict[str, float] = defaultdict(float)
+        for node in self.ground.nodes():
+            if node not in self.used:
+                for source_id, _, _, length_m in self._stretches(node):
+                    lost[source_id] += length_m
+        found += [
+            f"lane {source_id}: {length_m:.1f} m of it are left out: an overlap that leads from no lane or to none"
+            for source_id, length_m in lost.items()
+            if length_m > 2.0 * JOINT_M
+        ]
+        return found
+
+    # --- the whole -------------------------------------------------------------------------------
+
+    def roads(self) -> Roads:
+        controls = signs.controls(self.source, self.ground, self.ways)
+        stop_lines, connectors = signs.place(self.source, controls, self.lanes, self.connectors)
+        areas, roadblocks = intersections(self.lanes, connectors, self.roadblocks, controls)
+        paved = [*self.source.drivable, *(item.polygon for item in self.source.left_out if item.polygon is not None)]
+        surfaces = shapely.union_all([shapely.buffer(lane.polygon, 0.01) for lane in self.lanes.values()])
+        return Roads(
+            name=self.source.name,
+            crs=self.source.crs,
+            driving_side=self.source.driving_side,
+            lanes=self.lanes,
+            connectors=connectors,
+            roadblocks=roadblocks,
+            intersections=areas,
+            stop_lines=stop_lines,
+            crosswalks=numbered(self.source.crosswalks),
+            walkways=numbered(self.source.walkways),
+            carparks=numbered(self.source.carparks),
+            road_segments=numbered([surfaces]),
+            generic_drivable_areas=numbered(paved),
+        )
+
+
+def _by_blocks(item: tuple[tuple[str, str], list[ConnectorPath]]) -> tuple[int, int]:
+    return int(item[0][0]), int(item[0][1])
+
+
+def _turn(line: Polyline) -> Turn:
+    headings = line.segment_heading_rad
+    turned = float(wrap_angle(headings[-1] - headings[0]))
+    if abs(turned) <= _STRAIGHT_RAD:
+        return Turn.STRAIGHT
+    if abs(turned) >= _U_TURN_RAD:
+        return Turn.U_TURN
+    return Turn.LEFT if turned > 0.0 else Turn.RIGHT

@@ -1,0 +1,188 @@
+"""Lanes for cars: one for each direction in which a lanelet may be driven, and which of them follow or adjoin."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from interplan_sumo.maps.importers.readers.lanelet2.lanelets import Bound, Lanelet, between, truth
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.roads import DrivingSide
+
+TWO_WAY_WIDTH_M = 4.5
+"""A lanelet that is driven in both directions is split in two from this width on."""
+_MEDIAN_M = 12.0  # oncoming lanes that lie further apart are not of one road
+_WIDENING_M = 10.0  # over this length a half becomes the whole lanelet, where only whole ones lie beyond
+_INNER_SPACING_M = 1.0
+
+_Edge = tuple[str, ...]  # the nodes of a boundary, in the direction of travel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TravelDirection:
+    """One direction of travel over a lanelet, or over its half."""
+
+    id: str
+    lanelet: Lanelet
+    left: Floats
+    right: Floats
+    left_edge: _Edge | None
+    """None in the middle of a lanelet that is split."""
+    right_edge: _Edge | None
+    start: tuple[str, str]
+    """Nodes at the start of the lanelet's left and right boundary, in this direction."""
+    end: tuple[str, str]
+    is_back: bool = False
+    """Against the lanelet's own direction."""
+
+
+def is_two_way(lanelet: Lanelet) -> bool:
+    """Whether cars may drive a lanelet in both directions: one_way=no, or one_way:vehicle=no and the like."""
+    for key in ("one_way:vehicle:car", "one_way:vehicle", "one_way"):
+        if key in lanelet.tags:
+            return not truth(lanelet.tags[key], True)
+    return False
+
+
+def courses_of(lanelets: Iterable[Lanelet], side: DrivingSide) -> list[TravelDirection]:
+    """One course for each lanelet, two for one that is driven both ways and wide enough.
+
+    A half that leads only to lanelets that are not split, or comes only from
+    such, widens to the whole width there, so that no lane jumps aside at a joint.
+    """
+    courses: list[TravelDirection] = []
+    for lanelet in lanelets:
+        courses.append(_course(lanelet.id, lanelet, lanelet.left, lanelet.right))
+        if is_two_way(lanelet) and lanelet.mean_width_m >= TWO_WAY_WIDTH_M:
+            back = _course(f"{lanelet.id}:back", lanelet, lanelet.right.turned(), lanelet.left.turned())
+            courses.append(replace(back, is_back=True))
+    halves = {id_ for course in courses if course.is_back for id_ in (course.lanelet.id, course.id)}
+    onward = followers(courses)
+    before = predecessors(onward)
+    return [
+        _half(course, side, *(bool(ids) and halves.isdisjoint(ids) for ids in (before[course.id], onward[course.id])))
+        if course.id in halves
+        else course
+        for course in courses
+    ]
+
+
+def _course(id_: str, lanelet: Lanelet, left: Bound, right: Bound) -> TravelDirection:
+    return TravelDirection(
+        id=id_,
+        lanelet=lanelet,
+        left=left.points,
+        right=right.points,
+        left_edge=left.nodes,
+        right_edge=right.nodes,
+        start=(left.nodes[0], right.nodes[0]),
+        end=(left.nodes[-1], right.nodes[-1]),
+    )
+
+
+def _half(course: TravelDirection, side: DrivingSide, whole_at_start: bool, whole_at_end: bool) -> TravelDirection:
+    """The half of a course on its side of the road."""
+    reach = min(_WIDENING_M / course.lanelet.mean_length_m, 0.5)
+
+    def far_share(at: Floats) -> Floats:
+        """How far the inner boundary lies towards the far side, at shares of the length."""
+        ramps = np.zeros_like(at)
+        for is_whole, away in ((whole_at_start, at), (whole_at_end, 1.0 - at)):
+            if is_whole:
+                near = np.clip(1.0 - away / reach, 0.0, 1.0)
+                ramps = np.maximum(ramps, near * near * (3.0 - 2.0 * near))
+        return 0.5 + 0.5 * ramps
+
+    if side == "right":
+        inner = between(course.left, course.right, far_share, _INNER_SPACING_M)
+        return replace(course, left=inner, left_edge=None)
+    inner = between(course.right, course.left, far_share, _INNER_SPACING_M)
+    return replace(course, right=inner, right_edge=None)
+
+
+def followers(courses: Iterable[TravelDirection]) -> dict[str, tuple[str, ...]]:
+    """Ids of the courses that begin at the two nodes where a course ends, by id."""
+    courses = list(courses)
+    beginning: defaultdict[tuple[str, str], list[TravelDirection]] = defaultdict(list)
+    for course in courses:
+        beginning[course.start].append(course)
+    return {
+        course.id: tuple(next_.id for next_ in beginning[course.end] if next_.lanelet.id != course.lanelet.id)
+        for course in courses
+    }
+
+
+def predecessors(onward: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """What comes before, from what follows: ids by id."""
+    before: dict[str, list[str]] = {id_: [] for id_ in onward}
+    for id_, next_ids in onward.items():
+        for next_id in next_ids:
+            before[next_id].append(id_)
+    return {id_: tuple(ids) for id_, ids in before.items()}
+
+
+def right_neighbours(courses: Sequence[TravelDirection]) -> dict[str, str]:
+    """By id, the course of the same direction on the other side of a course's right boundary.
+
+    Where several have that line as their left boundary, that one which
+    lies closest to the course, so that every course has one neighbour at most.
+    """
+    on_right_of: defaultdict[_Edge, list[TravelDirection]] = defaultdict(list)
+    for course in courses:
+        if course.left_edge is not None:
+            on_right_of[course.left_edge].append(course)
+    pairs = sorted(
+        (_apart_m(course, other), row, course.id, other.id)
+        for row, course in enumerate(courses)
+        if course.right_edge is not None
+        for other in on_right_of[course.right_edge]
+    )
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    for _, _, id_, other_id in pairs:
+        if id_ not in found and other_id not in taken:
+            found[id_] = other_id
+            taken.add(other_id)
+    return found
+
+
+def _apart_m(one: TravelDirection, other: TravelDirection) -> float:
+    """How far the far boundaries lie apart at their ends, both together."""
+    return float(np.hypot(*(one.left[[0, -1]] - other.right[[0, -1]]).T).sum())
+
+
+def driving_side(lanelets: Sequence[Lanelet]) -> tuple[DrivingSide, bool]:
+    """The side of the road on which traffic keeps, and whether the map shows it.
+
+    Oncoming lanes have their left boundaries next to each other, or in common,
+    where traffic keeps right; their right boundaries where it keeps left.
+    """
+    one_way = [lanelet for lanelet in lanelets if not is_two_way(lanelet)]
+    kept_right_m = _facing_m([lanelet.left.points for lanelet in one_way])
+    kept_left_m = _facing_m([lanelet.right.points for lanelet in one_way])
+    return ("left" if kept_left_m > kept_right_m else "right"), kept_left_m != kept_right_m
+
+
+def _facing_m(lines: Sequence[Floats]) -> float:
+    """How much lines run beside opposing ones: over all pairs, the metres by which they are closer than a median."""
+    if not lines:
+        return 0.0
+    shapes = np.array([shapely.LineString(points) for points in lines], dtype=object)
+    middles = shapely.line_interpolate_point(shapes, 0.5, normalized=True)
+    one, other = shapely.STRtree(shapes).query(middles, predicate="dwithin", distance=_MEDIAN_M)
+    at = shapely.line_locate_point(shapes[other], middles[one], normalized=True)
+    along, beside = _directions(shapes[one], np.full(len(one), 0.5)), _directions(shapes[other], at)
+    opposed = (along * beside).sum(axis=1) < -0.9 * np.hypot(*along.T) * np.hypot(*beside.T)
+    return round(float((_MEDIAN_M - shapely.distance(middles[one], shapes[other]))[opposed].sum()), 3)
+
+
+def _directions(shapes: NDArray[np.object_], at: Floats) -> Floats:
+    """(N, 2) directions of lines at shares of their lengths; how long these are means nothing."""
+    ahead = shapely.line_interpolate_point(shapes, np.minimum(at + 0.02, 1.0), normalized=True)
+    behind = shapely.line_interpolate_point(shapes, np.maximum(at - 0.02, 0.0), normalized=True)
+    return shapely.get_coordinates(ahead) - shapely.get_coordinates(behind)

@@ -1,0 +1,67 @@
+"""Boundaries of a lane that is given by its middle and its width."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from interplan_sumo.maps.importers.readers.rings import along
+from interplan_sumo.world.geometry import Floats
+
+_LONGEST_MITRE = 4.0
+"""A mitre may be so many times as long as the offset; sharper corners are cut off."""
+_SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)
+"""Inside a turn that is tighter than the lane is wide, the boundary comes nearer to the middle."""
+_SHORTEST_M = 0.05
+
+
+def beside(middle: Floats, left_m: float) -> Floats:
+    """(N, 2) a line `left_m` to the left of the line `middle` (M, 2), or to its right if negative.
+
+    Corners are mitred. Where that would fold the line, as within a sharp bend
+    of short segments, the folds are cut out, so that the line does not cross
+    itself. `middle` must have two distinct points; N may differ from M.
+    """
+    for share in _SHARES:
+        shifted = _mitred(middle, share * left_m)
+        if _sound(shifted, middle):
+            return shifted
+        shifted = _without_folds(middle, share * left_m)
+        if shifted is not None:
+            return shifted
+    return middle
+
+
+def _normals(middle: Floats) -> Floats:
+    """(N, 2) at each vertex, the shift that moves a line by one metre to its left, with mitred corners."""
+    steps = np.diff(middle, axis=0)
+    unit = steps / np.hypot(*steps.T)[:, None]
+    left = np.stack((-unit[:, 1], unit[:, 0]), axis=1)
+    before, after = np.concatenate((left[:1], left)), np.concatenate((left, left[-1:]))
+    both = before + after
+    size = (both * both).sum(axis=1)[:, None]
+    mitre = 2.0 * both / np.maximum(size, 1e-12)
+    length = np.hypot(*mitre.T)[:, None]
+    return np.where(length > _LONGEST_MITRE, mitre * (_LONGEST_MITRE / np.maximum(length, 1e-12)), mitre)
+
+
+def _mitred(middle: Floats, left_m: float) -> Floats:
+    return middle + left_m * _normals(middle)
+
+
+def _sound(line: Floats, middle: Floats) -> bool:
+    """Whether no segment runs against its own of the middle, and the line crosses itself only if the middle does."""
+    forward = (np.diff(line, axis=0) * np.diff(middle, axis=0)).sum(axis=1) > 0.0
+    return bool(forward.all()) and (shapely.LineString(line).is_simple or not shapely.LineString(middle).is_simple)
+
+
+def _without_folds(middle: Floats, left_m: float) -> Floats | None:
+    """The offset line as shapely cuts it; None unless it runs from the offset start to the offset end."""
+    ends = _mitred(middle, left_m)[[0, -1]]
+    curve = shapely.offset_curve(shapely.LineString(middle), left_m, join_style="mitre", mitre_limit=_LONGEST_MITRE)
+    if not isinstance(curve, shapely.LineString) or curve.is_empty:
+        return None
+    points = along(shapely.get_coordinates(curve))
+    if len(points) < 2 or curve.length < _SHORTEST_M or np.hypot(*(points[[0, -1]] - ends).T).max() > abs(left_m) / 2.0:
+        return None
+    return points

@@ -1,0 +1,339 @@
+"""SUMO networks (`.net.xml`, plain or gzipped) as maps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps.importers.readers.offset import beside
+from interplan_sumo.maps.importers.readers.rings import along, ring
+from interplan_sumo.maps.importers.readers.sumo_file import (
+    CLASSES,
+    FileConnection,
+    FileLane,
+    SumoFile,
+    read_sumo_file,
+)
+from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
+from interplan_sumo.world.frame import STAND_IN, Frame, utm_frame
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.roads import StopLineKind
+
+_CAR = "passenger"
+_ON_FOOT = frozenset(("pedestrian", "wheelchair"))
+_CYCLES = frozenset(("bicycle", "scooter"))
+_RAIL = frozenset(("rail_urban", "rail", "rail_electric", "rail_fast", "subway", "cable_car"))
+_OFF_ROAD = frozenset(("ship", "container", "aircraft", "drone"))
+_CLOSED_GROUND = frozenset(("sidewalk", "railway", "waterway or runway"))
+"""Where no car may stand."""
+_FEW = 3
+_STOPS = frozenset("sw")
+_YIELDS = frozenset("m")
+_TURNAROUND = frozenset("tT")
+_TOUCH_M = 0.5
+"""Boundaries of neighbours that lie no further apart are one line: SUMO rounds shapes, and lanes adjoin."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ribbon:
+    """A lane with its boundaries, in the frame of the map."""
+
+    lane: FileLane
+    middle: Floats
+    left: Floats
+    right: Floats
+
+    @property
+    def polygon(self) -> shapely.Polygon | None:
+        return ring(np.concatenate((self.left, self.right[::-1])))
+
+
+def read_sumo_network(path: Path) -> SourceMap:
+    """The lanes of a SUMO network on which passenger cars may drive, in the UTM zone of its projection.
+
+    Boundaries run half a lane's width beside its shape. Every connection
+    through a junction is one lane, named after its first internal lane; where
+    there is none, or one without length, it is a direct link. The speed limit
+    of a lane through a junction is SUMO's, which is lowered in tight turns.
+    Stop and yield signs are those of approaches all of whose ways, but for turning
+    round, must stop or yield. Lanes may be longer or shorter in SUMO's books
+    than they are drawn; what is drawn counts. MapError names the file and the
+    lane or connection.
+    """
+    file = read_sumo_file(path)
+    notes: list[str] = []
+    frame = _frame(file, notes)
+    drawn = {id_: _ribbon(file, frame, lane) for id_, lane in file.lanes.items()}
+    ribbons = {id_: ribbon for id_, ribbon in drawn.items() if ribbon is not None and _CAR in ribbon.lane.classes}
+    if not ribbons:
+        raise MapError(f"{file.path}: no lane for passenger cars; give a network with roads")
+    ways = [
+        way for way in file.connections if _CAR in way.classes and way.from_lane in ribbons and way.to_lane in ribbons
+    ]
+    chains, closed = _through(file, frame, ways)
+    ways = [way if way.via in chains else replace(way, via="") for way in ways if way.via not in closed]
+    left_hand = file.attributes.get("lefthand", "").lower() in ("true", "1")
+    lanes = _lanes(file, ribbons, left_hand, ways)
+    lanes |= _connection_lanes(chains, ways)
+    if ways and not chains:
+        notes.append("The network has no lanes within junctions: lanes follow each other directly.")
+    elif not file.attributes.get("limitTurnSpeed", "-").startswith("-"):
+        notes.append("Speed limits within junctions are SUMO's: lower where a turn is tight.")
+    return SourceMap(
+        name=file.path.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".net"),
+        format="SUMO network",
+        crs=frame.crs,
+        driving_side="left" if left_hand else "right",
+        lanes=lanes,
+        crosswalks=tuple(_crossings(file, frame)),
+        walkways=tuple(_walkways(file, frame, drawn)),
+        drivable=tuple(_junctions(file, frame, ribbons, chains)),
+        left_out=(
+            *_left_out(file, drawn, ribbons),
+            *(LeftOut(via, "way through a junction closed to cars") for via in sorted(closed)),
+        ),
+        notes=tuple(notes),
+    )
+
+
+# --- the frame -----------------------------------------------------------------------------------------
+
+
+def _frame(file: SumoFile, notes: list[str]) -> Frame:
+    """The frame by the projection that SUMO noted; its offset is what was added to the projected coordinates."""
+    reference = file.location.get("projParameter", "!").strip()
+    if reference in ("", "!", "-", "."):
+        notes.append("The network does not say where it lies: its coordinates are kept, at a place that stands in.")
+        return STAND_IN
+    try:
+        x, y = (float(part) for part in file.location.get("netOffset", "0,0").split(",")[:2])
+        if not math.isfinite(x + y):
+            raise ValueError("not finite")
+    except ValueError:
+        raise file.fault(f"netOffset is {file.location['netOffset'][:40]!r}, expected x,y") from None
+    sample = next((lane.shape[0] for lane in file.lanes.values() if len(lane.shape)), np.zeros(2))
+    try:
+        return utm_frame(reference, (float(sample[0]), float(sample[1])), (-x, -y))
+    except MapError as error:
+        notes.append(f"The projection cannot be used ({error}): the map was put at a place that stands in.")
+        return STAND_IN
+
+
+# --- lanes of edges ------------------------------------------------------------------------------------
+
+
+def _ribbon(file: SumoFile, frame: Frame, lane: FileLane) -> _Ribbon | None:
+    """A lane with its boundaries; None for one without length."""
+    middle = along(_placed(file, frame, f"lane {lane.id}", lane.shape))
+    if len(middle) < 2:
+        return None
+    half_m = _half_width_m(frame, lane)
+    return _Ribbon(lane, middle, beside(middle, half_m), beside(middle, -half_m))
+
+
+def _half_width_m(frame: Frame, lane: FileLane) -> float:
+    """Half the width of a lane, in metres of the map: a projection that stretches shapes stretches widths as well."""
+    return frame.stretch_at((float(lane.shape[0, 0]), float(lane.shape[0, 1]))) * lane.width_m / 2.0
+
+
+def _placed(file: SumoFile, frame: Frame, what: str, points: Floats) -> Floats:
+    try:
+        return frame.points(points)
+    except MapError as error:
+        raise file.fault(f"{what}: {error}") from error
+
+
+def _lanes(
+    file: SumoFile, ribbons: Mapping[str, _Ribbon], left_hand: bool, ways: Sequence[FileConnection]
+) -> dict[str, SourceLane]:
+    lights: dict[str, dict[str, None]] = {}
+    for way in ways:
+        if not way.via and way.light:
+            lights.setdefault(way.from_lane, {})[way.light] = None
+    after: dict[str, dict[str, None]] = {}
+    before: dict[str, dict[str, None]] = {}
+    for way in ways:
+        after.setdefault(way.from_lane, {})[way.via or way.to_lane] = None
+        before.setdefault(way.to_lane, {})[way.via or way.from_lane] = None
+    signs = _signs(file, ways)
+    lanes = {
+        id_: SourceLane(
+            id=id_,
+            left=ribbon.left,
+            right=ribbon.right,
+            successors=tuple(after.get(id_, ())),
+            predecessors=tuple(before.get(id_, ())),
+            speed_limit_mps=_limit(ribbon.lane.speed_mps),
+            lights_at_end=tuple(lights.get(id_, ())),
+            sign_at_end=signs.get(ribbon.lane.edge),
+        )
+        for id_, ribbon in ribbons.items()
+    }
+    for ids in file.edges.values():
+        # Index 0 is at the kerb: the rightmost lane where traffic keeps right.
+        for one, other in pairwise(ids):
+            left, right = (one, other) if left_hand else (other, one)
+            if left in lanes and right in lanes:
+                shared = _shared(ribbons[left], ribbons[right])
+                lanes[left] = replace(lanes[left], right=shared[0], right_neighbour=right)
+                lanes[right] = replace(lanes[right], left=shared[1], left_neighbour=left)
+    return lanes
+
+
+def _shared(left: _Ribbon, right: _Ribbon) -> tuple[Floats, Floats]:
+    """The boundary between two lanes, for each of them: one line where both draw it alike."""
+    if left.right.shape == right.left.shape and np.hypot(*(left.right - right.left).T).max() <= _TOUCH_M:
+        middle = (left.right + right.left) / 2.0
+        return middle, middle
+    return left.right, right.left
+
+
+def _limit(speed_mps: float | None) -> float | None:
+    return speed_mps if speed_mps is not None and speed_mps > 0.0 else None
+
+
+def _signs(file: SumoFile, ways: Sequence[FileConnection]) -> dict[str, StopLineKind]:
+    """Edge -> the sign at its end: where every way out of it must stop or yield, and no light tells when."""
+    states: dict[str, set[str]] = {}
+    for way in ways:
+        if way.direction not in _TURNAROUND:
+            states.setdefault(file.lanes[way.from_lane].edge, set()).add("light" if way.light else way.state)
+    signs: dict[str, StopLineKind] = {}
+    for edge, seen in states.items():
+        if seen <= _STOPS | _YIELDS:
+            signs[edge] = StopLineKind.STOP_SIGN if seen & _STOPS else StopLineKind.YIELD
+    return signs
+
+
+# --- ways through junctions ----------------------------------------------------------------------------
+
+
+def _through(file: SumoFile, frame: Frame, ways: Sequence[FileConnection]) -> tuple[dict[str, _Ribbon], frozenset[str]]:
+    """First internal lane -> the whole way as one lane, if it has a length; the internal lanes closed to cars."""
+    chains: dict[str, _Ribbon] = {}
+    closed: set[str] = set()
+    for way in ways:
+        if way.via and way.via not in chains:
+            parts = _parts(file, way)
+            if not all(_CAR in part.classes for part in parts):
+                closed.add(way.via)
+                continue
+            shape = np.concatenate([part.shape for part in parts])
+            ribbon = _ribbon(file, frame, replace(parts[0], shape=shape, speed_mps=_lowest(parts)))
+            if ribbon is not None:
+                chains[way.via] = ribbon
+    return chains, frozenset(closed)
+
+
+def _parts(file: SumoFile, way: FileConnection) -> list[FileLane]:
+    """The internal lanes of a way, in the order in which it runs over them."""
+    parts: list[FileLane] = []
+    seen: set[str] = set()
+    step = way.via
+    while step and step not in seen:
+        if step not in file.internal:
+            raise file.fault(f"connection {way.name}: it runs via {step[:40]!r}, which is no internal lane of the file")
+        seen.add(step)
+        parts.append(file.internal[step])
+        step = file.onward.get(step, "")
+    return parts
+
+
+def _lowest(parts: Iterable[FileLane]) -> float | None:
+    return min((part.speed_mps for part in parts if part.speed_mps is not None), default=None)
+
+
+def _connection_lanes(chains: Mapping[str, _Ribbon], ways: Sequence[FileConnection]) -> dict[str, SourceLane]:
+    by_via: dict[str, list[FileConnection]] = {}
+    for way in ways:
+        if way.via:
+            by_via.setdefault(way.via, []).append(way)
+    return {
+        via: SourceLane(
+            id=via,
+            left=chains[via].left,
+            right=chains[via].right,
+            successors=tuple(dict.fromkeys(way.to_lane for way in over)),
+            predecessors=tuple(dict.fromkeys(way.from_lane for way in over)),
+            speed_limit_mps=_limit(chains[via].lane.speed_mps),
+            in_intersection=True,
+            lights_at_start=tuple(dict.fromkeys(way.light for way in over if way.light)),
+        )
+        for via, over in by_via.items()
+    }
+
+
+# --- what is no lane for cars --------------------------------------------------------------------------
+
+
+def _left_out(file: SumoFile, drawn: Mapping[str, _Ribbon | None], ribbons: Mapping[str, _Ribbon]) -> Iterable[LeftOut]:
+    for edge in file.edges.values():
+        with_cars = any(id_ in ribbons for id_ in edge)
+        for id_ in edge:
+            ribbon = drawn[id_]
+            if ribbon is None:
+                yield LeftOut(id_, "lane without length")
+            elif id_ not in ribbons:
+                reason = _reason(ribbon.lane.classes)
+                open_ground = reason not in _CLOSED_GROUND and (reason != "tram lane" or with_cars)
+                yield LeftOut(id_, reason, ribbon.polygon if open_ground else None)
+
+
+def _reason(classes: frozenset[str]) -> str:
+    """Why a lane is not for cars, by those who may use it."""
+    classes = classes & CLASSES
+    if not classes:
+        return "closed lane"
+    if classes <= _ON_FOOT:
+        return "sidewalk"
+    if classes <= _CYCLES | _ON_FOOT:
+        return "bicycle lane"
+    if classes <= {"tram"}:
+        return "tram lane"
+    if classes <= _RAIL | {"tram"}:
+        return "railway"
+    if classes <= _OFF_ROAD:
+        return "waterway or runway"
+    if classes & {"bus", "coach"}:
+        return "bus lane"
+    return f"lane for {' and '.join(sorted(classes))} only" if len(classes) <= _FEW else "lane for other vehicles"
+
+
+def _crossings(file: SumoFile, frame: Frame) -> Iterable[shapely.Polygon]:
+    for lane in file.crossings:
+        outline = ring(_placed(file, frame, f"crossing {lane.id}", lane.outline))
+        middle = along(_placed(file, frame, f"crossing {lane.id}", lane.shape))
+        if outline is not None:
+            yield outline
+        elif len(middle) >= 2:
+            yield shapely.LineString(middle).buffer(_half_width_m(frame, lane), cap_style="flat", join_style="mitre")
+
+
+def _walkways(file: SumoFile, frame: Frame, drawn: Mapping[str, _Ribbon | None]) -> Iterable[shapely.Polygon]:
+    for lane in file.walking_areas:
+        area = ring(_placed(file, frame, f"walking area {lane.id}", lane.shape))
+        if area is not None:
+            yield area
+    for ribbon in drawn.values():
+        if ribbon is not None and _reason(ribbon.lane.classes) == "sidewalk":
+            shape = ribbon.polygon
+            if shape is not None:
+                yield shape
+
+
+def _junctions(
+    file: SumoFile, frame: Frame, ribbons: Mapping[str, _Ribbon], chains: Mapping[str, _Ribbon]
+) -> Iterable[shapely.Polygon]:
+    """Outlines of junctions that cars come to."""
+    for junction in file.junctions:
+        if any(lane in ribbons or lane in chains for lane in junction.lanes):
+            outline = ring(_placed(file, frame, f"junction {junction.id}", junction.shape))
+            if outline is not None:
+                yield outline

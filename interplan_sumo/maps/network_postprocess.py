@@ -1,0 +1,137 @@
+"""The last hand on a network from netconvert: exact shapes, our right of way, nothing that varies between runs.
+
+netconvert numbers the links and makes the internal lanes. What it works out
+from the order of the arms around a node (who crosses whom, who goes first) is
+replaced by what the geometry says.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from xml.etree.ElementTree import Element, tostring
+
+import numpy as np
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps.edges import LaneStretch
+from interplan_sumo.maps.network import NetworkIds, SumoPiece
+from interplan_sumo.maps.network_plan import NetworkPlan
+from interplan_sumo.maps.opposite import opposite_lanes
+from interplan_sumo.maps.plain_xml import shape_text
+from interplan_sumo.maps.right_of_way import BuiltLink, Key, set_right_of_way, text_of
+
+SHORTEST_LANE_M = 0.1
+"""SUMO's smallest lane length."""
+_NEEDLESS = ("shape", "contPos", "speed", "length", "customShape", "customLength", "uncontrolled")
+
+
+def finish(plan: NetworkPlan, root: Element) -> NetworkIds:
+    """Correct the network in place and return its id map; MapError where netconvert did not follow the plan."""
+    ways = _ways(plan, root)
+    pieces = _lay_lanes(plan, root, ways)
+    set_right_of_way(plan, root, ways)
+    _add_opposites(plan, root)
+    _strip(plan, root)
+    return NetworkIds(
+        origin_m=plan.origin_m,
+        driving_side=plan.roads.driving_side,
+        pieces={lane: tuple(sorted(found, key=lambda p: (p.start_m, p.end_m))) for lane, found in pieces.items()},
+        links={
+            connector: (node, index)
+            for node, program in plan.programs.items()
+            for index, connector in enumerate(program.links)
+            if connector in pieces
+        },
+    )
+
+
+def network_text(root: Element) -> str:
+    """The network as a document."""
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode").rstrip() + "\n"
+
+
+def _ways(plan: NetworkPlan, root: Element) -> dict[Key, BuiltLink]:
+    lanes = {text_of(lane, "id"): lane for lane in root.iterfind("edge/lane")}
+    connections: dict[Key, Element] = {}
+    for connection in root.iterfind("connection"):
+        start, end, from_lane, to_lane = (text_of(connection, name) for name in ("from", "to", "fromLane", "toLane"))
+        if not start.startswith(":"):
+            connections[start, end, from_lane, to_lane] = connection
+    ways: dict[Key, BuiltLink] = {}
+    for link in plan.links:
+        connection = connections.pop(link.key, None)
+        if connection is None:
+            raise MapError(f"netconvert dropped the way from {link.from_edge} to {link.to_edge} at {link.node}")
+        lane = lanes.get(connection.get("via", ""))
+        if lane is None:
+            raise MapError(f"netconvert made no lane for the way from {link.from_edge} to {link.to_edge}")
+        ways[link.key] = BuiltLink(link, connection, lane)
+    if connections:
+        start, end, *_ = next(iter(connections))
+        raise MapError(f"netconvert added a way from {start} to {end} that the map does not have")
+    return ways
+
+
+# --- shapes and lengths ------------------------------------------------------------------------
+
+
+def _lay_lanes(plan: NetworkPlan, root: Element, ways: dict[Key, BuiltLink]) -> dict[str, list[SumoPiece]]:
+    """Give every SUMO lane the exact shape of the stretch that it follows."""
+    pieces: dict[str, list[SumoPiece]] = defaultdict(list)
+    lanes = {text_of(lane, "id"): lane for lane in root.iterfind("edge/lane")}
+
+    def lay(lane: Element, stretch: LaneStretch, length_m: float) -> None:
+        lane.set("shape", shape_text(plan.points(stretch)))
+        lane.set("length", f"{max(SHORTEST_LANE_M, length_m):.3f}")
+        pieces[stretch.lane_id].append(SumoPiece(text_of(lane, "id"), stretch.start_m, stretch.end_m))
+
+    for edge in plan.edges:
+        mean_m = float(np.mean([stretch.length_m for stretch in edge.lanes]))
+        for index, stretch in enumerate(edge.lanes):
+            lane = lanes[f"{edge.id}_{index}"]
+            lane.set("speed", _speed(plan, stretch.lane_id))
+            lay(lane, stretch, mean_m)
+    for way in ways.values():
+        stretch = way.link.stretch
+        way.lane.set("speed", _speed(plan, stretch.lane_id))
+        lay(way.lane, stretch, stretch.length_m)
+    return pieces
+
+
+def _speed(plan: NetworkPlan, lane_id: str) -> str:
+    return f"{plan.limit_mps(lane_id):.4f}"
+
+
+# --- the rest ----------------------------------------------------------------------------------
+
+
+def _add_opposites(plan: NetworkPlan, root: Element) -> None:
+    """Name the oncoming lane of inner lanes, and give both edges one length, on which SUMO insists."""
+    edges = {text_of(edge, "id"): edge for edge in root.iterfind("edge")}
+    for lane_id, opposite_id in opposite_lanes(plan).items():
+        here, there = (edges[name.rpartition("_")[0]].findall("lane") for name in (lane_id, opposite_id))
+        here[-1].append(Element("neigh", {"lane": opposite_id}))
+        mean_m = (float(text_of(here[0], "length")) + float(text_of(there[0], "length"))) / 2
+        for lane in (*here, *there):
+            lane.set("length", f"{mean_m:.3f}")
+
+
+def _strip(plan: NetworkPlan, root: Element) -> None:
+    """Remove what the simulation does not read and what would tie the file to a machine or a moment."""
+    for name in [name for name in root.attrib if name.startswith("{")]:
+        del root.attrib[name]
+    location = root.find("location")
+    if location is not None:
+        x_m, y_m = plan.origin_m
+        location.set("netOffset", f"{-x_m:.2f},{-y_m:.2f}")
+    for connection in root.iterfind("connection"):
+        for name in _NEEDLESS:
+            connection.attrib.pop(name, None)
+    for element in (*root.iterfind("edge/lane"), *root.iterfind("junction")):
+        element.attrib.pop("customShape", None)
+    for edge in root.iterfind("edge"):
+        edge.attrib.pop("shape", None)
+    for element in root.iter():
+        element.text = element.text.strip() or None if element.text else None
+        element.tail = "\n"
+    root.text = "\n"

@@ -1,0 +1,109 @@
+"""Roster: who drives in the background, under which id others see them, and where their bodies are."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+
+from interplan_sumo.simulation.agent_kinematics import AgentKinematics
+from interplan_sumo.simulation.pedestrians import Crowd
+from interplan_sumo.simulation.vehicle_types import ENTRY, VehicleType
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.geometry import Floats
+
+_KINDS = {"pedestrian": ActorKind.PEDESTRIAN, "bicycle": ActorKind.BICYCLE}
+
+
+class AgentRegistry:
+    """All agents, known to SUMO by names and to others by tokens; obstacles and pedestrians are seen with them."""
+
+    def __init__(
+        self, types_file: Path, standing: Actors, crowd: Crowd | None, origin_m: tuple[float, float], dt_s: float
+    ) -> None:
+        self.names: list[str] = []
+        """Of the agents who are there, in the order of their tokens; a new list whenever somebody comes or goes."""
+        self.drivers: dict[str, VehicleType] = {}
+        self.routes: dict[str, tuple[str, ...]] = {}
+        self.behaviours: dict[str, str] = {}
+        """Name of the vehicle type by token, of all who have been there."""
+        self.bodies = AgentKinematics(dt_s)
+        self.length_m: Floats = np.zeros(0)
+        """(N,) of the agents who are there."""
+        self.width_m: Floats = np.zeros(0)
+        self._behaviour_of_entry = types_file.stem
+        self._standing = standing
+        self._crowd = crowd
+        self._origin = origin_m
+        self._tokens: dict[str, str] = {}
+        self._index()
+
+    @property
+    def front_x(self) -> Floats:
+        """(N,) middle of the front bumper, in SUMO's frame."""
+        return self.bodies.front_m[:, 0]
+
+    @property
+    def front_y(self) -> Floats:
+        return self.bodies.front_m[:, 1]
+
+    def enlist(self, name: str, token: str, driver: VehicleType, route: tuple[str, ...]) -> None:
+        """Know somebody who is about to come."""
+        self._tokens[name] = token
+        self.drivers[name] = driver
+        self.routes[name] = route
+
+    def join(self, names: Collection[str]) -> None:
+        """Those enlisted are there from now on."""
+        self.names = sorted([*self.names, *names], key=self._tokens.__getitem__)
+        rows = [row for row, name in enumerate(self.names) if name in names]
+        for row in rows:
+            name, driver = self.names[row], self.drivers[self.names[row]]
+            self.behaviours[self._tokens[name]] = self._behaviour_of_entry if driver.id == ENTRY else driver.id
+        self.bodies.insert(rows)
+        self._index()
+
+    def leave(self, names: Collection[str]) -> None:
+        """These have gone."""
+        self.bodies.keep([name not in names for name in self.names])
+        self.names = [name for name in self.names if name not in names]
+        self._index()
+
+    def _index(self) -> None:
+        """Columns that do not change from step to step."""
+        drivers = [self.drivers[name] for name in self.names]
+        self.length_m = np.array([d.length_m for d in drivers], dtype=np.float64)
+        self.width_m = np.array([d.width_m for d in drivers], dtype=np.float64)
+        walkers = self._crowd.observe() if self._crowd is not None else Actors.none()
+        others = (self._standing, walkers)
+        tokens = [*(self._tokens[name] for name in self.names), *self._standing.ids, *walkers.ids]
+        self._order = np.argsort(np.array(tokens, dtype=object), kind="stable")
+        self._ids_in_order = tuple(tokens[i] for i in self._order)
+        kinds = np.array([_KINDS.get(d.vehicle_class, ActorKind.VEHICLE) for d in drivers], dtype=np.int8)
+        self._kinds = np.concatenate((kinds, *(a.kind for a in others)))[self._order]
+        self._lengths_m = np.concatenate((self.length_m, *(a.length_m for a in others)))[self._order]
+        self._widths_m = np.concatenate((self.width_m, *(a.width_m for a in others)))[self._order]
+
+    def actors(self) -> Actors:
+        """Everyone and everything as others see them, rows sorted by id."""
+        heading_rad, speed_mps, half_m = self.bodies.heading_rad, self.bodies.speed_mps, self.length_m / 2.0
+        cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+        columns = [
+            self.front_x + self._origin[0] - half_m * cosine,
+            self.front_y + self._origin[1] - half_m * sine,
+            heading_rad,
+            speed_mps * cosine,
+            speed_mps * sine,
+        ]
+        others = [self._standing] if len(self._standing) else []
+        if self._crowd is not None:
+            others.append(self._crowd.observe())
+        if others:
+            names = ("x_m", "y_m", "heading_rad", "vx_mps", "vy_mps")
+            rest = ([getattr(actors, name) for actors in others] for name in names)
+            columns = [np.concatenate((column, *more)) for column, more in zip(columns, rest, strict=True)]
+        x_m, y_m, heading_rad, vx_mps, vy_mps = (column[self._order] for column in columns)
+        return Actors.trusted(
+            self._ids_in_order, self._kinds, x_m, y_m, heading_rad, self._lengths_m, self._widths_m, vx_mps, vy_mps
+        )

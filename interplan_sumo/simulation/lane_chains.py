@@ -1,0 +1,125 @@
+"""Ways through the network: chains of lanes that are filled, and the routes of agents and of the ego."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
+from interplan_sumo.simulation.obstacles import LaneBlockage
+
+ROUTE_M = 1500.0
+"""Length of an agent's route: longer than 30 s of driving at any limit of ours."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChainedLane:
+    """A SUMO lane as a part of a chain of lanes that follow one another; the ego's projection is at 0 m."""
+
+    lane: NetworkLane
+    start_m: float
+    link: NetworkLink | None
+    """The way on that the chain takes."""
+
+    @property
+    def end_m(self) -> float:
+        return self.start_m + self.lane.length_m
+
+
+def chain_through(
+    network: SumoNetwork, sumo_lane: str, fraction: float, used: set[str], upstream_m: float, downstream_m: float
+) -> list[ChainedLane]:
+    """The lane and what precedes and follows it straight on, from upstream to downstream; none of the lanes `used`."""
+    here = network.lanes[sumo_lane]
+    at_m = -fraction * here.length_m
+    taken = set(used)
+    if here.internal or here.id in taken:
+        return []
+    ahead: list[ChainedLane] = []
+    start_m, lane = at_m, here
+    while True:
+        taken.add(lane.id)
+        ways = network.links[lane.id]
+        straight = [way for way in ways if way.direction == "s"]
+        way = next(iter(straight or ways), None)
+        ahead.append(ChainedLane(lane, start_m, way))
+        start_m += lane.length_m
+        if way is None or start_m > downstream_m or way.to_lane in taken:
+            break
+        for inner in way.via:
+            ahead.append(ChainedLane(network.lanes[inner], start_m, None))
+            start_m += network.lanes[inner].length_m
+        lane = network.lanes[way.to_lane]
+    return upstream_of(network, ahead[0], taken, upstream_m) + ahead
+
+
+def upstream_of(
+    network: SumoNetwork, first: ChainedLane, taken: set[str], upstream_m: float, *, turning: bool = False
+) -> list[ChainedLane]:
+    """What precedes the first stretch of a chain straight on, from upstream on, as far as beyond -`upstream_m`.
+
+    None of the lanes `taken`. `turning` also follows turns where nothing leads straight on.
+    """
+    behind: list[ChainedLane] = []
+    taken = taken | {first.lane.id}
+    end_m, lane = first.start_m, first.lane
+    while end_m > -upstream_m:
+        ways = [way for way in network.incoming.get(lane.id, ()) if way.from_lane not in taken]
+        straight = [way for way in ways if way.direction == "s"]
+        turns = [way for way in ways if way.direction != "t"] if turning else []
+        way = next(iter(straight or turns), None)
+        if way is None:
+            break
+        for inner in reversed(way.via):
+            end_m -= network.lanes[inner].length_m
+            behind.insert(0, ChainedLane(network.lanes[inner], end_m, None))
+        lane = network.lanes[way.from_lane]
+        taken.add(lane.id)
+        end_m -= lane.length_m
+        behind.insert(0, ChainedLane(lane, end_m, way))
+    return behind
+
+
+def closed_spans(chain: list[ChainedLane], blocked: tuple[LaneBlockage, ...]) -> list[tuple[float, float]]:
+    """Blocked stretches along a chain."""
+    starts = {stretch.lane.id: stretch.start_m for stretch in chain}
+    return [(starts[b.lane] + b.start_m, starts[b.lane] + b.end_m) for b in blocked if b.lane in starts]
+
+
+def continued_route(
+    network: SumoNetwork, lane: str, length_m: float, rng: np.random.Generator | None = None
+) -> tuple[str, ...]:
+    """SUMO edges from a normal lane on, without changing lane where it can be helped: straight on, else at random.
+
+    Without `rng` the first way is taken.
+    """
+    here = network.lanes[lane]
+    route = [here.edge]
+    driven_m = 0.0
+    while driven_m < length_m:
+        driven_m += here.length_m
+        ways = network.links[here.id]
+        if not ways:
+            break
+        straight = [way for way in ways if way.direction == "s"]
+        pool = straight or ways
+        way = pool[int(rng.integers(len(pool)))] if rng is not None else next(iter(pool))
+        here = network.lanes[way.to_lane]
+        if here.edge in route:  # SUMO's lane choice is at its best on routes without loops
+            break
+        route.append(here.edge)
+    return tuple(route)
+
+
+def ego_sumo_route(network: SumoNetwork, ids: NetworkIds, lanes: tuple[str, ...]) -> tuple[str, ...]:
+    """SUMO edges along a chain of lanes and connectors of the map, and straight on behind its end."""
+    edges: list[str] = []
+    for lane_id in lanes:
+        for piece in ids.pieces[lane_id]:
+            lane = network.lanes[piece.sumo_lane]
+            if not lane.internal and (not edges or edges[-1] != lane.edge):
+                edges.append(lane.edge)
+    last = next(p.sumo_lane for p in reversed(ids.pieces[lanes[-1]]) if not network.lanes[p.sumo_lane].internal)
+    return (*edges, *(edge for edge in continued_route(network, last, 500.0)[1:] if edge not in edges))

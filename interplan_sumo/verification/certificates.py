@@ -1,0 +1,130 @@
+"""Certificates: finding a drive that proves a scenario solvable, and checking one that was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.metrics.score import ScoreSheet, score
+from interplan_sumo.scenario.certificates import Certificate, Summary
+from interplan_sumo.scenario.route import goal_arc_m, route_centerline
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.simulation.setup import start_state
+from interplan_sumo.verification.certificate_search import attempts
+from interplan_sumo.verification.reachability import unreachable
+from interplan_sumo.verification.reference_distance import reference_drive, route_distance_m
+from interplan_sumo.verification.replay import replay
+from interplan_sumo.world.trace import Trace
+
+BAR = 0.9
+DENSE_BAR = 0.8
+"""For lane changes in dense traffic."""
+DENSE_FAMILY = "lane_change_htd"
+LEAST_SHARE = 0.7
+"""A drive that does not reach the goal line gets at least this share of the reference distance."""
+GOOD_ENOUGH = 0.98
+"""From this score on nothing better is looked for."""
+MORE_SIMULATIONS = 6
+"""How long something better is looked for once a drive passes."""
+MOST_SIMULATIONS = 40
+DECIMALS = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchResult:
+    """What the search came to."""
+
+    scenario_id: str
+    certificate: Certificate | None
+    reason: str | None
+    """Why the best try does not pass, if none does."""
+    simulations: int
+
+
+def bar(scenario: Scenario) -> float:
+    """The score that a certificate needs."""
+    return DENSE_BAR if scenario.family == DENSE_FAMILY else BAR
+
+
+def certify(scenario: Scenario, *, most_simulations: int = MOST_SIMULATIONS) -> SearchResult:
+    """Look for a drive that passes every test under the official traffic. Deterministic.
+
+    InputError if the scenario cannot be staged, TrafficError if SUMO fails.
+    """
+    reference = reference_drive(scenario)
+    best: Certificate | None = None
+    nearest: tuple[float, str] = (-1.0, "no drive was found that avoids everybody")
+    simulations = 1  # the reference
+    passed_after = most_simulations
+    for attempt in attempts(scenario, reference):
+        simulations += 1
+        sheet, summary = _judged(scenario, attempt.trace, reference)
+        faults = shortcomings(scenario, sheet, summary)
+        if not faults and (best is None or summary.score > best.summary.score):
+            best = Certificate(summary, attempt.track)
+            passed_after = min(passed_after, simulations)
+        elif faults and sheet.score > nearest[0]:
+            nearest = (sheet.score, "; ".join(faults))
+        enough = best is not None and best.summary.score >= GOOD_ENOUGH
+        if enough or simulations >= most_simulations or simulations >= passed_after + MORE_SIMULATIONS:
+            break
+    return SearchResult(scenario.id, best, None if best is not None else nearest[1], simulations)
+
+
+def check_certificate(scenario: Scenario, certificate: Certificate) -> list[str]:
+    """What is wrong with a certificate, one sentence each; nothing if it holds.
+
+    The drive must begin where the scenario does, every state must follow from
+    the one before by the bicycle model, and its replay through the official
+    traffic must give the stored trace hash, distance and score, and pass.
+    TrafficError if SUMO fails.
+    """
+    stored = certificate.summary
+    if (stored.scenario_id, stored.scenario_hash) != (scenario.id, scenario.hash()):
+        return [f"it is for another scenario: {stored.scenario_id} with hash {stored.scenario_hash[:12]}"]
+    wrong = unreachable(start_state(scenario, load_roads(scenario.map, scenario.maps_beside)), certificate.track)
+    if wrong:
+        return wrong
+    trace = replay(scenario, certificate.track)
+    sheet, found = _judged(scenario, trace, reference_drive(scenario))
+    wrong = [
+        f"its replay gives {name} {getattr(found, name)}, stored is {getattr(stored, name)}"
+        for name in ("trace_hash", "score", "reference_distance_m", "distance_m", "reached_goal")
+        if getattr(found, name) != getattr(stored, name)
+    ]
+    return wrong + shortcomings(scenario, sheet, found)
+
+
+def shortcomings(scenario: Scenario, sheet: ScoreSheet, summary: Summary) -> list[str]:
+    """Why a drive is no certificate, one sentence each; nothing if it is one."""
+    metrics = sheet.metrics
+    reasons = sheet.reasons()
+    must = [*sheet.gates, "time_to_collision", "lane_changes"]
+    faults = [f"{name}: {reasons.get(name, 'not fulfilled')}" for name in must if metrics[name].score != 1.0]
+    contacts = metrics["no_collision"].detail["contacts"]
+    if contacts and metrics["no_collision"].score == 1.0:
+        faults.append(f"touched by {contacts[0]['track']} at {contacts[0]['time_s']:.1f} s")
+    least_m = LEAST_SHARE * summary.reference_distance_m
+    if not summary.reached_goal and summary.distance_m < least_m:
+        faults.append(f"advanced {summary.distance_m:.1f} m in the time, expected {least_m:.1f} m or the goal line")
+    if summary.score < bar(scenario):
+        lost = "; ".join(f"{name}: {why}" for name, why in reasons.items()) or "nothing lost points"
+        faults.append(f"score {summary.score:.3f}, expected {bar(scenario):g} ({lost})")
+    return faults
+
+
+def _judged(scenario: Scenario, trace: Trace, reference: Trace) -> tuple[ScoreSheet, Summary]:
+    roads = load_roads(scenario.map, scenario.maps_beside)
+    sheet = score(trace, roads, reference.ego, scenario)
+    line, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
+    last = trace.ego.state(len(trace) - 1)
+    summary = Summary(
+        scenario_id=scenario.id,
+        scenario_hash=scenario.hash(),
+        score=round(sheet.score, DECIMALS),
+        reference_distance_m=round(route_distance_m(roads, scenario, reference.ego), DECIMALS),
+        distance_m=round(route_distance_m(roads, scenario, trace.ego), DECIMALS),
+        reached_goal=line.project_point(last.x_m, last.y_m)[0] > goal_m,
+        trace_hash=trace.hash(),
+    )
+    return sheet, summary

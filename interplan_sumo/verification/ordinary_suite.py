@@ -1,0 +1,162 @@
+"""The suite of ordinary driving: scenes of the challenge types of nuPlan that show what they are named after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import chain, islice, zip_longest
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.scenario.certificates import Certificate
+from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.scenario.generate import Search
+from interplan_sumo.scenario.ordinary import TYPES
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.verification.certificates import SearchResult, certify
+from interplan_sumo.verification.replay import replay
+from interplan_sumo.verification.start_checks import start_problems
+from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.trace import Trace
+
+MAPS: Final = ("one_north", "hazelwood", "strip", "back_bay")
+SEED: Final = 1
+TRIES_PER_MAP: Final = 12
+LEADER_M: Final = 40.0
+"""A leader is nearer than this, bumper to bumper, and less than 2 m to the side."""
+FOLLOWING_FRAMES: Final = 30
+LONG_M: Final = 7.0
+"""A vehicle beyond this length is a long one (nuPlan: 8 m; our lorries are 7.5 m and more)."""
+TURN_RAD: Final = np.radians(50.0)
+FELT_MPS2: Final = 1.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Staged:
+    """A scenario of the suite and its certificate."""
+
+    scenario: Scenario
+    certificate: Certificate
+
+
+def staged(kind: str, count: int = 4) -> list[Staged]:
+    """The first `count` scenes of a type that are sound, certified, and show what the type is about.
+
+    Goes round the districts, so that a type is on several where they have it.
+    """
+    found: list[Staged] = []
+    for candidate in _candidates(kind):
+        scenario = replace(candidate, id=f"{kind}/{len(found)}", family=kind)
+        if start_problems(scenario, load_roads(scenario.map, scenario.maps_beside)):
+            continue
+        verdict: SearchResult = certify(scenario)
+        if verdict.certificate is None:
+            continue
+        if shows(kind, scenario, replay(scenario, verdict.certificate.track)):
+            found.append(Staged(scenario, verdict.certificate))
+        if len(found) == count:
+            break
+    return found
+
+
+def write_ordinary_suite(path: Path) -> int:
+    """Stage all types anew and write their scenarios into one file; how many. For maintainers: it takes minutes."""
+    scenarios = [each.scenario for kind in TYPES for each in staged(kind)]
+    write_scenarios(scenarios, path)
+    return len(scenarios)
+
+
+def _candidates(kind: str) -> Iterator[Scenario]:
+    per_map = [islice(Search(load_roads(name), kind, SEED), TRIES_PER_MAP) for name in MAPS]
+    rounds = zip_longest(*per_map)
+    return (scenario for scenario in chain.from_iterable(rounds) if scenario is not None)
+
+
+# --- what a type is about ------------------------------------------------------------------------
+
+
+def shows(kind: str, scenario: Scenario, trace: Trace) -> bool:
+    """Whether a drive through a scene has what the type is named after."""
+    return _SHOWS[kind](scenario, trace)
+
+
+def _turned_rad(trace: Trace) -> float:
+    headings = np.unwrap(trace.ego.heading_rad)
+    return float(headings[-1] - headings[0])
+
+
+def _leaders(trace: Trace) -> Floats:
+    """(N, 3) gap (m), speed and length of the nearest vehicle ahead in each frame; inf where there is none."""
+    ego, half_m = trace.ego, trace.shape.length_m / 2.0
+    found = np.full((len(ego), 3), np.inf)
+    for frame in range(len(ego)):
+        actors = trace.actors.at(frame)
+        dx, dy = actors.x_m - ego.x_m[frame], actors.y_m - ego.y_m[frame]
+        cosine, sine = np.cos(ego.heading_rad[frame]), np.sin(ego.heading_rad[frame])
+        gap_m = cosine * dx + sine * dy - half_m - actors.length_m / 2.0
+        beside = np.abs(cosine * dy - sine * dx) < 2.0
+        rows = np.flatnonzero((actors.kind == ActorKind.VEHICLE) & beside & (gap_m > -1.0) & (gap_m < LEADER_M))
+        if len(rows):
+            row = rows[np.argmin(gap_m[rows])]
+            found[frame] = gap_m[row], actors.speed_mps[row], actors.length_m[row]
+    return found
+
+
+def _follows(least_length_m: float) -> Callable[[Scenario, Trace], bool]:
+    def check(_scenario: Scenario, trace: Trace) -> bool:
+        leaders = _leaders(trace)
+        behind = np.isfinite(leaders[:, 0]) & (leaders[:, 2] >= least_length_m) & (trace.ego.vx_mps > 2.0)
+        return int(behind.sum()) >= FOLLOWING_FRAMES
+
+    return check
+
+
+def _stops_behind(_scenario: Scenario, trace: Trace) -> bool:
+    leaders = _leaders(trace)
+    both = (trace.ego.vx_mps < 0.5) & (leaders[:, 1] < 0.5) & (leaders[:, 0] < 10.0)
+    return bool(both[20:].any()) and float(trace.ego.vx_mps[0]) > 3.0
+
+
+def _stands_in_traffic(_scenario: Scenario, trace: Trace) -> bool:
+    leaders = _leaders(trace)
+    return bool((trace.ego.vx_mps[:10] < 0.2).all() and (leaders[:10, 0] < 10.0).all() and (leaders[:5, 1] < 0.5).all())
+
+
+def _crowded(_scenario: Scenario, trace: Trace) -> bool:
+    frames = 0
+    for frame in range(len(trace.ego)):
+        actors = trace.actors.at(frame).within(float(trace.ego.x_m[frame]), float(trace.ego.y_m[frame]), 15.0)
+        frames += int((actors.kind == ActorKind.VEHICLE).sum() >= 3)
+    return frames >= 10
+
+
+def _waits_for_people(scenario: Scenario, trace: Trace) -> bool:
+    return float(trace.ego.vx_mps.min()) <= 0.6 * scenario.start_speed_mps
+
+
+def _always(_scenario: Scenario, _trace: Trace) -> bool:
+    return True
+
+
+_SHOWS: Final[dict[str, Callable[[Scenario, Trace], bool]]] = {
+    "starting_left_turn": lambda _, trace: _turned_rad(trace) > TURN_RAD,
+    "starting_right_turn": lambda _, trace: _turned_rad(trace) < -TURN_RAD,
+    "starting_straight_traffic_light_intersection_traversal": lambda _, trace: abs(_turned_rad(trace)) < TURN_RAD / 2,
+    "stopping_with_lead": _stops_behind,
+    "high_lateral_acceleration": lambda _, trace: bool(
+        (np.abs(trace.ego.vx_mps * trace.ego.yaw_rate_radps) >= FELT_MPS2).any()
+    ),
+    "high_magnitude_speed": lambda _, trace: float(trace.ego.vx_mps.max()) > 15.0,
+    "low_magnitude_speed": lambda _, trace: float(trace.ego.vx_mps[0]) < 2.0,
+    "traversing_pickup_dropoff": _always,
+    "waiting_for_pedestrian_to_cross": _waits_for_people,
+    "behind_long_vehicle": _follows(LONG_M),
+    "stationary_in_traffic": _stands_in_traffic,
+    "near_multiple_vehicles": _crowded,
+    "changing_lane": _always,
+    "following_lane_with_lead": _follows(0.0),
+}

@@ -1,0 +1,366 @@
+"""Lattice: the cheapest timing, by a shortest-path search over time, way, place and speed.
+
+Steps of 1 s, speeds and places on a grid, so that constant accelerations lead
+from one grid point to another. On one way only what is ahead counts: whoever
+drives the ego's way stays behind it once it is in front. Where the ego changes
+lane or swerves, and against everybody who does not drive its way, all who are
+near count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from interplan_sumo.verification.corridor import GRID_M
+from interplan_sumo.verification.occupancy import CELL_M, LEVEL_MPS, PathOccupancy, SpeedGrid
+from interplan_sumo.verification.planning_problem import (
+    STEP_FRAMES,
+    Margins,
+    Pace,
+    PathChange,
+    PlanningProblem,
+    ProfileStart,
+    SpeedProfile,
+    TimeGate,
+)
+from interplan_sumo.world.geometry import Floats, Ints
+
+# In one step a speed of n levels and an acceleration of k levels lead 2 n + k cells on.
+ACCELERATIONS: Final = (0, 1, -1, 2, -2, 3, -3, -4, -5, -6, -7)
+"""Levels per step, that is up to 1.5 and down to -3.5 m/s2. Of equally good ones the first wins."""
+HARDEST: Final = 7
+LATER_PUSH: Final = 4
+"""A timing that begins on the way does not begin with more: it would be felt as a jerk."""
+CHANGE_ACCELERATIONS: Final = (0, 1, -1)
+SLOWEST_CHANGE: Final = 4
+"""A lane change does not end at fewer levels."""
+SLOWEST_OVER: Final = 4
+"""Levels at which one at least drives where oncoming drivers may stop for the ego: both would wait for ever."""
+LEFT_AFTER: Final = 0.6
+"""After this share of a lane change nothing in the old lane matters any more."""
+THINNED: Final = 4
+"""Lane changes begin on the best of so many neighbouring cells."""
+TOLERANCE_MPS: Final = 0.02
+"""A cap is kept to within this."""
+
+SLOW_COST: Final = 1.0
+"""Of a second at standstill; nothing at the highest speed."""
+PUSH_COST: Final = 0.1
+"""Of a second at 1 m/s2; grows with the square."""
+NEAR_COST: Final = 0.3
+"""Of a step that ends nearer behind somebody than is comfortable."""
+CHANGE_COST: Final = 0.4
+"""Of a lane change."""
+ASIDE_COST: Final = 0.04
+"""Of a second, for each lane between the ego and the goal lane."""
+
+
+def cheapest_timing(
+    outlook: PlanningProblem, start: ProfileStart, margins: Margins, pace: Pace, gate: TimeGate | None = None
+) -> SpeedProfile | None:
+    """The cheapest timing to the goal, or as near to it as one gets in time; None if there is none.
+
+    It ends in the goal lane, and passes the gate when it has to.
+    """
+    return _Lattice(outlook, start, margins, pace, gate).solved()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Move:
+    """One acceleration on one way: where each speed and place (V, S) is reached from."""
+
+    k: int
+    """Levels per step."""
+    at: Ints
+    """Flat index of the source; one beyond the last where there is none."""
+    source: Ints
+    """Its cell."""
+    halfway: Ints
+    """Flat index half a second before the end."""
+    cost: Floats  # (V, 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Begun:
+    """Lane changes of one kind from many places."""
+
+    level: Ints  # (C,)
+    cell: Ints  # (C,)
+    cost: Floats  # (C,)
+    k: int
+    seconds: int
+
+    def after(self, seconds: int) -> tuple[Ints, Ints]:
+        """Levels and cells (C,) some seconds later."""
+        cells = self.cell + 2 * seconds * self.level + self.k * seconds * seconds
+        return (self.level + self.k * seconds).astype(np.int64), cells.astype(np.int64)
+
+    def only(self, keep: NDArray[np.bool_]) -> _Begun:
+        return _Begun(self.level[keep], self.cell[keep], self.cost[keep], self.k, self.seconds)
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Where a path ends on the lattice."""
+
+    cost: float
+    step: int
+    way: int
+    level: int
+    cell: int
+
+
+_CHANGE_CODE = 100
+"""Codes from here on are lane changes, below they are accelerations."""
+
+
+class _Lattice:
+    """Costs and codes, how each point was reached, are tables (V, S) by step and way."""
+
+    def __init__(
+        self, outlook: PlanningProblem, start: ProfileStart, margins: Margins, pace: Pace, gate: TimeGate | None
+    ) -> None:
+        course, ways = outlook.course, outlook.ways
+        self._ways, self._start, self._pace, self._gate = ways, start, pace, gate
+        self._steps = (outlook.frames - 1 - start.frame) // STEP_FRAMES
+        self._first_level = round(start.speed_mps / LEVEL_MPS)
+        fastest_mps = max(float(np.max(way.cap_mps[np.isfinite(way.left_m)], initial=0.0)) for way in ways)
+        self._levels = max(int((fastest_mps + TOLERANCE_MPS) / LEVEL_MPS), self._first_level) + 1
+        self._goal = int(np.ceil((course.goal_m - start.arc_m) / CELL_M)) + 1
+        self._cells = self._goal + 2 * self._levels + 2
+        self._behind_gate = 0 if gate is None else max(int((gate.arc_m - start.arc_m) / CELL_M) + 1, 0)
+        grid = SpeedGrid(start.arc_m, self._cells, self._levels)
+        self._occupancy = PathOccupancy(outlook, margins, grid)
+        at = np.clip(np.rint((grid.arcs_m - course.arc_m[0]) / GRID_M).astype(np.int64), 0, len(course.arc_m) - 1)
+        caps = [np.where(way.closed, -1.0, np.maximum(way.cap_mps, 0.0))[at] for way in ways]
+        self._open = [grid.speeds_mps[:, None] <= cap + TOLERANCE_MPS for cap in caps]
+        if course.scenario.traffic.oncoming != "none":
+            for free, way in zip(self._open, ways, strict=True):
+                free[:SLOWEST_OVER, way.over[at]] = False
+        self._walls = [_counted(way.closed[at]) for way in ways]
+        self._swerving = [way.swerving[at] for way in ways]
+        self._parted = {
+            (p, q): _counted(~course.neighbours(p, q)[at])
+            for p in range(len(ways))
+            for q in range(len(ways))
+            if p != q and course.neighbours(p, q)[at].any()
+        }
+        self._aside = self._lanes_to_goal()
+        self._unreached: Floats = np.full((self._levels, self._cells), np.inf)
+        self._costs: dict[tuple[int, int], Floats] = {}
+        self._codes: dict[tuple[int, int], NDArray[np.int32]] = {}
+        self._changes: list[tuple[int, int, int]] = []  # from which way, seconds, levels per step
+        self._moves = [self._move(k) for k in ACCELERATIONS]
+
+    def _move(self, k: int) -> _Move:
+        rows, cols = np.arange(self._levels)[:, None], np.arange(self._cells)
+        level, cell = rows - k, cols - (2 * rows - k)
+        real = (level >= 0) & (level < self._levels) & (cell >= 0) & (cell < self._cells)
+        source = np.clip(cell, 0, self._cells - 1).astype(np.int64)
+        at = np.where(real, level * self._cells + source, self._levels * self._cells).astype(np.int64)
+        middle = np.clip(cols - (4 * rows - k + 2) // 4, 0, None)  # 1/8 of (3 v + speed before) m back
+        halfway = np.clip(rows - k // 2, 0, self._levels - 1) * self._cells + middle
+        return _Move(k, at, source, halfway.astype(np.int64), self._cost(rows - k / 2.0, k))
+
+    def _cost(self, mean_level: NDArray[np.floating[Any]], k: int) -> Floats:
+        """Of a second at a mean speed and an acceleration."""
+        lost = 1.0 - mean_level.astype(np.float64) / max(self._levels - 1, 1)
+        return SLOW_COST * lost + PUSH_COST * (LEVEL_MPS * k) ** 2
+
+    def _lanes_to_goal(self) -> list[int]:
+        """Lane changes left per way; -1 where the goal lane cannot be reached."""
+        left = [0 if way.track.at_goal else -1 for way in self._ways]
+        for distance in range(1, len(left)):
+            for p, q in self._parted:
+                if left[q] == distance - 1 and left[p] < 0:
+                    left[p] = distance
+        return left
+
+    # --- the search ----------------------------------------------------------------------------
+
+    def solved(self) -> SpeedProfile | None:
+        """The cheapest path as a timing."""
+        self._costs[0, self._start.way] = self._unreached.copy()
+        self._costs[0, self._start.way][self._first_level, 0] = 0.0
+        best: _End | None = None
+        for step in range(self._steps):
+            ways = [p for p, left in enumerate(self._aside) if left >= 0 and (step, p) in self._costs]
+            for p in ways:
+                self._change_lane(step, p)
+            for p in ways:
+                self._go_on(step, p)
+            best = self._arrived(step + 1, best)
+            if best is not None and best.cost <= self._least_cost(step + 1):
+                break  # costs only grow
+        if best is not None:
+            return self._traced(best, to_goal=True)
+        nearest = self._nearest()
+        return None if nearest is None else self._traced(nearest, to_goal=False)
+
+    def _tables(self, step: int, way: int) -> tuple[Floats, NDArray[np.int32]]:
+        """Costs and codes, made when first needed."""
+        if (step, way) not in self._costs:
+            self._costs[step, way] = self._unreached.copy()
+        if (step, way) not in self._codes:
+            self._codes[step, way] = np.zeros(self._unreached.shape, dtype=np.int32)
+        return self._costs[step, way], self._codes[step, way]
+
+    def _least_cost(self, step: int) -> float:
+        return min((float(cost.min()) for (at, _), cost in self._costs.items() if at >= step), default=np.inf)
+
+    def _arrived(self, step: int, best: _End | None) -> _End | None:
+        """The better of `best` and who is beyond the goal now; they leave the lattice."""
+        for p, left in enumerate(self._aside):
+            if (step, p) not in self._costs:
+                continue
+            beyond = self._costs[step, p][:, self._goal :]
+            level, cell = divmod(int(np.argmin(beyond)), beyond.shape[1])
+            if left == 0 and beyond[level, cell] < (best.cost if best is not None else np.inf):
+                best = _End(float(beyond[level, cell]), step, p, level, cell + self._goal)
+            beyond[:] = np.inf
+        return best
+
+    def _nearest(self) -> _End | None:
+        """The best end short of the goal: each metre left counts as at the highest speed."""
+        left = self._goal - np.arange(self._cells)
+        found: list[_End] = []
+        for p in np.flatnonzero(np.array(self._aside) == 0).tolist():
+            if (self._steps, p) in self._costs:
+                total = self._costs[self._steps, p] + left * CELL_M / (LEVEL_MPS * max(self._levels - 1, 1))
+                level, cell = divmod(int(np.argmin(total)), self._cells)
+                found.append(_End(float(total[level, cell]), self._steps, p, level, cell))
+        found = [end for end in found if np.isfinite(end.cost)]
+        return min(found, key=lambda end: end.cost) if found else None
+
+    def _go_on(self, step: int, way: int) -> None:
+        """One step on the same way, at every acceleration."""
+        cost = self._costs[step, way]
+        reached = np.flatnonzero(np.isfinite(cost).any(axis=0))
+        if not len(reached):
+            return
+        before = self._start.frame + step * STEP_FRAMES
+        end = min(int(reached[-1]) + 2 * self._levels + 1, self._cells)
+        padded = np.concatenate((cost.ravel(), [np.inf]))
+        costs, codes = (table[:, :end] for table in self._tables(step + 1, way))
+        allowed = (self._open[way] & ~self._taken(way, before, before + STEP_FRAMES))[:, :end]
+        if self._gate is not None:
+            beyond = np.arange(end) >= self._behind_gate
+            allowed &= ~beyond if step < self._gate.step else beyond
+        halfway = (self._open[way] & ~self._taken(way, before, before + STEP_FRAMES // 2)).ravel()
+        queue = self._occupancy.queue(way, before, before + STEP_FRAMES)
+        walls, rows, cols = self._walls[way], np.arange(self._levels)[:, None], np.arange(end)
+        hardest = HARDEST
+        if step == 0:
+            hardest = max(self._pace.first_push, LATER_PUSH if before > 0 else 0)
+        for code, move in enumerate(self._moves):
+            if abs(move.k) > hardest:
+                continue
+            source = move.source[:, :end]
+            total = padded[move.at[:, :end]] + (move.cost + ASIDE_COST * self._aside[way])
+            possible = allowed & halfway[move.halfway[:, :end]] & (walls[cols + 1] == walls[source])
+            if queue is not None:
+                passed = queue.passed[source] + rows * queue.last_cell.shape[1]
+                possible &= cols <= queue.last_cell.ravel()[passed]
+                total += NEAR_COST * (cols > queue.last_comfortable_cell.ravel()[passed])
+            better = possible & (total < costs)
+            np.copyto(costs, total, where=better)
+            np.copyto(codes, code, where=better)
+
+    def _taken(self, way: int, before: int, after: int) -> NDArray[np.bool_]:
+        """(V, S) taken by those of whom the queue does not tell, and in a swerve by anybody."""
+        strangers = self._occupancy.taken(way, after, everyone=False, before=before)
+        taken = np.zeros(self._unreached.shape, dtype=np.bool_) if strangers is None else strangers
+        if self._swerving[way].any():
+            everyone = self._occupancy.taken(way, after, everyone=True)
+            if everyone is not None:
+                return taken | (everyone & self._swerving[way])
+        return taken
+
+    def _change_lane(self, step: int, way: int) -> None:
+        """Lane changes to all neighbours, from the best of every few cells."""
+        cost = self._costs[step, way]
+        count = self._cells // THINNED
+        groups = cost[:, : count * THINNED].reshape(self._levels, count, THINNED)
+        cell = np.arange(count) * THINNED + groups.argmin(axis=2)
+        level = np.broadcast_to(np.arange(self._levels)[:, None], cell.shape)
+        least = np.take_along_axis(cost, cell, axis=1)
+        for other in range(len(self._ways)):
+            if (way, other) not in self._parted or self._aside[other] < 0:
+                continue
+            for slowest, fastest, seconds in self._pace.changes:
+                chosen = np.isfinite(least) & (LEVEL_MPS * level >= slowest) & (LEVEL_MPS * level < fastest)
+                if step + seconds <= self._steps and chosen.any():
+                    for k in CHANGE_ACCELERATIONS:
+                        begun = _Begun(level[chosen], cell[chosen].astype(np.int64), least[chosen], k, seconds)
+                        self._end_change(step, way, other, begun)
+
+    def _end_change(self, step: int, way: int, other: int, begun: _Begun) -> None:
+        """Follow lane changes to their ends, and take note of those that can be done."""
+        level, cell = begun.after(begun.seconds)
+        begun = begun.only((level >= SLOWEST_CHANGE) & (level < self._levels) & (cell < self._goal))
+        level, cell = begun.after(begun.seconds)
+        left = begun.cell + ((cell - begun.cell) * LEFT_AFTER).astype(np.int64)
+        parted, walls = self._parted[way, other], self._walls
+        possible = (parted[cell + 1] == parted[begun.cell]) & (walls[other][cell + 1] == walls[other][begun.cell])
+        possible &= walls[way][left + 1] == walls[way][begun.cell]
+        for i in range(1, begun.seconds + 1):
+            frame = self._start.frame + (step + i) * STEP_FRAMES
+            now = begun.after(i)
+            possible &= self._open[other][now]
+            taken = self._occupancy.taken(other, frame, everyone=True)
+            if taken is not None:
+                possible &= ~taken[now]
+            if i <= LEFT_AFTER * begun.seconds + 0.5:
+                possible &= self._open[way][now]
+                queue = self._occupancy.queue(way, frame - STEP_FRAMES, frame)
+                if queue is not None:
+                    possible &= now[1] <= queue.last_cell[now[0], queue.passed[begun.after(i - 1)[1]]]
+        aside = ASIDE_COST * max(self._aside[way], self._aside[other])
+        second = self._cost((begun.level + level) / 2.0, begun.k) + aside
+        total = begun.cost + CHANGE_COST + begun.seconds * second
+        costs, codes = self._tables(step + begun.seconds, other)
+        at = level * self._cells + cell
+        rows = np.flatnonzero(possible & (total < costs.ravel()[at]))
+        rows = rows[np.argsort(-total[rows], kind="stable")]  # of several that end alike the cheapest is written last
+        np.put(costs, at[rows], total[rows])
+        np.put(codes, at[rows], _CHANGE_CODE + len(self._changes))
+        self._changes.append((way, begun.seconds, begun.k))
+
+    # --- the answer ----------------------------------------------------------------------------
+
+    def _traced(self, end: _End, *, to_goal: bool) -> SpeedProfile:
+        """The path that ends there, followed back to its start."""
+        step, way, level, cell = end.step, end.way, end.level, end.cell
+        points, changes = [(level, cell)], list[PathChange]()
+        arc_m = self._start.arc_m
+        while step > 0:
+            code = int(self._codes[step, way][level, cell])
+            before, seconds, k = way, 1, ACCELERATIONS[code] if code < _CHANGE_CODE else 0
+            if code >= _CHANGE_CODE:
+                before, seconds, k = self._changes[code - _CHANGE_CODE]
+            to_m = arc_m + CELL_M * cell
+            for _ in range(seconds):
+                level, cell = level - k, cell - (2 * level - k)
+                points.append((level, cell))
+            if before != way:
+                changes.append(PathChange(arc_m + CELL_M * cell, to_m, way))
+            step, way = step - seconds, before
+        levels, cells = np.array(points[::-1], dtype=np.float64).T
+        return SpeedProfile(
+            self._start.frame,
+            arc_m + CELL_M * cells,
+            LEVEL_MPS * levels,
+            self._start.way,
+            tuple(changes[::-1]),
+            end.cost,
+            to_goal,
+        )
+
+
+def _counted(marks: NDArray[np.bool_]) -> Ints:
+    """(S + 1,) how many marks lie before each cell: equal counts mean that none lies between."""
+    return np.concatenate(([0], np.cumsum(marks))).astype(np.int64)

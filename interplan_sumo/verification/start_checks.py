@@ -1,0 +1,209 @@
+"""Start checks: is a scenario sound before anybody drives it? The rules of the benchmark, one line per breach."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from interplan_sumo.errors import InputError, ScenarioError
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.scenario.route import goal_arc_m, route_centerline, route_lanes
+from interplan_sumo.scenario.scenario import OBSTACLES, PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
+from interplan_sumo.simulation.spawning import HOLD_S
+from interplan_sumo.verification.constant_velocity import OVERLAP_M, STEP_S, ego_boxes, ego_held
+from interplan_sumo.verification.corridor import course
+from interplan_sumo.verification.crossing_checks import crossing_problems
+from interplan_sumo.verification.passing_checks import obstacle_corners, passing_problems
+from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.world.geometry import Floats, box_corners, penetration_m
+from interplan_sumo.world.lane_changes import lane_changes_needed
+from interplan_sumo.world.roads import Roads
+
+GOAL_PAST_M: Final = 20.0
+"""The goal lies at least this far behind the last obstacle or crossing (decisions.md)."""
+LIMIT_SLACK_MPS: Final = 0.05
+LEAST_CHANGE_S: Final = 3.0
+"""A lane change takes a car at least this long: quicker ones are beyond nuPlan's bounds of comfort."""
+
+
+def start_problems(scenario: Scenario, roads: Roads, *, with_traffic: bool = True) -> list[str]:
+    """Every breach of the rules at the start: which field, what is wrong, what would be right. Empty if sound.
+
+    `with_traffic` also looks at the moving vehicles, which opens SUMO; without
+    it everything is geometry and takes milliseconds. What does not fit the map
+    at all is the only thing said.
+    """
+    try:
+        scenario.check(roads)
+        route_lanes(roads, scenario)
+    except ScenarioError as error:
+        return [_without_id(scenario, error)]
+    problems = [
+        *_route_problems(scenario, roads),
+        *_goal_problems(scenario, roads),
+        *_ego_problems(scenario, roads),
+        *_standing_problems(scenario, roads),
+        *passing_problems(scenario, roads),
+        *crossing_problems(scenario, roads),
+    ]
+    if not problems:
+        problems += _change_problems(scenario, roads)
+    if with_traffic:
+        from interplan_sumo.verification.traffic_checks import traffic_problems  # loads SUMO
+
+        try:
+            problems += traffic_problems(scenario, roads)
+        except InputError as error:
+            problems.append(_without_id(scenario, error))
+    return problems
+
+
+def validate(scenario: Scenario, *, with_traffic: bool = True) -> list[str]:
+    """`start_problems` on the scenario's own map; a map that cannot be used is a problem, too."""
+    try:
+        roads = load_roads(scenario.map, scenario.maps_beside)
+    except InputError as error:
+        return [f"map: {error}"]
+    return start_problems(scenario, roads, with_traffic=with_traffic)
+
+
+def _without_id(scenario: Scenario, error: InputError) -> str:
+    return str(error).removeprefix(f"{scenario.id}: ")
+
+
+def _route_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """The goal lane can be reached from the start lane, by a lane change where the family is about that."""
+    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
+    if need is None:
+        return [
+            f"route: no way leads from the start on lane {scenario.start.lane} to the goal on lane "
+            f"{scenario.goal.lane} inside it; start on another lane, or list the roadblocks between"
+        ]
+    if scenario.family.startswith("lane_change") and need == 0:
+        return ["goal.lane: it can be reached without a lane change, expected one or more; choose a lane beside it"]
+    return []
+
+
+def _goal_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """The goal line lies ahead, and well behind everything that stands or crosses."""
+    line, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
+    start = scenario.start.pose(roads)
+    start_m, _ = line.project_point(start.x_m, start.y_m)
+    if goal_m <= start_m + PACIFICA.length_m:
+        return [
+            f"goal: it lies {goal_m - start_m:.1f} m ahead of the start along the route, "
+            f"expected more than the ego's length, {PACIFICA.length_m:.1f} m"
+        ]
+    corners = obstacle_corners(scenario, roads)
+    last: list[tuple[float, str]] = [
+        (float(line.project(box)[0].max()), f"obstacles[{i}]") for i, box in enumerate(corners)
+    ]
+    for i, walker in enumerate(scenario.jaywalkers):
+        ends = [(pose.x_m, pose.y_m) for pose in (walker.start.pose(roads), walker.end.pose(roads))]
+        last.append((float(line.project(ends)[0].max()), f"jaywalkers[{i}]"))
+    farthest_m, name = max(last, default=(-np.inf, ""))
+    if goal_m < farthest_m + GOAL_PAST_M:
+        return [
+            f"goal: it lies {goal_m - farthest_m:.1f} m past {name} along the route, expected at least "
+            f"{GOAL_PAST_M:.0f} m; move it {farthest_m + GOAL_PAST_M - goal_m:.1f} m on"
+        ]
+    return []
+
+
+def _ego_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """The ego starts lawfully: on the road, not too fast."""
+    problems: list[str] = []
+    limit_mps = roads[scenario.start.lane].speed_limit_mps
+    if limit_mps is not None and scenario.start_speed_mps > limit_mps + LIMIT_SLACK_MPS:
+        problems.append(
+            f"start_speed_mps: {scenario.start_speed_mps:.1f} is above the limit of lane {scenario.start.lane}, "
+            f"expected at most {limit_mps:.1f}"
+        )
+    pose = scenario.start.pose(roads)
+    box = box_corners(pose.x_m, pose.y_m, pose.heading_rad, PACIFICA.length_m, PACIFICA.width_m)
+    if not roads.drivable(box[0]).all():
+        problems.append("start: the ego's box is not wholly on the drivable area; move it to the middle of a lane")
+    return problems
+
+
+def _change_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """Where the family is about lane changes, another lane lies beside the start lane for long enough."""
+    if not scenario.family.startswith("lane_change"):
+        return []
+    found = course(scenario, roads)
+    beside = np.zeros(len(found.arc_m), dtype=np.bool_)
+    for other in range(len(found.tracks)):
+        beside |= found.neighbours(found.start_track, other)
+    room_m = float(np.max(found.arc_m[beside], initial=found.start_m)) - found.start_m
+    least_m = LEAST_CHANGE_S * scenario.start_speed_mps
+    if room_m >= least_m:
+        return []
+    return [
+        f"start: no lane lies beside lane {scenario.start.lane} from {room_m:.1f} m ahead on, expected one for "
+        f"{least_m:.1f} m or more, {LEAST_CHANGE_S:.0f} s at the start speed; start it farther back or slower"
+    ]
+
+
+def _standing_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """Nothing that stands overlaps anything else at the start, and the ego reaches none of it within the hold time."""
+    names, boxes = _standing(scenario, roads)
+    if not names:
+        return []
+    problems: list[str] = []
+    wrecks = _wrecks(scenario)
+    first, second = np.triu_indices(len(boxes), 1)
+    depth_m = penetration_m(boxes[first], boxes[second])
+    for i in np.flatnonzero(depth_m > OVERLAP_M).tolist():
+        one, other = int(first[i]), int(second[i])
+        if not {one, other} <= wrecks:
+            problems.append(
+                f"{names[other]}: overlaps {names[one]} by {100 * float(depth_m[i]):.0f} cm, "
+                f"expected at most {100 * OVERLAP_M:.0f}; move one of them"
+            )
+    return problems + _soon_hit(scenario, roads, names, boxes)
+
+
+def _soon_hit(scenario: Scenario, roads: Roads, names: list[str], boxes: Floats) -> list[str]:
+    """What the ego overlaps, or reaches within the hold time if it holds lane and speed."""
+    near = np.argwhere(_reached(ego_boxes(ego_held(scenario, roads)), boxes))
+    soonest: dict[int, int] = {}
+    for row, frame in near.tolist():
+        soonest[row] = min(frame, soonest.get(row, frame))
+    problems: list[str] = []
+    for row, frame in sorted(soonest.items()):
+        if frame == 0:
+            problems.append(f"start: the ego overlaps {names[row]}, expected at most {100 * OVERLAP_M:.0f} cm")
+        else:
+            problems.append(
+                f"start: holding lane and speed the ego hits {names[row]} after {frame * STEP_S:.1f} s, "
+                f"expected nothing within {HOLD_S:.0f} s; start it farther back or slower"
+            )
+    return problems
+
+
+def _reached(ego: Floats, boxes: Floats) -> np.ndarray:
+    """(N, K) whether each of the boxes (N, 4, 2) is penetrated by the ego's (K, 4, 2) of each frame."""
+    rows, frames = np.indices((len(boxes), len(ego)))
+    depth_m = penetration_m(boxes[rows.ravel()], ego[frames.ravel()])
+    return depth_m.reshape(rows.shape) > OVERLAP_M
+
+
+def _wrecks(scenario: Scenario) -> set[int]:
+    """Obstacles that may overlap one another: cars that have crashed."""
+    if scenario.family != "accident":
+        return set()
+    return {i for i, each in enumerate(scenario.obstacles) if OBSTACLES[each.kind][0] == ActorKind.VEHICLE}
+
+
+def _standing(scenario: Scenario, roads: Roads) -> tuple[list[str], Floats]:
+    """Names and boxes (N, 4, 2) of the obstacles and of the pedestrians who wait."""
+    names = [f"obstacles[{i}]" for i in range(len(scenario.obstacles))]
+    corners = [obstacle_corners(scenario, roads)]
+    for i, walker in enumerate(scenario.jaywalkers):
+        start, end = walker.start.pose(roads), walker.end.pose(roads)
+        heading_rad = float(np.arctan2(end.y_m - start.y_m, end.x_m - start.x_m))
+        names.append(f"jaywalkers[{i}]")
+        corners.append(box_corners(start.x_m, start.y_m, heading_rad, PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M))
+    return names, np.concatenate(corners)

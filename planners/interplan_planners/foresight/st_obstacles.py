@@ -1,0 +1,231 @@
+"""Stages: a course with everybody who will be on it, sorted by what the ego can do about him."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from interplan_planners.common.neighbours import moved, together
+from interplan_planners.common.occupancy import StripOccupancy, occupancy
+from interplan_planners.foresight.candidate_paths import Base, CandidatePath
+from interplan_planners.foresight.prediction import MOVING_MPS, STEP_S, PredictedTraffic
+from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.world.ego import EgoShape
+from interplan_sumo.world.geometry import Floats
+
+SIDE_MARGIN_M, PEDESTRIAN_MARGIN_M = 0.15, 0.7
+"""Kept to both sides of the ego's box when it is asked who is in the way; the first is less than the clearance with
+which things that stand are passed."""
+LANE_MARGIN_M = -0.25
+"""Who is beside the ego's way along a lane by this much less than its width drives on that lane."""
+PEDESTRIAN_GAP_M = 1.5
+"""Kept to people besides the usual gap."""
+ALONG_COS = 0.6
+"""Who moves along the course with at least this share of his speed is followed rather than let across."""
+ONCOMING_MPS = 1.0
+BEHIND_M = 45.0
+"""Whoever is farther behind in a lane that the ego changes to does not matter."""
+RELEASE_S = 0.2
+"""Kept after somebody has left the course before the ego goes on."""
+MOST_CONTENDERS = 5
+ENTRY_SHARE = 0.12
+"""Of the way out: up to there nothing of the ego is in the oncoming lane."""
+RETURN_SHARE = 0.6
+"""Of the way back: from there on nothing of it is there any more."""
+SIGHT_M = 97.0
+"""From the rear axle: planners see 100 m around the ego's centre."""
+UNSEEN_SHARE = 0.8
+"""Of the limit: how fast somebody may come who is not seen yet."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """One course and its actors: B of them at K + 1 instants, by arc length of the course's path."""
+
+    course: CandidatePath
+    arc_m: float
+    """Of the ego's rear axle."""
+    limit_mps: Floats
+    """(S,) for each metre."""
+    stops_m: tuple[float, ...]
+    """Arc lengths that the front bumper must not pass."""
+    near_m: Floats  # (B, K + 1) inf where absent
+    far_m: Floats  # (B, K + 1)
+    center_m: Floats  # (B, K + 1)
+    speed_mps: Floats  # (B, K + 1) along the course
+    leads: NDArray[np.bool_]  # (B, K + 1) who is followed when ahead
+    strip: NDArray[np.bool_]  # (B,) who is in the strip that the ego sweeps: can be hit
+    follower: NDArray[np.bool_]  # (B,) who comes along the lane that the ego changes to
+    unseen: tuple[Floats, Floats] | None
+    """Near and far ends (K + 1,) of those who may come towards the ego from where it cannot see."""
+    yield_near_m: Floats  # (C, K + 1) contenders: where the ego would wait for them, inf once they are past
+    yield_speed_mps: Floats  # (C, K + 1)
+    yield_merges: NDArray[np.bool_]  # (C,) who is got behind, rather than let across
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Contender:
+    """Somebody to whom the ego may give way."""
+
+    when_s: float
+    """He matters from then on: orders contenders."""
+    near_m: Floats  # (K + 1,)
+    speed_mps: Floats  # (K + 1,)
+    merges: bool
+
+
+def occupied_base(
+    base: Base, traffic: PredictedTraffic, shape: EgoShape, stretch: tuple[float, float]
+) -> StripOccupancy:
+    """Who drives on the line of a base."""
+    return occupancy(base.path, 0.5 * shape.width_m + LANE_MARGIN_M, traffic.forecast, stretch)
+
+
+def staged(
+    course: CandidatePath,
+    arc_m: float,
+    new_arc_m: float,
+    limit_mps: Floats,
+    stops_m: Sequence[float],
+    traffic: PredictedTraffic,
+    tail: NDArray[np.bool_],
+    shape: EgoShape,
+    reach_m: float,
+    beside: StripOccupancy | None,
+) -> Stage:
+    """A course and its actors.
+
+    `tail` (A,) are those who come behind the ego in its own lane: they follow
+    it. `beside` are those on the lane that the course enters, by the arc
+    lengths of its base, on which the ego is at `new_arc_m`.
+    """
+    forecast, actors = traffic.forecast, traffic.actors
+    on = _occupied(course, arc_m, traffic, tail, shape, reach_m)
+    count = len(on.rows)
+    if beside is not None:
+        there = moved(beside, arc_m - new_arc_m)
+        # who stands is in the strip or not in the way
+        on = together(on, _only(there, ~tail[there.rows] & ~forecast.stands[there.rows]))
+    strip = np.arange(len(on.rows)) < count
+    present = np.isfinite(on.near_m)
+    first = present.argmax(axis=1)
+    rows = np.arange(len(on.rows))
+    total_mps = np.maximum(np.abs(forecast.speed_mps[on.rows]), 1e-3)
+    entering_mps = on.speed_mps[rows, first]
+    people = actors.kind[on.rows] == ActorKind.PEDESTRIAN
+    along = (entering_mps > ALONG_COS * total_mps[rows, first]) & ~people
+    still = forecast.stands[on.rows] | (total_mps.max(axis=1, initial=0.0) < MOVING_MPS)
+    unseen = _unseen(course, arc_m, present.shape[1]) if course.oncoming else None
+
+    front_m, rear_m = arc_m + shape.front_m, arc_m - (shape.length_m - shape.front_m)
+    moving = _Moving(on, present, first, entering_mps, along, still, people, strip)
+    found = [*_merging(moving, arc_m, rear_m, shape), *_crossing(moving, course, front_m)]
+    if unseen is not None and np.isfinite(unseen[0]).any() and unseen[0].min() > front_m - 0.3:
+        waits_m = np.full(present.shape[1], unseen[0].min())
+        found.append(_Contender(-1.0, waits_m, np.zeros(present.shape[1]), False))
+    found = sorted(found, key=lambda contender: contender.when_s)[:MOST_CONTENDERS]
+    nobody = [np.zeros((0, present.shape[1]))]
+    return Stage(
+        course, arc_m, limit_mps, tuple(stops_m), on.near_m, on.far_m, on.center_m, on.speed_mps,
+        present & (along | still)[:, None], strip, along & ~strip, unseen,
+        np.concatenate([contender.near_m[None] for contender in found] or nobody),
+        np.concatenate([contender.speed_mps[None] for contender in found] or nobody),
+        np.array([contender.merges for contender in found], dtype=np.bool_),
+    )  # fmt: skip
+
+
+def _occupied(
+    course: CandidatePath,
+    arc_m: float,
+    traffic: PredictedTraffic,
+    tail: NDArray[np.bool_],
+    shape: EgoShape,
+    reach_m: float,
+) -> StripOccupancy:
+    """Who is in the strip that the ego sweeps; it is wider for people who walk."""
+    actors, half_m = traffic.actors, 0.5 * shape.width_m
+    stretch = (arc_m - 8.0, arc_m + reach_m)
+    walking = (actors.kind == ActorKind.PEDESTRIAN) & (actors.speed_mps > MOVING_MPS)
+    on = occupancy(course.path, half_m + SIDE_MARGIN_M, traffic.forecast, stretch, ignore=tail | walking)
+    if not walking.any():
+        return on
+    return together(
+        on, occupancy(course.path, half_m + PEDESTRIAN_MARGIN_M, traffic.forecast, stretch, ignore=tail | ~walking)
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moving:
+    """Who is on a course, and how; (B,) but for the first two."""
+
+    on: StripOccupancy
+    present: NDArray[np.bool_]  # (B, K + 1)
+    first: NDArray[np.int64]
+    """The instant at which he is there first."""
+    entering_mps: Floats
+    """His speed along the course then."""
+    along: NDArray[np.bool_]
+    still: NDArray[np.bool_]
+    people: NDArray[np.bool_]
+    strip: NDArray[np.bool_]
+
+
+def _merging(moving: _Moving, arc_m: float, rear_m: float, shape: EgoShape) -> Iterator[_Contender]:
+    """Those who come along the course, or beside it, and are not ahead yet: the ego may get behind them."""
+    on, present = moving.on, moving.present
+    time_s = STEP_S * np.arange(present.shape[1])
+    alongside = frozenset(on.rows[~moving.strip].tolist())  # it is there that they are met
+    for b in np.flatnonzero(moving.along & ~moving.still & present.any(axis=1)).tolist():
+        k, in_strip = int(moving.first[b]), bool(moving.strip[b])
+        if present[b, 0] and on.center_m[b, 0] > arc_m + 0.5 * shape.length_m:
+            continue
+        if (in_strip and int(on.rows[b]) in alongside) or (not in_strip and on.far_m[b, 0] < rear_m - BEHIND_M):
+            continue
+        before = time_s < time_s[k]
+        extrapolated_m = on.near_m[b, k] - (time_s[k] - time_s) * moving.entering_mps[b]
+        near_m = np.where(before, extrapolated_m, on.near_m[b])
+        speed_mps = np.where(present[b], on.speed_mps[b], moving.entering_mps[b])
+        # those who enter by the time until then, those who drive beside by how far behind they are
+        later = in_strip and k > 0
+        when_s = float(time_s[k]) if later else 0.05 * max(rear_m - float(on.far_m[b, k]), 0.0)
+        yield _Contender(when_s, near_m, speed_mps, True)
+
+
+def _crossing(moving: _Moving, course: CandidatePath, front_m: float) -> Iterator[_Contender]:
+    """Those who cross the course or come towards the ego on it: it may wait before their way until they are past."""
+    on, present = moving.on, moving.present
+    instants = np.arange(present.shape[1])
+    for b in np.flatnonzero(~moving.along & ~moving.still & present.any(axis=1)).tolist():
+        wait_m = float(on.near_m[b].min())
+        if course.oncoming and moving.entering_mps[b] < -ONCOMING_MPS:
+            # who noses into the oncoming lane stops those whom he waits for
+            wait_m = min(wait_m, max(_entry_m(course), front_m + 0.3))
+        if wait_m < front_m - 0.3:
+            continue
+        if moving.people[b]:
+            wait_m = max(wait_m - PEDESTRIAN_GAP_M, min(wait_m, front_m + 0.5))
+        last = int(np.flatnonzero(present[b])[-1])
+        until = instants <= last + round(RELEASE_S / STEP_S)
+        when_s = STEP_S * float(moving.first[b])
+        yield _Contender(when_s, np.where(until, wait_m, np.inf), np.zeros(len(instants)), False)
+
+
+def _entry_m(course: CandidatePath) -> float:
+    """Where the front bumper must stop at the latest so that nothing of the ego is in the oncoming lane."""
+    return course.leaves_m + ENTRY_SHARE * (course.beside_m[0] - course.leaves_m)
+
+
+def _unseen(course: CandidatePath, arc_m: float, instants: int) -> tuple[Floats, Floats]:
+    """Those who may come from the end of sight, the first of them at the speed limit: what they need of the course."""
+    limit_mps = float(course.base.limit_mps[min(int(arc_m), len(course.base.limit_mps) - 1)])
+    near_m = arc_m + SIGHT_M - UNSEEN_SHARE * limit_mps * STEP_S * np.arange(instants)
+    end_m = course.beside_m[1] + RETURN_SHARE * (course.settles_m - course.beside_m[1])
+    comes = near_m < end_m  # and after the first there may be others
+    return np.where(comes, np.maximum(near_m, _entry_m(course)), np.inf), np.where(comes, end_m, -np.inf)
+
+
+def _only(on: StripOccupancy, keep: NDArray[np.bool_]) -> StripOccupancy:
+    return StripOccupancy(on.rows[keep], on.near_m[keep], on.far_m[keep], on.center_m[keep], on.speed_mps[keep])

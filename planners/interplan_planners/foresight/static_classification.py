@@ -1,0 +1,264 @@
+"""What stands for good and what only waits; and what it takes to get past the former."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from interplan_planners.common.ground import Ground
+from interplan_planners.common.neighbours import STANDING_MPS, stands_for_good
+from interplan_planners.foresight.candidate_paths import Base
+from interplan_planners.foresight.prediction import PredictedTraffic, Prediction
+from interplan_sumo.planner import Observation
+from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.world.ego import EgoShape
+from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.signals import SignalStatus
+
+ASKEW_RAD, ASIDE_M = 0.2, 0.8
+"""Who stands turned like this to his lane, or this far off its line, is in no queue."""
+QUEUE_GAP_M = 14.0
+"""From centre to centre less half lengths: who is this near behind another one may be waiting for him."""
+LIGHT_M, JUNCTION_M = 60.0, 20.0
+"""A light that is not green, or a junction, this near ahead is a reason to wait."""
+PATIENCE_S = 12.0
+"""After this time without a move even who had a reason to wait is taken to stay, unless a light is red."""
+HALF_GAP_M = 14.0
+"""Things nearer to one another than this, along the road, are passed in one go."""
+LEAST_CLEARANCE_M, CLEARANCE_M = 0.22, 0.6
+SPARE_M = 0.6
+"""Kept to the edge beyond that if there is room: the front swings out."""
+OWN_SIDE_EDGE_M, OWN_SIDE_M = 0.05, 0.2
+"""Kept by the centre to the lanes of the other direction: at least, and besides if there is room."""
+EDGE_M = 0.1
+"""Kept to the edge of the road."""
+CONTACT_M = 0.15
+"""What comes nearer than this to the ego's side blocks its way."""
+PROBE_M, PROBES = 0.15, 80
+
+
+class Stillness:
+    """Who has been standing since when; a memory for one episode."""
+
+    def __init__(self) -> None:
+        self._since_s: dict[str, float] = {}
+
+    def for_good(
+        self, observation: Observation, traffic: PredictedTraffic, prediction: Prediction
+    ) -> NDArray[np.bool_]:
+        """(A,) whether an actor is taken to stay where it is: standing for 2 s, and no reason to wait in sight."""
+        actors = observation.actors
+        standing = [actors.ids[row] for row in np.flatnonzero(actors.speed_mps < STANDING_MPS).tolist()]
+        self._since_s = {name: self._since_s.get(name, observation.time_s) for name in standing}
+        stands = stands_for_good(observation)
+        vehicles = np.flatnonzero(stands & (actors.kind == ActorKind.VEHICLE)).tolist()
+        if not vehicles:
+            return stands
+        patient = {row for row in vehicles if observation.time_s - self._since_s[actors.ids[row]] < PATIENCE_S}
+        reasons = _Reasons(observation, traffic, prediction, stands, patient)
+        for row in vehicles:
+            stands[row] = not reasons.waits(row)
+        return stands
+
+
+class _Reasons:
+    """Why standing vehicles may be waiting, at one step."""
+
+    def __init__(
+        self,
+        observation: Observation,
+        traffic: PredictedTraffic,
+        prediction: Prediction,
+        stands: NDArray[np.bool_],
+        patient: set[int],
+    ) -> None:
+        """`patient` are those for whom a queue or a junction is reason enough."""
+        self._length_m = observation.actors.length_m
+        self._traffic = traffic
+        self._prediction = prediction
+        self._stands = stands.copy()
+        self._patient = patient
+        self._halted = observation.signals.with_status(SignalStatus.RED) | observation.signals.with_status(
+            SignalStatus.YELLOW
+        )
+        self._waits: dict[int, bool] = {}
+        self._on: dict[str, list[tuple[float, int]]] = {}
+        for row, lane in enumerate(traffic.lane_of):
+            if lane is not None:
+                self._on.setdefault(lane, []).append((float(traffic.arc_m[row]), row))
+
+    def waits(self, row: int) -> bool:
+        """Whether a standing vehicle has a reason to wait: a light, a junction, or one ahead that waits or moves."""
+        behind: list[int] = []
+        while row not in self._waits:
+            self._waits[row] = False  # until more is known; ends a ring of cars that wait for one another
+            reason = self._reason(row)
+            if not isinstance(reason, bool):
+                behind.append(row)
+                row = reason
+                continue
+            self._waits[row] = reason
+        for follower in behind:
+            self._waits[follower] = self._waits[row]
+        return self._waits[behind[0] if behind else row]
+
+    def _reason(self, row: int) -> bool | int:
+        """Whether it has a reason, or who ahead of it decides that."""
+        lane = self._traffic.lane_of[row]
+        aside = abs(self._traffic.turned_rad[row]) > ASKEW_RAD or abs(self._traffic.left_m[row]) > ASIDE_M
+        if lane is None or aside:
+            return False
+        chain = self._prediction.chain(lane)
+        at_m = float(self._traffic.arc_m[row])
+        before = lane
+        for link, start_m in zip(chain.lanes, chain.starts_m.tolist(), strict=True):
+            if start_m - at_m > LIGHT_M:
+                break
+            if link != lane and link in self._halted:
+                return True
+            ahead = [(start_m + s, j) for s, j in self._on.get(link, ()) if start_m + s > at_m + 0.5 and j != row]
+            if ahead and row in self._patient:
+                there_m, j = min(ahead)
+                if there_m - at_m - 0.5 * float(self._length_m[row] + self._length_m[j]) < QUEUE_GAP_M:
+                    return j if self._stands[j] else True
+            if row in self._patient and start_m - at_m < JUNCTION_M and self._prediction.crosses(before, link):
+                return True
+            before = link
+        return False
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """A way past on one side."""
+
+    offset_m: float
+    """From the base, left positive."""
+    oncoming: bool
+    """Whether the ego's centre leaves the lanes of its direction."""
+    clear_m: float
+    """What is left between the ego and what it passes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StandingGroup:
+    """Things that stand in the way along a base, near enough to one another to be passed in one go."""
+
+    base: Base
+    ids: tuple[str, ...]
+    start_m: float
+    """Arc length of the base where they begin."""
+    end_m: float
+    passages: tuple[Passage, ...]
+    """Left before right; empty if there is no way past."""
+
+
+def blockage(
+    base: Base,
+    from_m: float,
+    look_m: float,
+    traffic: PredictedTraffic,
+    stays: NDArray[np.bool_],
+    shape: EgoShape,
+    ground: Ground,
+    beside_m: float = 0.0,
+) -> StandingGroup | None:
+    """The first thing that stays and blocks the way along a base (`beside_m` off its line), and all that go with it.
+
+    Looks from one arc length as far as another distance.
+    """
+    actors = traffic.actors
+    rows = np.flatnonzero(stays)
+    if not rows.size:
+        return None
+    corners = actors.corners[rows]
+    ahead = np.hypot(actors.x_m[rows] - base.line.pose_at(from_m).x_m, actors.y_m[rows] - base.line.pose_at(from_m).y_m)
+    near = ahead < look_m + 20.0
+    rows, corners = rows[near], corners[near]
+    if not rows.size:
+        return None
+    s, d = base.path.project(corners[..., 0].ravel(), corners[..., 1].ravel(), (from_m - 20.0, from_m + look_m + 20.0))
+    s, d = s.reshape(-1, 4), d.reshape(-1, 4)
+    low_s, high_s, low_d, high_d = s.min(axis=1), s.max(axis=1), d.min(axis=1), d.max(axis=1)
+    half_m = 0.5 * shape.width_m
+    reach = half_m + CONTACT_M
+    beyond = high_s - low_s > 1e-3  # boxes beyond the ends project on a point
+    inside = (high_s > from_m) & (low_s < from_m + look_m) & beyond & (np.abs(d).min(axis=1) < 12.0)
+    blocks = inside & (low_d < beside_m + reach) & (high_d > beside_m - reach)
+    if not blocks.any():
+        return None
+    order = np.flatnonzero(blocks)[np.argsort(low_s[blocks], kind="stable")]
+    start_m, end_m = float(low_s[order[0]]), float(high_s[order[0]])
+    members = [int(order[0])]
+    for i in order[1:].tolist():
+        if low_s[i] > end_m + HALF_GAP_M:
+            break
+        members.append(i)
+        end_m = max(end_m, float(high_s[i]))
+    beside = inside & (high_s > start_m - 2.0) & (low_s < end_m + 2.0)
+    passages = _passages(members, beside, low_d, high_d, half_m, _edges(base, start_m, end_m, ground))
+    ids = tuple(sorted(actors.ids[rows[i]] for i in members))
+    return StandingGroup(base, ids, start_m, end_m, passages)
+
+
+def _passages(
+    members: list[int],
+    beside: NDArray[np.bool_],
+    low_d: Floats,
+    high_d: Floats,
+    half_m: float,
+    edges: tuple[tuple[float, float], tuple[float, float]],
+) -> tuple[Passage, ...]:
+    """Ways past members of things (M,) that lie between offsets; `beside` are those next to the members."""
+    found: list[Passage] = []
+    for sign, (edge_m, own_m) in zip((1.0, -1.0), edges, strict=True):
+        near_d, far_d = (low_d, high_d) if sign > 0 else (-high_d, -low_d)
+        need_m = max(float(far_d[i]) for i in members)
+        limit_m = inf
+        for _ in range(6):
+            # what stands between here and where the ego would pass has to be passed as well
+            strip = beside & (far_d > need_m) & (near_d < need_m + 2.0 * half_m + LEAST_CLEARANCE_M)
+            strip &= far_d > -half_m
+            if not strip.any():
+                break
+            if near_d[strip].min() - need_m >= 2.0 * half_m + 2.0 * LEAST_CLEARANCE_M:
+                limit_m = float(near_d[strip].min())
+                break
+            need_m = float(far_d[strip].max())
+        else:
+            continue
+        most_m = min(edge_m - EDGE_M, limit_m - LEAST_CLEARANCE_M) - half_m
+        least_m = need_m + half_m + LEAST_CLEARANCE_M
+        if most_m < least_m or need_m + half_m < -0.5:
+            continue
+        # rather along what stands than along the edge
+        wished_m = min(need_m + half_m + CLEARANCE_M, max(most_m - SPARE_M, least_m + 0.2 * (most_m - least_m)))
+        if least_m <= own_m:
+            wished_m = min(wished_m, max(own_m - OWN_SIDE_M, least_m))
+        found.append(Passage(sign * wished_m, wished_m > own_m + 1e-9, wished_m - need_m - half_m))
+    return tuple(found)
+
+
+def _edges(base: Base, start_m: float, end_m: float, ground: Ground) -> tuple[tuple[float, float], tuple[float, float]]:
+    """For left and right of the base: how far the road reaches, and how far the ego's centre stays in its direction."""
+    at = np.linspace(start_m - 6.0, end_m + 6.0, 6)
+    poses = base.line.poses_at(at)
+    d = PROBE_M * np.arange(1, PROBES, dtype=np.float64)
+    found: list[tuple[float, float]] = []
+    for sign in (1.0, -1.0):
+        x = poses[:, 0, None] - sign * d * np.sin(poses[:, 2])[:, None]
+        y = poses[:, 1, None] + sign * d * np.cos(poses[:, 2])[:, None]
+        under = ground.under(x, y)
+        found.append((_reach(under.drivable, d), _reach(under.on_route, d) - OWN_SIDE_EDGE_M))
+    return found[0], found[1]
+
+
+def _reach(good: NDArray[np.bool_], d: Floats) -> float:
+    """The farthest of the distances up to which all rows are good."""
+    bad = ~good.all(axis=0)
+    if not bad.any():
+        return float(d[-1])
+    first = int(bad.argmax())
+    return float(d[first - 1]) if first else 0.0

@@ -1,0 +1,88 @@
+"""Survey: what a drive offers, and that an offer keeps its promise."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
+from interplan_sumo.dataset.cars import Cars
+from interplan_sumo.dataset.drives import Drive
+from interplan_sumo.dataset.drives import driven as driven_again
+from interplan_sumo.dataset.sample_index import MOST_CARS, MOST_PER_CAR, MOST_STANDING, Offer, survey
+from interplan_sumo.dataset.samples import LEAST_FUTURE_FRAMES, drive_samples
+from interplan_sumo.features.schema import FUTURE_FRAMES, SITUATIONS
+from interplan_sumo.maps.store import find_map
+from interplan_sumo.world.trace import Trace
+
+KEY = ("lane_change_mtd/5", "idm", 0)
+
+
+@pytest.fixture(scope="session")
+def host(driven: Path) -> StoredDrive:
+    runs = StoredDrives(read_run(driven))
+    return runs.read(runs.run.rows[KEY])
+
+
+@pytest.fixture(scope="session")
+def offers(host: StoredDrive) -> list[Offer]:
+    return survey(host.scenario, host.roads, host.trace, 5)
+
+
+def test_the_ego_comes_first_and_cars_follow(host: StoredDrive, offers: list[Offer]) -> None:
+    own, *others = offers
+    assert own.car == ""
+    assert own.route == host.scenario.route
+    assert max(own.frames) < len(host.trace) - LEAST_FUTURE_FRAMES
+    assert 3 <= len(others) <= MOST_CARS
+    assert {each.car for each in others} <= set(Cars(host.trace).tokens)
+
+
+def test_cars_offer_few_samples_with_all_of_past_and_future(host: StoredDrive, offers: list[Offer]) -> None:
+    for offer in offers[1:]:
+        assert 1 <= len(offer.frames) <= MOST_PER_CAR
+        made = Cars(host.trace).drive(offer.car)
+        scenario = replace(host.scenario, start=offer.start, goal=offer.goal, route=offer.route)
+        columns = drive_samples(scenario, host.roads, made.trace, drive=0, frames=offer.frames)
+        assert columns["ego_future"][..., 3].all()
+        assert columns["ego_history_valid"].all()
+        assert columns["situation"].tolist() == list(offer.situations)
+        assert (np.hypot(*np.diff(columns["ego_history"][..., :2], axis=1).T) < 3.0).all()
+
+
+def test_offers_come_back_from_plain_json(offers: list[Offer]) -> None:
+    assert [Offer.of_json(json.loads(json.dumps(each.as_json()))) for each in offers] == offers
+
+
+def test_what_is_offered_is_found_again_in_the_run_folder(driven: Path, host: StoredDrive, offers: list[Offer]) -> None:
+    offer = offers[1]
+    drive = Drive(
+        "run", "mine", replace(host.scenario, start=offer.start, goal=offer.goal, route=offer.route),
+        find_map(host.scenario.map), "sumo", 0, 1.0, host.row["trace_hash"], "", driven, KEY, offer.car,
+    )  # fmt: skip
+    scenario, _, trace = driven_again(drive)
+    assert scenario.route == offer.route
+    assert trace.hash() == Cars(host.trace).drive(offer.car).trace.hash()
+    about = drive.as_json("train", 3)
+    assert (about["planner"], about["car"], about["goal_lane"]) == ("sumo", offer.car, offer.goal.lane)
+
+
+def test_of_a_long_stand_only_a_few_samples_are_offered(host: StoredDrive) -> None:
+    first = host.trace
+    still = np.zeros(len(first), dtype=np.int64)  # the first frame, over and over
+    names = ("x_m", "y_m", "heading_rad")
+    ego = replace(
+        first.ego,
+        **{name: getattr(first.ego, name)[still] for name in names},
+        **{name: np.zeros(len(first)) for name in ("vx_mps", "ax_mps2", "yaw_rate_radps")},
+    )
+    trace = Trace(ego, first.actors, first.signals, (), np.zeros(0))
+    own = survey(host.scenario, host.roads, trace, 5)[0]
+    assert {SITUATIONS[code] for code in own.situations} == {"standing"}
+    assert len(own.frames) == MOST_STANDING
+    assert own.frames[-1] - own.frames[0] > FUTURE_FRAMES / 2

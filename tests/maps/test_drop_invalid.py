@@ -1,0 +1,44 @@
+"""Lanes that nuPlan's rules cannot bear are taken out with what hangs on them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from interplan_sumo.maps.importers.build import build
+from interplan_sumo.maps.importers.drop_invalid import sifted
+from interplan_sumo.maps.rules import schema_problems
+from interplan_sumo.world.geometry import Polyline
+from interplan_sumo.world.roads import Roads
+from tests.maps.source_worlds import fork, junction_with_flags
+
+
+def turned_round(roads: Roads, lane_id: str) -> Roads:
+    """The roads with the boundaries of one lane against its traffic."""
+    lane = roads.lanes[lane_id]
+    against = replace(
+        lane,
+        left_boundary=Polyline(lane.left_boundary.points[::-1]),
+        right_boundary=Polyline(lane.right_boundary.points[::-1]),
+    )
+    return replace(roads, lanes={**roads.lanes, lane_id: against})
+
+
+def test_sound_roads_stay_as_they_are() -> None:
+    roads = build(fork()).roads
+    same, reasons = sifted(roads)
+    assert same is roads
+    assert reasons == {}
+
+
+def test_a_broken_lane_goes_with_its_connectors_blocks_and_intersection() -> None:
+    made = build(junction_with_flags())
+    (side,) = (k for k, rows in made.origins.items() if k in made.roads.lanes and rows[0].source_id == "side")
+    left, reasons = sifted(turned_round(made.roads, side))
+    assert set(reasons) == {side}
+    assert "left boundary" in reasons[side]
+    assert side not in left
+    assert len(left.connectors) == 1
+    assert schema_problems(left) == []
+    whole, _ = sifted(turned_round(left, next(iter(left.lanes))))
+    assert whole.connectors == {}
+    assert whole.intersections == ()

@@ -1,0 +1,79 @@
+"""What the privileged driver drives: near its timing, in comfort, and rounded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from outlooks import FRAMES, laid_out, start_of, steady
+from stages import ONE_LANE, TWO_LANES, car, staged, widened
+
+from interplan_sumo.metrics.comfort import BOUNDS
+from interplan_sumo.metrics.motion import comfort_signals
+from interplan_sumo.scenario.scenario import LanePosition
+from interplan_sumo.simulation.setup import start_state
+from interplan_sumo.verification.drivable_paths import Swerve
+from interplan_sumo.verification.planning_problem import CALM, Margins, PlanningProblem
+from interplan_sumo.verification.privileged_rollout import driven, path, rounded
+from interplan_sumo.verification.reachability import unreachable
+from interplan_sumo.verification.speed_lattice import cheapest_timing
+from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.trace import EgoTrack
+
+
+def drive(outlook: PlanningProblem) -> tuple[EgoTrack, np.ndarray, np.ndarray]:
+    """The track, where it should be and where it is along its line (K,)."""
+    course = outlook.course
+    timing = cheapest_timing(outlook, start_of(course), Margins(), CALM)
+    assert timing is not None
+    line = path(course, outlook.ways, timing)
+    track = EgoTrack.of(driven(course, line, timing, (start_state(course.scenario, course.roads),), FRAMES))
+    knots = 10 * np.arange(min(len(timing.arc_m), (len(track) - 1) // 10 + 1))
+    arc, _, _ = course.unrolled(np.stack((track.x_m[knots], track.y_m[knots]), axis=1))
+    return track, timing.arc_m[: len(knots)], arc
+
+
+def worst_discomfort(track: EgoTrack) -> float:
+    """1 is the bound of comfort."""
+    signals = comfort_signals(track, PACIFICA.rear_axle_to_center_m, 0.1)
+    return max(float(np.abs(values / np.where(values < 0, *BOUNDS[name])).max()) for name, values in signals.items())
+
+
+SCENES = {
+    "free": laid_out(),
+    "behind a slow car": (lambda o: replace(o, others=steady(o.course.start_m + 25.0, 5.0)))(laid_out()),
+    "lane change": laid_out(staged(goal=LanePosition("12", 200.0)), TWO_LANES),
+    "swerve": laid_out(staged(obstacles=(car(100.0),)), widened(ONE_LANE), Swerve(over="left")),
+}
+
+
+@pytest.mark.parametrize("scene", sorted(SCENES))
+def test_the_driver_keeps_to_its_timing_and_to_comfort(scene: str) -> None:
+    track, wanted, driven_m = drive(SCENES[scene])
+    assert np.abs(wanted - driven_m).max() < 1.2
+    assert worst_discomfort(track) < 1.0
+
+
+@pytest.mark.parametrize("scene", sorted(SCENES))
+def test_what_it_drives_follows_from_the_bicycle_model(scene: str) -> None:
+    course = SCENES[scene].course
+    track, _, _ = drive(SCENES[scene])
+    assert unreachable(start_state(course.scenario, course.roads), track) == []
+
+
+def test_a_lane_change_ends_in_the_middle_of_the_new_lane() -> None:
+    track, _, _ = drive(SCENES["lane change"])
+    assert track.y_m[-1] == pytest.approx(-3.5, abs=0.1)
+    assert track.y_m.min() > -3.7
+
+
+def test_the_drive_ends_with_the_first_state_beyond_the_goal_line() -> None:
+    track, _, _ = drive(SCENES["free"])
+    assert track.x_m[-2] <= 200.0 < track.x_m[-1]
+
+
+def test_rounded_states_have_six_decimals_and_no_negative_zero() -> None:
+    state = rounded(EgoState(0.1, 1.23456789, -0.0000001, 0.5))
+    assert state.x_m == 1.234568
+    assert str(state.y_m) == "0.0"
