@@ -28,7 +28,7 @@ from interplan_sumo.errors import InputError, PlannerLoadError, UnknownNameError
 from interplan_sumo.maps.store import copy_map, load_roads
 from interplan_sumo.metrics.score import DEFAULT_PROFILE, INFORMATIVE, ScoreSheet
 from interplan_sumo.metrics.score import score as score_trace
-from interplan_sumo.planner import Planner, registered
+from interplan_sumo.planner import PLANNERS, Planner
 from interplan_sumo.report.compare import Comparison
 from interplan_sumo.report.compare import compare as compare_runs
 from interplan_sumo.report.failure_reasons import lost_points
@@ -252,7 +252,7 @@ def _spec_of(planner: object) -> str | None:
     with contextlib.suppress(ImportError, ValueError):
         if find_spec(module) is not None:
             spec = f"{module}:{name}"
-            return next((short for short, point in registered().items() if point.value == spec), spec)
+            return next((short for short, point in PLANNERS.points.items() if point.value == spec), spec)
     return None
 
 

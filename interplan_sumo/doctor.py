@@ -102,10 +102,10 @@ def _read_suites() -> str:
 
 
 def _load_recommended() -> str:
-    from interplan_sumo.planner import RECOMMENDED, load_planner, registered
+    from interplan_sumo.planner import PLANNERS, RECOMMENDED, load_planner
 
     load_planner(RECOMMENDED)
-    return f"{len(registered())} registered, {RECOMMENDED} recommended"
+    return f"{len(PLANNERS)} registered, {RECOMMENDED} recommended"
 
 
 def _drive_a_little() -> str:

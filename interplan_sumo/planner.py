@@ -12,12 +12,12 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol, runtime_checkable
 
 import yaml
 
 from interplan_sumo.errors import InputError, PlannerLoadError, UnknownNameError
+from interplan_sumo.registry import INSTALL_HINT, Registry, source_of
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.geometry import Pose
@@ -25,9 +25,6 @@ from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
 from interplan_sumo.world.trajectory import Trajectory
 
-ENTRY_POINT_GROUP = "interplan_sumo.planners"
-SCHEME_GROUP = "interplan_sumo.planner_schemes"
-"""Entry points that give a `PlannerScheme`, under the prefix that it stands for."""
 RECOMMENDED = "foresight"
 """The best planner so far; `make benchmark` runs it."""
 
@@ -82,7 +79,7 @@ class Planner(Protocol):
         ...
 
     def plan(self, observation: Observation) -> Trajectory:
-        """A trajectory that covers `seen.time_s` and the time after it."""
+        """A trajectory that covers `observation.time_s` and the time after it."""
         ...
 
 
@@ -96,6 +93,15 @@ class PlannerScheme(Protocol):
     def factory(self, target: str) -> Callable[..., Planner]:
         """What makes the planner from its options; PlannerLoadError if it cannot be imported."""
         ...
+
+
+PLANNERS: Registry[Callable[..., Planner]] = Registry(
+    "interplan_sumo.planners", "planner", hint=f"Or give module:Class. {INSTALL_HINT}"
+)
+SCHEMES: Registry[PlannerScheme] = Registry(
+    "interplan_sumo.planner_schemes", "planner scheme", hint=f"A planner of your own is module:Class. {INSTALL_HINT}"
+)
+"""By the prefix that each stands for."""
 
 
 class OptionLoader(yaml.SafeLoader):
@@ -123,29 +129,6 @@ class PlannerInfo:
     """Why it cannot be imported, if it cannot."""
 
 
-def registered() -> dict[str, EntryPoint]:
-    """Registered planners by name, without importing any; PlannerLoadError if two distributions claim a name."""
-    found: dict[str, EntryPoint] = {}
-    for point in entry_points(group=ENTRY_POINT_GROUP):
-        other = found.get(point.name)
-        if other is not None and other.value != point.value:
-            raise PlannerLoadError(
-                f"planner name {point.name!r} is claimed by {_source(other)} and by {_source(point)}; uninstall one"
-            )
-        found[point.name] = point
-    return dict(sorted(found.items()))
-
-
-def registered_planner(name: str) -> EntryPoint:
-    """A registered planner by its name, not imported; UnknownNameError with the nearest name."""
-    points = registered()
-    if name not in points:
-        raise UnknownNameError(
-            "planner", name, points, "Or give module:Class. Just added it to pyproject.toml? Run: pip install -e ."
-        )
-    return points[name]
-
-
 def find_planner(name: str) -> None:
     """Check that a registered name or the module of `module:Class` exists, importing neither the planner nor its class.
 
@@ -153,10 +136,10 @@ def find_planner(name: str) -> None:
     """
     module, colon, rest = name.partition(":")
     if ":" in rest:
-        _scheme(module).find(rest)
+        SCHEMES[module].find(rest)
         return
     if not colon:
-        registered_planner(name)
+        PLANNERS.point(name)
         return
     try:
         found = importlib.util.find_spec(module) is not None
@@ -171,14 +154,13 @@ def find_planner(name: str) -> None:
 def planners() -> list[PlannerInfo]:
     """Everything registered, with parameters; imports each planner's module."""
     listed: list[PlannerInfo] = []
-    for name, point in registered().items():
+    for name, point in PLANNERS.points.items():
         recommended = name == RECOMMENDED
         try:
-            make = point.load()
-            info = PlannerInfo(name, _source(point), _parameters(make), recommended, _paper(make))
-        except Exception as error:
-            problem = f"{type(error).__name__}: {error}"
-            info = PlannerInfo(name, _source(point), {}, recommended, problem=problem)
+            make = PLANNERS[name]
+            info = PlannerInfo(name, source_of(point), _parameters(make), recommended, _paper(make))
+        except InputError as error:
+            info = PlannerInfo(name, source_of(point), {}, recommended, problem=str(error))
         listed.append(info)
     return listed
 
@@ -209,7 +191,7 @@ def load_planner(spec: str) -> Planner:
     for method in ("start", "plan"):
         if not callable(getattr(planner, method, None)):
             raise PlannerLoadError(
-                f"planner {spec!r} has no method {method}(); a planner needs start(mission) and plan(seen)"
+                f"planner {spec!r} has no method {method}(); a planner needs start(mission) and plan(observation)"
             )
     return planner
 
@@ -218,38 +200,19 @@ def _factory(name: str) -> Any:
     if ":" in name:
         module_name, _, attribute = name.partition(":")
         if ":" in attribute:
-            return _scheme(module_name).factory(attribute)
+            return SCHEMES[module_name].factory(attribute)
         try:
             return getattr(importlib.import_module(module_name), attribute)
         except ImportError as error:
             raise PlannerLoadError(f"planner {name!r}: cannot import {module_name!r}: {error}") from error
         except AttributeError:
             raise PlannerLoadError(f"planner {name!r}: module {module_name!r} has no {attribute!r}") from None
-    point = registered_planner(name)
-    try:
-        return point.load()
-    except Exception as error:
-        raise PlannerLoadError(
-            f"planner {name!r} of {_source(point)} cannot be imported: {type(error).__name__}: {error}"
-        ) from error
-
-
-def _scheme(prefix: str) -> PlannerScheme:
-    """The scheme of a prefix; UnknownNameError if nobody registers it."""
-    points = {point.name: point for point in entry_points(group=SCHEME_GROUP)}
-    if prefix not in points:
-        hint = "A planner of your own is module:Class. Just installed it? Run: pip install -e ."
-        raise UnknownNameError("planner scheme", prefix, points, hint)
-    return points[prefix].load()
+    return PLANNERS[name]
 
 
 def _paper(make: Any) -> str | None:
     paper = getattr(make, "paper", None)
     return paper if isinstance(paper, str) else None
-
-
-def _source(point: EntryPoint) -> str:
-    return point.dist.name if point.dist is not None else point.value
 
 
 def _parameters(make: Any) -> dict[str, Any]:

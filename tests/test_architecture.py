@@ -14,7 +14,7 @@ PACKAGE = ROOT / "interplan_sumo"
 SHELF = ROOT / "planners"
 
 # Each room and the rooms it may import from. A module of the package's root is a room of its own.
-BASE = {"errors", "resources"}
+BASE = {"errors", "resources", "registry"}
 LAYER_0 = {"world"}
 LAYER_1 = {"maps", "dynamics", "features", "planner", "plan_check", "recordings", "scenario", "families", "tiny_worlds"}
 LAYER_2 = {"simulation", "metrics", "policy"}
@@ -22,6 +22,7 @@ LAYER_3 = {"verification", "batch", "report", "testing", "doctor", "dataset", "g
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "resources": {"errors"},
+    "registry": {"errors"},
     "world": BASE,
     "planner": BASE | LAYER_0,
     "plan_check": BASE | LAYER_0,

@@ -12,9 +12,9 @@ LOOKS: dict[str, Any] = {"no_args_is_help": True, "add_completion": True, "prett
 
 
 def planner_names(incomplete: str) -> list[str]:
-    from interplan_sumo.planner import registered
+    from interplan_sumo.planner import PLANNERS
 
-    return [name for name in registered() if name.startswith(incomplete)]
+    return [name for name in PLANNERS if name.startswith(incomplete)]
 
 
 def scenario_ids(incomplete: str) -> list[str]:

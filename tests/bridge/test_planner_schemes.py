@@ -12,6 +12,7 @@ import pytest
 from devkit import devkit
 
 from interplan_sumo import planner as planners
+from interplan_sumo import registry
 from interplan_sumo.bridge.nuplan import scheme
 from interplan_sumo.errors import PlannerLoadError, UnknownNameError
 from interplan_sumo.planner import find_planner, load_planner
@@ -52,15 +53,11 @@ TOYS = ToyScheme()
 def schemes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two registered schemes, whatever is installed."""
     found = [
-        EntryPoint("toy", f"{__name__}:TOYS", planners.SCHEME_GROUP),
-        EntryPoint("nuplan", scheme.__name__, planners.SCHEME_GROUP),
+        EntryPoint("toy", f"{__name__}:TOYS", planners.SCHEMES.group),
+        EntryPoint("nuplan", scheme.__name__, planners.SCHEMES.group),
     ]
-    kept = planners.entry_points
-    monkeypatch.setattr(
-        planners,
-        "entry_points",
-        lambda group: EntryPoints(found) if group == planners.SCHEME_GROUP else kept(group=group),
-    )
+    monkeypatch.setattr(registry, "entry_points", lambda group: EntryPoints(found))  # noqa: ARG005
+    monkeypatch.setattr(planners, "SCHEMES", registry.Registry(planners.SCHEMES.group, "planner scheme"))
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint, EntryPoints
 
 import pytest
 
-from interplan_sumo import planner
+from interplan_sumo import planner, registry
 from interplan_sumo.report.listings import planner_entries
 
 
@@ -34,7 +34,8 @@ def test_registered_planners_say_where_they_were_published() -> None:
 def test_a_planner_of_others_needs_no_paper(monkeypatch: pytest.MonkeyPatch) -> None:
     found = [EntryPoint(c.__name__, f"{__name__}:{c.__name__}", "g") for c in (Plain, Published, WithAMethodOfThatName)]
     broken = EntryPoint("absent", f"{__name__}:Absent", "g")
-    monkeypatch.setattr(planner, "entry_points", lambda **_: EntryPoints([*found, broken]))
+    monkeypatch.setattr(registry, "entry_points", lambda **_: EntryPoints([*found, broken]))
+    monkeypatch.setattr(planner, "PLANNERS", registry.Registry("g", "planner"))
     entries = {entry["name"]: entry for entry in planner_entries()}
     assert (entries["Published"]["paper"], entries["Published"]["parameters"]) == ("Nobody 1999", {"gap_m": 2.0})
     assert [entries[name]["paper"] for name in ("Plain", "WithAMethodOfThatName", "absent")] == [None] * 3
