@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import signal
 
+from hypothesis import settings
+
+# How long an example takes depends on the machine and on what else it does: no test may.
+settings.register_profile("interplan")
+settings.load_profile("interplan")
+
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # Started in the background (`make test &`), Ctrl-C is ignored; tests send it to runs, which would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)

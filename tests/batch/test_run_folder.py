@@ -121,7 +121,7 @@ def test_rows_without_a_score_are_done_again_and_do_not_stay(tmp_path: Path) -> 
     assert [json.loads(line)["scenario_id"] for line in lines] == ["a/1", "a/0"]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(min_value=0))
 def test_a_file_cut_anywhere_gives_its_whole_rows_and_goes_on(cut: int) -> None:
     with tempfile.TemporaryDirectory() as place:

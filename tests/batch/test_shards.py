@@ -185,7 +185,7 @@ def test_shards_that_cannot_be_written_are_an_error_in_one_line(tmp_path: Path) 
 VALUES = st.none() | st.floats(0.0, 1.0)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.lists(st.tuples(VALUES, VALUES, st.none() | st.booleans(), st.none() | st.text(), st.booleans()), max_size=7),
 )

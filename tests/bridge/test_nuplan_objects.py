@@ -95,7 +95,7 @@ def test_a_plan_with_a_pose_every_tenth_of_a_second_is_taken_as_it_is(objects: A
         np.testing.assert_allclose(getattr(back, name), getattr(plan, name), rtol=0, atol=1e-8, err_msg=name)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(turn=st.floats(-1.5, 1.5), step_m=st.floats(0.5, 5.0))
 def test_a_coarse_plan_is_interpolated_at_the_rear_axle_as_nuplans_controller_does(turn: float, step_m: float) -> None:
     objects = devkit("interplan_sumo.bridge.nuplan.objects")

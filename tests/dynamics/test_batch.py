@@ -40,7 +40,7 @@ def apart(one: EgoState, other: EgoState) -> float:
     return float(np.abs(difference).max())
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 2**31),
     steps=st.integers(1, 45),

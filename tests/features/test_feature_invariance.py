@@ -52,7 +52,7 @@ SEEN = {name: EgoView(asked).arrays(seen) for name, (asked, seen) in WORLDS.item
 
 
 @pytest.mark.parametrize("world", WORLDS)
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(move=MOVES)
 def test_turning_and_shifting_the_whole_world_changes_nothing(world: str, move: Move) -> None:
     asked, seen = WORLDS[world]

@@ -131,7 +131,7 @@ def test_equally_near_agents_go_by_id() -> None:
     assert nearest_agents(crowd, FRAME) == ("car00", "car01", "car02")
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.permutations(range(6)))
 def test_what_actors_are_called_does_not_matter(order: list[int]) -> None:
     places = [(6.0 + 3.0 * k, float(k), 1.0 * k, 0.1 * k) for k in range(6)]

@@ -72,7 +72,7 @@ def test_prompts_are_those_of_the_library(chat: ChatTokens, theirs: Native, text
     assert chat.prompt(messages) == theirs.tokens(theirs.prompt_text(messages))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.text(st.characters(exclude_categories=("Cs", "Cn", "Co"), exclude_characters="\0"), max_size=40))
 def test_any_text_is_cut_as_by_the_library(chat: ChatTokens, theirs: Native, text: str) -> None:
     assert chat.prompt([Message("user", text)]) == theirs.tokens(chat.prompt_text([Message("user", text)]))

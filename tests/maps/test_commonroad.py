@@ -127,7 +127,6 @@ def test_a_limit_is_metres_per_second_unless_it_names_a_unit(text: str | None, l
     assert usable_limit_mps(text) == (None if limit_mps is None else pytest.approx(limit_mps))
 
 
-@settings(deadline=None)
 @given(st.text(max_size=12))
 def test_no_text_of_a_limit_is_too_odd(text: str) -> None:
     limit = usable_limit_mps(text)
@@ -312,7 +311,7 @@ def test_a_reference_that_cannot_be_true_is_noted_and_not_used(
     assert any("georeference cannot be used" in note for note in source.notes)
 
 
-@settings(deadline=None, max_examples=15)  # making a transformer takes long
+@settings(max_examples=15)  # making a transformer takes long
 @given(
     st.floats(-179.0, 179.0), st.floats(-80.0, 80.0), st.floats(-math.pi, math.pi), st.sampled_from([MERCATOR, "local"])
 )

@@ -19,7 +19,7 @@ CITY = grid_city(PLAN)
 X_M, Y_M = PLAN.origin_m
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(x_m=st.floats(0.0, 240.0), y_m=st.floats(0.0, 180.0), radius_m=st.floats(60.0, 150.0))
 def test_a_crop_is_whole_and_consistent(x_m: float, y_m: float, radius_m: float) -> None:
     part = crop(CITY, X_M + x_m, Y_M + y_m, radius_m)

@@ -210,7 +210,7 @@ def test_a_map_without_lanes_is_refused() -> None:
 
 
 @given(st.floats(-0.5, 0.5), st.floats(2.6, 4.5), st.integers(1, 4), st.floats(30.0, 200.0))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_any_bent_road_of_parallel_lanes_keeps_the_rules(
     turn_rad: float, width_m: float, count: int, radius_m: float
 ) -> None:

@@ -117,7 +117,7 @@ def test_reading_gives_back_exactly_what_was_written(city: Roads, file: Path) ->
     assert_same_roads(city, again, tolerance_m=0.0)
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(
     plan=st.builds(
         GridPlan,

@@ -10,7 +10,7 @@ import numpy as np
 import pyproj
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.maps.importers.counts.sumo_network import count_sumo_network
@@ -315,7 +315,6 @@ def test_a_fold_within_a_sharp_bend_is_cut_out() -> None:
     assert np.hypot(*(inner[[0, -1]] - beside(bend, 0.001)[[0, -1]]).T) == pytest.approx([1.6, 1.6], abs=0.1)
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.floats(0.5, 30.0), st.floats(-2.5, 2.5)), min_size=1, max_size=8),
     st.sampled_from([-2.0, -1.6, 0.5, 1.6]),

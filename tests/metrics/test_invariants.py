@@ -80,7 +80,7 @@ def rescored(case: Case, move: Move, *, mirrored: bool = False) -> ScoreSheet:
 
 
 @pytest.mark.parametrize("name", DRIVES)
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(angle=st.floats(-np.pi, np.pi), shift=st.tuples(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5)))
 def test_turning_and_shifting_the_world_changes_no_score(name: str, angle: float, shift: tuple[float, float]):
     case = golden(name)
@@ -113,7 +113,7 @@ def with_another(trace: Trace, other: Actors) -> Trace:
     return replace(trace, actors=ActorTable(frame=frame, starts=np.concatenate(([0], np.cumsum(counts))), **columns))
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     bearing=st.floats(-np.pi, np.pi),
     distance_m=st.floats(400.0, 1e4),
@@ -140,7 +140,7 @@ def at_pace(case: Case, pace: float) -> Trace:
 
 
 @pytest.mark.parametrize("name", RUNS)
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(pace=st.floats(0.0, 1.5), more=st.floats(0.0, 1.5))
 def test_faster_is_never_less_progress_on_the_stored_way(name: str, pace: float, more: float):
     case = golden(name)
@@ -165,7 +165,7 @@ def test_the_order_of_actors_within_a_frame_changes_no_score(name: str):
     assert scores(score(shuffled, case.facts.roads, case.facts.expert, profile="nuplan")) == scores(case.sheet)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     angle=st.floats(-np.pi, np.pi), shift=st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4)), lane=st.integers(0, 2)
 )

@@ -138,7 +138,7 @@ def test_lines_that_join_are_crossed_by_the_length_of_those_between():
     assert across_m(lines[:2]) == pytest.approx(0.0)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.lists(st.floats(0.0, 15.0), min_size=2, max_size=15),
     st.lists(st.floats(0.0, 5.0), min_size=15, max_size=15),

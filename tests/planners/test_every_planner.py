@@ -165,7 +165,7 @@ def test_every_planner_conforms(spec: str) -> None:
 
 
 @pytest.mark.parametrize("spec", PLANNERS)
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(
     x=st.floats(0.0, 300.0), y=st.floats(-12.0, 6.0), heading=st.floats(-3.2, 3.2), speed=st.floats(-2.0, 25.0),
     seed=st.integers(0, 2**31),

@@ -242,7 +242,7 @@ def mirrored(actors: Actors, axis_y_m: float) -> Actors:
     )  # fmt: skip
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(
     seed=st.integers(0, 2**31),
     speed=st.floats(0.0, 12.0),

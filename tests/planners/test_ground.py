@@ -30,7 +30,7 @@ def check(roads: Roads, route: tuple[str, ...], ground: Ground, x_m: Floats, y_m
 
 
 @pytest.mark.parametrize(("roads", "route"), [(CROSSING, ROUTE), (SLANTED, ("1", "2"))], ids=["crossing", "slanted"])
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 2**31))
 def test_answers_are_those_of_the_polygons(roads: Roads, route: tuple[str, ...], seed: int) -> None:
     rng = np.random.default_rng(seed)

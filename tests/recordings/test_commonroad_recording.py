@@ -125,7 +125,7 @@ def test_a_static_obstacle_stands_through_the_whole_recording(tmp_path: Path) ->
 # --- bodies ------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.floats(-3.0, 3.0), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-1.0, 1.0))
 def test_a_box_that_lies_beside_its_reference_point_is_where_its_shape_is(
     heading: float, ahead: float, left: float, turn: float

@@ -158,7 +158,7 @@ def test_the_system_of_a_known_city_counts_whatever_the_log_says(tmp_path: Path)
 
 
 @given(speed_mps=st.floats(0.0, 30.0), heading_rad=st.floats(-3.1, 3.1), at=st.integers(0, 60))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_poses_agree_with_velocities_whatever_the_course(
     speed_mps: float, heading_rad: float, at: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

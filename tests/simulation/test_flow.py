@@ -136,7 +136,7 @@ def test_at_the_edge_of_the_map_vehicles_may_come_into_sight_but_not_right_befor
 CAR = st.tuples(st.floats(120.0, 330.0), st.floats(0.0, 15.0))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(cars=st.lists(CAR, min_size=1, max_size=4), seed=st.integers(0, 100))
 def test_whoever_drives_in_starts_as_the_rules_of_the_start_demand(cars: list[tuple[float, float]], seed: int) -> None:
     found = entries(inflow(seed=seed), 30, others=roster([(x, LANE_Y[0], speed) for x, speed in cars]))

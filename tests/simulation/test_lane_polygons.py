@@ -85,7 +85,7 @@ SEGMENTS = st.lists(st.tuples(st.floats(-0.5, 0.5), st.floats(0.5, 40.0)), min_s
 BESIDE = st.tuples(st.floats(0.0, 1.0), st.floats(-6.0, 6.0), st.floats(-3.2, 3.2))
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(segments=SEGMENTS, width_m=st.floats(2.0, 6.0), beside=BESIDE)
 def test_the_overlap_with_a_curve_is_shapelys(
     segments: list[tuple[float, float]], width_m: float, beside: tuple[float, float, float]
@@ -98,7 +98,7 @@ def test_the_overlap_with_a_curve_is_shapelys(
     assert share == pytest.approx(other, abs=1e-6)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(bend_rad=st.floats(-0.06, 0.06), count=st.integers(1, 30), width_m=st.floats(2.5, 4.5), beside=BESIDE)
 def test_where_a_road_lies_under_the_box_is_shapelys_too(
     bend_rad: float, count: int, width_m: float, beside: tuple[float, float, float]
@@ -143,7 +143,7 @@ def test_overlaps_on_the_shipped_maps_are_shapelys(name: str) -> None:
         assert_equal_overlaps(here, area)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(points=st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=3, max_size=12, unique=True))
 def test_the_hull_is_shapelys(points: list[tuple[float, float]]) -> None:
     theirs = shapely.convex_hull(shapely.MultiPoint(points))

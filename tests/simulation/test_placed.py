@@ -135,7 +135,7 @@ FIXED = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(seed=st.integers(0, 10_000), largest=st.sampled_from([33.0, 50.0, 100.0]), cars=FIXED)
 def test_drawn_traffic_leaves_room_around_those_who_are_placed(
     seed: int, largest: float, cars: list[tuple[float, float, float]]

@@ -34,7 +34,7 @@ def place(spawn: Spawn) -> tuple[float, float]:
     return front - spawn.driver.length_m, front
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 10_000), largest=st.sampled_from([33.0, 50.0, 100.0]), ego_mps=st.floats(0.0, 15.0))
 def test_nobody_overlaps_hits_another_within_three_seconds_or_brakes_hard_at_once(
     seed: int, largest: float, ego_mps: float
@@ -58,7 +58,7 @@ def test_the_number_of_cars_follows_the_density(largest: float, count: tuple[int
     assert count[0] <= mean <= count[1]  # 420 m of lane less the junction, mean gaps of 21.5, 30 and 55 m
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_a_car_is_never_nearer_to_the_ego_than_the_smallest_gap(seed: int) -> None:
     centres = [sum(place(s)) / 2 for s in fill(seed, 33.0)]

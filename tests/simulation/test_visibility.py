@@ -64,7 +64,7 @@ def test_without_an_occluder_nobody_is_hidden() -> None:
 COORDINATE = st.floats(-30.0, 30.0)
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 @example(x=7.0, y=0.0, to_x=7.0, to_y=-1.0, heading=0.0)
 @given(x=COORDINATE, y=COORDINATE, to_x=COORDINATE, to_y=COORDINATE, heading=st.floats(-4.0, 4.0))
 def test_a_line_is_cut_where_shapely_says_so(x: float, y: float, to_x: float, to_y: float, heading: float) -> None:

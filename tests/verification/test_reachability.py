@@ -32,7 +32,7 @@ def tampered(track: EgoTrack, row: int, **changes: float) -> EgoTrack:
     return replace(track, **columns)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.lists(st.tuples(st.floats(-8.0, 4.0), st.floats(-1.0, 1.0)), min_size=1, max_size=30))
 def test_whatever_the_bicycle_does_under_possible_commands_is_reachable(commands: list[tuple[float, float]]) -> None:
     assert unreachable(START, driven(commands)) == []
