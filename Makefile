@@ -74,11 +74,11 @@ $(VENV)/.installed-train: pyproject.toml | $(VENV)/.installed-dev
 
 train: $(VENV)/.installed-train
 	@test -n "$(PLANNER)" || { echo "error: which planner? make train PLANNER=pdm_open" >&2; exit 2; }
-	$(BIN)/python -m interplan_learned.training $(PLANNER) --data $(DATA) --out planners/interplan_learned/weights $(TRAIN)
+	$(BIN)/python -m tools.train $(PLANNER) --data $(DATA) --out planners/interplan_learned/weights $(TRAIN)
 
 tune-llm: $(VENV)/.installed-train
 	@test -n "$(EXAMPLES)" || { echo "error: which examples? make tune-llm EXAMPLES=choices.jsonl" >&2; exit 2; }
-	$(BIN)/python -m interplan_llm.tuning.train $(EXAMPLES) --out $(or $(OUT),hybrid.gguf) $(TUNE)
+	$(BIN)/python -m tools.tune_llm $(EXAMPLES) --out $(or $(OUT),hybrid.gguf) $(TUNE)
 
 clean:
 	rm -rf build dist runs .pytest_cache .ruff_cache

@@ -5,7 +5,7 @@ How one is made, by the example of `pdm_open`. Nothing shared is edited.
 | module | holds |
 |---|---|
 | `pdm_open.py`, or a folder `pdm_open/` | the planner and `inputs(arrays)`, what the network is given; no torch |
-| `training/models/pdm_open.py` | `recipe(size, **options)`: network, loss, what of a sample to keep; torch |
+| `tools/train/models/pdm_open.py` | `recipe(size, **options)`: network, loss, what of a sample to keep; torch |
 | `weights/pdm_open.json` and `.onnx` | model card and network, both written by the training |
 
 Everything is a dict of arrays whose first axis is the sample: `inputs` is the same function for a batch of training
@@ -24,7 +24,7 @@ apart, which `driving.plan_through` turns into what `plan()` returns.
             outputs = self._network.run(inputs(one_sample(self._view.arrays(observation))))
             return plan_through(outputs["poses"][0], self._view, seen)
 
-Training: `python -m interplan_learned.training pdm_open --data DIR --out DIR`. What a recipe must say is told in
-`training/recipe.py`; `tests/learned/test_learned_recipes.py` holds every recipe it finds to it. A method that works in
-numpy between two networks (traversals, trees) gives several graphs: `Network.run(inputs, graph="policy")`.
+Training, in a checkout: `python -m tools.train pdm_open --data DIR --out DIR`. What a recipe must say is told in
+`tools/train/recipe.py`; `tests/learned/test_learned_recipes.py` holds every recipe it finds to it. A method that works
+in numpy between two networks (traversals, trees) gives several graphs: `Network.run(inputs, graph="policy")`.
 """

@@ -72,7 +72,7 @@ def load_network(planner: str, weights: str, driver: str | None = None) -> OnnxN
         shipped = f"shipped are {', '.join(known)}" if known else "none are shipped"
         raise InputError(
             f"no weights {str(path) if is_path else weights!r} for planner {planner!r} ({shipped}). "
-            f"Train them: python -m interplan_learned.training {planner} --data DATA --out FOLDER, "
+            f"Train them in a checkout: python -m tools.train {planner} --data DATA --out FOLDER, "
             f"then drive with {driver or planner}?weights=FOLDER/{planner}.json"
         )
     network = OnnxNetwork(path)

@@ -12,22 +12,22 @@ from untrained_card import write_untrained
 
 from interplan_learned.dtpp.inputs import BRANCH_CHANNELS, BRANCHES, SCENE
 from interplan_learned.dtpp.planner import DtppPlanner
-from interplan_learned.training.data import read_samples
-from interplan_learned.training.recipe import Recipe, find_recipe
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.testing import assert_planner_conforms
 from interplan_sumo.world.ego import PACIFICA
+from tools.train.data import read_samples
+from tools.train.recipe import Recipe, find_recipe
 
 torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
 
-from interplan_learned.training.models import dtpp  # noqa: E402
+from tools.train.models import dtpp  # noqa: E402
 
 
 @pytest.fixture(scope="module")
 def learned(tiny_data: Dataset) -> tuple[Recipe, dict[str, Any], dtpp.Dtpp]:
     """The recipe, a batch of six samples, and a network with random weights."""
-    from interplan_learned.training.loop import batch_of
-    from interplan_learned.training.onnx_export import round_to_half
+    from tools.train.loop import batch_of
+    from tools.train.onnx_export import round_to_half
 
     recipe = find_recipe("dtpp")
     samples = read_samples(tiny_data, "val", recipe)

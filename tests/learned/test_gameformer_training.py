@@ -17,9 +17,9 @@ from interplan_sumo.planner import Mission, Observation
 
 torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
 
-from interplan_learned.training.models import gameformer as made  # noqa: E402
-from interplan_learned.training.recipe import find_recipe  # noqa: E402
-from interplan_learned.training.scene_encoder import EncodedScene, EncoderSize  # noqa: E402
+from tools.train.models import gameformer as made  # noqa: E402
+from tools.train.recipe import find_recipe  # noqa: E402
+from tools.train.scene_encoder import EncodedScene, EncoderSize  # noqa: E402
 
 SMALL = EncoderSize(width=16, heads=2, layers=1, dropout=0.0)
 STEPS = 16
@@ -175,7 +175,7 @@ def test_sizes_are_compact_and_published() -> None:
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The card of a compact network that has learned nothing."""
-    from interplan_learned.training.onnx_export import round_to_half
+    from tools.train.onnx_export import round_to_half
 
     folder = tmp_path_factory.mktemp("gameformer")
     recipe = find_recipe("gameformer")

@@ -14,15 +14,15 @@ from interplan_learned.gc_pgp.inputs import POLICY_INPUTS
 from interplan_learned.gc_pgp.local_graph import NONE
 from interplan_learned.gc_pgp.planner import GcPgpPlanner
 from interplan_learned.gc_pgp.sizes import EDGES, LATENTS, PATH_NODES, SIZES
-from interplan_learned.training.data import read_samples
-from interplan_learned.training.recipe import Recipe, find_recipe
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.testing import assert_planner_conforms
+from tools.train.data import read_samples
+from tools.train.recipe import Recipe, find_recipe
 
 torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
 
-from interplan_learned.training.models import gc_pgp  # noqa: E402
-from interplan_learned.training.models.gc_pgp import expert_way  # noqa: E402
+from tools.train.models import gc_pgp  # noqa: E402
+from tools.train.models.gc_pgp import expert_way  # noqa: E402
 
 COMPACT = SIZES["compact"]
 # rows 0, 1, 2 are nodes 40, 41, 50 of the map; 41 follows 40, 50 lies beside 41
@@ -39,7 +39,7 @@ def way(*nodes: int, whole: bool = True) -> tuple[list[int], dict[int, int]]:
 
 
 def batch_and_model(data: Dataset, split: str = "val", count: int = 6) -> tuple[Recipe, dict, gc_pgp.GcPgp]:
-    from interplan_learned.training.loop import batch_of
+    from tools.train.loop import batch_of
 
     recipe = find_recipe("gc_pgp")
     samples = read_samples(data, split, recipe)  # type: ignore[arg-type]
@@ -187,7 +187,7 @@ def test_plans_are_the_same_every_time_and_those_of_one_sample_as_of_many(tiny_d
 @pytest.fixture(scope="module")
 def untrained(tiny_data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The card of a network with random weights."""
-    from interplan_learned.training.onnx_export import round_to_half
+    from tools.train.onnx_export import round_to_half
 
     recipe, batch, model = batch_and_model(tiny_data)
     round_to_half(model)

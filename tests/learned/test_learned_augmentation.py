@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tiny_dataset import samples_of
 
-from interplan_learned.training.augment import Perturbation, perturbed_start, without_agents, without_past
 from interplan_sumo.dataset.columns import Columns, picked
 from interplan_sumo.features.schema import BY_NAME
+from tools.train.augment import Perturbation, perturbed_start, without_agents, without_past
 
 BENDS = {name: samples_of(name, 8.0) for name in ("left", "right")}
 STRAIGHT = picked(samples_of("gentle", 8.0), np.array([4]))  # 2 s into the drive, with 3 s of straight road ahead

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from interplan_learned.training.metrics import constant_velocity, plan_errors, wanted_poses
+from tools.train.metrics import constant_velocity, plan_errors, wanted_poses
 
 
 def future(frames: int = 80) -> np.ndarray:

@@ -68,7 +68,7 @@ def test_weights_that_there_are_not_say_how_to_train_them() -> None:
     with pytest.raises(InputError) as error:
         load_network("tiny", "tinier")
     assert "no weights 'tinier' for planner 'tiny'" in str(error.value)
-    assert "python -m interplan_learned.training tiny" in str(error.value)
+    assert "python -m tools.train tiny" in str(error.value)
     with pytest.raises(InputError, match=r"no weights '.*nowhere.tiny\.json'"):
         load_network("tiny", "nowhere/tiny.onnx")
 

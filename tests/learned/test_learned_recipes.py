@@ -1,4 +1,4 @@
-"""What every recipe in `training/models` must keep to; a new one is tested by being there."""
+"""What every recipe in `tools/train/models` must keep to; a new one is tested by being there."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from interplan_learned.driving import POSES
-from interplan_learned.training.data import read_samples
-from interplan_learned.training.recipe import Recipe, fields_of, find_recipe, recipe_names
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.errors import InputError
+from tools.train.data import read_samples
+from tools.train.recipe import Recipe, fields_of, find_recipe, recipe_names
 
 torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
 
@@ -42,7 +42,7 @@ def test_inputs_are_finite_and_of_one_sample_as_of_many(recipe: Recipe, tiny_dat
 
 
 def test_a_step_of_training_moves_every_weight_that_it_should(recipe: Recipe, tiny_data: Dataset) -> None:
-    from interplan_learned.training.loop import batch_of
+    from tools.train.loop import batch_of
 
     samples = read_samples(tiny_data, "train", recipe)
     rows = recipe.augmented(samples.picked(np.arange(0, len(samples), 7)), np.random.default_rng(0))
@@ -59,8 +59,8 @@ def test_a_step_of_training_moves_every_weight_that_it_should(recipe: Recipe, ti
 def test_the_plan_has_sixteen_poses_and_onnx_gives_the_same(recipe: Recipe, tiny_data: Dataset, tmp_path: Path) -> None:
     pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
-    from interplan_learned.training.loop import batch_of
-    from interplan_learned.training.onnx_export import export_graphs, round_to_half
+    from tools.train.loop import batch_of
+    from tools.train.onnx_export import export_graphs, round_to_half
 
     samples = read_samples(tiny_data, "val", recipe)
     torch.manual_seed(0)

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from interplan_learned.training.data import Balanced, held_out_split, read_samples
-from interplan_learned.training.recipe import find_recipe
 from interplan_sumo import tiny_worlds
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.errors import InputError
+from tools.train.data import Balanced, held_out_split, read_samples
+from tools.train.recipe import find_recipe
 
 torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
 
-from interplan_learned.training.loop import EpochDone, Trained, constant_velocity_errors, train  # noqa: E402
+from tools.train.loop import EpochDone, Trained, constant_velocity_errors, train  # noqa: E402
 
 
 def trained(
@@ -115,7 +115,7 @@ def test_a_trained_planner_drives_from_its_card(tiny_folder: Path, tmp_path: Pat
     pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
     from interplan_learned.pdm_open import PdmOpenPlanner
-    from interplan_learned.training.session import TrainRequest, train_planner
+    from tools.train.session import TrainRequest, train_planner
 
     card = train_planner(
         TrainRequest(

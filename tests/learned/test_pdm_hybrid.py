@@ -15,7 +15,6 @@ from interplan_learned import pdm_open
 from interplan_learned.card import Card
 from interplan_learned.driving import POSES, STEP_S
 from interplan_learned.pdm_hybrid import CLOSED_PLAN, PdmHybridPlanner, closed_poses, corrected, inputs
-from interplan_learned.training.closed_plans import FIELDS, closed_plans, observation
 from interplan_planners.pdm_closed import PdmClosedPlanner
 from interplan_sumo import tiny_worlds
 from interplan_sumo.dataset.columns import Columns, picked
@@ -33,6 +32,7 @@ from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
+from tools.train.closed_plans import FIELDS, closed_plans, observation
 
 NORTH = EgoFrame(100.0, 50.0, np.pi / 2)
 AHEAD_S: Floats = np.round(0.1 * np.arange(81, dtype=np.float64), 6)
@@ -210,7 +210,7 @@ def test_a_map_that_is_missing_or_another_one_is_one_clear_line(
 
 def test_the_loss_corrects_all_of_the_plan_and_the_held_out_error_only_what_is_driven() -> None:
     torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
-    from interplan_learned.training.models.pdm_offset import loss, poses
+    from tools.train.models.pdm_offset import loss, poses
 
     class OneMetreAhead(torch.nn.Module):
         def forward(self, *_seen: object) -> object:
@@ -236,8 +236,8 @@ def untrained(tmp_path_factory: pytest.TempPathFactory) -> str:
     torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
     pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
-    from interplan_learned.training.models.pdm_offset import recipe
-    from interplan_learned.training.onnx_export import export_graphs
+    from tools.train.models.pdm_offset import recipe
+    from tools.train.onnx_export import export_graphs
 
     torch.manual_seed(0)
     made = recipe()

@@ -10,16 +10,16 @@ import pytest
 from few_steps import losses_of
 from untrained_card import write_untrained
 
-from interplan_learned.training.data import read_samples
-from interplan_learned.training.recipe import find_recipe
 from interplan_learned.urban_driver import SIZES, UrbanDriverPlanner
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.testing import assert_planner_conforms
+from tools.train.data import read_samples
+from tools.train.recipe import find_recipe
 
 torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
 
-from interplan_learned.training.loop import batch_of  # noqa: E402
-from interplan_learned.training.models import urban_driver as made  # noqa: E402
+from tools.train.loop import batch_of  # noqa: E402
+from tools.train.models import urban_driver as made  # noqa: E402
 
 Tensors = dict[str, Any]
 KINDS = ("ego", "vehicles", *(name for name, _ in SIZES["compact"].lines))

@@ -8,15 +8,15 @@ from typing import Any
 import pytest
 
 from interplan_learned.card import Card
-from interplan_learned.training.recipe import Batch, Recipe
 from interplan_sumo.features import schema
+from tools.train.recipe import Batch, Recipe
 
 
 def write_untrained(recipe: Recipe, model: Any, batch: Batch, folder: Path) -> Path:
     """The card of a network, written beside its graphs, which holds ONNX against torch; skips without the extras."""
     pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
-    from interplan_learned.training.onnx_export import export_graphs
+    from tools.train.onnx_export import export_graphs
 
     card = Card(
         planner=recipe.planner, what=recipe.what, size=recipe.size, parameters=1, options=recipe.options,

@@ -17,9 +17,9 @@ from tests.llm.native_tokens import Native, native_model
 for needed in ("torch", "gguf", "jinja2"):
     pytest.importorskip(needed, reason="needs the extra: pip install 'interplan-sumo[train]'")
 
-from interplan_llm.tuning.chat import ChatTokens  # noqa: E402
-from interplan_llm.tuning.gguf_weights import read_model  # noqa: E402
 from tests.llm.tuning_models import conversation, write_llama  # noqa: E402
+from tools.tune_llm.chat import ChatTokens  # noqa: E402
+from tools.tune_llm.gguf_weights import read_model  # noqa: E402
 
 TEXTS = (
     "Own speed 7.3, limit 15.0.\nOptions:\n- follow: stay\n- merge_left: change\n",

@@ -15,25 +15,6 @@ from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChooser
 from interplan_llm.hybrid.scene import DecisionScene, SceneObserver
 from interplan_llm.models.scripted import always
-from interplan_llm.tuning.labels import LabelSettings, Parts, balanced, main, make_labels
-from interplan_llm.tuning.rollouts import (
-    HOPELESS,
-    MARGIN,
-    STEPS_PER_PLAN,
-    Curiosity,
-    SparingPlanner,
-    StrayingChooser,
-    labelled,
-    tried_example,
-)
-from interplan_llm.tuning.scenes import (
-    HELD_OUT,
-    START_APART_M,
-    TrainingScene,
-    generated_scenes,
-    near_official,
-    scenes_of,
-)
 from interplan_sumo.errors import InputError
 from interplan_sumo.families import FAMILIES
 from interplan_sumo.maps.store import load_roads
@@ -44,6 +25,25 @@ from interplan_sumo.scenario.suite import find_scenario, suites
 from interplan_sumo.verification.generation import generate
 from interplan_sumo.verification.oracle import Tried, Value
 from interplan_sumo.verification.ordinary_scenes import FIRST_SEED
+from tools.tune_llm.labels import LabelSettings, Parts, balanced, main, make_labels
+from tools.tune_llm.rollouts import (
+    HOPELESS,
+    MARGIN,
+    STEPS_PER_PLAN,
+    Curiosity,
+    SparingPlanner,
+    StrayingChooser,
+    labelled,
+    tried_example,
+)
+from tools.tune_llm.scenes import (
+    HELD_OUT,
+    START_APART_M,
+    TrainingScene,
+    generated_scenes,
+    near_official,
+    scenes_of,
+)
 
 FOLLOW, STOP = Behaviour.FOLLOW, Behaviour.STOP
 FULL = Value(1.0, 5, 1.0)
@@ -246,7 +246,7 @@ def test_of_what_decides_nothing_no_more_is_kept_than_of_what_does_in_each_split
 def test_the_file_depends_on_the_scenes_alone_and_what_is_done_is_not_done_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("interplan_llm.tuning.rollouts.ENOUGH", 0.0)  # two seconds never score full marks
+    monkeypatch.setattr("tools.tune_llm.rollouts.ENOUGH", 0.0)  # two seconds never score full marks
     scenes = [training(0), training(1)]
     whole, halves = tmp_path / "whole.jsonl", tmp_path / "halves.jsonl"
     card = make_labels(whole, scenes, QUICK, workers=0)
@@ -258,7 +258,7 @@ def test_the_file_depends_on_the_scenes_alone_and_what_is_done_is_not_done_again
     make_labels(halves, scenes, QUICK, workers=0)
     assert halves.read_bytes() == whole.read_bytes()
     assert sorted(map(json.dumps, lines(parts)[1:])) == sorted(map(json.dumps, first_done))
-    monkeypatch.setattr("interplan_llm.tuning.labels.labelled", None)
+    monkeypatch.setattr("tools.tune_llm.labels.labelled", None)
     again = make_labels(whole, scenes, QUICK, workers=0)
     assert again == card == json.loads(whole.with_name("whole.jsonl.card.json").read_text())
     assert card["scenes"]["done"] == 2

@@ -18,13 +18,13 @@ for needed in ("gguf", "jinja2"):
     pytest.importorskip(needed, reason="needs the extra: pip install 'interplan-sumo[train]'")
 torch = pytest.importorskip("torch", reason="needs the extra: pip install 'interplan-sumo[train]'")
 
-from interplan_llm.tuning.adapters import read_adapter, write_adapter  # noqa: E402
-from interplan_llm.tuning.chat import ChatTokens  # noqa: E402
-from interplan_llm.tuning.examples import Example, as_samples  # noqa: E402
-from interplan_llm.tuning.gguf_weights import GgufModel, read_model  # noqa: E402
-from interplan_llm.tuning.heldout import choices_made, mean_loss  # noqa: E402
-from interplan_llm.tuning.llama import TARGETS, Llama, LowRankSettings, token_tree  # noqa: E402
 from tests.llm.tuning_models import OPTIONS, conversation, write_llama  # noqa: E402
+from tools.tune_llm.adapters import read_adapter, write_adapter  # noqa: E402
+from tools.tune_llm.chat import ChatTokens  # noqa: E402
+from tools.tune_llm.examples import Example, as_samples  # noqa: E402
+from tools.tune_llm.gguf_weights import GgufModel, read_model  # noqa: E402
+from tools.tune_llm.heldout import choices_made, mean_loss  # noqa: E402
+from tools.tune_llm.llama import TARGETS, Llama, LowRankSettings, token_tree  # noqa: E402
 
 SAME = 0.02
 """Of log-probabilities of a float32 file: llama.cpp keeps keys and values in float16."""

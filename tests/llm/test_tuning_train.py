@@ -19,15 +19,15 @@ for needed in ("gguf", "jinja2"):
     pytest.importorskip(needed, reason="needs the extra: pip install 'interplan-sumo[train]'")
 torch = pytest.importorskip("torch", reason="needs the extra: pip install 'interplan-sumo[train]'")
 
-from interplan_llm.tuning import train  # noqa: E402
-from interplan_llm.tuning.adapters import read_adapter  # noqa: E402
-from interplan_llm.tuning.chat import ChatTokens  # noqa: E402
-from interplan_llm.tuning.examples import as_samples, divided, read_examples, shuffled_batches  # noqa: E402
-from interplan_llm.tuning.fitting import PATIENCE, Fitting, FittingSettings  # noqa: E402
-from interplan_llm.tuning.gguf_weights import read_model  # noqa: E402
-from interplan_llm.tuning.heldout import Ratio, chance, first_offered  # noqa: E402
-from interplan_llm.tuning.llama import Llama  # noqa: E402
 from tests.llm.tuning_models import line, write_examples, write_llama  # noqa: E402
+from tools.tune_llm import __main__ as train  # noqa: E402
+from tools.tune_llm.adapters import read_adapter  # noqa: E402
+from tools.tune_llm.chat import ChatTokens  # noqa: E402
+from tools.tune_llm.examples import as_samples, divided, read_examples, shuffled_batches  # noqa: E402
+from tools.tune_llm.fitting import PATIENCE, Fitting, FittingSettings  # noqa: E402
+from tools.tune_llm.gguf_weights import read_model  # noqa: E402
+from tools.tune_llm.heldout import Ratio, chance, first_offered  # noqa: E402
+from tools.tune_llm.llama import Llama  # noqa: E402
 
 FAST = FittingSettings(epochs=5, learning_rate=0.02, rank=4, alpha=4.0, batch=4, threads=1, precision="float32")
 

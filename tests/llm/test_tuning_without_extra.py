@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from interplan_llm.tuning import train
+from tools.tune_llm import __main__ as train
 
 
 def test_a_missing_library_is_one_line_with_the_way_out(

@@ -13,11 +13,11 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
-from interplan_llm.tuning.examples import TokenSample, shuffled_batches
-from interplan_llm.tuning.heldout import answer_losses, mean_loss
-from interplan_llm.tuning.llama import Llama, LowRankSettings
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import replacing
+from tools.tune_llm.examples import TokenSample, shuffled_batches
+from tools.tune_llm.heldout import answer_losses, mean_loss
+from tools.tune_llm.llama import Llama, LowRankSettings
 
 GRADIENT_NORM = 0.3
 """Of interPlan's recipe, as are WEIGHT_DECAY and WARM_UP."""

@@ -14,10 +14,10 @@ from torch import Tensor, nn
 
 from interplan_learned.card import Graph, Port
 from interplan_learned.network import MAIN
-from interplan_learned.training.recipe import GraphCall
 from interplan_planners.common.extra import library
 from interplan_sumo.errors import InterplanError
 from interplan_sumo.world.files import file_hash
+from tools.train.recipe import GraphCall
 
 AGREE: Final = 1e-4
 """Largest difference between ONNX and torch, relative to values above 1."""

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from interplan_learned.scene import AGENT_CHANNELS, EGO_CHANNELS, LANE_CHANNELS
-from interplan_learned.training.recipe import TrainingSettings
+from tools.train.recipe import TrainingSettings
 
 POOLED_POINTS: Final = 10
 """So many points of a lane or crosswalk make one token, as published."""

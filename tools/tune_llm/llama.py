@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from interplan_llm.tuning.gguf_weights import LAYER_MATRICES, GgufModel
+from tools.tune_llm.gguf_weights import LAYER_MATRICES, GgufModel
 
 TARGETS = LAYER_MATRICES
 """The matrices of a layer that can be tuned."""

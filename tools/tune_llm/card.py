@@ -11,11 +11,11 @@ from typing import Any
 
 import torch
 
-from interplan_llm.tuning.examples import TokenSample
-from interplan_llm.tuning.fitting import Fitted, FittingSettings
-from interplan_llm.tuning.heldout import HeldOut, Ratio, chance, first_offered
 from interplan_sumo import __version__
 from interplan_sumo.world.files import file_hash
+from tools.tune_llm.examples import TokenSample
+from tools.tune_llm.fitting import Fitted, FittingSettings
+from tools.tune_llm.heldout import HeldOut, Ratio, chance, first_offered
 
 EACH = "drawn"
 """In the card of chats: a line about each of them."""

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_learned.kmeans import kmeans
-from interplan_learned.training.recipe import Recipe, fields_of
 from interplan_sumo.dataset.columns import Columns, count_of, joined, picked
 from interplan_sumo.dataset.drives import Split
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.geometry import Floats, Ints
+from tools.train.recipe import Recipe, fields_of
 
 CLUSTERS: Final = 20
 """Kinds of ego futures among which training is balanced: FlowDrive's number."""

@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from gguf import GGUFReader, GGUFWriter
 
-from interplan_llm.tuning.llama import TARGETS, LowRank, LowRankSettings
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import replacing
+from tools.tune_llm.llama import TARGETS, LowRank, LowRankSettings
 
 ALPHA = "adapter.lora.alpha"
 

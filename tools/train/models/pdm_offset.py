@@ -15,9 +15,12 @@ from interplan_learned import pdm_open
 from interplan_learned.card import Size
 from interplan_learned.driving import POSES
 from interplan_learned.pdm_hybrid import CLOSED_PLAN, KEPT_POSES, inputs
-from interplan_learned.training.augment import without_past
-from interplan_learned.training.closed_plans import FIELDS, closed_plans
-from interplan_learned.training.models.pdm_open import (
+from interplan_sumo.dataset.columns import Columns
+from interplan_sumo.dataset.reading import Dataset
+from interplan_sumo.errors import InputError
+from tools.train.augment import without_past
+from tools.train.closed_plans import FIELDS, closed_plans
+from tools.train.models.pdm_open import (
     CENTERLINE,
     EGO,
     check_history,
@@ -26,10 +29,7 @@ from interplan_learned.training.models.pdm_open import (
     mean_error,
     targets,
 )
-from interplan_learned.training.recipe import ALWAYS, Batch, GraphCall, Recipe, TrainingSettings
-from interplan_sumo.dataset.columns import Columns
-from interplan_sumo.dataset.reading import Dataset
-from interplan_sumo.errors import InputError
+from tools.train.recipe import ALWAYS, Batch, GraphCall, Recipe, TrainingSettings
 
 
 def recipe(size: Size = "published", history_s: float = 2.0, past_dropped: float = 0.0) -> Recipe:

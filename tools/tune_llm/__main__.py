@@ -1,4 +1,4 @@
-"""Tune a small language model by LoRA: `python -m interplan_llm.tuning.train EXAMPLES.jsonl --out NAME.gguf`.
+"""Tune a small language model by LoRA: `python -m tools.tune_llm EXAMPLES.jsonl --out NAME.gguf`.
 
 Writes the adapter, and beside it NAME.json, the card: what it was made of, how, and what it does with examples that
 were held out. Needs the extra [train]; under an hour on two cores for 3000 examples of 400 tokens.
@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _check(given)
         os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # threads that spin while they wait take cores from others
-        from interplan_llm.tuning.tune import tune
+        from tools.tune_llm.tune import tune
 
         tune(given)
     except InterplanError as error:
@@ -50,7 +50,7 @@ def _check(given: argparse.Namespace) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m interplan_llm.tuning.train", description="Tune a small language model by LoRA."
+        prog="python -m tools.tune_llm", description="Tune a small language model by LoRA."
     )
     add = parser.add_argument
     add("examples", type=Path, help="JSONL, one object a line: messages (system, user, assistant), choices, about")

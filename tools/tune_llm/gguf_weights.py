@@ -11,8 +11,8 @@ import numpy as np
 from gguf import GGUFReader, dequantize
 from numpy.typing import NDArray
 
-from interplan_llm.tuning.chat import Vocabulary
 from interplan_sumo.errors import InputError
+from tools.tune_llm.chat import Vocabulary
 
 Floats = NDArray[np.float32]
 

@@ -20,12 +20,12 @@ from interplan_learned.gc_pgp.local_graph import NONE, MapNodes, map_nodes
 from interplan_learned.gc_pgp.plans import plans
 from interplan_learned.gc_pgp.sizes import EDGES, LATENTS, PATH_NODES, SIZES, Dimensions
 from interplan_learned.gc_pgp.traversals import chances, sampled
-from interplan_learned.training.augment import Perturbation, perturbed_start, without_agents, without_past
-from interplan_learned.training.metrics import wanted_poses
-from interplan_learned.training.recipe import Batch, GraphCall, Recipe, TrainingSettings
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.world.geometry import Ints
+from tools.train.augment import Perturbation, perturbed_start, without_agents, without_past
+from tools.train.metrics import wanted_poses
+from tools.train.recipe import Batch, GraphCall, Recipe, TrainingSettings
 
 _EMBEDDED, _CODE, _HIDDEN = 16, 32, 128
 EXPERT_SHARE: Final = 20 / 90

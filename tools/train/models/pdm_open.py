@@ -12,11 +12,11 @@ from torch import Tensor, nn
 from interplan_learned.card import Size
 from interplan_learned.driving import POSES
 from interplan_learned.pdm_open import FIELDS, inputs
-from interplan_learned.training.augment import Perturbation, perturbed_start, without_past
-from interplan_learned.training.metrics import wanted_poses
-from interplan_learned.training.recipe import Batch, GraphCall, Recipe, TrainingSettings
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.errors import InputError
+from tools.train.augment import Perturbation, perturbed_start, without_past
+from tools.train.metrics import wanted_poses
+from tools.train.recipe import Batch, GraphCall, Recipe, TrainingSettings
 
 _WIDTH = 512
 EGO, CENTERLINE = 11 * 9, 120 * 3

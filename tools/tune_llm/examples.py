@@ -13,8 +13,8 @@ import numpy as np
 
 from interplan_llm.models.embedded import CONTEXT_TOKENS
 from interplan_llm.models.protocol import Message
-from interplan_llm.tuning.chat import ChatTokens
 from interplan_sumo.errors import InputError
+from tools.tune_llm.chat import ChatTokens
 
 HELD_OUT_ONE_IN = 10
 """Of the lines that do not say what they are for."""

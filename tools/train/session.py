@@ -14,8 +14,12 @@ import torch
 
 import interplan_sumo
 from interplan_learned.card import Card
-from interplan_learned.training.data import held_out_split, read_samples
-from interplan_learned.training.loop import (
+from interplan_planners.common.extra import library
+from interplan_sumo.dataset.drives import SPLITS
+from interplan_sumo.dataset.reading import Dataset, read_dataset
+from interplan_sumo.features import schema
+from tools.train.data import held_out_split, read_samples
+from tools.train.loop import (
     EpochDone,
     Trained,
     batch_of,
@@ -23,12 +27,8 @@ from interplan_learned.training.loop import (
     held_out_errors,
     train,
 )
-from interplan_learned.training.onnx_export import export_graphs, round_to_half
-from interplan_learned.training.recipe import Recipe, find_recipe
-from interplan_planners.common.extra import library
-from interplan_sumo.dataset.drives import SPLITS
-from interplan_sumo.dataset.reading import Dataset, read_dataset
-from interplan_sumo.features import schema
+from tools.train.onnx_export import export_graphs, round_to_half
+from tools.train.recipe import Recipe, find_recipe
 
 _EXAMPLES = 16
 """Held-out samples on which ONNX is held against torch."""

@@ -18,9 +18,10 @@ from interplan_learned.card import Size
 from interplan_learned.driving import POSES
 from interplan_learned.gameformer.inputs import MODES, PLAN_STEP_S, PLAN_STEPS, SIZES, inputs
 from interplan_learned.scene import EGO_CHANNELS, FIELDS, scene_futures, thinned
-from interplan_learned.training.augment import Perturbation, perturbed_start, without_past
-from interplan_learned.training.recipe import Batch, GraphCall, Recipe, TrainingSettings
-from interplan_learned.training.scene_encoder import (
+from interplan_sumo.dataset.columns import Columns
+from tools.train.augment import Perturbation, perturbed_start, without_past
+from tools.train.recipe import Batch, GraphCall, Recipe, TrainingSettings
+from tools.train.scene_encoder import (
     AttentionLayer,
     EncodedScene,
     EncoderSize,
@@ -28,7 +29,6 @@ from interplan_learned.training.scene_encoder import (
     NetworkSize,
     SceneEncoder,
 )
-from interplan_sumo.dataset.columns import Columns
 
 LEVELS: Final = 2
 """Above level 0: as the published planner was trained."""

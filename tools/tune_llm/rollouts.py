@@ -13,12 +13,12 @@ from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChoos
 from interplan_llm.hybrid.planner import HybridPlanner
 from interplan_llm.hybrid.scene import DecisionScene
 from interplan_llm.models.scripted import ScriptedModel
-from interplan_llm.tuning.scenes import TrainingScene
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.verification.oracle import ENOUGH, Effort, OracleChooser, Tried, Value, oracle_drive
 from interplan_sumo.verification.reference_distance import reference_drive
 from interplan_sumo.world.trajectory import Trajectory
+from tools.tune_llm.scenes import TrainingScene
 
 STEPS_PER_PLAN: Final = 5
 """In rollouts a plan is followed this long: at a third of the time 15 of 16 scenes, two of each family, scored the same

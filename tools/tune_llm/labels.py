@@ -1,4 +1,4 @@
-"""Training examples: `python -m interplan_llm.tuning.labels --out FILE.jsonl [--per-family N | --scenes FILE.yaml ...]`
+"""Training examples: `python -m tools.tune_llm.labels --out FILE.jsonl [--per-family N | --scenes FILE.yaml ...]`
 
 Drives training scenes over and over and writes a question with its best answer
 a line. What is done stays done: the same command goes on where it was stopped,
@@ -23,8 +23,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from interplan_llm.tuning.rollouts import MARGIN, STEPS_PER_PLAN, labelled
-from interplan_llm.tuning.scenes import START_APART_M, TrainingScene, generated_scenes, scenes_of
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
@@ -32,6 +30,8 @@ from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError
 from interplan_sumo.verification.ordinary_scenes import FIRST_SEED
 from interplan_sumo.world.files import replacing
+from tools.tune_llm.rollouts import MARGIN, STEPS_PER_PLAN, labelled
+from tools.tune_llm.scenes import START_APART_M, TrainingScene, generated_scenes, scenes_of
 
 KIND: Final = "interplan-sumo decisions labelled by rollout"
 FORMAT: Final = 1

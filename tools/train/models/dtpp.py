@@ -41,19 +41,19 @@ from interplan_learned.dtpp.tree import (
     second_stage,
 )
 from interplan_learned.scene import AGENT_CHANNELS, scene_futures
-from interplan_learned.training.augment import without_past
-from interplan_learned.training.recipe import Batch, GraphCall, Recipe, TrainingSettings
-from interplan_learned.training.scene_encoder import (
+from interplan_sumo.dataset.columns import Columns
+from interplan_sumo.features.view import Arrays
+from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.world.geometry import Floats
+from tools.train.augment import without_past
+from tools.train.recipe import Batch, GraphCall, Recipe, TrainingSettings
+from tools.train.scene_encoder import (
     AttentionLayer,
     EncodedScene,
     EncoderSize,
     NetworkSize,
     SceneEncoder,
 )
-from interplan_sumo.dataset.columns import Columns
-from interplan_sumo.features.view import Arrays
-from interplan_sumo.world.ego import PACIFICA
-from interplan_sumo.world.geometry import Floats
 
 LATENTS: Final = 4
 """Learned features of how a branch and the others get along."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Batch = Mapping[str, "Tensor"]
 """Inputs and targets by name, as tensors."""
 
-_MODELS: Final = "interplan_learned.training.models"
+_MODELS: Final = "tools.train.models"
 ALWAYS: Final = ("ego_history", "ego_history_valid", "ego_future")
 """Fields that augmentation and errors are made of."""
 

@@ -18,10 +18,6 @@ from torch.nn import functional
 
 from interplan_learned.card import Size
 from interplan_learned.driving import POSES
-from interplan_learned.training.augment import Perturbation, perturbed_start, without_agents
-from interplan_learned.training.metrics import wanted_poses
-from interplan_learned.training.recipe import Batch, GraphCall, Recipe, TrainingSettings
-from interplan_learned.training.scene_encoder import Scale
 from interplan_learned.urban_driver import (
     FIELDS,
     LINE_CHANNELS,
@@ -33,6 +29,10 @@ from interplan_learned.urban_driver import (
     thinned,
 )
 from interplan_sumo.dataset.columns import Columns
+from tools.train.augment import Perturbation, perturbed_start, without_agents
+from tools.train.metrics import wanted_poses
+from tools.train.recipe import Batch, GraphCall, Recipe, TrainingSettings
+from tools.train.scene_encoder import Scale
 
 INPUTS: Final = ("ego", "ego_valid", "vehicles", "vehicles_valid", "lines", "lines_valid")
 FEATURES: Final = 8

@@ -14,12 +14,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from interplan_learned.training.data import Balanced, Samples
-from interplan_learned.training.metrics import constant_velocity, plan_errors
-from interplan_learned.training.recipe import Batch, Recipe
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import replacing
+from tools.train.data import Balanced, Samples
+from tools.train.metrics import constant_velocity, plan_errors
+from tools.train.recipe import Batch, Recipe
 
 CLIP_NORM: Final = 5.0
 _HELD_BATCH: Final = 256

@@ -1,4 +1,4 @@
-"""`python -m interplan_learned.training PLANNER --data DIR --out DIR`."""
+"""`python -m tools.train PLANNER --data DIR --out DIR`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.planner import OptionLoader
 
 if TYPE_CHECKING:
-    from interplan_learned.training.loop import EpochDone
+    from tools.train.loop import EpochDone
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -23,7 +23,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main() -> None:
     """Train; what the user got wrong is one line."""
     try:
-        app(prog_name="python -m interplan_learned.training")
+        app(prog_name="python -m tools.train")
     except InterplanError as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2 if isinstance(error, InputError) else 1)
@@ -52,7 +52,7 @@ def train(
     library("torch", "training", "train")
     library("onnx", "training", "train")
     library("onnxruntime", "training", "learned")
-    from interplan_learned.training.session import TrainRequest, train_planner
+    from tools.train.session import TrainRequest, train_planner
 
     given = {"epochs": epochs, "batch": batch, "learning_rate": learning_rate, "patience": patience, "seed": seed}
     card = train_planner(

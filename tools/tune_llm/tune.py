@@ -9,16 +9,16 @@ from pathlib import Path
 import torch
 
 from interplan_llm.models.fetch import default_model
-from interplan_llm.tuning.adapters import write_adapter
-from interplan_llm.tuning.card import Made, write_card
-from interplan_llm.tuning.chat import ChatTokens
-from interplan_llm.tuning.examples import as_samples, divided, read_examples
-from interplan_llm.tuning.fitting import Fitting, FittingSettings
-from interplan_llm.tuning.gguf_weights import read_model
-from interplan_llm.tuning.heldout import HeldOut, judged
-from interplan_llm.tuning.llama import TARGETS, Llama
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import file_hash
+from tools.tune_llm.adapters import write_adapter
+from tools.tune_llm.card import Made, write_card
+from tools.tune_llm.chat import ChatTokens
+from tools.tune_llm.examples import as_samples, divided, read_examples
+from tools.tune_llm.fitting import Fitting, FittingSettings
+from tools.tune_llm.gguf_weights import read_model
+from tools.tune_llm.heldout import HeldOut, judged
+from tools.tune_llm.llama import TARGETS, Llama
 
 SAY_EVERY_S = 10.0
 WRITING_S = 20.0

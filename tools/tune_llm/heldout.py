@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from interplan_llm.tuning.chat import ChatTokens
-from interplan_llm.tuning.examples import TokenSample, in_batches
-from interplan_llm.tuning.llama import Llama, LowRankSettings, token_tree
+from tools.tune_llm.chat import ChatTokens
+from tools.tune_llm.examples import TokenSample, in_batches
+from tools.tune_llm.llama import Llama, LowRankSettings, token_tree
 
 BATCH = 16
 Z_95 = 1.959964
