@@ -136,7 +136,7 @@ def test_a_score_has_the_colour_of_its_band(score: float | None, expected: str) 
 
 def test_scores_are_counted_by_band() -> None:
     rows = [drive(f"nudge/{n}", score) for n, score in enumerate((0.0, 0.2, 0.5, 0.9, 1.0, 1.0))]
-    (spread,) = re.findall(r'<table class="spread">.*?</table>', page(make_table([stored(*rows)])))
+    (spread,) = re.findall(r'<table class="spread">.*?</table>', page(make_table([stored(*rows)])), re.DOTALL)
     assert re.findall(r'<td class="n">(\d+)</td>', spread) == ["1", "1", "1", "1", "2"]
 
 
@@ -174,8 +174,8 @@ def test_the_page_of_a_whole_suite_is_small() -> None:
 
 def test_ordinary_driving_stands_first() -> None:
     common = stored(drive("changing_lane/0", 0.87), path="runs/o", suite="common==1", suite_hash="2")
-    text = read(page(make_table([stored(drive("nudge/0", 0.4)), common]), paper=True)).text
-    assert "plannerOrdinaryinterPlan" in text
-    assert "idm8740" in text
-    assert "HybridLLM GPT-3.5 (paper)-40" in text
+    text = " ".join(read(page(make_table([stored(drive("nudge/0", 0.4)), common]), paper=True)).text.split())
+    assert "planner Ordinary interPlan" in text
+    assert "idm 87 40" in text
+    assert "HybridLLM GPT-3.5 (paper) - 40" in text
     assert "Ordinary" not in read(page(make_table([stored(drive("nudge/0", 0.4))]))).text

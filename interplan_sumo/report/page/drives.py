@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -14,12 +14,16 @@ from interplan_sumo.report.table import ResultsTable
 
 WHOLE: Final = 99.95
 """A score from which on it shows as 100.0."""
+BANDS: Final = {"b0": "0", "b1": "below 40", "b2": "40 to 80", "b3": "80 to 100", "b4": "100"}
+"""Where a score lies, by the class of its colour."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShownDrive:
     """What the page says of a drive; the row itself is let go."""
 
+    anchor: str
+    """What a link to its row names."""
     line: int
     """Which line of the table it belongs to."""
     label: str
@@ -42,11 +46,28 @@ class ShownDrive:
     def lost(self) -> bool:
         return bool(self.reasons) or self.score is None
 
+    @property
+    def rank(self) -> float:
+        """The lower, the worse; a drive without a score is worst."""
+        return -1.0 if self.score is None else self.score
+
+    @property
+    def band(self) -> str:
+        return band(self.score)
+
+
+def band(score: float | None) -> str:
+    """Class of a score's colour: one of BANDS, `none` without a score."""
+    if score is None:
+        return "none"
+    return "b0" if score <= 0.0 else "b1" if score < 40.0 else "b2" if score < 80.0 else "b3" if score < WHOLE else "b4"
+
 
 def shown_drives(table: ResultsTable) -> list[ShownDrive]:
     """All drives, those of one scenario and seed side by side; scenarios in the order of the table's rows."""
     found = [
         ShownDrive(
+            anchor="",
             line=number,
             label=line.label,
             planner=line.planner,
@@ -62,7 +83,8 @@ def shown_drives(table: ResultsTable) -> list[ShownDrive]:
         for row in line.rows
     ]
     place = {scenario: i for i, scenario in enumerate(dict.fromkeys(drive.scenario for drive in found))}
-    return sorted(found, key=lambda drive: (place[drive.scenario], drive.seed, drive.line))
+    found.sort(key=lambda drive: (place[drive.scenario], drive.seed, drive.line))
+    return [replace(drive, anchor=f"drive-{number}") for number, drive in enumerate(found)]
 
 
 def _is_whole(row: Row) -> bool:

@@ -47,11 +47,7 @@ def wanted_drives(table: ResultsTable, which: str) -> list[ShownDrive]:
         return [drive for drive in drives if drive.lost]
     if not (which.isascii() and which.isdigit()):
         raise InputError(f"--replays {which}: give all, lost, none or how many of the worst drives")
-    return sorted(drives, key=_score)[: int(which)]
-
-
-def _score(drive: ShownDrive) -> float:
-    return -1.0 if drive.score is None else drive.score
+    return sorted(drives, key=lambda drive: drive.rank)[: int(which)]
 
 
 def write_replays(table: ResultsTable, runs: Sequence[StoredRun], page: Path, which: str) -> None:
@@ -93,7 +89,7 @@ def replay_jobs(table: ResultsTable, runs: Sequence[StoredRun], page: Path, whic
     for scenario in by_scenario(wanted):
         scored = [drive for drive in all_drives[scenario] if drive.score is not None]
         if scored:
-            best, worst = max(scored, key=_score), min(scored, key=_score)
+            best, worst = (choose(scored, key=lambda drive: drive.rank) for choose in (max, min))
             if best.line != worst.line and best.score != worst.score:
                 jobs.append(ReplayJob((_place(best, runs), _place(worst, runs)), folder / pair_replay(scenario)))
     return jobs
