@@ -82,9 +82,8 @@ def check_map(
         assert record is not None
         report = check_source(roads, record, source)
         details["source"] = report.as_json()
-        details["problems"] = [*report.problems, *details["problems"]]
-        details["ok"] = details["ok"] and not report.problems
-        details["source"].pop("problems")
+        details["problems"] = [*details["source"].pop("problems"), *details["problems"]]
+        details["ok"] = not details["problems"]
     if as_json:
         print_json(details)
     else:
@@ -93,6 +92,8 @@ def check_map(
 
 
 def _print_check(details: dict[str, Any]) -> None:
+    from interplan_sumo.maps.problem import MapProblem
+
     problems, source = details.pop("problems"), details.pop("source", None)
     print_entries([{"": key, "value": _in_words(value)} for key, value in details.items()], as_json=False)
     if source is not None:
@@ -105,7 +106,7 @@ def _print_check(details: dict[str, Any]) -> None:
         rows.append({"": "leaving", "file": source["leaving"], "map": ""})
         print_entries(rows, as_json=False)
     for problem in problems:
-        print(f"problem: {problem}")
+        print(f"problem: {MapProblem(**problem)}")
 
 
 @maps_app.command("convert")

@@ -16,7 +16,8 @@ import shapely
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.network_reader import NetworkSummary, read_network
-from interplan_sumo.maps.rules import schema_problems
+from interplan_sumo.maps.problem import MapProblem, ProblemKind
+from interplan_sumo.maps.rules import lane_layer, schema_problems
 from interplan_sumo.maps.signals_check import light_problems
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.world.geometry import Floats
@@ -43,7 +44,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class MapReport:
-    """What `check_map` found. `problems` has one line for every bar missed; without any, the map is ok."""
+    """What `check_map` found. `problems` has one for every bar missed; without any, the map is ok."""
 
     name: str
     driving_side: str
@@ -63,7 +64,7 @@ class MapReport:
     lights: int
     light_connectors: int
     light_connectors_covered: int
-    problems: tuple[str, ...]
+    problems: tuple[MapProblem, ...]
 
     @property
     def ok(self) -> bool:
@@ -79,23 +80,26 @@ def check_map(files: MapFiles, roads: Roads) -> MapReport:
     ids = NetworkIds.read(files.ids)
     network = read_network(files.network)
     missing: list[str] = []
-    problems: list[str] = []
+    problems: list[MapProblem] = []
     wrong_limits: list[str] = []
     deviation: dict[bool, list[float]] = {True: [], False: []}
     distortion: list[float] = []
     if ids.driving_side != roads.driving_side:
-        problems.append(f"the network drives on the {ids.driving_side}, the map on the {roads.driving_side}")
+        said = f"its ids are for traffic on the {ids.driving_side}, the map drives on the {roads.driving_side}"
+        problems.append(MapProblem("driving_side", "network", files.network.name, said))
     if network.left_hand != (roads.driving_side == "left"):
-        problems.append(f"the network is {'left' if network.left_hand else 'right'}-hand, the map is not")
+        said = f"it is {'left' if network.left_hand else 'right'}-hand, the map is not"
+        problems.append(MapProblem("driving_side", "network", files.network.name, said))
     for lane in (*roads.lanes.values(), *roads.connectors.values()):
         pieces = ids.pieces.get(lane.id, ())
         if not pieces or any(piece.sumo_lane not in network.lanes for piece in pieces):
             missing.append(lane.id)
             continue
         shapes = [network.lanes[piece.sumo_lane].points for piece in pieces]
-        deviation[lane.id in roads.lanes].append(_deviation_m(lane, shapes, ids.origin_m))
-        if deviation[lane.id in roads.lanes][-1] > DEVIATION_BAR_M:
-            problems.append(f"{_what(roads, lane)} lies {deviation[lane.id in roads.lanes][-1]:.3f} m off its source")
+        off_m = _deviation_m(lane, shapes, ids.origin_m)
+        deviation[lane.id in roads.lanes].append(off_m)
+        if off_m > DEVIATION_BAR_M:
+            problems.append(_of(lane, "deviation", f"lies {off_m:.3f} m off its source"))
         limit = lane.speed_limit_mps
         for piece in pieces:
             sumo_lane = network.lanes[piece.sumo_lane]
@@ -105,9 +109,9 @@ def check_map(files: MapFiles, roads: Roads) -> MapReport:
                 distortion.append(abs(sumo_lane.length_m / piece.length_m - 1.0))
     wrong_limits = list(dict.fromkeys(wrong_limits))
     extra = _extra(roads, ids, network)
-    problems += [f"{_what(roads, roads[lane_id])} is missing in the network" for lane_id in missing]
-    problems += [f"the network joins {way}, the map does not" for way in extra]
-    problems += [f"{_what(roads, roads[lane_id])} has another speed limit in the network" for lane_id in wrong_limits]
+    problems += [_of(roads[lane_id], "missing", "is missing in the network") for lane_id in missing]
+    problems += [MapProblem("extra", "network", way, "is joined there, but not in the map") for way in extra]
+    problems += [_of(roads[lane_id], "limit", "has another speed limit in the network") for lane_id in wrong_limits]
     problems += _broken_links(roads, ids, network)
     problems += light_problems(roads, ids, network)
     problems += schema_problems(roads)
@@ -131,8 +135,8 @@ def check_map(files: MapFiles, roads: Roads) -> MapReport:
     )
 
 
-def _what(roads: Roads, lane: LaneLike) -> str:
-    return f"{'lane' if lane.id in roads.lanes else 'connector'} {lane.id}"
+def _of(lane: LaneLike, kind: ProblemKind, message: str) -> MapProblem:
+    return MapProblem(kind, lane_layer(lane), lane.id, message)
 
 
 def _deviation_m(lane: LaneLike, shapes: Sequence[Floats], origin_m: tuple[float, float]) -> float:
@@ -160,23 +164,23 @@ def _extra(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[str]:
     return found
 
 
-def _broken_links(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[str]:
+def _broken_links(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[MapProblem]:
     """Lanes and connectors whose SUMO lanes are not joined one after the other."""
     onward: dict[str, set[str]] = {}
     for way in network.ways:
         for here, there in zip((way.from_lane, *way.via), (*way.via, way.to_lane), strict=True):
             onward.setdefault(here, set()).add(there)
-    found: list[str] = []
+    found: list[MapProblem] = []
     for lane in (*roads.lanes.values(), *roads.connectors.values()):
         chain = [piece.sumo_lane for piece in ids.pieces.get(lane.id, ())]
         for here, there in pairwise(chain):
             if there not in onward.get(here, set()):
-                found.append(f"{_what(roads, lane)} breaks between {here} and {there}")
+                found.append(_of(lane, "broken_link", f"breaks between {here} and {there}"))
     for connector in roads.connectors.values():
         chain = ids.pieces.get(connector.id, ())
         start, end = ids.pieces.get(connector.from_lane_id, ()), ids.pieces.get(connector.to_lane_id, ())
         if chain and start and chain[0].sumo_lane not in onward.get(start[-1].sumo_lane, set()):
-            found.append(f"connector {connector.id} does not leave lane {connector.from_lane_id} in the network")
+            found.append(_of(connector, "broken_link", f"does not leave lane {connector.from_lane_id} in the network"))
         if chain and end and end[0].sumo_lane not in onward.get(chain[-1].sumo_lane, set()):
-            found.append(f"connector {connector.id} does not enter lane {connector.to_lane_id} in the network")
+            found.append(_of(connector, "broken_link", f"does not enter lane {connector.to_lane_id} in the network"))
     return found

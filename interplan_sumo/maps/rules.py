@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from interplan_sumo.maps import schema
+from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Area, Connector, Lane, LaneLike, Roadblock, Roads
 
@@ -22,8 +23,8 @@ MAX_ID = 2**53
 """Ids beyond this do not survive nuPlan's columns of doubles."""
 
 
-def schema_problems(roads: Roads) -> list[str]:
-    """Every rule that the map breaks, one line each, naming layer and id; empty if nuPlan can use it.
+def schema_problems(roads: Roads) -> list[MapProblem]:
+    """Every rule that the map breaks; empty if nuPlan can use it.
 
     Ids are positive integers, unique across lanes and connectors and across
     roadblocks and roadblock connectors. Lane polygons are disjoint, and so are
@@ -61,7 +62,7 @@ def lane_layer(lane: LaneLike) -> str:
     return schema.CONNECTORS if isinstance(lane, Connector) else schema.LANES
 
 
-def _id_problems(roads: Roads) -> Iterator[str]:
+def _id_problems(roads: Roads) -> Iterator[MapProblem]:
     keyed = (
         *((schema.LANES, key, lane.id) for key, lane in roads.lanes.items()),
         *((schema.CONNECTORS, key, connector.id) for key, connector in roads.connectors.items()),
@@ -70,48 +71,51 @@ def _id_problems(roads: Roads) -> Iterator[str]:
     )
     for layer, key, id_ in keyed:
         if key != id_:
-            yield f"{layer} {id_}: filed under the id {key}"
+            yield MapProblem("id", layer, id_, f"filed under the id {key}")
     listed = {schema.INTERSECTIONS: [area.id for area in roads.intersections]}
     listed |= {layer: [area.id for area in areas] for layer, areas in areas_by_layer(roads).items()}
     for layer, ids in listed.items():
         for id_, count in Counter(ids).items():
             if count > 1:
-                yield f"{layer} {id_}: {count} areas of this id"
+                yield MapProblem("id", layer, id_, f"{count} areas of this id")
     for layer, id_ in (*((layer, id_) for layer, _, id_ in keyed), *((k, i) for k, ids in listed.items() for i in ids)):
         if not (id_.isascii() and id_.isdecimal() and 0 < int(id_) < MAX_ID and str(int(id_)) == id_):
-            yield f"{layer} {id_[:40]!r}: the id is not a positive whole number"
+            yield MapProblem("id", layer, id_, "the id is not a positive whole number")
 
 
-def _block_problems(roads: Roads) -> Iterator[str]:
+def _block_problems(roads: Roads) -> Iterator[MapProblem]:
     blocks = roads.roadblocks
     for lane in (*roads.lanes.values(), *roads.connectors.values()):
-        block = blocks[lane.roadblock_id]
+        block, named = blocks[lane.roadblock_id], (lane_layer(lane), lane.id)
         if block.is_connector != isinstance(lane, Connector):
-            yield f"{lane_layer(lane)} {lane.id}: its block {block.id} is a {block_layer(block)} row"
+            yield MapProblem("membership", *named, f"its block {block.id} is a {block_layer(block)} row")
         elif lane.id not in block.lane_ids:
-            yield f"{lane_layer(lane)} {lane.id}: its {block_layer(block)} {block.id} does not list it"
+            yield MapProblem("membership", *named, f"its {block_layer(block)} {block.id} does not list it")
     inside = {area.id for area in roads.intersections}
     for block in blocks.values():
-        here = f"{block_layer(block)} {block.id}"
+        named = block_layer(block), block.id
         members: list[LaneLike] = [(roads.connectors if block.is_connector else roads.lanes)[i] for i in block.lane_ids]
         for lane in members:
             if lane.roadblock_id != block.id:
-                yield f"{here}: lists {lane.id}, which belongs to {lane.roadblock_id}"
+                yield MapProblem("membership", *named, f"lists {lane.id}, which belongs to {lane.roadblock_id}")
         order = [lane.index for lane in members if isinstance(lane, Lane)]
         if any(b <= a for a, b in pairwise(order)) or any(index < 0 for index in order):
-            yield f"{here}: its lanes {', '.join(block.lane_ids)} have the places {order}; they must rise from the left"
+            said = f"its lanes {', '.join(block.lane_ids)} have the places {order}; they must rise from the left"
+            yield MapProblem("membership", *named, said)
         if block.intersection_id is not None and block.intersection_id not in inside:
-            yield f"{here}: lies in intersection {block.intersection_id}, which does not exist"
+            said = f"lies in intersection {block.intersection_id}, which does not exist"
+            yield MapProblem("membership", *named, said)
         if not block.is_connector:
             continue
         for what, end in (("from", block.from_id), ("to", block.to_id)):
             if end is None or end not in blocks or blocks[end].is_connector:
-                yield f"{here}: leads {what} roadblock {end}, which does not exist"
+                yield MapProblem("membership", *named, f"leads {what} roadblock {end}, which does not exist")
         for lane in members:
             if isinstance(lane, Connector):
                 ends = roads.lanes[lane.from_lane_id].roadblock_id, roads.lanes[lane.to_lane_id].roadblock_id
                 if ends != (block.from_id, block.to_id):
-                    yield f"{here}: its connector {lane.id} leads from roadblock {ends[0]} to {ends[1]}"
+                    said = f"its connector {lane.id} leads from roadblock {ends[0]} to {ends[1]}"
+                    yield MapProblem("membership", *named, said)
 
 
 def _polygons(roads: Roads) -> Iterator[tuple[str, Sequence[Area | LaneLike | Roadblock]]]:
@@ -125,28 +129,30 @@ def _polygons(roads: Roads) -> Iterator[tuple[str, Sequence[Area | LaneLike | Ro
     yield from areas_by_layer(roads).items()
 
 
-def _shape_problems(roads: Roads) -> Iterator[str]:
+def _shape_problems(roads: Roads) -> Iterator[MapProblem]:
     for layer, items in _polygons(roads):
         shapes = np.array([item.polygon for item in items], dtype=object)
         good = shapely.is_valid(shapes) & (shapely.get_type_id(shapes) == 3) & ~shapely.is_empty(shapes)
         for row in np.flatnonzero(~good).tolist():
             reason = "empty" if shapely.is_empty(shapes[row]) else shapely.is_valid_reason(shapes[row])
-            yield f"{layer} {items[row].id}: its polygon is not valid ({reason})"
+            yield MapProblem("shape", layer, items[row].id, f"its polygon is not valid ({reason})")
 
 
-def _line_problems(roads: Roads) -> Iterator[str]:
+def _line_problems(roads: Roads) -> Iterator[MapProblem]:
     for lane in (*roads.lanes.values(), *roads.connectors.values()):
-        here = f"{lane_layer(lane)} {lane.id}"
+        named = lane_layer(lane), lane.id
         limit = lane.speed_limit_mps
         if limit is not None and not 0.0 <= limit < float("inf"):
-            yield f"{here}: a speed limit of {limit} m/s"
+            yield MapProblem("line", *named, f"a speed limit of {limit} m/s")
         widest = float(np.diff(lane.centerline.arc_m).max())
         if widest > MAX_SPACING_M:
-            yield f"{here}: vertices of its centre line lie {widest:.2f} m apart, at most {MAX_SPACING_M:g} m allowed"
+            said = f"vertices of its centre line lie {widest:.2f} m apart, at most {MAX_SPACING_M:g} m allowed"
+            yield MapProblem("line", *named, said)
         if _signed_area(np.concatenate((lane.right_boundary.points, lane.left_boundary.points[::-1]))) <= 0.0:
-            yield f"{here}: its left boundary is not on the left of its right one in the direction of travel"
+            said = "its left boundary is not on the left of its right one in the direction of travel"
+            yield MapProblem("line", *named, said)
         elif lane.centerline.length_m > 1.0 and not lane.left_boundary.runs_with(lane.centerline):
-            yield f"{here}: its centre line runs against its boundaries"
+            yield MapProblem("line", *named, "its centre line runs against its boundaries")
 
 
 def _signed_area(ring: Floats) -> float:
@@ -155,7 +161,7 @@ def _signed_area(ring: Floats) -> float:
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2.0
 
 
-def _joint_problems(roads: Roads) -> Iterator[str]:
+def _joint_problems(roads: Roads) -> Iterator[MapProblem]:
     for connector in roads.connectors.values():
         start = roads.lanes[connector.from_lane_id].centerline.points[-1]
         end = roads.lanes[connector.to_lane_id].centerline.points[0]
@@ -163,17 +169,15 @@ def _joint_problems(roads: Roads) -> Iterator[str]:
         for lane, a, b in ((connector.from_lane_id, start, line[0]), (connector.to_lane_id, end, line[-1])):
             gap = float(np.hypot(*(a - b)))
             if gap >= schema.MAX_JOINT_GAP_M:
-                yield (
-                    f"{schema.CONNECTORS} {connector.id}: a gap of {gap:.2f} m to lane {lane}, "
-                    f"less than {schema.MAX_JOINT_GAP_M:g} m allowed"
-                )
+                said = f"a gap of {gap:.2f} m to lane {lane}, less than {schema.MAX_JOINT_GAP_M:g} m allowed"
+                yield MapProblem("joint", schema.CONNECTORS, connector.id, said)
 
 
-def _overlaps(layer: str, items: Sequence[Lane] | Sequence[Roadblock]) -> Iterator[str]:
+def _overlaps(layer: str, items: Sequence[Lane] | Sequence[Roadblock]) -> Iterator[MapProblem]:
     """Pairs whose interiors meet: nuPlan refuses a point that lies in two of them."""
     shapes = np.array([item.polygon for item in items], dtype=object)
     for one, other, depth in overlapping(shapes):
-        yield f"{layer} {items[one].id}: overlaps {items[other].id} by {depth:.2f} m"
+        yield MapProblem("overlap", layer, items[one].id, f"overlaps {items[other].id} by {depth:.2f} m")
 
 
 def overlapping(shapes: NDArray[np.object_]) -> list[tuple[int, int, float]]:

@@ -90,7 +90,8 @@ def test_six_centimetres_fail_and_four_do_not(kind: str, good: MapFiles, city: R
     assert report(0.04).ok
     failed = report(0.06)
     assert not failed.ok
-    assert f"{kind} {lane_id} lies 0.06" in failed.problems[0]
+    assert (failed.problems[0].kind, failed.problems[0].id) == ("deviation", lane_id)
+    assert failed.problems[0].message.startswith("lies 0.06")
 
 
 def test_a_line_in_the_wrong_direction_is_far_off(good: MapFiles, city: Roads, tmp_path: Path) -> None:
@@ -111,7 +112,7 @@ def test_another_limit_is_named(good: MapFiles, city: Roads, tmp_path: Path) -> 
     files = changed(good, tmp_path, lambda t: re.sub(rf'(<lane id="{sumo_lane}"[^>]*speed=")[^"]*', r"\g<1>20.0", t))
     report = check_map(files, city)
     assert report.wrong_limits == (lane_id,)
-    assert any(f"lane {lane_id} has another speed limit" in p for p in report.problems)
+    assert [(p.kind, p.id) for p in report.problems] == [("limit", lane_id)]
 
 
 def test_a_missing_connector_is_named(good: MapFiles, city: Roads, tmp_path: Path) -> None:
@@ -150,7 +151,7 @@ def test_conflicting_greens_are_found(good: MapFiles, city: Roads, tmp_path: Pat
         return re.sub(r'(<phase [^>]*state=")([^"]*)', lambda m: m[1] + "G" * len(m[2]), text)
 
     problems = check_map(changed(good, tmp_path, all_green), city).problems
-    assert any("both show G and G" in p for p in problems)
+    assert any("both show G and G" in p.message for p in problems)
 
 
 def test_permissive_greens_without_a_duty_to_yield_are_found(good: MapFiles, city: Roads, tmp_path: Path) -> None:
@@ -159,7 +160,7 @@ def test_permissive_greens_without_a_duty_to_yield_are_found(good: MapFiles, cit
         return re.sub(r'response="[01]+"', lambda m: re.sub("1", "0", m[0]), text)
 
     problems = check_map(changed(good, tmp_path, careless), city).problems
-    assert any("both show g and g" in p for p in problems)
+    assert any("both show g and g" in p.message for p in problems)
 
 
 @pytest.mark.parametrize(
@@ -178,31 +179,31 @@ def test_senseless_programs_are_found(
         text = text.replace('state="GGG', 'state="gGG')
         return re.sub(r'(<phase [^>]*state=")([^"]*)', lambda m: m[1] + change(m[2]), text)
 
-    assert any(message in p for p in check_map(changed(good, tmp_path, edit), city).problems)
+    assert any(message in p.message for p in check_map(changed(good, tmp_path, edit), city).problems)
 
 
 def test_a_short_yellow_is_found(good: MapFiles, city: Roads, tmp_path: Path) -> None:
     def hurry(text: str) -> str:
         return re.sub(r'(<phase duration=")[^"]*(" state="[^"]*y)', r"\g<1>1\g<2>", text)
 
-    assert any("1 s of yellow" in p for p in check_map(changed(good, tmp_path, hurry), city).problems)
+    assert any("1 s of yellow" in p.message for p in check_map(changed(good, tmp_path, hurry), city).problems)
 
 
 def test_a_connector_without_its_light_is_found(good: MapFiles, city: Roads, tmp_path: Path) -> None:
     files = changed(good, tmp_path, lambda t: re.sub(r' tl="[^"]*" linkIndex="\d+"', "", t, count=1))
     report = check_map(files, city)
-    assert any("has the light None in the network" in p for p in report.problems)
+    assert any("has the light None in the network" in p.message for p in report.problems)
 
 
 def test_the_wrong_driving_side_is_found(good: MapFiles, city: Roads) -> None:
     problems = check_map(good, replace(city, driving_side="left")).problems
-    assert "the network drives on the right, the map on the left" in problems
+    assert [p.kind for p in problems][:2] == ["driving_side", "driving_side"]
 
 
 def test_broken_schema_rules_are_problems(good: MapFiles, city: Roads) -> None:
     lane = next(iter(city.lanes.values()))
     broken = replace(city, lanes={**city.lanes, lane.id: replace(lane, speed_limit_mps=-1.0)})
-    assert any("speed limit of -1" in p for p in check_map(good, broken).problems)
+    assert any("speed limit of -1" in p.message for p in check_map(good, broken).problems)
 
 
 # --- damaged files -----------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from interplan_sumo.maps.importers.build import build
-from interplan_sumo.maps.importers.drop_invalid import sifted
+from interplan_sumo.maps.importers.drop_invalid import drop_invalid
 from interplan_sumo.maps.rules import schema_problems
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Roads
@@ -25,7 +25,7 @@ def turned_round(roads: Roads, lane_id: str) -> Roads:
 
 def test_sound_roads_stay_as_they_are() -> None:
     roads = build(fork()).roads
-    same, reasons = sifted(roads)
+    same, reasons = drop_invalid(roads)
     assert same is roads
     assert reasons == {}
 
@@ -33,12 +33,12 @@ def test_sound_roads_stay_as_they_are() -> None:
 def test_a_broken_lane_goes_with_its_connectors_blocks_and_intersection() -> None:
     made = build(junction_with_flags())
     (side,) = (k for k, rows in made.origins.items() if k in made.roads.lanes and rows[0].source_id == "side")
-    left, reasons = sifted(turned_round(made.roads, side))
+    left, reasons = drop_invalid(turned_round(made.roads, side))
     assert set(reasons) == {side}
     assert "left boundary" in reasons[side]
     assert side not in left
     assert len(left.connectors) == 1
     assert schema_problems(left) == []
-    whole, _ = sifted(turned_round(left, next(iter(left.lanes))))
+    whole, _ = drop_invalid(turned_round(left, next(iter(left.lanes))))
     assert whole.connectors == {}
     assert whole.intersections == ()

@@ -46,14 +46,14 @@ def damage(tile: dict[str, Any], rng: random.Random) -> None:
                 point["x"], point["y"] = left[0]["x"] + 0.01 * rng.random(), left[0]["y"]
 
 
-def outcome(tile: dict[str, Any], seed: int, folder: Path) -> list[str] | None:
+def outcome(tile: dict[str, Any], seed: int, folder: Path) -> list[object] | None:
     """Rules that the damaged map breaks; None if it is refused."""
     rng = random.Random(seed)
     tile = json.loads(json.dumps(tile))
     for _ in range(rng.choice((1, 3, 10))):
         damage(tile, rng)
     try:
-        return schema_problems(build(read_argoverse2(written(tile, folder))).roads)
+        return list(schema_problems(build(read_argoverse2(written(tile, folder))).roads))
     except MapError as error:
         return None if len(str(error).splitlines()) == 1 else [f"not one line: {error}"]
 

@@ -14,7 +14,7 @@ from interplan_sumo.maps.importers import signs
 from interplan_sumo.maps.importers.areas import clipped, intersections, numbered, surface_of
 from interplan_sumo.maps.importers.connector_paths import ConnectorPath, SegmentLane, SegmentSurfaces, ways
 from interplan_sumo.maps.importers.cross_sections import Ribbon
-from interplan_sumo.maps.importers.drop_invalid import sifted
+from interplan_sumo.maps.importers.drop_invalid import drop_invalid
 from interplan_sumo.maps.importers.lane_segments import JOINT_M, links, pieces
 from interplan_sumo.maps.importers.record import LaneOrigin
 from interplan_sumo.maps.importers.sections import SourceStretch, sections
@@ -61,7 +61,7 @@ def build(source: SourceMap) -> Built:
     for item in source.left_out:
         left_out[item.reason].append(item.id)
     reasons = {reason: tuple(ids) for reason, ids in left_out.items()}
-    roads, broken = sifted(drawing.roads())
+    roads, broken = drop_invalid(drawing.roads())
     taken_out = tuple(
         f"{', '.join(dict.fromkeys(origin.source_id for origin in drawing.origins[id_]))}: left out, {reason}"
         for id_, reason in broken.items()

@@ -13,7 +13,7 @@ _ROUNDS = 4
 _LAYERS = (schema.LANES, schema.CONNECTORS, schema.CONNECTOR_POLYGONS)
 
 
-def sifted(roads: Roads) -> tuple[Roads, dict[str, str]]:
+def drop_invalid(roads: Roads) -> tuple[Roads, dict[str, str]]:
     """The roads without the lanes and connectors that break a rule, and why each of those does, by its id.
 
     With a lane go the connectors that join it. What else is wrong stays, for the writer to refuse.
@@ -22,10 +22,8 @@ def sifted(roads: Roads) -> tuple[Roads, dict[str, str]]:
     for _ in range(_ROUNDS):
         broken: dict[str, str] = {}
         for problem in schema_problems(roads):
-            where, _, reason = problem.partition(": ")
-            layer, _, id_ = where.partition(" ")
-            if layer in _LAYERS and id_ in roads:
-                broken.setdefault(id_, reason)
+            if problem.layer in _LAYERS and problem.id in roads:
+                broken.setdefault(problem.id, problem.message)
         if not broken:
             break
         reasons |= broken

@@ -10,6 +10,8 @@ from typing import Any
 
 from interplan_sumo.maps.importers.record import ImportRecord, LaneOrigin
 from interplan_sumo.maps.importers.source import SourceCount
+from interplan_sumo.maps.problem import MapProblem
+from interplan_sumo.maps.schema import CONNECTORS
 from interplan_sumo.world.roads import Roads
 
 LENGTH_SHARE = 0.12
@@ -40,7 +42,7 @@ class SourceReport:
     left_out: tuple[int, int]
     leaving: int
     """Links that lead beyond the file."""
-    problems: tuple[str, ...]
+    problems: tuple[MapProblem, ...]
 
     def as_json(self) -> dict[str, Any]:
         """The report as plain data; pairs by what they count."""
@@ -58,22 +60,22 @@ def compare(roads: Roads, record: ImportRecord, count: SourceCount) -> SourceRep
     problems = [
         *_different("lane", count.lane_length_m, found.covered),
         *_lengths(count, found),
-        *_total(sum(count.lane_length_m.values()), sum(found.length_m.values())),
+        *_total(record.file, sum(count.lane_length_m.values()), sum(found.length_m.values())),
         *_different("link", map(_arrow, file_links), map(_arrow, map_links)),
         *(
-            f"lane {lane} lies at a traffic light in the file, and at none in the map"
+            MapProblem("light", "lane", lane, "lies at a traffic light in the file, and at none in the map")
             for lane in sorted(count.lit - lit)
         ),
-        *(f"connector {id_} lies under a traffic light that the file does not have" for id_ in unknown),
+        *(MapProblem("light", CONNECTORS, id_, "lies under a traffic light that the file lacks") for id_ in unknown),
         *_limit_problems(count.limit_mps, limits),
     ]
     if count.crosswalks != len(roads.crosswalks):
-        problems.append(f"the file has {count.crosswalks} crosswalks, the map {len(roads.crosswalks)}")
+        said = f"has {count.crosswalks} crosswalks, the map {len(roads.crosswalks)}"
+        problems.append(MapProblem("count", "file", record.file, said))
     left_out = sum(map(len, record.left_out.values()))
     if sum(count.left_out.values()) != left_out:
-        problems.append(
-            f"the file has {sum(count.left_out.values())} lanes that are not for cars, the import left out {left_out}"
-        )
+        said = f"has {sum(count.left_out.values())} lanes that are not for cars, the import left out {left_out}"
+        problems.append(MapProblem("count", "file", record.file, said))
     return SourceReport(
         file=record.file,
         format=record.format,
@@ -173,36 +175,40 @@ def _arrow(link: tuple[str, str]) -> str:
     return f"{link[0]} to {link[1]}"
 
 
-def _different(what: str, in_file: Iterable[str], in_map: Iterable[str]) -> list[str]:
+def _different(what: str, in_file: Iterable[str], in_map: Iterable[str]) -> list[MapProblem]:
     file, map_ = frozenset(in_file), frozenset(in_map)
     return [
-        *(f"{what} {key} of the file is missing in the map" for key in sorted(file - map_)),
-        *(f"{what} {key} of the map is not in the file" for key in sorted(map_ - file)),
+        *(MapProblem("missing", what, key, "of the file is missing in the map") for key in sorted(file - map_)),
+        *(MapProblem("extra", what, key, "of the map is not in the file") for key in sorted(map_ - file)),
     ]
 
 
-def _lengths(count: SourceCount, found: _Found) -> Iterable[str]:
+def _lengths(count: SourceCount, found: _Found) -> Iterable[MapProblem]:
     for lane, length_m in count.lane_length_m.items():
         if lane not in found.covered:
             continue
         share = found.covered[lane]
         if (1.0 - share) * length_m > COVERED_M:
-            yield f"lane {lane}: {(1.0 - share) * length_m:.1f} of its {length_m:.1f} m are missing in the map"
+            said = f"{(1.0 - share) * length_m:.1f} of its {length_m:.1f} m are missing in the map"
+            yield MapProblem("length", "lane", lane, said)
         elif abs(found.length_m[lane] / share - length_m) > max(LENGTH_M, LENGTH_SHARE * length_m):
-            yield f"lane {lane} is {length_m:.2f} m long in the file, {found.length_m[lane] / share:.2f} m in the map"
+            said = f"is {length_m:.2f} m long in the file, {found.length_m[lane] / share:.2f} m in the map"
+            yield MapProblem("length", "lane", lane, said)
 
 
-def _total(file_m: float, map_m: float) -> Iterable[str]:
+def _total(file: str, file_m: float, map_m: float) -> Iterable[MapProblem]:
     if abs(file_m - map_m) > max(LENGTH_M, TOTAL_SHARE * file_m):
-        yield f"all lanes together are {file_m:.1f} m long in the file, {map_m:.1f} m in the map"
+        said = f"all lanes together are {file_m:.1f} m long in the file, {map_m:.1f} m in the map"
+        yield MapProblem("length", "file", file, said)
 
 
-def _limit_problems(in_file: Mapping[str, float], in_map: Mapping[str, float]) -> Iterable[str]:
+def _limit_problems(in_file: Mapping[str, float], in_map: Mapping[str, float]) -> Iterable[MapProblem]:
     for lane, limit in in_file.items():
         known = in_map.get(lane)
         if known is None:
-            yield f"lane {lane}: the file's limit of {limit:.2f} m/s is missing in the map"
+            yield MapProblem("limit", "lane", lane, f"the file's limit of {limit:.2f} m/s is missing in the map")
         elif known - limit > LIMIT_MPS:
-            yield f"lane {lane}: a limit of {limit:.2f} m/s in the file, of {known:.2f} m/s in the map"
+            said = f"a limit of {limit:.2f} m/s in the file, of {known:.2f} m/s in the map"
+            yield MapProblem("limit", "lane", lane, said)
     for lane in sorted(in_map.keys() - in_file.keys()):
-        yield f"lane {lane}: the map has a limit of {in_map[lane]:.2f} m/s, the file has none"
+        yield MapProblem("limit", "lane", lane, f"the map has a limit of {in_map[lane]:.2f} m/s, the file has none")

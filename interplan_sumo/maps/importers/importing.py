@@ -13,6 +13,7 @@ from interplan_sumo.maps.importers.build import Built, build
 from interplan_sumo.maps.importers.fidelity import SourceReport, compare
 from interplan_sumo.maps.importers.record import ImportRecord, LaneOrigin
 from interplan_sumo.maps.importers.source import SourceCount, SourceMap
+from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.maps.to_sumo import convert
 from interplan_sumo.world.files import file_hash
@@ -119,8 +120,8 @@ def check_source(roads: Roads, record: ImportRecord, source: Path) -> SourceRepo
     file = _file(source, reader.pattern)
     report = compare(roads, record, reader.count(file))
     if file_hash(file) != record.sha256:
-        changed = f"{file} is not the file that the map was imported from ({record.file}): its checksum differs"
-        report = replace(report, problems=(changed, *report.problems))
+        said = f"is not the file that the map was imported from ({record.file}): its checksum differs"
+        report = replace(report, problems=(MapProblem("another_file", "file", str(file), said), *report.problems))
     return report
 
 
