@@ -32,7 +32,7 @@ from interplan_sumo.batch.run_folder import RunFolder
 from interplan_sumo.batch.shards import keep_shards
 from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
-from interplan_sumo.metrics.score import DEFAULT_PROFILE, PROFILES
+from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.scenario.suite import find_suite
 
 PLANNER = "straight_ahead"
@@ -188,7 +188,7 @@ def toy_folder(folder: Path, count: int) -> RunFolder:
 
 def toy_row(number: int, value: dict[str, Any]) -> Row:
     """A row with as many keys and figures as a real one."""
-    names = [term.name for term in PROFILES[DEFAULT_PROFILE].terms]
+    names = [term.name for term in find_profile(DEFAULT_PROFILE).terms]
     metrics = {
         name: {
             "score": 0.5 + 0.5 * (number % 7 > 0),

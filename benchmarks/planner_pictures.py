@@ -27,8 +27,8 @@ from matplotlib.figure import Figure
 from interplan_sumo.batch.run_folder import Row, StoredRun, read_run
 from interplan_sumo.maps.render import INK, PAPER
 from interplan_sumo.maps.store import load_roads
+from interplan_sumo.metrics.metric import failure_words
 from interplan_sumo.report import scenario_drawing as drawing
-from interplan_sumo.report.failure_reasons import TITLES
 from interplan_sumo.report.scenario_drawing import View
 from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.scenario import Scenario
@@ -65,7 +65,7 @@ class Drive:
             return f"{words}, {row['fault']['class']} fault"
         gates = [name for name in row["gates"] if row["metrics"][name]["score"] < 1.0]
         lost = [name for name in row["weights"] if row["metrics"][name]["score"] < 0.9]
-        return ", ".join([words, *(TITLES[name] for name in gates or lost)])
+        return ", ".join([words, *(failure_words(name) for name in gates or lost)])
 
     @property
     def contacts(self) -> list[dict[str, Any]]:

@@ -15,7 +15,9 @@ from collections.abc import Callable
 import numpy as np
 
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.score import INFORMATIVE, PROFILES, score, score_facts
+from interplan_sumo.metrics.metric import METRICS
+from interplan_sumo.metrics.profile import PROFILES
+from interplan_sumo.metrics.score import score, score_facts
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.tiny_worlds import LANE_WIDTH_M, drive_through, road_along
 from interplan_sumo.world.actors import ActorKind, Actors
@@ -96,10 +98,8 @@ def main(counts: list[int]) -> None:
             cost = milliseconds(lambda trace=trace, p=profile: score(trace, roads, trace.ego, scenario, p))
             print(f"  {profile:<24}{cost:8.1f} ms")
         facts = Facts(trace, roads, trace.ego, scenario)
-        score_facts(facts)
-        terms = {term.name: term.metric for term in next(iter(PROFILES.values())).terms if term.judged(facts)}
-        for name, metric in (terms | dict(INFORMATIVE)).items():
-            print(f"    {name:<22}{milliseconds(lambda m=metric, f=facts: m(f)):8.2f} ms")
+        for name in score_facts(facts).metrics:
+            print(f"    {name:<22}{milliseconds(lambda m=METRICS[name], f=facts: m(f)):8.2f} ms")
 
 
 if __name__ == "__main__":

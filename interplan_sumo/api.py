@@ -26,7 +26,9 @@ from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.errors import InputError, PlannerLoadError, UnknownNameError
 from interplan_sumo.maps.store import copy_map, load_roads
-from interplan_sumo.metrics.score import DEFAULT_PROFILE, INFORMATIVE, ScoreSheet
+from interplan_sumo.metrics.metric import informative_metrics
+from interplan_sumo.metrics.profile import DEFAULT_PROFILE
+from interplan_sumo.metrics.score import ScoreSheet
 from interplan_sumo.metrics.score import score as score_trace
 from interplan_sumo.planner import PLANNERS, Planner
 from interplan_sumo.report.compare import Comparison
@@ -345,7 +347,8 @@ def _rows(run: StoredRun) -> list[Row]:
 
 def _frame(run: StoredRun) -> pd.DataFrame:
     rows, folder = _rows(run), run.path.absolute()
-    judged = dict.fromkeys(name for row in rows for name in row["metrics"] if name not in INFORMATIVE)
+    informative = informative_metrics()
+    judged = dict.fromkeys(name for row in rows for name in row["metrics"] if name not in informative)
     columns: dict[str, Iterable[Any]] = {
         "scenario_id": [row["scenario_id"] for row in rows],
         "family": [row["family"] for row in rows],

@@ -30,7 +30,8 @@ from interplan_sumo.families import FAMILIES
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.drivable_area import drivable_area
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.score import DEFAULT_PROFILE, PROFILES, score
+from interplan_sumo.metrics.profile import DEFAULT_PROFILE, Profile, find_profile
+from interplan_sumo.metrics.score import score
 from interplan_sumo.policy import (
     ACTIONS,
     OBSERVED,
@@ -92,7 +93,7 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
         observation: ObservationForm = "vector",
         action: ActionForm = "acceleration_steering",
         stop_at_failure: bool = True,
-        profile: str = DEFAULT_PROFILE,
+        profile: str | Path | Profile = DEFAULT_PROFILE,
         render_mode: str | None = None,
     ) -> None:
         """`scenarios` are ids, globs or YAML files, as `run` takes them; an episode draws one of them.
@@ -103,7 +104,6 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
         for what, given, known in (
             ("observation", observation, ("vector", "dict")),
             ("action", action, ACTIONS),
-            ("scoring profile", profile, PROFILES),
             ("render mode", render_mode or "rgb_array", self.metadata["render_modes"]),
         ):
             if given not in known:
@@ -123,7 +123,7 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
         self.scenarios = {each.id: each for each in chosen(source.scenarios, globs)}
         """What may be drawn, by id."""
         self.seeds = seeds
-        self.profile = profile
+        self.profile = find_profile(profile)
         self.stop_at_failure = stop_at_failure
         self.render_mode = render_mode
         self._observation: ObservationForm = observation

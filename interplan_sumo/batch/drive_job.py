@@ -20,7 +20,8 @@ from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.metrics.result import plain
+from interplan_sumo.metrics.metric import plain
+from interplan_sumo.metrics.profile import Profile
 from interplan_sumo.metrics.score import score
 from interplan_sumo.planner import Planner, load_planner
 from interplan_sumo.scenario.suite import expert
@@ -35,7 +36,7 @@ class DriveSettings:
 
     folder: Path
     """The run folder."""
-    profile: str
+    profile: str | Profile
     vehicle_types: Path | None = None
     plan_limit_s: float = 10.0
     own_scenarios: bool = False

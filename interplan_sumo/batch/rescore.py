@@ -9,8 +9,8 @@ from interplan_sumo.batch.jobs import JobKey
 from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrives
-from interplan_sumo.errors import InputError, UnknownNameError
-from interplan_sumo.metrics.score import PROFILES
+from interplan_sumo.errors import InputError
+from interplan_sumo.metrics.profile import find_profile
 
 
 def rescore(
@@ -20,16 +20,15 @@ def rescore(
 
     A planner's fault stays a zero. `watch` is told how many rows are done, of how many.
     """
-    if profile not in PROFILES:
-        raise UnknownNameError("scoring profile", profile, PROFILES)
+    used = find_profile(profile)
     drives = StoredDrives(run)
     rows: dict[JobKey, Row] = {}
     problems: list[str] = []
     for number, (key, row) in enumerate(run.rows.items(), start=1):
         try:
-            rows[key] = row if row["fault"] else row | drives.read(row).sheet(profile).as_json()
+            rows[key] = row if row["fault"] else row | drives.read(row).sheet(used).as_json()
         except InputError as error:
             problems.append(str(error))
         if watch is not None:
             watch(number, len(run.rows))
-    return replace(run, manifest=run.manifest | {"profile": profile}, rows=rows), problems
+    return replace(run, manifest=run.manifest | {"profile": used.name}, rows=rows), problems

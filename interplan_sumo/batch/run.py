@@ -26,7 +26,8 @@ from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import find_map, load_roads
-from interplan_sumo.metrics.score import DEFAULT_PROFILE, SCORING_VERSION
+from interplan_sumo.metrics.profile import DEFAULT_PROFILE
+from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.planner import RECOMMENDED, Planner, find_planner
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.network import read_network

@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 from interplan_sumo.batch.jobs import JobKey
 from interplan_sumo.batch.results import RESULTS, Brief, Row, rows_of, whole_lines
 from interplan_sumo.errors import RunFolderError
-from interplan_sumo.metrics.score import INFORMATIVE, PROFILES
+from interplan_sumo.metrics.profile import row_metrics
 from interplan_sumo.world.files import replacing
 
 FOLDER = "results"
@@ -30,9 +30,6 @@ FORMAT = 1
 """Of the columns; a shard of another format is made again."""
 MARK: Final = b"interplan_sumo"
 """The key of what a shard says about itself."""
-METRICS: Final = tuple(
-    dict.fromkeys((*(term.name for profile in PROFILES.values() for term in profile.terms), *INFORMATIVE))
-)
 PHASES: Final = ("setup", "simulation", "planner", "loop", "storing", "scoring", "total")
 
 
@@ -65,7 +62,7 @@ COLUMNS: Final = (
     ShardColumn("planner", TEXT, _held("planner")),
     ShardColumn("seed", pa.int64(), _held("seed")),
     ShardColumn("score", NUMBER, _held("score")),
-    *(ShardColumn(f"metric_{name}", NUMBER, _metric(name)) for name in METRICS),
+    *(ShardColumn(f"metric_{name}", NUMBER, _metric(name)) for name in row_metrics()),
     ShardColumn("reached_goal", BOOL, _held("reached_goal")),
     ShardColumn("reached_goal_lane", BOOL, lambda row: Brief.of(row).goal_lane),
     ShardColumn("fault_class", TEXT, _part("fault", "class")),

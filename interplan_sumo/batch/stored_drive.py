@@ -11,6 +11,7 @@ from interplan_sumo.batch.jobs import Overrides
 from interplan_sumo.batch.run_folder import OWN_SCENARIOS, Row, StoredRun
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import load_roads
+from interplan_sumo.metrics.profile import Profile
 from interplan_sumo.metrics.score import ScoreSheet, score
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
@@ -41,7 +42,7 @@ class StoredDrive:
         """The drive that progress is measured against; opens SUMO where it is not there yet."""
         return expert(self.scenario) if self.official else own_expert(self.scenario, self.run_folder)
 
-    def sheet(self, profile: str) -> ScoreSheet:
+    def sheet(self, profile: str | Profile) -> ScoreSheet:
         """The score with every metric's series, computed anew."""
         return score(self.trace, self.roads, self.expert, self.scenario, profile)
 

@@ -136,13 +136,15 @@ def report(
 @app.command()
 def score(
     folder: Annotated[Path, typer.Argument(help="A run folder.", metavar="DIR")],
-    profile: Annotated[str | None, typer.Option(help="interplan-paper, interplan-code or nuplan.")] = None,
+    profile: Annotated[
+        str | None, typer.Option(help="interplan-paper, interplan-code, nuplan, or a FILE.yaml.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Write the rows, as in results.jsonl.", metavar="FILE")] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Score stored traces again, under any profile, without simulating."""
     from interplan_sumo.batch.results import write_rows
-    from interplan_sumo.metrics.score import DEFAULT_PROFILE
+    from interplan_sumo.metrics.profile import DEFAULT_PROFILE
 
     scored = _rescored(folder, profile or DEFAULT_PROFILE)
     if out is not None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult, extremes
+from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.geometry import Floats
 
 BOUNDS: dict[str, tuple[float, float]] = {
@@ -19,6 +21,12 @@ BOUNDS: dict[str, tuple[float, float]] = {
 """nuPlan's limits; every frame of every signal must lie strictly inside."""
 
 
+def roughest_frame(_: Facts, result: MetricResult) -> int:
+    """Where a signal is farthest beyond its bounds, in widths of them."""
+    return int(np.argmax(np.max(list(_excess(result.series).values()), axis=0)))
+
+
+@metric(failure="uncomfortable", lost_at=roughest_frame)
 def comfort(facts: Facts) -> MetricResult:
     """1 if all six signals stay inside their bounds on every frame, else 0.
 
@@ -31,12 +39,29 @@ def comfort(facts: Facts) -> MetricResult:
     return MetricResult(score, detail, signals, None if score else _reason(facts, signals))
 
 
-def _bounded(signals: dict[str, Floats]) -> list[tuple[str, Floats, float, float]]:
+def extremes(values: Floats) -> dict[str, float | None]:
+    """Largest, smallest, mean and 90th percentile (closest observation, nuPlan's choice); None without values."""
+    if not len(values):
+        return {"max": None, "min": None, "mean": None, "p90": None}
+    return {
+        "max": float(values.max()),
+        "min": float(values.min()),
+        "mean": float(values.mean()),
+        "p90": float(np.percentile(values, 90, method="closest_observation")),
+    }
+
+
+def _excess(signals: Mapping[str, Floats]) -> dict[str, Floats]:
+    """How far beyond its bounds each signal is, in widths of them; negative inside."""
+    return {n: np.maximum(low - v, v - high) / (high - low) for n, v, low, high in _bounded(signals)}
+
+
+def _bounded(signals: Mapping[str, Floats]) -> list[tuple[str, Floats, float, float]]:
     return [(name, values, *BOUNDS[name]) for name, values in signals.items()]
 
 
 def _reason(facts: Facts, signals: dict[str, Floats]) -> str:
-    excess = {n: np.maximum(low - v, v - high) / (high - low) for n, v, low, high in _bounded(signals)}
+    excess = _excess(signals)
     worst = max(excess, key=lambda name: float(excess[name].max()))
     frame = int(np.argmax(excess[worst]))
     name, _, unit = worst.rpartition("_")

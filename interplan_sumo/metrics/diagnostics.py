@@ -8,17 +8,18 @@ import numpy as np
 import shapely
 
 from interplan_sumo.metrics.association import runs
+from interplan_sumo.metrics.braking_behind import hardest_braking
 from interplan_sumo.metrics.collisions import STOPPED_MPS
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.followers import hardest_braking
 from interplan_sumo.metrics.lane_crossings import find_crossings
 from interplan_sumo.metrics.manoeuvres import aborted_changes, accepted_gaps
+from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.metrics.red_lights import red_light_runs
-from interplan_sumo.metrics.result import MetricResult
 from interplan_sumo.metrics.time_to_collision import span_with_ego_s
 from interplan_sumo.world.geometry import Floats, box_corners
 
 
+@metric(informative=True)
 def diagnostics(facts: Facts) -> MetricResult:
     """Nearest approach, time to collision at true velocities, braking behind the ego, accepted gaps, aborted lane
     changes, red lights, waiting, jerk, planner time.

@@ -7,7 +7,7 @@ import shapely
 from numpy.typing import NDArray
 
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.geometry import Floats
 
 TOLERANCE_M = 0.3
@@ -15,6 +15,12 @@ TOLERANCE_M = 0.3
 CORNERS = ("front left", "rear left", "rear right", "front right")
 
 
+def first_frame_off(_: Facts, result: MetricResult) -> int:
+    """Where a corner is off the drivable area for the first time."""
+    return int(np.argmax(result.series["outside_m"] >= TOLERANCE_M))
+
+
+@metric(failure="drivable area left", lost_at=first_frame_off)
 def drivable_area(facts: Facts) -> MetricResult:
     """1 if no corner is ever `TOLERANCE_M` or more outside, else 0.
 

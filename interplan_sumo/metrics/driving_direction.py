@@ -9,7 +9,7 @@ import numpy as np
 from interplan_sumo.metrics.association import Place
 from interplan_sumo.metrics.expert_route import project_m
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 
@@ -21,6 +21,12 @@ FORBIDDEN_M = 6.0
 WINDOW_S = 1.0
 
 
+def farthest_back(_: Facts, result: MetricResult) -> int:
+    """The end of the window with the largest backward motion."""
+    return int(np.argmin(result.series["progress_in_window_m"]))
+
+
+@metric(failure="wrong direction", lost_at=farthest_back)
 def driving_direction(facts: Facts) -> MetricResult:
     """1, 0.5 or 0 by the largest backward motion along the lanes within a window of one second."""
     windowed = window_sums(along_lanes_m(facts.roads, facts.places, facts.centre), window_steps(facts.step_us))

@@ -6,11 +6,12 @@ import numpy as np
 import shapely
 
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.scenario.route import goal_arc_m
 from interplan_sumo.world.lane_changes import lane_changes_needed
 
 
+@metric(failure="goal lane missed")
 def lane_changes(facts: Facts) -> MetricResult:
     """1 less the share of the needed lane changes that is left at the end, at least 0.
 

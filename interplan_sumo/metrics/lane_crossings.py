@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.geometry import Ints
 from interplan_sumo.world.roads import Roads
 
@@ -27,6 +27,7 @@ class Crossing:
     """It arrived in a lane that neither is nor continues the one it came from."""
 
 
+@metric(informative=True)
 def lane_crossings(facts: Facts) -> MetricResult:
     """Count, duration and share of failures; informs only."""
     crossings = find_crossings(facts.roads, facts.body_lanes, facts.trace.ego.time_us)

@@ -6,18 +6,25 @@ from collections import Counter
 
 from interplan_sumo.metrics.collisions import Collision, Group
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult, metric
 
 ALLOWED = {Group.VRU: 0, Group.VEHICLE: 0, Group.OBJECT: 1}
 """nuPlan's budgets: each collision takes 1 / (allowed + 1) of its group's factor."""
 
 
+def first_contact_at_fault(_: Facts, result: MetricResult) -> int:
+    """The frame of the first contact that the ego caused."""
+    return next(int(contact["frame"]) for contact in result.detail["contacts"] if contact["at_fault"])
+
+
+@metric(failure="at-fault collision", lost_at=first_contact_at_fault)
 def no_collision(facts: Facts) -> MetricResult:
     """1 without any collision at fault, else 0."""
     at_fault = [c for c in facts.collisions if c.at_fault]
     return _result(facts, 0.0 if at_fault else 1.0)
 
 
+@metric(failure="at-fault collision", lost_at=first_contact_at_fault)
 def nuplan_no_collision(facts: Facts) -> MetricResult:
     """nuPlan's score: 0.5 for one static object, 0 for more, or for any road user."""
     return _result(facts, shared_budget([c.group for c in facts.collisions if c.at_fault]))

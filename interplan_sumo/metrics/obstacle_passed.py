@@ -8,12 +8,14 @@ import numpy as np
 
 from interplan_sumo.metrics.expert_route import project_m
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult, metric
+from interplan_sumo.metrics.progress import stopped_advancing
 from interplan_sumo.world.geometry import Floats, Polyline
 
 REAR_CORNERS = (1, 2)
 
 
+@metric(failure="obstacle not passed", lost_at=stopped_advancing)
 def obstacle_passed(facts: Facts) -> MetricResult:
     """1 if in some frame the whole rear bumper lies beyond every obstacle along the route, else 0."""
     margin = clear_by_m(facts.route_line, facts.corners, facts.obstacle_corners)

@@ -4,16 +4,34 @@ from __future__ import annotations
 
 import numpy as np
 
+from interplan_sumo.metrics.association import runs
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.geometry import Floats
 
 FLOOR_M = 2.0
 """nuPlan's: both distances count at least this much; further back than this scores 0."""
 LEAST_RATIO = 0.2
 """nuPlan's bound of making progress."""
+CREEPING_MPS = 0.5
+"""Below this an ego that should advance waits."""
+SHORTEST_WAIT_S = 1.0
+NO_NEARER_M = 0.1
+"""Who gains no more than this gains nothing."""
 
 
+def stopped_advancing(facts: Facts, _: MetricResult) -> int:
+    """The beginning of the longest wait; of who never waited, the first frame as far on the route as it ever came."""
+    waiting = facts.speed_mps < CREEPING_MPS
+    waits = [(end - first, first) for first, end in runs(waiting.tolist()) if waiting[first]]
+    frames, first = max(waits, key=lambda wait: wait[0], default=(0, 0))
+    if frames * facts.step_us * 1e-6 >= SHORTEST_WAIT_S:
+        return first
+    arc_m = facts.route_arc_m
+    return int(np.argmax(arc_m >= arc_m.max() - NO_NEARER_M))
+
+
+@metric(failure="little progress", lost_at=stopped_advancing)
 def progress(facts: Facts) -> MetricResult:
     """Ratio of the ego's and the expert's forward motion along the route centre line, up to the goal.
 
@@ -28,6 +46,7 @@ def progress(facts: Facts) -> MetricResult:
     return _result(ego_m, expert_m, gained)
 
 
+@metric(failure="little progress", lost_at=stopped_advancing)
 def nuplan_progress(facts: Facts) -> MetricResult:
     """nuPlan's ratio, counted roadblock by roadblock along the expert's way; 1 where the expert was in no lane."""
     if not facts.expert_blocks:
@@ -36,11 +55,13 @@ def nuplan_progress(facts: Facts) -> MetricResult:
     return _result(float(ego.sum()), float(expert.sum()), ego)
 
 
+@metric(failure="no progress", lost_at=stopped_advancing)
 def making_progress(facts: Facts) -> MetricResult:
     """1 if the progress ratio is at least `LEAST_RATIO`, else 0."""
     return _making(progress(facts))
 
 
+@metric(failure="no progress", lost_at=stopped_advancing)
 def nuplan_making_progress(facts: Facts) -> MetricResult:
     """`making_progress` on nuPlan's ratio."""
     return _making(nuplan_progress(facts))

@@ -9,7 +9,7 @@ import numpy as np
 
 from interplan_sumo.metrics.association import Place
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 
@@ -17,6 +17,12 @@ OVERSPEED_SCALE_MPS = 2.23
 """nuPlan's: driving this much too fast all the time scores 0."""
 
 
+def fastest_frame(_: Facts, result: MetricResult) -> int:
+    """Where the overspeed is largest."""
+    return int(np.argmax(result.series["overspeed_mps"]))
+
+
+@metric(failure="too fast", lost_at=fastest_frame)
 def speed_limit(facts: Facts) -> MetricResult:
     """1 less the mean overspeed divided by `OVERSPEED_SCALE_MPS`, at least 0."""
     over = np.maximum(0.0, facts.speed_mps - limits_mps(facts))

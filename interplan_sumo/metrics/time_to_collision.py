@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from interplan_sumo.metrics.collisions import AHEAD_RAD, BEHIND_RAD, bearing_rad
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, Ints
 
@@ -23,6 +23,12 @@ TOUCH_M = 1e-9
 """Boxes this close touch: the resolution of coordinates in the millions of metres."""
 
 
+def nearest_contact(_: Facts, result: MetricResult) -> int:
+    """Where the time is least."""
+    return int(np.argmin(result.series["time_to_collision_s"]))
+
+
+@metric(failure="close call", lost_at=nearest_contact)
 def time_to_collision(facts: Facts) -> MetricResult:
     """1 if every frame has more than `LEAST_S`, else 0.
 

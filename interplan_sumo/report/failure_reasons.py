@@ -3,19 +3,7 @@
 from __future__ import annotations
 
 from interplan_sumo.batch.run_folder import Row
-
-TITLES = {
-    "no_collision": "at-fault collision",
-    "drivable_area": "drivable area left",
-    "making_progress": "no progress",
-    "driving_direction": "wrong direction",
-    "obstacle_passed": "obstacle not passed",
-    "progress": "little progress",
-    "time_to_collision": "close call",
-    "lane_changes": "goal lane missed",
-    "speed_limit": "too fast",
-    "comfort": "uncomfortable",
-}
+from interplan_sumo.metrics.metric import failure_words
 
 LEAST_LOSS = 0.0005
 """A metric that loses less, of 1, lost nothing that a table shows."""
@@ -44,6 +32,6 @@ def fault_sentence(row: Row) -> str:
 
 def metric_sentence(row: Row, name: str) -> str:
     """What a metric of the row says about the points it lost."""
-    title = TITLES.get(name, name.replace("_", " "))
+    title = failure_words(name)
     reason = row["metrics"][name].get("reason")
     return f"{title}: {reason}" if reason else title

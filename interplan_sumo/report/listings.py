@@ -8,7 +8,7 @@ from typing import Any
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.maps.store import find_map, load_roads, maps
-from interplan_sumo.metrics.result import plain
+from interplan_sumo.metrics.metric import plain
 from interplan_sumo.planner import planners
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import certificate_of, suites

@@ -9,7 +9,7 @@ import pytest
 from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.remote_jobs import Files, RemoteJobs, write_files
 from interplan_sumo.errors import RunFolderError
-from interplan_sumo.metrics.score import DEFAULT_PROFILE
+from interplan_sumo.metrics.profile import DEFAULT_PROFILE
 
 PLACE = "traces/nudge_0-12345678/idm-12345678/seed0"
 

@@ -14,7 +14,7 @@ import pandas as pd
 
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult
 from interplan_sumo.metrics.score import ScoreSheet, score_facts
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from interplan_sumo.metrics.facts import Facts
+from interplan_sumo.metrics.metric import MetricResult
 from interplan_sumo.metrics.obstacle_passed import clear_by_m, obstacle_passed
-from interplan_sumo.metrics.result import MetricResult
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle
 from interplan_sumo.world.geometry import Polyline, box_corners
 from tests.metrics.staging import NOBODY, drive_at, facts_of, scenario_on

@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 
 from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.metrics.braking_behind import LONGEST_GAP_M
 from interplan_sumo.metrics.collisions import STOPPED_MPS
 from interplan_sumo.metrics.comfort import BOUNDS
 from interplan_sumo.metrics.drivable_area import TOLERANCE_M
 from interplan_sumo.metrics.driving_direction import FORBIDDEN_M, TOLERATED_M
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.followers import LONGEST_GAP_M
+from interplan_sumo.metrics.interplan_code import UNKNOWN_START_SCORE
 from interplan_sumo.metrics.manoeuvres import REACH_M
+from interplan_sumo.metrics.metric import plain
+from interplan_sumo.metrics.profile import Profile, Term, find_profile
 from interplan_sumo.metrics.progress import FLOOR_M, LEAST_RATIO
-from interplan_sumo.metrics.published import UNKNOWN_START_SCORE
-from interplan_sumo.metrics.result import MetricResult, plain
-from interplan_sumo.metrics.score import PROFILES, SCORING_VERSION, Gate, score, score_facts, weighted_score
+from interplan_sumo.metrics.score import SCORING_VERSION, score, score_facts, weighted_score
 from interplan_sumo.metrics.speed_limit import OVERSPEED_SCALE_MPS
 from interplan_sumo.metrics.time_to_collision import LEAST_S
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
@@ -31,6 +32,7 @@ from tests.metrics.staging import NOBODY, drive_at, lane_y_m, scenario_on
 from tests.worlds import cars, drive, straight_road
 
 ROAD = straight_road(lanes=2, length_m=600.0)
+PROFILES = ("interplan-paper", "interplan-code", "nuplan")
 SCENARIO = scenario_on(ROAD, ("11", 20.0), ("11", 550.0))
 CRUISE = drive(*[10.0] * 301, start=Pose(20.0, 0.0, 0.0))
 EXPERT = CRUISE.ego
@@ -126,7 +128,7 @@ def test_an_obstacle_gate_exists_only_where_there_is_an_obstacle():
     assert score_facts(facts_of(scenario=beyond_the_end)).score == 0.0
 
 
-@pytest.mark.parametrize("profile", list(PROFILES))
+@pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("frames", [0, 1, 2, 3, 4, 7])
 def test_a_trace_of_any_length_can_be_scored(frames: int, profile: str):
     around = cars((40.0, 0.0, 3.0), (20.0, lane_y_m(1), 5.0))
@@ -164,35 +166,32 @@ def test_plain_data_have_no_numpy_and_no_infinity():
     assert type(plain(mixed)["b"][1]) is bool
 
 
-def test_a_term_that_cannot_be_judged_leaves_the_mean(monkeypatch: pytest.MonkeyPatch):
-    table = PROFILES["nuplan"]
-    silent = Gate("driving_direction", lambda facts: MetricResult(None))  # noqa: ARG005
-    terms = tuple(silent if term.name == "driving_direction" else term for term in table.terms)
-    monkeypatch.setitem(PROFILES, "nuplan", replace(table, terms=terms))  # pyright: ignore[reportArgumentType]
-    sheet = score_facts(facts_of(), "nuplan")
-    assert "driving_direction" not in sheet.gates
-    assert sheet.score == 1.0
+def test_a_term_that_cannot_be_judged_leaves_the_mean():
+    silent = (Term("comfort", "comfort", 2.0), Term("silent", "lane_crossings"), Term("quiet", "lane_crossings", 5.0))
+    sheet = score_facts(facts_of(), Profile("mine", silent, needs_scenario=False, honours_exemptions=False))
+    assert (sheet.gates, sheet.weights, sheet.score) == ((), {"comfort": 2.0}, 1.0)
 
 
 CONDITIONS = {
     "always": "",
     "with_obstacles": " (with obstacles)",
-    "free_lane": " (lane free)",
-    "blocked_lane": " (lane blocked)",
+    "lane_free": " (lane free)",
+    "lane_blocked": " (lane blocked)",
 }
 DOCS = Path(__file__).parents[2] / "docs" / "metrics.md"
 
 
 def documented_table() -> list[str]:
-    """The table of gates and weights in Markdown, as PROFILES has it."""
-    names = dict.fromkeys(term.name for profile in PROFILES.values() for term in profile.terms)
+    """The table of gates and weights in Markdown, as the profiles have it."""
+    profiles = [find_profile(name) for name in PROFILES]
+    names = dict.fromkeys(term.name for profile in profiles for term in profile.terms)
     lines = [f"| metric | {' | '.join(f'`{name}`' for name in PROFILES)} |", "|---" * (len(PROFILES) + 1) + "|"]
     for name in names:
         cells: list[str] = []
-        for profile in PROFILES.values():
+        for profile in profiles:
             terms = [term for term in profile.terms if term.name == name]
-            kinds = ["gate" if isinstance(term, Gate) else f"weight {term.weight:g}" for term in terms]
-            said = [kind + CONDITIONS[term.judged.__name__] for kind, term in zip(kinds, terms, strict=True)]
+            kinds = ["gate" if term.weight is None else f"weight {term.weight:g}" for term in terms]
+            said = [kind + CONDITIONS[term.when] for kind, term in zip(kinds, terms, strict=True)]
             cells.append(", ".join(said) or "-")
         lines.append(f"| {name} | {' | '.join(cells)} |")
     return lines

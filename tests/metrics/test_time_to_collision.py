@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult
 from interplan_sumo.metrics.time_to_collision import first_step_s, overlap_span_s, time_to_collision
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import box_corners, penetration_m

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult
 from interplan_sumo.metrics.score import ScoreSheet
 from interplan_sumo.scenario.certificates import Certificate, Summary
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario

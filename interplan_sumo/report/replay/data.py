@@ -31,7 +31,8 @@ import shapely
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.errors import InputError
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.score import DEFAULT_PROFILE, ScoreSheet, score_facts
+from interplan_sumo.metrics.profile import DEFAULT_PROFILE
+from interplan_sumo.metrics.score import ScoreSheet, score_facts
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.failure_reasons import fault_sentence
 from interplan_sumo.report.key_events import FAULT, KeyEvent, deciding, lost_moments

@@ -7,8 +7,8 @@ from typing import Any
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.lane_crossings import find_crossings
+from interplan_sumo.metrics.metric import failure_words
 from interplan_sumo.metrics.score import ScoreSheet
-from interplan_sumo.report.failure_reasons import TITLES
 from interplan_sumo.report.key_events import FAULT, NOTHING, KeyEvent
 
 Event = dict[str, Any]
@@ -41,7 +41,7 @@ def events(
 
 def _lost(moment: KeyEvent, sheet: ScoreSheet) -> Event:
     kind = "fault" if moment.metric == FAULT else "gate" if moment.metric in sheet.gates else "weight"
-    title = TITLES.get(moment.metric, moment.metric.replace("_", " "))
+    title = failure_words(moment.metric)
     text = moment.reason if moment.metric == FAULT else f"{title}: {moment.reason}"
     return {**_event(moment.frame, kind, text), "moment": moment}
 

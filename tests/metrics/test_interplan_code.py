@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from interplan_sumo.metrics.published import published_lane_changes, published_obstacle_passed
+from interplan_sumo.metrics.interplan_code import published_lane_changes, published_obstacle_passed
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle
 from tests.metrics.staging import NOBODY, drive_at, facts_of, lane_y_m, scenario_on
 from tests.worlds import straight_road

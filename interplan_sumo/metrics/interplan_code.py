@@ -11,8 +11,8 @@ import numpy as np
 
 from interplan_sumo.metrics.expert_route import project_m
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.progress import nuplan_progress
-from interplan_sumo.metrics.result import MetricResult
+from interplan_sumo.metrics.metric import MetricResult, metric
+from interplan_sumo.metrics.progress import nuplan_progress, stopped_advancing
 from interplan_sumo.scenario.route import route_lanes
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Roads
@@ -23,6 +23,7 @@ NOTHING_NEEDED_SCORE = 0.5
 """What it gives for ending elsewhere when no lane change was needed."""
 
 
+@metric(failure="goal lane missed")
 def published_lane_changes(facts: Facts) -> MetricResult:
     """1 less the share of lane changes left, both counted as differences of lane index inside one roadblock.
 
@@ -57,6 +58,7 @@ def index_distance(roads: Roads, lane: str, other: str) -> int:
     return abs(siblings.index(lane) - siblings.index(other))
 
 
+@metric(failure="obstacle not passed", lost_at=stopped_advancing)
 def published_obstacle_passed(facts: Facts) -> MetricResult:
     """1 if the progress ratio reaches the share of the expert's way at which the last obstacle centre lies."""
     ratio = nuplan_progress(facts).score or 0.0

@@ -1,0 +1,1 @@
+"""Scoring profiles as data: each YAML file here is one, read by `interplan_sumo.metrics.profile`."""
