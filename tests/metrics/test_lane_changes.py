@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
+import shapely
 
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.lane_changes import lane_changes
@@ -53,6 +56,15 @@ def test_between_lanes_the_last_lane_counts():
     result = lane_changes(facts_of(trace, ROAD, NOBODY, scenario))
     assert result.detail["last_lane"] == "33"
     assert result.score == pytest.approx(2 / 3)
+
+
+def test_where_lanes_overlap_the_one_nearer_to_the_goal_counts():
+    wide = replace(ROAD.lanes["33"], polygon=shapely.union(ROAD.lanes["33"].polygon, ROAD.lanes["34"].polygon))
+    overlapping = replace(ROAD, lanes={**ROAD.lanes, "33": wide})
+    scenario = scenario_on(ROAD, ("11", 20.0), ("34", 150.0))
+    trace = drive_at([20.0, 250.0], [0.0, lane_y_m(3)])
+    result = lane_changes(facts_of(trace, overlapping, NOBODY, scenario))
+    assert (result.detail["last_lane"], result.score) == ("34", 1.0)
 
 
 def test_the_frame_that_passes_the_goal_may_lie_beyond_the_last_roadblock():

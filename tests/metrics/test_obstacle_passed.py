@@ -73,11 +73,12 @@ def test_the_reason_says_how_much_was_missing():
     assert passing([50.0, 100.0], CAR).reason == f"stayed {2.4 + REAR_M:.1f} m short of clearing the last obstacle"
 
 
-def test_an_ego_at_an_angle_must_bring_its_whole_rear_past():
+@pytest.mark.parametrize("turned_rad", [0.5, -0.5])
+def test_an_ego_at_an_angle_must_bring_both_rear_corners_past(turned_rad: float):
     line = Polyline(np.array(((0.0, 0.0), (300.0, 0.0))))
     car = list(box_corners(100.0, 0.5, 0.0, 4.8, 2.0))
     straight = clear_by_m(line, box_corners(110.0, 0.0, 0.0, 5.0, 2.0), car)
-    turned = clear_by_m(line, box_corners(110.0, 0.0, 0.5, 5.0, 2.0), car)
+    turned = clear_by_m(line, box_corners(110.0, 0.0, turned_rad, 5.0, 2.0), car)
     assert straight[0] == pytest.approx(110.0 - 2.5 - 102.4)
     assert turned[0] == pytest.approx(110.0 - 2.5 * np.cos(0.5) - 1.0 * np.sin(0.5) - 102.4)
 

@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from interplan_learned.gameformer.candidates import REACH_M, Candidate, CandidatePaths
 from interplan_planners.common.paths import DrivingPath
@@ -145,6 +144,8 @@ def largest_curvature(line: Polyline) -> float:
 
 def reference_path(points: Floats, frame: EgoFrame, limit_mps: float) -> ReferencePath:
     """A path (N, 2), map frame, as a cubic spline in the ego frame with its speed."""
+    from scipy.interpolate import CubicSpline  # a third of a second that only those who drive should wait
+
     line = Polyline(frame.points(points))
     length_m = min(line.length_m, REACH_M)
     knots_m = np.linspace(0.0, length_m, max(round(length_m / _KNOT_M), 2) + 1)

@@ -6,7 +6,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from interplan_sumo.world.geometry import Floats
 
@@ -25,6 +24,8 @@ def with_headings(points: NDArray[Any]) -> Floats:
             knots.append(row)
     if path[-1, 0] < LEAST_END_M or len(knots) < 2:
         return np.zeros((len(points), 3))
+    from scipy.interpolate import CubicSpline  # a third of a second that only those who drive should wait
+
     held = path[knots]
     arc_m = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(held, axis=0).T))))
     ends: Any = ((1, (1.0, 0.0)), "not-a-knot")  # it begins straight ahead
