@@ -17,7 +17,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from interplan_sumo.maps.crop import crop
-from interplan_sumo.maps.geopackage import read_map, write_map
+from interplan_sumo.maps.geopackage import read_map
+from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.rules import schema_problems
 from tests.maps.road_worlds import GridPlan, grid_city
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from interplan_sumo.batch.processes import available_cores
 from interplan_sumo.batch.versions import versions
 
-NATIVE = ("numpy", "scipy.signal", "shapely", "pyarrow.parquet", "pyogrio", "pyproj", "interplan_sumo.simulation.sumo")
-EXTRAS = {"maps": ("geopandas", "sumolib", "sumo"), "plots": ("matplotlib",)}
+NATIVE = ("numpy", "scipy.signal", "shapely", "pyarrow.parquet", "pyproj", "interplan_sumo.simulation.sumo")
+EXTRAS = {"maps": ("sumolib", "sumo"), "plots": ("matplotlib",)}
 """Extra -> what it brings; missing ones are told, not counted."""
 SELF_TEST_S = 2.0
 

@@ -1,4 +1,4 @@
-"""nuPlan's GeoPackage maps in and out: `read_map` and `write_map`."""
+"""nuPlan's GeoPackage maps as `Roads`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import shapely
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps import schema
-from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.tables import GeoPackage, LayerTable, Objects
 from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import (
@@ -28,8 +27,6 @@ from interplan_sumo.world.roads import (
     StopLineKind,
     Turn,
 )
-
-__all__ = ["read_map", "write_map"]
 
 _Code = TypeVar("_Code", Turn, StopLineKind, IntersectionKind)
 _WIDE_MEDIAN_M = 12.0
@@ -50,9 +47,12 @@ def read_map(path: Path, name: str | None = None) -> Roads:
     roadblocks beside one another show, else right.
     """
     path = Path(path)
-    file = GeoPackage(path)
     location = path.resolve().parent.parent.name if path.stem == "map" else ""
-    name = name or location or path.stem
+    with GeoPackage(path) as file:
+        return _roads(file, name or location or path.stem)
+
+
+def _roads(file: GeoPackage, name: str) -> Roads:
     lane_rows = file.read(schema.LANES)
     connector_rows = file.read(schema.CONNECTORS, geometry=False)
     shape_rows = file.read(schema.CONNECTOR_POLYGONS)
@@ -79,7 +79,9 @@ def read_map(path: Path, name: str | None = None) -> Roads:
     roadblocks = _roadblocks(block_rows, block_connector_rows, frozenset(intersection_rows.ids), lanes, connectors)
     side = file.meta.get(schema.DRIVING_SIDE_KEY, "").strip().lower()
     if side not in ("", "left", "right"):
-        raise MapError(f"{path}: {schema.META}: {schema.DRIVING_SIDE_KEY} is {side[:20]!r}, expected left or right")
+        raise MapError(
+            f"{file.path}: {schema.META}: {schema.DRIVING_SIDE_KEY} is {side[:20]!r}, expected left or right"
+        )
     return Roads(
         name=name,
         crs=file.crs,

@@ -3,37 +3,35 @@
 from __future__ import annotations
 
 import os
+import sqlite3
 from collections import defaultdict
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, fields, replace
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import pyogrio
 import shapely
 from numpy.typing import NDArray
-from pyogrio.raw import write
 from pyproj.exceptions import ProjError
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps import schema
+from interplan_sumo.maps.geometry_blobs import SRS_ID, blobs_of
 from interplan_sumo.maps.rules import areas_by_layer, schema_problems
 from interplan_sumo.maps.schema import Value
-from interplan_sumo.maps.tables import snapped, transformer_to_stored
+from interplan_sumo.maps.tables import snapped, transformer
 from interplan_sumo.world.geometry import Floats, Polyline
-from interplan_sumo.world.roads import Area, LaneLike, Roadblock, Roads
+from interplan_sumo.world.roads import Connector, Lane, LaneLike, Roadblock, Roads
 
 GRID_M = 1e-6
 """Coordinates are written as multiples of this, so that reading them back undoes the rounding of longitudes."""
 
 # Codes of boundary lines in nuPlan's files: dashed between lanes, solid at the edge, none painted on connectors.
 _DASHED, _SOLID, _VIRTUAL = 0, 2, 3
-
-# The bytes of a file must not depend on the day; any fixed date will do.
-_GDAL_OPTIONS = {"OGR_CURRENT_DATE": "2024-01-01T00:00:00.000Z", "OGR_SQLITE_SYNCHRONOUS": "OFF"}
 
 
 def write_map(roads: Roads, path: Path) -> None:
@@ -53,13 +51,12 @@ def write_map(roads: Roads, path: Path) -> None:
     layers = _layers(roads)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder, _gdal_options(_GDAL_OPTIONS):
+        with TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
             file = Path(folder) / "map.gpkg"
-            for name, rows in layers.items():
-                _write_layer(file, name, rows, roads.crs)
+            _write_file(file, layers, roads.crs)
             os.replace(file, path)
-    except OSError as error:
-        raise MapError(f"cannot write {path}: {error.strerror or error}") from error
+    except (OSError, sqlite3.Error) as error:
+        raise MapError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}") from error
 
 
 # --- what is written ---------------------------------------------------------------------------
@@ -71,9 +68,9 @@ class _Rows:
 
     ids: list[int] = field(default_factory=list)
     shapes: list[shapely.Geometry] = field(default_factory=list)
-    columns: dict[str, list[Value]] = field(default_factory=lambda: defaultdict(list))
+    columns: dict[str, list[Value | None]] = field(default_factory=lambda: defaultdict(list))
 
-    def add(self, id_: int, shape: shapely.Geometry | None, **columns: Value) -> int:
+    def add(self, id_: int, shape: shapely.Geometry | None, **columns: Value | None) -> int:
         self.ids.append(id_)
         if shape is not None:
             self.shapes.append(shape)
@@ -84,27 +81,14 @@ class _Rows:
 
 def _prepared(roads: Roads) -> Roads:
     """The same roads on the grid of the file, everything in the order of its id."""
-
-    def areas(found: Sequence[Area]) -> tuple[Area, ...]:
-        return tuple(replace(area, polygon=_on_grid(area.polygon)) for area in sorted(found, key=lambda a: _rank(a.id)))
-
-    def keyed(found: Mapping[str, Any]) -> dict[str, Any]:
-        return {key: replace(found[key], polygon=_on_grid(found[key].polygon)) for key in sorted(found, key=_rank)}
-
-    intersections = sorted(roads.intersections, key=lambda area: _rank(area.id))
-    return replace(
-        roads,
-        lanes={key: replace(lane, **_lines(lane)) for key, lane in keyed(roads.lanes).items()},
-        connectors={key: replace(lane, **_lines(lane)) for key, lane in keyed(roads.connectors).items()},
-        roadblocks=keyed(roads.roadblocks),
-        stop_lines=keyed(roads.stop_lines),
-        intersections=tuple(replace(area, polygon=_on_grid(area.polygon)) for area in intersections),
-        crosswalks=areas(roads.crosswalks),
-        walkways=areas(roads.walkways),
-        carparks=areas(roads.carparks),
-        road_segments=areas(roads.road_segments),
-        generic_drivable_areas=areas(roads.generic_drivable_areas),
-    )
+    found: dict[str, Any] = {}
+    for name in (part.name for part in fields(roads)):
+        things: Any = getattr(roads, name)
+        if isinstance(things, Mapping):
+            found[name] = {key: _on_grid(things[key]) for key in sorted(things, key=_rank)}
+        elif isinstance(things, tuple):
+            found[name] = tuple(_on_grid(thing) for thing in sorted(things, key=lambda thing: _rank(thing.id)))
+    return replace(roads, **found)
 
 
 def _rank(id_: str) -> tuple[int, str]:
@@ -123,14 +107,15 @@ def _lines(lane: LaneLike) -> dict[str, Polyline]:
         raise MapError(f"lane or connector {lane.id} cannot be written: {error}") from error
 
 
-def _on_grid(polygon: shapely.Polygon) -> shapely.Polygon:
-    return shapely.transform(polygon, lambda xy: snapped(xy, GRID_M))
+def _on_grid(thing: Any) -> Any:
+    lines = _lines(thing) if isinstance(thing, Lane | Connector) else {}
+    return replace(thing, polygon=shapely.transform(thing.polygon, lambda xy: snapped(xy, GRID_M)), **lines)
 
 
 def _layers(roads: Roads) -> dict[str, _Rows]:
     """The rows of all layers, in the order of the file."""
     layers = {name: _Rows() for name in schema.LAYERS}
-    free = _FreeIds(roads)
+    free = _free_ids(roads)
     boundaries = _Boundaries(layers[schema.BOUNDARIES], free)
     for block in roads.roadblocks.values():
         if block.is_connector:
@@ -155,23 +140,17 @@ def _layers(roads: Roads) -> dict[str, _Rows]:
     return layers
 
 
-class _FreeIds:
-    """Hands out ids above all that the map uses, so that no two things in the file share one."""
-
-    def __init__(self, roads: Roads) -> None:
-        areas = (area.id for areas in areas_by_layer(roads).values() for area in areas)
-        used = (*roads.lanes, *roads.connectors, *roads.roadblocks, *roads.stop_lines, *areas)
-        self._last = max(map(int, (*used, *(area.id for area in roads.intersections))), default=0)
-
-    def __call__(self) -> int:
-        self._last += 1
-        return self._last
+def _free_ids(roads: Roads) -> Iterator[int]:
+    """Ids above all that the map uses, so that no two things in the file share one."""
+    areas = (area.id for areas in (roads.intersections, *areas_by_layer(roads).values()) for area in areas)
+    used = (*roads.lanes, *roads.connectors, *roads.roadblocks, *roads.stop_lines, *areas)
+    return count(1 + max(map(int, used), default=0))
 
 
 class _Boundaries:
     """The layer of boundary lines: lanes side by side share the row of the line between them."""
 
-    def __init__(self, rows: _Rows, free: _FreeIds) -> None:
+    def __init__(self, rows: _Rows, free: Iterator[int]) -> None:
         self._rows = rows
         self._free = free
         self._known: dict[tuple[int, bytes], int] = {}
@@ -179,12 +158,12 @@ class _Boundaries:
     def id_of(self, line: Polyline, kind: int) -> int:
         key = (kind, line.points.tobytes())
         if key not in self._known:
-            self._known[key] = self._rows.add(self._free(), line.linestring, boundary_type_fid=kind)
+            self._known[key] = self._rows.add(next(self._free), line.linestring, boundary_type_fid=kind)
         return self._known[key]
 
 
 def _add_lanes(
-    layers: Mapping[str, _Rows], roads: Roads, block: Roadblock, free: _FreeIds, boundaries: _Boundaries
+    layers: Mapping[str, _Rows], roads: Roads, block: Roadblock, free: Iterator[int], boundaries: _Boundaries
 ) -> None:
     """A roadblock and its lanes."""
     lanes = [roads.lanes[id_] for id_ in block.lane_ids]
@@ -202,9 +181,11 @@ def _add_lanes(
             lane_index=lane.index,
             left_boundary_fid=left,
             right_boundary_fid=right,
-            speed_limit_mps=_or_null(lane.speed_limit_mps),
+            speed_limit_mps=lane.speed_limit_mps,
         )
-        layers[schema.BASELINES].add(free(), lane.centerline.linestring, lane_fid=float(id_), lane_connector_fid=_NULL)
+        layers[schema.BASELINES].add(
+            next(free), lane.centerline.linestring, lane_fid=float(id_), lane_connector_fid=None
+        )
     outer = {"left_boundary_fid": sides[0], "right_boundary_fid": sides[-1]} if sides else {}
     layers[schema.ROADBLOCKS].add(
         int(block.id), block.polygon, **({"left_boundary_fid": 0, "right_boundary_fid": 0} | outer)
@@ -212,7 +193,7 @@ def _add_lanes(
 
 
 def _add_connectors(
-    layers: Mapping[str, _Rows], roads: Roads, block: Roadblock, free: _FreeIds, boundaries: _Boundaries
+    layers: Mapping[str, _Rows], roads: Roads, block: Roadblock, free: Iterator[int], boundaries: _Boundaries
 ) -> None:
     """A roadblock connector and its connectors."""
     inside = int(block.intersection_id or 0)
@@ -231,13 +212,13 @@ def _add_connectors(
             intersection_fid=inside,
             turn_type_fid=int(connector.turn),
             traffic_light_stop_line_fids=",".join(connector.stop_line_ids),
-            speed_limit_mps=_or_null(connector.speed_limit_mps),
+            speed_limit_mps=connector.speed_limit_mps,
         )
         baseline = layers[schema.BASELINES].add(
-            free(), connector.centerline.linestring, lane_fid=_NULL, lane_connector_fid=float(id_)
+            next(free), connector.centerline.linestring, lane_fid=None, lane_connector_fid=float(id_)
         )
         layers[schema.CONNECTOR_POLYGONS].add(
-            free(),
+            next(free),
             connector.polygon,
             baseline_path_fid=baseline,
             lane_connector_fid=id_,
@@ -278,54 +259,72 @@ def _blocks_inside(roads: Roads) -> Iterator[str]:
         yield ",".join(blocks[row].id for row in np.sort(middles.query(area.polygon, predicate="contains")))
 
 
-_NULL = float("nan")
-
-
-def _or_null(limit_mps: float | None) -> float:
-    """NULL for an unknown limit: nuPlan skips the check there."""
-    return _NULL if limit_mps is None else limit_mps
-
-
 # --- how it is written -------------------------------------------------------------------------
 
+_COLUMN_TYPES: dict[type, str] = {int: "INTEGER", float: "REAL", bool: "BOOLEAN", str: "TEXT"}
+_APPLICATION_ID, _VERSION = int.from_bytes(b"GPKG", "big"), 10300
+_DAY = "2024-01-01T00:00:00.000Z"
+"""The bytes of a file must not depend on the day; any fixed date will do."""
+_REGISTERS = f"""
+PRAGMA application_id = {_APPLICATION_ID};
+PRAGMA user_version = {_VERSION};
+CREATE TABLE gpkg_spatial_ref_sys (
+    srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY, organization TEXT NOT NULL,
+    organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT);
+CREATE TABLE gpkg_contents (
+    table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE, description TEXT DEFAULT '',
+    last_change DATETIME NOT NULL, min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE,
+    srs_id INTEGER REFERENCES gpkg_spatial_ref_sys(srs_id));
+CREATE TABLE gpkg_geometry_columns (
+    table_name TEXT NOT NULL UNIQUE REFERENCES gpkg_contents(table_name), column_name TEXT NOT NULL,
+    geometry_type_name TEXT NOT NULL, srs_id INTEGER NOT NULL REFERENCES gpkg_spatial_ref_sys(srs_id),
+    z TINYINT NOT NULL, m TINYINT NOT NULL, PRIMARY KEY (table_name, column_name));
+INSERT INTO gpkg_spatial_ref_sys VALUES
+    ('Undefined Cartesian SRS', -1, 'NONE', -1, 'undefined', NULL),
+    ('Undefined geographic SRS', 0, 'NONE', 0, 'undefined', NULL),
+    ('WGS 84 geodetic', 4326, 'EPSG', 4326, 'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,'
+        || 'AUTHORITY["EPSG","7030"]],AUTHORITY["EPSG","6326"]],PRIMEM["Greenwich",0,AUTHORITY["EPSG","8901"]],'
+        || 'UNIT["degree",0.0174532925199433,AUTHORITY["EPSG","9122"]],AXIS["Latitude",NORTH],AXIS["Longitude",EAST],'
+        || 'AUTHORITY["EPSG","4326"]]', 'longitude/latitude in degrees');
+"""
 
-@contextmanager
-def _gdal_options(options: Mapping[str, str]) -> Generator[None]:
-    """GDAL's options set for a while."""
-    before = {name: pyogrio.get_gdal_config_option(name) for name in options}
-    pyogrio.set_gdal_config_options(dict(options))
-    try:
-        yield
-    finally:
-        pyogrio.set_gdal_config_options(before)
+
+def _write_file(file: Path, layers: Mapping[str, _Rows], crs: str) -> None:
+    with closing(sqlite3.connect(file, isolation_level=None)) as tables:
+        tables.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; BEGIN;" + _REGISTERS)
+        for name, rows in layers.items():
+            _write_layer(tables, name, rows, crs)
+        tables.execute("COMMIT")
 
 
-def _write_layer(file: Path, name: str, rows: _Rows, crs: str) -> None:
+def _write_layer(tables: sqlite3.Connection, name: str, rows: _Rows, crs: str) -> None:
     layer = schema.LAYERS[name]
-    order = np.argsort(np.array(rows.ids, dtype=np.int64), kind="stable")
-    columns: dict[str, NDArray[Any]] = {"fid": np.array(rows.ids, dtype=np.int64)[order]}
-    for column, filler in layer.columns.items():
-        values = rows.columns.get(column) or [filler] * len(order)
-        columns[column] = np.array(values, dtype=object if isinstance(filler, str) else type(filler))[order]
-    geometry: NDArray[Any] | None = None
+    columns: dict[str, Sequence[Value | bytes | None]] = {"fid": rows.ids}
+    types = ["fid INTEGER PRIMARY KEY NOT NULL"]
+    extent: Sequence[float | None] = [None] * 4
     if layer.geometry is not None:
-        shapes = np.array(rows.shapes, dtype=object)[order] if rows.shapes else np.zeros(0, dtype=object)
-        geometry = np.asarray(shapely.to_wkb(_stored(shapes, crs), byte_order=1), dtype=object)
-    write(
-        file,
-        geometry,
-        list(columns.values()),
-        list(columns),
-        layer=name,
-        driver="GPKG",
-        geometry_type=layer.geometry,
-        crs=schema.STORED_CRS if layer.geometry else None,
-        promote_to_multi=False,
-        append=file.exists(),
-        layer_options={"FID": "fid", "GEOMETRY_NAME": "geom", "SPATIAL_INDEX": "NO"}
-        if layer.geometry
-        else {"FID": "fid"},
+        shapes = _stored(np.array(rows.shapes, dtype=object), crs)
+        columns["geom"] = blobs_of(shapes)
+        types.append(f"geom {layer.geometry.upper()}")
+        extent = shapely.total_bounds(shapes).tolist() if len(shapes) else extent
+    for column, filler in layer.columns.items():
+        columns[column] = rows.columns.get(column) or [filler] * len(rows.ids)
+        types.append(f"{column} {_COLUMN_TYPES[type(filler)]}")
+    tables.execute(f"CREATE TABLE {name} ({', '.join(types)})")
+    places = ", ".join("?" * len(columns))
+    tables.executemany(f"INSERT INTO {name} VALUES ({places})", sorted(zip(*columns.values(), strict=True), key=_fid))
+    kind, system = ("features", SRS_ID) if layer.geometry else ("attributes", None)
+    tables.execute(
+        "INSERT INTO gpkg_contents VALUES (?, ?, ?, '', ?, ?, ?, ?, ?, ?)", (name, kind, name, _DAY, *extent, system)
     )
+    if layer.geometry is not None:
+        tables.execute(
+            "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, 4326, 0, 0)", (name, layer.geometry.upper())
+        )
+
+
+def _fid(row: tuple[Any, ...]) -> int:
+    return row[0]
 
 
 def _stored(shapes: NDArray[np.object_], crs: str) -> NDArray[np.object_]:
@@ -334,7 +333,7 @@ def _stored(shapes: NDArray[np.object_], crs: str) -> NDArray[np.object_]:
     if not len(xy):
         return shapes
     try:
-        degrees = np.stack(transformer_to_stored(crs).transform(xy[:, 0], xy[:, 1]), axis=1)
+        degrees = np.stack(transformer(crs, schema.STORED_CRS).transform(xy[:, 0], xy[:, 1]), axis=1)
     except ProjError as error:
         raise MapError(f"coordinates cannot be turned from {crs} to {schema.STORED_CRS}: {error}") from error
     if not np.isfinite(degrees).all():

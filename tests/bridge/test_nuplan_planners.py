@@ -257,7 +257,7 @@ def test_roads_are_found_behind_nuplans_map_and_by_name_in_its_maps_root(
 ) -> None:
     api = devkit("interplan_sumo.bridge.nuplan.map_api")
     assert api.roads_behind(api.map_api(ROADS)) is ROADS
-    from interplan_sumo.maps.geopackage import write_map
+    from interplan_sumo.maps.geopackage_writer import write_map
     from interplan_sumo.maps.store import write_maps_manifest
 
     write_map(junction(), tmp_path / "my_town" / "1.0" / "map.gpkg")

@@ -24,7 +24,8 @@ from hypothesis import strategies as st
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps import schema
-from interplan_sumo.maps.geopackage import read_map, write_map
+from interplan_sumo.maps.geopackage import read_map
+from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import IntersectionKind, Roads, StopLineKind, Turn
 from tests.maps.map_files import GOLDEN_MAPS, altered_copy, assert_same_roads, blob, edited, geometry_in
@@ -445,23 +446,6 @@ def test_a_one_way_road_is_taken_for_right_hand_traffic(city: Roads, tmp_path: P
     assert read_map(path).driving_side == "right"
 
 
-# --- beside SUMO -----------------------------------------------------------------------------------
-
-
-def test_libsumo_in_the_same_process_changes_nothing(file: Path, tmp_path: Path) -> None:
-    """Importing libsumo points PROJ at SUMO's own data by environment variables."""
-    code = (
-        "import os, sys, libsumo\n"
-        "from pathlib import Path\n"
-        "from interplan_sumo.maps.geopackage import read_map, write_map\n"
-        "assert 'PROJ_LIB' in os.environ or 'PROJ_DATA' in os.environ\n"
-        "write_map(read_map(Path(sys.argv[1])), Path(sys.argv[2]))\n"
-    )
-    copy = tmp_path / "map.gpkg"
-    subprocess.run([sys.executable, "-c", code, str(file), str(copy)], check=True, timeout=60)
-    assert copy.read_bytes() == file.read_bytes()
-
-
 def test_vertices_written_are_at_most_a_metre_apart(city: Roads, tmp_path: Path) -> None:
     coarse = {
         id_: replace(lane, centerline=Polyline(lane.centerline.points[[0, -1]])) for id_, lane in city.lanes.items()
@@ -471,3 +455,26 @@ def test_vertices_written_are_at_most_a_metre_apart(city: Roads, tmp_path: Path)
         steps = [math.dist(a, b) for a, b in pairwise(lane.centerline.points)]
         assert min(steps) > 0.5
         assert max(steps) <= 1.0
+
+
+# --- beside SUMO, without GDAL -----------------------------------------------------------------------
+
+
+def test_without_gdal_maps_are_driven_on_and_written_and_libsumo_changes_nothing(file: Path, tmp_path: Path) -> None:
+    """Importing libsumo points PROJ at SUMO's own data by environment variables."""
+    code = (
+        "import libsumo, os, sys\n"
+        "assert 'PROJ_LIB' in os.environ or 'PROJ_DATA' in os.environ\n"
+        "for name in ('pyogrio', 'geopandas', 'fiona', 'osgeo'):\n"
+        "    sys.modules[name] = None\n"
+        "from pathlib import Path\n"
+        "import interplan_sumo\n"
+        "from interplan_sumo.maps.geopackage import read_map\n"
+        "from interplan_sumo.maps.geopackage_writer import write_map\n"
+        "rows = interplan_sumo.run('straight_ahead', suite='smoke==1', limit=1, workers=0, out=sys.argv[3])\n"
+        "assert len(rows) == 1\n"
+        "write_map(read_map(Path(sys.argv[1])), Path(sys.argv[2]))\n"
+    )
+    copy = tmp_path / "map.gpkg"
+    subprocess.run([sys.executable, "-c", code, str(file), str(copy), str(tmp_path / "run")], check=True, timeout=120)
+    assert copy.read_bytes() == file.read_bytes()

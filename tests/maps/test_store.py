@@ -10,7 +10,7 @@ import pytest
 
 from interplan_sumo.errors import MapError, UnknownNameError
 from interplan_sumo.maps import store
-from interplan_sumo.maps.geopackage import write_map
+from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import find_map, load_roads, maps, write_maps_manifest
 from tests.maps.map_files import GOLDEN_MAPS
 from tests.maps.road_worlds import GridPlan, grid_city
