@@ -23,7 +23,7 @@ from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.report.film import write_film
 from interplan_sumo.report.page.document import page
 from interplan_sumo.report.replay.page import write_replay
-from interplan_sumo.report.sumo_gui import write_sumo_gui
+from interplan_sumo.report.sumo_gui.folder import write_sumo_gui
 from interplan_sumo.report.table import make_table
 
 PLANNERS = ("foresight", "pdm_closed", "idm_mobil", "idm")

@@ -65,7 +65,7 @@ def replay(
 def _open_in_sumo_gui(drives: Sequence[StoredDrive], folder: Path, at_s: float | None) -> None:
     """Write a folder for the drive, or one inside it for each of several."""
     from interplan_sumo.batch.run_folder import slug
-    from interplan_sumo.report.sumo_gui import write_sumo_gui
+    from interplan_sumo.report.sumo_gui.folder import write_sumo_gui
 
     for drive in drives:
         place = folder if len(drives) == 1 else folder / slug(drive.row["planner"])

@@ -16,7 +16,7 @@ from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.maps.render import STOP_COLOURS
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.key_events import NOTHING, KeyEvent, deciding_moment
-from interplan_sumo.report.lights import signal_changes, status_at, stop_bars
+from interplan_sumo.report.road_markings import signal_changes, status_at, stop_bars
 from interplan_sumo.report.scenario_drawing import View
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import Floats, box_corners

@@ -14,8 +14,7 @@ from rich.text import Text
 
 from interplan_sumo.batch.results import Row
 from interplan_sumo.report.failure_reasons import fault_sentence, lost_points, why_lost
-from interplan_sumo.report.paper_comparison import agreement
-from interplan_sumo.report.published import SOURCE, published_figure, published_rows
+from interplan_sumo.report.paper_comparison import SOURCE, agreement, published_figure, published_rows
 from interplan_sumo.report.table import COLUMNS, ORDINARY, Cell, Column, Line, ResultsTable
 
 LISTED = 20

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.maps.render import ASPHALT, CARPARK, EXTRA, INK, JUNCTION, STOP_COLOURS, WALKWAY
-from interplan_sumo.report.markings import markings
+from interplan_sumo.report.road_markings import markings
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import OBSTACLES, PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
 from interplan_sumo.scenario.trigger import trigger_distance_m

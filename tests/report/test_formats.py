@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from interplan_sumo.report.formats import as_csv, as_json, as_markdown, as_text
-from interplan_sumo.report.published import published_rows
+from interplan_sumo.report.paper_comparison import published_rows
 from interplan_sumo.report.table import ResultsTable, make_table
 from tests.report.rows import drive, stored
 

@@ -8,8 +8,7 @@ import pytest
 from report.rows import drive, stored
 
 from interplan_sumo.report.formats import as_json, as_markdown
-from interplan_sumo.report.paper_comparison import CELLS, COUNTERPARTS, agreement
-from interplan_sumo.report.published import published_rows
+from interplan_sumo.report.paper_comparison import CELLS, COUNTERPARTS, agreement, published_rows
 from interplan_sumo.report.table import ResultsTable, make_table
 
 FAMILY = {"ltd": "lane_change_ltd", "mtd": "lane_change_mtd", "htd": "lane_change_htd"}

@@ -21,7 +21,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.maps.netconvert import program_path
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map
-from interplan_sumo.report.sumo_gui import BEFORE_S, SHAPES, TRACKS, VIEW, write_sumo_gui
+from interplan_sumo.report.sumo_gui.folder import BEFORE_S, SHAPES, TRACKS, VIEW, write_sumo_gui
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.trace import ActorTable
 

@@ -15,7 +15,7 @@ from interplan_sumo.report.formats import columns, notes
 from interplan_sumo.report.page.drives import BANDS, ShownDrive, by_scenario, pair_replay, replays_folder, shown_drives
 from interplan_sumo.report.page.figures import best_figure, family_blocks, score_spread
 from interplan_sumo.report.page.html import html
-from interplan_sumo.report.published import published_rows
+from interplan_sumo.report.paper_comparison import published_rows
 from interplan_sumo.report.table import COLUMNS, ResultsTable
 
 TITLES: Final = {

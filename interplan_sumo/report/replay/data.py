@@ -36,11 +36,11 @@ from interplan_sumo.metrics.score import ScoreSheet, score_facts
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.failure_reasons import fault_sentence
 from interplan_sumo.report.key_events import FAULT, KeyEvent, deciding, lost_moments
-from interplan_sumo.report.lights import signal_changes
 from interplan_sumo.report.replay import agents_timeline, surroundings
 from interplan_sumo.report.replay.charts import CHARTS, chart_series
 from interplan_sumo.report.replay.events import events
 from interplan_sumo.report.replay.numbers import PER_METRE, PER_RADIAN, PER_UNIT, points
+from interplan_sumo.report.road_markings import signal_changes
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.geometry import Floats, Polyline

@@ -8,9 +8,8 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from interplan_sumo.report.lights import stop_bars
-from interplan_sumo.report.markings import markings
 from interplan_sumo.report.replay.numbers import Whole, lines, points, rings
+from interplan_sumo.report.road_markings import markings, stop_bars
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Area, Intersection, Roads
 

@@ -1,4 +1,4 @@
-"""Lights: whose bar lies where, and what it shows when."""
+"""Road markings: painted lines, whose stop bar lies where, and what a light shows when."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interplan_sumo.report.lights import signal_changes, status_at, stop_bars
+from interplan_sumo.report.road_markings import markings, signal_changes, status_at, stop_bars
 from interplan_sumo.world.signals import Signals, SignalStatus
 from tests.worlds import drive, junction, signals, straight_road
 
@@ -53,3 +53,14 @@ def test_the_changes_give_the_status_of_every_frame_back(shown: list[SignalStatu
     seen = tuple(Signals(("13",), np.array([status])) for status in shown)
     changes = signal_changes(replace(drive(*[0.0] * len(shown)), signals=seen), ["13"])["13"]
     assert [status_at(changes, frame) for frame in range(len(shown))] == shown
+
+
+def test_markings_are_dashed_between_lanes_and_solid_at_the_edges() -> None:
+    roads = straight_road(lanes=3)
+    found = markings(roads, roads.drivable_area)
+    assert {kind: len(lines) for kind, lines in found.items()} == {"dashed": 2, "solid": 2, "middle": 0}
+
+
+def test_roads_elsewhere_have_none_here() -> None:
+    found = markings(straight_road(), shapely.box(0.0, 500.0, 10.0, 510.0))
+    assert not any(found.values())

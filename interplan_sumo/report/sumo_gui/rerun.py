@@ -8,7 +8,7 @@ from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types
 from interplan_sumo.maps.store import find_map
-from interplan_sumo.report.sumo_xml import tag
+from interplan_sumo.report.sumo_gui.xml import tag
 from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.setup import open_sumo_traffic
 from interplan_sumo.simulation.sumo import Commanding, sumo

@@ -1,0 +1,1 @@
+"""A drive in SUMO's own window: a folder that sumo-gui opens and plays."""
