@@ -34,9 +34,8 @@ from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
 from interplan_sumo.simulation.lane_chains import ego_sumo_route
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic
-from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, populate
+from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, StagedScenario, populate
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
-from interplan_sumo.world.ego import PACIFICA
 
 MANY = 100
 
@@ -58,7 +57,7 @@ def bare(scenario: Scenario, agents: int, steps: int) -> float:
     network, ids = read_network(files.network), NetworkIds.read(files.ids)
     types = read_vehicle_types(vehicle_type_file(scenario.traffic.behaviour))
     rng, reach = scenario.rng(0), reach_m(agents)
-    spawns = populate(scenario, roads, network, ids, types, PACIFICA, (), rng, reach).spawns[:agents]
+    spawns = populate(StagedScenario(scenario, roads, network, ids, types), (), rng, reach).spawns[:agents]
     libsumo.start(
         ["sumo", "-n", str(network.path), "-a", str(types.path), "--step-length", "0.1", "--insertion-checks", "none",
          "--lanechange.duration", "3", "--default.speeddev", "0", "--collision.action", "none",

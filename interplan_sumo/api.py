@@ -265,7 +265,7 @@ def _build(name: str, planner: Any) -> Planner:
     except Exception as error:
         raise PlannerLoadError(f"planner {name!r} could not be built: {type(error).__name__}: {error}") from error
     if not _plans(found):
-        raise PlannerLoadError(f"planner {name!r} lacks a method; a planner needs start(mission) and plan(seen)")
+        raise PlannerLoadError(f"planner {name!r} lacks a method; a planner needs start(mission) and plan(observation)")
     return found
 
 

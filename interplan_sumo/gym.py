@@ -151,7 +151,7 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
         self._behaviours = traffic.behaviours
         self._loop = loop = Loop(self.scenario, self._roads, traffic)
         self._is_over = False
-        self._senses = Senses(loop.open(), loop.seen)
+        self._senses = Senses(loop.open(), loop.observation)
         self._touched: set[str] = set()
         self._arc_m = self._progress_m(loop)
         loop.begin_frame()
@@ -247,7 +247,7 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
         }
 
     def _seen(self, loop: Loop) -> Seen:
-        parts = self._senses.parts(loop.seen)
+        parts = self._senses.parts(loop.observation)
         return parts if self._observation == "dict" else vector_of(parts)
 
     def _progress_m(self, loop: Loop) -> float:

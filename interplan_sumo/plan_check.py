@@ -80,13 +80,13 @@ def _check_times(plan: Trajectory, now_s: float) -> None:
     if first_s > now_s + START_SLACK_S:
         raise PlannerError(
             f"the plan begins {first_s - now_s:.3f} s after now (time_s[0] = {first_s:.3f}, now = {now_s:.3f}); "
-            "begin it with the ego's pose at seen.time_s"
+            "begin it with the ego's pose at observation.time_s"
         )
     if last_s < now_s + SHORTEST_REACH_S - _TIME_SLACK_S:
         where = f"{now_s - last_s:.3f} s before now" if last_s < now_s else f"only {last_s - now_s:.3f} s after now"
         raise PlannerError(
             f"the plan ends {where} (time_s[-1] = {last_s:.3f}, now = {now_s:.3f}), it must reach "
-            f"{SHORTEST_REACH_S:g} s beyond now; are its times absolute, as seen.time_s is?"
+            f"{SHORTEST_REACH_S:g} s beyond now; are its times absolute, as observation.time_s is?"
         )
     if last_s - first_s > LONGEST_SPAN_S:
         raise PlannerError(

@@ -90,7 +90,7 @@ def check_planner(planner: Planner | str, *, steps: int = 40) -> list[Conformanc
     missing = [name for name in ("start", "plan") if not callable(getattr(planner, name, None))]
     if missing:
         text = f"{type(planner).__name__} has no method {' and no method '.join(missing)}"
-        return [ConformanceFinding("error", "methods", f"{text}; a planner needs start(mission) and plan(seen)")]
+        return [ConformanceFinding("error", "methods", f"{text}; a planner needs start(mission) and plan(observation)")]
     if isinstance(planner, type):
         return [
             ConformanceFinding("error", "methods", f"{planner.__name__} is a class; give an instance or 'module:Class'")
@@ -141,14 +141,14 @@ def _drive(planner: Planner, world: CheckWorld, steps: int) -> _Drive:
         return drive
     ego = world.ego
     for _ in range(steps):
-        seen = world.observation(ego, drive.egos)
-        before = _seen_print(seen)
+        observation = world.observation(ego, drive.egos)
+        before = _observation_print(observation)
         began_s = time.perf_counter()
-        plan = _called(drive, "plan", lambda seen=seen: planner.plan(seen))
+        plan = _called(drive, "plan", lambda observation=observation: planner.plan(observation))
         drive.wall_s.append(time.perf_counter() - began_s)
         if plan is _FAILED:
             break
-        if _seen_print(seen) != before:
+        if _observation_print(observation) != before:
             drive.report("error", "inputs", f"plan() changed its observation at t = {ego.time_s:.1f} s; work on a copy")
             break
         try:
@@ -220,7 +220,7 @@ def _alarm(limit_s: float) -> Generator[None]:
         signal.signal(signal.SIGALRM, previous)
 
 
-def _seen_print(observation: Observation) -> tuple[Any, ...]:
+def _observation_print(observation: Observation) -> tuple[Any, ...]:
     """Everything in an observation that a planner could change, as bytes."""
     a = observation.actors
     columns = (

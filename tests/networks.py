@@ -7,6 +7,7 @@ four edges. Lanes e0_0, e0_1, e0_2 (kerb to middle, centre lines at y = -8.75,
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,9 @@ from interplan_sumo.maps.network import NetworkIds, SumoPiece
 from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.setup import opaque_ids
 from interplan_sumo.simulation.spawning import Spawn
-from interplan_sumo.simulation.sumo_traffic import SumoTraffic
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
-from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.ego import EgoState
 
 NETWORK_FILE = Path(__file__).parent / "data" / "two_way_road.net.xml"
 LANE_Y = (-8.75, -5.25, -1.75)
@@ -51,6 +52,5 @@ def agent(
 def traffic(behaviour: VehicleTypes, spawns: tuple[Spawn, ...], ego: EgoState, *, with_ego: bool = True) -> SumoTraffic:
     network = two_way_road()
     tokens = opaque_ids(len(spawns), np.random.default_rng(0))
-    return SumoTraffic(
-        network, plain_ids(network), behaviour, spawns, tokens, ego, ("e0", "e1"), PACIFICA, with_ego=with_ego
-    )
+    setup = TrafficSetup(network, plain_ids(network), behaviour, ego, ("e0", "e1"), with_ego=with_ego)
+    return SumoTraffic(replace(setup, spawns=spawns, tokens=tokens))

@@ -148,3 +148,12 @@ def test_no_module_has_outgrown_a_reader() -> None:
     ours = (*MODULES, *SHELVED, *TOOLS.rglob("*.py"))
     long = {str(p.relative_to(ROOT)): n for p in ours if (n := len(p.read_text().splitlines())) > 450}
     assert not long, f"split these: {long}"
+
+
+def test_a_public_class_has_a_name_of_its_own() -> None:
+    places: dict[str, list[str]] = {}
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert not {name: found for name, found in places.items() if len(found) > 1}

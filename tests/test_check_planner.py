@@ -79,7 +79,7 @@ def test_missing_methods_are_named() -> None:
         def plan(self, observation: Observation) -> None: ...
 
     (finding,) = check_planner(Half())  # pyright: ignore[reportArgumentType]
-    assert finding.message == "Half has no method start; a planner needs start(mission) and plan(seen)"
+    assert finding.message == "Half has no method start; a planner needs start(mission) and plan(observation)"
 
 
 def test_a_class_is_no_planner() -> None:

@@ -62,7 +62,7 @@ def test_a_plan_must_reach_the_next_step() -> None:
 def test_a_plan_in_times_relative_to_now_is_told_that_times_are_absolute() -> None:
     message = refused(plan(time_s=np.linspace(0.0, 3.0, 31)))
     assert message.startswith("the plan ends 0.500 s before now")
-    assert message.endswith("are its times absolute, as seen.time_s is?")
+    assert message.endswith("are its times absolute, as observation.time_s is?")
 
 
 def test_a_plan_in_microseconds_is_asked_for_seconds() -> None:

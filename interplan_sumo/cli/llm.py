@@ -71,7 +71,7 @@ def try_model(
     from interplan_sumo.planner import load_planner
     from interplan_sumo.scenario.files import is_scenario_file, read_scenario
     from interplan_sumo.scenario.suite import find_scenario
-    from interplan_sumo.simulation.peek import drive_until
+    from interplan_sumo.simulation.episode import run_until
 
     spec = planner if model is None else f"{planner}{'&' if '?' in planner else '?'}model={quote(model, safe=SAFE)}"
     asking = load_planner(spec)
@@ -79,7 +79,7 @@ def try_model(
         raise InputError(f"planner {planner!r} asks no language model; give llm_hybrid or llm_waypoints")
     asker = cast(Asking, asking)
     found = read_scenario(scenario) if is_scenario_file(scenario) else find_scenario(scenario)
-    asked_s = drive_until(found, asking, lambda: bool(asker.exchanges and asker.exchanges[-1].time_s >= at), seed=seed)
+    asked_s = run_until(found, asking, lambda: bool(asker.exchanges and asker.exchanges[-1].time_s >= at), seed=seed)
     if asked_s is None:
         raise InputError(f"{found.id}: nothing is asked from {at:g} s on; give another scenario, or an earlier --at")
     exchange = asker.exchanges[-1].as_json()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from interplan_sumo.planner import Mission, Observation, Past
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.episode import DT_S
-from interplan_sumo.simulation.history import PAST_STEPS, invented_past
+from interplan_sumo.simulation.history import PAST_STEPS, extrapolated_past
 from interplan_sumo.simulation.visibility import occluding_box, visible
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
@@ -20,7 +20,7 @@ class SeenAgain:
         occluder = occluding_box(scenario, roads)
         egos = [trace.ego.state(frame) for frame in range(len(trace))]
         actors = [visible(trace.actors.at(frame), ego, occluder) for frame, ego in enumerate(egos)]
-        past = invented_past(roads, egos[0], actors[0], DT_S, scenario.past)
+        past = extrapolated_past(roads, egos[0], actors[0], DT_S, scenario.past)
         self._egos = (*past.egos, *egos)
         self._actors = (*past.actors, *actors)
 

@@ -91,30 +91,33 @@ def follow_all(
     heading = heading_rad.copy()
     heading[:, 1:] -= 2.0 * pi * np.cumsum(turns, axis=1)
     ref_x, ref_y = rear_axles_of(x_m, y_m, heading, shape)
-    cos_ref, sin_ref = np.cos(heading), np.sin(heading)
-    forward_m = np.diff(ref_x, axis=1) * cos_ref[:, :-1] + np.diff(ref_y, axis=1) * sin_ref[:, :-1]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    forward_m = np.diff(ref_x, axis=1) * cosine[:, :-1] + np.diff(ref_y, axis=1) * sine[:, :-1]
     speed = np.einsum("nj,ij->ni", forward_m, speed_inverse(count))
     wished = _held(speed, HORIZON_STEPS + np.arange(driven))
     curvature = _curvatures(speed, np.diff(heading, axis=1))
-    bend = _bends(curvature, driven)
+    x, y, turned, c, s, v = (np.ascontiguousarray(each.T) for each in (ref_x, ref_y, heading, cosine, sine, wished))
+    return _drive(start, _References(x, y, turned, c, s, v, _bends(curvature, driven)), driven, shape)
 
-    return _drive(start, ref_x, ref_y, heading, cos_ref, sin_ref, wished, bend, driven, shape)
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _References:
+    """What N plans ask for at the rear axle, by step: every row is contiguous."""
+
+    x_m: Floats  # (M + 1, N)
+    y_m: Floats  # (M + 1, N)
+    heading_rad: Floats  # (M + 1, N)
+    cosine: Floats  # (M + 1, N) of the heading
+    sine: Floats  # (M + 1, N)
+    speed_mps: Floats  # (K, N) one second ahead
+    bend: Floats  # (K, 5, N) as `_bends` has it
 
 
-def _drive(
-    start: EgoState,
-    ref_x: Floats,
-    ref_y: Floats,
-    ref_heading: Floats,
-    cos_ref: Floats,
-    sin_ref: Floats,
-    wished_mps: Floats,
-    bend: Floats,
-    steps: int,
-    shape: EgoShape,
-) -> SimulatedDrives:
+def _drive(start: EgoState, plans: _References, steps: int, shape: EgoShape) -> SimulatedDrives:
     """Tracker and bicycle, step after step: `lqr.command` and `bicycle.step` on arrays."""
-    many = len(ref_x)
+    ref_x, ref_y, ref_heading, cos_ref, sin_ref = plans.x_m, plans.y_m, plans.heading_rad, plans.cosine, plans.sine
+    wished_mps, bend = plans.speed_mps, plans.bend
+    many = ref_x.shape[1]
     rows = np.empty((9, steps + 1, many))
     rear = start.rear_axle(shape)
     first = (
@@ -128,10 +131,6 @@ def _drive(
     gain = SPEED_WEIGHT * reach_s / (SPEED_WEIGHT * reach_s * reach_s + ACCELERATION_WEIGHT)
     passed_a = GRID_S / (GRID_S + ACCELERATION_LAG_S)
     passed_tire = GRID_S / (GRID_S + STEERING_LAG_S)
-    # by step, so that every access below is one contiguous row
-    ref_x, ref_y, ref_heading, cos_ref, sin_ref, wished_mps = (
-        np.ascontiguousarray(a.T) for a in (ref_x, ref_y, ref_heading, cos_ref, sin_ref, wished_mps)
-    )
     for k in range(steps):
         off_x, off_y = x - ref_x[k], y - ref_y[k]
         lateral = off_y * cos_ref[k] - off_x * sin_ref[k]

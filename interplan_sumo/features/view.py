@@ -34,7 +34,7 @@ _ONE_HOT = np.eye(4)
 class EgoView:
     """What the planner of one mission sees, as the arrays of `schema.SEEN`.
 
-    Make one in `start(mission)` and call `arrays(seen)` in `plan(seen)`: the
+    Make one in `start(mission)` and call `arrays(observation)` in `plan(observation)`: the
     same numbers, bit for bit, as `interplan-sumo export` writes for that step.
     """
 

@@ -46,7 +46,7 @@ class Statistic:
 
 
 @dataclass(frozen=True, slots=True)
-class Metric:
+class NuBoardMetric:
     """One file of metrics: what it is called there, which of our metrics it comes from, and what stands in it."""
 
     name: str
@@ -76,9 +76,9 @@ def _detail(*keys: str, missing: float | None = None) -> Callable[[Found], float
     return value
 
 
-def _comfort(name: str, key: str, unit: str) -> Metric:
+def _comfort(name: str, key: str, unit: str) -> NuBoardMetric:
     """A signal of comfort."""
-    return Metric(
+    return NuBoardMetric(
         name,
         "comfort",
         (
@@ -97,55 +97,55 @@ FAULTS: Final = "number_of_at_fault_collisions_with"
 PROGRESS: Final = "progress_along_route"
 WRONG_WAY: Final = "min_progress_along_driving_direction_in_1_second_interval"
 # fmt: off
-EXPORTED: Final[tuple[Metric, ...]] = (
-    Metric("no_ego_at_fault_collisions", "no_collision", (
+EXPORTED: Final[tuple[NuBoardMetric, ...]] = (
+    NuBoardMetric("no_ego_at_fault_collisions", "no_collision", (
         Statistic("no_ego_at_fault_collisions", "BOOLEAN", "boolean", _full),
         Statistic("number_of_all_at_fault_collisions", "COUNT", "count", _detail("at_fault")),
         Statistic(f"{FAULTS}_VRUs", "COUNT", "count", _detail("at_fault_with", "vru")),
         Statistic(f"{FAULTS}_vehicles", "COUNT", "count", _detail("at_fault_with", "vehicle")),
         Statistic(f"{FAULTS}_objects", "COUNT", "count", _detail("at_fault_with", "object")),
     ), category="Violations"),
-    Metric("drivable_area_compliance", "drivable_area", (
+    NuBoardMetric("drivable_area_compliance", "drivable_area", (
         Statistic("drivable_area_compliance", "BOOLEAN", "boolean", _full),
     ), category="Violations"),
-    Metric("corners_in_drivable_area", "drivable_area", (
+    NuBoardMetric("corners_in_drivable_area", "drivable_area", (
         Statistic("corners_in_drivable_area", "BOOLEAN", "boolean", _detail("all_corners_inside")),
     ), has_score=False),
-    Metric("ego_is_making_progress", "making_progress", (
+    NuBoardMetric("ego_is_making_progress", "making_progress", (
         Statistic("ego_is_making_progress", "BOOLEAN", "boolean", _full),
     )),
-    Metric("driving_direction_compliance", "driving_direction", (
+    NuBoardMetric("driving_direction_compliance", "driving_direction", (
         Statistic("driving_direction_compliance_score", "VALUE", "value", _score),
         Statistic(WRONG_WAY, "MIN", "meters", _detail("lowest_progress_m")),
     )),
-    Metric("obstacle_passed", "obstacle_passed", (
+    NuBoardMetric("obstacle_passed", "obstacle_passed", (
         Statistic("obstacle_passed", "BOOLEAN", "boolean", _full),
     )),
-    Metric("ego_progress_along_expert_route", "progress", (
+    NuBoardMetric("ego_progress_along_expert_route", "progress", (
         Statistic(f"expert_total_{PROGRESS}", "VALUE", "meters", _detail("expert_m")),
         Statistic(f"ego_total_{PROGRESS}", "VALUE", "meters", _detail("ego_m")),
         Statistic("ego_expert_progress_along_route_ratio", "RATIO", "ratio", _detail("ratio")),
     )),
-    Metric("time_to_collision_within_bound", "time_to_collision", (
+    NuBoardMetric("time_to_collision_within_bound", "time_to_collision", (
         Statistic("min_time_to_collision", "MIN", "seconds", _detail("least_s", missing=math.inf)),
         Statistic("time_to_collision_within_bound", "BOOLEAN", "boolean", _full),
     )),
-    Metric("lane_changes_to_goal", "lane_changes", (
+    NuBoardMetric("lane_changes_to_goal", "lane_changes", (
         Statistic("lane_changes_to_goal", "VALUE", "value", _score),
         Statistic("did_ego_got_to_goal_lane", "BOOLEAN", "boolean", _detail("goal")),
     )),
-    Metric("speed_limit_compliance", "speed_limit", (
+    NuBoardMetric("speed_limit_compliance", "speed_limit", (
         Statistic("speed_limit_compliance", "BOOLEAN", "boolean", _full),
         Statistic("number_of_violations_of_speed_limit_compliance", "COUNT", "count", _detail("violations")),
     ), category="Violations"),
-    Metric("ego_is_comfortable", "comfort", (Statistic("ego_is_comfortable", "BOOLEAN", "boolean", _full),)),
+    NuBoardMetric("ego_is_comfortable", "comfort", (Statistic("ego_is_comfortable", "BOOLEAN", "boolean", _full),)),
     _comfort("ego_lon_acceleration", "longitudinal_acceleration_mps2", "meters_per_second_squared"),
     _comfort("ego_lat_acceleration", "lateral_acceleration_mps2", "meters_per_second_squared"),
     _comfort("ego_jerk", "jerk_mps3", "meters_per_second_cubed"),
     _comfort("ego_lon_jerk", "longitudinal_jerk_mps3", "meters_per_second_cubed"),
     _comfort("ego_yaw_rate", "yaw_rate_radps", "radians_per_second"),
     _comfort("ego_yaw_acceleration", "yaw_acceleration_radps2", "radians_per_second_squared"),
-    Metric("ego_lane_change", "lane_crossings", (
+    NuBoardMetric("ego_lane_change", "lane_crossings", (
         Statistic("number_of_ego_lane_change", "COUNT", "count", _detail("count")),
         Statistic("ego_lane_change_fail_rate_below_threshold", "BOOLEAN", "boolean", _detail("failed_share_within")),
     ), has_score=False, category="Dynamics"),
@@ -230,7 +230,7 @@ class _Drive:
         scenario = row["scenario_id"].replace("/", "_") + seed
         return cls(label, row["family"], scenario, site.partition("/")[0] or "-", float(row["score"]), row["metrics"])
 
-    def scored(self, metric: Metric) -> float | None:
+    def scored(self, metric: NuBoardMetric) -> float | None:
         """The score of a metric that is there."""
         found = self.metrics.get(metric.source) if metric.has_score else None
         return None if found is None else found["score"]
@@ -241,7 +241,7 @@ def _scored(table: ResultsTable) -> Iterator[_Drive]:
         yield from (_Drive.of(row, line.label) for row in line.rows if row["score"] is not None)
 
 
-def _metric_table(metric: Metric, drives: Sequence[_Drive]) -> pa.Table | None:
+def _metric_table(metric: NuBoardMetric, drives: Sequence[_Drive]) -> pa.Table | None:
     """The drives that were judged by a metric, with those statistics that all of them have; None if there is none."""
     there = [(drive, drive.metrics[metric.source]) for drive in drives if metric.source in drive.metrics]
     if metric.has_score:
@@ -304,8 +304,8 @@ def _aggregated(drives: Sequence[_Drive]) -> pa.Table:
 
 
 def _aggregate_row(
-    metrics: Sequence[Metric], drives: Sequence[_Drive], name: str, family: str, count: int | None, log: str | None,
-    planner: str | None = None,
+    metrics: Sequence[NuBoardMetric], drives: Sequence[_Drive], name: str, family: str, count: int | None,
+    log: str | None, planner: str | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     row: dict[str, Any] = {
         "scenario": name,

@@ -1,9 +1,9 @@
-"""Bodies: where SUMO's cars are, made into motions that a body can make.
+"""Where SUMO's cars are, held to motions that a car can make.
 
-SUMO draws a body from its front to where it believes the rear to be. While a
+SUMO draws a car from its front to where it believes the rear to be. While a
 car changes lane beside a junction that belief is wrong for some steps, and
 the angle jumps by up to 90 degrees and back; and a lane change that reaches
-the end of its lane is cut short by a jump to the middle of the next. A body
+the end of its lane is cut short by a jump to the middle of the next. A car
 turns no faster than its wheels allow, and slides no faster than in a lane change.
 """
 
@@ -47,7 +47,7 @@ class AgentKinematics:
         self._new: list[int] = []
 
     def move(self, front_m: ArrayLike, angle_deg: ArrayLike, speed_mps: ArrayLike) -> None:
-        """Take over SUMO's positions, navigation angles and speeds after a step, held to what a body can do."""
+        """Take over SUMO's positions, navigation angles and speeds after a step, held to what a car can do."""
         front = np.array(front_m, dtype=np.float64).reshape(-1, 2)
         heading = (pi / 2.0 - np.radians(angle_deg) + pi) % (2.0 * pi) - pi
         speed = np.array(speed_mps, dtype=np.float64)
@@ -74,7 +74,7 @@ class AgentKinematics:
         return np.where(np.abs(turned) > most_rad, reached, heading_rad)
 
     def insert(self, rows: list[int]) -> None:
-        """Make room for agents who have come, at these rows of the new order; they begin where SUMO says next."""
+        """Make room for agents that have entered, at these rows of the new order; they begin where SUMO says next."""
         old = [row for row in range(len(self.front_m) + len(rows)) if row not in set(rows)]
         front, heading, speed = self.front_m, self.heading_rad, self.speed_mps
         many = len(old) + len(rows)

@@ -1,8 +1,12 @@
-"""Roster: who drives in the background, under which id others see them, and where their bodies are."""
+"""The background agents of an episode: their types and routes, the ids under which others see them, and where they are.
+
+SUMO knows an agent by its name, everyone else by its token.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,21 +20,39 @@ from interplan_sumo.world.geometry import Floats
 _KINDS = {"pedestrian": ActorKind.PEDESTRIAN, "bicycle": ActorKind.BICYCLE}
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class AgentSnapshot:
+    """All agents at one instant, in SUMO's frame: what the decisions about the ego are made from."""
+
+    names: Sequence[str]
+    front_x: Floats  # (N,)
+    front_y: Floats  # (N,)
+    heading_rad: Floats  # (N,)
+    speed_mps: Floats  # (N,)
+    turned_rad: Floats  # (N,) since the step before, not wrapped; empty in the first step
+    most_turned_rad: float
+    """The largest of `turned_rad`, to either side."""
+    lanes: Callable[[Sequence[str]], list[str]]
+    """The SUMO lanes of agents, '' is nowhere; asked for only when they may have to react."""
+    positions_m: Callable[[Sequence[str]], list[float]]
+    """Lane positions of the front bumpers of agents."""
+
+
 class AgentRegistry:
-    """All agents, known to SUMO by names and to others by tokens; obstacles and pedestrians are seen with them."""
+    """All agents; obstacles and pedestrians are seen with them."""
 
     def __init__(
         self, types_file: Path, standing: Actors, crowd: Crowd | None, origin_m: tuple[float, float], dt_s: float
     ) -> None:
         self.names: list[str] = []
-        """Of the agents who are there, in the order of their tokens; a new list whenever somebody comes or goes."""
+        """Of the agents that are there, in the order of their tokens; a new list whenever an agent comes or goes."""
         self.drivers: dict[str, VehicleType] = {}
         self.routes: dict[str, tuple[str, ...]] = {}
         self.behaviours: dict[str, str] = {}
-        """Name of the vehicle type by token, of all who have been there."""
-        self.bodies = AgentKinematics(dt_s)
+        """Name of the vehicle type by token, of all that have been there."""
+        self.kinematics = AgentKinematics(dt_s)
         self.length_m: Floats = np.zeros(0)
-        """(N,) of the agents who are there."""
+        """(N,) of the agents that are there."""
         self.width_m: Floats = np.zeros(0)
         self._behaviour_of_entry = types_file.stem
         self._standing = standing
@@ -42,31 +64,31 @@ class AgentRegistry:
     @property
     def front_x(self) -> Floats:
         """(N,) middle of the front bumper, in SUMO's frame."""
-        return self.bodies.front_m[:, 0]
+        return self.kinematics.front_m[:, 0]
 
     @property
     def front_y(self) -> Floats:
-        return self.bodies.front_m[:, 1]
+        return self.kinematics.front_m[:, 1]
 
-    def enlist(self, name: str, token: str, driver: VehicleType, route: tuple[str, ...]) -> None:
-        """Know somebody who is about to come."""
+    def add(self, name: str, token: str, driver: VehicleType, route: tuple[str, ...]) -> None:
+        """Know an agent that is about to enter."""
         self._tokens[name] = token
         self.drivers[name] = driver
         self.routes[name] = route
 
-    def join(self, names: Collection[str]) -> None:
-        """Those enlisted are there from now on."""
+    def enter(self, names: Collection[str]) -> None:
+        """These, which were added before, are there from now on."""
         self.names = sorted([*self.names, *names], key=self._tokens.__getitem__)
         rows = [row for row, name in enumerate(self.names) if name in names]
         for row in rows:
             name, driver = self.names[row], self.drivers[self.names[row]]
             self.behaviours[self._tokens[name]] = self._behaviour_of_entry if driver.id == ENTRY else driver.id
-        self.bodies.insert(rows)
+        self.kinematics.insert(rows)
         self._index()
 
-    def leave(self, names: Collection[str]) -> None:
-        """These have gone."""
-        self.bodies.keep([name not in names for name in self.names])
+    def remove(self, names: Collection[str]) -> None:
+        """These have left."""
+        self.kinematics.keep([name not in names for name in self.names])
         self.names = [name for name in self.names if name not in names]
         self._index()
 
@@ -75,9 +97,9 @@ class AgentRegistry:
         drivers = [self.drivers[name] for name in self.names]
         self.length_m = np.array([d.length_m for d in drivers], dtype=np.float64)
         self.width_m = np.array([d.width_m for d in drivers], dtype=np.float64)
-        walkers = self._crowd.observe() if self._crowd is not None else Actors.none()
-        others = (self._standing, walkers)
-        tokens = [*(self._tokens[name] for name in self.names), *self._standing.ids, *walkers.ids]
+        pedestrians = self._crowd.observe() if self._crowd is not None else Actors.none()
+        others = (self._standing, pedestrians)
+        tokens = [*(self._tokens[name] for name in self.names), *self._standing.ids, *pedestrians.ids]
         self._order = np.argsort(np.array(tokens, dtype=object), kind="stable")
         self._ids_in_order = tuple(tokens[i] for i in self._order)
         kinds = np.array([_KINDS.get(d.vehicle_class, ActorKind.VEHICLE) for d in drivers], dtype=np.int8)
@@ -85,9 +107,19 @@ class AgentRegistry:
         self._lengths_m = np.concatenate((self.length_m, *(a.length_m for a in others)))[self._order]
         self._widths_m = np.concatenate((self.width_m, *(a.width_m for a in others)))[self._order]
 
+    def snapshot(
+        self, lanes: Callable[[Sequence[str]], list[str]], positions_m: Callable[[Sequence[str]], list[float]]
+    ) -> AgentSnapshot:
+        """All agents now; `lanes` and `positions_m` ask SUMO."""
+        moving = self.kinematics
+        return AgentSnapshot(
+            self.names, self.front_x, self.front_y, moving.heading_rad, moving.speed_mps, moving.turned_rad,
+            moving.most_turned_rad, lanes, positions_m,
+        )  # fmt: skip
+
     def actors(self) -> Actors:
         """Everyone and everything as others see them, rows sorted by id."""
-        heading_rad, speed_mps, half_m = self.bodies.heading_rad, self.bodies.speed_mps, self.length_m / 2.0
+        heading_rad, speed_mps, half_m = self.kinematics.heading_rad, self.kinematics.speed_mps, self.length_m / 2.0
         cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
         columns = [
             self.front_x + self._origin[0] - half_m * cosine,

@@ -65,10 +65,10 @@ def _still_on(network: SumoNetwork, before: Anchor, front: tuple[float, float], 
     if lane.internal:
         return None
     here_m = lane.arc_of(before.position_m)
-    arc_m, lateral_m = lane.track.project(*front, (here_m - LOCAL_M, here_m + LOCAL_M))
-    if abs(lateral_m) > lane.width_m / 2.0 or not 0.0 < arc_m < lane.track.length_m:
+    arc_m, lateral_m = lane.plain_line.project(*front, (here_m - LOCAL_M, here_m + LOCAL_M))
+    if abs(lateral_m) > lane.width_m / 2.0 or not 0.0 < arc_m < lane.plain_line.length_m:
         return None
-    pose = lane.track.pose_at(arc_m)
+    pose = lane.plain_line.pose_at(arc_m)
     if cos(pose.heading_rad - heading_rad) < 0.0:
         return None
     x_m, y_m = round(pose.x_m, 6), round(pose.y_m, 6)
@@ -87,25 +87,25 @@ def _nearest(
     x, y = front
     least: tuple[float, str] | None = None
     best: tuple[LanePiece, float, bool] | None = None
-    for strip, away_m in network.strips_around(x, y, reach_m):
+    for piece, away_m in network.pieces_around(x, y, reach_m):
         if least is not None and away_m > least[0]:
             break  # nothing farther can cost less
-        arc_m, lateral_m = strip.track.project(x, y)
+        arc_m, lateral_m = piece.plain_line.project(x, y)
         line_m = abs(lateral_m)  # the distance from the line, beyond its ends too
-        if line_m > reach_m and not strip.reaches(x, y, reach_m):
+        if line_m > reach_m and not piece.reaches(x, y, reach_m):
             continue
-        if cos(strip.track.heading_at(arc_m) - heading_rad) < 0.0:
+        if cos(piece.plain_line.heading_at(arc_m) - heading_rad) < 0.0:
             continue
-        on_route = network.on_route(strip.lane.id, route)
+        on_route = network.on_route(piece.lane.id, route)
         cost = line_m + (0.0 if on_route else OFF_ROUTE_PENALTY_M)
-        cost += 0.0 if strip.lane.id in kept else LANE_CHANGE_PENALTY_M
-        if least is None or (cost, strip.lane.id) < least:
-            least, best = (cost, strip.lane.id), (strip, arc_m, on_route)
+        cost += 0.0 if piece.lane.id in kept else LANE_CHANGE_PENALTY_M
+        if least is None or (cost, piece.lane.id) < least:
+            least, best = (cost, piece.lane.id), (piece, arc_m, on_route)
     if best is None:
         return None
-    strip, arc_m, on_route = best
-    pose, position_m = strip.track.pose_at(arc_m), strip.lane.position_of(strip.start_m + arc_m)
-    return Anchor(strip.lane.id, position_m, round(pose.x_m, 6), round(pose.y_m, 6), pose.heading_rad, on_route)
+    piece, arc_m, on_route = best
+    pose, position_m = piece.plain_line.pose_at(arc_m), piece.lane.position_of(piece.start_m + arc_m)
+    return Anchor(piece.lane.id, position_m, round(pose.x_m, 6), round(pose.y_m, 6), pose.heading_rad, on_route)
 
 
 def touches_road(

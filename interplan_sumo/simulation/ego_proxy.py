@@ -38,7 +38,7 @@ class EgoProxy:
         self._origin = origin_m
         self._shape = shape
         self._route = route
-        self._strayed = False
+        self._off_route = False
         self.anchor: Anchor | None = None
         """Where SUMO sees the ego; None while it is off the road."""
         with Commanding("adding the ego"):
@@ -64,23 +64,23 @@ class EgoProxy:
         front = (x_m + reach_m * cos(heading_rad), y_m + reach_m * sin(heading_rad))
         anchor = find_anchor(self._network, front, heading_rad, self.anchor, self._route)
         if anchor is not None and not touches_road(self._network, ego, self._shape, self._origin, anchor):
-            anchor = None  # off the road nobody minds the ego, so SUMO must not see it either
+            anchor = None  # off the road no agent reacts to the ego, so SUMO must not see it either
         self.anchor = anchor
         with Commanding("moveToXY of the ego to ({:.2f}, {:.2f})", ego.x_m, ego.y_m):
             sumo.vehicle.setSpeed(EGO, max(0.0, speed_mps))
             if anchor is None:
                 sumo.vehicle.moveToXY(EGO, "", -1, *self._network.nowhere, 0.0, ANYWHERE)
-                self._strayed = True
+                self._off_route = True
                 return
             lane = self._network.lanes[anchor.lane]
             angle_deg = navigation_deg(anchor.heading_rad)
             keep = KEEP_ROUTE if anchor.on_route and self._is_on_route() else ANYWHERE
-            self._strayed = keep is ANYWHERE
+            self._off_route = keep is ANYWHERE
             sumo.vehicle.moveToXY(EGO, lane.edge, lane.index, anchor.x_m, anchor.y_m, angle_deg, keep)
 
     def _is_on_route(self) -> bool:
         """Whether it has its route; wherever it is put beside it, SUMO gives it another."""
-        if not self._strayed:
+        if not self._off_route:
             return True
         lane = sumo.vehicle.getLaneID(EGO)  # getRoadID would crash while the ego is nowhere
         if not lane or lane.startswith(":"):

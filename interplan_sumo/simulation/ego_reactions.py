@@ -1,4 +1,4 @@
-"""Watch: whom the ego, pedestrians and askew bodies concern, and what each does about them, step after step."""
+"""What each agent does about the ego, about pedestrians and about cars that overhang its lane, step after step."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ import numpy as np
 import shapely
 
 from interplan_sumo.simulation import reactions
-from interplan_sumo.simulation.agent_registry import AgentRegistry
-from interplan_sumo.simulation.agent_snapshot import AgentSnapshot
+from interplan_sumo.simulation.agent_registry import AgentRegistry, AgentSnapshot
 from interplan_sumo.simulation.anchor import BEND_M, Anchor
 from interplan_sumo.simulation.lane_change_overhang import LaneChangeOverhang
-from interplan_sumo.simulation.lane_footprint import reached
+from interplan_sumo.simulation.lane_footprint import lanes_overlapped
 from interplan_sumo.simulation.lane_polygons import ClipArea, Ring, ego_ring
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
@@ -22,69 +21,69 @@ from interplan_sumo.simulation.reactions import (
     Agent,
     EgoOnNetwork,
     LaneCoverage,
+    Mode,
     ReactionDecision,
     ReactionMemory,
-    Treatment,
 )
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats
 
 NOTICEABLE_MPS2 = 0.05
-"""An agent whom the ego makes brake by less than this is left in peace: half of what counts as a reaction."""
+"""The ego does not concern an agent that it makes brake by less than this: half of what counts as a reaction."""
 
 FREEZE_RADIUS_M = 40.0
 """Agents this near to an ego that straddles two lanes keep their lane, unless their type says `interplan.swerve`."""
 
-LEAVE = ReactionDecision(Treatment.LEAVE, 0.0, False)
+BACK_TO_SUMO = ReactionDecision(Mode.SUMO, 0.0, False)
 
 
 @dataclass(frozen=True, slots=True)
 class AgentCommands:
-    """What to do in one step."""
+    """What SUMO's agents are told in one step."""
 
     decisions: Mapping[str, ReactionDecision]
-    """By agent; who is not named stays as it is."""
+    """By agent; those not named go on as they do."""
     keep_lane: frozenset[str]
     """Agents that must not change lane."""
 
 
 class EgoReactions:
-    """Keeps each agent's corridor and what it remembers of the ego."""
+    """Knows each agent's corridor, and what it remembers of the ego."""
 
     def __init__(
         self,
         network: SumoNetwork,
         origin_m: tuple[float, float],
         shape: EgoShape,
-        roster: AgentRegistry,
+        registry: AgentRegistry,
         anticipations_s: Iterable[float],
         blocked: Sequence[LaneBlockage],
         dt_s: float,
     ) -> None:
-        """`anticipations_s` are those of all agents, also of those who will come."""
+        """`anticipations_s` are those of all agents, also of those that will come."""
         self._network = network
         self._origin = origin_m
         self._shape = shape
-        self._drivers = roster.drivers
-        self._routes = roster.routes
+        self._drivers = registry.drivers
+        self._routes = registry.routes
         self._blocked = blocked
         self._dt_s = dt_s
         self._anticipations_s = tuple(sorted(set(anticipations_s) - {0.0}))
         self._corridors: dict[str, tuple[str, dict[str, float]]] = {}
         self._memory: dict[str, ReactionMemory] = {}
-        self._treated: set[str] = set()
-        self._askew = LaneChangeOverhang(network, roster.drivers)
-        self._pierced_lane: str | None = None
-        self._stands: dict[str, dict[str, LaneCoverage]] = {}
-        self._calm: EgoOnNetwork | None = None
+        self._commanded: set[str] = set()  # agents that are not left to SUMO
+        self._overhang = LaneChangeOverhang(network, registry.drivers)
+        self._overlap_lane: str | None = None
+        self._standing: dict[str, dict[str, LaneCoverage]] = {}
+        self._skipped: EgoOnNetwork | None = None
         self._at_start = True
         self._known_names: Sequence[str] = ()
         self._known_numbers = np.zeros((6, 0))
 
-    def _follow(self, driving: AgentSnapshot, names: Sequence[str]) -> list[tuple[str, dict[str, float]]]:
+    def _corridors_of(self, agents: AgentSnapshot, names: Sequence[str]) -> list[tuple[str, dict[str, float]]]:
         """The SUMO lane and the corridor of agents."""
         found: list[tuple[str, dict[str, float]]] = []
-        for name, lane in zip(names, driving.lanes(names), strict=True):
+        for name, lane in zip(names, agents.lanes(names), strict=True):
             known = self._corridors.get(name)
             if known is None or known[0] != lane:
                 ahead = reactions.corridor(self._network, lane, self._routes[name]) if lane else {}
@@ -95,160 +94,166 @@ class EgoReactions:
     def forget(self, name: str) -> None:
         """The agent has left."""
         self._memory.pop(name, None)
-        self._treated.discard(name)
-        self._askew.forget(name)
+        self._commanded.discard(name)
+        self._overhang.forget(name)
         self._corridors.pop(name, None)
 
-    def judge(
+    def decide(
         self,
         ego: EgoState,
         anchor: Anchor | None,
-        walked: Sequence[Ring],
+        walking: Sequence[Ring],
         standing: Mapping[str, shapely.Polygon],
-        driving: AgentSnapshot,
+        agents: AgentSnapshot,
     ) -> AgentCommands:
         """What everyone does about the ego at `ego`, which SUMO sees at `anchor`, and about pedestrians.
 
-        `walked` are the areas that walking pedestrians will cover, `standing`
-        the boxes of those who stand, by name and place; in SUMO's frame.
+        `walking` are the areas that walking pedestrians will cover, `standing`
+        the boxes of those that stand, by name and place; in SUMO's frame.
         """
         on_network, ahead = self._locate(ego, anchor)
-        suspects = self._askew.suspects(driving)
-        calm = on_network.alone and ego.speed_mps >= 0.0
-        things = self._in_the_way(standing) if standing else []
-        calm = calm and not (walked or things or suspects or self._treated or self._at_start)
-        calm = calm and not self._pierces(driving, anchor)
-        if calm:  # everyone behind follows the ego, as SUMO does by itself; caught up with when that ends
-            self._calm = on_network
+        turning = self._overhang.candidates(agents)
+        obstructions = self._obstructions(walking, standing, turning, agents)
+        others = bool(obstructions or turning or self._commanded or self._at_start)
+        alone = on_network.alone and ego.speed_mps >= 0.0 and not others
+        if alone and not self._proxy_overlaps(agents, anchor):
+            self._skipped = on_network  # everyone behind follows the ego, as SUMO does by itself
             return AgentCommands({}, frozenset())
-        things += [("", self._cover(area, (0.0, 0.0))) for area in walked]
-        if suspects:
-            names = [driving.names[row] for row in suspects]
-            things += self._askew.covers(suspects, [lane for lane, _ in self._follow(driving, names)], driving)
-        dx = driving.front_x - (ego.x_m - self._origin[0])
-        dy = driving.front_y - (ego.y_m - self._origin[1])
+        dx = agents.front_x - (ego.x_m - self._origin[0])
+        dy = agents.front_y - (ego.y_m - self._origin[1])
         away_m2 = dx * dx + dy * dy
-        near = self._within_reach(driving, ego, away_m2)
-        if self._calm is not None:
-            self._decide(self._calm, {}, (), driving, near, anchor)
-            self._calm = None
-        decisions = self._decide(on_network, ahead, things, driving, near, anchor)
+        near = self._within_reach(agents, ego, away_m2)
+        if self._skipped is not None:
+            self._decide(self._skipped, {}, (), agents, near, anchor)  # for what the agents remember of it
+            self._skipped = None
+        decisions = self._decide(on_network, ahead, obstructions, agents, near, anchor)
         self._at_start = False
-        for name in self._treated - decisions.keys():
-            decisions[name] = LEAVE
+        decisions.update(dict.fromkeys(self._commanded - decisions.keys(), BACK_TO_SUMO))
         for name, decision in decisions.items():
-            if decision.treatment is not Treatment.LEAVE:
-                self._treated.add(name)
-            else:
-                self._treated.discard(name)
-                if not decision.reacting and decision.overlap == 0.0:
-                    self._memory.pop(name, None)
-        keep_lane = frozenset[str]()
-        if on_network.straddles:
-            beside = (driving.names[row] for row in np.flatnonzero(away_m2 <= FREEZE_RADIUS_M**2).tolist())
-            keep_lane = frozenset([name for name in beside if not self._drivers[name].swerve])
-        return AgentCommands(decisions, keep_lane)
+            if decision.mode is not Mode.SUMO:
+                self._commanded.add(name)
+                continue
+            self._commanded.discard(name)
+            if not decision.reacting and decision.overlap == 0.0:
+                self._memory.pop(name, None)
+        return AgentCommands(decisions, self._keeping_lane(agents, away_m2) if on_network.straddles else frozenset())
 
-    def _cover(self, ring: Ring, velocity_mps: tuple[float, float]) -> dict[str, LaneCoverage]:
-        area = ClipArea.of(ring)
-        return reactions.cover(self._network.strips_near(area), area, velocity_mps)
+    def _keeping_lane(self, agents: AgentSnapshot, away_m2: Floats) -> frozenset[str]:
+        """Agents that keep their lane beside an ego that straddles two; `away_m2` as in `_within_reach`."""
+        beside = (agents.names[row] for row in np.flatnonzero(away_m2 <= FREEZE_RADIUS_M**2).tolist())
+        return frozenset([name for name in beside if not self._drivers[name].swerve])
 
-    def _in_the_way(self, standing: Mapping[str, shapely.Polygon]) -> list[tuple[str, Mapping[str, LaneCoverage]]]:
-        """Covers of the pedestrians who stand where cars drive; the kerb is not in the way."""
+    def _obstructions(
+        self,
+        walking: Sequence[Ring],
+        standing: Mapping[str, shapely.Polygon],
+        turning: Sequence[int],
+        agents: AgentSnapshot,
+    ) -> list[tuple[str, Mapping[str, LaneCoverage]]]:
+        """What besides the ego is in agents' way: pedestrians, nameless, and of the `turning` what overhangs a lane."""
+        found: list[tuple[str, Mapping[str, LaneCoverage]]] = []
         for place, box in standing.items():
-            if place not in self._stands:
-                spans = reached(self._network, box).items()
-                self._stands[place] = {lane: LaneCoverage(0.0, start_m, end_m, 0.0) for lane, (start_m, end_m) in spans}
-        return [("", self._stands[place]) for place in standing if self._stands[place]]
+            if place not in self._standing:
+                spans = lanes_overlapped(self._network, box).items()
+                self._standing[place] = {
+                    lane: LaneCoverage(0.0, start_m, end_m, 0.0) for lane, (start_m, end_m) in spans
+                }
+            if self._standing[place]:  # the kerb is in nobody's way
+                found.append(("", self._standing[place]))
+        found += [("", self._coverage_of(area, (0.0, 0.0))) for area in walking]
+        if turning:
+            lanes = [lane for lane, _ in self._corridors_of(agents, [agents.names[row] for row in turning])]
+            found += self._overhang.coverage(turning, lanes, agents)
+        return found
+
+    def _coverage_of(self, ring: Ring, velocity_mps: tuple[float, float]) -> dict[str, LaneCoverage]:
+        area = ClipArea.of(ring)
+        return reactions.lane_coverage(self._network.pieces_near(area), area, velocity_mps)
 
     def _decide(
         self,
         on_network: EgoOnNetwork,
         ahead: Mapping[float, Mapping[str, LaneCoverage]],
-        things: Sequence[tuple[str, Mapping[str, LaneCoverage]]],
-        driving: AgentSnapshot,
+        obstructions: Sequence[tuple[str, Mapping[str, LaneCoverage]]],
+        agents: AgentSnapshot,
         near: Sequence[int],
         anchor: Anchor | None,
     ) -> dict[str, ReactionDecision]:
-        """What each agent that the ego or one of `things` may concern does about it.
+        """What each agent that the ego or one of `obstructions` may concern does about it.
 
-        `near` are the rows of agents whom the ego may concern.
+        `near` are the rows of agents that the ego may concern.
         """
-        lanes = {lane for covers in (on_network.covers, *ahead.values()) for lane in covers}
+        lanes = {lane for coverage in (on_network.coverage, *ahead.values()) for lane in coverage}
         if on_network.anchor_lane is not None:
             lanes.add(on_network.anchor_lane)
-        known = self._memory.keys() | self._treated
-        watched = set(near)
-        if things:
-            met = {lane for _, covers in things for lane in covers}
-            corridors = self._follow(driving, driving.names)
-            known.update(
-                [
-                    name
-                    for name, (_, corridor) in zip(driving.names, corridors, strict=True)
-                    if not met.isdisjoint(corridor)
-                ]
-            )
+        known = self._memory.keys() | self._commanded
+        if obstructions:
+            met = {lane for _, coverage in obstructions for lane in coverage}
+            corridors = zip(agents.names, self._corridors_of(agents, agents.names), strict=True)
+            known.update([name for name, (_, corridor) in corridors if not met.isdisjoint(corridor)])
+        rows = set(near)
         if known:
-            watched.update([row for row, name in enumerate(driving.names) if name in known])
-        agents = self._agents(driving, sorted(watched), lanes, known)
-        decisions = reactions.decide(agents, on_network, ahead, self._memory, self._dt_s, at_start=self._at_start)
-        if things:
+            rows.update([row for row, name in enumerate(agents.names) if name in known])
+        concerned = self._concerned(agents, sorted(rows), lanes, known)
+        decisions = reactions.decide(concerned, on_network, ahead, self._memory, self._dt_s, at_start=self._at_start)
+        if obstructions:
             on_lanes: dict[str, list[tuple[str, LaneCoverage]]] = {}
-            for name, covers in things:
-                for each, part in covers.items():
-                    on_lanes.setdefault(each, []).append((name, part))
-            decisions = reactions.yield_to(agents, on_lanes, decisions, self._dt_s)
-        pierces = self._pierces(driving, anchor)
-        blind = [
+            for name, coverage in obstructions:
+                for lane, part in coverage.items():
+                    on_lanes.setdefault(lane, []).append((name, part))
+            decisions = reactions.yield_to(concerned, on_lanes, decisions, self._dt_s)
+        overlaps = self._proxy_overlaps(agents, anchor)
+        overlooking = [
             each
-            for each in agents
-            if each.id in decisions and (pierces or decisions[each.id].treatment is Treatment.IGNORE)
+            for each in concerned
+            if each.id in decisions and (overlaps or decisions[each.id].mode is Mode.IGNORE_EGO)
         ]
-        return reactions.yield_to(blind, self._ahead(blind, driving), decisions, self._dt_s) if blind else decisions
+        if overlooking:
+            decisions = reactions.yield_to(overlooking, self._ahead(overlooking, agents), decisions, self._dt_s)
+        return decisions
 
-    def _ahead(self, agents: Sequence[Agent], driving: AgentSnapshot) -> dict[str, list[tuple[str, LaneCoverage]]]:
-        """Everyone and every obstacle in the corridors of agents.
+    def _ahead(self, overlooking: Sequence[Agent], agents: AgentSnapshot) -> dict[str, list[tuple[str, LaneCoverage]]]:
+        """Every agent and every obstacle in the corridors of `overlooking`.
 
-        SUMO's drivers know the nearest vehicle ahead only: whoever is told to
-        overlook the ego overlooks what lies behind it, too, and whoever
+        SUMO's cars know the nearest vehicle ahead only: one that is told to
+        overlook the ego overlooks what lies beyond it, too, and one that
         follows an ego that passes others too closely would follow it through them.
         """
-        lanes = {lane for agent in agents for lane in agent.corridor}
-        here = [lane for lane, _ in self._follow(driving, driving.names)]
+        lanes = {lane for agent in overlooking for lane in agent.corridor}
+        here = [lane for lane, _ in self._corridors_of(agents, agents.names)]
         rows = [row for row, lane in enumerate(here) if lane in lanes]
-        names = [driving.names[row] for row in rows]
+        names = [agents.names[row] for row in rows]
         found: dict[str, list[tuple[str, LaneCoverage]]] = {}
-        for row, name, front_m in zip(rows, names, driving.positions_m(names), strict=True):
+        for row, name, front_m in zip(rows, names, agents.positions_m(names), strict=True):
             rear_m = front_m - self._drivers[name].length_m
-            body = LaneCoverage(0.0, rear_m, front_m, float(driving.speed_mps[row]))
+            body = LaneCoverage(0.0, rear_m, front_m, float(agents.speed_mps[row]))
             found.setdefault(here[row], []).append((name, body))
         for each in self._blocked:
             found.setdefault(each.lane, []).append(("", LaneCoverage(0.0, each.start_m, each.end_m, 0.0)))
         return found
 
-    def _pierces(self, driving: AgentSnapshot, anchor: Anchor | None) -> bool:
+    def _proxy_overlaps(self, agents: AgentSnapshot, anchor: Anchor | None) -> bool:
         """Whether SUMO's ego, a car at the anchor, stands in an agent or in an obstacle, or has on this lane.
 
-        SUMO keeps the order of the cars on a lane: whom the ego has passed
+        SUMO keeps the order of the cars on a lane: a car that the ego has passed
         through stays hidden behind it until the ego gets to another lane.
         """
-        if anchor is None or anchor.lane != self._pierced_lane:
-            self._pierced_lane = None
+        if anchor is None or anchor.lane != self._overlap_lane:
+            self._overlap_lane = None
         if anchor is None:
             return False
-        if self._pierced_lane is None and self._stands_in_somebody(driving, anchor):
-            self._pierced_lane = anchor.lane
-        return self._pierced_lane is not None
+        if self._overlap_lane is None and self._proxy_touches_anything(agents, anchor):
+            self._overlap_lane = anchor.lane
+        return self._overlap_lane is not None
 
-    def _stands_in_somebody(self, driving: AgentSnapshot, anchor: Anchor) -> bool:
+    def _proxy_touches_anything(self, agents: AgentSnapshot, anchor: Anchor) -> bool:
         length_m = self._shape.length_m
         rear_m = anchor.position_m - length_m
         for each in self._blocked:
             if each.lane == anchor.lane and each.start_m < anchor.position_m and rear_m < each.end_m:
                 return True
-        dx, dy = driving.front_x - anchor.x_m, driving.front_y - anchor.y_m
-        numbers = self._numbers(driving.names)
+        dx, dy = agents.front_x - anchor.x_m, agents.front_y - anchor.y_m
+        numbers = self._numbers(agents.names)
         near = np.flatnonzero(dx * dx + dy * dy < numbers[5])
         if not len(near):
             return False
@@ -257,14 +262,14 @@ class EgoReactions:
         beside = np.abs(across_m) < self._shape.width_m
         return bool((beside & (along_m > -length_m) & (along_m < numbers[4][near])).any())
 
-    def _within_reach(self, driving: AgentSnapshot, ego: EgoState, away_m2: Floats) -> list[int]:
-        """Rows of the agents whom the ego, were it their leader, would make brake noticeably.
+    def _within_reach(self, agents: AgentSnapshot, ego: EgoState, away_m2: Floats) -> list[int]:
+        """Rows of the agents that the ego, were it their leader, would make brake noticeably.
 
         `away_m2` (N,) are squared distances from their fronts to the ego's centre.
         """
-        numbers = self._numbers(driving.names)
-        towards_mps = ego.vx_mps * np.cos(driving.heading_rad - ego.heading_rad)
-        speed = driving.speed_mps
+        numbers = self._numbers(agents.names)
+        towards_mps = ego.vx_mps * np.cos(agents.heading_rad - ego.heading_rad)
+        speed = agents.speed_mps
         wished_m = numbers[0] + speed * (numbers[1] + np.maximum(0.0, speed - towards_mps) * numbers[2])
         reach_m = wished_m * numbers[3] + self._shape.length_m
         return np.flatnonzero(away_m2 <= reach_m * reach_m).tolist()
@@ -289,19 +294,19 @@ class EgoReactions:
             )
         return self._known_numbers
 
-    def _agents(self, driving: AgentSnapshot, rows: Sequence[int], lanes: set[str], known: set[str]) -> list[Agent]:
-        """Those of the agents in `rows` who are known, or have one of `lanes` ahead."""
-        names = [driving.names[row] for row in rows]
-        concerned = [
+    def _concerned(self, agents: AgentSnapshot, rows: Sequence[int], lanes: set[str], known: set[str]) -> list[Agent]:
+        """Those of the agents in `rows` that are known, or have one of `lanes` ahead."""
+        names = [agents.names[row] for row in rows]
+        ahead_of = [
             (name, row, lane, ahead)
-            for name, row, (lane, ahead) in zip(names, rows, self._follow(driving, names), strict=True)
+            for name, row, (lane, ahead) in zip(names, rows, self._corridors_of(agents, names), strict=True)
             if name in known or not lanes.isdisjoint(ahead)
         ]
-        positions_m = driving.positions_m([name for name, *_ in concerned])
+        positions_m = agents.positions_m([name for name, *_ in ahead_of])
         found: list[Agent] = []
-        for (name, row, lane, ahead), position_m in zip(concerned, positions_m, strict=True):
+        for (name, row, lane, ahead), position_m in zip(ahead_of, positions_m, strict=True):
             limit_mps = self._network.lanes[lane].limit_mps if lane else 0.0
-            found.append(Agent(name, self._drivers[name], position_m, float(driving.speed_mps[row]), limit_mps, ahead))
+            found.append(Agent(name, self._drivers[name], position_m, float(agents.speed_mps[row]), limit_mps, ahead))
         return found
 
     def _inside(self, ego: EgoState, anchor: Anchor) -> bool | None:
@@ -320,8 +325,8 @@ class EgoReactions:
         lateral_m = abs(dy * along_x - dx * along_y)
         if lateral_m + self._shape.width_m / 2.0 * (along_x * cosine + along_y * sine) - BEND_M > lane_half_m:
             return False  # a front corner is out
-        askew_m = length_m * abs(along_x * sine - along_y * cosine)
-        inside = lateral_m + askew_m + self._shape.width_m / 2.0 + BEND_M < lane_half_m
+        turned_m = length_m * abs(along_x * sine - along_y * cosine)
+        inside = lateral_m + turned_m + self._shape.width_m / 2.0 + BEND_M < lane_half_m
         return True if inside and length_m + BEND_M < anchor.position_m < lane.length_m - BEND_M else None
 
     def _locate(
@@ -344,21 +349,23 @@ class EgoReactions:
                 alone = {anchor.lane: LaneCoverage(1.0, position_m - self._shape.length_m, position_m, speed_mps)}
             elif inside is None:
                 corners, on = ego_ring(ego, self._shape, self._origin), self._network.lanes[anchor.lane]
-                alone = reactions.cover_of_one_lane(on, position_m, corners, velocity)
+                alone = reactions.coverage_of_one_lane(on, position_m, corners, velocity)
             if alone is not None:
                 centre = frozenset((anchor.lane,))
                 return EgoOnNetwork(alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True), {}
         corners = corners or ego_ring(ego, self._shape, self._origin)
         area = ClipArea.of(corners)
-        near = self._network.strips_near(area)
-        covers = reactions.cover(near, area, velocity)
+        near = self._network.pieces_near(area)
+        coverage = reactions.lane_coverage(near, area, velocity)
         ahead: dict[float, Mapping[str, LaneCoverage]] = {
-            time_s: self._cover(reactions.swept(corners, velocity, time_s), velocity)
+            time_s: self._coverage_of(reactions.swept_area(corners, velocity, time_s), velocity)
             for time_s in self._anticipations_s
         }
         own = self._network.continuations(lane) if lane is not None else frozenset[str]()
-        inside = sum(part.share for name, part in covers.items() if name in own)
+        inside = sum(part.share for name, part in coverage.items() if name in own)
         x_m, y_m = ego.x_m - self._origin[0], ego.y_m - self._origin[1]
-        centre_lanes = frozenset([strip.lane.id for strip in near if strip.lane.id in covers and strip.holds(x_m, y_m)])
+        centre_lanes = frozenset(
+            [piece.lane.id for piece in near if piece.lane.id in coverage and piece.holds(x_m, y_m)]
+        )
         straddles = inside < reactions.FULLY_MERGED
-        return EgoOnNetwork(covers, centre_lanes, lane, position_m, ego.speed_mps, straddles), ahead
+        return EgoOnNetwork(coverage, centre_lanes, lane, position_m, ego.speed_mps, straddles), ahead

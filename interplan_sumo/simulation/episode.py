@@ -21,7 +21,7 @@ from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Mission, Observation, Past, Planner
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.simulation.history import PAST_STEPS, invented_past
+from interplan_sumo.simulation.history import PAST_STEPS, extrapolated_past
 from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.simulation.traffic import Traffic, TrafficState
 from interplan_sumo.simulation.visibility import occluding_box, visible
@@ -146,21 +146,37 @@ def run_loop(
     )
 
 
+def run_until(scenario: Scenario, planner: Planner, enough: Callable[[], bool], *, seed: int = 0) -> float | None:
+    """Drive until `enough()` is true after a plan; the time of it in seconds, None if the episode ends before.
+
+    Unlike `drive` it lets through whatever the planner raises. TrafficError if SUMO fails.
+    """
+    roads = load_roads(scenario.map, scenario.maps_beside)
+    with open_traffic(scenario, roads, seed=seed) as traffic:
+        loop = Loop(scenario, roads, traffic)
+        planner.start(loop.open())
+        while loop.begin_frame():
+            plan = planner.plan(loop.observation)
+            if enough():
+                return loop.ego.time_s
+            loop.advance(plan)
+    return None
+
+
 def _run(loop: Loop, planner: Planner, plan_limit_s: float, on_phase: Callable[[Phase], None]) -> None:
     """Drive to the end."""
     mission = loop.open()
     on_phase("plan")
     _guarded(lambda: planner.start(mission), "start()")
     while loop.begin_frame():
-        seen = loop.seen
         on_phase("plan")
-        plan = _planned(planner, seen, loop.record, plan_limit_s)
+        plan = _planned(planner, loop.observation, loop.record, plan_limit_s)
         on_phase("simulate")
         loop.advance(plan)
 
 
 class Loop:
-    """One episode, step by step: `open`, then `advance` with a plan for `seen` as long as `begin_frame` says so.
+    """One episode, step by step: `open`, then `advance` with a plan for `observation` as long as `begin_frame` says so.
 
     PlannerError from `advance` if the plan cannot be followed, TrafficError from all where the traffic fails: no
     step can follow either.
@@ -191,16 +207,16 @@ class Loop:
         self.ego = start_state(self.scenario, self.roads)
         self.scene = self.traffic.observe()
         self._occluder = occluding_box(self.scenario, self.roads)
-        self._in_sight = visible(self.scene.actors, self.ego, self._occluder)
-        past = invented_past(self.roads, self.ego, self._in_sight, DT_S, self.scenario.past)
+        self._visible = visible(self.scene.actors, self.ego, self._occluder)
+        past = extrapolated_past(self.roads, self.ego, self._visible, DT_S, self.scenario.past)
         self._egos, self._others = deque(past.egos, PAST_STEPS), deque(past.actors, PAST_STEPS)
         return Mission(self.roads, self.scenario.route, self.scenario.goal.pose(self.roads), self.shape, DT_S)
 
     @property
-    def seen(self) -> Observation:
+    def observation(self) -> Observation:
         """What a planner sees now."""
         past = Past(tuple(self._egos), tuple(self._others))
-        return Observation(self.ego.time_s, self.ego, self._in_sight, self.scene.signals, past)
+        return Observation(self.ego.time_s, self.ego, self._visible, self.scene.signals, past)
 
     def begin_frame(self) -> bool:
         """Write the present down; False past the goal line, where no plan is needed, and when time is up."""
@@ -213,14 +229,14 @@ class Loop:
         return not self.reached_goal
 
     def advance(self, plan: Trajectory) -> None:
-        """One step along a plan for `seen`."""
+        """One step along a plan for `observation`."""
         check_plan(plan, self.ego, self.ego.time_s)
         self.record.plans.append(plan)
 
         stepping = time.perf_counter()
         self.traffic.react(self.ego)
         self._egos.append(self.ego)
-        self._others.append(self._in_sight)
+        self._others.append(self._visible)
         self.simulation_s += time.perf_counter() - stepping
         self.ego = follow(self.ego, plan, DT_S, self.shape)
         stepping = time.perf_counter()
@@ -228,7 +244,7 @@ class Loop:
         self.traffic.advance()
         self.scene = self.traffic.observe()
         self.simulation_s += time.perf_counter() - stepping
-        self._in_sight = visible(self.scene.actors, self.ego, self._occluder)
+        self._visible = visible(self.scene.actors, self.ego, self._occluder)
 
     def trace(self) -> Trace | None:
         """What was written down so far; None before the first frame."""

@@ -1,12 +1,12 @@
 """Flow: vehicles that keep entering where the filled lanes begin, at their density, for the whole run.
 
-Whoever would have stood farther upstream at the start waits in a queue per
-chain of lanes, drawn once before the episode. The queue comes nearer at the
-flow's own speed, and who has come to where the filled lanes begin drives in.
-If the ego comes near the queue, those whom it would meet drive in earlier,
-farther upstream: nobody appears within its sight, but where the map ends.
-Where there is no room, or no speed that meets the start rules, the first in
-the queue waits, and all behind wait for him.
+The vehicles that would have stood farther upstream at the start wait in a
+queue per chain of lanes, drawn once before the episode. The queue comes nearer
+at the flow's own speed, and its first vehicle enters where the filled lanes
+begin. If the ego comes near the queue, those that it would meet enter earlier,
+farther upstream: none appears within its sight, but where the map ends. Where
+there is no room, or no speed that meets the start rules, the first in the queue
+waits, and all behind wait for it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from interplan_sumo.scenario.scenario import SMALLEST_GAP_M
 from interplan_sumo.simulation.agent_registry import AgentRegistry
 from interplan_sumo.simulation.idm import acceleration_mps2, largest_speed_mps
 from interplan_sumo.simulation.lane_chains import ROUTE_M, continued_route, upstream_of
-from interplan_sumo.simulation.network import HALF_PASSAGE_M, NetworkLink, SumoNetwork
+from interplan_sumo.simulation.network import HALF_FOOTPRINT_M, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.plain_polyline import PlainPolyline
 from interplan_sumo.simulation.spawning import CAR_LENGTH_M, CLEAR_M, FilledLane, Spawn, safe, start_speed_mps
@@ -31,23 +31,23 @@ from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats, Polyline
 
 OUT_OF_SIGHT_M = 110.0
-"""Nobody appears nearer to the ego: a planner sees the centres of boxes within 100 m, and both move in a step."""
+"""No vehicle appears nearer to the ego: a planner sees the centres of boxes within 100 m, and both move in a step."""
 EDGE_CLEAR_M = 50.0
 """Where the map ends vehicles may come into sight, but not nearer to the ego than this."""
 COMING_NEAR_M = 160.0
-"""Who is as near as this to the ego drives in, before the ego could see him appear."""
+"""A vehicle as near as this to the ego enters, before the ego could see it appear."""
 RETRY_STEPS = 5
 """A queue looks for room twice a second."""
 AHEAD_M, BEHIND_M = 150.0, 80.0
-"""How far those who drive in look for others on their lane."""
+"""How far entering vehicles look for others on their lane."""
 STEP_BACK_M = 2.0
 """Places farther upstream are tried in these steps."""
 LANE_CHANGE_S = 3.0
-"""Whoever heads for the lane and will have reached it by then is on it: so long SUMO's cars take to change lane."""
+"""A car that heads for the lane and will have reached it by then is on it: so long SUMO takes to change lane."""
 TURNED_MPS = 6.0
 """Slower cars change lane as fast, and are turned the more."""
 ENTRY_BRAKING_MPS2 = 2.4
-"""Nobody starts so fast that he, or slower than that he behind him, must brake harder than this."""
+"""No vehicle starts so fast that it, or so slowly that the one behind it, must brake harder than this."""
 FASTEST_APPROACH_MPS = 35.0
 """The ego drives no faster towards a queue: so much of it is drawn for each second."""
 LONGEST_HALF_M = 9.0
@@ -68,7 +68,7 @@ class Arrival:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Others:
-    """Everyone near an entry who is on its lane: arc lengths of bumpers, speeds along the lane, drivers."""
+    """All vehicles near an entry that are on its lane: arc lengths of bumpers, speeds along the lane, types."""
 
     rear_m: Floats
     front_m: Floats
@@ -124,14 +124,14 @@ class Inflow:
         return found
 
     def advance(self) -> None:
-        """The queue comes nearer by one step; past where it drives in only as far as it goes between two looks."""
+        """The queue comes nearer by one step; past where it enters only as far as it goes between two looks."""
         self._head_m = min(self._begin_m + RETRY_STEPS * self._step_m, self._head_m + self._step_m)
 
     def entry(
-        self, roster: AgentRegistry, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float],
+        self, registry: AgentRegistry, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float],
         opens: Callable[[NetworkLink], bool],
     ) -> Spawn | None:  # fmt: skip
-        """The first in the queue, if it drives in now; `opens` tells which links are open."""
+        """The first in the queue, if it enters now; `opens` tells which links are open."""
         if self._next >= len(self._arrivals):
             return None
         x_m, y_m = ego.x_m - origin_m[0], ego.y_m - origin_m[1]
@@ -142,7 +142,7 @@ class Inflow:
         if centre_m is None:
             return None
         self._head_m = centre_m
-        others = self._others(centre_m, roster, ego, shape, origin_m)
+        others = self._others(centre_m, registry, ego, shape, origin_m)
         found = self._start(centre_m, arrival, others, opens)
         if found is not None:
             self._next += 1
@@ -180,15 +180,15 @@ class Inflow:
         return self._starts_m[at] + self._stretches[at].lane.line.length_m
 
     def _others(
-        self, centre_m: float, roster: AgentRegistry, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float]
+        self, centre_m: float, registry: AgentRegistry, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float]
     ) -> _Others:
-        """Everyone near a place who is, or reaches, on the lane, where they will be after the step."""
-        heading, half_m = np.append(roster.bodies.heading_rad, ego.heading_rad), shape.length_m / 2.0
+        """All vehicles near a place that are on the lane, or reach into it, where they will be after the step."""
+        heading, half_m = np.append(registry.kinematics.heading_rad, ego.heading_rad), shape.length_m / 2.0
         ego_x = ego.x_m - origin_m[0] + half_m * cos(ego.heading_rad)
         ego_y = ego.y_m - origin_m[1] + half_m * sin(ego.heading_rad)
-        fronts = np.append(roster.bodies.front_m, [[ego_x, ego_y]], axis=0)
-        speed = np.append(roster.bodies.speed_mps, ego.speed_mps)
-        length, width = np.append(roster.length_m, shape.length_m), np.append(roster.width_m, shape.width_m)
+        fronts = np.append(registry.kinematics.front_m, [[ego_x, ego_y]], axis=0)
+        speed = np.append(registry.kinematics.speed_mps, ego.speed_mps)
+        length, width = np.append(registry.length_m, shape.length_m), np.append(registry.width_m, shape.width_m)
         pose = self._track.pose_at(centre_m)
         near = np.flatnonzero(np.hypot(fronts[:, 0] - pose.x_m, fronts[:, 1] - pose.y_m) < AHEAD_M + BEHIND_M)
         forward = np.stack((np.cos(heading[near]), np.sin(heading[near])), axis=1)
@@ -198,16 +198,16 @@ class Inflow:
         arcs, lateral = (v.reshape(3, -1) for v in self._line.project(points.reshape(-1, 2), window))
         turned = heading[near] - self._line.poses_at(arcs[1])[:, 2]
         speed_along = speed[near] * np.cos(turned)
-        beside_m = HALF_PASSAGE_M + width[near] / 2.0
+        beside_m = HALF_FOOTPRINT_M + width[near] / 2.0
         soon_m = lateral + LANE_CHANGE_S * np.maximum(speed[near], TURNED_MPS) * np.sin(turned)
         on_lane = ((np.abs(lateral) < beside_m) | (np.abs(soon_m) < beside_m) | (lateral * soon_m < 0.0)).any(axis=0)
         moved = speed_along * self._dt_s
-        names = [*roster.names, None]
+        names = [*registry.names, None]
         return _Others(
             (arcs.min(axis=0) + moved)[on_lane],
             (arcs.max(axis=0) + moved)[on_lane],
             speed_along[on_lane],
-            [None if (name := names[row]) is None else roster.drivers[name] for row in near[on_lane]],
+            [None if (name := names[row]) is None else registry.drivers[name] for row in near[on_lane]],
         )
 
     def _start(
@@ -244,7 +244,7 @@ class Inflow:
         return None
 
     def _route(self, at: int, seed: int) -> tuple[str, ...]:
-        """Along the chain to where the filled lanes begin, then on as everyone."""
+        """Along the chain to where the filled lanes begin, then on as all others."""
         upto = max(at, self._first_filled)
         way = [stretch.lane.edge for stretch in self._stretches[at:upto] if not stretch.lane.internal]
         onward = continued_route(self._network, self._stretches[upto].lane.id, ROUTE_M, np.random.default_rng(seed))
@@ -272,7 +272,7 @@ def _joined(lines: Sequence[Polyline]) -> tuple[Polyline, list[float]]:
 def _may_follow(
     driver: VehicleType | None, speed_mps: float, limit_mps: float, gap_m: float, leader_mps: float
 ) -> bool:
-    """Whether somebody behind keeps a gap, is not endangered nor made to brake hard; the ego has no driver of ours."""
+    """Whether a vehicle behind keeps a gap, is not endangered nor made to brake hard; the ego has no type of ours."""
     if gap_m < SMALLEST_GAP_M - CAR_LENGTH_M or not safe(speed_mps, gap_m, leader_mps):
         return False
     return driver is None or (
@@ -282,7 +282,7 @@ def _may_follow(
 
 
 class Flow:
-    """All inflows of an episode, and the ids of those who come."""
+    """All inflows of an episode, and the ids of those that enter."""
 
     def __init__(self, inflows: Sequence[Inflow], tokens: Sequence[str]) -> None:
         """`tokens`: as many as there may be arrivals."""
@@ -292,10 +292,10 @@ class Flow:
         self._looked = [0] * len(inflows)
 
     def entry(
-        self, roster: AgentRegistry, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float],
+        self, registry: AgentRegistry, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float],
         opens: Callable[[NetworkLink], bool],
     ) -> tuple[str, Spawn] | None:  # fmt: skip
-        """Who drives in with the next step, if anyone, and under which id; to be called once per step."""
+        """Which vehicle enters with the next step, if any, and under which id; to be called once per step."""
         self._steps += 1
         for inflow in self._inflows:
             inflow.advance()
@@ -303,7 +303,7 @@ class Flow:
             if self._steps - self._looked[number] < RETRY_STEPS:
                 continue
             self._looked[number] = self._steps
-            spawn = inflow.entry(roster, ego, shape, origin_m, opens)
+            spawn = inflow.entry(registry, ego, shape, origin_m, opens)
             if spawn is not None:  # the next one must see this one first
                 return next(self._tokens), spawn
         return None

@@ -55,7 +55,7 @@ def _along(line: Polyline, x_m: float, y_m: float, heading_rad: float) -> tuple[
     return float(wrap_angle(heading_rad - line.pose_at(arc_m).heading_rad)), arc_m, left_m
 
 
-def invented_past(roads: Roads, ego: EgoState, actors: Actors, dt_s: float, driven: EgoPast | None = None) -> Past:
+def extrapolated_past(roads: Roads, ego: EgoState, actors: Actors, dt_s: float, driven: EgoPast | None = None) -> Past:
     """The 2 s before an episode: everyone has come at their present speed, but for the ego where its past is known."""
     ago_s = dt_s * np.arange(PAST_STEPS, 0, -1)
     if driven is None:

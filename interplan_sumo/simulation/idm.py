@@ -30,7 +30,7 @@ def acceleration_mps2(
 
 
 def wished_gap_m(driver: VehicleType, speed_mps: float, leader_mps: float, comfort_mps2: float) -> float:
-    """The gap that a driver wants behind a leader; `comfort_mps2` is 2 sqrt(a b) of his acceleration and braking."""
+    """The gap that a vehicle wants behind a leader; `comfort_mps2` is 2 sqrt(a b) of its acceleration and braking."""
     closing = speed_mps * (speed_mps - leader_mps) / comfort_mps2
     return driver.min_gap_m + max(0.0, speed_mps * driver.tau_s + closing)
 

@@ -1,4 +1,4 @@
-"""The passage of a lane: the strip that a car on its centre line sweeps, and what stands in it."""
+"""The footprint of a lane: the band that a car on its centre line sweeps, and what stands in it."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from interplan_sumo.simulation.network import SumoNetwork
 _TOUCH_M2 = 1e-6  # smaller areas are rounding
 
 
-def reached(
+def lanes_overlapped(
     network: SumoNetwork, box: shapely.Polygon, besides: Container[str] = frozenset()
 ) -> dict[str, tuple[float, float]]:
-    """Normal lanes whose passage a box in SUMO's frame reaches into, `besides` left out.
+    """Normal lanes whose footprint a box in SUMO's frame reaches into, `besides` left out.
 
     With SUMO's lane positions from where to where; sorted by place in the network file.
     """
-    strips, tree = network.strips
+    pieces, tree = network.pieces
     found: dict[str, tuple[float, float]] = {}
     for hit in np.sort(tree.query(box, predicate="intersects")):
-        strip = strips[int(hit)]
-        lane = strip.lane
+        piece = pieces[int(hit)]
+        lane = piece.lane
         if lane.internal or lane.id in besides:
             continue
-        part = shapely.intersection(network.passages[int(hit)], box)
+        part = shapely.intersection(network.footprints[int(hit)], box)
         if shapely.area(part) < _TOUCH_M2:
             continue
-        arcs, _ = strip.line.project(shapely.get_coordinates(part))
-        start_m = lane.position_of(strip.start_m + float(arcs.min()))
-        end_m = lane.position_of(strip.start_m + float(arcs.max()))
+        arcs, _ = piece.line.project(shapely.get_coordinates(part))
+        start_m = lane.position_of(piece.start_m + float(arcs.min()))
+        end_m = lane.position_of(piece.start_m + float(arcs.max()))
         before = found.get(lane.id, (start_m, end_m))
         found[lane.id] = (min(before[0], start_m), max(before[1], end_m))
     return found

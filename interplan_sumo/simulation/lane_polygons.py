@@ -1,4 +1,4 @@
-"""Tiles: convex pieces of lanes, and how much of a box lies on them, in plain floats.
+"""Lane polygons: convex parts of lanes, and how much of a box lies on them, in plain floats.
 
 A step asks about one box and a handful of pieces of lanes near it; there
 calls into a geometry library cost many times the arithmetic.
@@ -28,7 +28,7 @@ _FLAT_M2 = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tile:
+class ConvexPart:
     """A convex piece of a lane."""
 
     sides: tuple[tuple[float, float, float], ...]
@@ -42,7 +42,7 @@ class Tile:
     """The segment of the lane piece's line on both sides of which it lies; None: there is no single one."""
 
     def apart(self, low_x: float, low_y: float, high_x: float, high_y: float) -> bool:
-        """Whether an upright rectangle lies clear of the tile's."""
+        """Whether an upright rectangle lies clear of the part's."""
         return low_x > self.high_x or high_x < self.low_x or low_y > self.high_y or high_y < self.low_y
 
     def holds(self, x_m: float, y_m: float) -> bool:
@@ -50,7 +50,7 @@ class Tile:
         return all(a * x_m + b * y_m + c >= -ON_THE_LINE_M for a, b, c in self.sides)
 
     def distance_m(self, x_m: float, y_m: float) -> float:
-        """From a point to the tile; 0 inside."""
+        """From a point to the part; 0 inside."""
         if self.holds(x_m, y_m):
             return 0.0
         away = inf
@@ -98,7 +98,7 @@ def clipped(area: Ring, sides: Sequence[tuple[float, float, float]]) -> Ring:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClipArea:
-    """A convex area that is held against many tiles."""
+    """A convex area that is held against many parts of lanes."""
 
     ring: Ring
     low_x: float
@@ -117,12 +117,12 @@ class ClipArea:
         radius_m = hypot(high_x - low_x, high_y - low_y) / 2.0
         return cls(ring, low_x, low_y, high_x, high_y, (low_x + high_x) / 2.0, (low_y + high_y) / 2.0, radius_m)
 
-    def on(self, tile: Tile) -> Ring:
-        """The part that lies on a tile; empty if they share no more than an edge."""
-        if self.low_x > tile.high_x or self.high_x < tile.low_x or self.low_y > tile.high_y or self.high_y < tile.low_y:
+    def on(self, part: ConvexPart) -> Ring:
+        """What of it lies on a part of a lane; empty if they share no more than an edge."""
+        if self.low_x > part.high_x or self.high_x < part.low_x or self.low_y > part.high_y or self.high_y < part.low_y:
             return ()
         x, y, radius_m = self.x_m, self.y_m, self.radius_m
-        return clipped(self.ring, [side for side in tile.sides if side[0] * x + side[1] * y + side[2] < radius_m])
+        return clipped(self.ring, [side for side in part.sides if side[0] * x + side[1] * y + side[2] < radius_m])
 
 
 def area_m2(ring: Ring) -> float:
@@ -154,8 +154,8 @@ def hull(points: Sequence[tuple[float, float]]) -> Ring:
     return rings[0] + rings[1]
 
 
-def tiles_between(left: Floats, right: Floats, outline: shapely.Geometry) -> tuple[Tile, ...]:
-    """The tiles of an area between two sides (N, 2), which run along N - 1 segments of a line.
+def convex_parts_between(left: Floats, right: Floats, outline: shapely.Geometry) -> tuple[ConvexPart, ...]:
+    """The convex parts of an area between two sides (N, 2), which run along N - 1 segments of a line.
 
     One per segment where these are convex and do not overlap. `outline` is
     the whole area; where they are not it is taken as it is, or cut into triangles.
@@ -166,28 +166,28 @@ def tiles_between(left: Floats, right: Floats, outline: shapely.Geometry) -> tup
     convex = bool((edges[..., 0] * after[..., 1] - edges[..., 1] * after[..., 0] > 0.0).all())
     whole_m2 = float(shapely.area(outline))
     if convex and abs(sum(area_m2(_ring(each)) for each in rings) - whole_m2) <= 1e-9 * whole_m2:
-        return tuple(_tile(_ring(each), segment) for segment, each in enumerate(rings))
+        return tuple(_convex_part(_ring(each), segment) for segment, each in enumerate(rings))
     around = shapely.convex_hull(outline)
     if shapely.area(around) - whole_m2 <= 1e-9 * whole_m2:
         parts = [around]
     else:
         parts = shapely.get_parts(shapely.constrained_delaunay_triangles(outline))
     found = [_ring(shapely.get_coordinates(shapely.orient_polygons(part))[:-1]) for part in parts]
-    return tuple(_tile(each, None) for each in found if area_m2(each) > _FLAT_M2)
+    return tuple(_convex_part(each, None) for each in found if area_m2(each) > _FLAT_M2)
 
 
 def _ring(corners: Floats) -> Ring:
     return [(x, y) for x, y in corners.tolist()]
 
 
-def _tile(ring: Ring, segment: int | None) -> Tile:
-    """A tile from its corners, counter-clockwise."""
+def _convex_part(ring: Ring, segment: int | None) -> ConvexPart:
+    """A part from its corners, counter-clockwise."""
     sides: list[tuple[float, float, float]] = []
     for (x, y), (next_x, next_y) in pairwise((*ring, ring[0])):
         length_m = hypot(next_x - x, next_y - y)
         a, b = (y - next_y) / length_m, (next_x - x) / length_m
         sides.append((a, b, -a * x - b * y))
-    return Tile(tuple(sides), tuple(ring), *bounds(ring), segment)
+    return ConvexPart(tuple(sides), tuple(ring), *bounds(ring), segment)
 
 
 class RectangleIndex:

@@ -23,15 +23,15 @@ from defusedxml import DefusedXmlException
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.simulation.lane_polygons import ClipArea, RectangleIndex, Ring, Tile, tiles_between
+from interplan_sumo.simulation.lane_polygons import ClipArea, ConvexPart, RectangleIndex, Ring, convex_parts_between
 from interplan_sumo.simulation.plain_polyline import PlainPolyline
 from interplan_sumo.world.geometry import Floats, Polyline
 
 SHAPE_TOLERANCE_M = 0.005
 """Lane shapes are thinned out to this deviation: overlaps are judged to a hundredth of a car's width."""
-STRIP_M = 25.0
+PIECE_M = 25.0
 """Length of the pieces that lanes are searched in."""
-HALF_PASSAGE_M = 1.15
+HALF_FOOTPRINT_M = 1.15
 """A car on the centre line keeps clear of what stays this far from it: half its width and a hand's breadth more."""
 NOWHERE_M = 50.0
 
@@ -76,35 +76,35 @@ class NetworkLane:
         return position_m * self.line.length_m / self.length_m
 
     @cached_property
-    def track(self) -> PlainPolyline:
+    def plain_line(self) -> PlainPolyline:
         """The line in plain floats."""
         return PlainPolyline(self.line)
 
     @cached_property
-    def strips(self) -> tuple[LanePiece, ...]:
+    def pieces(self) -> tuple[LanePiece, ...]:
         """The lane in short pieces, upstream to downstream."""
-        line = self.line.resampled(STRIP_M)
+        line = self.line.resampled(PIECE_M)
         delta = np.diff(line.points, axis=0) / np.diff(line.arc_m)[:, None]
         unit = np.concatenate((delta[:1], delta[:-1] + delta[1:], delta[-1:]))
         unit /= np.hypot(unit[:, 0], unit[:, 1])[:, None]
-        # A mitre, so that neighbouring strips share an edge and the sides stay half a width away from the line.
+        # A mitre, so that neighbouring pieces share an edge and the sides stay half a width away from the line.
         reach = self.width_m / 2.0 / np.maximum(0.5, (unit[1:] * delta).sum(axis=1))
         across = np.stack((-unit[:, 1], unit[:, 0]), axis=1) * np.append(reach[:1], reach)[:, None]
         left, right = line.points + across, line.points - across
-        strips: list[LanePiece] = []
+        pieces: list[LanePiece] = []
         first = 0
         for last in range(1, len(line.points)):
-            if last == len(line.points) - 1 or line.arc_m[last + 1] - line.arc_m[first] > STRIP_M + 1e-9:
+            if last == len(line.points) - 1 or line.arc_m[last + 1] - line.arc_m[first] > PIECE_M + 1e-9:
                 rows = slice(first, last + 1)
                 polygon = shapely.Polygon(np.concatenate((left[rows], right[rows][::-1])))
                 valid = polygon if polygon.is_valid else shapely.convex_hull(polygon)
-                strips.append(
+                pieces.append(
                     LanePiece(
                         self, float(line.arc_m[first]), Polyline(line.points[rows]), valid, left[rows], right[rows]
                     )
                 )
                 first = last
-        return tuple(strips)
+        return tuple(pieces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,23 +122,23 @@ class LanePiece:
     """(N, 2) right ends."""
 
     @cached_property
-    def track(self) -> PlainPolyline:
+    def plain_line(self) -> PlainPolyline:
         """The line in plain floats."""
         return PlainPolyline(self.line)
 
     @cached_property
-    def tiles(self) -> tuple[Tile, ...]:
+    def convex_parts(self) -> tuple[ConvexPart, ...]:
         """The polygon in convex pieces."""
-        return tiles_between(self.left, self.right, self.polygon)
+        return convex_parts_between(self.left, self.right, self.polygon)
 
     def holds(self, x_m: float, y_m: float) -> bool:
         """Whether a point lies in the polygon or on its edge."""
-        return any(tile.holds(x_m, y_m) for tile in self.tiles)
+        return any(part.holds(x_m, y_m) for part in self.convex_parts)
 
     def reaches(self, x_m: float, y_m: float, reach_m: float) -> bool:
         """Whether a point lies within reach of the polygon."""
         around = (x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
-        return any(not tile.apart(*around) and tile.distance_m(x_m, y_m) <= reach_m for tile in self.tiles)
+        return any(not part.apart(*around) and part.distance_m(x_m, y_m) <= reach_m for part in self.convex_parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,16 +155,16 @@ class SumoNetwork:
     """State strings of each traffic light's program, from time 0 on."""
 
     @cached_property
-    def strips(self) -> tuple[tuple[LanePiece, ...], shapely.STRtree]:
+    def pieces(self) -> tuple[tuple[LanePiece, ...], shapely.STRtree]:
         """All lanes in short pieces and a spatial index over them."""
-        strips = tuple(strip for lane in self.lanes.values() for strip in lane.strips)
-        return strips, shapely.STRtree([strip.polygon for strip in strips])
+        pieces = tuple(piece for lane in self.lanes.values() for piece in lane.pieces)
+        return pieces, shapely.STRtree([piece.polygon for piece in pieces])
 
     @cached_property
-    def passages(self) -> NDArray[Any]:
-        """Per strip the area that a car on the centre line sweeps, `HALF_PASSAGE_M` to both sides."""
-        lines = [strip.line.linestring for strip in self.strips[0]]
-        return np.asarray(shapely.buffer(lines, HALF_PASSAGE_M, cap_style="flat"))
+    def footprints(self) -> NDArray[Any]:
+        """Per piece the area that a car on the centre line sweeps, `HALF_FOOTPRINT_M` to both sides."""
+        lines = [piece.line.linestring for piece in self.pieces[0]]
+        return np.asarray(shapely.buffer(lines, HALF_FOOTPRINT_M, cap_style="flat"))
 
     @cached_property
     def nowhere(self) -> tuple[float, float]:
@@ -175,23 +175,23 @@ class SumoNetwork:
 
     @cached_property
     def _grid(self) -> RectangleIndex:
-        return RectangleIndex(shapely.bounds([strip.polygon for strip in self.strips[0]]))
+        return RectangleIndex(shapely.bounds([piece.polygon for piece in self.pieces[0]]))
 
-    def strips_near(self, area: ClipArea) -> list[LanePiece]:
-        """The strips whose upright rectangles meet an area's, in the order of `strips`."""
-        strips = self.strips[0]
-        return [strips[i] for i in self._grid.within(area.low_x, area.low_y, area.high_x, area.high_y)]
+    def pieces_near(self, area: ClipArea) -> list[LanePiece]:
+        """The pieces whose upright rectangles meet an area's, in the order of `pieces`."""
+        pieces = self.pieces[0]
+        return [pieces[i] for i in self._grid.within(area.low_x, area.low_y, area.high_x, area.high_y)]
 
-    def strips_around(self, x_m: float, y_m: float, reach_m: float) -> list[tuple[LanePiece, float]]:
+    def pieces_around(self, x_m: float, y_m: float, reach_m: float) -> list[tuple[LanePiece, float]]:
         """Strips that may lie within reach of a point, nearest first; none is nearer than the distance beside it."""
-        strips = self.strips[0]
+        pieces = self.pieces[0]
         found = self._grid.around(x_m, y_m, reach_m)
-        return [(strips[i], away_m) for away_m, i in found]
+        return [(pieces[i], away_m) for away_m, i in found]
 
     def touches_lane(self, box: Ring) -> bool:
         """Whether a box in SUMO's frame reaches into any lane."""
         area = ClipArea.of(box)
-        return any(len(area.on(tile)) > 0 for strip in self.strips_near(area) for tile in strip.tiles)
+        return any(len(area.on(part)) > 0 for piece in self.pieces_near(area) for part in piece.convex_parts)
 
     @cached_property
     def incoming(self) -> Mapping[str, tuple[NetworkLink, ...]]:

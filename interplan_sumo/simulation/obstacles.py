@@ -1,4 +1,4 @@
-"""Obstacles: true boxes for everyone who looks, and which stretches of SUMO lanes they block."""
+"""Obstacles: true boxes for all that look, and which stretches of SUMO lanes they block."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
-from interplan_sumo.simulation.lane_footprint import reached
+from interplan_sumo.simulation.lane_footprint import lanes_overlapped
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import box_polygons
@@ -62,7 +62,7 @@ def blockages(network: SumoNetwork, obstacles: Actors, origin_m: tuple[float, fl
         obstacles.width_m,
     )
     for box in boxes:
-        for lane_id, (start_m, end_m) in reached(network, box).items():
+        for lane_id, (start_m, end_m) in lanes_overlapped(network, box).items():
             found.setdefault(lane_id, []).append((max(0.0, start_m - SWING_OUT_M), end_m))
     return tuple(LaneBlockage(lane, *span) for lane in sorted(found) for span in _merged(found[lane]))
 

@@ -1,4 +1,4 @@
-"""Jaywalkers: they wait at the kerb, and walk straight across once the ego is near. They yield to nobody."""
+"""Jaywalkers: they wait at the kerb, and walk straight across once the ego is near. They yield to none."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import Roads
 
 FORESIGHT_S = 3.0
-"""Background drivers see this far ahead where a walking pedestrian will be."""
+"""Background traffic foresees for so long where a walking pedestrian will be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class Crowd:
         self._walked_s: list[float | None] = [None] * len(rows)  # None: still waiting
 
     def notice(self, ego: EgoState, shape: EgoShape) -> None:
-        """Set off whoever the ego has come near enough to, before it has passed."""
+        """Set off those that the ego has come near enough to, before it has passed."""
         if all(walked is not None for walked in self._walked_s):
             return
         centre_m, _ = self._route.project_point(ego.x_m, ego.y_m)
@@ -106,7 +106,7 @@ class Crowd:
         return areas
 
     def standing(self, origin_m: tuple[float, float]) -> dict[str, shapely.Polygon]:
-        """The boxes of those who wait or have arrived, by place: equal keys mean equal boxes. In SUMO's frame."""
+        """The boxes of those that wait or have arrived, by place: equal keys mean equal boxes. In SUMO's frame."""
         found: dict[str, shapely.Polygon] = {}
         actors: Actors | None = None
         for i, (each, walked) in enumerate(zip(self._walks, self._walked_s, strict=True)):

@@ -1,4 +1,4 @@
-"""Track: a polyline in plain floats, for questions about one point at a time.
+"""A polyline in plain floats, for questions about one point at a time.
 
 A step looks at a few points and a few segments near them; there arrays cost
 more than they save. Results equal those of `Polyline` to the bit.

@@ -1,18 +1,18 @@
 """Reactions: which agent reacts to the ego, from when, and how, decided per agent and step.
 
-SUMO sees the ego as a car on the centre line of one lane. Whether a driver
-sees it is not left to SUMO: the share f of the ego's box inside the driver's
-own corridor (his lane and its continuation) is held against a threshold of
-his vehicle type. He starts to react when f > 0 and f >= min(threshold, 0.98),
-or when the ego's centre has been in his corridor as his leader for 2 s, and
-goes on until f = 0. From that follows one of four ways to treat him:
+SUMO sees the ego as a car on the centre line of one lane. Whether an agent
+sees it is not left to SUMO: the share f of the ego's box inside the agent's
+own corridor (its lane and what continues it) is held against a threshold of
+its vehicle type. It starts to react when f > 0 and f >= min(threshold, 0.98),
+or when the ego's centre has been ahead in its corridor for 2 s, and goes on
+until f = 0. From that follows one of three modes:
 
-| reacts | SUMO sees the ego in his corridor | treatment |
+| reacts | SUMO sees the ego in the corridor | mode |
 |---|---|---|
-| no | no | LEAVE him to SUMO |
-| no | yes | IGNORE: SUMO is told to overlook the ego |
-| yes | yes, driving his way | LEAVE him to SUMO, which follows the ego |
-| yes | no, or oncoming, backing, athwart | IMPOSE the speed that IDM demands |
+| no | no | SUMO: the agent is left to SUMO |
+| no | yes | IGNORE_EGO: SUMO is told to overlook the ego |
+| yes | yes, driving the agent's way | SUMO, which follows the ego |
+| yes | no, or oncoming, backing, crossing | OVERRIDE_SPEED: the speed that IDM demands |
 
 Nothing here knows SUMO: arrays and names in, decisions out. The small values
 are tuples, not data classes: a step makes dozens of them.
@@ -36,20 +36,20 @@ from interplan_sumo.simulation.vehicle_types import VehicleType
 FULLY_MERGED = 0.98
 """Overlap from which the ego counts as fully merged: a box never lies to the last per cent in one lane."""
 LEADER_AFTER_S = 2.0
-"""After this time with its centre in a driver's corridor the ego is his leader whatever the overlap."""
+"""After this time with its centre in an agent's corridor the ego is its leader whatever the overlap."""
 LOOKAHEAD_M = 150.0
-"""How far ahead drivers care for the ego."""
-ATHWART = 0.85
-"""Below this cosine between the ego's motion and the lane SUMO's idea of the ego is too wrong to be left alone."""
+"""How far ahead of its lane an agent's corridor reaches."""
+LEAST_ALIGNMENT = 0.85
+"""Below this cosine between the ego's motion and the lane SUMO's idea of the ego is too wrong to follow."""
 _TOUCH = 1e-6  # shares below this are rounding
 
 
-class Treatment(Enum):
-    """What is done about one agent in one step."""
+class Mode(Enum):
+    """Who decides what an agent does about the ego in one step."""
 
-    LEAVE = "leave"
-    IGNORE = "ignore"
-    IMPOSE = "impose"
+    SUMO = "sumo"
+    IGNORE_EGO = "ignore ego"
+    OVERRIDE_SPEED = "override speed"
 
 
 class LaneCoverage(NamedTuple):
@@ -67,7 +67,7 @@ class LaneCoverage(NamedTuple):
 class EgoOnNetwork(NamedTuple):
     """The ego as the reaction layer needs it, in SUMO's frame."""
 
-    covers: Mapping[str, LaneCoverage]
+    coverage: Mapping[str, LaneCoverage]
     """Per SUMO lane that the box touches."""
     centre_lanes: frozenset[str]
     """SUMO lanes that contain the box centre."""
@@ -106,17 +106,17 @@ class ReactionMemory:
 class ReactionDecision(NamedTuple):
     """The outcome for one agent."""
 
-    treatment: Treatment
+    mode: Mode
     overlap: float
     """f at this step."""
     reacting: bool
     speed_mps: float | None = None
-    """The speed to impose for the next step; None: SUMO's own."""
+    """That overrides SUMO's own for the next step; None: SUMO's own."""
     at_limit: bool = False
-    """Whether the driver brakes as hard as he can, which is less than he would have to."""
+    """Whether the agent brakes as hard as it can, which is less than it would have to."""
 
 
-def cover_of_one_lane(
+def coverage_of_one_lane(
     lane: NetworkLane, near_m: float, corners: Ring, velocity_mps: tuple[float, float]
 ) -> dict[str, LaneCoverage] | None:
     """What a box in SUMO's frame covers if it lies wholly inside one normal lane; None if it does not.
@@ -126,52 +126,56 @@ def cover_of_one_lane(
     """
     if lane.internal:
         return None
-    track, here_m, half_m = lane.track, lane.arc_of(near_m), lane.width_m / 2.0
+    line, here_m, half_m = lane.plain_line, lane.arc_of(near_m), lane.width_m / 2.0
     arcs: list[float] = []
     for x, y in corners:
-        arc_m, left_m = track.project(x, y, (here_m - LOCAL_M, here_m + LOCAL_M))
+        arc_m, left_m = line.project(x, y, (here_m - LOCAL_M, here_m + LOCAL_M))
         if abs(left_m) > half_m:
             return None
         arcs.append(arc_m)
     first, last = min(arcs), max(arcs)
-    if first <= 0.0 or last >= track.length_m:
+    if first <= 0.0 or last >= line.length_m:
         return None
-    speed_mps = track.speed_along((first + last) / 2.0, velocity_mps)
+    speed_mps = line.speed_along((first + last) / 2.0, velocity_mps)
     return {lane.id: LaneCoverage(1.0, lane.position_of(first), lane.position_of(last), speed_mps)}
 
 
-def cover(near: Iterable[LanePiece], area: ClipArea, velocity_mps: tuple[float, float]) -> dict[str, LaneCoverage]:
+def lane_coverage(
+    near: Iterable[LanePiece], area: ClipArea, velocity_mps: tuple[float, float]
+) -> dict[str, LaneCoverage]:
     """What an area in SUMO's frame covers of each lane; `velocity_mps` is the ego's, in the same frame.
 
-    `near` are the strips of lanes that the area may touch; lanes come in their order.
+    `near` are the pieces of lanes that the area may touch; lanes come in their order.
     """
     whole_m2 = abs(area_m2(area.ring))
-    covers: dict[str, LaneCoverage] = {}
-    for strip in near:
-        track, parts_m2 = strip.track, 0.0
+    coverage: dict[str, LaneCoverage] = {}
+    for piece in near:
+        line, covered_m2 = piece.plain_line, 0.0
         first, last = inf, -inf
-        for tile in strip.tiles:
-            part = area.on(tile)
-            if not part:
+        for part in piece.convex_parts:
+            covered = area.on(part)
+            if not covered:
                 continue
-            parts_m2 += abs(area_m2(part))
-            for x, y in part:
-                arc_m = track.arc_on(tile.segment, x, y) if tile.segment is not None else track.project(x, y)[0]
+            covered_m2 += abs(area_m2(covered))
+            for x, y in covered:
+                arc_m = line.arc_on(part.segment, x, y) if part.segment is not None else line.project(x, y)[0]
                 first, last = min(first, arc_m), max(last, arc_m)
-        share = parts_m2 / whole_m2
+        share = covered_m2 / whole_m2
         if share <= _TOUCH:
             continue
-        lane, before = strip.lane, covers.get(strip.lane.id)
-        start_m, end_m = lane.position_of(strip.start_m + first), lane.position_of(strip.start_m + last)
+        lane, before = piece.lane, coverage.get(piece.lane.id)
+        start_m, end_m = lane.position_of(piece.start_m + first), lane.position_of(piece.start_m + last)
         if before is None:
-            covers[lane.id] = LaneCoverage(share, start_m, end_m, track.speed_along((first + last) / 2.0, velocity_mps))
+            coverage[lane.id] = LaneCoverage(
+                share, start_m, end_m, line.speed_along((first + last) / 2.0, velocity_mps)
+            )
         else:
             start_m, end_m = min(start_m, before.start_m), max(end_m, before.end_m)
-            covers[lane.id] = LaneCoverage(before.share + share, start_m, end_m, before.speed_mps)
-    return covers
+            coverage[lane.id] = LaneCoverage(before.share + share, start_m, end_m, before.speed_mps)
+    return coverage
 
 
-def swept(box: Ring, velocity_mps: tuple[float, float], time_s: float) -> Ring:
+def swept_area(box: Ring, velocity_mps: tuple[float, float], time_s: float) -> Ring:
     """The area that a box covers in `time_s` at constant velocity and heading."""
     if time_s <= 0.0 or velocity_mps == (0.0, 0.0):
         return box
@@ -235,89 +239,89 @@ def decide(
     """The decision for each agent; `memory` is updated, agents that need none are left out.
 
     `ahead` holds, per anticipation time above 0, what the ego's swept box covers.
-    `at_start` marks the first step: an ego that starts in a driver's lane is
+    `at_start` marks the first step: an ego that starts in an agent's lane is
     respected from the beginning.
     """
     decisions: dict[str, ReactionDecision] = {}
     for agent in agents:
-        covers = ego.covers if agent.driver.anticipation_s <= 0.0 else ahead[agent.driver.anticipation_s]
+        coverage = ego.coverage if agent.driver.anticipation_s <= 0.0 else ahead[agent.driver.anticipation_s]
         corridor, position_m = agent.corridor, agent.position_m
-        overlap, nearest_m, nearest, leads = 0.0, inf, None, False
-        for lane, part in covers.items():
+        overlap, nearest_m, nearest, is_leader = 0.0, inf, None, False
+        for lane, part in coverage.items():
             start_m = corridor.get(lane)
             if start_m is None or start_m + part.end_m <= position_m:
-                continue  # not his way, or behind him
+                continue  # not ahead on its way
             overlap += part.share
-            leads = leads or lane in ego.centre_lanes
+            is_leader = is_leader or lane in ego.centre_lanes
             if start_m + part.start_m < nearest_m:
                 nearest_m, nearest = start_m + part.start_m, part
         anchor_m = corridor.get(ego.anchor_lane) if ego.anchor_lane is not None else None
         rear_m = position_m - agent.driver.length_m  # SUMO may brake for whatever is not wholly behind
-        sees = anchor_m is not None and anchor_m + ego.anchor_position_m > rear_m
-        attention = memory.get(agent.id)
-        if attention is None:
-            if nearest is None and not sees:
+        sumo_sees_ego = anchor_m is not None and anchor_m + ego.anchor_position_m > rear_m
+        remembered = memory.get(agent.id)
+        if remembered is None:
+            if nearest is None and not sumo_sees_ego:
                 continue
-            attention = memory[agent.id] = ReactionMemory()
+            remembered = memory[agent.id] = ReactionMemory()
         if nearest is None:
-            attention.reacting = False
-            attention.centre_in_corridor_s = 0.0
-            decisions[agent.id] = ReactionDecision(Treatment.IGNORE if sees else Treatment.LEAVE, 0.0, False)
+            remembered.reacting = False
+            remembered.centre_in_corridor_s = 0.0
+            decisions[agent.id] = ReactionDecision(Mode.IGNORE_EGO if sumo_sees_ego else Mode.SUMO, 0.0, False)
             continue
         overlap = min(1.0, overlap)
-        attention.centre_in_corridor_s = attention.centre_in_corridor_s + dt_s if leads else 0.0
+        remembered.centre_in_corridor_s = remembered.centre_in_corridor_s + dt_s if is_leader else 0.0
         if overlap >= min(agent.driver.react_overlap, FULLY_MERGED):
-            attention.reacting = True
-        if leads and (at_start or attention.centre_in_corridor_s >= LEADER_AFTER_S - 1e-9):
-            attention.reacting = True
-        if not attention.reacting:
-            decisions[agent.id] = ReactionDecision(Treatment.IGNORE if sees else Treatment.LEAVE, overlap, False)
-        elif sees and nearest.speed_mps >= ATHWART * ego.speed_mps and ego.speed_mps >= 0.0:
+            remembered.reacting = True
+        if is_leader and (at_start or remembered.centre_in_corridor_s >= LEADER_AFTER_S - 1e-9):
+            remembered.reacting = True
+        if not remembered.reacting:
+            decisions[agent.id] = ReactionDecision(Mode.IGNORE_EGO if sumo_sees_ego else Mode.SUMO, overlap, False)
+        elif sumo_sees_ego and nearest.speed_mps >= LEAST_ALIGNMENT * ego.speed_mps and ego.speed_mps >= 0.0:
             _, at_limit = _next_speed_mps(agent, nearest_m - position_m, nearest.speed_mps, dt_s)
-            decisions[agent.id] = ReactionDecision(Treatment.LEAVE, overlap, True, at_limit=at_limit)
+            decisions[agent.id] = ReactionDecision(Mode.SUMO, overlap, True, at_limit=at_limit)
         else:
             wanted = _next_speed_mps(agent, nearest_m - position_m, nearest.speed_mps, dt_s)
-            decisions[agent.id] = ReactionDecision(Treatment.IMPOSE, overlap, True, *wanted)
+            decisions[agent.id] = ReactionDecision(Mode.OVERRIDE_SPEED, overlap, True, *wanted)
     return decisions
 
 
 def yield_to(
     agents: Iterable[Agent],
-    things: Mapping[str, Sequence[tuple[str, LaneCoverage]]],
+    obstructions: Mapping[str, Sequence[tuple[str, LaneCoverage]]],
     decisions: Mapping[str, ReactionDecision],
     dt_s: float,
 ) -> dict[str, ReactionDecision]:
     """`decisions` with the speeds lowered that agents need to follow, or stop before, what is in their corridor.
 
-    `things` are, by SUMO lane, names and covers of pedestrians (nameless) and
-    of bodies of other agents, which do not concern their own driver. Everyone
+    `obstructions` are, by SUMO lane, names and coverage of pedestrians (nameless)
+    and of other agents' bodies; an agent's own body does not concern it. Everyone
     yields to them, whatever the type.
     """
     decided = dict(decisions)
     for agent in agents:
-        leader = _hardest_to_follow(agent, things)
+        leader = _decisive_leader(agent, obstructions)
         if leader is None:
             continue
         speed_mps, at_limit = _next_speed_mps(agent, *leader, dt_s)
-        before = decided.get(agent.id, ReactionDecision(Treatment.IMPOSE, 0.0, False))
+        before = decided.get(agent.id, ReactionDecision(Mode.OVERRIDE_SPEED, 0.0, False))
         if before.speed_mps is not None:
             speed_mps = min(speed_mps, before.speed_mps)
         if before.at_limit:
             speed_mps, at_limit = min(speed_mps, _hardest_mps(agent, dt_s)), True
-        treatment = Treatment.IGNORE if before.treatment is Treatment.IGNORE else Treatment.IMPOSE
-        decided[agent.id] = ReactionDecision(treatment, before.overlap, before.reacting, speed_mps, at_limit)
+        mode = Mode.IGNORE_EGO if before.mode is Mode.IGNORE_EGO else Mode.OVERRIDE_SPEED
+        decided[agent.id] = ReactionDecision(mode, before.overlap, before.reacting, speed_mps, at_limit)
     return decided
 
 
-def _hardest_to_follow(
-    agent: Agent, things: Mapping[str, Sequence[tuple[str, LaneCoverage]]]
+def _decisive_leader(
+    agent: Agent, obstructions: Mapping[str, Sequence[tuple[str, LaneCoverage]]]
 ) -> tuple[float, float] | None:
-    """Gap and speed, not below 0, of the thing ahead for which IDM brakes hardest: largest wished gap per gap."""
+    """Gap and speed, not below 0, of what is ahead for which IDM brakes hardest: largest wished gap per gap."""
     name, driver, position_m, speed_mps, _, ahead = agent
     comfort_mps2 = 2.0 * sqrt(driver.accel_mps2 * driver.decel_mps2)
     found: tuple[float, float] | None = None
     most = -1.0
-    for lane, parts in things.items():
+    for lane, parts in obstructions.items():
         start_m = ahead.get(lane)
         if start_m is None:
             continue
@@ -341,5 +345,5 @@ def _next_speed_mps(agent: Agent, gap_m: float, leader_mps: float, dt_s: float) 
 
 
 def _hardest_mps(agent: Agent, dt_s: float) -> float:
-    """The speed after a step of braking as hard as the driver can."""
+    """The speed after a step of braking as hard as the agent can."""
     return max(0.0, agent.speed_mps - agent.driver.emergency_decel_mps2 * dt_s)

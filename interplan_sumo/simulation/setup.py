@@ -13,15 +13,15 @@ from interplan_sumo.scenario.route import route_centerline, route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.flow import Flow, Inflow, draw_arrivals
 from interplan_sumo.simulation.lane_chains import ego_sumo_route
-from interplan_sumo.simulation.logged_lights import LoggedLights
-from interplan_sumo.simulation.network import SumoNetwork, read_network
+from interplan_sumo.simulation.lights import LoggedLights
+from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.obstacles import LaneBlockage, blockages, standing_actors
 from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.simulation.replayed import ReplayedTraffic
-from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, FilledLane, populate
+from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, FilledLane, StagedScenario, populate
 from interplan_sumo.simulation.sumo import DT_S as STEP_S
-from interplan_sumo.simulation.sumo_traffic import SumoTraffic
-from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
+from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.roads import Roads
 
@@ -82,18 +82,20 @@ def open_sumo_traffic(
     if scenario.jaywalkers:
         line = route_centerline(roads, scenario)
         crowd = Crowd(scenario, roads, line, tokens[len(scenario.obstacles) :], STEP_S)
-    population = populate(scenario, roads, network, ids, types, shape, blocked, rng, reach_m)
+    staged = StagedScenario(scenario, roads, network, ids, types, shape)
+    population = populate(staged, blocked, rng, reach_m)
     spawns = population.spawns[:most_agents]
     names = opaque_ids(len(spawns), rng, besides=tokens)
     flow = None
     if scenario.traffic.flow:
-        flow = open_flow(scenario, network, population.filled, blocked, types, rng, besides=(*tokens, *names))
+        flow = open_flow(staged, population.filled, blocked, rng, besides=(*tokens, *names))
     route = ego_sumo_route(network, ids, route_lanes(roads, scenario))
-    return SumoTraffic(
-        network, ids, types, spawns, names, start_state(scenario, roads), route, shape,
-        standing=standing, blocked=blocked, crowd=crowd, flow=flow, with_ego=with_ego,
+    setup = TrafficSetup(
+        network, ids, types, start_state(scenario, roads), route, shape, spawns, names, standing, blocked,
+        crowd=crowd, flow=flow, with_ego=with_ego,
         logged=LoggedLights.on(scenario.lights, ids.links) if scenario.lights else None,
     )  # fmt: skip
+    return SumoTraffic(setup)
 
 
 def _replays(scenario: Scenario, roads: Roads, seed: int) -> ReplayedTraffic:
@@ -104,20 +106,23 @@ def _replays(scenario: Scenario, roads: Roads, seed: int) -> ReplayedTraffic:
 
 
 def open_flow(
-    scenario: Scenario, network: SumoNetwork, filled: tuple[FilledLane, ...], blocked: tuple[LaneBlockage, ...],
-    types: VehicleTypes, rng: np.random.Generator, besides: tuple[str, ...],
-) -> Flow:  # fmt: skip
+    staged: StagedScenario,
+    filled: tuple[FilledLane, ...],
+    blocked: tuple[LaneBlockage, ...],
+    rng: np.random.Generator,
+    besides: tuple[str, ...],
+) -> Flow:
     """Queues upstream of all filled lanes, with ids of their own."""
-    drawn = [draw_arrivals(each, types, scenario.duration_s, rng) for each in filled]
+    drawn = [draw_arrivals(each, staged.types, staged.scenario.duration_s, rng) for each in filled]
     taken = {stretch.lane.id for each in filled for stretch in each.chain}
     inflows = [
-        Inflow(network, each, blocked, arrivals, speed_mps, STEP_S, taken)
+        Inflow(staged.network, each, blocked, arrivals, speed_mps, STEP_S, taken)
         for each, (arrivals, speed_mps) in zip(filled, drawn, strict=True)
     ]
     return Flow(inflows, opaque_ids(sum(len(arrivals) for arrivals, _ in drawn), rng, besides))
 
 
 def opaque_ids(count: int, rng: np.random.Generator, besides: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Ids that say nothing of who bears them, in random order: four hexadecimal digits each, none of `besides`."""
+    """Ids that say nothing of their bearers, in random order: four hexadecimal digits each, none of `besides`."""
     drawn = (f"{number:04x}" for number in rng.permutation(16**4))
     return tuple(islice((token for token in drawn if token not in besides), count))

@@ -22,7 +22,7 @@ from interplan_sumo.simulation.lane_chains import ROUTE_M, ChainedLane, chain_th
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
-from interplan_sumo.world.ego import EgoShape
+from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
 
@@ -31,9 +31,9 @@ AHEAD_M = 300.0
 BEHIND_M = 120.0
 """How far behind the ego lanes are filled."""
 CLEAR_M = 3.0
-"""Nobody starts nearer than this to an obstacle."""
+"""No vehicle starts nearer than this to an obstacle."""
 HOLD_S = 3.0
-"""Nobody may hit anybody within this time if all hold their speed (benchmark.md)."""
+"""No vehicle may hit another within this time if all hold their speed (benchmark.md)."""
 HARDEST_FIRST_BRAKING_MPS2 = 2.9
 """Just milder than the 3 m/s2 that the benchmark allows in the first step."""
 CAR_LENGTH_M = 5.0
@@ -41,7 +41,19 @@ CAR_LENGTH_M = 5.0
 STOPPING_MPS2 = 1.5
 """Comfortable braking towards a light or a junction that may not be open."""
 LINE_M = 1.0
-"""SUMO's drivers stop this far before the end of their lane."""
+"""SUMO's cars stop this far before the end of their lane."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StagedScenario:
+    """A scenario on its map and its SUMO network, with the types that its traffic is drawn from."""
+
+    scenario: Scenario
+    roads: Roads
+    network: SumoNetwork
+    ids: NetworkIds
+    types: VehicleTypes
+    shape: EgoShape = PACIFICA
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +87,7 @@ class Population:
     """Everyone at the start."""
 
     spawns: tuple[Spawn, ...]
-    """In a fixed order, those whom the scenario places first."""
+    """In a fixed order, those that the scenario places first."""
     filled: tuple[FilledLane, ...]
 
 
@@ -107,16 +119,19 @@ class _Fixed:
 
 
 def populate(
-    scenario: Scenario, roads: Roads, network: SumoNetwork, ids: NetworkIds, types: VehicleTypes, shape: EgoShape,
-    blocked: tuple[LaneBlockage, ...], rng: np.random.Generator, reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
-) -> Population:  # fmt: skip
+    staged: StagedScenario,
+    blocked: tuple[LaneBlockage, ...],
+    rng: np.random.Generator,
+    reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
+) -> Population:
     """All agents of a scenario at the start; none that is drawn stands on a blocked stretch.
 
     `reach_m` is how far behind and ahead of the ego lanes are filled.
     ScenarioError or VehicleTypeError if a placed vehicle cannot start.
     """
+    scenario, roads, network = staged.scenario, staged.roads, staged.network
     behind_m, ahead_m = reach_m
-    placed = [_placed(scenario, i, roads, network, ids, types, rng) for i in range(len(scenario.vehicles))]
+    placed = [_placed(staged, i, rng) for i in range(len(scenario.vehicles))]
     spawns = list(placed)
     filled: list[FilledLane] = []
     used: set[str] = set()
@@ -131,33 +146,31 @@ def populate(
         if density == "none":
             continue
         arc_m, _ = roads[lane_id].centerline.project_point(ego_x, ego_y)
-        chain = chain_through(network, *ids.sumo_place(lane_id, arc_m), used, upstream_m, downstream_m)
+        chain = chain_through(network, *staged.ids.sumo_place(lane_id, arc_m), used, upstream_m, downstream_m)
         used.update(stretch.lane.id for stretch in chain)
         if not chain:
             continue
         fixed = _fixed(chain, placed)
         if lane_id == start.id:
-            fixed.append(_Fixed(0.0, shape.length_m, scenario.start_speed_mps, None, 0.0))
+            fixed.append(_Fixed(0.0, staged.shape.length_m, scenario.start_speed_mps, None, 0.0))
         fixed.sort(key=lambda each: -each.centre_m)
         span = (max(chain[0].start_m, -upstream_m), min(chain[-1].end_m, downstream_m))
         closed = closed_spans(chain, blocked)
-        found, next_m = _fill(network, chain, span, closed, LARGEST_GAP_M[density], types, fixed, rng)
+        found, next_m = _fill(network, chain, span, closed, LARGEST_GAP_M[density], staged.types, fixed, rng)
         spawns += found
         filled.append(FilledLane(chain, span[0], next_m, LARGEST_GAP_M[density]))
     return Population(tuple(spawns), tuple(filled))
 
 
-def _placed(
-    scenario: Scenario, number: int, roads: Roads, network: SumoNetwork, ids: NetworkIds, types: VehicleTypes,
-    rng: np.random.Generator,
-) -> Spawn:  # fmt: skip
+def _placed(staged: StagedScenario, number: int, rng: np.random.Generator) -> Spawn:
     """One of the vehicles that the scenario places: its centre where it says, at the speed that it says."""
+    scenario, network = staged.scenario, staged.network
     vehicle = scenario.vehicles[number]
     what = f"{scenario.id}: vehicles[{number}]"
-    lane = roads[vehicle.place.lane]
+    lane = staged.roads[vehicle.place.lane]
     if not isinstance(lane, Lane):
         raise ScenarioError(f"{what} starts on connector {lane.id}, inside a junction; place it on a lane")
-    driver = types.draw_kind(vehicle.kind, rng)
+    driver = staged.types.draw_kind(vehicle.kind, rng)
     half_m, length_m = driver.length_m / 2.0, lane.centerline.length_m
     if not half_m <= vehicle.place.arc_m <= length_m - half_m:
         raise ScenarioError(
@@ -168,7 +181,7 @@ def _placed(
         raise ScenarioError(
             f"{what}.speed_mps is {vehicle.speed_mps:g}, its type {driver.id!r} reaches {driver.max_speed_mps:g}"
         )
-    sumo_lane, fraction = ids.sumo_place(lane.id, vehicle.place.arc_m + half_m)
+    sumo_lane, fraction = staged.ids.sumo_place(lane.id, vehicle.place.arc_m + half_m)
     position_m = fraction * network.lanes[sumo_lane].length_m
     return Spawn(sumo_lane, position_m, vehicle.speed_mps, driver, continued_route(network, sumo_lane, ROUTE_M, rng))
 
@@ -242,7 +255,7 @@ def _fill(
         rear_m = front_m - driver.length_m
         stretch = next((s for s in chain if s.start_m <= rear_m and front_m <= s.end_m), None)
         if stretch is None or stretch.lane.internal:
-            continue  # nobody starts inside a junction
+            continue  # none starts inside a junction
         if any(start_m < front_m + CLEAR_M and rear_m - CLEAR_M < end_m for start_m, end_m in closed):
             continue
         standing = min((start_m for start_m, _ in closed if start_m > front_m), default=None)
@@ -273,7 +286,7 @@ def _next_line_m(network: SumoNetwork, chain: list[ChainedLane], front_m: float)
 
 
 def safe(speed_mps: float, gap_m: float, leader_mps: float) -> bool:
-    """Nobody hits anybody within the hold time."""
+    """Whether a follower does not hit its leader within the hold time."""
     return gap_m > 0.5 and (speed_mps - leader_mps) * HOLD_S <= gap_m - 0.5
 
 
@@ -312,6 +325,6 @@ def start_speed_mps(
 
 
 def _stops_mildly(driver: VehicleType, limit_mps: float, room_m: float, hardest_mps2: float, speed_mps: float) -> bool:
-    """Whether one stops at a line `room_m` ahead with a mild first step; SUMO's IDM keeps no gap to it (measured)."""
+    """Whether a car stops at a line `room_m` ahead with a mild first step; SUMO's IDM keeps no gap to it (measured)."""
     free = replace(driver, min_gap_m=0.0)
     return speed_mps == 0.0 or acceleration_mps2(free, speed_mps, limit_mps, room_m, 0.0) >= -hardest_mps2

@@ -6,7 +6,7 @@ The ego is a proxy car; its true pose is kept by the closed loop and never read 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
@@ -14,95 +14,98 @@ import shapely
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation.agent_registry import AgentRegistry
-from interplan_sumo.simulation.agent_snapshot import AgentSnapshot
 from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE, EgoProxy
 from interplan_sumo.simulation.ego_reactions import FREEZE_RADIUS_M, EgoReactions
 from interplan_sumo.simulation.flow import Flow
 from interplan_sumo.simulation.lane_polygons import Ring
-from interplan_sumo.simulation.lights import Lights
-from interplan_sumo.simulation.logged_lights import LoggedLights
+from interplan_sumo.simulation.lights import Lights, LoggedLights
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.pedestrians import Crowd
-from interplan_sumo.simulation.reactions import ReactionDecision, Treatment
+from interplan_sumo.simulation.reactions import Mode, ReactionDecision
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, finite, open_simulation, sumo
 from interplan_sumo.simulation.traffic import TrafficState
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.world.actors import Actors
-from interplan_sumo.world.ego import EgoShape, EgoState
+from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.signals import Signals, SignalStatus
 
 SPEED_MODE_DEFAULT = 31
-SPEED_MODE_IMPOSED = 25
+SPEED_MODE_OVERRIDDEN = 25
 """Safe speed, right of way and red lights are kept; the bounds of acceleration and braking are ours."""
 SPEED_MODE_AT_LIMIT = 24
 """The same without SUMO's safe speed, which knows no brakes: it would stop a car dead that can only brake hard."""
 LANE_CHANGE_DEFAULT = 1621
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TrafficSetup:
+    """Everything that background traffic starts from."""
+
+    network: SumoNetwork
+    ids: NetworkIds
+    types: VehicleTypes
+    ego: EgoState
+    ego_route: tuple[str, ...]
+    """SUMO edges."""
+    shape: EgoShape = PACIFICA
+    spawns: tuple[Spawn, ...] = ()
+    tokens: tuple[str, ...] = ()
+    """Of `spawns`: the agents' ids as others see them."""
+    standing: Actors = field(default_factory=Actors.none)
+    """Obstacles."""
+    blocked: tuple[LaneBlockage, ...] = ()
+    """The stretches of lanes that they block."""
+    crowd: Crowd | None = None
+    flow: Flow | None = None
+    """Brings more agents as time goes on."""
+    with_ego: bool = True
+    """False leaves the ego out of SUMO altogether: the twin run against which reactions are measured."""
+    logged: LoggedLights | None = None
+    """Lights that show what was recorded."""
+
+
 class SumoTraffic:
     """Traffic on one SUMO network. Use as a context manager, or call `close`."""
 
-    def __init__(
-        self,
-        network: SumoNetwork,
-        ids: NetworkIds,
-        types: VehicleTypes,
-        spawns: tuple[Spawn, ...],
-        tokens: tuple[str, ...],
-        ego: EgoState,
-        ego_route: tuple[str, ...],
-        shape: EgoShape,
-        *,
-        standing: Actors | None = None,
-        blocked: tuple[LaneBlockage, ...] = (),
-        crowd: Crowd | None = None,
-        flow: Flow | None = None,
-        with_ego: bool = True,
-        logged: LoggedLights | None = None,
-    ) -> None:
-        """Start SUMO, put everyone where they begin.
-
-        `tokens` are the agents' ids as others see them. `ego_route` are SUMO
-        edges. `standing` are obstacles, `blocked` the stretches of lanes that
-        they block. `flow` brings more agents as time goes on. `with_ego` False
-        leaves the ego out of SUMO altogether: the twin run against which
-        reactions are measured. `logged` are lights that show what was recorded.
-        """
+    def __init__(self, setup: TrafficSetup) -> None:
+        """Start SUMO, put everyone where they begin."""
+        network, ids, types = setup.network, setup.ids, setup.types
         self._network = network
         self._ids = ids
-        self._shape = shape
-        self._crowd = crowd
-        self._flow = flow
-        self._ego = ego
+        self._shape = setup.shape
+        self._crowd = setup.crowd
+        self._flow = setup.flow
+        self._ego = setup.ego
         self._proxy: EgoProxy | None = None
         self._started = False
-        self._logged = logged
+        self._logged = setup.logged
         self._step = 0
-        self._treated: dict[str, tuple[bool, int]] = {}  # told to overlook the ego, given a speed in a mode (0: not)
-        self._frozen: frozenset[str] = frozenset()
+        self._told: dict[str, tuple[bool, int]] = {}  # to overlook the ego, to drive a speed in a mode (0: not)
+        self._keeping_lane: frozenset[str] = frozenset()
         self._added = 0
-        self._coming: set[str] = set()
-        self._speeding: dict[str, float] = {}  # who starts above the limit -> speed factor afterwards
+        self._entering: set[str] = set()
+        self._speeding: dict[str, float] = {}  # agents that start above the limit -> speed factor afterwards
         self._lights = Lights(ids.links)
         self._signals: Signals | None = None
         self._next_switch_s = 0.0
-        standing = standing if standing is not None else Actors.none()
-        self._roster = AgentRegistry(types.path, standing, crowd, ids.origin_m, DT_S)
+        self._agents = AgentRegistry(types.path, setup.standing, setup.crowd, ids.origin_m, DT_S)
         open_simulation(network.path, types.path)
         self._open = True
         try:
             self._drivers = {each.id: self._as_loaded(each) for each in (*types.members, *types.others)}
-            anticipations_s = {spawn.driver.anticipation_s for spawn in spawns}
-            if flow is not None:
+            anticipations_s = {spawn.driver.anticipation_s for spawn in setup.spawns}
+            if setup.flow is not None:
                 anticipations_s.update(driver.anticipation_s for driver in types.members)
-            self._watch = EgoReactions(network, ids.origin_m, shape, self._roster, anticipations_s, blocked, DT_S)
-            for token, each in zip(tokens, spawns, strict=True):
+            self._reactions = EgoReactions(
+                network, ids.origin_m, setup.shape, self._agents, anticipations_s, setup.blocked, DT_S
+            )
+            for token, each in zip(setup.tokens, setup.spawns, strict=True):
                 self._add(token, each)
-            self._block(blocked)
-            if with_ego:
-                self._proxy = EgoProxy(network, ids.origin_m, shape, ego_route, ego)
+            self._block(setup.blocked)
+            if setup.with_ego:
+                self._proxy = EgoProxy(network, ids.origin_m, setup.shape, setup.ego_route, setup.ego)
             self.advance()
         except BaseException:
             self.close()
@@ -122,7 +125,7 @@ class SumoTraffic:
     # --- set-up --------------------------------------------------------------------------------
 
     def _add(self, token: str, each: Spawn) -> None:
-        """An agent who will be there after the next step."""
+        """Have SUMO insert an agent with the next step."""
         name, lane = f"a{self._added}", self._network.lanes[each.lane]
         self._added += 1
         driver = self._drivers[each.driver.id]
@@ -133,14 +136,14 @@ class SumoTraffic:
                 name, name, driver.id, departLane=str(lane.index), departPos=f"{each.position_m:.6f}",
                 departSpeed="max" if speeds else f"{each.speed_mps:.6f}",
             )  # fmt: skip
-            if speeds:  # SUMO refuses a start above the limit, so this driver's limit is another one for that moment
+            if speeds:  # SUMO refuses a start above the limit, so the agent's limit is another one for that moment
                 sumo.vehicle.setSpeedFactor(name, each.speed_mps / lane.limit_mps)
                 self._speeding[name] = driver.speed_factor
-        self._roster.enlist(name, token, driver, each.route)
-        self._coming.add(name)
+        self._agents.add(name, token, driver, each.route)
+        self._entering.add(name)
 
     def _block(self, blocked: tuple[LaneBlockage, ...]) -> None:
-        """Stopped proxies where obstacles block a lane; nobody but SUMO's own drivers sees them."""
+        """Stopped proxies where obstacles block a lane; only SUMO's own cars see them."""
         for i, each in enumerate(blocked):
             name, lane = f"obstacle{i}", self._network.lanes[each.lane]
             length_m = max(0.5, each.end_m - each.start_m)
@@ -176,39 +179,27 @@ class SumoTraffic:
 
     @property
     def behaviours(self) -> Mapping[str, str]:
-        return self._roster.behaviours
+        return self._agents.behaviours
 
     def observe(self) -> TrafficState:
-        return TrafficState(self._roster.actors(), self._read_signals())
+        return TrafficState(self._agents.actors(), self._read_signals())
 
     def react(self, ego: EgoState) -> None:
         self._ego = ego
         if self._proxy is None:
-            self._freeze(frozenset())
+            self._keep_lanes(frozenset())
             return
-        walked: Sequence[Ring] = ()
+        walking: Sequence[Ring] = ()
         standing: Mapping[str, shapely.Polygon] = {}
-        origin_m = self._ids.origin_m
         if self._crowd is not None:
             self._crowd.notice(ego, self._shape)
-            walked, standing = self._crowd.foreseen(origin_m), self._crowd.standing(origin_m)
-        roster, bodies = self._roster, self._roster.bodies
-        driving = AgentSnapshot(
-            roster.names,
-            roster.front_x,
-            roster.front_y,
-            bodies.heading_rad,
-            bodies.speed_mps,
-            bodies.turned_rad,
-            bodies.most_turned_rad,
-            self._lanes_of,
-            self._positions_m,
-        )
-        verdict = self._watch.judge(ego, self._proxy.anchor, walked, standing, driving)
-        with Commanding("treating the agents"):
-            for name, decision in verdict.decisions.items():
-                self._treat(name, decision)
-        self._freeze(verdict.keep_lane)
+            walking, standing = self._crowd.foreseen(self._ids.origin_m), self._crowd.standing(self._ids.origin_m)
+        agents = self._agents.snapshot(self._lanes_of, self._positions_m)
+        commands = self._reactions.decide(ego, self._proxy.anchor, walking, standing, agents)
+        with Commanding("commanding the agents"):
+            for name, decision in commands.decisions.items():
+                self._apply(name, decision)
+        self._keep_lanes(commands.keep_lane)
 
     def place_ego(self, ego: EgoState) -> None:
         if self._proxy is not None:
@@ -226,14 +217,14 @@ class SumoTraffic:
 
     def advance(self) -> None:
         if self._flow is not None and self._started:
-            come = self._flow.entry(self._roster, self._ego, self._shape, self._ids.origin_m, self._opens)
-            if come is not None:
-                self._add(*come)
-                self._freeze(self._frozen | self._beside(come[1]))  # until everyone sees who has come
+            entry = self._flow.entry(self._agents, self._ego, self._shape, self._ids.origin_m, self._is_open)
+            if entry is not None:
+                self._add(*entry)
+                self._keep_lanes(self._keeping_lane | self._beside(entry[1]))  # until the others see it
         with Commanding("simulationStep"):
             sumo.simulationStep()
             gone = frozenset(sumo.simulation.getArrivedIDList())
-            departed = self._coming.intersection(sumo.simulation.getDepartedIDList()) if self._coming else None
+            departed = self._entering.intersection(sumo.simulation.getDepartedIDList()) if self._entering else None
         if self._crowd is not None and self._started:
             self._crowd.advance()
         if self._logged is not None:
@@ -242,36 +233,36 @@ class SumoTraffic:
                 self.impose_signals(changes)
         self._started = True
         if gone:
-            self._forget(gone & set(self._roster.names))
+            self._remove(gone & set(self._agents.names))
         if departed:
-            self._welcome(departed)
+            self._enter(departed)
         self._read()
 
     def _beside(self, each: Spawn) -> frozenset[str]:
-        """Agents near one who is about to come: they could not see him before they change lane."""
-        lane, roster = self._network.lanes[each.lane], self._roster
-        place = lane.track.pose_at(lane.arc_of(each.position_m))
-        away_m = np.hypot(roster.front_x - place.x_m, roster.front_y - place.y_m)
-        return frozenset([roster.names[row] for row in np.flatnonzero(away_m <= FREEZE_RADIUS_M)])
+        """Agents near one that is about to enter: they could not see it before they change lane."""
+        lane, agents = self._network.lanes[each.lane], self._agents
+        place = lane.plain_line.pose_at(lane.arc_of(each.position_m))
+        away_m = np.hypot(agents.front_x - place.x_m, agents.front_y - place.y_m)
+        return frozenset([agents.names[row] for row in np.flatnonzero(away_m <= FREEZE_RADIUS_M)])
 
-    def _forget(self, gone: frozenset[str]) -> None:
+    def _remove(self, gone: frozenset[str]) -> None:
         """Agents at the end of their routes."""
-        self._roster.leave(gone)
+        self._agents.remove(gone)
         for name in gone:
-            self._watch.forget(name)
-            self._treated.pop(name, None)
-        self._frozen -= gone
+            self._reactions.forget(name)
+            self._told.pop(name, None)
+        self._keeping_lane -= gone
 
-    def _welcome(self, come: set[str]) -> None:
-        """Agents who have entered with this step."""
-        self._coming -= come
-        self._roster.join(come)
+    def _enter(self, names: set[str]) -> None:
+        """Agents that have entered with this step."""
+        self._entering -= names
+        self._agents.enter(names)
         with Commanding("giving agents their own speed limit back"):
-            for name in sorted(come & self._speeding.keys()):
+            for name in sorted(names & self._speeding.keys()):
                 sumo.vehicle.setSpeedFactor(name, self._speeding.pop(name))
 
-    def _opens(self, link: NetworkLink) -> bool:
-        """Whether one may drive through now without yielding."""
+    def _is_open(self, link: NetworkLink) -> bool:
+        """Whether a car may drive through now without yielding."""
         if link.light is None:
             return link.major
         light, index = link.light
@@ -282,13 +273,13 @@ class SumoTraffic:
 
     def _read(self) -> None:
         """Read all agents in one pass over plain getters, which are faster than subscriptions."""
-        vehicle, names = sumo.vehicle, self._roster.names
+        vehicle, names = sumo.vehicle, self._agents.names
         with Commanding("reading the agents"):
             position = vehicle.getPosition
             fronts = [position(name) for name in names]
             angles = [vehicle.getAngle(name) for name in names]
             speeds = [vehicle.getSpeed(name) for name in names]
-        self._roster.bodies.move(fronts, angles, speeds)
+        self._agents.kinematics.move(fronts, angles, speeds)
 
     def _read_signals(self) -> Signals:
         """The lights; asked for only when one of them may have switched."""
@@ -312,32 +303,32 @@ class SumoTraffic:
         with Commanding("reading the agents' positions"):
             return [position_of(name) for name in names]
 
-    def _treat(self, name: str, decision: ReactionDecision) -> None:
-        ignored, imposed = self._treated.get(name, (False, 0))
-        ignore, impose = decision.treatment is Treatment.IGNORE, decision.speed_mps is not None
-        if not (ignore or ignored or impose or imposed):
+    def _apply(self, name: str, decision: ReactionDecision) -> None:
+        ignored, speed_mode_before = self._told.get(name, (False, 0))
+        ignore, override = decision.mode is Mode.IGNORE_EGO, decision.speed_mps is not None
+        if not (ignore or ignored or override or speed_mode_before):
             return
         vehicle = sumo.vehicle
         if ignore != ignored:
             vehicle.setParameter(name, "carFollowModel.ignoreIDs", EGO if ignore else "")
             vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore else "")
-        mode = SPEED_MODE_AT_LIMIT if decision.at_limit else SPEED_MODE_IMPOSED
-        if impose and imposed != mode:
-            vehicle.setSpeedMode(name, mode)
+        speed_mode = SPEED_MODE_AT_LIMIT if decision.at_limit else SPEED_MODE_OVERRIDDEN
+        if override and speed_mode_before != speed_mode:
+            vehicle.setSpeedMode(name, speed_mode)
         if decision.speed_mps is not None:
-            vehicle.setSpeed(name, finite("an imposed speed", decision.speed_mps))
-        elif imposed:
+            vehicle.setSpeed(name, finite("an overriding speed", decision.speed_mps))
+        elif speed_mode_before:
             vehicle.setSpeed(name, -1.0)
             vehicle.setSpeedMode(name, SPEED_MODE_DEFAULT)
-        self._treated[name] = (ignore, mode if impose else 0)
+        self._told[name] = (ignore, speed_mode if override else 0)
 
-    def _freeze(self, wanted: frozenset[str]) -> None:
-        """Who must keep the lane, and who must no longer."""
-        if wanted == self._frozen:
+    def _keep_lanes(self, wanted: frozenset[str]) -> None:
+        """Have these agents keep their lanes, and those before no longer."""
+        if wanted == self._keeping_lane:
             return
         with Commanding("setLaneChangeMode"):
-            for name in sorted(wanted - self._frozen):
+            for name in sorted(wanted - self._keeping_lane):
                 sumo.vehicle.setLaneChangeMode(name, NO_LANE_CHANGE)
-            for name in sorted(self._frozen - wanted):
+            for name in sorted(self._keeping_lane - wanted):
                 sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_DEFAULT)
-        self._frozen = wanted
+        self._keeping_lane = wanted

@@ -32,7 +32,7 @@ class Traffic(Protocol):
         ...
 
     def react(self, ego: EgoState) -> None:
-        """Let each agent decide on the ego as it is now, before anyone moves."""
+        """Let each agent decide on the ego as it is now, before any moves."""
         ...
 
     def place_ego(self, ego: EgoState) -> None:

@@ -1,4 +1,4 @@
-"""Vehicle-type files: who drives in the background and how, read from SUMO's XML and checked before SUMO sees it."""
+"""Vehicle-type files: the background's vehicles and how they drive, checked before SUMO sees the file."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Sight: what a planner sees of a scene: everything near, but for pedestrians behind the scenario's occluder.
+"""What a planner sees of a scene: everything near, but for pedestrians behind the scenario's occluder.
 
 Pedestrians are all of that kind: jaywalkers, and the workers among the obstacles. Vehicles, cones and barriers are
-seen in any case, and the trace keeps everyone.
+seen in any case, and the trace keeps all.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 
-SIGHT_M = 100.0
+SENSOR_RANGE_M = 100.0
 """How far a planner sees, from centre to centre."""
 _PARALLEL_M = 1e-12  # lines that gain no more than this across a slab run along it
 
@@ -60,12 +60,12 @@ def occluding_box(scenario: Scenario, roads: Roads) -> OccludingBox | None:
 
 
 def visible(actors: Actors, ego: EgoState, occluder: OccludingBox | None) -> Actors:
-    """The actors that a planner sees: within `SIGHT_M`, pedestrians only if the occluder does not hide them.
+    """The actors that a planner sees: within `SENSOR_RANGE_M`, pedestrians only if the occluder does not hide them.
 
     A pedestrian is hidden while the straight line from the ego's centre to
     its centre passes through the occluder's box.
     """
-    near = actors.within(ego.x_m, ego.y_m, SIGHT_M)
+    near = actors.within(ego.x_m, ego.y_m, SENSOR_RANGE_M)
     if occluder is None:
         return near
     rows = np.flatnonzero(near.kind == ActorKind.PEDESTRIAN)

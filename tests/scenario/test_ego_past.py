@@ -16,7 +16,7 @@ from interplan_sumo.scenario.ego_past import COLUMNS, PAST_STEPS, EgoPast
 from interplan_sumo.scenario.files import read_scenario, write_scenario
 from interplan_sumo.scenario.recorded import scene
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.simulation.history import invented_past
+from interplan_sumo.simulation.history import extrapolated_past
 from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.tiny_worlds import straight_road
 from interplan_sumo.world.actors import Actors
@@ -74,12 +74,12 @@ def test_the_past_ends_in_the_start_whatever_the_ego_did_to_get_there(left_m: fl
 def test_planners_see_the_past_of_the_scenario() -> None:
     scenario = made(4.0)
     ego = start_state(scenario, ROADS)
-    seen = invented_past(ROADS, ego, Actors.none(), 0.1, scenario.past)
+    seen = extrapolated_past(ROADS, ego, Actors.none(), 0.1, scenario.past)
     assert scenario.past is not None
     assert tuple(each.x_m for each in seen.egos) == scenario.past.x_m
     assert [each.time_s for each in seen.egos] == pytest.approx(np.arange(-20, 0) * 0.1)
     slower = replace(scenario.past, speed_mps=(7.0,) * PAST_STEPS)
-    assert {each.vx_mps for each in invented_past(ROADS, ego, Actors.none(), 0.1, slower).egos} == {7.0}
+    assert {each.vx_mps for each in extrapolated_past(ROADS, ego, Actors.none(), 0.1, slower).egos} == {7.0}
 
 
 def test_a_past_is_written_and_read_without_a_loss_and_none_changes_no_hash(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from interplan_sumo.scenario.files import read_scenario, write_scenario
 from interplan_sumo.scenario.logged_lights import STATUS, LightStatus, LoggedLight
 from interplan_sumo.scenario.recorded_lights import AROUND_M, with_recorded_lights
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
-from interplan_sumo.simulation.logged_lights import LoggedLights
+from interplan_sumo.simulation.lights import LoggedLights
 from interplan_sumo.tiny_worlds import junction, straight_road
 from interplan_sumo.verification.map_bundling import ALONG_M, KEPT_M
 from interplan_sumo.world.recording import Recording

@@ -15,7 +15,7 @@ from interplan_sumo.simulation.lane_chains import continued_route
 from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S
-from interplan_sumo.simulation.sumo_traffic import SumoTraffic
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
 from interplan_sumo.simulation.vehicle_types import VehicleTypes
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats, Polyline
@@ -150,7 +150,7 @@ def measured(merge: Merge, types: VehicleTypes, blind: Floats | None = None) -> 
         blind, _, _ = _run(network, ids, types, spawn, driven, route, with_ego=False)
     speeds, fronts, length_m = _run(network, ids, types, spawn, driven, route, with_ego=True)
     driven_on = {piece.sumo_lane for each in merge.site.lanes for piece in ids.pieces[each]}
-    corridor = shapely.union_all([strip.polygon for each in driven_on for strip in network.lanes[each].strips])
+    corridor = shapely.union_all([piece.polygon for each in driven_on for piece in network.lanes[each].pieces])
     boxes = [shapely.Polygon(ego.corners(PACIFICA) - ids.origin_m) for ego in driven[: len(speeds)]]
     overlaps = shapely.area(shapely.intersection(boxes, corridor)) / (PACIFICA.length_m * PACIFICA.width_m)
     slower = (np.diff(blind) - np.diff(speeds)) / DT_S
@@ -185,7 +185,8 @@ def _run(
     """Speeds and front bumpers of the only agent at each step, and its length. All lights are green."""
     speeds: list[float] = []
     fronts: list[tuple[float, float]] = []
-    with SumoTraffic(network, ids, types, (spawn,), ("a",), driven[0], route, PACIFICA, with_ego=with_ego) as traffic:
+    setup = TrafficSetup(network, ids, types, driven[0], route, spawns=(spawn,), tokens=("a",), with_ego=with_ego)
+    with SumoTraffic(setup) as traffic:
         traffic.impose_signals(dict.fromkeys(ids.links, SignalStatus.GREEN))
         for now, then in pairwise(driven):
             actors = traffic.observe().actors

@@ -58,21 +58,21 @@ def test_far_from_all_lanes_there_is_no_anchor(away_m: float, seen: bool) -> Non
 def searched(
     network: SumoNetwork, front: tuple[float, float], heading_rad: float, before: Anchor | None, route: tuple[str, ...]
 ) -> tuple[str, float] | None:
-    """Lane and position of the anchor, by looking at every strip."""
+    """Lane and position of the anchor, by looking at every piece."""
     kept = network.continuations(before.lane) if before is not None else frozenset[str]()
-    strips, _ = network.strips
-    away_m = shapely.distance([strip.polygon for strip in strips], shapely.Point(front))
+    pieces, _ = network.pieces
+    away_m = shapely.distance([piece.polygon for piece in pieces], shapely.Point(front))
     for reach_m in (LANE_CHANGE_PENALTY_M, REACH_M):
         best: tuple[float, str, float] | None = None
         for i in np.flatnonzero(away_m <= reach_m).tolist():
-            strip = strips[i]
-            arc_m, lateral_m = strip.line.project_point(*front)
-            if cos(strip.line.pose_at(arc_m).heading_rad - heading_rad) < 0.0:
+            piece = pieces[i]
+            arc_m, lateral_m = piece.line.project_point(*front)
+            if cos(piece.line.pose_at(arc_m).heading_rad - heading_rad) < 0.0:
                 continue
-            cost = abs(lateral_m) + (0.0 if network.on_route(strip.lane.id, route) else OFF_ROUTE_PENALTY_M)
-            cost += 0.0 if strip.lane.id in kept else LANE_CHANGE_PENALTY_M
-            if best is None or (cost, strip.lane.id) < best[:2]:
-                best = (cost, strip.lane.id, strip.lane.position_of(strip.start_m + arc_m))
+            cost = abs(lateral_m) + (0.0 if network.on_route(piece.lane.id, route) else OFF_ROUTE_PENALTY_M)
+            cost += 0.0 if piece.lane.id in kept else LANE_CHANGE_PENALTY_M
+            if best is None or (cost, piece.lane.id) < best[:2]:
+                best = (cost, piece.lane.id, piece.lane.position_of(piece.start_m + arc_m))
         if best is not None:
             return best[1:]
     return None

@@ -61,21 +61,21 @@ def inflow(lane: FilledLane | None = None, seed: int = 0) -> Inflow:
     return Inflow(NETWORK, lane, (), arrivals, speed_mps, DT_S, taken)
 
 
-def roster(cars: list[tuple[float, float, float]] | None = None) -> AgentRegistry:
+def registry(cars: list[tuple[float, float, float]] | None = None) -> AgentRegistry:
     """Conservative drivers: (x of the front bumper, y, speed), heading east."""
     found = AgentRegistry(Path("conservative.xml"), Actors.none(), None, (0.0, 0.0), DT_S)
     names = [f"a{i}" for i in range(len(cars or ()))]
     for name in names:
-        found.enlist(name, name, types("conservative").members[0], ("e0", "e1"))
-    found.join(names)
+        found.add(name, name, types("conservative").members[0], ("e0", "e1"))
+    found.enter(names)
     rows = cars or []
-    found.bodies.move([row[:2] for row in rows], [90.0] * len(rows), [row[2] for row in rows])
+    found.kinematics.move([row[:2] for row in rows], [90.0] * len(rows), [row[2] for row in rows])
     return found
 
 
 def entries(queue: Inflow, steps: int, ego: EgoState = FAR_AWAY, others: AgentRegistry | None = None) -> list[Spawn]:
     """Who drives in within some steps onto a road on which nothing else happens."""
-    here = others or roster()
+    here = others or registry()
     flow = Flow([queue], [str(i) for i in range(1000)])
     found = (flow.entry(here, ego, PACIFICA, (0.0, 0.0), opens) for _ in range(steps))
     return [each[1] for each in found if each is not None]
@@ -108,13 +108,13 @@ def test_a_queue_draws_all_it_needs_beforehand_and_equal_draws_are_equal() -> No
 
 def test_where_no_room_is_nobody_comes_until_there_is() -> None:
     queue = inflow()
-    assert entries(queue, 100, others=roster([(BEGIN_X + 1.0, LANE_Y[0], 0.0)])) == []
-    assert entries(queue, 100, others=roster([(BEGIN_X + 1.0, LANE_Y[1], 0.0)])) != []  # on the next lane
+    assert entries(queue, 100, others=registry([(BEGIN_X + 1.0, LANE_Y[0], 0.0)])) == []
+    assert entries(queue, 100, others=registry([(BEGIN_X + 1.0, LANE_Y[1], 0.0)])) != []  # on the next lane
 
 
 def test_who_is_changing_into_the_lane_is_on_it() -> None:
-    here = roster([(BEGIN_X + 1.0, LANE_Y[1] - 0.3, 10.0)])
-    here.bodies.heading_rad = np.array([-0.1])
+    here = registry([(BEGIN_X + 1.0, LANE_Y[1] - 0.3, 10.0)])
+    here.kinematics.heading_rad = np.array([-0.1])
     assert entries(inflow(), 6, others=here) == []
 
 
@@ -139,7 +139,7 @@ CAR = st.tuples(st.floats(120.0, 330.0), st.floats(0.0, 15.0))
 @settings(max_examples=150)
 @given(cars=st.lists(CAR, min_size=1, max_size=4), seed=st.integers(0, 100))
 def test_whoever_drives_in_starts_as_the_rules_of_the_start_demand(cars: list[tuple[float, float]], seed: int) -> None:
-    found = entries(inflow(seed=seed), 30, others=roster([(x, LANE_Y[0], speed) for x, speed in cars]))
+    found = entries(inflow(seed=seed), 30, others=registry([(x, LANE_Y[0], speed) for x, speed in cars]))
     if not found:
         return
     driver, front_m, speed_mps = found[0].driver, found[0].position_m, found[0].speed_mps

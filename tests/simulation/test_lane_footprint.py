@@ -9,20 +9,20 @@ import pytest
 import shapely
 from networks import LANE_Y, two_way_road
 
-from interplan_sumo.simulation.agent_snapshot import AgentSnapshot
+from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.lane_change_overhang import LaneChangeOverhang
-from interplan_sumo.simulation.lane_footprint import reached
-from interplan_sumo.simulation.network import HALF_PASSAGE_M
+from interplan_sumo.simulation.lane_footprint import lanes_overlapped
+from interplan_sumo.simulation.network import HALF_FOOTPRINT_M
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
 NETWORK = two_way_road()
 CAR = VehicleType("car", length_m=4.6, width_m=1.85)
 
 
-@pytest.mark.parametrize(("left_m", "in_the_way"), [(HALF_PASSAGE_M + 0.01, False), (HALF_PASSAGE_M - 0.01, True)])
+@pytest.mark.parametrize(("left_m", "in_the_way"), [(HALF_FOOTPRINT_M + 0.01, False), (HALF_FOOTPRINT_M - 0.01, True)])
 def test_a_box_is_in_the_way_if_a_car_on_the_centre_line_would_touch_it(left_m: float, in_the_way: bool) -> None:
     box = shapely.box(100.0, LANE_Y[0] + left_m, 102.0, LANE_Y[0] + left_m + 0.3)
-    spans = reached(NETWORK, box)
+    spans = lanes_overlapped(NETWORK, box)
     assert ("e0_0" in spans) == in_the_way
     if in_the_way:
         assert spans["e0_0"] == pytest.approx((100.0, 102.0))
@@ -30,8 +30,8 @@ def test_a_box_is_in_the_way_if_a_car_on_the_centre_line_would_touch_it(left_m: 
 
 def test_lanes_that_are_left_out_are_not_reached() -> None:
     box = shapely.box(100.0, LANE_Y[0], 102.0, LANE_Y[1])
-    assert set(reached(NETWORK, box)) == {"e0_0", "e0_1"}
-    assert set(reached(NETWORK, box, besides={"e0_0"})) == {"e0_1"}
+    assert set(lanes_overlapped(NETWORK, box)) == {"e0_0", "e0_1"}
+    assert set(lanes_overlapped(NETWORK, box, besides={"e0_0"})) == {"e0_1"}
 
 
 def driving(yaw_rad: float, turned_rad: float, speed_mps: float) -> AgentSnapshot:
@@ -52,17 +52,17 @@ def driving(yaw_rad: float, turned_rad: float, speed_mps: float) -> AgentSnapsho
 def test_the_rear_of_a_car_that_came_slowly_from_the_next_lane_is_in_the_way_there() -> None:
     bodies = LaneChangeOverhang(NETWORK, {"a": CAR})
     now = driving(0.5, 0.01, 1.0)
-    assert bodies.suspects(now) == [0]
-    ((name, covers),) = bodies.covers([0], ["e0_1"], now)
+    assert bodies.candidates(now) == [0]
+    ((name, coverage),) = bodies.coverage([0], ["e0_1"], now)
     assert name == "a"
-    assert set(covers) == {"e0_0"}
-    assert 95.0 < covers["e0_0"].start_m < covers["e0_0"].end_m < 100.0
-    assert covers["e0_0"].speed_mps == pytest.approx(np.cos(0.5))
-    assert bodies.suspects(driving(0.5, 0.0, 0.0)) == [0]  # until it has come straight
-    assert bodies.covers([0], ["e0_1"], driving(0.05, 0.0, 1.0)) == []
-    assert bodies.suspects(driving(0.05, 0.0, 1.0)) == []
+    assert set(coverage) == {"e0_0"}
+    assert 95.0 < coverage["e0_0"].start_m < coverage["e0_0"].end_m < 100.0
+    assert coverage["e0_0"].speed_mps == pytest.approx(np.cos(0.5))
+    assert bodies.candidates(driving(0.5, 0.0, 0.0)) == [0]  # until it has come straight
+    assert bodies.coverage([0], ["e0_1"], driving(0.05, 0.0, 1.0)) == []
+    assert bodies.candidates(driving(0.05, 0.0, 1.0)) == []
 
 
 @pytest.mark.parametrize(("turned_rad", "speed_mps"), [(0.003, 1.0), (0.01, 7.5), (2 * pi - 0.003, 1.0)])
 def test_who_hardly_turns_or_drives_fast_is_no_suspect(turned_rad: float, speed_mps: float) -> None:
-    assert LaneChangeOverhang(NETWORK, {"a": CAR}).suspects(driving(0.5, turned_rad, speed_mps)) == []
+    assert LaneChangeOverhang(NETWORK, {"a": CAR}).candidates(driving(0.5, turned_rad, speed_mps)) == []

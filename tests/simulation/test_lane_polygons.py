@@ -12,7 +12,15 @@ from hypothesis import strategies as st
 
 from interplan_sumo.maps.store import find_map, maps
 from interplan_sumo.simulation import reactions
-from interplan_sumo.simulation.lane_polygons import ClipArea, Ring, area_m2, clipped, ego_ring, hull, tiles_between
+from interplan_sumo.simulation.lane_polygons import (
+    ClipArea,
+    Ring,
+    area_m2,
+    clipped,
+    convex_parts_between,
+    ego_ring,
+    hull,
+)
 from interplan_sumo.simulation.network import NetworkLane, SumoNetwork, read_network
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Polyline
@@ -34,8 +42,8 @@ def network(*lanes: NetworkLane) -> SumoNetwork:
 def overlaps(where: SumoNetwork, box: Ring) -> dict[str, tuple[float, float, float]]:
     """Share, start and end per lane, by the code that drives."""
     area = ClipArea.of(box)
-    covers = reactions.cover(where.strips_near(area), area, (1.0, 0.0))
-    return {name: (part.share, part.start_m, part.end_m) for name, part in covers.items()}
+    coverage = reactions.lane_coverage(where.pieces_near(area), area, (1.0, 0.0))
+    return {name: (part.share, part.start_m, part.end_m) for name, part in coverage.items()}
 
 
 def reference(where: SumoNetwork, box: Ring) -> dict[str, tuple[float, float, float]]:
@@ -43,13 +51,13 @@ def reference(where: SumoNetwork, box: Ring) -> dict[str, tuple[float, float, fl
     polygon = shapely.Polygon(box)
     found: dict[str, tuple[float, float, float]] = {}
     for each in where.lanes.values():
-        for strip in each.strips:
-            part = shapely.intersection(strip.polygon, polygon)
+        for piece in each.pieces:
+            part = shapely.intersection(piece.polygon, polygon)
             share = part.area / polygon.area
             if share <= 1e-6:
                 continue
-            arcs, _ = strip.line.project(shapely.get_coordinates(part))
-            start_m, end_m = (each.position_of(strip.start_m + float(arc)) for arc in (arcs.min(), arcs.max()))
+            arcs, _ = piece.line.project(shapely.get_coordinates(part))
+            start_m, end_m = (each.position_of(piece.start_m + float(arc)) for arc in (arcs.min(), arcs.max()))
             before = found.get(each.id, (0.0, start_m, end_m))
             found[each.id] = (before[0] + share, min(before[1], start_m), max(before[2], end_m))
     return found
@@ -110,7 +118,7 @@ def test_where_a_road_lies_under_the_box_is_shapelys_too(
 @pytest.mark.parametrize("turn_rad", [2.2, 2.8, 3.1])
 def test_a_hairpin_whose_sides_cross_is_taken_as_its_hull(turn_rad: float) -> None:
     each = lane(winding([0.0, turn_rad, 0.0], [6.0, 1.0, 6.0]), 3.5)
-    assert {tile.segment for strip in each.strips for tile in strip.tiles} == {None}
+    assert {tile.segment for piece in each.pieces for tile in piece.convex_parts} == {None}
     rng = np.random.default_rng(0)
     for x_m, y_m, heading_rad in rng.uniform((-2, -6, -3), (9, 6, 3), (50, 3)):
         assert_equal_overlaps(network(each), box(x_m, y_m, heading_rad))
@@ -120,7 +128,7 @@ def test_an_area_that_is_neither_a_row_of_tiles_nor_convex_is_cut_into_triangles
     left = np.array([[0.0, 1.0], [3.0, -0.5], [6.0, 1.0]])
     right = np.array([[0.0, -1.0], [5.0, -1.0], [6.0, -1.0]])
     outline = shapely.Polygon(np.concatenate((left, right[::-1])))
-    tiles = tiles_between(left, right, outline)
+    tiles = convex_parts_between(left, right, outline)
     assert len(tiles) > 1
     area = ClipArea.of(((1.0, -2.0), (4.5, -2.0), (4.5, 2.0), (1.0, 2.0)))
     ours = sum(abs(area_m2(part)) for tile in tiles if (part := area.on(tile)))
@@ -131,11 +139,11 @@ def test_an_area_that_is_neither_a_row_of_tiles_nor_convex_is_cut_into_triangles
 def test_overlaps_on_the_shipped_maps_are_shapelys(name: str) -> None:
     where = read_network(find_map(name).network)
     rng = np.random.default_rng(1)
-    strips, tree = where.strips
+    pieces, tree = where.pieces
     for _ in range(60):
-        strip = strips[int(rng.integers(len(strips)))]
-        area = box_beside(strip.line, rng.uniform(), rng.uniform(-4.0, 4.0), rng.normal(0.0, 0.5))
-        near = [strips[i].lane for i in tree.query(shapely.Polygon(area))]
+        piece = pieces[int(rng.integers(len(pieces)))]
+        area = box_beside(piece.line, rng.uniform(), rng.uniform(-4.0, 4.0), rng.normal(0.0, 0.5))
+        near = [pieces[i].lane for i in tree.query(shapely.Polygon(area))]
         here = SumoNetwork(where.path, {each.id: each for each in near}, {}, {}, {})
         assert {k: v[0] for k, v in overlaps(where, area).items()} == pytest.approx(
             {k: v[0] for k, v in overlaps(here, area).items()}
@@ -161,5 +169,5 @@ def test_areas_that_share_an_edge_only_do_not_overlap() -> None:
 def test_a_point_on_the_line_between_two_lanes_lies_in_both() -> None:
     left = lane(np.array([[0.0, 1.75], [50.0, 1.75]]), 3.5, "a_0")
     right = lane(np.array([[0.0, -1.75], [50.0, -1.75]]), 3.5, "b_0")
-    holding = {each.id for each in (left, right) for strip in each.strips if strip.holds(20.0, 0.0)}
+    holding = {each.id for each in (left, right) for piece in each.pieces if piece.holds(20.0, 0.0)}
     assert holding == {"a_0", "b_0"}

@@ -15,7 +15,7 @@ def test_a_loop_that_is_advanced_by_hand_gives_the_trace_of_a_run() -> None:
     loop, planner = Loop(scenario(), ROADS, ScriptedTraffic()), StraightAhead()
     planner.start(loop.open())
     while loop.begin_frame():
-        loop.advance(planner.plan(loop.seen))
+        loop.advance(planner.plan(loop.observation))
     by_hand, at_once = loop.trace(), run(StraightAhead()).trace
     assert by_hand is not None
     assert at_once is not None
@@ -27,7 +27,7 @@ def test_it_ends_past_the_goal_line_with_that_frame_written_down() -> None:
     loop = Loop(scenario(goal_m=34.9), ROADS, ScriptedTraffic())
     loop.open()
     while loop.begin_frame():
-        loop.advance(straight(loop.seen))
+        loop.advance(straight(loop.observation))
     assert loop.reached_goal
     trace = loop.trace()
     assert trace is not None
@@ -40,7 +40,7 @@ def test_before_the_first_frame_there_is_no_trace() -> None:
     mission = loop.open()
     assert mission.route == ("1",)
     assert loop.trace() is None
-    assert loop.seen.time_s == 0.0
+    assert loop.observation.time_s == 0.0
 
 
 def test_a_plan_that_cannot_be_followed_moves_nothing() -> None:
@@ -48,7 +48,7 @@ def test_a_plan_that_cannot_be_followed_moves_nothing() -> None:
     loop.open()
     loop.begin_frame()
     with pytest.raises(PlannerError, match="100 m/s"):
-        loop.advance(straight(loop.seen, speed_mps=100.0))
+        loop.advance(straight(loop.observation, speed_mps=100.0))
     assert loop.ego.time_s == 0.0
     trace = loop.trace()
     assert trace is not None

@@ -11,9 +11,9 @@ from interplan_sumo.simulation.reactions import (
     Agent,
     EgoOnNetwork,
     LaneCoverage,
+    Mode,
     ReactionDecision,
     ReactionMemory,
-    Treatment,
 )
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import PACIFICA, EgoState
@@ -38,21 +38,21 @@ def ring(ego: EgoState) -> Ring:
 
 def cover(ring: Ring, velocity_mps: tuple[float, float]) -> dict[str, LaneCoverage]:
     area = ClipArea.of(ring)
-    return reactions.cover(NETWORK.strips_near(area), area, velocity_mps)
+    return reactions.lane_coverage(NETWORK.pieces_near(area), area, velocity_mps)
 
 
 def seen(y_m: float, anchor: str, speed_mps: float = 8.0, x_m: float = 100.0, heading_rad: float = 0.0) -> EgoOnNetwork:
     ego = EgoState(0.0, x_m, y_m, heading_rad, vx_mps=speed_mps)
-    covers = cover(ring(ego), (speed_mps, 0.0))
-    centre = frozenset(strip.lane.id for strip in NETWORK.strips[0] if strip.holds(x_m, y_m))
-    return EgoOnNetwork(covers, centre, anchor, x_m + 2.6, speed_mps, True)
+    coverage = cover(ring(ego), (speed_mps, 0.0))
+    centre = frozenset(piece.lane.id for piece in NETWORK.pieces[0] if piece.holds(x_m, y_m))
+    return EgoOnNetwork(coverage, centre, anchor, x_m + 2.6, speed_mps, True)
 
 
 def decision(
     agent: Agent, ego: EgoOnNetwork, memory: dict[str, ReactionMemory] | None = None, **rest: bool
 ) -> ReactionDecision:
     decided = reactions.decide([agent], ego, {}, {} if memory is None else memory, 0.1, **rest)
-    return decided.get("a", ReactionDecision(Treatment.LEAVE, 0.0, False))
+    return decided.get("a", ReactionDecision(Mode.SUMO, 0.0, False))
 
 
 def at_overlap(share: float) -> float:
@@ -62,32 +62,32 @@ def at_overlap(share: float) -> float:
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 def test_the_overlap_is_the_share_of_the_box_inside_the_lane(share: float) -> None:
-    covers = seen(at_overlap(share), "e0_0").covers
-    assert covers["e0_1"].share == pytest.approx(share)
-    assert covers["e0_0"].share == pytest.approx(1 - share)
-    assert covers["e0_1"].start_m == pytest.approx(100.0 - PACIFICA.length_m / 2)
+    coverage = seen(at_overlap(share), "e0_0").coverage
+    assert coverage["e0_1"].share == pytest.approx(share)
+    assert coverage["e0_0"].share == pytest.approx(1 - share)
+    assert coverage["e0_1"].start_m == pytest.approx(100.0 - PACIFICA.length_m / 2)
 
 
 @pytest.mark.parametrize("threshold", [0.25, 0.5, 0.75])
 def test_an_agent_reacts_from_its_threshold_on(threshold: float) -> None:
     below = decision(follower(threshold), seen(at_overlap(threshold - 0.01), "e0_0"))
     above = decision(follower(threshold), seen(at_overlap(threshold + 0.01), "e0_0"))
-    assert (below.reacting, below.treatment) == (False, Treatment.LEAVE)
-    assert (above.reacting, above.treatment) == (True, Treatment.IMPOSE)
+    assert (below.reacting, below.mode) == (False, Mode.SUMO)
+    assert (above.reacting, above.mode) == (True, Mode.OVERRIDE_SPEED)
 
 
 def test_a_conservative_agent_reacts_at_first_touch_and_not_before() -> None:
     assert not decision(follower(0.0), seen(at_overlap(-0.01), "e0_0")).reacting
-    assert decision(follower(0.0), seen(at_overlap(0.01), "e0_0")).treatment is Treatment.IMPOSE
+    assert decision(follower(0.0), seen(at_overlap(0.01), "e0_0")).mode is Mode.OVERRIDE_SPEED
 
 
 def test_an_assertive_agent_overlooks_an_ego_that_sumo_already_puts_in_its_lane() -> None:
-    assert decision(follower(1.0), seen(at_overlap(0.9), "e0_1")).treatment is Treatment.IGNORE
+    assert decision(follower(1.0), seen(at_overlap(0.9), "e0_1")).mode is Mode.IGNORE_EGO
 
 
 def test_an_assertive_agent_follows_a_fully_merged_ego_as_sumo_does() -> None:
     merged = decision(follower(1.0), seen(LANE_Y[1], "e0_1"))
-    assert (merged.reacting, merged.treatment) == (True, Treatment.LEAVE)
+    assert (merged.reacting, merged.mode) == (True, Mode.SUMO)
 
 
 def test_a_reaction_lasts_until_the_ego_has_left_the_lane() -> None:
@@ -111,14 +111,14 @@ def test_after_two_seconds_with_its_centre_in_the_lane_the_ego_is_the_leader() -
 
 
 def test_an_ego_behind_the_agent_concerns_nobody() -> None:
-    assert decision(follower(0.0, position_m=150.0), seen(LANE_Y[1], "e0_1")).treatment is Treatment.LEAVE
+    assert decision(follower(0.0, position_m=150.0), seen(LANE_Y[1], "e0_1")).mode is Mode.SUMO
 
 
 def test_an_oncoming_agent_is_slowed_for_an_ego_in_its_lane_by_the_closing_speed() -> None:
     westward = reactions.corridor(NETWORK, "w0_0", ("w0",))
     agent = Agent("a", driver(0.0), 220.0, 12.0, 15.0, westward)  # 400 - 220 = x 180, coming towards x = 100
     against = decision(agent, seen(1.75, "e0_2"))
-    assert against.treatment is Treatment.IMPOSE
+    assert against.mode is Mode.OVERRIDE_SPEED
     assert against.speed_mps is not None
     still = decision(agent, seen(1.75, "e0_2", speed_mps=0.0))
     assert still.speed_mps is not None
@@ -134,7 +134,7 @@ def test_an_imposed_speed_brakes_no_harder_than_the_emergency_deceleration() -> 
 def test_who_would_have_to_brake_harder_than_he_can_is_known(position_m: float, at_limit: bool) -> None:
     """The rear of the ego is at 97.4 m and drives at 8 m/s."""
     merged = decision(follower(1.0, position_m=position_m), seen(LANE_Y[1], "e0_1"))
-    assert (merged.treatment, merged.at_limit) == (Treatment.LEAVE, at_limit)
+    assert (merged.mode, merged.at_limit) == (Mode.SUMO, at_limit)
 
 
 @pytest.mark.parametrize(("position_m", "speed_mps"), [(96.4, 10.0 - 0.9), (60.0, 10.1)])
@@ -155,12 +155,12 @@ def test_anticipation_looks_at_the_swept_box() -> None:
     velocity = (7.84, 1.59)
     box = ring(ego)
     now = cover(box, velocity)
-    soon = cover(reactions.swept(box, velocity, 2.0), velocity)
+    soon = cover(reactions.swept_area(box, velocity, 2.0), velocity)
     assert "e0_1" not in now
     on_network = EgoOnNetwork(now, frozenset({"e0_0"}), "e0_0", 102.6, 8.0, True)
     agent = follower(0.0, anticipation_s=2.0)
     decided = reactions.decide([agent], on_network, {2.0: soon}, {}, 0.1)
-    assert decided["a"].treatment is Treatment.IMPOSE
+    assert decided["a"].mode is Mode.OVERRIDE_SPEED
 
 
 def test_the_corridor_runs_on_through_junctions_along_the_route() -> None:

@@ -13,7 +13,7 @@ from interplan_sumo.maps.store import find_map, maps
 from interplan_sumo.simulation.lane_chains import continued_route
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork, read_network
 from interplan_sumo.simulation.spawning import Spawn
-from interplan_sumo.simulation.sumo_traffic import SumoTraffic
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Polyline, box_corners, penetration_m
@@ -99,9 +99,8 @@ def drive(
 
     spawn = Spawn(agent_on.from_lane, at_m, speed_mps, types.members[0], edges(agent_on))
     arrives_s, deepest = np.inf, -np.inf
-    with SumoTraffic(
-        network, ids, types, (spawn,), ("a",), ego(0), edges(ego_on), PACIFICA, with_ego=with_ego
-    ) as traffic:
+    setup = TrafficSetup(network, ids, types, ego(0), edges(ego_on), spawns=(spawn,), tokens=("a",), with_ego=with_ego)
+    with SumoTraffic(setup) as traffic:
         green = [connector for connector, link in ids.links.items() if link in (ego_on.light, agent_on.light)]
         traffic.impose_signals(dict.fromkeys(green, SignalStatus.GREEN))
         for step in range(220):

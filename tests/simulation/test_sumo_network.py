@@ -18,9 +18,9 @@ def test_lanes_links_and_the_other_direction_are_read() -> None:
     assert network.edges["e0"] == ("e0_0", "e0_1", "e0_2")
     (link,) = network.links["e0_1"]
     assert (link.to_lane, link.via, link.major, link.light) == ("e1_1", (":B_1_1",), True, None)
-    area = shapely.union_all([strip.polygon for strip in network.lanes["e0_1"].strips])
+    area = shapely.union_all([piece.polygon for piece in network.lanes["e0_1"].pieces])
     assert area.bounds == pytest.approx((0.0, -7.0, 400.0, -3.5))
-    assert {strip.lane.id for strip in network.strips[0] if strip.holds(100.0, -5.0)} == {"e0_1"}
+    assert {piece.lane.id for piece in network.pieces[0] if piece.holds(100.0, -5.0)} == {"e0_1"}
     assert network.continuations("e0_1") == {"e0_1", ":B_1_1", "e1_1"}
 
 
