@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.maps.districts import draw
 from interplan_sumo.maps.render import ASPHALT, render_map
+from interplan_sumo.maps.store import load_roads
 from interplan_sumo.world.roads import Roads
 
 image = pytest.importorskip("matplotlib.image")
@@ -20,7 +20,7 @@ def pixels(path: Path) -> np.ndarray:
 
 
 def test_the_whole_map_fills_the_picture(tmp_path: Path) -> None:
-    render_map(draw("hazelwood"), tmp_path / "map.png")
+    render_map(load_roads("hazelwood"), tmp_path / "map.png")
     picture = pixels(tmp_path / "map.png")
     assert max(picture.shape[:2]) == 1500
     paper = picture[0, 0]
@@ -30,7 +30,7 @@ def test_the_whole_map_fills_the_picture(tmp_path: Path) -> None:
 
 
 def test_a_part_of_a_map_has_the_asked_scale_and_shows_the_road(tmp_path: Path) -> None:
-    roads = draw("strip")
+    roads = load_roads("strip")
     middle = next(area.polygon.centroid for area in roads.intersections if area.id == "3")
     render_map(
         roads,
@@ -49,7 +49,7 @@ def test_a_part_of_a_map_has_the_asked_scale_and_shows_the_road(tmp_path: Path) 
 
 
 def test_equal_calls_write_equal_files(tmp_path: Path) -> None:
-    roads = draw("back_bay")
+    roads = load_roads("back_bay")
     for name in ("one.png", "two.png"):
         x_m, y_m = roads.lanes["101010"].centerline.points[0]
         render_map(roads, tmp_path / name, centre_m=(x_m, y_m), radius_m=60.0, pixels_per_m=3.0)
@@ -57,7 +57,7 @@ def test_equal_calls_write_equal_files(tmp_path: Path) -> None:
 
 
 def test_connectors_can_be_left_out(tmp_path: Path) -> None:
-    roads = draw("strip")
+    roads = load_roads("strip")
     middle = next(area.polygon.centroid for area in roads.intersections if area.id == "3")
     colours: dict[bool, int] = {}
     for shown in (True, False):
@@ -78,11 +78,11 @@ def test_a_map_without_lanes_cannot_be_drawn(tmp_path: Path) -> None:
 
 def test_a_part_needs_both_centre_and_radius(tmp_path: Path) -> None:
     with pytest.raises(MapError, match="centre and a radius"):
-        render_map(draw("strip"), tmp_path / "map.png", radius_m=30.0)
+        render_map(load_roads("strip"), tmp_path / "map.png", radius_m=30.0)
 
 
 def test_a_file_that_is_no_picture_or_cannot_be_written_is_refused_in_one_line(tmp_path: Path) -> None:
-    roads = draw("strip")
+    roads = load_roads("strip")
     centre = tuple(roads.lanes["101010"].centerline.points[0])
     with pytest.raises(MapError, match=r"\.png"):
         render_map(roads, tmp_path / "map.docx", centre_m=centre, radius_m=20.0)

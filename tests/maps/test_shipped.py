@@ -1,37 +1,209 @@
-"""The maps in nets/ are what the code makes today, small enough to start fast, and faithful."""
+"""The maps in nets/: what tools/make_maps draws today, small enough to start fast, faithful, and fit to drive on."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+import shapely
 
 from interplan_sumo.maps.check import check_map
-from interplan_sumo.maps.districts import DISTRICTS, draw
+from interplan_sumo.maps.rules import schema_problems
 from interplan_sumo.maps.store import find_map, load_roads, maps
 from interplan_sumo.maps.to_sumo import convert
 from interplan_sumo.verification.lock import roads_hash
+from interplan_sumo.world.geometry import Polyline, wrap_angle
+from interplan_sumo.world.roads import LaneLike, Roads, StopLineKind, Turn
+from tests.maps.sumo_runs import random_traffic
+from tools.make_maps import PLANS
+from tools.make_maps.__main__ import make_map
+from tools.make_maps.draw import draw_plan
 
-NAMES = sorted(DISTRICTS)
+every_map = pytest.mark.parametrize("name", PLANS)
+SMALL_BYTES = 500_000
 
 
-def test_every_district_is_shipped_and_nothing_else() -> None:
-    assert sorted(maps()) == NAMES
+def test_every_plan_is_shipped_and_nothing_else() -> None:
+    assert sorted(maps()) == sorted(PLANS)
+    assert [name for name in PLANS if load_roads(name).driving_side == "left"] == ["one_north"]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_map
 def test_the_shipped_map_is_the_drawn_one(name: str) -> None:
-    assert roads_hash(load_roads(name)) == roads_hash(draw(name))
+    assert roads_hash(load_roads(name)) == roads_hash(draw_plan(PLANS[name]))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_map
 def test_the_shipped_network_is_made_from_the_shipped_map_byte_for_byte(name: str, tmp_path: Path) -> None:
     convert(load_roads(name), tmp_path)
     for file in ("map.net.xml.gz", "ids.json"):
         assert (tmp_path / file).read_bytes() == (find_map(name).folder / file).read_bytes()
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_the_shipped_network_is_faithful(name: str) -> None:
-    report = check_map(find_map(name), load_roads(name))
+@every_map
+def test_the_shipped_network_is_faithful_and_small(name: str) -> None:
+    files = find_map(name)
+    report = check_map(files, load_roads(name))
     assert report.ok, report.problems
+    assert report.lane_deviation_m.max < 0.01
+    assert report.connector_deviation_m.max < 0.01
+    assert files.network.stat().st_size + files.ids.stat().st_size < SMALL_BYTES
+
+
+@pytest.mark.slow
+def test_made_anew_a_map_is_listed_and_its_network_is_the_shipped_one(tmp_path: Path) -> None:
+    assert make_map(PLANS["back_bay"], tmp_path).ok
+    made, shipped = maps(tmp_path)["back_bay"], find_map("back_bay")
+    assert made.network.read_bytes() == shipped.network.read_bytes()
+    assert made.ids.read_bytes() == shipped.ids.read_bytes()
+    assert roads_hash(load_roads(made.folder)) == roads_hash(load_roads("back_bay"))
+
+
+@every_map
+@pytest.mark.slow
+def test_traffic_on_shipped_maps_meets_no_accident(name: str, tmp_path: Path) -> None:
+    run = random_traffic(find_map(name), load_roads(name), tmp_path, vehicles=100, seed=2)
+    assert run.vehicles > 50
+    assert run.teleports == 0
+    assert run.collisions == 0
+    assert [overlap for overlap in run.overlaps if not overlap.askew] == []
+    assert run.without_cause == ()
+
+
+# --- the roads -------------------------------------------------------------------------------------
+
+
+def pieces(roads: Roads) -> list[LaneLike]:
+    return [*roads.lanes.values(), *roads.connectors.values()]
+
+
+def tightest_radius_m(line: Polyline, step_m: float = 2.0) -> float:
+    """Radius of the circle through points 2 m apart, the smallest along the line (nuPlan's way)."""
+    if line.length_m < 2.0 * step_m + 0.5:
+        return np.inf
+    arc = np.arange(0.0, line.length_m - 2.0 * step_m, 0.5)
+    a, b, c = (line.poses_at(arc + k * step_m)[:, :2] for k in range(3))
+    sides = np.hypot(*(b - a).T) * np.hypot(*(c - b).T) * np.hypot(*(c - a).T)
+    area = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2.0
+    return float((sides / np.maximum(4.0 * area, 1e-12)).min())
+
+
+def oncoming_lane(roads: Roads, lane_id: str) -> str | None:
+    """The lane of the other direction that begins right beside a lane, on the side of the oncoming traffic."""
+    lane = roads.lanes[lane_id]
+    left = 1.0 if roads.driving_side == "right" else -1.0
+    pose = lane.centerline.pose_at(lane.centerline.length_m / 2.0, left * 3.6)
+    for other in roads.lanes_at(pose.x_m, pose.y_m):
+        arc_m, _ = roads.lanes[other].centerline.project_point(pose.x_m, pose.y_m)
+        heading = roads.lanes[other].centerline.pose_at(arc_m).heading_rad
+        if abs(wrap_angle(heading - pose.heading_rad)) > 2.5:
+            return other
+    return None
+
+
+@every_map
+def test_a_map_obeys_every_rule_of_the_schema(name: str) -> None:
+    assert schema_problems(load_roads(name)) == []
+
+
+@every_map
+def test_lanes_and_connectors_meet_end_to_end_without_a_kink(name: str) -> None:
+    roads = load_roads(name)
+    for connector in roads.connectors.values():
+        before, after = roads.lanes[connector.from_lane_id], roads.lanes[connector.to_lane_id]
+        for first, second in ((before.centerline, connector.centerline), (connector.centerline, after.centerline)):
+            assert np.hypot(*(first.points[-1] - second.points[0])) < 0.01, connector.id
+            kink = wrap_angle(second.segment_heading_rad[0] - first.segment_heading_rad[-1])
+            assert abs(np.degrees(kink)) < 1.0, connector.id
+
+
+@every_map
+def test_every_lane_and_connector_lies_on_the_drivable_area(name: str) -> None:
+    roads = load_roads(name)
+    paved = shapely.buffer(roads.drivable_area, 1e-3)
+    shapely.prepare(paved)
+    assert [lane.id for lane in pieces(roads) if not shapely.covers(paved, lane.polygon)] == []
+    for lane in pieces(roads):
+        assert roads.drivable(lane.centerline.points).all(), lane.id
+
+
+@every_map
+def test_every_lane_can_be_reached_from_the_edge_of_the_map_and_leads_back_to_it(name: str) -> None:
+    roads = load_roads(name)
+    hull = shapely.union_all([lane.polygon for lane in roads.lanes.values()]).convex_hull
+    for ends, follow in (
+        ([i for i in roads.lanes if not roads.incoming(i)], roads.outgoing),
+        ([i for i in roads.lanes if not roads.outgoing(i)], roads.incoming),
+    ):
+        for lane_id in ends:
+            end = roads.lanes[lane_id].centerline.points[0 if follow == roads.outgoing else -1]
+            # Streets end near the edge of the map, never in the middle of it.
+            assert shapely.distance(shapely.boundary(hull), shapely.Point(end)) < 140.0, lane_id
+        seen, queue = set(ends), list(ends)
+        while queue:
+            lane_id = queue.pop()
+            siblings = roads.roadblocks[roads.lanes[lane_id].roadblock_id].lane_ids
+            links = [(link, follow(link)[0]) for link in follow(lane_id)]
+            for following in (*siblings, *(lane for _, lane in links)):
+                if following not in seen:
+                    seen.add(following)
+                    queue.append(following)
+        assert seen == set(roads.lanes)
+
+
+@every_map
+def test_oncoming_traffic_is_on_the_side_that_the_driving_side_says(name: str) -> None:
+    roads = load_roads(name)
+    single = [b.lane_ids[0] for b in roads.roadblocks.values() if not b.is_connector and len(b.lane_ids) == 1]
+    assert sum(oncoming_lane(roads, lane) is not None for lane in single) >= 10
+
+
+@every_map
+def test_bends_fit_the_limit_and_a_car_can_turn(name: str) -> None:
+    for lane in pieces(load_roads(name)):
+        radius_m = tightest_radius_m(lane.centerline)
+        assert radius_m > 5.0, lane.id
+        assert (lane.speed_limit_mps or 0.0) ** 2 / radius_m < 3.5, lane.id
+
+
+@every_map
+def test_light_controlled_connectors_stop_at_one_line_of_a_traffic_light_at_their_start(name: str) -> None:
+    roads = load_roads(name)
+    lit = [connector for connector in roads.connectors.values() if connector.has_traffic_light]
+    assert lit
+    for connector in lit:
+        (line_id,) = connector.stop_line_ids
+        line = roads.stop_lines[line_id]
+        assert line.kind is StopLineKind.TRAFFIC_LIGHT
+        assert line.polygon.intersects(connector.centerline.linestring)
+        assert line.polygon.intersects(roads.lanes[connector.from_lane_id].polygon)
+
+
+@every_map
+def test_connectors_turn_the_way_they_say(name: str) -> None:
+    for connector in load_roads(name).connectors.values():
+        bend = wrap_angle(connector.centerline.segment_heading_rad[-1] - connector.centerline.segment_heading_rad[0])
+        if connector.turn is Turn.STRAIGHT:
+            assert abs(np.degrees(bend)) < 33.0, connector.id
+        else:
+            assert (bend > 0.0) == (connector.turn is Turn.LEFT), connector.id
+
+
+@every_map
+def test_crosswalks_lie_in_the_intersection_and_clear_of_the_lanes(name: str) -> None:
+    roads = load_roads(name)
+    places_ = shapely.union_all([area.polygon for area in roads.intersections])
+    lanes_ = shapely.union_all([lane.polygon for lane in roads.lanes.values()])
+    assert roads.crosswalks
+    for crosswalk in roads.crosswalks:
+        assert crosswalk.polygon.intersection(places_).area > 0.97 * crosswalk.polygon.area, crosswalk.id
+        assert crosswalk.polygon.intersection(lanes_).area < 0.01, crosswalk.id
+
+
+@every_map
+def test_nobody_drives_on_a_walkway(name: str) -> None:
+    roads = load_roads(name)
+    walkways = shapely.union_all([area.polygon for area in roads.walkways])
+    assert walkways.intersection(roads.drivable_area).area < 2.0
+    assert walkways.area > 2000.0

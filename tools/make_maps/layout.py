@@ -12,17 +12,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from interplan_sumo.maps.districts.mouths import Mouth, mouths
-from interplan_sumo.maps.districts.plan import (
+from tools.make_maps.junction_arms import PlannedArm, planned_arms
+from tools.make_maps.plan import (
     JOINT_M,
+    MAX_BLOCK_M,
     Carriageway,
     Direction,
+    LaneStrip,
     Plan,
     PlannedApproach,
     PlannedJunction,
     Road,
+    strips,
+    way_at,
 )
-from interplan_sumo.maps.districts.sections import LaneStrip, strips, way_at
 
 SHORTEST_BLOCK_M = 12.0
 
@@ -91,26 +94,28 @@ class _Link:
 
     low_m: float
     high_m: float
-    low: tuple[PlannedJunction, Mouth] | None
-    """The junction at the lower station, with the mouth in which the link ends."""
-    high: tuple[PlannedJunction, Mouth] | None
+    low: tuple[PlannedJunction, PlannedArm] | None
+    """The junction at the lower station, with the arm in which the link ends."""
+    high: tuple[PlannedJunction, PlannedArm] | None
 
 
 def _links(plan: Plan, direction: Direction) -> dict[str, list[_Link]]:
     """The links of each road as its traffic in one direction sees them, in order of station."""
-    met: dict[str, list[tuple[float, PlannedJunction, Mapping[str, Mouth]]]] = {road.name: [] for road in plan.roads}
+    met: dict[str, list[tuple[float, PlannedJunction, Mapping[str, PlannedArm]]]] = {
+        road.name: [] for road in plan.roads
+    }
     for junction in plan.junctions:
-        arms = mouths(plan, junction)
+        arms = planned_arms(plan, junction)
         for name in junction.roads:
             if junction.takes(name, direction):
-                station_m = next(mouth.station_m for mouth in arms.values() if mouth.road.name == name)
+                station_m = next(arm.station_m for arm in arms.values() if arm.road.name == name)
                 met[name].append((station_m, junction, arms))
     return {road.name: _links_of(road, sorted(met[road.name], key=lambda m: m[0])) for road in plan.roads}
 
 
-def _links_of(road: Road, met: Sequence[tuple[float, PlannedJunction, Mapping[str, Mouth]]]) -> list[_Link]:
+def _links_of(road: Road, met: Sequence[tuple[float, PlannedJunction, Mapping[str, PlannedArm]]]) -> list[_Link]:
     links: list[_Link] = []
-    start: tuple[PlannedJunction, Mouth] | None = None
+    start: tuple[PlannedJunction, PlannedArm] | None = None
     start_m, ended = 0.0, False
     for _, junction, arms in met:
         below, above = arms.get(f"{road.name}-"), arms.get(f"{road.name}+")
@@ -171,9 +176,9 @@ def _stretches(road: Road, direction: Direction, link: _Link) -> list[_Stretch]:
     return found
 
 
-def _cut_evenly(stretch: _Stretch, max_block_m: float) -> list[tuple[float, float]]:
+def _cut_evenly(stretch: _Stretch) -> list[tuple[float, float]]:
     length_t = stretch.to_t - stretch.from_t
-    count = int(np.ceil(length_t / max_block_m))
+    count = int(np.ceil(length_t / MAX_BLOCK_M))
     each_t = (length_t - (count - 1) * JOINT_M) / count
     return [
         (stretch.from_t + i * (each_t + JOINT_M), stretch.from_t + i * (each_t + JOINT_M) + each_t)
@@ -185,7 +190,7 @@ def layout(plan: Plan) -> Layout:
     """Cut all roads into blocks; ValueError says where a plan leaves no room."""
     blocks: list[Block] = []
     joints: list[Joint] = []
-    at_mouth: dict[tuple[int, str, bool], Block] = {}
+    at_arm: dict[tuple[int, str, bool], Block] = {}
     directions: tuple[Direction, Direction] = ("forward", "backward")
     links = {direction: _links(plan, direction) for direction in directions}
     for road in plan.roads:
@@ -197,23 +202,23 @@ def layout(plan: Plan) -> Layout:
                     continue
                 row: list[Block] = []
                 for stretch in _stretches(road, direction, link):
-                    for from_t, to_t in _cut_evenly(stretch, road.max_block_m):
+                    for from_t, to_t in _cut_evenly(stretch):
                         piece += 1
                         row.append(_block(road, direction, piece, stretch, abs(from_t), abs(to_t)))
                 blocks += row
                 joints += [Joint(a, b) for a, b in pairwise(row)]
                 start, end = (link.low, link.high) if direction == "forward" else (link.high, link.low)
                 if start is not None:
-                    at_mouth[start[0].number, start[1].key, False] = row[0]
+                    at_arm[start[0].number, start[1].key, False] = row[0]
                 if end is not None:
-                    at_mouth[end[0].number, end[1].key, True] = row[-1]
+                    at_arm[end[0].number, end[1].key, True] = row[-1]
     arms: dict[int, tuple[Arm, ...]] = {}
     for junction in plan.junctions:
         found: list[Arm] = []
         for name in junction.roads:
             for sign, key in ((-1, f"{name}-"), (1, f"{name}+")):
-                arriving = at_mouth.get((junction.number, key, True))
-                leaving = at_mouth.get((junction.number, key, False))
+                arriving = at_arm.get((junction.number, key, True))
+                leaving = at_arm.get((junction.number, key, False))
                 known = arriving or leaving
                 if known is not None:
                     found.append(Arm(key, name, sign, known.high_m if sign < 0 else known.low_m, arriving, leaving))

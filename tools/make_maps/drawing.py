@@ -19,10 +19,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.districts.geometry import SmoothCurve, smooth_step, turn
-from interplan_sumo.maps.districts.layout import Block, Layout
-from interplan_sumo.maps.districts.sections import LaneStrip
-from interplan_sumo.maps.districts.sheet import Sheet, between
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import (
     Area,
@@ -35,6 +31,10 @@ from interplan_sumo.world.roads import (
     StopLineKind,
     Turn,
 )
+from tools.make_maps.geometry import SmoothCurve, smooth_step, turn
+from tools.make_maps.layout import Block, Layout
+from tools.make_maps.plan import LaneStrip
+from tools.make_maps.road_geometry import RoadGeometry, between
 
 STOP_LINE_BEFORE_M, STOP_LINE_AFTER_M = 0.5, 0.5
 """The stop line lies on the end of the lanes, so that it touches their connectors."""
@@ -52,7 +52,7 @@ NEXT_PIECE, RAMP = 0, 9
 class Drawing:
     """What has been drawn so far."""
 
-    sheet: Sheet
+    ground: RoadGeometry
     layout: Layout
     lanes: dict[str, Lane] = field(default_factory=dict[str, Lane])
     connectors: dict[str, Connector] = field(default_factory=dict[str, Connector])
@@ -62,14 +62,14 @@ class Drawing:
     crosswalks: list[Area] = field(default_factory=list[Area])
 
 
-def block_id(sheet: Sheet, block: Block) -> int:
+def block_id(ground: RoadGeometry, block: Block) -> int:
     digit = 1 if block.direction == "forward" else 2
-    return sheet.plan.road[block.road].number * 1000 + digit * 100 + block.piece
+    return ground.plan.road[block.road].number * 1000 + digit * 100 + block.piece
 
 
-def lane_id(sheet: Sheet, block: Block, lane: int) -> int:
+def lane_id(ground: RoadGeometry, block: Block, lane: int) -> int:
     """Of a lane counted from the inner one; the id counts from the left."""
-    return block_id(sheet, block) * 10 + sheet.left_to_right(len(block.strips)).index(lane)
+    return block_id(ground, block) * 10 + ground.left_to_right(len(block.strips)).index(lane)
 
 
 def connect(
@@ -84,28 +84,28 @@ def connect(
     stop_line_ids: tuple[str, ...] = (),
 ) -> Connector:
     """Draw one connector: along the axis where the road goes on, else as a driver steers."""
-    sheet = drawing.sheet
+    ground = drawing.ground
     start, end = before.strips[from_lane], after.strips[to_lane]
     if before.road == after.road:
-        road = sheet.plan.road[before.road]
+        road = ground.plan.road[before.road]
 
         def gliding(from_outward_m: float, to_outward_m: float) -> Floats:
-            return sheet.along(road, before.direction, before.to_m, after.from_m, from_outward_m, to_outward_m).points
+            return ground.along(road, before.direction, before.to_m, after.from_m, from_outward_m, to_outward_m).points
 
         middle = gliding(start.middle_m, end.middle_m)
-        left, right = sheet.left_edge_first(gliding(start.inner_m, end.inner_m), gliding(start.kerb_m, end.kerb_m))
+        left, right = ground.left_edge_first(gliding(start.inner_m, end.inner_m), gliding(start.kerb_m, end.kerb_m))
     else:
-        course = turn(sheet.pose(before, start.middle_m, at_end=True), sheet.pose(after, end.middle_m, at_end=False))
+        course = turn(ground.pose(before, start.middle_m, at_end=True), ground.pose(after, end.middle_m, at_end=False))
         half = _half_width_m(course, start, end)
         middle, left, right = course.points, course.shifted(half), course.shifted(-half)
-    from_id, to_id = lane_id(sheet, before, from_lane), lane_id(sheet, after, to_lane)
-    left_edge, right_edge = sheet.edge(left), sheet.edge(right)
+    from_id, to_id = lane_id(ground, before, from_lane), lane_id(ground, after, to_lane)
+    left_edge, right_edge = ground.edge(left), ground.edge(right)
     connector = Connector(
         id=str(from_id * 100 + exit_digit * 10 + to_id % 10),
-        roadblock_id=str(block_id(sheet, before) * 10 + exit_digit),
+        roadblock_id=str(block_id(ground, before) * 10 + exit_digit),
         from_lane_id=str(from_id),
         to_lane_id=str(to_id),
-        centerline=sheet.centerline(middle),
+        centerline=ground.centerline(middle),
         polygon=between(left_edge.points, right_edge.points),
         left_boundary=left_edge,
         right_boundary=right_edge,
@@ -156,8 +156,8 @@ def group_connectors(
         polygon=shapely.Polygon(outline.exterior),
         lane_ids=tuple(c.id for c in ordered),
         is_connector=True,
-        from_id=str(block_id(drawing.sheet, before)),
-        to_id=str(block_id(drawing.sheet, after)),
+        from_id=str(block_id(drawing.ground, before)),
+        to_id=str(block_id(drawing.ground, after)),
         intersection_id=place,
     )
 
@@ -171,14 +171,14 @@ def draw_intersection(drawing: Drawing, name: str, surfaces: Sequence[shapely.Po
 
 def draw_stop_line(drawing: Drawing, block: Block, lanes: Sequence[int], group: int, kind: StopLineKind) -> str:
     """A stop line across some lanes of a block, counted from the inner one; its id."""
-    sheet = drawing.sheet
+    ground = drawing.ground
     ahead = 1.0 if block.direction == "forward" else -1.0
     low_m, high_m = sorted((block.to_m - ahead * STOP_LINE_BEFORE_M, block.to_m + ahead * STOP_LINE_AFTER_M))
-    side = sheet.side(block.direction)
+    side = ground.side(block.direction)
     inner_m = block.strips[lanes[0]].inner_m + STOP_LINE_INSET_M
     kerb_m = block.strips[lanes[-1]].kerb_m - STOP_LINE_INSET_M
     right_m, left_m = sorted((side * inner_m, side * kerb_m))
-    name = str(block_id(sheet, block) * 10 + group)
-    area = sheet.across(sheet.plan.road[block.road], low_m, high_m, right_m, left_m)
+    name = str(block_id(ground, block) * 10 + group)
+    area = ground.across(ground.plan.road[block.road], low_m, high_m, right_m, left_m)
     drawing.stop_lines[name] = StopLine(name, area, kind)
     return name

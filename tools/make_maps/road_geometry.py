@@ -1,4 +1,4 @@
-"""The drawing sheet of a plan: from stations and outward distances to lines and surfaces on the ground."""
+"""The drawing ground of a plan: from stations and outward distances to lines and surfaces on the ground."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.districts.geometry import SmoothCurve, beside
-from interplan_sumo.maps.districts.layout import Arm, Block
-from interplan_sumo.maps.districts.plan import Direction, Plan, Road
 from interplan_sumo.world.geometry import Floats, Polyline, Pose
+from tools.make_maps.geometry import SmoothCurve, beside
+from tools.make_maps.layout import Arm, Block
+from tools.make_maps.plan import Direction, Plan, Road
 
 DECIMALS = 6
 """Coordinates are rounded to a micrometre: the same on every machine, and shared corners stay shared."""
@@ -20,7 +20,7 @@ STRAIGHT_SINE = 1e-5
 
 
 @dataclass(frozen=True)
-class Sheet:
+class RoadGeometry:
     """A plan with its frame."""
 
     plan: Plan
@@ -41,13 +41,7 @@ class Sheet:
         return Polyline(_thinned(self.on_map(points)))
 
     def along(
-        self,
-        road: Road,
-        direction: Direction,
-        from_m: float,
-        to_m: float,
-        from_outward_m: float,
-        to_outward_m: float,
+        self, road: Road, direction: Direction, from_m: float, to_m: float, from_outward_m: float, to_outward_m: float
     ) -> SmoothCurve:
         """The line in the direction of travel from one grid station to another, gliding between two offsets."""
         side = self.side(direction)

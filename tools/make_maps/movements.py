@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from interplan_sumo.maps.districts.layout import Arm, Block
-from interplan_sumo.maps.districts.plan import Plan, PlannedJunction
-from interplan_sumo.maps.districts.sections import LaneStrip
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Turn
+from tools.make_maps.layout import Arm, Block
+from tools.make_maps.plan import LaneStrip, Plan, PlannedJunction
 
 STRAIGHT_RAD = np.radians(32.0)
 """Two roads that differ by less lead straight on into one another."""

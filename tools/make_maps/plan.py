@@ -16,11 +16,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Literal
 
-from interplan_sumo.maps.districts.geometry import Alignment, alignment
+import numpy as np
+
 from interplan_sumo.world.roads import DrivingSide
+from tools.make_maps.geometry import Alignment, alignment
 
 Direction = Literal["forward", "backward"]
 """Along the axis of a road or against it."""
@@ -30,10 +33,12 @@ Control = Literal["signal", "all_way_stop", "stop", "yield", "none"]
 
 JOINT_M = 6.0
 """Length of the pass-through connectors by which long roads are cut into roadblocks."""
-
-
+NOSE_M = 0.6
+"""Least width of the median that remains beside a pocket."""
+MAX_BLOCK_M = 300.0
+"""Longer stretches are cut evenly into roadblocks below this length."""
 GORE_M = 0.1
-"""Paint between a carriageway and the mouth of a ramp."""
+"""Paint between a carriageway and the arm of a ramp."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +84,16 @@ class RoadSection:
     """Length over which lanes are gained, lost or shifted, centred on `from_m`."""
 
 
+def both_ways(way: Carriageway) -> tuple[RoadSection, ...]:
+    """One cross-section all along, alike in both directions."""
+    return (RoadSection(0, way, way),)
+
+
+def one_section(way: Carriageway) -> tuple[RoadSection, ...]:
+    """One cross-section all along, for traffic in the direction of the axis."""
+    return (RoadSection(0, way),)
+
+
 @dataclass(frozen=True, slots=True)
 class BusStop:
     """A stop for one bus, at the kerb or in a bay of its own."""
@@ -87,6 +102,11 @@ class BusStop:
     at_m: float
     """Station of its middle."""
     bay: bool = False
+
+
+def stops(*stations_m: float, bays: tuple[float, ...] = ()) -> tuple[BusStop, ...]:
+    """Bus stops at stations, negative ones for traffic that drives backward; those among `bays` have one."""
+    return tuple(BusStop("forward" if at > 0 else "backward", abs(at), at in bays) for at in stations_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +142,6 @@ class Road:
     car_parks: tuple[CarPark, ...] = ()
     sidewalk_m: float = 2.5
     """0 without sidewalks."""
-    max_block_m: float = 300.0
-    """Longer stretches are cut evenly into roadblocks below this length."""
 
     @cached_property
     def axis(self) -> Alignment:
@@ -162,7 +180,6 @@ class PlannedJunction:
 
     number: int
     """1 to 99, the id of the intersection."""
-    name: str
     at: tuple[float, float]
     """Roughly where; the exact place is where the axes of the first two roads cross."""
     roads: tuple[str, ...]
@@ -172,12 +189,14 @@ class PlannedJunction:
     """Arms with a crosswalk; None: all."""
     corner_m: float = 6.0
     """Least radius of the kerb at corners."""
-    setbacks_m: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    """Distance of an arm's stop line from the middle, where the rule does not please."""
     carriageway: Direction | None = None
     """Only this carriageway of the first road belongs to the junction: the median is closed and the other runs past."""
     banned: tuple[tuple[str, str], ...] = ()
     """Movements not allowed, as (from arm, to arm)."""
+
+    @property
+    def name(self) -> str:
+        return " and ".join(self.roads)
 
     def takes(self, road: str, direction: Direction) -> bool:
         """Whether traffic in one direction of a road that it names passes through the junction."""
@@ -218,7 +237,7 @@ class Plan:
         return {road.name: road for road in self.roads}
 
 
-def ramp_mouth(road: Road, driving_side: DrivingSide, ramp: Ramp) -> tuple[float, float, float]:
+def ramp_end(road: Road, driving_side: DrivingSide, ramp: Ramp) -> tuple[float, float, float]:
     """x, y and heading of travel where a ramp begins or ends, tangential to the lane that it takes up.
 
     This is the middle of the kerb lane where the taper of the section at
@@ -237,3 +256,41 @@ def ramp_mouth(road: Road, driving_side: DrivingSide, ramp: Ramp) -> tuple[float
     ahead = (1.0 if forward else -1.0) * (1.0 if ramp.kind == "exit" else -1.0)
     pose = road.axis.pose(ramp.at_m + ahead * section.taper_m / 2.0, side * outward_m)
     return pose.x_m, pose.y_m, pose.heading_rad + (0.0 if forward else math.pi)
+
+
+@dataclass(frozen=True, slots=True)
+class LaneStrip:
+    """A lane across the road: outward distances of its two edges from the axis."""
+
+    inner_m: float
+    kerb_m: float
+
+    @property
+    def middle_m(self) -> float:
+        return (self.inner_m + self.kerb_m) / 2.0
+
+    @property
+    def width_m(self) -> float:
+        return self.kerb_m - self.inner_m
+
+
+def way_at(road: Road, direction: Direction, station_m: float) -> Carriageway | None:
+    """The carriageway of one direction at a station."""
+    section = [s for s in road.sections if s.from_m <= station_m + 1e-6][-1]
+    return section.forward if direction == "forward" else section.backward
+
+
+def missing_median_m(way: Carriageway, approach: PlannedApproach) -> float:
+    """By how much the median is too narrow for the inner pockets of an approach."""
+    room_m = max(0.0, 2.0 * way.inner_m - NOSE_M)
+    return max(0.0, approach.inner_pockets * approach.pocket_width_m - room_m)
+
+
+def strips(way: Carriageway, approach: PlannedApproach | None = None, pushed_m: float = 0.0) -> tuple[LaneStrip, ...]:
+    """The lanes of a carriageway pushed towards the kerb, with the pockets of an approach."""
+    inner_count = approach.inner_pockets if approach else 0
+    kerb_count = approach.kerb_pockets if approach else 0
+    pocket_m = approach.pocket_width_m if approach else 0.0
+    widths = (pocket_m,) * inner_count + way.widths_m + (pocket_m,) * kerb_count
+    edges = np.concatenate(([0.0], np.cumsum(widths))) + way.inner_m + pushed_m - inner_count * pocket_m
+    return tuple(LaneStrip(float(a), float(b)) for a, b in pairwise(edges))

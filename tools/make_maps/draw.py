@@ -8,7 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.districts.drawing import (
+from interplan_sumo.world.geometry import Floats, Pose, wrap_angle
+from interplan_sumo.world.roads import Area, Connector, IntersectionKind, Lane, Roadblock, Roads, StopLineKind
+from tools.make_maps.drawing import (
     NEXT_PIECE,
     OVERLAP_M,
     RAMP,
@@ -21,22 +23,12 @@ from interplan_sumo.maps.districts.drawing import (
     lane_id,
     limit_mps,
 )
-from interplan_sumo.maps.districts.geometry import turn
-from interplan_sumo.maps.districts.kerb import bus_bays, car_parks, parking_strips, sidewalks
-from interplan_sumo.maps.districts.layout import Arm, Block, Joint, layout
-from interplan_sumo.maps.districts.movements import joint_pairs, movements
-from interplan_sumo.maps.districts.plan import Plan, PlannedCrossing, PlannedJunction, Ramp, Road
-from interplan_sumo.maps.districts.sheet import Sheet, between
-from interplan_sumo.world.geometry import Floats, Pose, wrap_angle
-from interplan_sumo.world.roads import (
-    Area,
-    Connector,
-    IntersectionKind,
-    Lane,
-    Roadblock,
-    Roads,
-    StopLineKind,
-)
+from tools.make_maps.geometry import turn
+from tools.make_maps.kerb import bus_bays, car_parks, parking_strips, sidewalks
+from tools.make_maps.layout import Arm, Block, Joint, layout
+from tools.make_maps.movements import joint_pairs, movements
+from tools.make_maps.plan import Plan, PlannedCrossing, PlannedJunction, Ramp, Road
+from tools.make_maps.road_geometry import RoadGeometry, between
 
 CROSSWALK_M = 3.2
 CROSSWALK_GAP_M = 1.2
@@ -52,7 +44,7 @@ INTERSECTION_KINDS = {
 
 def draw_plan(plan: Plan) -> Roads:
     """The plan on the ground; ValueError says where it does not fit."""
-    drawing = Drawing(Sheet(plan), layout(plan))
+    drawing = Drawing(RoadGeometry(plan), layout(plan))
     for block in drawing.layout.blocks:
         _draw_block(drawing, block)
     for joint in drawing.layout.joints:
@@ -63,32 +55,32 @@ def draw_plan(plan: Plan) -> Roads:
 
 
 def _draw_block(drawing: Drawing, block: Block) -> None:
-    sheet = drawing.sheet
-    road = sheet.plan.road[block.road]
+    ground = drawing.ground
+    road = ground.plan.road[block.road]
 
     def parallel(outward_m: float) -> Floats:
-        return sheet.along(road, block.direction, block.from_m, block.to_m, outward_m, outward_m).points
+        return ground.along(road, block.direction, block.from_m, block.to_m, outward_m, outward_m).points
 
-    name = str(block_id(sheet, block))
+    name = str(block_id(ground, block))
     members: list[str] = []
-    for index, lane in enumerate(sheet.left_to_right(len(block.strips))):
+    for index, lane in enumerate(ground.left_to_right(len(block.strips))):
         strip = block.strips[lane]
-        left, right = sheet.left_edge_first(parallel(strip.inner_m), parallel(strip.kerb_m))
-        left_edge, right_edge = sheet.edge(left), sheet.edge(right)
-        own = str(lane_id(sheet, block, lane))
+        left, right = ground.left_edge_first(parallel(strip.inner_m), parallel(strip.kerb_m))
+        left_edge, right_edge = ground.edge(left), ground.edge(right)
+        own = str(lane_id(ground, block, lane))
         members.append(own)
         drawing.lanes[own] = Lane(
             id=own,
             roadblock_id=name,
             index=index,
-            centerline=sheet.centerline(parallel(strip.middle_m)),
+            centerline=ground.centerline(parallel(strip.middle_m)),
             polygon=between(left_edge.points, right_edge.points),
             left_boundary=left_edge,
             right_boundary=right_edge,
             speed_limit_mps=limit_mps(block.way.limit_kmh),
         )
-    left, right = sheet.left_edge_first(parallel(block.strips[0].inner_m), parallel(block.strips[-1].kerb_m))
-    drawing.roadblocks[name] = Roadblock(name, sheet.surface(left, right), tuple(members))
+    left, right = ground.left_edge_first(parallel(block.strips[0].inner_m), parallel(block.strips[-1].kerb_m))
+    drawing.roadblocks[name] = Roadblock(name, ground.surface(left, right), tuple(members))
 
 
 # --- joints --------------------------------------------------------------------------------------
@@ -111,8 +103,8 @@ def _crossing_at(plan: Plan, joint: Joint) -> PlannedCrossing | None:
 
 
 def _draw_joint(drawing: Drawing, joint: Joint) -> None:
-    crossing = _crossing_at(drawing.sheet.plan, joint)
-    ramp = _ramp_at(drawing.sheet.plan, joint)
+    crossing = _crossing_at(drawing.ground.plan, joint)
+    ramp = _ramp_at(drawing.ground.plan, joint)
     if crossing is not None:
         _draw_crossing(drawing, joint, crossing)
     elif ramp is not None:
@@ -123,9 +115,9 @@ def _draw_joint(drawing: Drawing, joint: Joint) -> None:
             int(np.sign(gained))
         ]
         pairs = joint_pairs(joint.before.strips, joint.after.strips)
-        place = str(block_id(drawing.sheet, joint.before))
+        place = str(block_id(drawing.ground, joint.before))
         drawn = _join(drawing, joint, pairs, place, ())
-        envelope = _envelope(drawing.sheet, joint)
+        envelope = _envelope(drawing.ground, joint)
         draw_intersection(drawing, place, [envelope, *(c.polygon for c in drawn)], kind)
 
 
@@ -139,20 +131,20 @@ def _join(
     return drawn
 
 
-def _envelope(sheet: Sheet, joint: Joint) -> shapely.Polygon:
+def _envelope(ground: RoadGeometry, joint: Joint) -> shapely.Polygon:
     """The whole carriageway between two blocks."""
     before, after = joint.before, joint.after
-    road = sheet.plan.road[before.road]
+    road = ground.plan.road[before.road]
     ends = (before.to_m, after.from_m)
-    inner = sheet.along(road, before.direction, *ends, before.strips[0].inner_m, after.strips[0].inner_m)
-    kerb = sheet.along(road, before.direction, *ends, before.strips[-1].kerb_m, after.strips[-1].kerb_m)
-    return sheet.surface(*sheet.left_edge_first(inner.points, kerb.points))
+    inner = ground.along(road, before.direction, *ends, before.strips[0].inner_m, after.strips[0].inner_m)
+    kerb = ground.along(road, before.direction, *ends, before.strips[-1].kerb_m, after.strips[-1].kerb_m)
+    return ground.surface(*ground.left_edge_first(inner.points, kerb.points))
 
 
 def _draw_ramp(drawing: Drawing, joint: Joint, ramp: Ramp) -> None:
     """The kerb lane leads into a ramp, or a ramp becomes the kerb lane."""
     before, after = joint.before, joint.after
-    place = str(block_id(drawing.sheet, before))
+    place = str(block_id(drawing.ground, before))
     drawn = _join(drawing, joint, joint_pairs(before.strips, after.strips)[:-1], place, ())
     own = [block for block in drawing.layout.blocks if block.road == ramp.ramp]
     if ramp.kind == "exit":
@@ -167,10 +159,10 @@ def _draw_ramp(drawing: Drawing, joint: Joint, ramp: Ramp) -> None:
 
 def _draw_crossing(drawing: Drawing, joint: Joint, crossing: PlannedCrossing) -> None:
     """A pedestrian crossing; both carriageways stop for it at one place, drawn with the first of them."""
-    sheet, plan = drawing.sheet, drawing.sheet.plan
+    ground, plan = drawing.ground, drawing.ground.plan
     road = plan.road[joint.before.road]
     same = [j for j in drawing.layout.joints if j.before.road == road.name and _crossing_at(plan, j) is crossing]
-    place = str(block_id(sheet, same[0].before))
+    place = str(block_id(ground, same[0].before))
     kind = StopLineKind.TRAFFIC_LIGHT if crossing.signal else StopLineKind.PEDESTRIAN_CROSSING
     line = draw_stop_line(drawing, joint.before, range(len(joint.before.strips)), 0, kind)
     pairs = joint_pairs(joint.before.strips, joint.after.strips)
@@ -179,14 +171,14 @@ def _draw_crossing(drawing: Drawing, joint: Joint, crossing: PlannedCrossing) ->
         low_m, high_m = sorted((joint.before.to_m, joint.after.from_m))
         middle_m = (low_m + high_m) / 2.0
         edges = [
-            sheet.side(j.before.direction) * edge_m
+            ground.side(j.before.direction) * edge_m
             for j in same
             for edge_m in (j.before.strips[0].inner_m, j.before.strips[-1].kerb_m)
         ]
         across = min(edges), max(edges)
-        area = sheet.across(road, middle_m - CROSSWALK_M / 2.0, middle_m + CROSSWALK_M / 2.0, *across)
+        area = ground.across(road, middle_m - CROSSWALK_M / 2.0, middle_m + CROSSWALK_M / 2.0, *across)
         drawing.crosswalks.append(Area(place, area))
-        paved = sheet.across(road, low_m, high_m, *across)
+        paved = ground.across(road, low_m, high_m, *across)
         control = IntersectionKind.TRAFFIC_LIGHT if crossing.signal else IntersectionKind.PASS_THROUGH
         draw_intersection(drawing, place, [paved], control)
 
@@ -217,7 +209,7 @@ def _groups(block: Block) -> tuple[tuple[int, range], ...]:
 
 
 def _draw_junction(drawing: Drawing, junction: PlannedJunction, arms: Sequence[Arm]) -> None:
-    sheet = drawing.sheet
+    ground = drawing.ground
     line_of: dict[tuple[str, int], str] = {}
     for arm in arms:
         if arm.arriving is not None:
@@ -230,7 +222,7 @@ def _draw_junction(drawing: Drawing, junction: PlannedJunction, arms: Sequence[A
     signal = junction.control == "signal"
     drawn: dict[tuple[str, str], list[Connector]] = {}
     blocks: dict[tuple[str, str], tuple[Block, Block]] = {}
-    for move in movements(sheet.plan, junction, arms):
+    for move in movements(ground.plan, junction, arms):
         way = move.arriving.key, move.leaving.key
         blocks[way] = move.before, move.after
         connector = connect(
@@ -246,24 +238,24 @@ def _draw_junction(drawing: Drawing, junction: PlannedJunction, arms: Sequence[A
         drawn.setdefault(way, []).append(connector)
     for way, parallel in drawn.items():
         group_connectors(drawing, parallel, *blocks[way], place)
-    surfaces = [_junction_surface(sheet, arms), *(c.polygon for parallel in drawn.values() for c in parallel)]
+    surfaces = [_junction_surface(ground, arms), *(c.polygon for parallel in drawn.values() for c in parallel)]
     draw_intersection(drawing, place, surfaces, INTERSECTION_KINDS[junction.control])
     for digit, arm in enumerate(arms, start=1):
         if junction.crosswalks is None or arm.key in junction.crosswalks:
-            right_m, left_m = sheet.arm_edges_m(arm)
+            right_m, left_m = ground.arm_edges_m(arm)
             near_m = arm.cut_m - arm.sign * CROSSWALK_GAP_M
             far_m = near_m - arm.sign * CROSSWALK_M
-            area = sheet.across(sheet.plan.road[arm.road], min(near_m, far_m), max(near_m, far_m), right_m, left_m)
+            area = ground.across(ground.plan.road[arm.road], min(near_m, far_m), max(near_m, far_m), right_m, left_m)
             drawing.crosswalks.append(Area(str(junction.number * 10 + digit), area))
 
 
-def _junction_surface(sheet: Sheet, arms: Sequence[Arm]) -> shapely.Polygon:
+def _junction_surface(ground: RoadGeometry, arms: Sequence[Arm]) -> shapely.Polygon:
     """The paved area between the cuts of all arms, with rounded corners."""
 
     def kerb(arm: Arm, *, left: bool) -> Pose:
         """A kerb of an arm at its cut, seen and heading away from the junction."""
-        right_m, left_m = sheet.arm_edges_m(arm)
-        pose = sheet.plan.road[arm.road].axis.pose(arm.cut_m, left_m if left == (arm.sign > 0) else right_m)
+        right_m, left_m = ground.arm_edges_m(arm)
+        pose = ground.plan.road[arm.road].axis.pose(arm.cut_m, left_m if left == (arm.sign > 0) else right_m)
         return Pose(pose.x_m, pose.y_m, pose.heading_rad + (0.0 if arm.sign > 0 else np.pi))
 
     ordered = sorted(arms, key=lambda arm: float(wrap_angle(kerb(arm, left=True).heading_rad)))
@@ -273,7 +265,7 @@ def _junction_surface(sheet: Sheet, arms: Sequence[Arm]) -> shapely.Polygon:
         ring.append(np.array([[right.x_m, right.y_m]]))
         inward = Pose(left.x_m, left.y_m, left.heading_rad + np.pi)
         ring.append(turn(inward, kerb(following, left=False), spiral_share=0.0).points)
-    surface = shapely.Polygon(sheet.on_map(np.concatenate(ring))).buffer(0)
+    surface = shapely.Polygon(ground.on_map(np.concatenate(ring))).buffer(0)
     return max(shapely.get_parts(surface), key=shapely.area)
 
 
@@ -281,18 +273,18 @@ def _junction_surface(sheet: Sheet, arms: Sequence[Arm]) -> shapely.Polygon:
 
 
 def _assembled(drawing: Drawing) -> Roads:
-    sheet, plan = drawing.sheet, drawing.sheet.plan
+    ground, plan = drawing.ground, drawing.ground.plan
     surfaces: list[tuple[Road, shapely.Polygon]] = []
     for road in plan.roads:
         own = [block for block in drawing.layout.blocks if block.road == road.name]
-        polygons = [drawing.roadblocks[str(block_id(sheet, block))].polygon for block in own]
+        polygons = [drawing.roadblocks[str(block_id(ground, block))].polygon for block in own]
         merged = shapely.union_all([p.buffer(OVERLAP_M, join_style="mitre") for p in polygons])
         parts = sorted(shapely.get_parts(merged), key=lambda p: tuple(np.round(p.bounds, 1)))
         surfaces += [(road, part) for part in parts]
     segments = _numbered(surfaces)
-    beside = [*parking_strips(sheet, drawing.layout), *bus_bays(sheet, drawing.layout)]
+    beside = [*parking_strips(ground, drawing.layout), *bus_bays(ground, drawing.layout)]
     extras = _numbered([(road, p.buffer(OVERLAP_M, join_style="mitre")) for road, p in beside])
-    parks = _numbered(car_parks(sheet, drawing.layout))
+    parks = _numbered(car_parks(ground, drawing.layout))
     paved = [area.polygon for area in (*segments, *extras, *parks, *drawing.intersections)]
     return Roads(
         name=plan.name,
@@ -304,7 +296,7 @@ def _assembled(drawing: Drawing) -> Roads:
         intersections=tuple(drawing.intersections),
         stop_lines=drawing.stop_lines,
         crosswalks=tuple(drawing.crosswalks),
-        walkways=_numbered(sidewalks(sheet, drawing.layout, shapely.union_all(paved))),
+        walkways=_numbered(sidewalks(ground, drawing.layout, shapely.union_all(paved))),
         carparks=parks,
         road_segments=segments,
         generic_drivable_areas=extras,

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.districts.drawing import lane_id
-from interplan_sumo.maps.districts.layout import Block, Layout
-from interplan_sumo.maps.districts.plan import BusStop, Road
-from interplan_sumo.maps.districts.sheet import Sheet
+from tools.make_maps.layout import Block, Layout
+from tools.make_maps.plan import BusStop, Road
+from tools.make_maps.road_geometry import RoadGeometry
 
 KERB_CLEAR_M = 8.0
 """No parking this close to a stop line or crossing."""
@@ -26,16 +23,6 @@ SMALLEST_SIDEWALK_M2 = 6.0
 ROOM_BEHIND_KERB_M = 9.0
 """How far beyond its lanes a road looks for its own bays, pockets, corners and sidewalks."""
 DRIVEWAY_M = 7.0
-
-
-@dataclass(frozen=True, slots=True)
-class BusStopPlace:
-    """Where a bus stop of the plan came to lie."""
-
-    lane_id: str
-    arc_m: float
-    """Along the kerb lane, of the middle of the stop."""
-    bay: bool
 
 
 def stop_block(layout: Layout, road: Road, stop: BusStop) -> Block:
@@ -55,25 +42,10 @@ def stop_block(layout: Layout, road: Road, stop: BusStop) -> Block:
     raise ValueError(f"{road.name}: the bus stop at {stop.at_m} m does not fit into a roadblock ({', '.join(near)})")
 
 
-def bus_stop_places(sheet: Sheet, layout: Layout) -> tuple[BusStopPlace, ...]:
-    """All bus stops, by road and station of the plan."""
-    places: list[BusStopPlace] = []
-    for road in sheet.plan.roads:
-        for stop in road.bus_stops:
-            block = stop_block(layout, road, stop)
-            kerb_lane = len(block.strips) - 1
-            middle_m = block.strips[-1].middle_m
-            ahead = sheet.along(road, stop.direction, block.from_m, road.axis.snapped_m(stop.at_m), middle_m, middle_m)
-            steps = np.diff(ahead.points, axis=0)
-            arc_m = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-            places.append(BusStopPlace(str(lane_id(sheet, block, kerb_lane)), round(arc_m, 3), stop.bay))
-    return tuple(places)
-
-
-def bus_bays(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
+def bus_bays(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
     """The bays of all bus stops that have one."""
     bays: list[tuple[Road, shapely.Polygon]] = []
-    for road in sheet.plan.roads:
+    for road in ground.plan.roads:
         for stop in road.bus_stops:
             block = stop_block(layout, road, stop)
             if stop.bay:
@@ -83,28 +55,28 @@ def bus_bays(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Polygon]]
                 grid = road.axis.grid_m
                 stations = np.unique(np.concatenate((knots, grid[(grid > knots[0]) & (grid < knots[-1])])))
                 depth = np.interp(stations, knots, (0.0, BAY_DEPTH_M, BAY_DEPTH_M, 0.0))
-                side = sheet.side(stop.direction)
+                side = ground.side(stop.direction)
                 poses = road.axis.poses(stations)
                 normal = np.stack((-np.sin(poses[:, 2]), np.cos(poses[:, 2])), axis=1) * side
                 edge = poses[:, :2] + kerb_m * normal
-                bays.append((road, _whole(sheet.surface(edge, edge + depth[:, None] * normal).buffer(0))))
+                bays.append((road, _whole(ground.surface(edge, edge + depth[:, None] * normal).buffer(0))))
     return bays
 
 
-def parking_strips(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
+def parking_strips(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
     """Kerb parking beside all blocks that have it, away from stop lines, crossings, pockets and bus stops."""
     strips: list[tuple[Road, shapely.Polygon]] = []
     for block in layout.blocks:
         if block.widened:
             continue
-        road = sheet.plan.road[block.road]
+        road = ground.plan.road[block.road]
         whole = [(block.low_m + KERB_CLEAR_M, block.high_m - KERB_CLEAR_M)]
         beside_stops = whole
         for stop in road.bus_stops:
             if stop.direction == block.direction:
                 half_m = STOP_LENGTH_M / 2.0 + BAY_TAPER_M
                 beside_stops = _without(beside_stops, stop.at_m - half_m, stop.at_m + half_m)
-        side = sheet.side(block.direction)
+        side = ground.side(block.direction)
         kerb_m, inner_m = side * block.strips[-1].kerb_m, side * block.strips[0].inner_m
         for free, edge_m, width_m in (
             (beside_stops, kerb_m, side * block.way.parking_m),
@@ -112,7 +84,7 @@ def parking_strips(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Pol
         ):
             for low_m, high_m in free if width_m else ():
                 if high_m - low_m >= SHORTEST_PARKING_M:
-                    strips.append((road, sheet.across(road, low_m, high_m, *sorted((edge_m, edge_m + width_m)))))
+                    strips.append((road, ground.across(road, low_m, high_m, *sorted((edge_m, edge_m + width_m)))))
     return strips
 
 
@@ -120,10 +92,10 @@ def _without(free: list[tuple[float, float]], low_m: float, high_m: float) -> li
     return [part for a, b in free for part in ((a, min(b, low_m)), (max(a, high_m), b)) if part[1] - part[0] > 0.0]
 
 
-def car_parks(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
+def car_parks(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
     """Car parks with their driveways across the sidewalk; ValueError where there is no kerb for one."""
     parks: list[tuple[Road, shapely.Polygon]] = []
-    for road in sheet.plan.roads:
+    for road in ground.plan.roads:
         for park in road.car_parks:
             middle_m = (park.from_m + park.to_m) / 2.0
             beside = [
@@ -135,7 +107,7 @@ def car_parks(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Polygon]
             ]
             if not beside:
                 raise ValueError(f"{road.name}: the driveway at {middle_m} m does not lead to a roadblock")
-            side = sheet.side(park.direction)
+            side = ground.side(park.direction)
             kerb_m = beside[0].strips[-1].kerb_m
             front_m = kerb_m + beside[0].way.parking_m + road.sidewalk_m + 1.0
             pieces = (
@@ -143,17 +115,17 @@ def car_parks(sheet: Sheet, layout: Layout) -> list[tuple[Road, shapely.Polygon]
                 (middle_m - DRIVEWAY_M / 2.0, middle_m + DRIVEWAY_M / 2.0, kerb_m - 0.01, front_m + 1.0),
             )
             area, driveway = (
-                sheet.across(road, low, high, *sorted((side * a, side * b))) for low, high, a, b in pieces
+                ground.across(road, low, high, *sorted((side * a, side * b))) for low, high, a, b in pieces
             )
             parks.append((road, _whole(area.union(driveway))))
     return parks
 
 
-def sidewalks(sheet: Sheet, layout: Layout, paved: shapely.Geometry) -> list[tuple[Road, shapely.Polygon]]:
+def sidewalks(ground: RoadGeometry, layout: Layout, paved: shapely.Geometry) -> list[tuple[Road, shapely.Polygon]]:
     """Walkways along all roads that have them: behind bays and parking, round the corners of junctions."""
-    plan = sheet.plan
+    plan = ground.plan
     found: list[tuple[Road, shapely.Polygon]] = []
-    medians = [area for road in plan.roads for area in _medians(sheet, layout, road)]
+    medians = [area for road in plan.roads for area in _medians(ground, layout, road)]
     taken: shapely.Geometry = shapely.union_all([paved, *medians])
     for road in plan.roads:
         if not road.sidewalk_m:
@@ -166,7 +138,7 @@ def sidewalks(sheet: Sheet, layout: Layout, paved: shapely.Geometry) -> list[tup
             )
             + ROOM_BEHIND_KERB_M
         )
-        corridor = sheet.across(road, 0.0, road.axis.length_m, -half_m, half_m)
+        corridor = ground.across(road, 0.0, road.axis.length_m, -half_m, half_m)
         own = shapely.intersection(paved, corridor)
         land = own.buffer(road.sidewalk_m, join_style="round", quad_segs=6).difference(taken).intersection(corridor)
         # Opened a little, so that no threads remain between a kerb and what lies behind it.
@@ -177,19 +149,19 @@ def sidewalks(sheet: Sheet, layout: Layout, paved: shapely.Geometry) -> list[tup
     return found
 
 
-def _medians(sheet: Sheet, layout: Layout, road: Road) -> list[shapely.Polygon]:
+def _medians(ground: RoadGeometry, layout: Layout, road: Road) -> list[shapely.Polygon]:
     """What lies between the carriageways of a road, over its whole length."""
     inner: dict[str, float] = {}
     for block in layout.blocks:
         if block.road == road.name:
-            offset_m = sheet.side(block.direction) * max(block.way.inner_m, 0.0)
+            offset_m = ground.side(block.direction) * max(block.way.inner_m, 0.0)
             inner[block.direction] = max(inner.get(block.direction, offset_m), offset_m, key=abs)
     if len(inner) < 2:
         return []
     right_m, left_m = sorted(inner.values())
     if left_m - right_m < 0.1:
         return []
-    return [sheet.across(road, 0.0, road.axis.length_m, right_m, left_m)]
+    return [ground.across(road, 0.0, road.axis.length_m, right_m, left_m)]
 
 
 def _whole(area: shapely.Geometry) -> shapely.Polygon:

@@ -1,4 +1,4 @@
-"""The mouths of roads at junctions: how far back each arm stops, and how it widens for its pockets."""
+"""The planned_arms of roads at junctions: how far back each arm stops, and how it widens for its pockets."""
 
 from __future__ import annotations
 
@@ -8,10 +8,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from interplan_sumo.maps.districts.geometry import beside_pose, crossing_m
-from interplan_sumo.maps.districts.plan import Direction, Plan, PlannedApproach, PlannedJunction, Road
-from interplan_sumo.maps.districts.sections import missing_median_m, strips, way_at
 from interplan_sumo.world.geometry import Pose, wrap_angle
+from tools.make_maps.geometry import beside_pose, crossing_m
+from tools.make_maps.plan import (
+    Direction,
+    Plan,
+    PlannedApproach,
+    PlannedJunction,
+    Road,
+    missing_median_m,
+    strips,
+    way_at,
+)
 
 CROSSWALK_ROOM_M = 6.0
 """Least distance of a stop line from the kerb of the crossing road, where a crosswalk lies between them."""
@@ -28,7 +36,7 @@ _ROUNDS = 5  # of fitting the corner to the direction of the arms at their cuts,
 
 
 @dataclass(frozen=True, slots=True)
-class Mouth:
+class PlannedArm:
     """One arm of a junction, before its lanes are drawn."""
 
     key: str
@@ -70,31 +78,31 @@ def junction_middle(plan: Plan, junction: PlannedJunction) -> tuple[float, float
     return x_m, y_m
 
 
-def mouths(plan: Plan, junction: PlannedJunction) -> Mapping[str, Mouth]:
+def planned_arms(plan: Plan, junction: PlannedJunction) -> Mapping[str, PlannedArm]:
     """The arms of a junction by key, in the order in which the plan names the roads, minus before plus."""
     middle = junction_middle(plan, junction)
-    found: dict[str, Mouth] = {}
+    found: dict[str, PlannedArm] = {}
     for name in junction.roads:
         road = plan.road[name]
         station_m = road.axis.station_of(*middle)
-        own: list[Mouth] = []
+        own: list[PlannedArm] = []
         for sign, room_m in ((-1, station_m), (1, road.axis.length_m - station_m)):
             if room_m > STUB_M:
                 key = f"{name}{'-' if sign < 0 else '+'}"
                 approach = junction.approaches.get(key, PlannedApproach())
-                mouth = Mouth(key, road, sign, station_m, SIGHT_M, approach, 0.0)
-                way = way_at(road, mouth.arriving, mouth.cut_m)
+                arm = PlannedArm(key, road, sign, station_m, SIGHT_M, approach, 0.0)
+                way = way_at(road, arm.arriving, arm.cut_m)
                 missing_m = missing_median_m(way, approach) if way is not None else 0.0
-                own.append(replace(mouth, pushed_m=missing_m / 2.0))
+                own.append(replace(arm, pushed_m=missing_m / 2.0))
         if not own:
             raise ValueError(f"junction {junction.name}: road {name} does not reach it")
-        found |= {mouth.key: mouth for mouth in own}
-    unknown = [key for key in (*junction.approaches, *junction.setbacks_m) if key not in found]
+        found |= {arm.key: arm for arm in own}
+    unknown = [key for key in junction.approaches if key not in found]
     if unknown:
         raise ValueError(f"junction {junction.name} has no arm {unknown[0]}, only {', '.join(found)}")
     for _ in range(_ROUNDS):
         found = _fitted(plan, junction, found)
-    return {key: replace(m, setback_m=junction.setbacks_m.get(key, m.setback_m)) for key, m in found.items()}
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,13 +116,13 @@ class _Ray:
     right_m: float
 
 
-def _fitted(plan: Plan, junction: PlannedJunction, mouths: Mapping[str, Mouth]) -> dict[str, Mouth]:
+def _fitted(plan: Plan, junction: PlannedJunction, planned_arms: Mapping[str, PlannedArm]) -> dict[str, PlannedArm]:
     """One round: setbacks that suit the directions which the arms have at the old ones.
 
     Kerbs round the corner with the wanted radius, and a crosswalk finds room.
     """
-    rays = sorted((_ray(plan, junction, mouth) for mouth in mouths.values()), key=lambda ray: ray.pose.heading_rad)
-    fitted = dict.fromkeys(mouths, SHORTEST_SETBACK_M)
+    rays = sorted((_ray(plan, junction, arm) for arm in planned_arms.values()), key=lambda ray: ray.pose.heading_rad)
+    fitted = dict.fromkeys(planned_arms, SHORTEST_SETBACK_M)
     for ray, following in pairwise([*rays, rays[0]]):
         angle = float((following.pose.heading_rad - ray.pose.heading_rad) % (2.0 * np.pi))
         if angle > STRAIGHT_RAD:
@@ -125,23 +133,23 @@ def _fitted(plan: Plan, junction: PlannedJunction, mouths: Mapping[str, Mouth]) 
         for key, corner_m in zip((ray.key, following.key), ahead, strict=True):
             marked = junction.crosswalks is None or key in junction.crosswalks
             room_m = CROSSWALK_ROOM_M if marked else BARE_ROOM_M
-            fitted[key] = max(fitted[key], float(mouths[key].setback_m + corner_m + max(rounding_m, room_m)))
-    return {key: replace(mouth, setback_m=fitted[key]) for key, mouth in mouths.items()}
+            fitted[key] = max(fitted[key], float(planned_arms[key].setback_m + corner_m + max(rounding_m, room_m)))
+    return {key: replace(arm, setback_m=fitted[key]) for key, arm in planned_arms.items()}
 
 
-def _ray(plan: Plan, junction: PlannedJunction, mouth: Mouth) -> _Ray:
+def _ray(plan: Plan, junction: PlannedJunction, arm: PlannedArm) -> _Ray:
     side = 1.0 if plan.driving_side == "right" else -1.0
     edges: list[float] = []
     both: tuple[tuple[Direction, PlannedApproach | None, float], ...] = (
-        (mouth.arriving, mouth.approach, side),
-        (mouth.leaving, None, -side),
+        (arm.arriving, arm.approach, side),
+        (arm.leaving, None, -side),
     )
     for direction, approach, across in both:
-        if not junction.takes(mouth.road.name, direction):
+        if not junction.takes(arm.road.name, direction):
             continue
-        way = way_at(mouth.road, direction, mouth.cut_m)
-        for strip in strips(way, approach, mouth.pushed_m) if way is not None else ():
+        way = way_at(arm.road, direction, arm.cut_m)
+        for strip in strips(way, approach, arm.pushed_m) if way is not None else ():
             edges += [across * strip.inner_m, across * strip.kerb_m]
-    axis = mouth.road.axis.pose(mouth.cut_m)
-    heading = float(wrap_angle(axis.heading_rad if mouth.sign > 0 else axis.heading_rad + np.pi))
-    return _Ray(mouth.key, Pose(axis.x_m, axis.y_m, heading), max(edges), min(edges))
+    axis = arm.road.axis.pose(arm.cut_m)
+    heading = float(wrap_angle(axis.heading_rad if arm.sign > 0 else axis.heading_rad + np.pi))
+    return _Ray(arm.key, Pose(axis.x_m, axis.y_m, heading), max(edges), min(edges))

@@ -252,9 +252,7 @@ def beside_pose(pose: Pose, left_m: float) -> Pose:
     return Pose(float(x_m), float(y_m), pose.heading_rad)
 
 
-def turn(
-    start: Pose, end: Pose, *, spiral_share: float = SPIRAL_SHARE, spacing_m: float = TURN_SPACING_M
-) -> SmoothCurve:
+def turn(start: Pose, end: Pose, *, spiral_share: float = SPIRAL_SHARE) -> SmoothCurve:
     """The way from one pose to another as a driver steers it.
 
     Where the tangents of both poses cross ahead of the first and behind the
@@ -267,13 +265,11 @@ def turn(
         before_m, beyond_m = crossing_m(start, end)
         after_m = -beyond_m
         if min(before_m, after_m) > 0.5 and abs(deflection) < np.radians(170.0):
-            return _rounded(start, deflection, before_m, after_m, spiral_share, spacing_m)
-    return _quintic(start, end, spacing_m)
+            return _rounded(start, deflection, before_m, after_m, spiral_share)
+    return _quintic(start, end)
 
 
-def _rounded(
-    start: Pose, deflection_rad: float, before_m: float, after_m: float, spiral_share: float, spacing_m: float
-) -> SmoothCurve:
+def _rounded(start: Pose, deflection_rad: float, before_m: float, after_m: float, spiral_share: float) -> SmoothCurve:
     spiral_rad = abs(deflection_rad) * spiral_share / 2.0
     tangent_m = min(before_m, after_m)
     radius_m = tangent_m / _tangent_per_radius(deflection_rad, spiral_rad)
@@ -286,14 +282,14 @@ def _rounded(
     if after_m - tangent_m > 1e-6:
         elements.append(Element(elements[-1].end, after_m - tangent_m, 0.0, 0.0))
     line = Alignment(tuple(elements))
-    count = max(2, int(np.ceil(line.length_m / spacing_m)))
+    count = max(2, int(np.ceil(line.length_m / TURN_SPACING_M)))
     poses = line.poses(np.linspace(0.0, line.length_m, count + 1))
     return SmoothCurve(poses[:, :2], poses[:, 2])
 
 
-def _quintic(start: Pose, end: Pose, spacing_m: float) -> SmoothCurve:
+def _quintic(start: Pose, end: Pose) -> SmoothCurve:
     chord_m = float(np.hypot(end.x_m - start.x_m, end.y_m - start.y_m))
-    count = max(2, int(np.ceil(chord_m / spacing_m)))
+    count = max(2, int(np.ceil(chord_m / TURN_SPACING_M)))
     t = np.linspace(0.0, 1.0, count + 1)
     blend, slope = smooth_step(t)
     # Quintic Hermite basis with zero second derivatives at both ends.
