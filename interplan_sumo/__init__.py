@@ -1,10 +1,9 @@
 """interplan-sumo: can a motion planner cope with rare, interactive traffic?
 
-Importing the package is cheap: the names of `__all__` are loaded when they are first used.
+Importing the package is cheap: the names of `__all__`, and the version, are loaded when they are first used.
 """
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -27,10 +26,7 @@ if TYPE_CHECKING:
     from interplan_sumo.world.trace import Trace
     from interplan_sumo.world.trajectory import Trajectory
 
-try:
-    __version__ = version("interplan-sumo")
-except PackageNotFoundError:  # a bare checkout
-    __version__ = "0.0.0"
+    __version__: str
 
 __all__ = [
     "InputError",
@@ -69,11 +65,24 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
+    if name == "__version__":
+        found = _version()
+    elif name in __all__:
+        found = getattr(import_module(f"{__name__}.{_HOMES.get(name, 'api')}"), name)
+    else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(import_module(f"{__name__}.{_HOMES.get(name, 'api')}"), name)
     globals()[name] = found
     return found
+
+
+def _version() -> str:
+    """Of the installed package."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("interplan-sumo")
+    except PackageNotFoundError:  # a bare checkout
+        return "0.0.0"
 
 
 def __dir__() -> list[str]:

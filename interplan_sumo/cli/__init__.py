@@ -12,7 +12,6 @@ from typing import Annotated
 
 import typer
 
-from interplan_sumo import __version__
 from interplan_sumo.cli import runs
 from interplan_sumo.cli.audit import audit
 from interplan_sumo.cli.certify import certify
@@ -99,6 +98,8 @@ def _command(arguments: Sequence[str]) -> str:
 
 def _version(asked: bool) -> None:
     if asked:
+        from interplan_sumo import __version__
+
         print(f"interplan-sumo {__version__}")
         raise typer.Exit
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -50,6 +51,35 @@ def read_map(path: Path, name: str | None = None) -> Roads:
     location = path.resolve().parent.parent.name if path.stem == "map" else ""
     with GeoPackage(path) as file:
         return _roads(file, name or location or path.stem)
+
+
+@dataclass(frozen=True, slots=True)
+class MapSize:
+    """How large a map is."""
+
+    lanes: int
+    lane_km: float
+    """Of all lanes together, without connectors; to the metre."""
+    driving_side: DrivingSide
+
+    @classmethod
+    def of(cls, roads: Roads) -> MapSize:
+        """The size of a map at hand."""
+        metres = sum(lane.centerline.length_m for lane in roads.lanes.values())
+        return cls(len(roads.lanes), round(metres / 1000.0, 3), roads.driving_side)
+
+
+def read_size(path: Path, name: str | None = None) -> MapSize:
+    """`MapSize.of(read_map(path, name))`, from two layers of the file where it names its driving side."""
+    with GeoPackage(path) as file:
+        side = file.meta.get(schema.DRIVING_SIDE_KEY, "").strip().lower()
+        if side == "left" or side == "right":
+            lanes = frozenset(file.read(schema.LANES, geometry=False).ids)
+            baselines = file.read(schema.BASELINES)
+            owned = [lane in lanes for lane in baselines.references("lane_fid")]
+            metres = float(shapely.length(baselines.geometries[owned]).sum())
+            return MapSize(len(lanes), round(metres / 1000.0, 3), side)
+    return MapSize.of(read_map(path, name))
 
 
 def _roads(file: GeoPackage, name: str) -> Roads:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.maps.store import find_map, load_roads, maps
+from interplan_sumo.maps.geopackage import read_size
+from interplan_sumo.maps.store import load_roads, maps
 from interplan_sumo.metrics.metric import plain
 from interplan_sumo.planner import planners
 from interplan_sumo.scenario.scenario import Scenario
@@ -57,22 +57,12 @@ def planner_entries() -> list[dict[str, Any]]:
     return entries
 
 
-def map_entries(names: Iterable[str] | None = None) -> list[dict[str, Any]]:
+def map_entries() -> list[dict[str, Any]]:
     """The shipped maps with their size."""
-    entries: list[dict[str, Any]] = []
-    for name in maps() if names is None else names:
-        roads = load_roads(name)
-        metres = sum(lane.centerline.length_m for lane in roads.lanes.values())
-        entries.append(
-            {
-                "name": name,
-                "path": str(find_map(name).folder),
-                "lanes": len(roads.lanes),
-                "lane_km": round(metres / 1000.0, 3),
-                "driving_side": roads.driving_side,
-            }
-        )
-    return entries
+    return [
+        {"name": name, "path": str(files.folder), **asdict(read_size(files.gpkg, name))}
+        for name, files in maps().items()
+    ]
 
 
 def _simple(value: Any) -> Any:

@@ -22,16 +22,16 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.trace import EGO_COLUMNS, EgoTrack
+
+if TYPE_CHECKING:
+    import pandas as pd  # with pyarrow half a second that only those who read certificates should wait
 
 FILE = "certificates.parquet"
 COLUMNS = EGO_COLUMNS[1:15]
@@ -74,11 +74,17 @@ class Certificate:
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Certificate:
         """From what `as_json` gave."""
+        import pandas as pd
+
         return cls(Summary(**value["summary"]), _track(pd.DataFrame(value["states"])))
 
 
 def write_certificates(path: Path, certificates: Iterable[Certificate]) -> None:
     """Write one file for a suite; equal certificates give equal bytes."""
+    import pandas as pd
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     ordered = sorted(certificates, key=lambda c: c.summary.scenario_id)
     tables = [_integers(c.track).assign(scenario_id=c.summary.scenario_id) for c in ordered]
     rows = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=["scenario_id", *COLUMNS])
@@ -95,6 +101,8 @@ def write_certificates(path: Path, certificates: Iterable[Certificate]) -> None:
 
 def read_summaries(path: Path) -> dict[str, Summary]:
     """The summaries by scenario id, without the drives; InputError if the file cannot be read."""
+    import pyarrow.parquet as pq
+
     try:
         metadata = pq.read_schema(path).metadata or {}
         return {each["scenario_id"]: Summary(**each) for each in json.loads(metadata[_KEY])}
@@ -104,6 +112,8 @@ def read_summaries(path: Path) -> dict[str, Summary]:
 
 def read_certificates(path: Path) -> dict[str, Certificate]:
     """All certificates of a file by scenario id; InputError if it cannot be read."""
+    import pyarrow.parquet as pq
+
     summaries = read_summaries(path)
     try:
         table = pq.read_table(path).to_pandas()
@@ -115,6 +125,8 @@ def read_certificates(path: Path) -> dict[str, Certificate]:
 
 def _integers(track: EgoTrack) -> pd.DataFrame:
     """The columns of the file but for the scenario."""
+    import pandas as pd
+
     table = track.to_frame(PACIFICA)
     columns = {"time_us": table["time_us"].to_numpy(np.int64)}
     for name in COLUMNS[1:]:
@@ -124,6 +136,8 @@ def _integers(track: EgoTrack) -> pd.DataFrame:
 
 def _track(table: pd.DataFrame) -> EgoTrack:
     """The drive that rows hold, in time order."""
+    import pandas as pd
+
     ordered = table.sort_values("time_us", kind="stable")
     columns: dict[str, Any] = {name: ordered[name].to_numpy(np.int64) / UNITS_PER_ONE for name in COLUMNS[1:]}
     return EgoTrack.from_frame(pd.DataFrame({"time_us": ordered["time_us"].to_numpy(np.int64), **columns}), PACIFICA)

@@ -19,10 +19,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import InputError
@@ -31,6 +30,9 @@ from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats, Ints, box_corners, frozen
 from interplan_sumo.world.signals import Signals, SignalStatus
 from interplan_sumo.world.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import pandas as pd  # half a second that only those who read or write traces should wait
 
 EGO_COLUMNS = (
     "frame", "time_us", "x", "y", "heading", "vx", "vy", "ax", "ay", "tire_steering_angle", "tire_steering_rate",
@@ -93,6 +95,8 @@ class EgoTrack:
 
     def to_frame(self, shape: EgoShape) -> pd.DataFrame:
         """A table with the columns of ego.parquet but for plan_wall_s."""
+        import pandas as pd
+
         rear_x, rear_y = self.rear_axle(shape)
         values = (
             np.arange(len(self)), self.time_us, rear_x, rear_y, self.heading_rad, self.vx_mps, self.vy_mps, self.ax_mps2,
@@ -174,6 +178,8 @@ class ActorTable:
 
     def to_frame(self) -> pd.DataFrame:
         """A table with the columns of actors.parquet."""
+        import pandas as pd
+
         kinds = np.array([k.name for k in ActorKind], dtype=object)
         values = (
             self.frame, self.ids, kinds[self.kind], self.x_m, self.y_m, self.heading_rad, self.length_m, self.width_m,
@@ -234,6 +240,8 @@ class Trace:
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """The four tables by file stem, columns in documented order."""
+        import pandas as pd
+
         ego = self.ego.to_frame(self.shape)
         wall = np.full(len(ego), np.nan)
         wall[: len(self.plan_wall_s)] = self.plan_wall_s[: len(ego)]
@@ -322,6 +330,8 @@ class Trace:
 
 
 def _read_table(folder: Path, name: str, columns: Sequence[str]) -> pd.DataFrame:
+    import pandas as pd
+
     with _blamed(folder, name):
         table = pd.read_parquet(folder / f"{name}.parquet")
         absent = [column for column in columns if column not in table]

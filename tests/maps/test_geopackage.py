@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps import schema
-from interplan_sumo.maps.geopackage import read_map
+from interplan_sumo.maps.geopackage import MapSize, read_map, read_size
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import IntersectionKind, Roads, StopLineKind, Turn
@@ -49,6 +49,19 @@ def file(city: Roads, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def golden(name: str) -> Path:
     return GOLDEN_MAPS / name / "1.0" / "map.gpkg"
+
+
+@pytest.mark.parametrize("says_its_side", [True, False])
+def test_the_size_of_a_map_is_known_without_reading_all_of_it(
+    file: Path, city: Roads, tmp_path: Path, says_its_side: bool
+) -> None:
+    path = tmp_path / "map.gpkg"
+    shutil.copyfile(file, path)
+    if not says_its_side:
+        with sqlite3.connect(path) as connection:
+            connection.execute("DELETE FROM meta WHERE key = ?", (schema.DRIVING_SIDE_KEY,))
+    assert read_size(path) == MapSize.of(read_map(path))
+    assert read_size(path).lanes == len(city.lanes)
 
 
 # --- what nuPlan's classes open ------------------------------------------------------------------

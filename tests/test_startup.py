@@ -1,0 +1,31 @@
+"""Start-up: what only asks for help or a list waits for no library that drives, learns, draws or reads tables."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+HEAVY = ("torch", "onnxruntime", "scipy", "pandas", "geopandas", "libsumo", "matplotlib", "gymnasium", "jinja2")
+SCRIPT = """
+import contextlib, io, sys
+from interplan_sumo.cli import main
+for command in sys.argv[2:]:
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        assert main(command.split()) == 0, command
+    assert said.getvalue(), command
+    loaded = [name for name in sys.argv[1].split() if name in sys.modules]
+    assert not loaded, f"{command} imports {loaded}"
+"""
+
+
+def run(heavy: tuple[str, ...], *commands: str) -> None:
+    done = subprocess.run([sys.executable, "-c", SCRIPT, " ".join(heavy), *commands], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_help_needs_no_arrays() -> None:
+    run(("numpy", "yaml", *HEAVY), "--help", "run --help")
+
+
+def test_lists_need_nothing_that_drives_learns_or_draws() -> None:
+    run(HEAVY, "planners list", "maps list", "maps list --json", "scenarios list")
