@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from interplan_sumo.metrics.collisions import Collision, Contact, Group, bearing_rad, energy_mps
 from interplan_sumo.metrics.no_collision import no_collision, nuplan_no_collision, shared_budget
 from interplan_sumo.world.actors import ActorKind, Actors
-from tests.metrics.staging import drive_at, facts_of, lane_y_m
+from tests.metrics.staging import drive_at, facts_of
 from tests.worlds import cars, pedestrians, straight_road, together
 
 ROAD = straight_road(lanes=2, length_m=400.0)
@@ -38,10 +38,6 @@ def test_a_track_counts_once_at_its_first_contact():
     positions = np.array([40.0, 45.0, 50.0, 40.0, 50.0])
     found = only(collisions(cars((52.0 + FRONT_M + CAR_HALF_M - 4.0, 0.0)), x_m=positions))
     assert found.frame == 2
-
-
-def test_contact_in_the_first_frame_counts():
-    assert only(collisions(cars((51.0, 0.0, 3.0)))).frame == 0
 
 
 @pytest.mark.parametrize(
@@ -146,7 +142,3 @@ def test_groups_are_counted_apart():
     detail = no_collision(facts_of(drive_at(50.0, actors=around), ROAD)).detail
     assert detail["at_fault_with"] == {"vru": 1, "vehicle": 1, "object": 0}
     assert set(detail["energy_mps"]) == {"vru", "vehicle"}
-
-
-def test_the_neighbour_lane_is_no_collision():
-    assert not collisions(cars((50.0, lane_y_m(1), 10.0)))

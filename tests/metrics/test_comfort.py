@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from interplan_sumo.metrics.comfort import BOUNDS, comfort
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.motion import comfort_signals, smoothed, unwrapped
+from interplan_sumo.metrics.motion import comfort_signals, unwrapped
 from interplan_sumo.world.trace import EgoTrack
 from tests.metrics.staging import drive_at, facts_of
 from tests.worlds import drive, straight_road
@@ -29,29 +29,6 @@ def track(frames: int, **columns: object) -> EgoTrack:
 def facts_with(**columns: object) -> Facts:
     trace = drive(*[0.0] * 40)
     return facts_of(replace(trace, ego=track(40, **columns)), ROAD)
-
-
-def test_the_signals_of_nuplan_on_151_samples():
-    t = np.arange(151) * 0.1
-    ego = track(151, ax_mps2=1.5 * np.sin(2 * np.pi * 0.25 * t), heading_rad=0.3 * np.sin(2 * np.pi * 0.2 * t))
-    signals = comfort_signals(ego, 1.461, 0.1)
-    expected = {
-        "longitudinal_acceleration_mps2": (1.49468098, -1.50482331, 0.05111181),
-        "longitudinal_jerk_mps3": (3.24597163, -2.04069462, -0.07020743),
-        "jerk_mps3": (3.24597163, -1.10126662, 0.15776071),
-        "yaw_rate_radps": (0.3853155, -0.3736278, 0.00266785),
-        "yaw_acceleration_radps2": (0.47005672, -0.47005672, 0.0),
-    }
-    for name, figures in expected.items():
-        got = (signals[name].max(), signals[name].min(), signals[name].mean())
-        np.testing.assert_allclose(got, figures, atol=1.5e-8, err_msg=name)
-
-
-def test_the_even_window_reaches_three_back_and_four_ahead():
-    impulse = np.zeros(31)
-    impulse[15] = 1.0
-    weights = [-0.09375, 0.09375, 0.21875, 0.28125, 0.28125, 0.21875, 0.09375, -0.09375]
-    np.testing.assert_allclose(smoothed(impulse)[11:19], weights[::-1], atol=1e-8)
 
 
 @pytest.mark.parametrize(

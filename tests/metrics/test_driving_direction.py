@@ -20,13 +20,6 @@ def backing(speed_mps: float, frames: int = 41):
     return driving_direction(facts_of(drive_at(x_m, 0.0, -speed_mps), ROAD))
 
 
-@pytest.mark.parametrize(("speed_mps", "lowest_m", "score"), [(1.5, -1.65, 1.0), (3.0, -3.3, 0.5), (7.0, -7.7, 0.0)])
-def test_the_window_of_nuplan_sums_eleven_steps(speed_mps: float, lowest_m: float, score: float):
-    result = backing(speed_mps)
-    assert result.detail["lowest_progress_m"] == pytest.approx(lowest_m)
-    assert result.score == score
-
-
 @pytest.mark.parametrize(("lowest_m", "score"), [(1.9999, 1.0), (2.0001, 0.5), (5.9999, 0.5), (6.0001, 0.0)])
 def test_both_sides_of_both_limits(lowest_m: float, score: float):
     assert backing(lowest_m / 1.1).score == score

@@ -80,10 +80,6 @@ def test_what_lies_beyond_the_goal_counts_for_neither():
     assert progress(facts_between([20.0, 140.0], [20.0, 290.0])).score == pytest.approx(0.5)
 
 
-def test_driving_on_to_the_goal_and_beyond_is_worth_the_same_in_any_lane():
-    assert progress(facts_between([20.0, 262.0], [20.0, 260.0], ego_y=lane_y_m(1))).score == 1.0
-
-
 def test_the_reason_names_both_distances():
     assert progress(facts_between([20.0, 70.0], [20.0, 120.0])).reason == (
         "advanced 50.0 m along the route, the expert 100.0 m"

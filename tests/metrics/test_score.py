@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.errors import InputError
 from interplan_sumo.metrics.braking_behind import LONGEST_GAP_M
 from interplan_sumo.metrics.collisions import STOPPED_MPS
 from interplan_sumo.metrics.comfort import BOUNDS
@@ -53,20 +53,6 @@ def test_a_perfect_drive_scores_one_in_every_profile():
         assert sheet.score == 1.0
         assert (sheet.profile, sheet.version) == (profile, SCORING_VERSION)
         assert sheet.reasons() == {}
-
-
-@pytest.mark.parametrize(
-    ("profile", "weights"),
-    [
-        ("interplan-paper", {"progress": 5, "time_to_collision": 5, "lane_changes": 4, "speed_limit": 4, "comfort": 2}),
-        ("interplan-code", {"progress": 5, "time_to_collision": 5, "lane_changes": 4, "speed_limit": 4, "comfort": 2}),
-        ("nuplan", {"progress": 5, "time_to_collision": 5, "speed_limit": 4, "comfort": 2}),
-    ],
-)
-def test_the_weights_are_those_of_interplan_and_nuplan(profile: str, weights: dict[str, float]):
-    sheet = score_facts(facts_of(), profile)
-    assert sheet.weights == weights
-    assert sheet.gates == ("no_collision", "drivable_area", "making_progress", "driving_direction")
 
 
 def test_the_weighted_examples_of_nuplan():
@@ -137,11 +123,6 @@ def test_a_trace_of_any_length_can_be_scored(frames: int, profile: str):
         sheet = score_facts(facts_of(trace, replace(SCENARIO, obstacles=(CAR,)), expert), profile)
         assert 0.0 <= sheet.score <= 1.0
         json.dumps(sheet.as_json(), allow_nan=False)
-
-
-def test_an_unknown_profile_names_the_nearest():
-    with pytest.raises(UnknownNameError, match="Did you mean 'nuplan'"):
-        score(CRUISE, ROAD, EXPERT, SCENARIO, "nuplann")
 
 
 @pytest.mark.parametrize("profile", ["interplan-paper", "interplan-code"])
