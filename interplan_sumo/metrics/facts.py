@@ -18,8 +18,8 @@ from interplan_sumo.metrics.association import (
     corner_places,
 )
 from interplan_sumo.metrics.collisions import Collision, find_collisions
+from interplan_sumo.metrics.comfort_signals import FEWEST_FRAMES, comfort_signals
 from interplan_sumo.metrics.expert_route import RouteBlock, progress_per_frame, project_m, route_blocks
-from interplan_sumo.metrics.motion import FEWEST_FRAMES, comfort_signals
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.geometry import Floats, Polyline, box_corners

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.metrics.comfort import BOUNDS, comfort
+from interplan_sumo.metrics.comfort_signals import comfort_signals, unwrapped
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.motion import comfort_signals, unwrapped
 from interplan_sumo.world.trace import EgoTrack
 from tests.metrics.staging import drive_at, facts_of
 from tests.worlds import drive, straight_road

@@ -10,8 +10,13 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interplan_sumo.metrics.braking_behind import LARGEST_ANGLE_RAD, LONGEST_GAP_M, hardest_braking
-from interplan_sumo.metrics.diagnostics import diagnostics, distances_m
+from interplan_sumo.metrics.diagnostics import (
+    LARGEST_ANGLE_RAD,
+    LONGEST_GAP_M,
+    diagnostics,
+    distances_m,
+    hardest_braking,
+)
 from interplan_sumo.world.actors import Actors
 from tests.metrics.staging import drive_at, facts_of
 from tests.worlds import cars, drive, straight_road

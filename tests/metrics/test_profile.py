@@ -73,7 +73,7 @@ def test_files_that_say_something_else_have_another_name(tmp_path: Path):
         (MINE, "needs_scenario: true\nhonours_exemptions: true\n", "line 1: there are no weights"),
         (MINE, "!!python/object/apply:os.getcwd []", "line 1: this is not YAML: could not determine a constructor"),
         (MINE, "2026-13-45", "this is not YAML: month must be in"),
-        (MINE, "[" * 400, "lists inside lists"),
+        (MINE, "[" * 1000, "lists inside lists"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_told_in_one_line(tmp_path: Path, said: str, instead: str, problem: str):

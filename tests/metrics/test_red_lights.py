@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from interplan_sumo.metrics.diagnostics import diagnostics
-from interplan_sumo.metrics.red_lights import red_light_runs
+from interplan_sumo.metrics.diagnostics import diagnostics, red_light_runs
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.signals import Signals
 from tests.metrics.staging import drive_at, facts_of

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.metrics.braking_behind import LONGEST_GAP_M
 from interplan_sumo.metrics.collisions import STOPPED_MPS
 from interplan_sumo.metrics.comfort import BOUNDS
+from interplan_sumo.metrics.diagnostics import LONGEST_GAP_M
 from interplan_sumo.metrics.drivable_area import TOLERANCE_M
 from interplan_sumo.metrics.driving_direction import FORBIDDEN_M, TOLERATED_M
 from interplan_sumo.metrics.facts import Facts

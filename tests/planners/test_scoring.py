@@ -15,7 +15,7 @@ from interplan_planners.common.paths import DrivingPath
 from interplan_planners.common.route_search import lanes_of_route
 from interplan_planners.common.scoring import LOOK_AHEAD_S, Scores, Weights, places, score
 from interplan_sumo.dynamics.batch import SimulatedDrives
-from interplan_sumo.metrics.motion import derivative, smoothed, unwrapped
+from interplan_sumo.metrics.comfort_signals import derivative, smoothed, unwrapped
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import wrap_angle

@@ -10,7 +10,7 @@ from outlooks import FRAMES, laid_out, start_of, steady
 from stages import ONE_LANE, TWO_LANES, car, staged, widened
 
 from interplan_sumo.metrics.comfort import BOUNDS
-from interplan_sumo.metrics.motion import comfort_signals
+from interplan_sumo.metrics.comfort_signals import comfort_signals
 from interplan_sumo.scenario.scenario import LanePosition
 from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.verification.drivable_paths import Swerve
