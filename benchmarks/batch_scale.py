@@ -27,7 +27,8 @@ import pandas as pd
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.jobs import Job
-from interplan_sumo.batch.results import RESULTS, Row, write_rows
+from interplan_sumo.batch.records import AppliedOverrides, Manifest, MetricRecord, RequestedJobs, Row
+from interplan_sumo.batch.results import RESULTS, write_rows
 from interplan_sumo.batch.run_folder import RunFolder
 from interplan_sumo.batch.shards import keep_shards
 from interplan_sumo.batch.shared_phase import Publish
@@ -86,7 +87,7 @@ def engine(arguments: argparse.Namespace, folder: Path) -> None:
 def reporting(arguments: argparse.Namespace, folder: Path) -> None:
     """Seconds and peak memory of reports on many rows, by the lines alone and with shards, each in its own process."""
     toy_folder(folder, arguments.rows).close()
-    write_rows(folder / RESULTS, (toy_row(number, {}) for number in range(arguments.rows)))
+    write_rows(folder / RESULTS, (toy_row(number) for number in range(arguments.rows)))
     size_mb = (folder / RESULTS).stat().st_size / 1e6
     print(f"reporting: {arguments.rows} rows, {size_mb:.0f} MB")
     report(folder, "text, by the lines alone")
@@ -174,34 +175,62 @@ def toy_run(folder: Path, count: int) -> Iterator[Row]:
         tasks = [Task(n, "toy", n) for n in range(count)]
         with closing(run_tasks(tasks, open_toy, workers=2, limits=Limits())) as outcomes:
             for outcome in outcomes:
-                row = toy_row(outcome.task.payload, outcome.value)
+                row = toy_row(outcome.task.payload)
                 held.append(row)
                 yield row
 
 
 def toy_folder(folder: Path, count: int) -> RunFolder:
     """The folder of a run of so many drives, SEEDS of each scenario."""
-    scenarios = [toy_row(number, {})["scenario_id"] for number in range(0, count, SEEDS)]
-    request = {"planners": ["toy"], "scenarios": scenarios, "seeds": SEEDS}
-    return RunFolder(folder, {"suite": "toy==1", "profile": DEFAULT_PROFILE, "overrides": {}}, request, {})
+    asked = RequestedJobs(("toy",), tuple(f"lane_change_mtd/{n}" for n in range(-(-count // SEEDS))), SEEDS)
+    return RunFolder(
+        folder,
+        Manifest(
+            suite="toy==1",
+            suite_hash="",
+            profile=DEFAULT_PROFILE,
+            overrides=AppliedOverrides(),
+            versions={},
+            command=(),
+            created="",
+            platform="",
+            plan_limit_s=None,
+            requests=(asked,),
+        ),
+    )
 
 
-def toy_row(number: int, value: dict[str, Any]) -> Row:
+def toy_row(number: int) -> Row:
     """A row with as many keys and figures as a real one."""
     names = [term.name for term in find_profile(DEFAULT_PROFILE).terms]
     metrics = {
-        name: {
-            "score": 0.5 + 0.5 * (number % 7 > 0),
-            "reason": f"as it is, {number} m from where it was" if number % 7 == 0 else None,
-            "detail": {"goal": True} | {f"figure_{f}": number / (f + 1) for f in range(12)},
-        }
+        name: MetricRecord(
+            0.5 + 0.5 * (number % 7 > 0),
+            {"goal": True} | {f"figure_{f}": number / (f + 1) for f in range(12)},
+            f"as it is, {number} m from where it was" if number % 7 == 0 else None,
+        )
         for name in names
     }
-    row: Row = {"scenario_id": f"lane_change_mtd/{number // SEEDS}", "family": "lane_change_mtd", "planner": "toy",
-                "seed": number % SEEDS, "score": number % 101 / 100, "metrics": metrics, "gates": names[:5],
-                "weights": dict.fromkeys(names[5:], 1.0), "fault": None, "reached_goal": True,
-                "trace_hash": f"{number:064}", "trace": f"traces/{number}", **value}  # fmt: skip
-    return row
+    return Row(
+        scenario_id=f"lane_change_mtd/{number // SEEDS}",
+        family="lane_change_mtd",
+        planner="toy",
+        seed=number % SEEDS,
+        score=number % 101 / 100,
+        metrics=metrics,
+        gates=tuple(names[:5]),
+        weights=dict.fromkeys(names[5:], 1.0),
+        fault=None,
+        official=True,
+        overrides=AppliedOverrides(),
+        trace_hash=f"{number:064}",
+        times_s={},
+        versions={},
+        reached_goal=True,
+        site="toy/1",
+        scenario_hash="",
+        trace=f"traces/{number}",
+    )
 
 
 def open_toy(_group: str, _publish: Publish) -> Work:

@@ -20,7 +20,7 @@ from rich.table import Table
 
 from interplan_llm.hybrid.choosers import RuleChooser
 from interplan_llm.hybrid.planner import HybridPlanner
-from interplan_sumo.batch.results import Brief
+from interplan_sumo.batch.records import Brief, brief_of
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import score
 from interplan_sumo.report.table import COLUMNS
@@ -48,6 +48,7 @@ def searched(scenario: Scenario, seed: int, effort: Effort) -> dict[str, Any]:
     found = oracle_drive(scenario, reference, hybrid, RuleChooser(), seed=seed, effort=effort)
     episode = found.episode
     row: dict[str, Any] = {"scenario_id": scenario.id, "family": scenario.family, "seed": seed}
+    row |= {"planner": "oracle", "official": True, "times_s": {}}
     row |= {"effort": in_numbers(effort), "drives": found.drives, "fault": None, "score": 0.0, "metrics": {}}
     if episode.trace is None or episode.fault is not None:
         kind, text = (episode.fault.kind, episode.fault.message) if episode.fault else ("harness", "nothing was driven")
@@ -76,7 +77,8 @@ def keep(path: Path | None, rows: Sequence[dict[str, Any]]) -> None:
 def mean(
     rows: Sequence[dict[str, Any]], families: Callable[[str], bool], value: Callable[[Brief], float | None]
 ) -> str:
-    found = [v for row in rows if families(row["family"]) and (v := value(Brief.of(row))) is not None]
+    briefs = (brief_of(json.dumps(row).encode())[1] for row in rows if families(row["family"]))
+    found = [figure for brief in briefs if (figure := value(brief)) is not None]
     return f"{100.0 * sum(found) / len(found):.0f}" if found else "-"
 
 

@@ -24,7 +24,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from interplan_sumo.batch.run_folder import Row, StoredRun, read_run
+from interplan_sumo.batch.records import Row
+from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.maps.render import INK, PAPER
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.metric import failure_words
@@ -60,24 +61,24 @@ class Drive:
     def verdict(self) -> str:
         """The planner, the score, and what cost most."""
         row = self.row
-        words = f"{row['planner']}: {100.0 * row['score']:.0f}"
-        if row["fault"]:
-            return f"{words}, {row['fault']['class']} fault"
-        gates = [name for name in row["gates"] if row["metrics"][name]["score"] < 1.0]
-        lost = [name for name in row["weights"] if row["metrics"][name]["score"] < 0.9]
+        words = f"{row.planner}: {100.0 * (row.score or 0.0):.0f}"
+        if row.fault:
+            return f"{words}, {row.fault.kind} fault"
+        gates = [name for name in row.gates if row.judged[name] < 1.0]
+        lost = [name for name in row.weights if row.judged[name] < 0.9]
         return ", ".join([words, *(failure_words(name) for name in gates or lost)])
 
     @property
     def contacts(self) -> list[dict[str, Any]]:
         """Collisions by the ego's fault, with their frames."""
-        found = self.row["metrics"].get("no_collision", {"detail": {}})["detail"]
-        return [contact for contact in found.get("contacts", []) if contact["at_fault"]]
+        found = self.row.metrics.get("no_collision")
+        return [contact for contact in found.detail.get("contacts", []) if contact["at_fault"]] if found else []
 
 
 def drives(runs: Sequence[StoredRun], scenario_id: str) -> list[Drive]:
     """Seed 0 of every planner that drove a scenario."""
-    rows = [(run, row) for run in runs for row in run.rows.values() if row["scenario_id"] == scenario_id]
-    return [Drive(row, Trace.read(run.path / row["trace"])) for run, row in rows if row["seed"] == 0 and row["trace"]]
+    rows = [(run, row) for run in runs for row in run.rows.values() if row.scenario_id == scenario_id]
+    return [Drive(row, Trace.read(run.path / row.trace)) for run, row in rows if row.seed == 0 and row.trace]
 
 
 def view_of(scenario: Scenario, shown: Sequence[Drive]) -> View:

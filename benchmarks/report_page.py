@@ -16,8 +16,9 @@ from itertools import cycle
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.results import Row
+from msgspec.structs import replace
+
+from interplan_sumo.batch.records import JobKey, RequestedJobs, Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.report.film import write_film
@@ -34,18 +35,14 @@ def filled(run: StoredRun, scenarios: int) -> StoredRun:
     """A run of so many scenarios and four planners, from copies of a run's rows."""
     rows: dict[JobKey, Row] = {}
     source = cycle(run.rows.values())
-    families = sorted({row["family"] for row in run.rows.values()})
+    families = sorted({row.family for row in run.rows.values()})
     ids = [f"{families[n // PER_FAMILY % len(families)]}/{n % PER_FAMILY}" for n in range(scenarios)]
     for scenario in ids:
         for planner in PLANNERS:
-            row: Row = dict(next(source)) | {
-                "scenario_id": scenario,
-                "family": scenario.partition("/")[0],
-                "planner": planner,
-            }
-            rows[(scenario, planner, row["seed"])] = row
-    requests = [{"planners": list(PLANNERS), "scenarios": ids, "seeds": 1}]
-    return StoredRun(run.path, run.manifest | {"requests": requests}, rows)
+            family = scenario.partition("/")[0]
+            row = replace(next(source), scenario_id=scenario, family=family, planner=planner)
+            rows[row.key] = row
+    return StoredRun(run.path, replace(run.manifest, requests=(RequestedJobs(PLANNERS, tuple(ids), 1),)), rows)
 
 
 def timed(make: Callable[[], object]) -> float:
@@ -80,7 +77,7 @@ def main() -> None:
     given = parser.parse_args()
     run = read_run(given.run)
     stored = StoredDrives(run)
-    drive = max((stored.read(row) for row in run.rows.values() if not row["fault"]), key=lambda each: len(each.trace))
+    drive = max((stored.read(row) for row in run.rows.values() if not row.fault), key=lambda each: len(each.trace))
     drive.roads  # noqa: B018 - read before the clock runs
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -89,7 +86,7 @@ def main() -> None:
         seconds = timed(lambda: report.write_text(page(make_table([whole]), [whole]), encoding="utf-8"))
         print(f"page of {len(whole.rows)} drives: {report.stat().st_size / 1e3:.0f} kB, written in {seconds:.2f} s")
         print(f"opened in Chromium: {opening_s(report):.2f} s")
-        print(f"drive of {len(drive.trace) * drive.trace.dt_s:.1f} s: {drive.scenario.id}, {drive.row['planner']}")
+        print(f"drive of {len(drive.trace) * drive.trace.dt_s:.1f} s: {drive.scenario.id}, {drive.row.planner}")
         makers: dict[str, Callable[[Path], object]] = {
             "replay.html": lambda path: write_replay([drive], path),
             "film.mp4": lambda path: write_film([drive], path),

@@ -20,8 +20,8 @@ import pandas as pd
 
 from interplan_sumo.batch import run as batch
 from interplan_sumo.batch.jobs import own_maps
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.rescore import rescore
-from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.errors import InputError, PlannerLoadError, UnknownNameError
@@ -348,27 +348,27 @@ def _rows(run: StoredRun) -> list[Row]:
 def _frame(run: StoredRun) -> pd.DataFrame:
     rows, folder = _rows(run), run.path.absolute()
     informative = informative_metrics()
-    judged = dict.fromkeys(name for row in rows for name in row["metrics"] if name not in informative)
+    judged = dict.fromkeys(name for row in rows for name in row.metrics if name not in informative)
     columns: dict[str, Iterable[Any]] = {
-        "scenario_id": [row["scenario_id"] for row in rows],
-        "family": [row["family"] for row in rows],
-        "planner": [row["planner"] for row in rows],
-        "seed": np.array([row["seed"] for row in rows], dtype=np.int64),
-        "score": _numbers(row["score"] for row in rows),
-        **{name: _numbers(row["metrics"].get(name, {}).get("score") for row in rows) for name in judged},
-        "reached_goal": np.array([row.get("reached_goal", False) for row in rows], dtype=np.bool_),
-        "fault": _texts(row["fault"] and row["fault"]["class"] for row in rows),
-        "fault_message": _texts(row["fault"] and row["fault"]["message"] for row in rows),
+        "scenario_id": [row.scenario_id for row in rows],
+        "family": [row.family for row in rows],
+        "planner": [row.planner for row in rows],
+        "seed": np.array([row.seed for row in rows], dtype=np.int64),
+        "score": _numbers(row.score for row in rows),
+        **{name: _numbers(row.metrics[name].score if name in row.metrics else None for row in rows) for name in judged},
+        "reached_goal": np.array([row.reached_goal for row in rows], dtype=np.bool_),
+        "fault": _texts(row.fault and row.fault.kind for row in rows),
+        "fault_message": _texts(row.fault and row.fault.message for row in rows),
         "reasons": _texts("; ".join(lost_points(row)) for row in rows),
-        "official": np.array([row.get("official", False) for row in rows], dtype=np.bool_),
-        "trace": _texts(str(folder / row["trace"]) if row.get("trace") else None for row in rows),
-        "trace_hash": _texts(row.get("trace_hash") for row in rows),
+        "official": np.array([row.official for row in rows], dtype=np.bool_),
+        "trace": _texts(str(folder / row.trace) if row.trace else None for row in rows),
+        "trace_hash": _texts(row.trace_hash for row in rows),
     }
     found = pd.DataFrame(columns)
     found.attrs = {
         "run_folder": str(folder),
-        "suite": run.manifest["suite"],
-        "profile": run.manifest["profile"],
+        "suite": run.manifest.suite,
+        "profile": run.manifest.profile,
         "complete": not run.missing,
     }
     return found

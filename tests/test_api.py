@@ -15,6 +15,7 @@ import pytest
 
 import interplan_sumo as ips
 from interplan_planners.straight_ahead import StraightAhead
+from interplan_sumo.batch.records import Row
 from interplan_sumo.errors import PlannerLoadError, RunFolderError, UnknownNameError
 from interplan_sumo.report.compare import Comparison
 from interplan_sumo.world.trajectory import Trajectory
@@ -190,8 +191,8 @@ class Counting:
     def begin(self, jobs: int, done: Iterable[object]) -> None:
         self.said += [jobs, *done]
 
-    def finished(self, row: dict[str, object]) -> None:
-        self.said.append(row["scenario_id"])
+    def finished(self, row: Row) -> None:
+        self.said.append(row.scenario_id)
 
 
 def test_a_watch_of_ones_own_is_told_of_every_drive() -> None:

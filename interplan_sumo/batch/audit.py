@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.verification.audit import AuditFinding, finding
@@ -19,8 +19,7 @@ def findings(run: StoredRun, below: float | None = None) -> Iterator[tuple[Row, 
         if score is None or (below is not None and 100.0 * score >= below):
             continue
         row = run.rows[key]
-        if not row.get("trace") or "no_collision" not in row["metrics"]:
+        if row.trace is None or "no_collision" not in row.metrics:
             continue
         drive = drives.read(row)
-        detail = row["metrics"]["no_collision"].get("detail", {})
-        yield row, finding(drive.scenario, drive.roads, drive.trace, detail)
+        yield row, finding(drive.scenario, drive.roads, drive.trace, row.metrics["no_collision"].detail)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Generator, Sequence
 
+import msgspec
+
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.processes import Workers
+from interplan_sumo.batch.records import DriveAnswer, Fault
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 
 
@@ -21,6 +24,18 @@ def drive_outcomes(
     from interplan_sumo.batch.remote_jobs import RemoteJobs
 
     return run_on_ray(tasks, RemoteJobs(settings), address=workers.ray, limits=limits)
+
+
+def drive_answer(outcome: Outcome) -> tuple[DriveAnswer, Fault | None]:
+    """What came of a drive; one whose score is no number between 0 and 1 is a fault of ours."""
+    traceback = outcome.value.get("traceback")
+    try:
+        answer = msgspec.convert({} if traceback else outcome.value, DriveAnswer)
+    except msgspec.ValidationError as error:
+        return DriveAnswer(), outcome.fault or Fault("harness", f"the worker's answer is none: {error}")
+    if answer.sheet is None and outcome.fault is None:
+        return answer, Fault("harness", "the worker's answer has no score")
+    return answer, outcome.fault
 
 
 @contextlib.contextmanager

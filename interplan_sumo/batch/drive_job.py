@@ -13,8 +13,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from interplan_sumo.batch.custom_references import own_expert
 from interplan_sumo.batch.jobs import Job
+from interplan_sumo.batch.records import DriveAnswer, ModelUse, ScoreRecord, decode
 from interplan_sumo.batch.run_folder import is_full, place_folder, trace_place
 from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
@@ -63,41 +66,46 @@ def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
             scenario = replace(scenario, maps_beside=settings.maps_beside)
         episode = drive(scenario, planner, seed=job.seed, options=options, on_phase=publish)
         times_s: dict[str, float] = dict(episode.times_s)
-        value: dict[str, Any] = {"reached_goal": episode.reached_goal}
         fault = None if episode.fault is None else Fault(episode.fault.kind, episode.fault.message)
-        if (report := _own_report(planner)) is not None:
-            value["planner_report"] = report
+        report, sheet, trace_hash, place = _own_report(planner), None, None, None
         if episode.trace is not None:
             publish("store")
             stored_s = time.perf_counter()
-            value["trace_hash"] = episode.trace.hash()
-            value["trace"] = _store(settings.folder, job, episode.trace, value["trace_hash"])
+            trace_hash = episode.trace.hash()
+            place = _store(settings.folder, job, episode.trace, trace_hash)
             times_s["storing"] = time.perf_counter() - stored_s
             if fault is None:
                 publish("score")
                 scored_s = time.perf_counter()
                 roads = load_roads(scenario.map, scenario.maps_beside)
                 reference = own_expert(scenario, settings.folder) if settings.own_scenarios else expert(scenario)
-                value |= score(episode.trace, roads, reference, scenario, settings.profile).as_json()
+                sheet = ScoreRecord.of(score(episode.trace, roads, reference, scenario, settings.profile))
                 times_s["scoring"] = time.perf_counter() - scored_s
         times_s["total"] = time.perf_counter() - began_s
-        value["times_s"] = {name: round(seconds, 6) for name, seconds in times_s.items()}
-        return plain(value), fault
+        answer = DriveAnswer(
+            reached_goal=episode.reached_goal,
+            trace_hash=trace_hash,
+            trace=place,
+            sheet=sheet,
+            times_s={name: round(seconds, 6) for name, seconds in times_s.items()},
+            planner_report=report,
+        )
+        return msgspec.to_builtins(answer), fault
 
     return work
 
 
-def _own_report(planner: Planner) -> Any:
+def _own_report(planner: Planner) -> dict[str, Any] | None:
     """What a planner says of the drive itself, if it has a `report()`; its faults are no faults of the drive."""
     report = getattr(planner, "report", None)
     if not callable(report):
         return None
     try:
         said = plain(report())
-        json.dumps(said, allow_nan=False)
+        decode(msgspec.json.encode(said), ModelUse)
+        return decode(msgspec.json.encode(said), dict[str, Any]) or None
     except Exception as error:
-        return {"error": f"report() raised {type(error).__name__}: {error}"}
-    return said or None
+        return {"error": f"report() gave none: {type(error).__name__}: {error}"}
 
 
 def _store(folder: Path, job: Job, trace: Trace, trace_hash: str) -> str:

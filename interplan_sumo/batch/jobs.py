@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal, cast
 
+from interplan_sumo.batch.records import AppliedOverrides, JobKey
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.maps.store import MapFiles, find_map
 from interplan_sumo.scenario.files import is_scenario_file, read_scenarios
@@ -17,9 +18,6 @@ from interplan_sumo.scenario.suite import DEFAULT_SUITE, Suite, find_suite
 from interplan_sumo.world.files import file_hash
 
 OVERRIDABLE = ("density", "behaviour")
-
-JobKey = tuple[str, str, int]
-"""Scenario id, planner as it was asked for, seed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,19 +117,19 @@ class Overrides:
     def __bool__(self) -> bool:
         return self != Overrides()
 
-    def canonical(self) -> dict[str, str]:
+    def canonical(self) -> AppliedOverrides:
         """For manifests and rows: equal where and only where the runs mean the same.
 
         A vehicle-type file counts by name and content, wherever it lies.
         """
-        found = {key: value for key in OVERRIDABLE if (value := getattr(self, key)) is not None}
+        traffic = None
         if self.vehicle_types is not None:
             try:
                 digest = file_hash(self.vehicle_types)
             except OSError as error:
                 raise InputError(f"cannot read the vehicle-type file {self.vehicle_types}: {error.strerror}") from None
-            found["traffic"] = f"{self.vehicle_types.name} sha256:{digest[:16]}"
-        return found
+            traffic = f"{self.vehicle_types.name} sha256:{digest[:16]}"
+        return AppliedOverrides(self.density, self.behaviour, traffic)
 
     def applied(self, scenario: Scenario) -> Scenario:
         """The scenario with them; one without moving traffic stays as it is."""
@@ -179,14 +177,3 @@ def jobs_for(
         for scenario in changed
         for seed in range(seeds)
     )
-
-
-def keys_of(requests: Sequence[Mapping[str, object]]) -> list[JobKey]:
-    """The jobs that a manifest's requests ask for, each once."""
-    found: dict[JobKey, None] = {}
-    for request in requests:
-        for planner in cast("list[str]", request["planners"]):
-            for scenario in cast("list[str]", request["scenarios"]):
-                for seed in range(cast("int", request["seeds"])):
-                    found[(scenario, planner, seed)] = None
-    return list(found)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
-from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.results import Row
+from msgspec import structs
+
+from interplan_sumo.batch.records import JobKey, Row, ScoreRecord
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.errors import InputError
@@ -26,9 +26,9 @@ def rescore(
     problems: list[str] = []
     for number, (key, row) in enumerate(run.rows.items(), start=1):
         try:
-            rows[key] = row if row["fault"] else row | drives.read(row).sheet(used).as_json()
+            rows[key] = row if row.fault else row.rescored(ScoreRecord.of(drives.read(row).sheet(used)))
         except InputError as error:
             problems.append(str(error))
         if watch is not None:
             watch(number, len(run.rows))
-    return replace(run, manifest=run.manifest | {"profile": used.name}, rows=rows), problems
+    return StoredRun(run.path, structs.replace(run.manifest, profile=used.name), rows), problems

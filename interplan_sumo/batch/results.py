@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
-from collections.abc import Iterable, Iterator, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple, Self
 
-from interplan_sumo.batch.jobs import JobKey
+from interplan_sumo.batch.records import Brief, JobKey, RecordError, Row, brief_of, encode, row_of
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.world.files import replacing
 
@@ -18,67 +16,67 @@ RESULTS = "results.jsonl"
 LINES_AT_ONCE = 2048
 """Lines that are read together, some 8 MB; a Parquet shard has as many rows."""
 
-Row = dict[str, Any]
-"""A line of the file."""
 
+class StoredRows(Mapping[JobKey, Row]):
+    """The latest row of each job, in the order of the file, read when it is asked for.
 
-class Brief(NamedTuple):
-    """What tables need of a row, small enough to keep for every drive of a long run."""
+    What is kept of a row is its place and its brief. RunFolderError for a row
+    that is damaged, or is not at its place any more.
+    """
 
-    family: str
-    score: float | None
-    """0 to 1."""
-    fault: str | None
-    """Its class."""
-    official: bool
-    no_collision: float | None
-    """Score of the metric, 0 to 1, as `drivable_area`; None where it was not judged."""
-    drivable_area: float | None
-    goal_lane: bool | None
-    """Whether the drive ended in the goal lane."""
-    total_s: float | None
-    """Wall clock of the whole job."""
-    scoring: int | None
-    """Version of the scoring of a row that was scored again."""
-    questions: int | None
-    """How often the planner asked a language model; None where it says nothing about that."""
-    unanswered: int | None
-    """How often in vain."""
+    def __init__(self, path: Path, places: Mapping[JobKey, tuple[int, int]], briefs: Mapping[JobKey, Brief]) -> None:
+        self._path = path
+        self._places = places
+        """Byte at which the line begins, and its number."""
+        self.briefs = briefs
+        """By job."""
 
     @classmethod
-    def of(cls, row: Row) -> Self:
-        metrics: dict[str, Any] = row["metrics"]
-        fault = row["fault"]
-        questions, unanswered = _asked(row.get("planner_report"))
-        return cls(
-            family=row["family"],
-            score=row["score"],
-            fault=fault["class"] if fault else None,
-            official=row.get("official", True),
-            no_collision=metrics.get("no_collision", {}).get("score"),
-            drivable_area=metrics.get("drivable_area", {}).get("score"),
-            goal_lane=metrics.get("lane_changes", {}).get("detail", {}).get("goal"),
-            total_s=row.get("times_s", {}).get("total"),
-            scoring=row.get("version"),
-            questions=questions,
-            unanswered=unanswered,
-        )
+    def read(cls, run_folder: Path) -> StoredRows:
+        """Find every row; RunFolderError names a damaged line."""
+        path = run_folder / RESULTS
+        places: dict[JobKey, tuple[int, int]] = {}
+        briefs: dict[JobKey, Brief] = {}
+        begin = 0
+        for number, (line, key, brief) in enumerate(read_briefs(path), start=1):
+            key = (sys.intern(key[0]), sys.intern(key[1]), key[2])
+            places[key], briefs[key] = (begin, number), brief
+            begin += len(line)
+        return cls(path, places, briefs)
+
+    def __getitem__(self, key: JobKey) -> Row:
+        begin, number = self._places[key]
+        try:
+            with self._path.open("rb") as file:
+                file.seek(begin)
+                line = file.readline()
+        except OSError as error:
+            raise unreadable(self._path, error) from None
+        try:
+            row = row_of(line)
+        except RecordError as error:
+            raise damaged(self._path, number, error) from None
+        if row.key != key:
+            raise RunFolderError(f"{self._path} was replaced while it was read; repeat the command")
+        return row
+
+    def __iter__(self) -> Iterator[JobKey]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def only(self, keys: Iterable[JobKey]) -> StoredRows:
+        """The rows of these jobs, as far as they are there."""
+        held = [key for key in keys if key in self._places]
+        return StoredRows(self._path, {k: self._places[k] for k in held}, {k: self.briefs[k] for k in held})
 
 
-def _asked(report: Any) -> tuple[int | None, int | None]:
-    """What a planner reports of its questions to a language model, and of those that had no usable answer."""
-    if not isinstance(report, dict) or not isinstance(report.get("queries"), int):
-        return None, None
-    fallbacks = report.get("fallbacks")
-    return report["queries"], sum(fallbacks.values()) if isinstance(fallbacks, dict) else 0
-
-
-def row_key(row: Row) -> JobKey:
-    return (row["scenario_id"], row["planner"], row["seed"])
-
-
-def line_of(row: Row) -> bytes:
-    return (json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n").encode()
+def briefs_of(rows: Mapping[JobKey, Row]) -> Mapping[JobKey, Brief]:
+    """The brief of every row."""
+    if isinstance(rows, StoredRows):
+        return rows.briefs
+    return {key: Brief.of(row) for key, row in rows.items()}
 
 
 def whole_lines(path: Path) -> Iterator[list[bytes]]:
@@ -99,36 +97,39 @@ def whole_lines(path: Path) -> Iterator[list[bytes]]:
         raise unreadable(path, error) from None
 
 
-def read_rows(path: Path) -> Iterator[tuple[Row, bytes]]:
-    """All whole rows, one by one, with their lines."""
+def read_briefs(path: Path) -> Iterator[tuple[bytes, JobKey, Brief]]:
+    """All whole lines, one by one, each with its job and brief; RunFolderError for a damaged one."""
     first = 1
     for lines in whole_lines(path):
-        yield from zip(rows_of(lines, path, first), lines, strict=True)
+        for number, line in enumerate(lines, start=first):
+            try:
+                yield line, *brief_of(line)
+            except RecordError as error:
+                raise damaged(path, number, error) from None
         first += len(lines)
 
 
 def rows_of(lines: Sequence[bytes], path: Path, first: int) -> Iterator[Row]:
     """Lines as rows, one by one; RunFolderError names the first that is damaged, counted from `first`."""
     for number, line in enumerate(lines, start=first):
-        row = row_of(line)
-        if row is None:
-            raise RunFolderError(
-                f"{path}, line {number} is damaged; delete the line and repeat the command to do that job again"
-            )
-        yield row
+        try:
+            yield row_of(line)
+        except RecordError as error:
+            raise damaged(path, number, error) from None
 
 
-def row_of(line: bytes) -> Row | None:
-    """A line as a row; None if it is none, or lacks what everybody reads."""
-    with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
-        row: Row = json.loads(line)
-        if {"score", "fault", "family", "metrics"} <= row.keys() and row_key(row):
-            return row
-    return None
+def damaged(path: Path, number: int, error: Exception) -> RunFolderError:
+    return RunFolderError(
+        f"{path}, line {number} is damaged ({error}); delete the line and repeat the command to do that job again"
+    )
 
 
 def unreadable(path: Path, error: OSError) -> RunFolderError:
     return RunFolderError(f"cannot read {path}: {error.strerror or error}")
+
+
+def line_of(row: Row) -> bytes:
+    return encode(row) + b"\n"
 
 
 def write_lines(path: Path, lines: Iterable[bytes]) -> None:

@@ -14,13 +14,13 @@ from pathlib import Path
 from types import FrameType
 from typing import Protocol
 
-from interplan_sumo.batch.backend import drive_outcomes
+from interplan_sumo.batch.backend import drive_answer, drive_outcomes
 from interplan_sumo.batch.custom_references import keep_certified
 from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.in_process import alarm_works
 from interplan_sumo.batch.jobs import Job, Overrides, ScenarioSource, chosen, jobs_for, own_maps, split_files
 from interplan_sumo.batch.processes import Workers
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import Brief, Manifest, RequestedJobs, Row
 from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.versions import versions
@@ -116,8 +116,8 @@ def changes(**overrides: str | None) -> list[str]:
 class RunProgress(Protocol):
     """Told how a run goes on."""
 
-    def begin(self, jobs: int, done: Iterable[Row]) -> None:
-        """So many jobs in all, of which these are done already; rows are read while they are iterated over."""
+    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
+        """So many jobs in all, of which these are done already; they are read while they are iterated over."""
         ...
 
     def finished(self, row: Row) -> None:
@@ -154,25 +154,20 @@ def run(request: RunRequest, watch: RunProgress | None = None) -> StoredRun:
     check_inputs({job.scenario.id: job.scenario for job in jobs}.values(), request.overrides.vehicle_types)
     overrides = request.overrides.canonical()
     library_versions = versions() | {"scoring": str(SCORING_VERSION)}
-    benchmark = {
-        "suite": source.name,
-        "suite_hash": source.hash,
-        "profile": DEFAULT_PROFILE,
-        "overrides": overrides,
-        "versions": library_versions,
-    }
-    wanted = {
-        "planners": list(dict.fromkeys(request.planners)),
-        "scenarios": [s.id for s in scenarios],
-        "seeds": request.seeds,
-    }
-    about = {
-        "command": list(request.command),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "platform": platform.platform(),
-        "plan_limit_s": request.limits.plan_s if isfinite(request.limits.plan_s) else None,
-    }
-    with RunFolder(request.folder, benchmark, wanted, about) as folder:
+    wanted = RequestedJobs(tuple(dict.fromkeys(request.planners)), tuple(s.id for s in scenarios), request.seeds)
+    manifest = Manifest(
+        suite=source.name,
+        suite_hash=source.hash,
+        profile=DEFAULT_PROFILE,
+        overrides=overrides,
+        versions=library_versions,
+        command=tuple(request.command),
+        created=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        platform=platform.platform(),
+        plan_limit_s=request.limits.plan_s if isfinite(request.limits.plan_s) else None,
+        requests=(wanted,),
+    )
+    with RunFolder(request.folder, manifest) as folder:
         left = [job for job in jobs if job.key not in folder.done]
         if watch is not None:
             watch.begin(len(jobs), folder.kept({job.key for job in jobs}))
@@ -200,7 +195,7 @@ def run(request: RunRequest, watch: RunProgress | None = None) -> StoredRun:
                     site = scenario.site(load_roads(scenario.map, scenario.maps_beside))
                     named[scenario.id] = (site, scenario.hash())
                 official = source.official and not overrides
-                row = _row(outcome, *named[scenario.id], overrides, library_versions, official=official)
+                row = _row(outcome, *named[scenario.id], manifest, official=official)
                 folder.append(row)
                 if watch is not None:
                     watch.finished(row)
@@ -215,42 +210,35 @@ def check_inputs(scenarios: Iterable[Scenario], vehicle_types: Path | None) -> N
         read_vehicle_types(vehicle_types or vehicle_type_file(scenario.traffic.behaviour))
 
 
-def _row(
-    outcome: Outcome,
-    site: str,
-    scenario_hash: str,
-    overrides: dict[str, str],
-    library_versions: dict[str, str],
-    *,
-    official: bool,
-) -> Row:
+def _row(outcome: Outcome, site: str, scenario_hash: str, manifest: Manifest, *, official: bool) -> Row:
     """A line of results.jsonl."""
     job: Job = outcome.task.payload
-    value, fault = outcome.value, outcome.fault
-    scored = value.get("score")
-    row: Row = {
-        "scenario_id": job.scenario.id,
-        "family": job.scenario.family,
-        "planner": job.planner,
-        "seed": job.seed,
-        "score": scored if fault is None else 0.0 if fault.kind == "planner" else None,
-        "metrics": value.get("metrics", {}),
-        "gates": value.get("gates", []),
-        "weights": value.get("weights", {}),
-        "fault": None if fault is None else {"class": fault.kind, "message": fault.message},
-        "official": official,
-        "overrides": overrides,
-        "trace_hash": value.get("trace_hash"),
-        "times_s": value.get("times_s", {"total": round(outcome.wall_s, 6)}),
-        "versions": library_versions,
-        "reached_goal": value.get("reached_goal", False),
-        "site": site,
-        "scenario_hash": scenario_hash,
-        "trace": value.get("trace"),
-    }
-    further = {"planner_report": value.get("planner_report"), "traceback": value.get("traceback")}
-    row |= {name: said for name, said in {**further, "printed": outcome.printed}.items() if said}
-    return row
+    answer, fault = drive_answer(outcome)
+    sheet = answer.sheet if fault is None else None
+    missing = 0.0 if fault is not None and fault.kind == "planner" else None
+    return Row(
+        scenario_id=job.scenario.id,
+        family=job.scenario.family,
+        planner=job.planner,
+        seed=job.seed,
+        score=missing if sheet is None else sheet.score,
+        metrics={} if sheet is None else sheet.metrics,
+        gates=() if sheet is None else sheet.gates,
+        weights={} if sheet is None else sheet.weights,
+        fault=fault,
+        official=official,
+        overrides=manifest.overrides,
+        trace_hash=answer.trace_hash,
+        times_s=answer.times_s or {"total": round(outcome.wall_s, 6)},
+        versions=manifest.versions,
+        reached_goal=answer.reached_goal,
+        site=site,
+        scenario_hash=scenario_hash,
+        trace=answer.trace,
+        planner_report=answer.planner_report,
+        traceback=outcome.value.get("traceback", ""),
+        printed=outcome.printed,
+    )
 
 
 @contextlib.contextmanager

@@ -21,26 +21,48 @@ from __future__ import annotations
 import contextlib
 import errno
 import hashlib
-import json
 import os
 import re
 import shutil
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from interplan_sumo.batch.jobs import JobKey, keys_of
-from interplan_sumo.batch.results import LINES_AT_ONCE, RESULTS, Brief, Row, line_of, read_rows, row_key, write_lines
+from msgspec import json, structs, to_builtins
+
+from interplan_sumo.batch.records import (
+    FORMAT,
+    Brief,
+    JobKey,
+    Manifest,
+    ManifestFormat,
+    RecordError,
+    RequestedJobs,
+    Row,
+    decode,
+    encode,
+    keys_of,
+)
+from interplan_sumo.batch.results import (
+    LINES_AT_ONCE,
+    RESULTS,
+    StoredRows,
+    briefs_of,
+    line_of,
+    read_briefs,
+    write_lines,
+)
 from interplan_sumo.batch.shards import keep_shards
-from interplan_sumo.batch.stored_rows import StoredRows, briefs_of
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import MapFiles, copy_map
 from interplan_sumo.scenario.files import MAPS, scenario_text
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.files import PART, replacing
 
-FORMAT = 1
+MANIFEST = "manifest.json"
+BENCHMARK = ("suite", "suite_hash", "profile", "overrides", "versions")
+"""What all rows of a folder share, by its name in the manifest."""
 OWN_SCENARIOS = "scenarios.yaml"
 TRAFFIC = "traffic"
 """Holds a vehicle-type file; so it does beside the run folders of a sweep."""
@@ -63,14 +85,14 @@ class StoredRun:
     """A run folder as it was read."""
 
     path: Path
-    manifest: dict[str, Any]
+    manifest: Manifest
     rows: Mapping[JobKey, Row]
     """By job, the latest of each; those of a folder are read when they are asked for."""
 
     @property
     def keys(self) -> list[JobKey]:
         """Every job that was asked for."""
-        return keys_of(self.manifest["requests"])
+        return self.manifest.keys
 
     @property
     def missing(self) -> list[JobKey]:
@@ -83,12 +105,12 @@ class StoredRun:
         """What tables need of each row."""
         return briefs_of(self.rows)
 
-    def narrowed(self, request: Mapping[str, Any]) -> StoredRun:
+    def narrowed(self, request: RequestedJobs) -> StoredRun:
         """The same as if nothing but this had been asked for."""
         keys = keys_of([request])
         rows = self.rows
         only = rows.only(keys) if isinstance(rows, StoredRows) else {key: rows[key] for key in keys if key in rows}
-        return replace(self, manifest=self.manifest | {"requests": [dict(request)]}, rows=only)
+        return StoredRun(self.path, structs.replace(self.manifest, requests=(request,)), only)
 
 
 def read_run(path: Path) -> StoredRun:
@@ -102,10 +124,8 @@ def read_run(path: Path) -> StoredRun:
 class RunFolder:
     """A run folder open for writing; use as a context manager. One process at a time: others are refused."""
 
-    def __init__(
-        self, path: Path, benchmark: Mapping[str, Any], request: Mapping[str, Any], about: Mapping[str, Any]
-    ) -> None:
-        """`benchmark` must agree with what the folder holds; `request` is added to it; `about` is for the reader.
+    def __init__(self, path: Path, wanted: Manifest) -> None:
+        """What BENCHMARK names must agree with what the folder holds; the requests are added to it.
 
         Raises RunFolderError: in use, unwritable, foreign, or of another benchmark (naming the difference).
         """
@@ -118,12 +138,12 @@ class RunFolder:
         except OSError as error:
             raise _unwritable(path, error) from None
         try:
-            self.manifest = self._agree(benchmark, request, about)
+            self.manifest = self._agree(wanted)
             for left in path.glob(f"{PART}*"):
                 left.unlink()
             for left in path.glob(f"traces/{PART}*"):
                 shutil.rmtree(left, ignore_errors=True)
-            self.done = self._open_results(keys_of([request]))
+            self.done = self._open_results(wanted.keys)
             """Jobs that have a row; the rows themselves are on the disk only."""
         except OSError as error:
             self.close()
@@ -188,14 +208,14 @@ class RunFolder:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._results, size)
             raise _unwritable(self.path, error) from None
-        self.done.add(row_key(row))
+        self.done.add(row.key)
         self._not_in_shards += 1
         if self._not_in_shards == LINES_AT_ONCE:
             self._keep_shards()
 
-    def kept(self, keys: Container[JobKey]) -> Iterator[Row]:
-        """The rows of these jobs, read one by one."""
-        return (row for row, _ in read_rows(self.path / RESULTS) if row_key(row) in keys)
+    def kept(self, keys: Container[JobKey]) -> Iterator[Brief]:
+        """The briefs of those of these jobs that are done, read one by one."""
+        return (brief for _, key, brief in read_briefs(self.path / RESULTS) if key in keys)
 
     def _keep_shards(self) -> None:
         try:
@@ -204,12 +224,9 @@ class RunFolder:
             raise _unwritable(self.path, error) from None
         self._not_in_shards = 0
 
-    def _agree(
-        self, benchmark: Mapping[str, Any], request: Mapping[str, Any], about: Mapping[str, Any]
-    ) -> dict[str, Any]:
-        """The manifest with the request added; writes it where it is new or grew."""
+    def _agree(self, wanted: Manifest) -> Manifest:
+        """The manifest with the requests added; writes it where it is new or grew."""
         held = _read_manifest(self.path)
-        fresh = held is None
         if held is None:
             names = sorted(p.name for p in self.path.iterdir())
             strangers = [name for name in names if name not in ("lock", "traces") and not name.startswith(PART)]
@@ -218,16 +235,17 @@ class RunFolder:
                     f"{self.path} holds {strangers[0]!r} and no manifest.json, so it is no run folder; "
                     "give an empty or a new folder as --out"
                 )
-            held = dict[str, Any]({"format": FORMAT, **benchmark, **about, "requests": []})
-        for name, wanted in benchmark.items():
-            _refuse_difference(self.path, name, held.get(name), wanted)
-        asked = set(keys_of(held["requests"]))
-        if fresh or not set(keys_of([request])) <= asked:
-            held["requests"].append(dict(request))
-            text = json.dumps(held, indent=2, ensure_ascii=False) + "\n"
-            with replacing(self.path / "manifest.json") as file:
-                file.write_bytes(text.encode())
-        return held
+            return self._write_manifest(wanted)
+        for name in BENCHMARK:
+            _refuse_difference(self.path, name, *(to_builtins(getattr(each, name)) for each in (held, wanted)))
+        if set(wanted.keys) <= set(held.keys):
+            return held
+        return self._write_manifest(structs.replace(held, requests=(*held.requests, *wanted.requests)))
+
+    def _write_manifest(self, manifest: Manifest) -> Manifest:
+        with replacing(self.path / MANIFEST) as file:
+            file.write_bytes(json.format(encode(manifest), indent=2) + b"\n")
+        return manifest
 
     def _open_results(self, wanted: Iterable[JobKey]) -> set[JobKey]:
         """Open results.jsonl for appending, without a torn last line and without the rows that are to be done again."""
@@ -236,12 +254,12 @@ class RunFolder:
         last: dict[JobKey, tuple[int, bool]] = {}  # the number of the last row of each job, and whether it stays
         whole_bytes = 0
         number = -1
-        for number, (row, line) in enumerate(read_rows(path)):
-            last[row_key(row)] = (number, row["score"] is not None or row_key(row) not in again)
+        for number, (line, key, brief) in enumerate(read_briefs(path)):
+            last[key] = (number, brief.score is not None or key not in again)
             whole_bytes += len(line)
         stay = {number for number, stays in last.values() if stays}
         if len(stay) != number + 1:
-            write_lines(path, (line for number, (_, line) in enumerate(read_rows(path)) if number in stay))
+            write_lines(path, (line for number, (line, *_) in enumerate(read_briefs(path)) if number in stay))
             whole_bytes = path.stat().st_size
         self._results = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         os.ftruncate(self._results, whole_bytes)
@@ -262,26 +280,25 @@ def _refuse_difference(path: Path, name: str, held: Any, wanted: Any) -> None:
 
 
 def _said(value: Any) -> str:
-    return "none" if value in (None, {}, "none") else value if isinstance(value, str) else json.dumps(value)
+    return "none" if value in (None, {}, "none") else value if isinstance(value, str) else json.encode(value).decode()
 
 
-def _read_manifest(path: Path) -> dict[str, Any] | None:
-    file = path / "manifest.json"
+def _read_manifest(path: Path) -> Manifest | None:
+    file = path / MANIFEST
     try:
-        manifest = json.loads(file.read_text(encoding="utf-8"))
-        if manifest["format"] != FORMAT:
+        text = file.read_bytes()
+        held = decode(text, ManifestFormat).format
+        if held != FORMAT:
             raise RunFolderError(
-                f"{file} has format {manifest['format']}, this version reads {FORMAT}; "
-                "read it with the version that wrote it"
+                f"{file} has format {held}, this version reads {FORMAT}; read it with the version that wrote it"
             )
-        keys_of(manifest["requests"])
+        return decode(text, Manifest)
     except FileNotFoundError:
         return None
     except OSError as error:
         raise RunFolderError(f"cannot read {file}: {error.strerror}") from None
-    except (ValueError, TypeError, KeyError) as error:
-        raise RunFolderError(f"{file} is damaged ({type(error).__name__}: {error}); give another folder") from None
-    return manifest
+    except RecordError as error:
+        raise RunFolderError(f"{file} is damaged ({error}); give another folder") from None
 
 
 def is_full(error: OSError) -> bool:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from interplan_sumo.batch.custom_references import own_expert
 from interplan_sumo.batch.jobs import Overrides
-from interplan_sumo.batch.run_folder import OWN_SCENARIOS, Row, StoredRun
+from interplan_sumo.batch.records import Row
+from interplan_sumo.batch.run_folder import OWN_SCENARIOS, StoredRun
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.profile import Profile
@@ -53,16 +54,14 @@ class StoredDrives:
     def __init__(self, run: StoredRun) -> None:
         self.run = run
         self.own = own_scenarios(run)
-        held = run.manifest["overrides"]
-        self._overrides = Overrides(density=held.get("density"), behaviour=held.get("behaviour"))
+        held = run.manifest.overrides
+        self._overrides = Overrides(held.density, held.behaviour)
 
     def scenario(self, row: Row) -> Scenario:
-        """The scenario of a row as it was driven; InputError if it is not the same any more, or was never told."""
-        found = self.own.get(row["scenario_id"]) or find_scenario(row["scenario_id"])
+        """The scenario of a row as it was driven; InputError if it is not the same any more."""
+        found = self.own.get(row.scenario_id) or find_scenario(row.scenario_id)
         scenario = self._overrides.applied(found)
-        if "scenario_hash" not in row:
-            raise self._older(row, "scenario_hash")
-        if scenario.hash() != row["scenario_hash"]:
+        if scenario.hash() != row.scenario_hash:
             raise InputError(
                 f"{self.run.path}: scenario {scenario.id} has changed since it was driven; "
                 "use the version that drove it"
@@ -72,28 +71,19 @@ class StoredDrives:
     def read(self, row: Row) -> StoredDrive:
         """The drive of a row; InputError if it left no trace, or scenario or trace are not those that were driven."""
         scenario = self.scenario(row)
-        if row["fault"] and not row.get("trace"):
+        if row.trace is None:
+            why = f": {row.fault.kind} fault, {row.fault.message}" if row.fault else ""
             raise InputError(
-                f"{self.run.path}: the drive of {row['planner']} on {scenario.id}, seed {row['seed']}, left no trace: "
-                f"{row['fault']['class']} fault, {row['fault']['message']}"
+                f"{self.run.path}: the drive of {row.planner} on {scenario.id}, seed {row.seed}, left no trace{why}"
             )
-        for name in ("trace", "trace_hash"):
-            if name not in row:
-                raise self._older(row, name)
-        folder = self.run.path / row["trace"]
+        folder = self.run.path / row.trace
         trace = Trace.read(folder)
-        if trace.hash() != row["trace_hash"]:
+        if trace.hash() != row.trace_hash:
             raise InputError(
                 f"{folder}: the trace is not the one that was driven; "
                 "delete its line in results.jsonl and repeat the run"
             )
-        return StoredDrive(row, scenario, trace, self.run.path, official=row["scenario_id"] not in self.own)
-
-    def _older(self, row: Row, name: str) -> InputError:
-        return InputError(
-            f"{self.run.path / 'results.jsonl'}: the line of {row['scenario_id']}, seed {row['seed']}, has no {name}; "
-            "an older version wrote it: use that one, or delete the line and repeat the run"
-        )
+        return StoredDrive(row, scenario, trace, self.run.path, official=row.scenario_id not in self.own)
 
 
 def own_scenarios(run: StoredRun) -> dict[str, Scenario]:

@@ -18,7 +18,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal, cast
 
-from interplan_sumo.batch.jobs import JobKey, Overrides, ScenarioSource, chosen, keys_of, split_files
+from interplan_sumo.batch.jobs import Overrides, ScenarioSource, chosen, split_files
+from interplan_sumo.batch.records import JobKey, RequestedJobs, keys_of
 from interplan_sumo.batch.run import RunProgress, RunRequest, check_inputs, run
 from interplan_sumo.batch.run_folder import TRAFFIC, StoredRun, read_run
 from interplan_sumo.batch.traffic_files import Edit, changed_name, write_changed
@@ -86,10 +87,9 @@ class SweepRun:
     """Ids."""
 
     @property
-    def asked(self) -> dict[str, object]:
+    def asked(self) -> RequestedJobs:
         """The request as a manifest has it."""
-        request = self.request
-        return {"planners": list(request.planners), "scenarios": list(self.scenarios), "seeds": request.seeds}
+        return RequestedJobs(self.request.planners, self.scenarios, self.request.seeds)
 
     @property
     def keys(self) -> list[JobKey]:

@@ -6,19 +6,11 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any
 
+from interplan_sumo.batch.records import Fault
 from interplan_sumo.batch.shared_phase import Publish
 
 TRAFFIC_RETRIES = 1
 """How often a task is done again after SUMO gave up."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """Why a task has no ordinary result."""
-
-    kind: str
-    """planner, traffic, timeout or harness."""
-    message: str
 
 
 @dataclass(frozen=True, slots=True)

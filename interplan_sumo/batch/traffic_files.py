@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Final, cast
 from xml.etree.ElementTree import Element, SubElement
 
 from defusedxml.ElementTree import parse, tostring
 
 from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.records import Manifest
 from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.errors import InputError, UnknownNameError, VehicleTypeError
 from interplan_sumo.resources import routes_root
@@ -120,14 +121,14 @@ def _check(fresh: Path, path: Path, edits: Sequence[Edit]) -> None:
         raise InputError(f"{path.name} cannot have {wanted}: {str(error).removeprefix(f'{fresh}, ')}") from None
 
 
-def recorded_vehicle_types(folder: Path, manifest: Mapping[str, Any], given: Path | None = None) -> Path | None:
+def recorded_vehicle_types(folder: Path, manifest: Manifest, given: Path | None = None) -> Path | None:
     """The vehicle-type file that a run was given with --traffic; None if it had none.
 
     A run records its name and hash, and keeps a copy. It is looked for at `given`,
     else there, where the run's command had it, beside the run and among the shipped
     files. InputError if it is not there, or has changed.
     """
-    recorded: str | None = manifest["overrides"].get("traffic")
+    recorded = manifest.overrides.traffic
     if recorded is None:
         if given is not None:
             raise InputError(f"{folder} was not driven with --traffic, so {given} has no part in it; leave it out")
@@ -135,7 +136,7 @@ def recorded_vehicle_types(folder: Path, manifest: Mapping[str, Any], given: Pat
     name, _, digest = recorded.rpartition(" sha256:")
     places = list(_places(folder, manifest, name)) if given is None else [given]
     for place in places:
-        if place.is_file() and Overrides(vehicle_types=place).canonical()["traffic"].endswith(digest):
+        if place.is_file() and (Overrides(vehicle_types=place).canonical().traffic or "").endswith(digest):
             return place
     where = f"{given} is not" if given is not None else f"cannot find {name},"
     raise InputError(
@@ -143,12 +144,11 @@ def recorded_vehicle_types(folder: Path, manifest: Mapping[str, Any], given: Pat
     )
 
 
-def _places(folder: Path, manifest: Mapping[str, Any], name: str) -> Iterator[Path]:
+def _places(folder: Path, manifest: Manifest, name: str) -> Iterator[Path]:
     yield folder / TRAFFIC / name
-    command: list[str] = manifest.get("command", [])
-    for at, word in enumerate(command):
-        if word == "--traffic" and at + 1 < len(command):
-            yield Path(command[at + 1])
+    for at, word in enumerate(manifest.command):
+        if word == "--traffic" and at + 1 < len(manifest.command):
+            yield Path(manifest.command[at + 1])
         elif word.startswith("--traffic="):
             yield Path(word.removeprefix("--traffic="))
     for beside in folder.resolve().parents[:2]:

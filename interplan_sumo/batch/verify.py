@@ -9,21 +9,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+from msgspec import structs
 
 from interplan_sumo.batch import custom_references
-from interplan_sumo.batch.backend import drive_outcomes
+from interplan_sumo.batch.backend import drive_answer, drive_outcomes
 from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.in_process import alarm_works
-from interplan_sumo.batch.jobs import Job, JobKey, Overrides
+from interplan_sumo.batch.jobs import Job, Overrides
 from interplan_sumo.batch.processes import Workers
-from interplan_sumo.batch.results import Row, row_key
+from interplan_sumo.batch.records import DriveAnswer, Fault, JobKey, Row
 from interplan_sumo.batch.run import RunProgress
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import own_scenarios
-from interplan_sumo.batch.tasks import Limits, Outcome, Task
+from interplan_sumo.batch.tasks import Limits, Task
 from interplan_sumo.batch.trace_difference import TraceDifference, difference
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types
 from interplan_sumo.batch.versions import versions
@@ -72,14 +73,14 @@ class RowCheck:
     @property
     def within_bars(self) -> bool:
         """Whether it differs by less than two machines may: 1 mm, and 1e-6 in the score."""
-        then = self.row["score"]
-        scored = self.score is not None and abs(self.score - then) <= SCORE_BAR
+        then = self.row.score
+        scored = self.score is not None and then is not None and abs(self.score - then) <= SCORE_BAR
         return self.verdict == "differs" and self.difference is not None and self.difference.within_bar and scored
 
     @property
     def changed_versions(self) -> dict[str, tuple[str, str]]:
         """What has another version now than when the row was driven: name -> (then, now)."""
-        then, now = self.row.get("versions", {}), _versions()
+        then, now = self.row.versions, _versions()
         return {
             name: (then.get(name, "none"), now.get(name, "none"))
             for name in {**then, **now}
@@ -127,11 +128,9 @@ def verify(
     drawn = _drawn(keys, sample)
     for planner in dict.fromkeys(key[1] for key in drawn):
         find_planner(planner.partition("?")[0])
-    held = run.manifest["overrides"]
+    held = run.manifest.overrides
     own = own_scenarios(run)
-    overrides = Overrides(
-        held.get("density"), held.get("behaviour"), recorded_vehicle_types(run.path, run.manifest, vehicle_types)
-    )
+    overrides = Overrides(held.density, held.behaviour, recorded_vehicle_types(run.path, run.manifest, vehicle_types))
     jobs: list[Job] = []
     checks: list[RowCheck] = []
     for key in drawn:
@@ -144,7 +143,7 @@ def verify(
         watch.begin(len(jobs), ())
     who = Workers(workers, ray)
     checks += _driven_again(run, jobs, overrides.vehicle_types, bool(own), who, limits or Limits(), watch)
-    checks.sort(key=lambda check: row_key(check.row))
+    checks.sort(key=lambda check: check.row.key)
     return Verification(run, len(keys), tuple(checks))
 
 
@@ -181,15 +180,12 @@ def _drawn(keys: Sequence[JobKey], sample: RowSample) -> list[JobKey]:
 
 def _scenario(row: Row, own: dict[str, Scenario], overrides: Overrides) -> tuple[Scenario | None, str]:
     """The scenario as it was driven, or why it is not to be had."""
-    absent = [name for name in ("scenario_hash", "trace_hash") if name not in row]
-    if absent:
-        return None, f"the row has no {absent[0]}: an older version wrote it"
     try:
-        found = own.get(row["scenario_id"]) or find_scenario(row["scenario_id"])
+        found = own.get(row.scenario_id) or find_scenario(row.scenario_id)
     except UnknownNameError as error:
         return None, str(error)
     scenario = overrides.applied(found)
-    if scenario.hash() != row["scenario_hash"]:
+    if scenario.hash() != row.scenario_hash:
         return None, "the scenario has changed since it was driven; verify with the version that drove it"
     return scenario, ""
 
@@ -204,8 +200,8 @@ def _driven_again(
     watch: RunProgress | None,
 ) -> list[RowCheck]:
     """Do the jobs in a folder of their own, with the experts of the run, and compare each as it ends."""
-    asked_s = run.manifest.get("plan_limit_s")
-    limits = replace(limits, plan_s=float("inf") if asked_s is None else float(asked_s))
+    asked_s = run.manifest.plan_limit_s
+    limits = replace(limits, plan_s=float("inf") if asked_s is None else asked_s)
     checks: list[RowCheck] = []
     with tempfile.TemporaryDirectory(prefix="interplan-sumo-verify-") as place:
         scratch = Path(place)
@@ -215,7 +211,7 @@ def _driven_again(
             vehicle_types = Path(shutil.copy(vehicle_types, scratch / vehicle_types.name))
         settings = DriveSettings(
             folder=scratch,
-            profile=run.manifest["profile"],
+            profile=run.manifest.profile,
             vehicle_types=vehicle_types,
             plan_limit_s=float("inf") if who.in_this_process and alarm_works() else limits.plan_s,
             own_scenarios=own,
@@ -225,63 +221,61 @@ def _driven_again(
         with contextlib.closing(drive_outcomes(tasks, settings, who, limits)) as outcomes:
             for outcome in outcomes:
                 row = run.rows[outcome.task.payload.key]
-                checks.append(_check(run, row, outcome, scratch))
+                answer, fault = drive_answer(outcome)
+                checks.append(_check(run, row, answer, fault, scratch))
                 if watch is not None:
-                    watch.finished(_seen(row, outcome))
-                if "trace" in outcome.value:
-                    shutil.rmtree(scratch / outcome.value["trace"], ignore_errors=True)
+                    watch.finished(_made_again(row, answer, fault))
+                if answer.trace is not None:
+                    shutil.rmtree(scratch / answer.trace, ignore_errors=True)
     return checks
 
 
-def _seen(row: Row, outcome: Outcome) -> Row:
-    """What a watch is told of a drive made again."""
-    fault = outcome.fault
-    return row | {
-        "score": outcome.value.get("score"),
-        "fault": None if fault is None else {"class": fault.kind, "message": fault.message},
-        "times_s": outcome.value.get("times_s", {"total": outcome.wall_s}),
-    }
+def _made_again(row: Row, answer: DriveAnswer, fault: Fault | None) -> Row:
+    """The row as the drive made again would have it, for a watch."""
+    score = None if answer.sheet is None or fault is not None else answer.sheet.score
+    return structs.replace(row, score=score, fault=fault, times_s=answer.times_s)
 
 
-def _check(run: StoredRun, row: Row, outcome: Outcome, scratch: Path) -> RowCheck:
+def _check(run: StoredRun, row: Row, answer: DriveAnswer, fault: Fault | None, scratch: Path) -> RowCheck:
     """Hold a drive made again against its row and its stored trace."""
-    value, fault = outcome.value, outcome.fault
-    made: dict[str, Any] = {"trace_hash": value.get("trace_hash"), "score": value.get("score")}
-    if row["fault"] or fault is not None:
-        reason = _fault_differs(row["fault"], fault)
-        same = f"the same {row['fault']['class']} fault" if row["fault"] else ""
-        return RowCheck(row, "differs" if reason else "equal", reason or same, **made)
-    agrees = made["trace_hash"] == row["trace_hash"]
+    score = None if answer.sheet is None else answer.sheet.score
+    check = RowCheck(row, "equal", "", answer.trace_hash, score)
+    if row.fault or fault or score is None or row.score is None:
+        reason = _fault_differs(row.fault, fault)
+        same = f"the same {row.fault.kind} fault" if row.fault else ""
+        return replace(check, verdict="differs" if reason else "equal", reason=reason or same)
+    agrees = answer.trace_hash == row.trace_hash
     stored, problem = _stored_trace(run, row)
     if not agrees:
-        if stored is None:
-            return RowCheck(row, "differs", problem, **made)
-        parted = difference(stored, Trace.read(scratch / value["trace"]))
+        if stored is None or answer.trace is None:
+            return replace(check, verdict="differs", reason=problem)
+        parted = difference(stored, Trace.read(scratch / answer.trace))
         said = "" if parted else "the drive repeats its trace file exactly: the hash in results.jsonl was changed"
-        return RowCheck(row, "differs", said, **made, difference=parted)
-    if stored is not None and stored.hash() != row["trace_hash"]:
-        return RowCheck(row, "differs", "the drive repeats its hash, its trace file does not: it was changed", **made)
+        return replace(check, verdict="differs", reason=said, difference=parted)
+    if stored is not None and stored.hash() != row.trace_hash:
+        return replace(
+            check, verdict="differs", reason="the drive repeats its hash, its trace file does not: it was changed"
+        )
     if stored is None and problem:
-        missing = not (run.path / str(row.get("trace") or "?")).is_dir()
-        return RowCheck(row, "equal" if missing else "differs", problem, **made)
-    if abs(made["score"] - row["score"]) > SCORE_BAR:
-        return RowCheck(row, "differs", f"the same drive, but its score was {row['score']:.6f}", **made)
-    return RowCheck(row, "equal", "", **made)
+        missing = not (run.path / (row.trace or "?")).is_dir()
+        return replace(check, verdict="equal" if missing else "differs", reason=problem)
+    if abs(score - row.score) > SCORE_BAR:
+        return replace(check, verdict="differs", reason=f"the same drive, but its score was {row.score:.6f}")
+    return check
 
 
-def _fault_differs(then: dict[str, str] | None, now: Any) -> str:
+def _fault_differs(then: Fault | None, now: Fault | None) -> str:
     """What is different about two endings of which at least one is a fault; empty if they are of one class."""
     if now is None:
-        assert then is not None
-        return f"it ended in a {then['class']} fault then and does not now: {then['message']}"
+        return f"it ended in a {then.kind} fault then and does not now: {then.message}" if then else ""
     if then is None:
         return f"now it ends in a {now.kind} fault: {now.message}"
-    return "" if then["class"] == now.kind else f"a {then['class']} fault then, a {now.kind} fault now: {now.message}"
+    return "" if then.kind == now.kind else f"a {then.kind} fault then, a {now.kind} fault now: {now.message}"
 
 
 def _stored_trace(run: StoredRun, row: Row) -> tuple[Trace | None, str]:
     """The trace file of a row, or why there is none."""
-    folder = run.path / str(row.get("trace") or "?")
+    folder = run.path / (row.trace or "?")
     if not folder.is_dir():
         return None, "no trace file: only the hashes were compared"
     try:

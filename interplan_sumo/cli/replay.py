@@ -68,7 +68,7 @@ def _open_in_sumo_gui(drives: Sequence[StoredDrive], folder: Path, at_s: float |
     from interplan_sumo.report.sumo_gui.folder import write_sumo_gui
 
     for drive in drives:
-        place = folder if len(drives) == 1 else folder / slug(drive.row["planner"])
+        place = folder if len(drives) == 1 else folder / slug(drive.row.planner)
         _said(write_sumo_gui(drive, place, at_s=at_s))
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from interplan_sumo import __version__
-from interplan_sumo.batch.jobs import JobKey
+from interplan_sumo.batch.records import JobKey
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.dataset.cars import Cars
@@ -181,13 +181,13 @@ def _of_run(folder: Path, left_out: Counter[str]) -> Iterable[Drive]:
     stored = StoredDrives(read_run(folder))
     for key in sorted(stored.run.rows):
         row = stored.run.rows[key]
-        if row["score"] is None or row["fault"]:
+        if row.score is None or row.fault:
             left_out["ended in a fault"] += 1
             continue
         scenario = stored.scenario(row)
         yield Drive(
             "run", folder.resolve().name, scenario, find_map(scenario.map, scenario.maps_beside), key[1], key[2],
-            row["score"], row["trace_hash"], row.get("versions", {}).get("interplan_sumo", ""), folder.resolve(), key,
+            row.score, row.trace_hash or "", row.versions.get("interplan_sumo", ""), folder.resolve(), key,
         )  # fmt: skip
 
 

@@ -18,8 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from interplan_sumo.batch.engine import run_tasks
-from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import Brief, JobKey, Row
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.shared_phase import Publish
@@ -78,13 +77,13 @@ class _Told:
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say, self._done, self._jobs = say, 0, 0
 
-    def begin(self, jobs: int, done: Iterable[Row]) -> None:
+    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
         self._jobs, self._done = jobs, sum(1 for _ in done)
 
     def finished(self, row: Row) -> None:
         self._done += 1
-        came_to = row["fault"]["class"] + " fault" if row["fault"] else f"{row['score']:.2f}"
-        self._say(f"[{self._done}/{self._jobs}] {row['scenario_id']}, {row['planner']}: {came_to}")
+        came_to = row.fault.kind + " fault" if row.fault else f"{row.score:.2f}"
+        self._say(f"[{self._done}/{self._jobs}] {row.scenario_id}, {row.planner}: {came_to}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +226,7 @@ def _shared_out(scenes: Sequence[Scenario], experts: tuple[str, str]) -> dict[st
 def _surveyed(request: OrdinaryRequest, folder: Path) -> Iterator[tuple[JobKey, list[Offer]]]:
     """What each clean drive of a run folder offers, in order."""
     rows = read_run(folder).rows
-    clean = [key for key in sorted(rows) if rows[key]["score"] is not None and rows[key]["score"] >= request.min_score]
+    clean = [key for key in sorted(rows) if (rows[key].score or 0.0) >= request.min_score and not rows[key].fault]
     work = partial(_open, folder.resolve(), exporting.frames_in(EVERY_S))
     tasks = [Task(key, "survey", key) for key in clean]
     found: dict[JobKey, list[Offer]] = {}
@@ -265,8 +264,8 @@ def _offered(folder: Path, surveyed: tuple[JobKey, list[Offer]], seed: int) -> I
             yield _Offered(
                 Drive(
                     "run", f"{DRIVEN}/{folder.name}", scenario, find_map(host.map, host.maps_beside),
-                    cars.SUMO if offer.car else key[1], seed, row["score"], row["trace_hash"],
-                    row["versions"]["interplan_sumo"], folder.resolve(), key, offer.car,
+                    cars.SUMO if offer.car else key[1], seed, row.score, row.trace_hash or "",
+                    row.versions["interplan_sumo"], folder.resolve(), key, offer.car,
                 ),
                 offer,
             )  # fmt: skip

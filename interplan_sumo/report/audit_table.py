@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from interplan_sumo.batch.run_folder import Row
+from interplan_sumo.batch.records import Row
 from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.verification.audit import ASKED, DEFECTS, AuditFinding
 
@@ -29,7 +29,7 @@ def audit_entry(
             {
                 "scenario_id": each.scenario_id,
                 "class": each.kind,
-                "score": round(100.0 * row["score"], 1),
+                "score": round(100.0 * (row.score or 0.0), 1),
                 "details": list(each.details),
                 "lost": lost_points(row),
             }

@@ -8,8 +8,7 @@ from math import sqrt
 
 import numpy as np
 
-from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.results import Brief, Row
+from interplan_sumo.batch.records import Brief, JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.report.failure_reasons import fault_sentence, metric_sentence
@@ -102,10 +101,10 @@ def compare(
     scoring version; InputError if the planner is not told.
     """
     for what, way_out in WAY_OUT.items():
-        if run_a.manifest[what] != run_b.manifest[what]:
+        held, other = (getattr(each.manifest, what) for each in (run_a, run_b))
+        if held != other:
             raise RunFolderError(
-                f"{run_a.path} has {what.replace('_', ' ')} {run_a.manifest[what]}, {run_b.path} has "
-                f"{run_b.manifest[what]}; {way_out}"
+                f"{run_a.path} has {what.replace('_', ' ')} {held}, {run_b.path} has {other}; {way_out}"
             )
     sure_a, sure_b = _sure_planner(run_a, planner_a), _sure_planner(run_b, planner_b)
     planner_a = sure_a or _same_planner(run_a, sure_b, "a")
@@ -127,8 +126,8 @@ def compare(
     return Comparison(
         a=f"{run_a.path.name}: {planner_label(planner_a, run_a)}",
         b=f"{run_b.path.name}: {planner_label(planner_b, run_b)}",
-        suite=run_a.manifest["suite"],
-        profile=run_a.manifest["profile"],
+        suite=run_a.manifest.suite,
+        profile=run_a.manifest.profile,
         overall=_share(changes),
         families={family: _share(members) for family, members in families.items()},
         changes=tuple(sorted(changes, key=lambda c: (-abs(c.difference), c.scenario_id, c.seed))),
@@ -177,16 +176,12 @@ def _change(
 
 def _lost(worse: Row, better: Row) -> str:
     """Why one drive of a scenario scored less than the other: its fault, else the metrics that it did worse in."""
-    if worse["fault"]:
+    if worse.fault:
         return fault_sentence(worse)
-    judged = {} if better["fault"] else {name: better["metrics"][name]["score"] for name in _judged(better)}
-    names = [name for name in _judged(worse) if worse["metrics"][name]["score"] < judged.get(name, 1.0)]
-    gates = [name for name in names if name in worse["gates"]]
+    judged = {} if better.fault else better.judged
+    names = [name for name, score in worse.judged.items() if score < judged.get(name, 1.0)]
+    gates = [name for name in names if name in worse.gates]
     return "; ".join(metric_sentence(worse, name) for name in gates or names) or "other weights"
-
-
-def _judged(row: Row) -> tuple[str, ...]:
-    return (*row["gates"], *row["weights"])
 
 
 def _share(changes: Sequence[ScoreChange]) -> GroupComparison:

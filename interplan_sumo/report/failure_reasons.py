@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from interplan_sumo.batch.run_folder import Row
+from interplan_sumo.batch.records import Row
 from interplan_sumo.metrics.metric import failure_words
 
 LEAST_LOSS = 0.0005
@@ -11,27 +11,26 @@ LEAST_LOSS = 0.0005
 
 def why_lost(row: Row) -> list[str]:
     """A sentence for the fault, for each gate that took points, or for a score of zero without any; else nothing."""
-    if row["fault"]:
+    if row.fault:
         return [fault_sentence(row)]
-    lost = [metric_sentence(row, name) for name in row["gates"] if row["metrics"][name]["score"] < 1.0]
-    return lost or (["every weighted metric is zero"] if row["score"] == 0.0 else [])
+    lost = [metric_sentence(row, name) for name in row.gates if row.judged[name] < 1.0]
+    return lost or (["every weighted metric is zero"] if row.score == 0.0 else [])
 
 
 def lost_points(row: Row) -> list[str]:
     """A sentence for the fault, or for each judged metric that lost points, gates first."""
-    if row["fault"]:
+    if row.fault:
         return [fault_sentence(row)]
-    judged = (*row["gates"], *row["weights"])
-    return [metric_sentence(row, name) for name in judged if row["metrics"][name]["score"] < 1.0 - LEAST_LOSS]
+    return [metric_sentence(row, name) for name, score in row.judged.items() if score < 1.0 - LEAST_LOSS]
 
 
 def fault_sentence(row: Row) -> str:
     """Whose fault, and what happened."""
-    return f"{row['fault']['class']} fault: {row['fault']['message']}"
+    return f"{row.fault.kind} fault: {row.fault.message}" if row.fault else ""
 
 
 def metric_sentence(row: Row, name: str) -> str:
     """What a metric of the row says about the points it lost."""
     title = failure_words(name)
-    reason = row["metrics"][name].get("reason")
+    reason = row.metrics[name].reason
     return f"{title}: {reason}" if reason else title

@@ -160,13 +160,13 @@ class _Stage:
         self._axes = _axes(figure, (0.0, bottom / total, 1.0, height / total), shot.view(0, 1.0))
         self._top = total - bottom - height
         row = shot.drive.row
-        score = "no score" if row["score"] is None else f"{100.0 * row['score']:.0f}"
+        score = "no score" if row.score is None else f"{100.0 * row.score:.0f}"
         upper, lower = ((bottom + height + share * strip) / total for share in (0.7, 0.27))
         edge = 12.0 / width
         said: dict[str, Any] = {"va": "center", "color": INK}
-        figure.text(edge, upper, row["scenario_id"], fontsize=13, weight="bold", **said)
+        figure.text(edge, upper, row.scenario_id, fontsize=13, weight="bold", **said)
         self._time = figure.text(1.0 - edge, upper, "", fontsize=12, ha="right", family="monospace", **said)
-        planner = row["planner"]
+        planner = row.planner
         if len(planner) > PLANNER_CHARS:
             planner = f"{planner[: PLANNER_CHARS - 1]}\N{HORIZONTAL ELLIPSIS}"
         who = figure.text(edge, lower, f"{planner}, score {score}", fontsize=12, **said)

@@ -12,7 +12,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table as Grid
 from rich.text import Text
 
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import Row
 from interplan_sumo.report.failure_reasons import fault_sentence, lost_points, why_lost
 from interplan_sumo.report.paper_comparison import SOURCE, agreement, published_figure, published_rows
 from interplan_sumo.report.table import COLUMNS, ORDINARY, Cell, Column, Line, ResultsTable
@@ -31,16 +31,20 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
             "scenarios": line.scenarios,
             "seeds": line.seeds,
             "official": line.official,
-            "overrides": dict(line.overrides),
+            "overrides": line.overrides.texts(),
             "faults": dict(line.faults),
             **({"questions": line.questions, "unanswered": line.unanswered} if line.questions else {}),
-            "fault_list": [{"scenario_id": r["scenario_id"], "seed": r["seed"], **r["fault"]} for r in line.faulty],
+            "fault_list": [
+                {"scenario_id": r.scenario_id, "seed": r.seed, "class": r.fault.kind, "message": r.fault.message}
+                for r in line.faulty
+                if r.fault
+            ],
             "missing": [{"scenario_id": scenario, "seed": seed} for scenario, _, seed in line.missing],
             "drives": [
                 {
-                    "scenario_id": r["scenario_id"],
-                    "family": r["family"],
-                    "seed": r["seed"],
+                    "scenario_id": r.scenario_id,
+                    "family": r.family,
+                    "seed": r.seed,
                     "score": _rounded(_percent(r)),
                     "lost": lost_points(r),
                 }
@@ -54,7 +58,7 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
             },
         }
         if why:
-            row["why"] = [{"scenario_id": r["scenario_id"], "seed": r["seed"], "reason": s} for r, s in reasons(line)]
+            row["why"] = [{"scenario_id": r.scenario_id, "seed": r.seed, "reason": s} for r, s in reasons(line)]
         rows.append(row)
     report: dict[str, Any] = {
         "suite": table.suite,
@@ -209,11 +213,11 @@ def _drive(row: Row) -> str:
 
 
 def _percent(row: Row) -> float | None:
-    return None if row["score"] is None else 100.0 * row["score"]
+    return None if row.score is None else 100.0 * row.score
 
 
 def _name(row: Row) -> str:
-    return f"{row['scenario_id']}, {row['planner']}, seed {row['seed']}"
+    return f"{row.scenario_id}, {row.planner}, seed {row.seed}"
 
 
 def _rounded(value: float | None) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from interplan_sumo.batch.run_folder import Row
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult, lost_frame
@@ -53,7 +53,7 @@ def lost_moments(facts: Facts, sheet: ScoreSheet, row: Row) -> tuple[KeyEvent, .
         if _loss(result) >= LEAST_LOSS:
             frame = lost_frame(name, facts, result)
             found.append(_moment(facts, frame, name, result.reason or "points were lost"))
-    if row["fault"]:
+    if row.fault:
         found.append(_moment(facts, facts.frames - 1, FAULT, fault_sentence(row)))
     return tuple(sorted(found, key=lambda moment: moment.frame))
 

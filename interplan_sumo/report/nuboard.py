@@ -18,7 +18,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import MetricRecord, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.table import ResultsTable, make_table
@@ -31,8 +31,6 @@ FINAL: Final = "final_score"
 
 Kind = Literal["BOOLEAN", "COUNT", "MAX", "MIN", "MEAN", "P90", "RATIO", "VALUE"]
 """nuPlan's types of statistics."""
-Found = Mapping[str, Any]
-"""One metric of a row: score, detail, reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +40,7 @@ class Statistic:
     name: str
     kind: Kind
     unit: str
-    value: Callable[[Found], float | bool | None]
+    value: Callable[[MetricRecord], float | bool | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,19 +54,19 @@ class NuBoardMetric:
     category: str = "Planning"
 
 
-def _score(found: Found) -> float | None:
-    return found["score"]
+def _score(found: MetricRecord) -> float | None:
+    return found.score
 
 
-def _full(found: Found) -> bool | None:
-    return None if found["score"] is None else found["score"] >= 1.0
+def _full(found: MetricRecord) -> bool | None:
+    return None if found.score is None else found.score >= 1.0
 
 
-def _detail(*keys: str, missing: float | None = None) -> Callable[[Found], float | bool | None]:
+def _detail(*keys: str, missing: float | None = None) -> Callable[[MetricRecord], float | bool | None]:
     """A figure of the detail; `missing` stands in where it has none."""
 
-    def value(found: Found) -> float | bool | None:
-        at: Any = found["detail"]
+    def value(found: MetricRecord) -> float | bool | None:
+        at: Any = found.detail
         for key in keys:
             at = at.get(key) if isinstance(at, Mapping) else None
         return missing if at is None else at
@@ -221,31 +219,30 @@ class _Drive:
     log: str
     """The map: nuBoard sorts scenarios by logs."""
     score: float
-    metrics: Mapping[str, Found]
+    metrics: Mapping[str, MetricRecord]
 
     @classmethod
     def of(cls, row: Row, label: str) -> _Drive:
-        seed = f"-seed{row['seed']}" if row["seed"] else ""
-        site = row.get("site") or ""
-        scenario = row["scenario_id"].replace("/", "_") + seed
-        return cls(label, row["family"], scenario, site.partition("/")[0] or "-", float(row["score"]), row["metrics"])
+        seed = f"-seed{row.seed}" if row.seed else ""
+        scenario = row.scenario_id.replace("/", "_") + seed
+        return cls(label, row.family, scenario, row.site.partition("/")[0] or "-", row.score or 0.0, row.metrics)
 
     def scored(self, metric: NuBoardMetric) -> float | None:
         """The score of a metric that is there."""
         found = self.metrics.get(metric.source) if metric.has_score else None
-        return None if found is None else found["score"]
+        return None if found is None else found.score
 
 
 def _scored(table: ResultsTable) -> Iterator[_Drive]:
     for line in table.lines:
-        yield from (_Drive.of(row, line.label) for row in line.rows if row["score"] is not None)
+        yield from (_Drive.of(row, line.label) for row in line.rows if row.score is not None)
 
 
 def _metric_table(metric: NuBoardMetric, drives: Sequence[_Drive]) -> pa.Table | None:
     """The drives that were judged by a metric, with those statistics that all of them have; None if there is none."""
     there = [(drive, drive.metrics[metric.source]) for drive in drives if metric.source in drive.metrics]
     if metric.has_score:
-        there = [(drive, found) for drive, found in there if found["score"] is not None]
+        there = [(drive, found) for drive, found in there if found.score is not None]
     values = {each: [each.value(found) for _, found in there] for each in metric.statistics}
     whole = {each: column for each, column in values.items() if None not in column}
     if not there or not whole:

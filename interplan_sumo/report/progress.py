@@ -12,7 +12,8 @@ from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from interplan_sumo.batch.run_folder import Row
+from interplan_sumo.batch.records import Brief, Row
+from interplan_sumo.report.failure_reasons import fault_sentence
 
 PLAIN_EVERY_S = 10.0
 SHARES = (("SUMO", ("simulation", "setup")), ("planner", ("planner",)), ("metrics", ("scoring",)))
@@ -21,29 +22,29 @@ SHARES = (("SUMO", ("simulation", "setup")), ("planner", ("planner",)), ("metric
 class Tally:
     """What is known while a run goes on: counts, rate, mean score, faults and where the time goes."""
 
-    def __init__(self, jobs: int, done: Iterable[Row]) -> None:
+    def __init__(self, jobs: int, done: Iterable[Brief]) -> None:
         self.jobs = jobs
         self.done = 0
         self._scored = 0
         self._score_sum = 0.0
         self._faults: Counter[str] = Counter()
         self._times_s: Counter[str] = Counter()
-        for row in done:
-            self._count(row)
+        for brief in done:
+            self._count(brief.score, brief.fault)
         self._before = self.done
         self._began_s = time.monotonic()
 
     def add(self, row: Row) -> None:
-        self._count(row)
-        self._times_s.update(row["times_s"])
+        self._count(row.score, row.fault and row.fault.kind)
+        self._times_s.update(row.times_s)
 
-    def _count(self, row: Row) -> None:
+    def _count(self, score: float | None, fault: str | None) -> None:
         self.done += 1
-        if row["score"] is not None:
+        if score is not None:
             self._scored += 1
-            self._score_sum += row["score"]
-        if row["fault"]:
-            self._faults[row["fault"]["class"]] += 1
+            self._score_sum += score
+        if fault:
+            self._faults[fault] += 1
 
     @property
     def per_s(self) -> float:
@@ -90,7 +91,7 @@ class PlainProgress:
         if self._tally.done != self._said_done:
             self._sum_up()
 
-    def begin(self, jobs: int, done: Iterable[Row]) -> None:
+    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
         self._tally = Tally(jobs, done)
         before = self._said_done = self._tally.done
         resumed = f", {before} of them done already" if before else ""
@@ -98,7 +99,7 @@ class PlainProgress:
 
     def finished(self, row: Row) -> None:
         self._tally.add(row)
-        if row["fault"]:
+        if row.fault:
             self._say(_fault(row))
         if time.monotonic() - self._said_s >= PLAIN_EVERY_S:
             self._sum_up()
@@ -142,14 +143,14 @@ class LiveProgress:
         if self._tally is not None:
             self._say(f"{self._tally.done}/{self._tally.jobs} done; {self._tally.summary}")
 
-    def begin(self, jobs: int, done: Iterable[Row]) -> None:
+    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
         tally = self._tally = Tally(jobs, done)
         self._bar.update(self._job, total=jobs, completed=tally.done)
 
     def finished(self, row: Row) -> None:
         assert self._tally is not None, "a job ended before the run began"
         self._tally.add(row)
-        if row["fault"]:
+        if row.fault:
             self._say(_fault(row), style="yellow")
         self._bar.update(self._job, completed=self._tally.done, description=f"{self._tally.left} left")
 
@@ -158,5 +159,4 @@ class LiveProgress:
 
 
 def _fault(row: Row) -> str:
-    fault = row["fault"]
-    return f"{row['scenario_id']}, {row['planner']}, seed {row['seed']}: {fault['class']} fault: {fault['message']}"
+    return f"{row.scenario_id}, {row.planner}, seed {row.seed}: {fault_sentence(row)}"

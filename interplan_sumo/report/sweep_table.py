@@ -5,19 +5,18 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table as Grid
 from rich.text import Text
 
-from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.batch.sweep import Parameter, Result
 from interplan_sumo.report.compare import mean_interval
 from interplan_sumo.report.failure_reasons import fault_sentence
@@ -44,18 +43,18 @@ class Measure:
 
 
 def _score(row: Row) -> float:
-    return 100.0 * float(row["score"])
+    return 100.0 * (row.score or 0.0)
 
 
 def _goal_reached(row: Row) -> float:
-    return 0.0 if row["fault"] else 100.0 * bool(row.get("reached_goal"))
+    return 0.0 if row.fault else 100.0 * row.reached_goal
 
 
 def _goal_lane(row: Row) -> float | None:
     """Of lane-change scenarios only: elsewhere hardly anybody misses it."""
-    if row["family"] not in LANE_CHANGES:
+    if row.family not in LANE_CHANGES:
         return None
-    return 0.0 if row["fault"] else 100.0 * bool(row["metrics"]["lane_changes"]["detail"]["goal"])
+    return 0.0 if row.fault else 100.0 * bool(row.metrics["lane_changes"].detail["goal"])
 
 
 def _at_fault(row: Row) -> float | None:
@@ -81,7 +80,7 @@ def _hard_braking_behind(row: Row) -> float | None:
 
 def _detail(row: Row, metric: str) -> dict[str, Any] | None:
     """What a metric found; None where there is none, as after a fault."""
-    return row["metrics"].get(metric, {}).get("detail") or None
+    return row.metrics[metric].detail or None if metric in row.metrics else None
 
 
 MEASURES = (
@@ -151,9 +150,9 @@ def _line(result: Result, planner: str) -> SweepLine:
             continue
         row = runs[key].rows[key]
         figures.add((key[0], key[2], _figures_of(row)))
-        if row["fault"]:
-            faults[row["fault"]["class"]] += 1
-        if row["score"] is None:
+        if row.fault:
+            faults[row.fault.kind] += 1
+        if row.score is None:
             first_failure = first_failure or fault_sentence(row)
             continue
         for measure in MEASURES:
@@ -179,9 +178,9 @@ def _figures_of(row: Row) -> str:
 
     Trace hashes would not do: a trace holds the names of the vehicle types, and so of their file.
     """
-    metrics = {name: metric for name, metric in row["metrics"].items() if name != "diagnostics"}
-    text = json.dumps([row["score"], row["fault"], metrics, _braking_behind(row)], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    metrics = {name: metric for name, metric in row.metrics.items() if name != "diagnostics"}
+    text = msgspec.json.encode([row.score, row.fault, metrics, _braking_behind(row)], order="sorted")
+    return hashlib.sha256(text).hexdigest()
 
 
 def _mean(by_scenario: Mapping[str, Sequence[float]]) -> Mean | None:

@@ -10,8 +10,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_sumo.batch.jobs import JobKey
-from interplan_sumo.batch.results import Brief, Row
+from interplan_sumo.batch.records import AppliedOverrides, Brief, JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.scenario.ordinary import TYPES
@@ -129,7 +128,7 @@ class Line:
 
     label: str
     planner: str
-    overrides: Mapping[str, str]
+    overrides: AppliedOverrides
     cells: Mapping[str, Cell]
     scenarios: int
     seeds: int
@@ -211,17 +210,17 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
     for group in (others, ordinary):
         _check_agree(group, "suite", "suite_hash")
     first = (others or ordinary)[0].manifest
-    beside = ordinary[0].manifest["suite"] if others and ordinary else None
-    return ResultsTable(first["suite"], beside, first["profile"], tuple(_lines(driven)))
+    beside = ordinary[0].manifest.suite if others and ordinary else None
+    return ResultsTable(first.suite, beside, first.profile, tuple(_lines(driven)))
 
 
 def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
     for run in runs[1:]:
         for what in shared:
-            if run.manifest[what] != runs[0].manifest[what]:
+            held, other = (getattr(each.manifest, what) for each in (run, runs[0]))
+            if held != other:
                 raise RunFolderError(
-                    f"{run.path} has {what} {run.manifest[what]}, {runs[0].path} has {runs[0].manifest[what]}; "
-                    "report them separately"
+                    f"{run.path} has {what} {held}, {runs[0].path} has {other}; report them separately"
                 )
 
 
@@ -238,12 +237,12 @@ def _lines(driven: Sequence[_Driven]) -> Iterator[Line]:
 
 def planners_of(run: StoredRun) -> list[str]:
     """The planners that a run was asked for, in order."""
-    return list(dict.fromkeys(planner for request in run.manifest["requests"] for planner in request["planners"]))
+    return list(dict.fromkeys(planner for request in run.manifest.requests for planner in request.planners))
 
 
 def planner_label(planner: str, run: StoredRun) -> str:
     """A planner and how its traffic was changed, as tables name it."""
-    overrides = run.manifest["overrides"]
+    overrides = run.manifest.overrides.texts()
     said = ", ".join(f"{key}={value.partition(' ')[0]}" for key, value in overrides.items())
     return f"{planner} [{said}]" if said else planner
 
@@ -255,7 +254,7 @@ def _family(key: JobKey, briefs: Mapping[JobKey, Brief]) -> str:
 
 def _line(driven: Sequence[_Driven], planner: str, label: str) -> Line:
     """What a planner did in runs that share no scenario; the first of them says how many scenarios and seeds."""
-    first, overrides = driven[0], driven[0].run.manifest["overrides"]
+    first, overrides = driven[0], driven[0].run.manifest.overrides
     scenarios: dict[str, _Scenario] = {}
     rows: list[tuple[Mapping[JobKey, Row], JobKey]] = []
     faulty: list[tuple[Mapping[JobKey, Row], JobKey]] = []

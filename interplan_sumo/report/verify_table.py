@@ -28,14 +28,14 @@ def verification_json(found: Verification) -> dict[str, Any]:
 def _check_json(check: RowCheck) -> dict[str, Any]:
     row, parted = check.row, check.difference
     return {
-        "scenario_id": row["scenario_id"],
-        "planner": row["planner"],
-        "seed": row["seed"],
+        "scenario_id": row.scenario_id,
+        "planner": row.planner,
+        "seed": row.seed,
         "verdict": check.verdict,
         "reason": check.reason or None,
-        "trace_hash": row.get("trace_hash"),
+        "trace_hash": row.trace_hash,
         "trace_hash_now": check.trace_hash,
-        "score": row["score"],
+        "score": row.score,
         "score_now": check.score,
         "difference": None
         if parted is None
@@ -88,11 +88,11 @@ def verification_text(found: Verification) -> RenderableType:
 
 def _cells(check: RowCheck) -> dict[str, Text]:
     row, parted = check.row, check.difference
-    score, now = (f"{100.0 * each:.1f}" if each is not None else "-" for each in (row["score"], check.score))
+    score, now = (f"{100.0 * each:.1f}" if each is not None else "-" for each in (row.score, check.score))
     cells = {
-        "scenario": row["scenario_id"],
-        "planner": row["planner"],
-        "seed": str(row["seed"]),
+        "scenario": row.scenario_id,
+        "planner": row.planner,
+        "seed": str(row.seed),
         "verdict": check.verdict,
         "differs from": "" if parted is None else f"frame {parted.frame}, {parted.time_s:.1f} s",
         "largest": "" if parted is None else f"{parted.largest_m:.3g} m",
@@ -113,4 +113,4 @@ def _reason(check: RowCheck) -> str:
 
 
 def _name(check: RowCheck) -> str:
-    return f"{check.row['scenario_id']}, {check.row['planner']}, seed {check.row['seed']}"
+    return f"{check.row.scenario_id}, {check.row.planner}, seed {check.row.seed}"

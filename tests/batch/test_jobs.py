@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.batch.jobs import Overrides, chosen, jobs_for, keys_of
+from interplan_sumo.batch.jobs import Overrides, chosen, jobs_for
+from interplan_sumo.batch.records import AppliedOverrides, keys_of
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
+from tests.records import asked
 
 
 def scenario(name: str, density: str = "none", oncoming: str = "none") -> Scenario:
@@ -33,9 +35,7 @@ def test_jobs_are_every_planner_on_every_scenario_with_every_seed_once() -> None
 
 
 def test_requests_that_overlap_ask_for_each_job_once() -> None:
-    first = {"planners": ["idm"], "scenarios": ["a", "b"], "seeds": 1}
-    second = {"planners": ["idm", "pdm"], "scenarios": ["a"], "seeds": 2}
-    assert keys_of([first, second]) == [
+    assert keys_of([asked("idm", "a b"), asked("idm pdm", "a", 2)]) == [
         ("a", "idm", 0), ("b", "idm", 0), ("a", "idm", 1), ("a", "pdm", 0), ("a", "pdm", 1),
     ]  # fmt: skip
 
@@ -75,7 +75,7 @@ def test_a_vehicle_type_file_counts_by_name_and_content(tmp_path: Path) -> None:
         (tmp_path / folder / "my.xml").write_text(content)
     said = [Overrides(vehicle_types=tmp_path / f / "my.xml").canonical() for f in ("one", "two", "three")]
     assert said[0] == said[1] != said[2]
-    assert said[0]["traffic"].startswith("my.xml sha256:")
+    assert str(said[0].traffic).startswith("my.xml sha256:")
 
 
 def test_a_vehicle_type_file_that_is_missing_is_named(tmp_path: Path) -> None:
@@ -107,4 +107,4 @@ def test_traffic_and_behaviour_together_are_refused() -> None:
 
 def test_no_override_is_official() -> None:
     assert not Overrides.parse([])
-    assert Overrides.parse([]).canonical() == {}
+    assert Overrides.parse([]).canonical() == AppliedOverrides()

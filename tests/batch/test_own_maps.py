@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from interplan_sumo.batch.jobs import ScenarioSource, own_maps
+from interplan_sumo.batch.records import JobKey
 from interplan_sumo.batch.rescore import rescore
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
@@ -37,8 +38,8 @@ def driven(file: Path, out: Path, workers: int = 0, planners: Sequence[str] = ("
     return run(RunRequest(planners=tuple(planners), folder=out, scenarios=(str(file),), workers=workers))
 
 
-def hashes(stored: StoredRun) -> dict[object, tuple[str, float]]:
-    return {key: (row["trace_hash"], row["score"]) for key, row in stored.rows.items()}
+def hashes(stored: StoredRun) -> dict[JobKey, object]:
+    return {key: (row.trace_hash, row.score) for key, row in stored.rows.items()}
 
 
 def test_a_moved_folder_gives_the_same_drives_in_any_number_of_processes(folder: Path, tmp_path: Path) -> None:
@@ -46,8 +47,8 @@ def test_a_moved_folder_gives_the_same_drives_in_any_number_of_processes(folder:
     shutil.copytree(folder, tmp_path / "elsewhere")
     there = driven(tmp_path / "elsewhere" / "scenarios.yaml", tmp_path / "there", workers=2)
     assert hashes(here) == hashes(there)
-    assert all(row["fault"] is None for row in there.rows.values())
-    assert here.manifest["suite_hash"] == there.manifest["suite_hash"]
+    assert all(row.fault is None for row in there.rows.values())
+    assert here.manifest.suite_hash == there.manifest.suite_hash
 
 
 def test_a_run_can_be_scored_again_without_the_files_that_it_came_from(folder: Path, tmp_path: Path) -> None:
@@ -155,7 +156,7 @@ def test_scenes_of_a_recording_are_driven_to_the_end_in_both_forms(tmp_path: Pat
     one = driven(file, tmp_path / "one", planners=("idm",))
     two = driven(file, tmp_path / "two", workers=2, planners=("idm",))
     assert hashes(one) == hashes(two)
-    assert [row["fault"] for row in one.rows.values()] == [None, None]
-    assert min(row["score"] for row in one.rows.values()) > 0.5
+    assert [row.fault for row in one.rows.values()] == [None, None]
+    assert min(row.score or 0.0 for row in one.rows.values()) > 0.5
     again, problems = rescore(one, "nuplan")
     assert (problems, len(again.rows)) == ([], 2)

@@ -10,6 +10,7 @@ import pytest
 
 from interplan_sumo.batch.custom_references import own_expert
 from interplan_sumo.batch.jobs import Overrides, ScenarioSource, split_files
+from interplan_sumo.batch.records import AppliedOverrides
 from interplan_sumo.batch.rescore import rescore
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import StoredRun
@@ -43,12 +44,12 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> StoredRun:
 
 
 def test_every_scenario_of_the_file_is_driven_and_none_is_official(stored: StoredRun) -> None:
-    assert [row["scenario_id"] for row in stored.rows.values()] == ["mine/0", "mine/1"]
+    assert [row.scenario_id for row in stored.rows.values()] == ["mine/0", "mine/1"]
     for row in stored.rows.values():
-        assert row["fault"] is None
-        assert row["score"] > 0.0
-        assert row["official"] is False
-    assert stored.manifest["suite"] == "mine.yaml"
+        assert row.fault is None
+        assert (row.score or 0.0) > 0.0
+        assert row.official is False
+    assert stored.manifest.suite == "mine.yaml"
     (line,) = make_table([stored]).lines
     assert not line.official
 
@@ -65,7 +66,7 @@ def test_progress_is_measured_against_a_drive_that_is_kept_in_the_folder(stored:
 def test_the_folder_is_scored_again_without_the_users_file(stored: StoredRun) -> None:
     scored, problems = rescore(stored, "interplan-paper")
     assert problems == []
-    assert {k: row["score"] for k, row in scored.rows.items()} == {k: row["score"] for k, row in stored.rows.items()}
+    assert {k: row.score for k, row in scored.rows.items()} == {k: row.score for k, row in stored.rows.items()}
 
 
 def test_overrides_of_own_scenarios_are_scored_again_too(tmp_path: Path, file: Path) -> None:
@@ -74,13 +75,13 @@ def test_overrides_of_own_scenarios_are_scored_again_too(tmp_path: Path, file: P
     scored, problems = rescore(found, "nuplan")
     assert problems == []
     (row,) = scored.rows.values()
-    assert row["overrides"] == {"density": "high"}
-    assert row["profile"] == "nuplan"
+    assert row.overrides == AppliedOverrides(density="high")
+    assert row.profile == "nuplan"
 
 
 def test_globs_choose_among_the_scenarios_of_the_file(tmp_path: Path, file: Path) -> None:
     found = run(request(tmp_path / "run", file, "*/1"))
-    assert [row["scenario_id"] for row in found.rows.values()] == ["mine/1"]
+    assert [row.scenario_id for row in found.rows.values()] == ["mine/1"]
     with pytest.raises(UnknownNameError, match="no scenario named 'nudge/0'"):
         run(request(tmp_path / "run", file, "nudge/0"))
 

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from interplan_sumo.batch import ray_backend
-from interplan_sumo.batch.jobs import JobKey, Overrides
+from interplan_sumo.batch.jobs import Overrides
 from interplan_sumo.batch.processes import environment
 from interplan_sumo.batch.ray_backend import RayCrew, run_on_ray
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import Brief, JobKey, Row
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
@@ -179,14 +179,14 @@ def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Interrupting:
     """A watch that has had enough after the first drive."""
 
-    def begin(self, jobs: int, done: Iterable[Row]) -> None: ...
+    def begin(self, jobs: int, done: Iterable[Brief]) -> None: ...
 
     def finished(self, row: Row) -> None:
-        raise KeyboardInterrupt(row["scenario_id"])
+        raise KeyboardInterrupt(row.scenario_id)
 
 
-def hashes(stored: StoredRun) -> dict[JobKey, tuple[str, float]]:
-    return {key: (row["trace_hash"], row["score"]) for key, row in stored.rows.items()}
+def hashes(stored: StoredRun) -> dict[JobKey, object]:
+    return {key: (row.trace_hash, row.score) for key, row in stored.rows.items()}
 
 
 def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_the_files_they_came_from(
@@ -202,7 +202,7 @@ def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_
     assert len(read_run(there.folder).rows) == 1
     done = run(there)
     assert hashes(done) == hashes(at_home)
-    assert all(row["fault"] is None for row in done.rows.values())
+    assert all(row.fault is None for row in done.rows.values())
     shutil.rmtree(tmp_path / "mine")
     found = verify(read_run(there.folder), RowSample(None), workers=0, ray="auto")
     assert [(check.verdict, check.reason) for check in found.checks] == [("equal", ""), ("equal", "")]
@@ -234,7 +234,7 @@ def test_a_drive_on_the_cluster_gives_the_hash_and_the_files_of_one_at_home(clus
     def summary(stored: StoredRun) -> list[Any]:
         (row,) = stored.rows.values()
         files = sorted(str(p.relative_to(stored.path)) for p in stored.path.glob("traces/**/*"))
-        return [row["trace_hash"], row["score"], row["gates"], Trace.read(stored.path / row["trace"]).hash(), files]
+        return [row.trace_hash, row.score, row.gates, Trace.read(stored.path / str(row.trace)).hash(), files]
 
     expected = summary(run(at_home))
     assert len(expected[0]) == 64

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from msgspec import structs
 
 from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.records import AppliedOverrides, Brief, Fault, JobKey, Row
 from interplan_sumo.batch.rescore import rescore
-from interplan_sumo.batch.results import Row
 from interplan_sumo.batch.run import RunRequest, check_inputs, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits
@@ -33,14 +34,19 @@ class Log:
 
     def __init__(self) -> None:
         self.jobs = 0
-        self.done: list[Row] = []
+        self.done: list[Brief] = []
         self.rows: list[Row] = []
 
-    def begin(self, jobs: int, done: Iterable[Row]) -> None:
+    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
         self.jobs, self.done = jobs, list(done)
 
     def finished(self, row: Row) -> None:
         self.rows.append(row)
+
+
+def fault(row: Row) -> Fault:
+    assert row.fault is not None
+    return row.fault
 
 
 def request(folder: Path, *planners: str, workers: int = 0, **changes: object) -> RunRequest:
@@ -59,8 +65,8 @@ def copied(original: StoredRun, place: Path) -> StoredRun:
     return read_run(place)
 
 
-def hashes(stored: StoredRun) -> dict[object, tuple[str, float]]:
-    return {key: (row["trace_hash"], row["score"]) for key, row in stored.rows.items()}
+def hashes(stored: StoredRun) -> dict[JobKey, object]:
+    return {key: (row.trace_hash, row.score) for key, row in stored.rows.items()}
 
 
 @pytest.mark.slow
@@ -72,24 +78,24 @@ def test_a_worker_and_this_process_give_the_same_hashes_and_scores(official: Sto
 
 def test_a_row_has_the_documented_fields(official: StoredRun) -> None:
     row = official.rows[FIRST.id, "straight_ahead", 0]
-    assert row["family"] == FIRST.family
-    assert row["fault"] is None
-    assert row["official"] is True
-    assert row["overrides"] == {}
-    assert 0.0 <= row["score"] <= 1.0
-    assert {"simulation", "planner", "scoring"} <= row["times_s"].keys()
-    assert {"interplan_sumo", "sumo", "python"} <= row["versions"].keys()
-    assert set(row["gates"]) | set(row["weights"]) <= row["metrics"].keys()
-    assert len(row["trace_hash"]) == 64
+    assert row.family == FIRST.family
+    assert row.fault is None
+    assert row.official is True
+    assert row.overrides == AppliedOverrides()
+    assert row.score is not None
+    assert {"simulation", "planner", "scoring"} <= row.times_s.keys()
+    assert {"interplan_sumo", "sumo", "python"} <= row.versions.keys()
+    assert set(row.gates) | set(row.weights) <= row.metrics.keys()
+    assert len(row.trace_hash or "") == 64
 
 
 def test_a_trace_opens_in_one_line_of_pandas(official: StoredRun) -> None:
     row = official.rows[FIRST.id, "straight_ahead", 0]
-    ego = pd.read_parquet(official.path / row["trace"] / "ego.parquet")
+    ego = pd.read_parquet(official.path / str(row.trace) / "ego.parquet")
     assert {"time_us", "x", "y", "heading"} <= set(ego.columns)
-    about = json.loads((official.path / row["trace"] / "scenario.json").read_text())
-    assert about["scenario_hash"] == row["scenario_hash"] == FIRST.hash()
-    assert about["trace_hash"] == row["trace_hash"]
+    about = json.loads((official.path / str(row.trace) / "scenario.json").read_text())
+    assert about["scenario_hash"] == row.scenario_hash == FIRST.hash()
+    assert about["trace_hash"] == row.trace_hash
 
 
 @pytest.mark.parametrize(
@@ -108,9 +114,9 @@ def test_a_trace_opens_in_one_line_of_pandas(official: StoredRun) -> None:
 def test_a_planner_that_misbehaves_is_a_named_fault_and_a_zero(name: str, words: str, tmp_path: Path) -> None:
     stored = run(request(tmp_path, f"{RUDE}:{name}", limits=Limits(plan_s=0.5)))
     (row,) = stored.rows.values()
-    assert row["fault"]["class"] == "planner"
-    assert words in row["fault"]["message"]
-    assert row["score"] == 0.0
+    assert fault(row).kind == "planner"
+    assert words in fault(row).message
+    assert row.score == 0.0
     assert stored.missing == []
 
 
@@ -127,10 +133,10 @@ def test_planners_that_take_their_process_down_leave_the_others_unharmed(tmp_pat
     limits = Limits(plan_s=1.0, grace_s=0.0)
     stored = run(request(tmp_path, *(f"{RUDE}:{n}" for n in names), workers=2, limits=limits))
     rows = {planner.partition(":")[2]: row for (_, planner, _), row in stored.rows.items()}
-    assert rows["Steady"]["fault"] is None
-    assert rows["Steady"]["trace_hash"] is not None
-    messages = {name: rows[name]["fault"]["message"] for name in names[1:]}
-    assert {rows[name]["fault"]["class"] for name in names[1:]} == {"planner"}
+    assert rows["Steady"].fault is None
+    assert rows["Steady"].trace_hash is not None
+    messages = {name: fault(rows[name]).message for name in names[1:]}
+    assert {fault(rows[name]).kind for name in names[1:]} == {"planner"}
     assert "exited with code 3" in messages["ExitsHard"]
     assert "took longer than 1 s" in messages["Hangs"]
 
@@ -151,8 +157,8 @@ def test_seeds_may_be_added_and_differ_in_traffic_only(official: StoredRun, tmp_
     stored = run(request(place, "straight_ahead", seeds=2), log)
     assert len(log.rows) == 1
     one, two = (stored.rows[FIRST.id, "straight_ahead", seed] for seed in (0, 1))
-    assert one["trace_hash"] != two["trace_hash"]
-    assert one["scenario_hash"] == two["scenario_hash"]
+    assert one.trace_hash != two.trace_hash
+    assert one.scenario_hash == two.scenario_hash
 
 
 def test_overridden_traffic_is_marked_and_kept_apart(official: StoredRun, tmp_path: Path) -> None:
@@ -161,9 +167,9 @@ def test_overridden_traffic_is_marked_and_kept_apart(official: StoredRun, tmp_pa
         run(request(copied(official, tmp_path / "run").path, "straight_ahead", overrides=overrides))
     stored = run(request(tmp_path / "other", "straight_ahead", overrides=overrides))
     (row,) = stored.rows.values()
-    assert row["official"] is False
-    assert row["overrides"] == {"density": "medium", "behaviour": "assertive"}
-    assert row["scenario_hash"] != FIRST.hash()
+    assert row.official is False
+    assert row.overrides == AppliedOverrides("medium", "assertive")
+    assert row.scenario_hash != FIRST.hash()
     again, problems = rescore(stored, "interplan-paper")
     assert problems == []
     assert hashes(again) == hashes(stored)
@@ -174,9 +180,9 @@ def test_a_vehicle_type_file_of_ones_own_replaces_the_traffic(official: StoredRu
     mine.write_text('<routes><vType id="traffic" maxSpeed="3" tau="3"/></routes>')
     stored = run(request(tmp_path / "run", "straight_ahead", overrides=Overrides(vehicle_types=mine)))
     (row,) = stored.rows.values()
-    assert row["official"] is False
-    assert row["overrides"]["traffic"].startswith("mine.xml sha256:")
-    assert row["trace_hash"] != official.rows[FIRST.id, "straight_ahead", 0]["trace_hash"]
+    assert row.official is False
+    assert str(row.overrides.traffic).startswith("mine.xml sha256:")
+    assert row.trace_hash != official.rows[FIRST.id, "straight_ahead", 0].trace_hash
     mine.write_text('<routes><vType id="traffic" maxSpeed="4" tau="3"/></routes>')
     with pytest.raises(RunFolderError, match="with overrides traffic"):
         run(request(tmp_path / "run", "straight_ahead", overrides=Overrides(vehicle_types=mine)))
@@ -191,8 +197,8 @@ def test_scoring_again_gives_the_same_scores_without_simulating(official: Stored
 def test_another_profile_has_its_own_terms(official: StoredRun) -> None:
     again, problems = rescore(official, "nuplan")
     assert problems == []
-    assert again.manifest["profile"] == "nuplan"
-    assert all("lane_changes" not in row["weights"] for row in again.rows.values())
+    assert again.manifest.profile == "nuplan"
+    assert all("lane_changes" not in row.weights for row in again.rows.values())
     with pytest.raises(UnknownNameError, match="Did you mean 'nuplan'"):
         rescore(official, "nuplam")
 
@@ -201,14 +207,14 @@ def test_a_planners_fault_stays_a_zero_under_any_profile(tmp_path: Path) -> None
     stored = run(request(tmp_path, f"{RUDE}:Raises"))
     again, problems = rescore(stored, "nuplan")
     assert problems == []
-    assert [row["score"] for row in again.rows.values()] == [0.0]
+    assert [row.score for row in again.rows.values()] == [0.0]
 
 
 @pytest.mark.parametrize("damage", ["missing", "truncated", "of another drive", "foreign", "older"])
 def test_a_damaged_trace_is_named_and_the_rest_is_scored(damage: str, official: StoredRun, tmp_path: Path) -> None:
     stored = copied(official, tmp_path / "run")
     first, *others = stored.rows.values()
-    place = stored.path / first["trace"]
+    place = stored.path / str(first.trace)
     if damage == "missing":
         (place / "ego.parquet").unlink()
     elif damage == "truncated":
@@ -220,7 +226,7 @@ def test_a_damaged_trace_is_named_and_the_rest_is_scored(damage: str, official: 
         pd.read_parquet(place / "ego.parquet").drop(columns=["center_x"]).to_parquet(place / "ego.parquet")
     else:
         shutil.rmtree(place)
-        shutil.copytree(stored.path / others[0]["trace"], place)
+        shutil.copytree(stored.path / str(others[0].trace), place)
     again, problems = rescore(stored, "interplan-paper")
     assert len(problems) == 1
     assert str(place) in problems[0]
@@ -228,19 +234,9 @@ def test_a_damaged_trace_is_named_and_the_rest_is_scored(damage: str, official: 
     assert len(again.missing) == 1
 
 
-def test_a_line_of_an_older_version_is_named_and_the_rest_is_scored(official: StoredRun) -> None:
-    key, row = next(iter(official.rows.items()))
-    older = {name: value for name, value in row.items() if name != "trace_hash"}
-    again, problems = rescore(replace(official, rows={**official.rows, key: older}), "interplan-paper")
-    assert len(problems) == 1
-    assert "results.jsonl: the line of" in problems[0]
-    assert "has no trace_hash" in problems[0]
-    assert len(again.rows) == len(official.rows) - 1
-
-
 def test_a_scenario_that_has_changed_since_is_not_scored(official: StoredRun) -> None:
     key, row = next(iter(official.rows.items()))
-    changed = replace(official, rows={key: row | {"scenario_hash": "0" * 64}})
+    changed = replace(official, rows={key: structs.replace(row, scenario_hash="0" * 64)})
     _, problems = rescore(changed, "interplan-paper")
     assert "has changed since it was driven" in problems[0]
 

@@ -15,47 +15,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from interplan_sumo.batch.records import AppliedOverrides, RequestedJobs
 from interplan_sumo.batch.run_folder import RunFolder, place_folder, read_run, slug, trace_place
 from interplan_sumo.errors import RunFolderError
-
-BENCHMARK: dict[str, Any] = {
-    "suite": "smoke==1",
-    "suite_hash": "abc",
-    "profile": "interplan-paper",
-    "overrides": {},
-    "versions": {"sumo": "1.28.0", "python": "3.11.7"},
-}
+from tests.records import asked, manifest, row
 
 
-def asked(planners: str = "idm", scenarios: str = "a/0 a/1 a/2", seeds: int = 1) -> dict[str, Any]:
-    return {"planners": planners.split(), "scenarios": scenarios.split(), "seeds": seeds}
-
-
-def row(scenario: str, score: float | None = 0.5, seed: int = 0, planner: str = "idm", **more: Any) -> dict[str, Any]:
-    fault = {"class": "timeout", "message": "killed"} if score is None else None
-    return {
-        "scenario_id": scenario,
-        "family": "a",
-        "planner": planner,
-        "seed": seed,
-        "score": score,
-        "metrics": {},
-        "fault": fault,
-        **more,
-    }
-
-
-def opened(path: Path, request: dict[str, Any] | None = None, **changes: Any) -> RunFolder:
-    return RunFolder(path, BENCHMARK | changes, request or asked(), {"command": ["run"]})
+def opened(path: Path, request: RequestedJobs | None = None, **changes: Any) -> RunFolder:
+    return RunFolder(path, manifest(request or asked(), **changes))
 
 
 def test_rows_come_back_as_they_were_appended(tmp_path: Path) -> None:
     with opened(tmp_path / "run") as folder:
         folder.append(row("a/0", 0.25))
-        folder.append(row("a/1", 1.0, note="Straße"))
+        folder.append(row("a/1", 1.0, printed="Straße"))
     run = read_run(tmp_path / "run")
-    assert run.rows["a/0", "idm", 0]["score"] == 0.25
-    assert run.rows["a/1", "idm", 0]["note"] == "Straße"
+    assert run.rows["a/0", "idm", 0] == row("a/0", 0.25)
+    assert run.rows["a/1", "idm", 0].printed == "Straße"
     assert run.missing == [("a/2", "idm", 0)]
 
 
@@ -69,20 +45,20 @@ def test_a_second_run_on_the_folder_is_refused_while_the_first_holds_it(tmp_path
 def test_the_lock_is_free_again_when_its_owner_was_killed(tmp_path: Path) -> None:
     owner = (
         "import os, sys; from pathlib import Path; from interplan_sumo.batch.run_folder import RunFolder;"
-        "folder = RunFolder(Path(sys.argv[1]), {}, {'planners': [], 'scenarios': [], 'seeds': 1}, {});"
+        "from tests.records import asked, manifest; folder = RunFolder(Path(sys.argv[1]), manifest(asked()));"
         "os.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", owner, str(tmp_path / "run")], check=False).returncode == -9
-    RunFolder(tmp_path / "run", {}, asked(), {}).close()
+    opened(tmp_path / "run").close()
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({"suite": "interplan==1"}, "with suite smoke==1, this one has interplan==1"),
-        ({"suite_hash": "def"}, "with suite_hash abc, this one has def"),
-        ({"overrides": {"density": "high"}}, "with overrides density none, this one has high"),
-        ({"overrides": {"traffic": "my.xml sha256:12"}}, "with overrides traffic none, this one has my.xml"),
+        ({"suite_hash": "def"}, "with suite_hash 1, this one has def"),
+        ({"overrides": AppliedOverrides(density="high")}, "with overrides density none, this one has high"),
+        ({"overrides": AppliedOverrides(traffic="my.xml sha256:12")}, "with overrides traffic none, this one has my"),
         ({"versions": {"sumo": "1.29.0", "python": "3.11.7"}}, "with versions sumo 1.28.0, this one has 1.29.0"),
         ({"profile": "nuplan"}, "with profile interplan-paper, this one has nuplan"),
     ],
@@ -128,7 +104,7 @@ def test_a_file_cut_anywhere_gives_its_whole_rows_and_goes_on(cut: int) -> None:
         path = Path(place)
         with opened(path) as folder:
             for n in range(3):
-                folder.append(row(f"a/{n}", n / 4, reason="ü" * n))
+                folder.append(row(f"a/{n}", n / 4, printed="ü" * n))
         whole = (path / "results.jsonl").read_bytes()
         cut %= len(whole) + 1
         (path / "results.jsonl").write_bytes(whole[:cut])
@@ -137,7 +113,7 @@ def test_a_file_cut_anywhere_gives_its_whole_rows_and_goes_on(cut: int) -> None:
         with opened(path) as folder:
             assert len(folder.done) == expected
             for n in range(expected, 3):
-                folder.append(row(f"a/{n}", n / 4, reason="ü" * n))
+                folder.append(row(f"a/{n}", n / 4, printed="ü" * n))
         assert (path / "results.jsonl").read_bytes() == whole
 
 

@@ -14,29 +14,31 @@ from rich.console import Console
 
 from interplan_sumo.batch import results
 from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.results import write_rows
 from interplan_sumo.batch.run_folder import RunFolder, read_run
 from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.report.progress import PlainProgress, Tally
-from tests.batch.toy_run import toy_row
+from tests.batch.toy_run import toy_manifest
+from tests.records import row
 
 BYTES_PER_JOB = 1000
 ROW_BYTES = 20_000
 
 
-class Value(dict[str, Any]):
-    """A dict that can be watched going away."""
+class WatchedRow(Row, frozen=True, weakref=True):
+    """A row that can be watched going away."""
 
 
-def long_row(number: int) -> Value:
-    return Value(toy_row(f"toy/{number}", {"times_s": {"total": 0.5}, "text": f"{number} " + "x" * ROW_BYTES}))
+def long_row(number: int) -> WatchedRow:
+    made = row(f"toy/{number}", planner="toy", times_s={"total": 0.5}, printed=f"{number} " + "x" * ROW_BYTES)
+    return WatchedRow(**{name: getattr(made, name) for name in made.__struct_fields__})
 
 
 def opened(path: Path, count: int) -> RunFolder:
-    request = {"planners": ["toy"], "scenarios": [f"toy/{n}" for n in range(count)], "seeds": 1}
-    return RunFolder(path, {"suite": "toy==1"}, request, {})
+    return RunFolder(path, toy_manifest(count))
 
 
 def growth_per_call(call: Callable[[int], object], count: int) -> float:
@@ -56,10 +58,10 @@ def growth_per_call(call: Callable[[int], object], count: int) -> float:
 def test_a_row_that_was_appended_is_not_kept(tmp_path: Path) -> None:
     with opened(tmp_path, 200) as folder:
         assert growth_per_call(lambda number: folder.append(long_row(number)), 200) < BYTES_PER_JOB
-        row = long_row(0)
-        gone = weakref.ref(row)
-        folder.append(row)
-        del row
+        appended = long_row(0)
+        gone = weakref.ref(appended)
+        folder.append(appended)
+        del appended
         assert gone() is None
 
 
@@ -71,16 +73,16 @@ def test_progress_keeps_sums_and_not_rows() -> None:
 
 def test_progress_reads_what_was_done_before_row_by_row() -> None:
     rows = [long_row(number) for number in range(3)]
-    watched = [weakref.ref(row) for row in rows]
+    watched = [weakref.ref(each) for each in rows]
 
-    def one_by_one() -> Iterator[Value]:
+    def one_by_one() -> Iterator[Any]:  # a tally reads of rows what it does of briefs
         while rows:
-            assert sum(row() is not None for row in watched) <= len(rows) + 1
+            assert sum(each() is not None for each in watched) <= len(rows) + 1
             yield rows.pop()
 
     tally = Tally(9, one_by_one())
     assert tally.done == 3
-    assert "mean score 100.0" in tally.summary
+    assert "mean score 50.0" in tally.summary
 
 
 def test_a_folder_that_is_opened_again_holds_no_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,7 +123,7 @@ def test_a_line_that_is_no_row_is_named_wherever_it_stands(
     count = 6
     opened(tmp_path, count).close()
     path = tmp_path / "results.jsonl"
-    write_rows(path, (toy_row(f"toy/{n}", {}) for n in range(count)))
+    write_rows(path, (row(f"toy/{n}", planner="toy") for n in range(count)))
     lines = path.read_text().splitlines()
     lines[number - 1] = line
     path.write_text("\n".join(lines) + "\n")
@@ -132,8 +134,8 @@ def test_a_line_that_is_no_row_is_named_wherever_it_stands(
 def test_of_two_rows_of_one_job_the_later_counts_and_the_earlier_goes(tmp_path: Path) -> None:
     with opened(tmp_path, 2) as folder:
         for score in (0.25, 0.75):
-            folder.append(toy_row("toy/0", {"score": score}))
-    assert [row["score"] for row in read_run(tmp_path).rows.values()] == [0.75]
+            folder.append(row("toy/0", score, planner="toy"))
+    assert [each.score for each in read_run(tmp_path).rows.values()] == [0.75]
     with opened(tmp_path, 2) as folder:
         assert folder.done == {("toy/0", "toy", 0)}
     assert (tmp_path / "results.jsonl").read_text().count("\n") == 1

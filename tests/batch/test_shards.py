@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -14,13 +13,16 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from interplan_sumo.batch import results, run_folder
-from interplan_sumo.batch.results import Brief, Row, row_key, write_rows
-from interplan_sumo.batch.run_folder import RunFolder, read_run
-from interplan_sumo.batch.shards import COLUMNS, keep_shards, read_briefs
-from interplan_sumo.batch.stored_rows import StoredRows
+from interplan_sumo.batch.records import AppliedOverrides, Brief, Fault, Row, brief_of, row_of
+from interplan_sumo.batch.results import StoredRows, line_of, write_rows
+from interplan_sumo.batch.run_folder import RunFolder
+from interplan_sumo.batch.shards import COLUMNS
 from interplan_sumo.errors import RunFolderError
+from tests import records
+from tests.records import asked, manifest, metric
 
 AT_ONCE = 3
 
@@ -33,31 +35,32 @@ def short_shards(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def row(number: int, **changes: Any) -> Row:
     """A drive that changed lane; `changes` replace what it holds."""
-    metrics = {
-        "no_collision": {"score": 1.0, "detail": {}, "reason": None},
-        "lane_changes": {"score": 0.5, "detail": {"goal": False}, "reason": "a lane short"},
-    }
-    return {
-        "scenario_id": f"lane_change_ltd/{number}", "family": "lane_change_ltd", "planner": "idm", "seed": 0,
-        "score": number / 8.0, "metrics": metrics, "gates": ["no_collision"], "weights": {"lane_changes": 4.0},
-        "fault": None, "official": True, "overrides": {}, "trace_hash": f"{number:064}", "times_s": {"total": 2.5},
-        "versions": {"sumo": "1.28.0"}, "reached_goal": True, "trace": f"traces/{number}", **changes,
+    held: dict[str, Any] = {
+        "score": number % 8 / 8.0, "gates": ("no_collision",), "weights": {"lane_changes": 4.0},
+        "metrics": {"no_collision": metric(1.0), "lane_changes": metric(0.5, {"goal": False}, "a lane short")},
+        "trace_hash": f"{number:064}", "times_s": {"total": 2.5}, "versions": {"sumo": "1.28.0"},
+        "reached_goal": True, "trace": f"traces/{number}",
     }  # fmt: skip
+    return records.row(f"lane_change_ltd/{number}", **held | changes)
 
 
 def opened(place: Path, count: int = 8) -> RunFolder:
-    request = {"planners": ["idm"], "scenarios": [f"lane_change_ltd/{n}" for n in range(count)], "seeds": 1}
-    return RunFolder(place, {"suite": "toy==1"}, request, {})
+    return RunFolder(place, manifest(asked(scenarios=" ".join(f"lane_change_ltd/{n}" for n in range(count)))))
+
+
+def truth(place: Path) -> list[Row]:
+    return [row_of(line) for line in (place / "results.jsonl").read_bytes().splitlines()]
 
 
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
     """A finished run of seven drives, of which one ended in a fault."""
-    fault = {"class": "planner", "message": "raised ValueError: Straße"}
+    fault = Fault("planner", "raised ValueError: Straße")
+    nothing: dict[str, Any] = {"metrics": {}, "gates": (), "weights": {}, "trace": None}
     with opened(tmp_path) as folder:
         for number in range(6):
             folder.append(row(number))
-        folder.append(row(6, score=0.0, fault=fault, metrics={}, overrides={"density": "high"}, trace=None))
+        folder.append(row(6, score=0.0, fault=fault, overrides=AppliedOverrides(density="high"), **nothing))
     return tmp_path
 
 
@@ -112,8 +115,8 @@ def test_an_interrupted_run_leaves_whole_shards_and_the_next_one_completes_them(
 
 
 def changed_line(place: Path) -> None:
-    rows = [json.loads(line) for line in (place / "results.jsonl").read_text().splitlines()]
-    write_rows(place / "results.jsonl", (each | {"score": 0.875} if n == 1 else each for n, each in enumerate(rows)))
+    rows = enumerate(truth(place))
+    write_rows(place / "results.jsonl", [replace(each, score=0.875) if n == 1 else each for n, each in rows])
 
 
 def deleted_line(place: Path) -> None:
@@ -151,28 +154,13 @@ DAMAGES = (changed_line, deleted_line, foreign_shard, swapped_shards, no_parquet
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_nobody_believes_a_shard_that_is_not_of_the_lines(damage: Callable[[Path], None], place: Path) -> None:
-    damage(place)
-    truth = [json.loads(line) for line in (place / "results.jsonl").read_text().splitlines()]
-    stored = read_run(place)
-    assert dict(stored.rows) == {row_key(each): each for each in truth}
-    assert stored.briefs == {row_key(each): Brief.of(each) for each in truth}
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
 def test_the_same_command_makes_them_again(damage: Callable[[Path], None], place: Path) -> None:
     damage(place)
     with opened(place):
         pass
-    truth = [json.loads(line) for line in (place / "results.jsonl").read_text().splitlines()]
-    assert pd.read_parquet(place / "results")["score"].tolist() == [each["score"] for each in truth]
-    assert list(shards(place)) == [f"part-{n:05}.parquet" for n in range(-(-len(truth) // AT_ONCE))]
-
-
-def test_a_value_of_another_type_is_named_with_its_lines(tmp_path: Path) -> None:
-    write_rows(tmp_path / "results.jsonl", [row(n, trace=["no", "text"] if n == 4 else None) for n in range(7)])
-    with pytest.raises(RunFolderError, match=r"results\.jsonl, lines 4 to 6: trace is no string everywhere"):
-        keep_shards(tmp_path)
+    rows = truth(place)
+    assert pd.read_parquet(place / "results")["score"].tolist() == [each.score for each in rows]
+    assert list(shards(place)) == [f"part-{n:05}.parquet" for n in range(-(-len(rows) // AT_ONCE))]
 
 
 def test_shards_that_cannot_be_written_are_an_error_in_one_line(tmp_path: Path) -> None:
@@ -186,24 +174,15 @@ VALUES = st.none() | st.floats(0.0, 1.0)
 
 
 @settings(max_examples=30)
-@given(
-    st.lists(st.tuples(VALUES, VALUES, st.none() | st.booleans(), st.none() | st.text(), st.booleans()), max_size=7),
-)
-def test_a_shard_and_the_lines_give_the_same_briefs(
-    drives: list[tuple[float | None, float | None, bool | None, str | None, bool]],
+@given(VALUES, VALUES, st.none() | st.booleans(), st.none() | st.text(), st.booleans())
+def test_a_line_and_its_row_have_the_same_brief(
+    score: float | None, found: float | None, goal: bool | None, fault: str | None, official: bool
 ) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        rows: list[Row] = []
-        for number, (score, metric, goal, fault, official) in enumerate(drives):
-            metrics = {"no_collision": {"score": metric}, "lane_changes": {"score": 0.5, "detail": {"goal": goal}}}
-            because = fault and {"class": fault, "message": fault}
-            rows.append(row(number, score=score, metrics=metrics, fault=because or None, official=official))
-        write_rows(place / "results.jsonl", rows)
-        keep_shards(place)
-        lines = list(results.whole_lines(place / "results.jsonl"))
-        found = [pair for n, part in enumerate(lines) for pair in read_briefs(place, n, part) or [None]]
-        assert found == [(row_key(each), Brief.of(each)) for each in rows]
+    because = Fault("timeout", fault or "killed") if fault or score is None else None
+    held = {"no_collision": metric(found), "lane_changes": metric(None, {"goal": goal})}
+    made = row(1, score=score, metrics=held, gates=(), weights={}, fault=because, official=official)
+    assert brief_of(line_of(made)) == (made.key, Brief.of(made))
+    assert (Brief.of(made).no_collision, Brief.of(made).goal_lane) == (found, goal)
 
 
 # --- rows read late ---
@@ -211,10 +190,10 @@ def test_a_shard_and_the_lines_give_the_same_briefs(
 
 def test_a_row_is_read_when_it_is_asked_for_and_not_kept(tmp_path: Path) -> None:
     count = 300
-    write_rows(tmp_path / "results.jsonl", (row(n, text="x" * 20_000) for n in range(count)))
+    write_rows(tmp_path / "results.jsonl", (row(n, printed="x" * 20_000) for n in range(count)))
     tracemalloc.start()
     rows = StoredRows.read(tmp_path)
-    assert sum(len(each["text"]) for each in rows.values()) == count * 20_000
+    assert sum(len(each.printed) for each in rows.values()) == count * 20_000
     kept, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert kept / count < 1500

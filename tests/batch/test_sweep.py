@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.batch.jobs import Overrides
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run import RunRequest
 from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.batch.sweep import (
@@ -270,9 +270,9 @@ def test_a_changed_parameter_changes_the_drives_and_rows_say_what_was_changed(
     swept: tuple[Sweep, list[Result]],
 ) -> None:
     short, long = (rows_of(result)[0] for result in swept[1])
-    assert short["trace_hash"] != long["trace_hash"]
-    assert not short["official"]
-    assert short["overrides"]["traffic"].startswith("mixed+tau=1.xml sha256:")
+    assert short.trace_hash != long.trace_hash
+    assert not short.official
+    assert str(short.overrides.traffic).startswith("mixed+tau=1.xml sha256:")
     assert all(result.missing == [] and result.failure is None for result in swept[1])
 
 

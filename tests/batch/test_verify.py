@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,9 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from msgspec import structs
 
 from interplan_sumo.batch.jobs import Overrides
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import Fault, Row
+from interplan_sumo.batch.results import write_rows
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.trace_difference import POSITION_BAR_M, TraceDifference, difference
@@ -25,6 +26,7 @@ from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import TrafficDemand
 from interplan_sumo.world.trace import Trace
 from tests.batch.busy import PLAIN
+from tests.records import row as a_row
 
 QUIET = replace(PLAIN, duration_s=1.5)
 BUSY = replace(QUIET, id="mine/1", traffic=TrafficDemand("low"))
@@ -59,13 +61,17 @@ def checked(place: Path, sample: RowSample | None = None, **options: Any) -> Ver
 
 def rewritten(place: Path, change: Callable[[Row], Row], scenario: str = "mine/1") -> None:
     """The run folder with the rows of one scenario changed."""
-    rows = [json.loads(line) for line in (place / "results.jsonl").read_text().splitlines()]
-    lines = [json.dumps(change(row) if row["scenario_id"] == scenario else row) + "\n" for row in rows]
-    (place / "results.jsonl").write_text("".join(lines))
+    rows = list(read_run(place).rows.values())
+    write_rows(place / "results.jsonl", (change(row) if row.scenario_id == scenario else row for row in rows))
+
+
+def more(row: Row, score: float) -> Row:
+    """The row with so much more, if it ended in no fault."""
+    return row if row.fault or row.score is None else structs.replace(row, score=row.score + score)
 
 
 def verdicts(found: Verification) -> dict[str, str]:
-    return {check.row["scenario_id"]: check.verdict for check in found.checks}
+    return {check.row.scenario_id: check.verdict for check in found.checks}
 
 
 STRAIGHT = RowSample(None, planners=("straight_ahead",))
@@ -85,7 +91,7 @@ def test_a_worker_makes_the_same_drives(original: StoredRun) -> None:
 
 
 def test_a_hash_that_was_tampered_with_is_found(copy: Path) -> None:
-    rewritten(copy, lambda row: row | {"trace_hash": "0" * 64})
+    rewritten(copy, lambda row: structs.replace(row, trace_hash="0" * 64))
     found = checked(copy, STRAIGHT)
     assert verdicts(found) == {"mine/0": "equal", "mine/1": "differs"}
     assert "the hash in results.jsonl was changed" in found.checks[1].reason
@@ -93,7 +99,7 @@ def test_a_hash_that_was_tampered_with_is_found(copy: Path) -> None:
 
 
 def test_a_trace_that_was_tampered_with_is_found_though_its_row_is_honest(copy: Path, original: StoredRun) -> None:
-    place = copy / original.rows["mine/1", "straight_ahead", 0]["trace"] / "ego.parquet"
+    place = copy / str(original.rows["mine/1", "straight_ahead", 0].trace) / "ego.parquet"
     table = pd.read_parquet(place)
     table["center_x"] += 0.5 * (table.index == 5)
     table.to_parquet(place)
@@ -103,12 +109,12 @@ def test_a_trace_that_was_tampered_with_is_found_though_its_row_is_honest(copy: 
 
 
 def test_a_row_and_trace_of_another_drive_are_found_with_step_and_distance(copy: Path, original: StoredRun) -> None:
-    place = copy / original.rows["mine/1", "straight_ahead", 0]["trace"]
+    place = copy / str(original.rows["mine/1", "straight_ahead", 0].trace)
     table = pd.read_parquet(place / "actors.parquet")
     row = table.index[table["frame"] == 7][0]
     table["x"] += 0.5 * (table.index == row)
     table.to_parquet(place / "actors.parquet")
-    rewritten(copy, lambda row: row | {"trace_hash": Trace.read(place).hash()} if not row["fault"] else row)
+    rewritten(copy, lambda row: row if row.fault else structs.replace(row, trace_hash=Trace.read(place).hash()))
     (check,) = checked(copy, replace(STRAIGHT, scenarios=("*/1",))).checks
     assert check.verdict == "differs"
     assert check.difference is not None
@@ -120,9 +126,9 @@ def test_a_row_and_trace_of_another_drive_are_found_with_step_and_distance(copy:
 
 
 def test_a_score_that_was_tampered_with_is_found(copy: Path) -> None:
-    rewritten(copy, lambda row: row | {"score": row["score"] - 2 * SCORE_BAR if not row["fault"] else 0.0})
+    rewritten(copy, lambda row: more(row, -2 * SCORE_BAR))
     assert verdicts(checked(copy, STRAIGHT))["mine/1"] == "differs"
-    rewritten(copy, lambda row: row | {"score": row["score"] + 1.5 * SCORE_BAR if not row["fault"] else 0.0})
+    rewritten(copy, lambda row: more(row, 1.5 * SCORE_BAR))
     assert verdicts(checked(copy, STRAIGHT))["mine/1"] == "equal"
 
 
@@ -131,52 +137,50 @@ def test_a_missing_trace_file_leaves_the_hash_to_compare(copy: Path) -> None:
     found = checked(copy, STRAIGHT)
     assert verdicts(found) == {"mine/0": "equal", "mine/1": "equal"}
     assert found.checks[0].reason == "no trace file: only the hashes were compared"
-    rewritten(copy, lambda row: row | {"trace_hash": "0" * 64})
+    rewritten(copy, lambda row: structs.replace(row, trace_hash="0" * 64))
     assert verdicts(checked(copy, STRAIGHT))["mine/1"] == "differs"
 
 
 @pytest.mark.parametrize(
     ("fault", "verdict", "words"),
     [
-        ({"class": "planner", "message": "raised anything"}, "equal", "the same planner fault"),
-        ({"class": "timeout", "message": "no result"}, "differs", "a timeout fault then, a planner fault now"),
+        (Fault("planner", "raised anything"), "equal", "the same planner fault"),
+        (Fault("timeout", "no result"), "differs", "a timeout fault then, a planner fault now"),
         (None, "differs", "now it ends in a planner fault"),
     ],
 )
-def test_a_fault_must_come_again_with_its_class(
-    fault: dict[str, str] | None, verdict: str, words: str, copy: Path
-) -> None:
-    rewritten(copy, lambda row: row | {"fault": fault, "score": 0.0} if row["planner"] == RAISES else row)
+def test_a_fault_must_come_again_with_its_class(fault: Fault | None, verdict: str, words: str, copy: Path) -> None:
+    rewritten(copy, lambda row: structs.replace(row, fault=fault, score=0.0) if row.planner == RAISES else row)
     (check,) = checked(copy, RowSample(None, scenarios=("mine/1",), planners=(RAISES,))).checks
     assert check.verdict == verdict
     assert words in check.reason
 
 
 def test_a_fault_that_does_not_come_again_differs(copy: Path) -> None:
-    fault = {"class": "planner", "message": "raised ValueError"}
-    rewritten(copy, lambda row: row | {"fault": fault, "score": 0.0})
+    fault = Fault("planner", "raised ValueError")
+    rewritten(copy, lambda row: structs.replace(row, fault=fault, score=0.0))
     (check,) = checked(copy, replace(STRAIGHT, scenarios=("mine/1",))).checks
     assert check.verdict == "differs"
     assert "does not now: raised ValueError" in check.reason
 
 
 def test_rows_without_a_score_are_left_out_and_counted(copy: Path) -> None:
-    fault = {"class": "traffic", "message": "SUMO gave up"}
-    rewritten(copy, lambda row: row | {"fault": fault, "score": None})
+    fault = Fault("traffic", "SUMO gave up")
+    rewritten(copy, lambda row: structs.replace(row, fault=fault, score=None))
     found = checked(copy)
-    assert [check.row["scenario_id"] for check in found.checks] == ["mine/0", "mine/0"]
+    assert [check.row.scenario_id for check in found.checks] == ["mine/0", "mine/0"]
     assert found.left_out == 2
 
 
 def test_a_scenario_that_has_changed_cannot_be_verified(copy: Path) -> None:
-    rewritten(copy, lambda row: row | {"scenario_hash": "0" * 64})
+    rewritten(copy, lambda row: structs.replace(row, scenario_hash="0" * 64))
     found = checked(copy, STRAIGHT)
     assert verdicts(found) == {"mine/0": "equal", "mine/1": "unverifiable"}
     assert "has changed since it was driven" in found.checks[1].reason
 
 
 def test_other_versions_are_named(copy: Path) -> None:
-    rewritten(copy, lambda row: row | {"versions": row["versions"] | {"sumo": "1.20.0"}})
+    rewritten(copy, lambda row: structs.replace(row, versions=row.versions | {"sumo": "1.20.0"}))
     still, other = checked(copy, STRAIGHT).checks
     assert still.changed_versions == {}
     assert other.changed_versions.keys() == {"sumo"}
@@ -265,7 +269,7 @@ def test_a_planner_that_is_gone_is_one_line(copy: Path) -> None:
 
 @pytest.fixture(scope="module")
 def trace(original: StoredRun) -> Trace:
-    return Trace.read(original.path / original.rows["mine/1", "straight_ahead", 0]["trace"])
+    return Trace.read(original.path / str(original.rows["mine/1", "straight_ahead", 0].trace))
 
 
 def moved(trace: Trace, frame: int, by_m: float) -> Trace:
@@ -312,7 +316,7 @@ def test_an_actor_of_another_name_is_beyond_any_bar(trace: Trace) -> None:
 @pytest.mark.parametrize(("score", "within"), [(0.5 + 0.9e-6, True), (0.5 + 1.1e-6, False), (None, False)])
 def test_a_millionth_of_a_score_is_the_bar(score: float | None, within: bool) -> None:
     parted = TraceDifference(3, 0.3, "ego: x", 1e-4, only_numbers=True)
-    check = RowCheck({"score": 0.5}, "differs", "", "1", score, parted)
+    check = RowCheck(a_row("mine/1", 0.5), "differs", "", "1", score, parted)
     assert check.within_bars is within
 
 

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 from unittest.mock import patch
 
 from interplan_sumo.batch import results, run_folder
 from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.records import Manifest
 from interplan_sumo.batch.run_folder import RunFolder
 from interplan_sumo.batch.tasks import Limits, Task
 from tests.batch.hasher import open_hasher
+from tests.records import asked, manifest, row
 
 SHARD = 5
 """Rows of a Parquet shard: few, so that a run of a dozen rows writes several."""
 
 
-def toy_row(scenario: str, value: dict[str, Any]) -> dict[str, Any]:
-    return {"scenario_id": scenario, "family": "toy", "planner": "toy", "seed": 0, "score": 1.0, "metrics": {},
-            "fault": None, **value}  # fmt: skip
+def toy_manifest(count: int) -> Manifest:
+    return manifest(asked("toy", " ".join(f"toy/{n}" for n in range(count))))
 
 
 def main(folder: Path, count: int, workers: int) -> None:
@@ -28,10 +28,9 @@ def main(folder: Path, count: int, workers: int) -> None:
 
 
 def run_toys(folder: Path, count: int, workers: int) -> None:
-    request = {"planners": ["toy"], "scenarios": [f"toy/{n}" for n in range(count)], "seeds": 1}
-    with RunFolder(folder, {"suite": "toy==1"}, request, {}) as held:
+    with RunFolder(folder, toy_manifest(count)) as held:
         tasks = [Task(n, "toy", n) for n in range(count) if (f"toy/{n}", "toy", 0) not in held.done]
         with closing(run_tasks(tasks, open_hasher, workers=workers, limits=Limits())) as outcomes:
             for outcome in outcomes:
                 assert outcome.fault is None, outcome.fault
-                held.append(toy_row(f"toy/{outcome.task.payload}", outcome.value))
+                held.append(row(f"toy/{outcome.task.payload}", 1.0, planner="toy", **outcome.value))

@@ -9,7 +9,7 @@ import pytest
 
 from interplan_learned.card import Card, read_card
 from interplan_learned.network import SHIPPED
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.features import schema
@@ -66,11 +66,11 @@ def test_on_plain_roads_most_drives_stay_on_the_road_for_fifteen_seconds(planner
     run(RunRequest((planner,), tmp_path / "run", suite="common==1", scenarios=PLAIN, workers=0))
     rows = read_run(tmp_path / "run").rows.values()
     assert len(rows) == 16
-    assert all(row["fault"] is None for row in rows)
+    assert all(row.fault is None for row in rows)
     assert sum(_left_road_s(row) > PLAIN_S for row in rows) > len(rows) / 2
 
 
 def _left_road_s(row: Row) -> float:
     """When the ego left the drivable area, as the reason says: "... at 4.2 s"; infinite if it never did."""
-    found = row["metrics"]["drivable_area"]
+    found = row.metrics["drivable_area"]
     return inf if found["score"] == 1.0 else float(found["reason"].rsplit(" at ", 1)[1].removesuffix(" s"))

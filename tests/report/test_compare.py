@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 from rich.console import Console
 
 from interplan_sumo.batch.run_folder import StoredRun
@@ -108,12 +109,16 @@ def test_runs_with_nothing_in_common_have_no_difference():
 )
 def test_different_suites_and_profiles_are_refused(what: str, value: str, words: str):
     with pytest.raises(RunFolderError, match=words):
-        compare(before(), replace(after(), manifest=after().manifest | {what: value}))
+        compare(before(), replace(after(), manifest=structs.replace(after().manifest, **{what: value})))
+
+
+def scored_by(version: int) -> StoredRun:
+    return stored(drive("nudge/0", 0.5, scoring_version=version))
 
 
 def test_different_scoring_versions_are_refused():
     with pytest.raises(RunFolderError, match="different scoring versions"):
-        compare(stored(drive("nudge/0", 0.5) | {"version": 1}), stored(drive("nudge/0", 0.5) | {"version": 2}))
+        compare(scored_by(1), scored_by(2))
 
 
 def test_a_planner_is_named_where_it_is_not_clear_which():

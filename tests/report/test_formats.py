@@ -178,7 +178,7 @@ def test_each_published_total_is_the_mean_of_its_eight_families(row: dict[str, f
 
 
 def asking(queries: int, **fallbacks: int) -> ResultsTable:
-    row = drive("nudge/0", 1.0) | {"planner_report": {"queries": queries, "fallbacks": fallbacks}}
+    row = drive("nudge/0", 1.0, planner_report={"queries": queries, "fallbacks": fallbacks})
     return make_table([stored(row)])
 
 

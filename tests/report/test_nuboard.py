@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.nuboard import AGGREGATED, EXPORTED, FINAL, METRICS, pickled_texts, write_nuboard
+from tests import records
 from tests.report.rows import drive, stored
 
 ROWS = (
@@ -74,12 +75,9 @@ def test_figures_of_the_detail_become_statistics(tmp_path: Path) -> None:
     rows = [drive("nudge/0", 0.8), drive("nudge/1", 0.8)]
     details: list[dict[str, Any]] = [{"least_s": 1.5}, {"least_s": None}]
     for row, detail in zip(rows, details, strict=True):
-        row["metrics"]["time_to_collision"] = {"score": 1.0, "detail": detail, "reason": None}
-    rows[0]["metrics"]["comfort"] = {
-        "score": 1.0,
-        "detail": {"jerk_mps3": {"max": 1.0, "min": -1.0, "mean": 0.0, "p90": 0.5, "within": True}},
-        "reason": None,
-    }
+        row.metrics["time_to_collision"] = records.metric(1.0, detail)
+    jerk = {"max": 1.0, "min": -1.0, "mean": 0.0, "p90": 0.5, "within": True}
+    rows[0].metrics["comfort"] = records.metric(1.0, {"jerk_mps3": jerk})
     write_nuboard([stored(*rows)], tmp_path)
     found = metric(tmp_path, "time_to_collision_within_bound")
     assert found["min_time_to_collision_stat_value"].tolist() == [1.5, math.inf]
@@ -90,9 +88,8 @@ def test_figures_of_the_detail_become_statistics(tmp_path: Path) -> None:
 
 
 def test_a_figure_that_one_drive_lacks_is_left_out_for_all(tmp_path: Path) -> None:
-    rows = [drive("nudge/0", 0.8), drive("nudge/1", 0.8)]
-    rows[0]["metrics"]["progress"]["detail"] = {"ratio": 0.5, "ego_m": 10.0}
-    rows[1]["metrics"]["progress"]["detail"] = {"ratio": 0.5}
+    details: list[dict[str, Any]] = [{"ratio": 0.5, "ego_m": 10.0}, {"ratio": 0.5}]
+    rows = [drive(f"nudge/{n}", 0.8, progress_detail=detail) for n, detail in enumerate(details)]
     write_nuboard([stored(*rows)], tmp_path)
     columns = metric(tmp_path, "ego_progress_along_expert_route").columns
     assert "ego_expert_progress_along_route_ratio_stat_value" in columns

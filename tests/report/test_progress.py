@@ -7,20 +7,21 @@ import io
 import pytest
 from rich.console import Console
 
+from interplan_sumo.batch.records import Brief
 from interplan_sumo.report.progress import LiveProgress, PlainProgress, Tally
 from tests.report.rows import drive
 
 ROWS = [
-    drive("nudge/0", 1.0) | {"times_s": {"simulation": 3.0, "planner": 1.0, "total": 4.0}},
-    drive("nudge/1", 0.0, fault=("planner", "plan() raised")) | {"times_s": {"total": 4.0}},
-    drive("nudge/2", None, fault=("timeout", "killed")) | {"times_s": {"total": 2.0}},
+    drive("nudge/0", 1.0, times_s={"simulation": 3.0, "planner": 1.0, "total": 4.0}),
+    drive("nudge/1", 0.0, fault=("planner", "plan() raised"), times_s={"total": 4.0}),
+    drive("nudge/2", None, fault=("timeout", "killed"), times_s={"total": 2.0}),
 ]
 
 
 def spoken(kind: type[PlainProgress] | type[LiveProgress], terminal: bool) -> str:
     file = io.StringIO()
     with kind(Console(file=file, width=120, force_terminal=terminal)) as progress:
-        progress.begin(4, ROWS[:1])
+        progress.begin(4, [Brief.of(ROWS[0])])
         for row in ROWS[1:]:
             progress.finished(row)
     return file.getvalue()

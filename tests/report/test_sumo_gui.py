@@ -36,7 +36,7 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> dict[str, StoredDrive]:
     folder = tmp_path_factory.mktemp("sumo_gui") / "run"
     run(RunRequest(planners=("straight_ahead",), suite="smoke==1", scenarios=SCENARIOS, folder=folder, workers=0))
     stored = StoredDrives(read_run(folder))
-    return {row["scenario_id"]: stored.read(row) for row in stored.run.rows.values()}
+    return {row.scenario_id: stored.read(row) for row in stored.run.rows.values()}
 
 
 def simulated(configuration: Path) -> list[tuple[float, str, float, float, float]]:

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run import RunRequest
-from interplan_sumo.batch.run_folder import Row
 from interplan_sumo.batch.sweep import Combination, Parameter, Result, SweepRun
 from interplan_sumo.errors import InputError
 from interplan_sumo.report import sweep_plot
@@ -28,6 +28,7 @@ from interplan_sumo.report.sweep_table import (
     sweep_lines,
     sweep_text,
 )
+from tests.records import metric
 from tests.report.rows import drive, stored
 
 FAMILY = "lane_change_mtd"
@@ -47,10 +48,10 @@ def drove(
 ) -> Row:
     """One drive with what a sweep looks at; `contacts` are all, at fault or not."""
     row = drive(f"{family}/{index}", score, **changes)
-    if not row["fault"]:
-        row["metrics"]["no_collision"]["detail"] = {"at_fault": at_fault, "contacts": [{}] * max(contacts, at_fault)}
+    if not row.fault:
+        row.metrics["no_collision"].detail.update(at_fault=at_fault, contacts=[{}] * max(contacts, at_fault))
         behind = None if braking is None else {"deceleration_mps2": braking}
-        row["metrics"]["diagnostics"] = {"score": None, "detail": {"braking_behind": behind}}
+        row.metrics["diagnostics"] = metric(None, {"braking_behind": behind})
     return row
 
 
@@ -64,8 +65,8 @@ def result(
     **values: str,
 ) -> Result:
     """A combination with these rows, of scenarios 0 to `asked` - 1."""
-    seeds = 1 + max((row["seed"] for row in rows), default=0)
-    ids = tuple(dict.fromkeys(row["scenario_id"] for row in rows))
+    seeds = 1 + max((row.seed for row in rows), default=0)
+    ids = tuple(dict.fromkeys(row.scenario_id for row in rows))
     if asked is not None:
         ids = tuple(f"{FAMILY}/{index}" for index in range(asked))
     part = SweepRun(RunRequest((planner,), Path("nowhere"), seeds=seeds), ids)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec.structs import replace
 
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
@@ -71,7 +72,7 @@ def test_seeds_are_averaged_within_their_scenario_first() -> None:
 
 
 def test_a_missing_drive_counts_in_the_family_that_another_seed_tells() -> None:
-    held = drive("mine/0", 1.0, seed=1) | {"family": "nudge"}
+    held = replace(drive("mine/0", 1.0, seed=1), family="nudge")
     (line,) = make_table([stored(held)]).lines
     assert (line.cells["nudge"].done, line.cells["nudge"].asked) == (1, 2)
 
@@ -144,7 +145,8 @@ def test_runs_that_cannot_be_compared_are_refused(what: str) -> None:
 
 def test_a_profile_that_does_not_judge_lane_changes_has_no_goal_figure() -> None:
     row = drive("lane_change_ltd/0", 1.0)
-    del row["metrics"]["lane_changes"]
+    metrics = {name: metric for name, metric in row.metrics.items() if name != "lane_changes"}
+    row = replace(row, metrics=metrics, weights={})
     found = values(row)
     assert found["goal"] is None
     assert found["driv"] == 100.0
@@ -164,7 +166,7 @@ def test_ordinary_driving_has_its_column_and_is_no_part_of_the_total() -> None:
     assert (line.cells["ordinary"].value, line.cells["interplan"].value, line.cells["nudge"].value) == (90, 40, 40)
     assert (line.label, line.scenarios, line.seeds) == ("idm", 1, 2)
     assert (table.suite, table.ordinary_suite) == ("smoke==1", "common==1")
-    assert [row["scenario_id"] for row in line.rows] == ["nudge/0", "nudge/0", "changing_lane/0"]
+    assert [row.scenario_id for row in line.rows] == ["nudge/0", "nudge/0", "changing_lane/0"]
 
 
 def test_a_run_of_ordinary_driving_alone_has_no_total() -> None:

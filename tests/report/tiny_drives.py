@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
+from interplan_sumo.batch.records import Fault
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario
 from interplan_sumo.world.actors import Actors
@@ -15,6 +15,7 @@ from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
 from interplan_sumo.world.trace import EgoTrack, Trace
+from tests import records
 from tests.metrics.staging import scenario_on
 from tests.worlds import LANE_WIDTH_M, drive, junction, straight_road
 
@@ -62,14 +63,8 @@ def tiny_drive(
     scenario = scenario_on(road, ("11", START_M), ("11", 290.0), obstacles=obstacles, jaywalkers=jaywalkers)
     driven = drive(*speeds_mps, start=START, actors=actors) if trace is None else trace
     expert = drive(*(speeds_mps if expert_mps is None else expert_mps), start=START).ego
-    row: dict[str, Any] = {
-        "scenario_id": scenario_id,
-        "planner": name,
-        "seed": 0,
-        "score": 1.0,
-        "fault": {"class": fault[0], "message": fault[1]} if fault else None,
-        "reached_goal": reached_goal,
-    }
+    failed = Fault(*fault) if fault else None  # type: ignore[arg-type]
+    row = records.row(scenario_id, 1.0, planner=name, fault=failed, reached_goal=reached_goal)
     named: Scenario = replace(scenario, id=scenario_id)
     return TinyDrive(row, named, driven, Path("runs/a"), False, road, expert)
 

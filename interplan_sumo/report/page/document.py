@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 from urllib.parse import quote
 
 from interplan_sumo.batch.run_folder import StoredRun
@@ -122,20 +122,22 @@ class Made:
 
 
 def _made(run: StoredRun) -> Made:
-    manifest: Mapping[str, Any] = run.manifest
-    seeds = max((int(request["seeds"]) for request in manifest["requests"]), default=0)
-    planners = dict.fromkeys(planner for request in manifest["requests"] for planner in request["planners"])
+    manifest = run.manifest
+    seeds = max((request.seeds for request in manifest.requests), default=0)
+    planners = dict.fromkeys(planner for request in manifest.requests for planner in request.planners)
+    overrides = ", ".join(f"{key}={value}" for key, value in manifest.overrides.texts().items()) or "none"
+    versions = ", ".join(f"{name} {version}" for name, version in manifest.versions.items())
     entries = {
-        "Suite": manifest["suite"],
-        "Suite hash": manifest["suite_hash"],
-        "Profile": manifest["profile"],
+        "Suite": manifest.suite,
+        "Suite hash": manifest.suite_hash,
+        "Profile": manifest.profile,
         "Planners": ", ".join(planners),
         "Seeds": _seeds(seeds),
-        "Changes to the traffic": ", ".join(f"{key}={value}" for key, value in manifest["overrides"].items()) or "none",
-        "Versions": ", ".join(f"{name} {version}" for name, version in manifest.get("versions", {}).items()),
-        "Platform": manifest.get("platform"),
-        "Started": manifest.get("created"),
-        "Command": shlex.join(manifest.get("command", [])),
+        "Changes to the traffic": overrides,
+        "Versions": versions,
+        "Platform": manifest.platform,
+        "Started": manifest.created,
+        "Command": shlex.join(manifest.command),
     }
     return Made(run.path.name, {name: str(text) for name, text in entries.items() if text})
 

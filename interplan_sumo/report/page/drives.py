@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from interplan_sumo.batch.results import Row
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import slug
 from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.table import ResultsTable
@@ -71,12 +71,12 @@ def shown_drives(table: ResultsTable) -> list[ShownDrive]:
             line=number,
             label=line.label,
             planner=line.planner,
-            scenario=row["scenario_id"],
-            family=row["family"],
-            seed=row["seed"],
-            score=None if row["score"] is None else 100.0 * row["score"],
-            reached_goal=bool(row["reached_goal"]),
-            fault=bool(row["fault"]),
+            scenario=row.scenario_id,
+            family=row.family,
+            seed=row.seed,
+            score=None if row.score is None else 100.0 * row.score,
+            reached_goal=row.reached_goal,
+            fault=bool(row.fault),
             reasons=() if _is_whole(row) else tuple(lost_points(row)),
         )
         for number, line in enumerate(table.lines)
@@ -89,7 +89,7 @@ def shown_drives(table: ResultsTable) -> list[ShownDrive]:
 
 def _is_whole(row: Row) -> bool:
     """Whether a score shows as 100.0: what it lacks is rounding, and no loss that anybody would look for."""
-    return not row["fault"] and row["score"] is not None and 100.0 * row["score"] >= WHOLE
+    return not row.fault and row.score is not None and 100.0 * row.score >= WHOLE
 
 
 def by_scenario(drives: Iterable[ShownDrive]) -> dict[str, list[ShownDrive]]:

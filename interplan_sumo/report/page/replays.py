@@ -12,7 +12,7 @@ from os import cpu_count
 from pathlib import Path
 from typing import Final
 
-from interplan_sumo.batch.jobs import JobKey
+from interplan_sumo.batch.records import JobKey
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.errors import InputError, InterplanError

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from interplan_sumo.batch.run_folder import Row, StoredRun
+from interplan_sumo.batch.records import Row
+from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.report.replay.data import MOST_DRIVES
@@ -29,14 +30,12 @@ def chosen_drives(
 
 def _rows(run: StoredRun, scenario_id: str, seed: int) -> dict[str, Row]:
     """The rows of a scenario and seed by planner, in the order in which the planners were asked for."""
-    driven = [row for row in run.rows.values() if row["scenario_id"] == scenario_id]
+    driven = [row for row in run.rows.values() if row.scenario_id == scenario_id]
     if not driven:
-        raise UnknownNameError(
-            f"scenario in {run.path}", scenario_id, {row["scenario_id"] for row in run.rows.values()}
-        )
-    found = {row["planner"]: row for row in driven if row["seed"] == seed}
+        raise UnknownNameError(f"scenario in {run.path}", scenario_id, {row.scenario_id for row in run.rows.values()})
+    found = {row.planner: row for row in driven if row.seed == seed}
     if not found:
-        seeds = ", ".join(str(known) for known in sorted({row["seed"] for row in driven}))
+        seeds = ", ".join(str(known) for known in sorted({row.seed for row in driven}))
         raise InputError(f"{run.path} has no drive of {scenario_id} with seed {seed}; it has seed {seeds}")
-    asked = [planner for request in run.manifest["requests"] for planner in request["planners"]]
+    asked = [planner for request in run.manifest.requests for planner in request.planners]
     return {planner: found[planner] for planner in dict.fromkeys((*asked, *found)) if planner in found}

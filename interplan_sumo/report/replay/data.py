@@ -108,8 +108,8 @@ def _check(drives: Sequence[StoredDrive]) -> None:
     for drive in drives:
         if not len(drive.trace):
             raise InputError(
-                f"{drive.run_folder}: the drive of {drive.row['planner']} on {drive.scenario.id}, seed "
-                f"{drive.row['seed']}, ended before its first frame; there is nothing to replay"
+                f"{drive.run_folder}: the drive of {drive.row.planner} on {drive.scenario.id}, seed "
+                f"{drive.row.seed}, ended before its first frame; there is nothing to replay"
             )
 
 
@@ -128,11 +128,11 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
     triggers = agents_timeline.triggers(drive, facts.route_line, origin)
     set_off: list[int | None] = [trigger["frame"] for trigger in triggers]
     return {
-        "planner": drive.row["planner"],
-        "seed": drive.row["seed"],
+        "planner": drive.row.planner,
+        "seed": drive.row.seed,
         "profile": sheet.profile,
         "score": _score(drive, sheet),
-        "fault": fault_sentence(drive.row) if drive.row["fault"] else None,
+        "fault": fault_sentence(drive.row) if drive.row.fault else None,
         "end": _end(drive),
         "frames": facts.frames,
         "metrics": _metrics(sheet, lost),
@@ -164,15 +164,15 @@ def _metrics(sheet: ScoreSheet, lost: Sequence[KeyEvent]) -> list[dict[str, Any]
 
 def _score(drive: StoredDrive, sheet: ScoreSheet) -> float | None:
     """0 to 100; a planner's fault makes it 0, any other leaves the drive without one."""
-    if drive.row["fault"]:
-        return 0.0 if drive.row["fault"]["class"] == "planner" else None
+    if drive.row.fault:
+        return 0.0 if drive.row.fault.kind == "planner" else None
     return round(100.0 * sheet.score, 2)
 
 
 def _end(drive: StoredDrive) -> str:
-    if drive.row["fault"]:
-        return f"{drive.row['fault']['class']} fault"
-    return "goal line passed" if drive.row["reached_goal"] else "time over"
+    if drive.row.fault:
+        return f"{drive.row.fault.kind} fault"
+    return "goal line passed" if drive.row.reached_goal else "time over"
 
 
 def _about(scenario: Scenario, roads: Roads) -> list[str]:

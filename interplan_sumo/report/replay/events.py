@@ -32,7 +32,7 @@ def events(
     found += _lanes(facts)
     for run in sheet.metrics["diagnostics"].detail["red_lights_run"]:
         found.append(_event(_frame(facts, run["time_s"]), "light", "passes a red light"))
-    if drive.row["reached_goal"]:
+    if drive.row.reached_goal:
         found.append(_event(facts.frames - 1, "goal", "passes the goal line"))
     for event in found:
         event["decides"] = event.pop("moment", None) is decided and decided.metric != NOTHING

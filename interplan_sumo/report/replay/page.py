@@ -52,7 +52,7 @@ def write_replay(drives: Sequence[StoredDrive], path: Path) -> None:
 
 def replay_page(drives: Sequence[StoredDrive]) -> str:
     """One drive, or two of one scenario side by side, as HTML; raises as `replay_data` does."""
-    planners = " and ".join(str(drive.row["planner"]) for drive in drives)
+    planners = " and ".join(str(drive.row.planner) for drive in drives)
     data = replay_data(drives)
     heading = data["scenario"]["id"]
     return html(

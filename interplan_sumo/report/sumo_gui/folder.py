@@ -154,7 +154,7 @@ def _rerun(types_file: str, end_s: float) -> dict[str, object]:
 
 def _readme(drive: StoredDrive, moment_s: float) -> str:
     row = drive.row
-    score = "none" if row["score"] is None else f"{100.0 * row['score']:.1f}"
+    score = "none" if row.score is None else f"{100.0 * row.score:.1f}"
     rerun = (
         ""
         if drive.scenario.replayed
@@ -164,7 +164,7 @@ def _readme(drive: StoredDrive, moment_s: float) -> str:
 {TRAFFIC:20} its vehicles with their routes, lanes, places and speeds; the stopped ones stand for obstacles
 """
     )
-    return f"""{drive.scenario.id}, {row["planner"]}, seed {row["seed"]}: score {score}
+    return f"""{drive.scenario.id}, {row.planner}, seed {row.seed}: score {score}
 
     sumo-gui -c {PLAYBACK}
 

@@ -32,7 +32,7 @@ def traffic_at_start(drive: StoredDrive, types_file: Path) -> list[str]:
     types = read_vehicle_types(types_file)
     known = {each.id for each in (*types.members, *types.others)}
     network = read_network(find_map(drive.scenario.map, drive.scenario.maps_beside).network)
-    simulation = open_sumo_traffic(drive.scenario, drive.roads, seed=drive.row["seed"], vehicle_types=types_file)
+    simulation = open_sumo_traffic(drive.scenario, drive.roads, seed=drive.row.seed, vehicle_types=types_file)
     with simulation, Commanding("reading the traffic at the start"):
         names: list[str] = sorted(sumo.vehicle.getIDList())
         others = dict.fromkeys(kind for name in names if (kind := sumo.vehicle.getTypeID(name)) not in known)

@@ -1,0 +1,345 @@
+"""Records: what a run writes down, as declared types; whatever is read is checked against them once, as it is read.
+
+The names on disk are those of docs/results.md; `Fault.kind` is `class` there and `Row.scoring_version` is `version`.
+Numbers are finite: the encoder writes null for one that is not, and the decoder takes null only where it may be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, TypeVar
+
+import msgspec
+from msgspec import Meta, Struct, structs
+
+from interplan_sumo.errors import InterplanError
+from interplan_sumo.metrics.metric import plain
+
+if TYPE_CHECKING:
+    from interplan_sumo.metrics.score import ScoreSheet
+
+FORMAT = 1
+"""Of manifests."""
+MOST_SEEDS = 10_000
+"""Of one request."""
+
+T = TypeVar("T")
+
+Score = Annotated[float, Meta(ge=0.0, le=1.0)]
+Seed = Annotated[int, Meta(ge=0, lt=MOST_SEEDS)]
+Count = Annotated[int, Meta(ge=0, lt=2**53)]
+Seconds = Annotated[float, Meta(ge=0.0, le=1e9)]
+Weight = Annotated[float, Meta(ge=0.0, le=1e6)]
+FaultClass = Literal["planner", "traffic", "timeout", "harness"]
+JobKey = tuple[str, str, int]
+"""Scenario id, planner as it was asked for, seed."""
+
+
+class RecordError(InterplanError):
+    """Text that is no record of the wanted type; says which field is not as declared."""
+
+
+class Fault(Struct, frozen=True):
+    """Why a job has no ordinary result."""
+
+    kind: FaultClass = msgspec.field(name="class")
+    message: str
+
+
+class MetricRecord(Struct, frozen=True):
+    """What a metric said of one drive."""
+
+    score: Score | None
+    """None where it informs only, or could not be judged."""
+    detail: dict[str, Any]
+    """Figures behind the score: plain numbers, texts, lists and dicts."""
+    reason: str | None
+    """One sentence where points are lost."""
+
+
+class AppliedOverrides(Struct, frozen=True, omit_defaults=True):
+    """What was changed in the official scenarios; nothing by default."""
+
+    density: Literal["low", "medium", "high"] | None = None
+    behaviour: str | None = None
+    traffic: str | None = None
+    """Name and hash of a vehicle-type file: `mine.xml sha256:0123456789abcdef`."""
+
+    def __bool__(self) -> bool:
+        return bool(self.texts())
+
+    def texts(self) -> dict[str, str]:
+        """Those that there are, by name."""
+        found = {name: getattr(self, name) for name in self.__struct_fields__}
+        return {name: value for name, value in found.items() if value is not None}
+
+
+class ModelUse(Struct, frozen=True):
+    """What a planner that asks a language model reports of it, besides what it likes."""
+
+    queries: Count | None = None
+    fallbacks: dict[str, Count] = {}
+    """How often a question had no usable answer, by the reason."""
+
+
+class ScoreRecord(Struct, frozen=True):
+    """What the metrics made of one drive."""
+
+    score: Score
+    profile: str
+    scoring_version: int
+    gates: tuple[str, ...]
+    weights: dict[str, Weight]
+    metrics: dict[str, MetricRecord]
+
+    @classmethod
+    def of(cls, sheet: ScoreSheet) -> Self:
+        return cls(
+            plain(sheet.score),
+            sheet.profile,
+            sheet.version,
+            tuple(sheet.gates),
+            dict(sheet.weights),
+            {
+                name: MetricRecord(plain(each.score), plain(each.detail), each.reason)
+                for name, each in sheet.metrics.items()
+            },
+        )
+
+
+class DriveAnswer(Struct, frozen=True, kw_only=True):
+    """What a worker says of a drive, besides the fault that it may have ended with."""
+
+    reached_goal: bool = False
+    trace_hash: str | None = None
+    trace: str | None = None
+    """Where it lies, relative to the run folder."""
+    sheet: ScoreRecord | None = None
+    times_s: dict[str, Seconds] = {}
+    planner_report: dict[str, Any] | None = None
+
+
+class Row(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A line of results.jsonl: what came of one job."""
+
+    scenario_id: str
+    family: str
+    planner: str
+    seed: Seed
+    score: Score | None
+    """None after a fault that is not the planner's."""
+    metrics: dict[str, MetricRecord]
+    gates: tuple[str, ...]
+    """Metrics that multiply the score."""
+    weights: dict[str, Weight]
+    """Metrics in the weighted mean."""
+    fault: Fault | None
+    official: bool
+    """Whether it is an official scenario, driven as it is."""
+    overrides: AppliedOverrides
+    trace_hash: str | None
+    times_s: dict[str, Seconds]
+    """Wall clock by phase, and `total`."""
+    versions: dict[str, str]
+    reached_goal: bool
+    site: str
+    scenario_hash: str
+    trace: str | None
+    """Where it lies, relative to the run folder."""
+    profile: str | None = None
+    """Of a row that was scored again, as `scoring_version`."""
+    scoring_version: int | None = msgspec.field(name="version", default=None)
+    planner_report: dict[str, Any] | None = None
+    """What the planner said of the drive itself."""
+    traceback: str = ""
+    """Of a fault of ours."""
+    printed: str = ""
+    """The end of what the worker printed, after a fault."""
+
+    def __post_init__(self) -> None:
+        for name in (*self.gates, *self.weights):
+            if name not in self.metrics or self.metrics[name].score is None:
+                raise ValueError(f"{name} is among gates or weights and has no score")
+        if self.score is None and self.fault is None:
+            raise ValueError("there is neither a score nor a fault")
+
+    @property
+    def judged(self) -> dict[str, float]:
+        """Scores of the metrics that make the score, gates first."""
+        return {name: self.metrics[name].score or 0.0 for name in (*self.gates, *self.weights)}
+
+    def rescored(self, sheet: ScoreRecord) -> Row:
+        """The row with another score."""
+        return structs.replace(self, **structs.asdict(sheet))
+
+    @property
+    def key(self) -> JobKey:
+        return (self.scenario_id, self.planner, self.seed)
+
+
+class RequestedJobs(Struct, frozen=True):
+    """Every planner on every scenario with the seeds 0 to N-1."""
+
+    planners: tuple[str, ...]
+    scenarios: tuple[str, ...]
+    """Ids."""
+    seeds: Annotated[int, Meta(ge=1, le=MOST_SEEDS)]
+
+
+class ManifestFormat(Struct):
+    """The first that is read of a manifest."""
+
+    format: int
+
+
+class Manifest(Struct, frozen=True, kw_only=True):
+    """What a run folder says about itself: what was asked for, and with which versions."""
+
+    format: Literal[1] = FORMAT
+    suite: str
+    suite_hash: str
+    profile: str
+    overrides: AppliedOverrides
+    versions: dict[str, str]
+    command: tuple[str, ...]
+    created: str
+    platform: str
+    plan_limit_s: Seconds | None
+    """None for no limit."""
+    requests: tuple[RequestedJobs, ...]
+
+    @property
+    def keys(self) -> list[JobKey]:
+        """The jobs that are asked for, each once."""
+        return keys_of(self.requests)
+
+
+def keys_of(requests: Iterable[RequestedJobs]) -> list[JobKey]:
+    """The jobs that requests ask for, each once."""
+    found = {
+        (scenario, planner, seed): None
+        for request in requests
+        for planner in request.planners
+        for scenario in request.scenarios
+        for seed in range(request.seeds)
+    }
+    return list(found)
+
+
+class Brief(NamedTuple):
+    """What tables need of a row, small enough to keep for every drive of a long run."""
+
+    family: str
+    score: float | None
+    """0 to 1."""
+    fault: FaultClass | None
+    official: bool
+    no_collision: float | None
+    """Score of the metric, 0 to 1, as `drivable_area`; None where it was not judged."""
+    drivable_area: float | None
+    goal_lane: bool | None
+    """Whether the drive ended in the goal lane."""
+    total_s: float | None
+    """Wall clock of the whole job."""
+    scoring: int | None
+    """Version of the scoring of a row that was scored again."""
+    questions: int | None
+    """How often the planner asked a language model; None where it says nothing about that."""
+    unanswered: int | None
+    """How often in vain."""
+
+    @classmethod
+    def of(cls, row: Row) -> Self:
+        return cls(*_brief(msgspec.convert(row, _BriefRow, from_attributes=True)))
+
+
+class _BriefMetric(Struct, gc=False):
+    score: Score | None = None
+
+
+class _LaneDetail(Struct, gc=False):
+    goal: bool | None = None
+
+
+class _LaneChanges(Struct):
+    detail: _LaneDetail
+
+
+class _BriefMetrics(Struct):
+    no_collision: _BriefMetric | None = None
+    drivable_area: _BriefMetric | None = None
+    lane_changes: _LaneChanges | None = None
+
+
+class _BriefFault(Struct, gc=False):
+    kind: FaultClass = msgspec.field(name="class")
+
+
+class _BriefTimes(Struct, gc=False):
+    total: Seconds | None = None
+
+
+class _BriefRow(Struct, kw_only=True):
+    """The part of a row that makes its brief: what is not named here is passed over as it is read."""
+
+    scenario_id: str
+    planner: str
+    seed: Seed
+    family: str
+    score: Score | None
+    fault: _BriefFault | None
+    official: bool
+    metrics: _BriefMetrics
+    times_s: _BriefTimes
+    scoring_version: int | None = msgspec.field(name="version", default=None)
+    planner_report: ModelUse | None = None
+
+
+def _brief(row: _BriefRow) -> Brief:
+    lanes, report = row.metrics.lane_changes, row.planner_report
+    asked = report if report is not None and report.queries is not None else None
+    return Brief(
+        row.family,
+        row.score,
+        row.fault and row.fault.kind,
+        row.official,
+        row.metrics.no_collision and row.metrics.no_collision.score,
+        row.metrics.drivable_area and row.metrics.drivable_area.score,
+        lanes and lanes.detail.goal,
+        row.times_s.total,
+        row.scoring_version,
+        asked and asked.queries,
+        None if asked is None else sum(asked.fallbacks.values()),
+    )
+
+
+_rows = msgspec.json.Decoder(Row)
+_brief_rows = msgspec.json.Decoder(_BriefRow)
+
+
+def row_of(line: bytes) -> Row:
+    """A line of results.jsonl; RecordError if it is none."""
+    return _decoded(_rows, line)
+
+
+def brief_of(line: bytes) -> tuple[JobKey, Brief]:
+    """Job and brief of a line of results.jsonl, in a fraction of the time; RecordError for what it looks at."""
+    row = _decoded(_brief_rows, line)
+    return (row.scenario_id, row.planner, row.seed), _brief(row)
+
+
+def decode(text: bytes, kind: type[T]) -> T:
+    """JSON as a record of a type; RecordError if it is none."""
+    return _decoded(msgspec.json.Decoder(kind), text)
+
+
+def _decoded(decoder: msgspec.json.Decoder[T], text: bytes) -> T:
+    try:
+        return decoder.decode(text)
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise RecordError(" ".join(str(error).split())) from None
+
+
+def encode(record: Struct) -> bytes:
+    """A record as one line of JSON, without the line's end."""
+    return msgspec.json.encode(record)

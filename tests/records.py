@@ -1,0 +1,36 @@
+"""Rows and manifests of runs that nobody drove."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from interplan_sumo.batch.records import AppliedOverrides, Fault, Manifest, MetricRecord, RequestedJobs, Row
+
+
+def row(scenario: str, score: float | None = 0.5, **changes: Any) -> Row:
+    """A finished drive; without a score one that was killed."""
+    fields: dict[str, Any] = {
+        "scenario_id": scenario, "family": scenario.partition("/")[0], "planner": "idm", "seed": 0, "score": score,
+        "metrics": {}, "gates": (), "weights": {}, "fault": Fault("timeout", "killed") if score is None else None,
+        "official": True, "overrides": AppliedOverrides(), "trace_hash": None, "times_s": {}, "versions": {},
+        "reached_goal": False, "site": "tiny/1", "scenario_hash": "", "trace": None,
+    }  # fmt: skip
+    return Row(**fields | changes)
+
+
+def metric(score: float | None, detail: dict[str, Any] | None = None, reason: str | None = None) -> MetricRecord:
+    return MetricRecord(score, detail or {}, reason)
+
+
+def asked(planners: str = "idm", scenarios: str = "a/0 a/1 a/2", seeds: int = 1) -> RequestedJobs:
+    """What was asked for, from names with blanks between them."""
+    return RequestedJobs(tuple(planners.split()), tuple(scenarios.split()), seeds)
+
+
+def manifest(*requests: RequestedJobs, **changes: Any) -> Manifest:
+    fields: dict[str, Any] = {
+        "suite": "smoke==1", "suite_hash": "1", "profile": "interplan-paper", "overrides": AppliedOverrides(),
+        "versions": {"sumo": "1.28.0", "python": "3.11.7"}, "command": ("run",), "created": "2024-01-01T00:00:00Z",
+        "platform": "", "plan_limit_s": 10.0, "requests": requests,
+    }  # fmt: skip
+    return Manifest(**fields | changes)
