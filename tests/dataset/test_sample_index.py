@@ -63,7 +63,7 @@ def test_what_is_offered_is_found_again_in_the_run_folder(driven: Path, host: St
     offer = offers[1]
     drive = Drive(
         "run", "mine", replace(host.scenario, start=offer.start, goal=offer.goal, route=offer.route),
-        find_map(host.scenario.map), "sumo", 0, 1.0, host.row.trace_hash, "", driven, KEY, offer.car,
+        find_map(host.scenario.map), "sumo", 0, 1.0, str(host.row.trace_hash), "", driven, KEY, offer.car,
     )  # fmt: skip
     scenario, _, trace = driven_again(drive)
     assert scenario.route == offer.route
