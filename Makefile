@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS = 1
 
 DATA ?= data/ordinary
 
-.PHONY: help setup check test test-all golden smoke benchmark data train tune-llm clean
+.PHONY: help setup check test test-all golden mutants smoke benchmark data train tune-llm clean
 
 help:
 	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
@@ -18,6 +18,7 @@ help:
 	@echo "make test-all    the slow tests, too"
 	@echo "make check       lint, format and types"
 	@echo "make golden      only the comparison with nuPlan's own values"
+	@echo "make mutants     200 small wrong changes to the code: does a test notice each? (an hour on two cores)"
 	@echo "make smoke       one scenario per family, in a minute"
 	@echo "make data        ordinary driving to train on, below data/ordinary (20 minutes); back_bay is for testing"
 	@echo "make tune-llm    EXAMPLES=choices.jsonl [OUT=hybrid.gguf] [TUNE=...]: teach the small language model"
@@ -51,6 +52,9 @@ test-all: setup
 
 golden: setup
 	@PYTHONPATH=.:planners $(BIN)/python -m tests.golden_table
+
+mutants: setup
+	$(BIN)/python -m tools.mutants --workers $(WORKERS)
 
 smoke: $(VENV)/.installed
 	$(BIN)/interplan-sumo doctor

@@ -50,6 +50,7 @@ def test_a_plan_may_begin_up_to_a_millisecond_late_or_any_time_before(late_s: fl
 
 
 def test_a_plan_that_begins_after_now_is_refused_with_the_numbers() -> None:
+    assert "begins 0.001 s after now" in refused(plan(time_s=np.linspace(3.5011, 11.6, 81)))
     message = refused(plan(time_s=np.linspace(3.6, 11.6, 81)))
     assert message.startswith("the plan begins 0.100 s after now (time_s[0] = 3.600, now = 3.500);")
 

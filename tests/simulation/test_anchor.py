@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import cos
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ from interplan_sumo.simulation.anchor import (
     Anchor,
     find_anchor,
 )
-from interplan_sumo.simulation.network import SumoNetwork, read_network
+from interplan_sumo.simulation.network import NetworkLane, SumoNetwork, read_network
+from interplan_sumo.world.geometry import Polyline
 
 ROAD = two_way_road()
 EASTWARD = ("e0", "e1")
@@ -53,6 +55,21 @@ def test_in_the_oncoming_lane_the_nearest_lane_of_the_own_direction_holds_the_an
 def test_far_from_all_lanes_there_is_no_anchor(away_m: float, seen: bool) -> None:
     kerb_m = LANE_Y[0] - 1.75
     assert (anchored(100.0, kerb_m - away_m) is not None) == seen
+
+
+@pytest.mark.parametrize(("apart_m", "lane"), [(4.8, "on_0"), (5.2, "off_0")])
+def test_a_lane_off_the_route_holds_the_anchor_if_it_is_nearer_by_more_than_five_metres(
+    apart_m: float, lane: str
+) -> None:
+    lines = {
+        "off_0": Polyline(np.array([[0.0, 0.0], [99.0, 0.0]])),
+        "on_0": Polyline(np.array([[0.0, apart_m], [99.0, apart_m]])),
+    }
+    lanes = {name: NetworkLane(name, name[:-2], 0, line, 99.0, 3.5, 13.9, False) for name, line in lines.items()}
+    network = SumoNetwork(Path("none"), lanes, {name[:-2]: (name,) for name in lanes}, dict.fromkeys(lanes, ()), {})
+    found = find_anchor(network, (50.0, -3.0), 0.0, None, ("on",))
+    assert found is not None
+    assert found.lane == lane
 
 
 def searched(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import sys
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -124,11 +123,6 @@ def leaving(_: Observation) -> object:
     sys.exit(3)
 
 
-def sleeping(observation: Observation) -> object:
-    time.sleep(0.05)
-    return straight(observation)
-
-
 def poisoned(observation: Observation) -> object:
     plan = straight(observation)
     object.__setattr__(plan, "x_m", np.array([np.nan, 1.0]))
@@ -146,16 +140,31 @@ def poisoned(observation: Observation) -> object:
         (lambda observation: straight(observation, from_s=-3.0, to_s=-1.0), r"(?i)end|reach|past"),
         (lambda observation: straight(observation, speed_mps=100.0), r"100 m/s \(at most 60\)"),
         (lambda _: None, r"NoneType"),
-        (sleeping, r"took .* the limit is 0.01 s"),
     ],
 )
 def test_a_faulty_planner_ends_its_episode_with_a_planner_fault_that_says_why(
     plan: Callable[[Observation], object], message: str
 ) -> None:
-    episode = run(Planning(plan), plan_limit_s=0.01 if plan is sleeping else 10.0)
+    episode = run(Planning(plan))
     assert episode.fault is not None
     assert episode.fault.kind == "planner"
     assert re.search(message, episode.fault.message), episode.fault.message
+
+
+@pytest.mark.parametrize(("taken_s", "fault"), [(1.9, None), (2.1, "plan() took 2.1 s, the limit is 2 s (t = 0.0 s)")])
+def test_a_planner_that_takes_longer_than_its_limit_is_at_fault(
+    taken_s: float, fault: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock_s = [0.0]
+    monkeypatch.setattr("time.perf_counter", lambda: clock_s[0])
+
+    def dawdle(observation: Observation) -> object:
+        clock_s[0] += taken_s
+        return straight(observation)
+
+    episode = run(Planning(dawdle), scenario(duration_s=0.3), plan_limit_s=2.0)
+    assert (episode.fault.message if episode.fault is not None else None) == fault
+    assert episode.times_s["planner"] == pytest.approx(taken_s * (3 if fault is None else 1))
 
 
 def test_a_planner_that_teleports_is_stopped_before_the_ego_moves() -> None:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
 import pytest
 from networks import LANE_Y, two_way_road
 
 from interplan_sumo.simulation import reactions
 from interplan_sumo.simulation.lane_polygons import ClipArea, Ring
+from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.reactions import (
     Agent,
     EgoOnNetwork,
@@ -17,6 +22,7 @@ from interplan_sumo.simulation.reactions import (
 )
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.geometry import Polyline
 
 NETWORK = two_way_road()
 EASTWARD = ("e0", "e1")
@@ -167,3 +173,34 @@ def test_the_corridor_runs_on_through_junctions_along_the_route() -> None:
     ahead = reactions.corridor(NETWORK, "e0_1", EASTWARD)
     assert ahead == pytest.approx({"e0_1": 0.0, ":B_1_1": 400.0, "e1_1": 400.1})
     assert reactions.corridor(NETWORK, ":B_1_1", EASTWARD) == pytest.approx({":B_1_1": 0.0, "e1_1": 0.1})
+
+
+def test_the_corridor_reaches_150_m_beyond_the_own_lane() -> None:
+    lines = [Polyline(np.array([[10.0 * i, 0.0], [10.0 * (i + 1), 0.0]])) for i in range(30)]
+    lanes = [NetworkLane(f"e{i}_0", f"e{i}", 0, line, 10.0, 3.5, 13.9, internal=False) for i, line in enumerate(lines)]
+    links = {a.id: (NetworkLink(a.id, b.id, (), "s", True, None),) for a, b in pairwise(lanes)}
+    road = SumoNetwork(Path("none"), {each.id: each for each in lanes}, {}, {**links, "e29_0": ()}, {})
+    ahead = reactions.corridor(road, "e0_0", tuple(each.edge for each in lanes))
+    assert max(ahead.values()) == 150.0  # the lane that begins at 160 m is no longer ahead
+
+
+def ahead_at(speed_mps: float, position_m: float = 100.0) -> EgoOnNetwork:
+    """An ego at 10 m/s wholly in lane 1, which it drives along at another speed."""
+    covered = LaneCoverage(1.0, position_m - PACIFICA.length_m, position_m, speed_mps)
+    return EgoOnNetwork({"e0_1": covered}, frozenset({"e0_1"}), "e0_1", position_m, 10.0, straddles=False)
+
+
+@pytest.mark.parametrize(
+    ("share", "mode"), [(0.86, Mode.SUMO), (0.84, Mode.OVERRIDE_SPEED), (-1.0, Mode.OVERRIDE_SPEED)]
+)
+def test_sumo_follows_an_ego_that_drives_along_the_lane_and_not_one_that_crosses_it(share: float, mode: Mode) -> None:
+    assert decision(follower(0.0), ahead_at(10.0 * share)).mode is mode
+
+
+@pytest.mark.parametrize(("front_m", "mode"), [(55.5, Mode.IGNORE_EGO), (55.3, Mode.SUMO)])
+def test_sumo_overlooks_an_ego_beside_the_agent_and_one_wholly_behind_it_needs_no_word(
+    front_m: float, mode: Mode
+) -> None:
+    """The agent's rear is at 55.4 m, its front at 60 m; for SUMO, the ego is a car in its lane."""
+    beside = EgoOnNetwork({}, frozenset(), "e0_1", front_m, 8.0, straddles=True)
+    assert decision(follower(0.0), beside).mode is mode

@@ -68,3 +68,22 @@ def test_a_car_is_never_nearer_to_the_ego_than_the_smallest_gap(seed: int) -> No
 def test_a_route_ends_where_the_network_ends() -> None:
     assert continued_route(NETWORK, "e0_1", 5000.0) == ("e0", "e1")
     assert continued_route(NETWORK, "w1_0", 5000.0) == ("w1", "w0")
+
+
+def test_nobody_starts_within_three_metres_of_an_obstacle_but_just_beyond() -> None:
+    chain = chain_through(NETWORK, "e0_0", EGO_X / 400.0, set(), 120.0, 300.0)
+    gaps_m: list[float] = []
+    for seed in range(400):
+        rng = np.random.default_rng(seed)
+        closed = [(70.0, 80.0)]  # along the chain, from the ego on
+        for spawn in spawning._fill(NETWORK, chain, (-120.0, 300.0), closed, 33.0, types("mixed"), [], rng)[0]:
+            rear_m, front_m = (x - EGO_X for x in place(spawn))
+            gaps_m.append(max(70.0 - front_m, rear_m - 80.0))
+    assert 3.0 <= min(gaps_m) < 3.2
+
+
+@pytest.mark.parametrize("line_m", [16.0, 31.0])
+def test_the_start_speed_before_a_closed_line_stops_with_one_and_a_half(line_m: float) -> None:
+    """A metre before the line, at 1.5 m/s2."""
+    speed_mps = spawning.start_speed_mps(types("conservative").members[0], 15.0, line_m, None)
+    assert speed_mps == pytest.approx((2.0 * 1.5 * (line_m - 1.0)) ** 0.5)

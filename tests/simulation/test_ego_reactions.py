@@ -1,0 +1,80 @@
+"""What agents near the ego are told: to keep their lane beside it, and to see what SUMO hides behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import libsumo
+import numpy as np
+import pytest
+from networks import LANE_Y, agent, ego_at, traffic, two_way_road, types
+
+from interplan_sumo.simulation.agent_registry import AgentRegistry
+from interplan_sumo.simulation.anchor import find_anchor
+from interplan_sumo.simulation.ego_reactions import AgentCommands, EgoReactions
+from interplan_sumo.simulation.reactions import Mode
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.ego import PACIFICA, EgoState
+
+KEEPS_LANE = 0
+"""SUMO's mode of a car that changes lane for no reason."""
+BOUNDARY_Y = (LANE_Y[0] + LANE_Y[1]) / 2.0
+
+
+@pytest.mark.parametrize(("behind_m", "keeps"), [(39.5, True), (40.5, False)])
+def test_agents_within_40_m_of_a_straddling_ego_keep_their_lane(behind_m: float, keeps: bool) -> None:
+    cars = types("conservative")
+    ego = ego_at(100.0, BOUNDARY_Y)
+    with traffic(cars, (agent(cars, "e0_2", ego.x_m - behind_m, 8.0),), ego) as run:
+        run.react(EgoState(0.0, float(run.observe().actors.x_m[0]) + 2.3 + behind_m, ego.y_m, 0.0, vx_mps=8.0))
+        assert (libsumo.vehicle.getLaneChangeMode("a0") == KEEPS_LANE) == keeps
+
+
+class Lane1:
+    """Agents on lane 1 at (x, y) of their fronts, at 8 m/s, and an ego on its centre line at x = 100."""
+
+    def __init__(self, *fronts: tuple[float, float]) -> None:
+        network = two_way_road()
+        self.fronts = fronts
+        self.registry = AgentRegistry(Path("conservative.xml"), Actors.none(), None, (0.0, 0.0), 0.1)
+        names = [f"a{i}" for i in range(len(fronts))]
+        for name in names:
+            self.registry.add(name, name, types("conservative").members[0], ("e0", "e1"))
+        self.registry.enter(names)
+        for _ in range(2):
+            self.registry.kinematics.move(fronts, [90.0] * len(fronts), [8.0] * len(fronts))
+        self.reactions = EgoReactions(network, (0.0, 0.0), PACIFICA, self.registry, (), (), 0.1)
+        self.ego = ego_at(100.0, LANE_Y[1])
+        self.anchor = find_anchor(network, (100.0 + PACIFICA.length_m / 2, LANE_Y[1]), 0.0, None, ("e0", "e1"))
+
+    def decide(self) -> AgentCommands:
+        def positions_m(names: Sequence[str]) -> list[float]:
+            return [self.fronts[int(name[1:])][0] for name in names]
+
+        agents = self.registry.snapshot(lambda names: ["e0_1"] * len(names), positions_m)
+        return self.reactions.decide(self.ego, self.anchor, (), {}, agents)
+
+
+@pytest.mark.parametrize(("beside_m", "mode"), [(2.2, Mode.OVERRIDE_SPEED), (2.4, Mode.SUMO)])
+def test_a_follower_is_told_of_a_car_that_the_ego_stands_in_and_not_of_one_that_it_clears(
+    beside_m: float, mode: Mode
+) -> None:
+    """The ego is 2.3 m wide; SUMO knows only the order of the cars on a lane, and so would hide one behind the ego."""
+    road = Lane1((80.0, LANE_Y[1]), (101.0, LANE_Y[1] + beside_m))
+    assert road.decide().decisions["a0"].mode is mode
+
+
+@pytest.mark.parametrize(
+    ("front_x", "mode"), [(107.1, Mode.OVERRIDE_SPEED), (107.3, Mode.SUMO), (97.5, Mode.OVERRIDE_SPEED)]
+)
+def test_the_ego_stands_in_a_car_as_long_as_their_boxes_share_a_stretch_of_the_lane(front_x: float, mode: Mode) -> None:
+    """The ego reaches from 97.4 to 102.6 m; a car of 4.6 m with its front at 107.2 m begins where it ends."""
+    assert Lane1((80.0, LANE_Y[1]), (front_x, LANE_Y[1])).decide().decisions["a0"].mode is mode
+
+
+def test_once_passed_through_a_car_stays_hidden_until_the_ego_has_another_lane() -> None:
+    road = Lane1((80.0, LANE_Y[1]), (101.0, LANE_Y[1]))
+    assert road.decide().decisions["a0"].mode is Mode.OVERRIDE_SPEED
+    road.registry.kinematics.front_m = np.array([[80.0, LANE_Y[1]], [120.0, LANE_Y[1]]])
+    assert road.decide().decisions["a0"].mode is Mode.OVERRIDE_SPEED
