@@ -190,7 +190,6 @@ def test_what_cannot_be_used_is_told_before_the_first_episode(arguments: dict[st
 @pytest.mark.parametrize(
     ("policy", "observation", "action"),
     [
-        (creeping, "vector", "acceleration_steering"),
         (hurrying, "vector", "acceleration_steering"),
         (straight_on, "dict", "trajectory"),
     ],
