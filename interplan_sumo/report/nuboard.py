@@ -169,12 +169,13 @@ def write_nuboard(runs: Sequence[StoredRun], folder: Path) -> Path:
             raise InputError(f"{folder} is not empty; name another folder as --nuboard")
         for part in (METRICS, AGGREGATED):
             (folder / part).mkdir(parents=True, exist_ok=True)
-        for metric in EXPORTED:
+        metrics = _exported(rows)
+        for metric in metrics:
             content = _metric_table(metric, rows)
             if content is not None:
                 pq.write_table(content, folder / METRICS / f"{metric.name}.parquet")
         name = f"{table.profile}_weighted_average_metrics"
-        pq.write_table(_aggregated(rows), folder / AGGREGATED / f"{name}.parquet")
+        pq.write_table(_aggregated(metrics, rows), folder / AGGREGATED / f"{name}.parquet")
         file = folder / FILE
         # nuBoard looks beside this file first; the paths only count where nothing lies there.
         file.write_bytes(
@@ -238,6 +239,20 @@ def _scored(table: ResultsTable) -> Iterator[_Drive]:
         yield from (_Drive.of(row, line.label) for row in line.rows if row.score is not None)
 
 
+def _exported(drives: Sequence[_Drive]) -> tuple[NuBoardMetric, ...]:
+    """nuPlan's and interPlan's metrics, then those with a score that plug-ins added, under their own names."""
+    known = {metric.source for metric in EXPORTED}
+    others = sorted({name for drive in drives for name, found in drive.metrics.items() if found.score is not None})
+    return (
+        *EXPORTED,
+        *(
+            NuBoardMetric(name, name, (Statistic(name, "VALUE", "value", _score),))
+            for name in others
+            if name not in known
+        ),
+    )
+
+
 def _metric_table(metric: NuBoardMetric, drives: Sequence[_Drive]) -> pa.Table | None:
     """The drives that were judged by a metric, with those statistics that all of them have; None if there is none."""
     there = [(drive, drive.metrics[metric.source]) for drive in drives if metric.source in drive.metrics]
@@ -278,13 +293,13 @@ def _as_stored(statistic: Statistic, value: float | bool | None) -> float | bool
 # --- scores ----------------------------------------------------------------------------------------
 
 
-def _aggregated(drives: Sequence[_Drive]) -> pa.Table:
+def _aggregated(exported: Sequence[NuBoardMetric], drives: Sequence[_Drive]) -> pa.Table:
     """Per planner a row for every scenario, one for every type, and the final one, as nuBoard's overview wants them.
 
     Its table needs the same types from every planner: where one has none, the score is NaN.
     """
     types = sorted({drive.family for drive in drives})
-    metrics = sorted((metric for metric in EXPORTED if metric.has_score), key=lambda metric: metric.name)
+    metrics = sorted((metric for metric in exported if metric.has_score), key=lambda metric: metric.name)
     rows: list[dict[str, Any]] = []
     for planner in dict.fromkeys(drive.planner for drive in drives):
         mine = [drive for drive in drives if drive.planner == planner]

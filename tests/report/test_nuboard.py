@@ -12,7 +12,9 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
+from interplan_sumo.batch.records import MetricRecord
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.nuboard import AGGREGATED, EXPORTED, FINAL, METRICS, pickled_texts, write_nuboard
 from tests import records
@@ -53,6 +55,15 @@ def test_any_texts_are_pickled_as_python_would_read_them_and_nothing_but_texts(t
     assert pickle.loads(data) == texts
     allowed = {"PROTO", "EMPTY_DICT", "MARK", "BINUNICODE", "SETITEMS", "STOP"}
     assert {opcode.name for opcode, _, _ in pickletools.genops(data)} <= allowed
+
+
+def test_a_metric_of_a_plug_in_keeps_its_own_name(tmp_path: Path) -> None:
+    judged = drive("nudge/0", 0.8)
+    judged = structs.replace(judged, metrics={**judged.metrics, "keeps_moving": MetricRecord(0.25, {}, None)})
+    write_nuboard([stored(judged, drive("nudge/1", 0.4))], tmp_path)
+    found = metric(tmp_path, "keeps_moving")
+    assert found["metric_score"].tolist() == found["keeps_moving_stat_value"].tolist() == [0.25]
+    assert aggregated(tmp_path)["keeps_moving"].iloc[-1] == 0.25
 
 
 def test_metrics_have_nuplans_names_and_columns(tmp_path: Path) -> None:
