@@ -2,38 +2,37 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import file_hash
+from tests.llm.tuning_models import NEEDED, line, write_examples, write_llama
+from tools.tune_llm import __main__ as command
+from tools.tune_llm.examples import TokenSample, as_samples, divided, read_examples, shuffled_batches
 
-for needed in ("gguf", "jinja2"):
-    pytest.importorskip(needed, reason="needs the extra: pip install 'interplan-sumo[train]'")
-torch = pytest.importorskip("torch", reason="needs the extra: pip install 'interplan-sumo[train]'")
+if TYPE_CHECKING:
+    from tools.tune_llm.fitting import Fitting
 
-from tests.llm.tuning_models import line, write_examples, write_llama  # noqa: E402
-from tools.tune_llm import __main__ as train  # noqa: E402
-from tools.tune_llm.adapters import read_adapter  # noqa: E402
-from tools.tune_llm.chat import ChatTokens  # noqa: E402
-from tools.tune_llm.examples import as_samples, divided, read_examples, shuffled_batches  # noqa: E402
-from tools.tune_llm.fitting import PATIENCE, Fitting, FittingSettings  # noqa: E402
-from tools.tune_llm.gguf_weights import read_model  # noqa: E402
-from tools.tune_llm.heldout import Ratio, chance, first_offered  # noqa: E402
-from tools.tune_llm.llama import Llama  # noqa: E402
-
-FAST = FittingSettings(epochs=5, learning_rate=0.02, rank=4, alpha=4.0, batch=4, threads=1, precision="float32")
+needs_train = pytest.mark.skipif(
+    any(importlib.util.find_spec(name) is None for name in NEEDED),
+    reason="needs the extra: pip install 'interplan-sumo[train]'",
+)
+pytestmark = needs_train
 
 
 @pytest.fixture(scope="module", autouse=True)
 def one_thread() -> Iterator[None]:
+    import torch
+
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
@@ -50,16 +49,27 @@ def examples(tiny: Path) -> Path:
     return write_examples(tiny.parent / "examples.jsonl")
 
 
-def fitting(tiny: Path, examples: Path, folder: Path, settings: FittingSettings = FAST) -> Fitting:
-    read = read_model(tiny)
-    learned, held_out = divided(as_samples(read_examples(examples), ChatTokens(read.vocabulary)), 100)
-    return Fitting(Llama(read), learned, held_out, settings, folder / "checkpoint.npz", "tiny")
+def samples_of(tiny: Path, examples: Path) -> list[TokenSample]:
+    from tools.tune_llm.chat import ChatTokens
+
+    return as_samples(read_examples(examples), ChatTokens(tiny))
+
+
+def fitting(tiny: Path, examples: Path, folder: Path, **other: Any) -> Fitting:
+    from tools.tune_llm.fitting import Fitting, FittingSettings
+    from tools.tune_llm.model import TunedModel
+
+    fast = FittingSettings(epochs=5, learning_rate=0.02, rank=4, alpha=4, batch=4, threads=1, precision="float32")
+    settings = replace(fast, **other)
+    learned, held_out = divided(samples_of(tiny, examples), 100)
+    model = TunedModel(tiny, settings.lora)
+    return Fitting(model, learned, held_out, settings, folder / "checkpoint.pt", "tiny")
 
 
 def tuned(tiny: Path, examples: Path, out: Path, *more: str) -> dict[str, Any]:
     """The card of a run of the command."""
     fast = "--epochs 2 --lr 0.02 --rank 4 --batch 4 --threads 1 --precision float32".split()
-    assert train.main([str(examples), "--out", str(out), "--base", str(tiny), *fast, *more]) == 0
+    assert command.main([str(examples), "--out", str(out), "--base", str(tiny), *fast, *more]) == 0
     return json.loads(out.with_suffix(".json").read_text(encoding="utf-8"))
 
 
@@ -98,7 +108,7 @@ def test_the_card_says_what_was_made_of_what(tiny: Path, examples: Path, tmp_pat
     assert card["settings"]["seed"] == 0
     assert card["learning"]["ending"] == "done"
     assert card["learning"]["steps"] == card["learning"]["of"] == 10
-    assert not list(tmp_path.glob("*.npz"))
+    assert not list(tmp_path.glob("*.checkpoint.*"))
 
 
 @pytest.mark.parametrize("name", ["examples.jsonl.card.json", "examples.json"])  # of labels, and of chats
@@ -113,12 +123,12 @@ def test_the_card_of_the_examples_is_taken_over_if_it_is_theirs(name: str, tiny:
 def test_the_same_seed_gives_the_same_file_and_another_one_another(tiny: Path, examples: Path, tmp_path: Path) -> None:
     for name, seed in (("first", "1"), ("same", "1"), ("other", "2")):
         tuned(tiny, examples, tmp_path / f"{name}.gguf", "--seed", seed)
-    first, same, other = (read_adapter(tmp_path / f"{name}.gguf").tensors() for name in ("first", "same", "other"))
-    assert all(tensor.equal(same[name]) for name, tensor in first.items())
-    assert not all(tensor.equal(other[name]) for name, tensor in first.items())
+    first, same, other = (_tensors(tmp_path / f"{name}.gguf") for name in ("first", "same", "other"))
+    assert first == same
+    assert first != other
 
 
-@pytest.mark.parametrize("stopped_at", [1, 12, 25])
+@pytest.mark.parametrize("stopped_at", [1, 12])
 def test_an_interrupted_run_ends_as_if_nothing_had_happened(
     tiny: Path, examples: Path, tmp_path: Path, stopped_at: int
 ) -> None:
@@ -126,18 +136,19 @@ def test_an_interrupted_run_ends_as_if_nothing_had_happened(
         if running.progress.step == stopped_at:
             raise _Stopped
 
-    whole = fitting(tiny, examples, tmp_path).run(math.inf, silent)
-    (tmp_path / "checkpoint.npz").unlink()
+    undisturbed = fitting(tiny, examples, tmp_path)
+    whole = undisturbed.run(math.inf, silent)
+    (tmp_path / "checkpoint.pt").unlink()
     interrupted = fitting(tiny, examples, tmp_path)
     with pytest.raises(_Stopped):
         interrupted.run(math.inf, stop)
     resumed = fitting(tiny, examples, tmp_path)
     if stopped_at >= 2:  # the first look has left a checkpoint
         assert 0 < resumed.resume() <= stopped_at
-    again = resumed.run(math.inf, silent)
-    assert again.progress.losses == whole.progress.losses
-    for name, tensor in whole.adapter.tensors().items():
-        assert tensor.equal(again.adapter.tensors()[name])
+    assert resumed.run(math.inf, silent).progress.losses == whole.progress.losses
+    undisturbed.model.write_adapter(tmp_path / "whole.gguf", "a")
+    resumed.model.write_adapter(tmp_path / "resumed.gguf", "a")
+    assert (tmp_path / "whole.gguf").read_bytes() == (tmp_path / "resumed.gguf").read_bytes()
 
 
 def test_no_time_left_ends_with_a_checkpoint_and_an_adapter(
@@ -153,12 +164,14 @@ def test_no_time_left_ends_with_a_checkpoint_and_an_adapter(
 
 
 def test_it_ends_when_held_out_examples_no_longer_gain(tiny: Path, tmp_path: Path) -> None:
+    from tools.tune_llm.fitting import PATIENCE
+
     lines = [json.loads(line(number, "train")) for number in range(8)]
     wrong = [json.loads(line(number, "val")) for number in range(4)]
     for told in wrong:
         told["messages"][2]["content"] = "merge_left" if told["messages"][2]["content"] != "merge_left" else "stop"
     (tmp_path / "odd.jsonl").write_text("\n".join(json.dumps(told) for told in (*lines, *wrong)), encoding="utf-8")
-    fitted = fitting(tiny, tmp_path / "odd.jsonl", tmp_path, replace(FAST, epochs=60)).run(math.inf, silent)
+    fitted = fitting(tiny, tmp_path / "odd.jsonl", tmp_path, epochs=60).run(math.inf, silent)
     assert fitted.ending == "no longer better"
     looks = [look[2] or 0.0 for look in fitted.progress.losses]
     assert looks.index(min(looks)) == len(looks) - 1 - PATIENCE
@@ -169,10 +182,10 @@ def test_a_checkpoint_of_something_else_is_refused(tiny: Path, examples: Path, t
     with pytest.raises(InputError, match="nothing to resume"):
         fitting(tiny, examples, tmp_path).resume()
     fitting(tiny, examples, tmp_path).run(0.0, silent)
-    other = fitting(tiny, examples, tmp_path, replace(FAST, seed=9))
+    other = fitting(tiny, examples, tmp_path, seed=9)
     with pytest.raises(InputError, match="other examples or settings"):
         other.resume()
-    (tmp_path / "checkpoint.npz").write_bytes(b"a text")
+    (tmp_path / "checkpoint.pt").write_bytes(b"a text")
     with pytest.raises(InputError, match="damaged"):
         fitting(tiny, examples, tmp_path).resume()
 
@@ -191,7 +204,7 @@ def test_lines_without_a_split_are_held_out_by_their_own_hash(tmp_path: Path) ->
 
 
 def test_batches_hold_every_example_once(tiny: Path, examples: Path) -> None:
-    samples = as_samples(read_examples(examples), ChatTokens(read_model(tiny).vocabulary))
+    samples = samples_of(tiny, examples)
     first, same, other = (shuffled_batches(samples, 8, np.random.default_rng(seed)) for seed in (0, 0, 1))
     assert sorted(index for batch in first for index in batch) == list(range(len(samples)))
     assert first == same != other
@@ -220,7 +233,7 @@ def test_nothing_to_learn_from_and_too_long_are_refused(tiny: Path, tmp_path: Pa
         read_examples(tmp_path / "empty.jsonl")
     (tmp_path / "long.jsonl").write_text(line(0, "train").replace("Sign", "Sign" * 1100), encoding="utf-8")
     with pytest.raises(InputError, match="takes 4096"):
-        as_samples(read_examples(tmp_path / "long.jsonl"), ChatTokens(read_model(tiny).vocabulary))
+        samples_of(tiny, tmp_path / "long.jsonl")
 
 
 @pytest.mark.parametrize(
@@ -237,17 +250,28 @@ def test_what_the_command_cannot_do_is_one_line(
     tiny: Path, examples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], named: str
 ) -> None:
     given = [str(examples), "--out", str(tmp_path / "sign.gguf"), "--base", str(tiny), *arguments]
-    assert train.main(given) == train.BAD_INPUT
+    assert command.main(given) == command.BAD_INPUT
     error = capsys.readouterr().err
     assert error.startswith("error: ")
     assert error.count("\n") == 1
     assert named.replace("\\", "") in error
 
 
+def test_a_missing_library_is_one_line_with_the_way_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    assert command.main([str(tmp_path / "examples.jsonl"), "--out", str(tmp_path / "sign.gguf")]) == command.BAD_INPUT
+    error = capsys.readouterr().err
+    assert error == "error: tuning needs torch, which is not installed. Run: pip install --editable '.[train]'\n"
+
+
 # --- figures ---
 
 
 def test_an_interval_holds_its_share_and_shrinks_with_numbers() -> None:
+    from tools.tune_llm.heldout import Ratio
+
     low, high = Ratio(8, 10).interval
     assert (low, high) == (pytest.approx(0.490, abs=1e-3), pytest.approx(0.943, abs=1e-3))
     assert Ratio(0, 10).interval[0] == 0.0
@@ -257,11 +281,13 @@ def test_an_interval_holds_its_share_and_shrinks_with_numbers() -> None:
 
 
 def test_chance_and_the_first_option_are_counted_where_there_are_choices(tiny: Path, tmp_path: Path) -> None:
+    from tools.tune_llm.heldout import Ratio, chance, first_offered
+
     told = [json.loads(line(number, "train")) for number in range(3)]
     told[0]["choices"], told[1]["choices"] = ["follow", "stop"], ["follow", "merge_left", "stop", "merge_right"]
     del told[2]["choices"]
     (tmp_path / "three.jsonl").write_text("\n".join(map(json.dumps, told)), encoding="utf-8")
-    samples = as_samples(read_examples(tmp_path / "three.jsonl"), ChatTokens(read_model(tiny).vocabulary))
+    samples = samples_of(tiny, tmp_path / "three.jsonl")
     assert chance(samples) == pytest.approx((1 / 2 + 1 / 4) / 2)
     assert first_offered(samples) == (Ratio(1, 2), None)
     assert chance(samples[2:]) is None
@@ -269,13 +295,21 @@ def test_chance_and_the_first_option_are_counted_where_there_are_choices(tiny: P
 
 
 def test_what_is_decisive_is_counted_by_itself_where_it_is_known(tiny: Path, tmp_path: Path) -> None:
+    from tools.tune_llm.heldout import Ratio, first_offered
+
     told = [json.loads(line(0, "val")) for _ in range(3)]
     for each, decisive in zip(told, (True, False, True), strict=True):
         each["about"]["decisive"] = decisive
         each["choices"] = ["follow", "stop"]
     lines = [*map(json.dumps, told), line(1, "train")]
     (tmp_path / "some.jsonl").write_text("\n".join(lines), encoding="utf-8")
-    samples = as_samples(read_examples(tmp_path / "some.jsonl"), ChatTokens(read_model(tiny).vocabulary))
+    samples = samples_of(tiny, tmp_path / "some.jsonl")
     learned, held_out = divided(samples, 10)
     assert (len(learned), len(held_out), len(divided(samples, 2)[1])) == (1, 3, 2)
     assert first_offered(held_out) == (Ratio(3, 3), Ratio(2, 2))
+
+
+def _tensors(path: Path) -> dict[str, bytes]:
+    from gguf import GGUFReader
+
+    return {tensor.name: tensor.data.tobytes() for tensor in GGUFReader(path).tensors}

@@ -6,12 +6,10 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from interplan_llm.models.protocol import Message
 
-gguf = pytest.importorskip("gguf", reason="needs the extra: pip install 'interplan-sumo[train]'")
-
+NEEDED = ("torch", "transformers", "peft", "gguf")
 LAYERS, WIDTH, HEADS, KV_HEADS, FEED_FORWARD = 2, 32, 4, 2, 64
 TEMPLATE = (
     "{% for message in messages %}<|begin|>{{ message.role }}\n{{ message.content }}<|end|>\n{% endfor %}"
@@ -30,7 +28,9 @@ def letters() -> list[str]:
 
 
 def write_llama(path: Path, seed: int = 0, **changed: str) -> Path:
-    """A Llama of two layers with shared keys, in float32; `changed` are texts of its metadata."""
+    """A Llama of two layers with shared keys, in float32; `changed`: texts of its metadata, a tensor `without`."""
+    import gguf
+
     writer = gguf.GGUFWriter(path, changed.get("architecture", "llama"))
     writer.add_context_length(4096)
     writer.add_embedding_length(WIDTH)
@@ -58,6 +58,8 @@ def write_llama(path: Path, seed: int = 0, **changed: str) -> Path:
         }  # fmt: skip
         shapes |= {f"blk.{layer}.{name}": shape for name, shape in inside.items()}
     for name, shape in shapes.items():
+        if name == changed.get("without"):
+            continue
         writer.add_tensor(f"{name}.weight", rng.normal(0.0, 0.3, shape).astype(np.float32))
     norms = ["output_norm", *(f"blk.{n}.{name}" for n in range(LAYERS) for name in ("attn_norm", "ffn_norm"))]
     for name in norms:

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from interplan_sumo.errors import InputError, InterplanError
 
-NEEDED = ("torch", "gguf", "jinja2")
-INSTALL = "pip install 'interplan-sumo[train]'"
+NEEDED = ("torch", "transformers", "peft", "gguf")
+INSTALL = "pip install --editable '.[train]'"
 BAD_INPUT = 2
 
 _ABOVE_ZERO = ("epochs", "rank", "lr", "batch", "threads", "held_out", "max_minutes")
@@ -28,6 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _check(given)
         os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # threads that spin while they wait take cores from others
+        os.environ["HF_HUB_OFFLINE"] = "1"  # transformers reads files of this machine only
         from tools.tune_llm.tune import tune
 
         tune(given)

@@ -7,14 +7,16 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interplan_llm.models.embedded import CONTEXT_TOKENS
 from interplan_llm.models.protocol import Message
 from interplan_sumo.errors import InputError
-from tools.tune_llm.chat import ChatTokens
+
+if TYPE_CHECKING:
+    from tools.tune_llm.chat import ChatTokens
 
 HELD_OUT_ONE_IN = 10
 """Of the lines that do not say what they are for."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import torch
@@ -17,7 +18,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import replacing
 from tools.tune_llm.examples import TokenSample, shuffled_batches
 from tools.tune_llm.heldout import answer_losses, mean_loss
-from tools.tune_llm.llama import Llama, LowRankSettings
+from tools.tune_llm.model import LoraSettings, TunedModel
 
 GRADIENT_NORM = 0.3
 """Of interPlan's recipe, as are WEIGHT_DECAY and WARM_UP."""
@@ -43,7 +44,7 @@ class FittingSettings:
 
     epochs: int = 1
     rank: int = 16
-    alpha: float = 16.0
+    alpha: int = 16
     targets: tuple[str, ...] = ("attn_q", "attn_v")
     learning_rate: float = 1e-3
     schedule: Schedule = "cosine"
@@ -51,6 +52,10 @@ class FittingSettings:
     seed: int = 0
     precision: str = "bfloat16"
     threads: int = 2
+
+    @property
+    def lora(self) -> LoraSettings:
+        return LoraSettings(self.targets, self.rank, self.alpha, self.seed)
 
 
 @dataclass(slots=True)
@@ -70,10 +75,8 @@ class Progress:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitted:
-    """What came out."""
+    """What came out, beside the model's changes: those with the smallest held-out loss, or the last where none is."""
 
-    adapter: LowRankSettings
-    """With the smallest held-out loss, or the last one where nothing is held out."""
     progress: Progress
     steps: int
     """In full."""
@@ -85,7 +88,7 @@ class Fitting:
 
     def __init__(
         self,
-        model: Llama,
+        model: TunedModel,
         learned: Sequence[TokenSample],
         held_out: Sequence[TokenSample],
         settings: FittingSettings,
@@ -93,15 +96,14 @@ class Fitting:
         key: str,
     ) -> None:
         """`key` stands for model and examples in the checkpoint."""
-        self._model = model
+        self.model = model
         self._learned = learned
         self._looked_at = held_out[:LOOKED_AT]
         self._settings = settings
         self._checkpoint = checkpoint
         self._key = json.dumps({"of": key, **asdict(settings)}, sort_keys=True)
-        self._adapter = model.new_adapter(settings.targets, settings.rank, settings.alpha, settings.seed)
-        self._tensors = self._adapter.tensors()
-        self._best = {name: tensor.detach().clone() for name, tensor in self._tensors.items()}
+        self._tensors = model.learning()
+        self._best = self._copied()
         self._optimizer = torch.optim.AdamW(
             self._tensors.values(), lr=settings.learning_rate, weight_decay=WEIGHT_DECAY
         )
@@ -114,16 +116,18 @@ class Fitting:
     def resume(self) -> int:
         """Take up the checkpoint; the step it was made at. InputError if there is none, or one of something else."""
         try:
-            with np.load(self._checkpoint, allow_pickle=False) as stored:
-                arrays = {name: stored[name] for name in stored.files}
-            told = json.loads(str(arrays["told"]))
-            if told["key"] != self._key:
+            stored = torch.load(self._checkpoint, weights_only=True)
+            if stored["key"] != self._key:
                 raise InputError(f"{self._checkpoint} was made with other examples or settings; leave out --resume")
-            self._take_up(arrays, told)
+            self._progress = Progress(**stored["progress"])
+            self._since_look, self._best = stored["since_look"], stored["best"]
+            self._put(stored["now"])
+            self._optimizer.load_state_dict(stored["optimizer"])
         except OSError as error:
             raise InputError(f"nothing to resume at {self._checkpoint}: {error.strerror or error}") from None
-        except (ValueError, KeyError, TypeError) as error:
-            raise InputError(f"{self._checkpoint} is damaged ({error}); leave out --resume") from None
+        except (LookupError, ValueError, TypeError, RuntimeError, pickle.UnpicklingError) as error:
+            why = " ".join(str(error).split())[:80]
+            raise InputError(f"{self._checkpoint} is damaged ({why}); leave out --resume") from None
         return self._progress.step
 
     def run(self, limit_s: float, say: Callable[[Fitting], None]) -> Fitted:
@@ -152,7 +156,9 @@ class Fitting:
             say(self)
         if ending == "out of time":
             self._store()
-        return Fitted(self._kept(), self._progress, self.steps, ending)
+        if self._progress.best_step:
+            self._put(self._best)
+        return Fitted(self._progress, self.steps, ending)
 
     @property
     def progress(self) -> Progress:
@@ -171,7 +177,7 @@ class Fitting:
         for group in self._optimizer.param_groups:
             group["lr"] = self._settings.learning_rate * self._pace()
         self._optimizer.zero_grad()
-        loss = answer_losses(self._model, samples, self._adapter).mean()
+        loss = answer_losses(self.model, samples).mean()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(list(self._tensors.values()), GRADIENT_NORM)
         self._optimizer.step()
@@ -190,7 +196,7 @@ class Fitting:
         return 0.5 * (1.0 + math.cos(math.pi * (step - warm) / max(self.steps - warm, 1)))
 
     def _look(self) -> None:
-        held_out = mean_loss(self._model, self._looked_at, self._adapter) if self._looked_at else None
+        held_out = mean_loss(self.model, self._looked_at) if self._looked_at else None
         progress = self._progress
         progress.losses.append((progress.step, self.loss, held_out))
         self._since_look.clear()
@@ -200,35 +206,24 @@ class Fitting:
         progress.best_loss = math.inf if held_out is None else held_out
         progress.best_step = progress.step
         progress.looks_since_best = 0
-        self._best = {name: tensor.detach().clone() for name, tensor in self._tensors.items()}
-
-    def _kept(self) -> LowRankSettings:
-        """The adapter with the best weights in it, of the last step where no look has come yet."""
-        if self._progress.best_step:
-            self._put(self._tensors, self._best)
-        return self._adapter
+        self._best = self._copied()
 
     def _store(self) -> None:
-        told = {"key": self._key, "progress": asdict(self._progress), "since_look": self._since_look}
-        arrays = {f"now/{name}": tensor.detach().numpy() for name, tensor in self._tensors.items()}
-        arrays |= {f"best/{name}": tensor.numpy() for name, tensor in self._best.items()}
-        for name, tensor in self._tensors.items():
-            arrays |= {f"adam/{name}/{part}": value.numpy() for part, value in self._optimizer.state[tensor].items()}
+        stored = {
+            "key": self._key,
+            "progress": asdict(self._progress),
+            "since_look": self._since_look,
+            "now": self._copied(),
+            "best": self._best,
+            "optimizer": self._optimizer.state_dict(),
+        }
         with replacing(self._checkpoint) as fresh, fresh.open("wb") as file:
-            np.savez(file, allow_pickle=False, told=np.array(json.dumps(told)), **arrays)
+            torch.save(stored, file)
 
-    def _take_up(self, arrays: dict[str, np.ndarray], told: dict[str, Any]) -> None:
-        self._progress = Progress(**told["progress"])
-        self._progress.losses = [(int(step), float(loss), held_out) for step, loss, held_out in self._progress.losses]
-        self._since_look = list(told["since_look"])
-        for kind, tensors in (("now", self._tensors), ("best", self._best)):
-            self._put(tensors, {name: torch.from_numpy(arrays[f"{kind}/{name}"]) for name in tensors})
-        for key, array in arrays.items():
-            if key.startswith("adam/"):
-                _, name, part = key.split("/")
-                self._optimizer.state[self._tensors[name]][part] = torch.from_numpy(np.array(array))
+    def _copied(self) -> dict[str, torch.Tensor]:
+        return {name: values.detach().clone() for name, values in self._tensors.items()}
 
     @torch.no_grad()
-    def _put(self, tensors: dict[str, torch.Tensor], values: dict[str, torch.Tensor]) -> None:
-        for name, tensor in tensors.items():
+    def _put(self, values: dict[str, torch.Tensor]) -> None:
+        for name, tensor in self._tensors.items():
             tensor.copy_(values[name])

@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from tools.tune_llm.chat import ChatTokens
 from tools.tune_llm.examples import TokenSample, in_batches
-from tools.tune_llm.llama import Llama, LowRankSettings, token_tree
+from tools.tune_llm.model import TunedModel
 
 BATCH = 16
 Z_95 = 1.959964
@@ -51,14 +51,12 @@ class HeldOut:
     """The same where the other choices would have been worse; None where that is nowhere known."""
 
 
-def judged(
-    model: Llama, chat: ChatTokens, samples: Sequence[TokenSample], adapter: LowRankSettings | None = None
-) -> HeldOut:
+def judged(model: TunedModel, chat: ChatTokens, samples: Sequence[TokenSample]) -> HeldOut:
     """Loss over all samples, agreement over those with choices."""
-    offered = [sample.example for sample in samples if sample.example.choices is not None]
-    made = choices_made(model, chat, [sample for sample in samples if sample.example.choices is not None], adapter)
-    right = [(choice == example.answer, example.decisive) for choice, example in zip(made, offered, strict=True)]
-    return HeldOut(mean_loss(model, samples, adapter), *_shares(right))
+    offered = [sample for sample in samples if sample.example.choices is not None]
+    made = choices_made(model, chat, offered)
+    right = [(choice == each.example.answer, each.example.decisive) for choice, each in zip(made, offered, strict=True)]
+    return HeldOut(mean_loss(model, samples), *_shares(right))
 
 
 def first_offered(samples: Sequence[TokenSample]) -> tuple[Ratio | None, Ratio | None]:
@@ -73,30 +71,22 @@ def chance(samples: Sequence[TokenSample]) -> float | None:
     return sum(shares) / len(shares) if shares else None
 
 
-def answer_losses(model: Llama, samples: Sequence[TokenSample], adapter: LowRankSettings | None = None) -> Tensor:
+def answer_losses(model: TunedModel, samples: Sequence[TokenSample]) -> Tensor:
     """The loss of each token of the answers of one batch, one after the other."""
-    tree = token_tree([sample.read for sample in samples], min(len(sample.prompt) for sample in samples) - 1)
-    wanted = [
-        tree.flat(row, len(sample.prompt) - 1 + at)
-        for row, sample in enumerate(samples)
-        for at in range(len(sample.answer))
-    ]
+    logits = model.logits([sample.read for sample in samples], [len(sample.answer) for sample in samples])
     targets = torch.tensor([token for sample in samples for token in sample.answer])
-    return functional.cross_entropy(model.logits(tree, torch.tensor(wanted), adapter), targets, reduction="none")
+    return functional.cross_entropy(logits, targets, reduction="none")
 
 
 @torch.no_grad()
-def mean_loss(model: Llama, samples: Sequence[TokenSample], adapter: LowRankSettings | None = None) -> float:
+def mean_loss(model: TunedModel, samples: Sequence[TokenSample]) -> float:
     """Over all tokens of all answers, in nats."""
     batches = ([samples[index] for index in batch] for batch in in_batches(samples, BATCH))
-    losses = torch.cat([answer_losses(model, batch, adapter) for batch in batches])
-    return float(losses.double().mean())
+    return float(torch.cat([answer_losses(model, batch) for batch in batches]).double().mean())
 
 
 @torch.no_grad()
-def choices_made(
-    model: Llama, chat: ChatTokens, samples: Sequence[TokenSample], adapter: LowRankSettings | None = None
-) -> list[str]:
+def choices_made(model: TunedModel, chat: ChatTokens, samples: Sequence[TokenSample]) -> list[str]:
     """What the model chooses where a grammar of the choices holds it and it takes the likeliest token each time.
 
     A token is allowed that goes on with at least one choice, however it cuts
@@ -104,11 +94,11 @@ def choices_made(
     """
     states = [_Choosing(sample, chat) for sample in samples]
     while waiting := [state for state in states if state.choice is None]:
-        for batch in _like_length(waiting):
-            sequences = [state.tokens for state in batch]
-            tree = token_tree(sequences, min(map(len, sequences)) - 1)
-            ends = torch.tensor([tree.flat(row, len(tokens) - 1) for row, tokens in enumerate(sequences)])
-            for state, logits in zip(batch, model.logits(tree, ends, adapter), strict=True):
+        waiting.sort(key=lambda state: len(state.tokens))
+        for at in range(0, len(waiting), BATCH):
+            batch = waiting[at : at + BATCH]
+            following = model.logits([each.tokens for each in batch], [1] * len(batch))
+            for state, logits in zip(batch, following, strict=True):
                 state.take(logits)
     return [state.choice or "" for state in states]
 
@@ -126,7 +116,7 @@ class _Choosing:
     def __init__(self, sample: TokenSample, chat: ChatTokens) -> None:
         self.tokens = list(sample.prompt)
         self._chat = chat
-        self._rests = {choice: choice.encode() for choice in sample.example.choices or ()}
+        self._rests = {choice: chat.letters(choice) for choice in sample.example.choices or ()}
         self.choice: str | None = None
         self._settle()
 
@@ -142,17 +132,12 @@ class _Choosing:
             self._rests = {choice: rest for choice, rest in self._rests.items() if not rest}
         self._settle()
 
-    def _allowed(self) -> dict[int, bytes]:
+    def _allowed(self) -> dict[int, str]:
         """Tokens that may come, with what they write."""
         beginnings = {rest[:length] for rest in self._rests.values() for length in range(1, len(rest) + 1)}
         numbers = self._chat.numbers
         allowed = {numbers[beginning]: beginning for beginning in sorted(beginnings) if beginning in numbers}
-        return allowed | ({self._chat.end_of_turn: b""} if b"" in self._rests.values() else {})
+        return allowed | ({self._chat.end_of_turn: ""} if "" in self._rests.values() else {})
 
     def _settle(self) -> None:
         self.choice = next(iter(self._rests)) if len(self._rests) == 1 else None
-
-
-def _like_length(states: Sequence[_Choosing]) -> list[list[_Choosing]]:
-    ordered = sorted(states, key=lambda state: len(state.tokens))
-    return [ordered[at : at + BATCH] for at in range(0, len(ordered), BATCH)]

@@ -11,14 +11,12 @@ import torch
 from interplan_llm.models.fetch import default_model
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import file_hash
-from tools.tune_llm.adapters import write_adapter
 from tools.tune_llm.card import Made, write_card
 from tools.tune_llm.chat import ChatTokens
 from tools.tune_llm.examples import as_samples, divided, read_examples
 from tools.tune_llm.fitting import Fitting, FittingSettings
-from tools.tune_llm.gguf_weights import read_model
 from tools.tune_llm.heldout import HeldOut, judged
-from tools.tune_llm.llama import TARGETS, Llama
+from tools.tune_llm.model import TARGETS, TunedModel
 
 SAY_EVERY_S = 10.0
 WRITING_S = 20.0
@@ -34,11 +32,10 @@ def tune(given: argparse.Namespace) -> None:
     torch.set_num_threads(settings.threads)
     base: Path = given.base or default_model()
     examples = read_examples(given.examples)
-    read = read_model(base)
-    chat = ChatTokens(read.vocabulary)
-    model = Llama(read, getattr(torch, settings.precision))
+    chat = ChatTokens(base)
+    model = TunedModel(base, settings.lora, getattr(torch, settings.precision))
     learned, held_out = divided(as_samples(examples, chat), given.held_out)
-    checkpoint: Path = given.out.with_suffix(".checkpoint.npz")
+    checkpoint: Path = given.out.with_suffix(".checkpoint.pt")
     key = f"{file_hash(base)} {file_hash(given.examples)} {len(held_out)}"
     fitting = Fitting(model, learned, held_out, settings, checkpoint, key)
     tokens = sum(len(sample.read) for sample in learned)
@@ -47,15 +44,16 @@ def tune(given: argparse.Namespace) -> None:
         _say(f"resumed at step {fitting.resume()} of {fitting.steps}")
 
     judging_began_s = time.monotonic()
-    before = judged(model, chat, held_out) if held_out else None
+    with model.unchanged():
+        before = judged(model, chat, held_out) if held_out else None
     judging_s = time.monotonic() - judging_began_s
     _say_judged("before", before)
     spent_s = time.monotonic() - began_s + JUDGING_SPARE * judging_s + WRITING_S
     fitted = fitting.run(60.0 * given.max_minutes - spent_s, _Line())
-    after = judged(model, chat, held_out, fitted.adapter) if held_out else None
+    after = judged(model, chat, held_out) if held_out else None
     _say_judged("after", after)
 
-    write_adapter(given.out, fitted.adapter, given.out.stem)
+    model.write_adapter(given.out, given.out.stem)
     seconds = time.monotonic() - began_s
     made = Made(given.out, base, given.examples, learned, held_out, settings, before, after, fitted, seconds)
     card: Path = given.out.with_suffix(".json")
@@ -75,7 +73,7 @@ def _settings(given: argparse.Namespace) -> FittingSettings:
     return FittingSettings(
         epochs=given.epochs,
         rank=given.rank,
-        alpha=float(given.rank),
+        alpha=given.rank,
         targets=targets,
         learning_rate=given.lr,
         schedule=given.schedule,
