@@ -26,7 +26,7 @@ from interplan_sumo.batch.custom_references import keep_certified, own_expert
 from interplan_sumo.batch.jobs import Overrides, ScenarioSource, chosen, split_files
 from interplan_sumo.batch.run import changes
 from interplan_sumo.errors import InputError, PlannerError, TrafficError, UnknownNameError
-from interplan_sumo.families import FAMILIES
+from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.drivable_area import drivable_area
 from interplan_sumo.metrics.facts import Facts
@@ -343,8 +343,10 @@ def _picture(loop: Loop, behaviours: Mapping[str, str]) -> NDArray[np.uint8]:
 def _register() -> None:
     """`Scenario-v0`, and an id for each suite and family."""
     made: dict[str, dict[str, Any]] = {"Scenario": {}}
-    made |= {suite.name.capitalize(): {"suite": key} for key, suite in suites().items()}
-    made |= {"".join(map(str.capitalize, name.split("_"))): {"scenarios": f"{name}/*"} for name in FAMILIES}
+    made |= {key.partition("==")[0].capitalize(): {"suite": key} for key in suites()}
+    made |= {
+        "".join(map(str.capitalize, name.split("_"))): {"scenarios": f"{name}/*"} for name in names(ordinary=False)
+    }
     for name, arguments in made.items():
         gymnasium.register(f"interplan_sumo/{name}-v0", "interplan_sumo.gym:ScenarioEnv", kwargs=arguments)
 

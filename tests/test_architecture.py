@@ -29,7 +29,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "dynamics": BASE | LAYER_0,
     "maps": BASE | LAYER_0,
     "recordings": BASE | LAYER_0,
-    "scenario": BASE | LAYER_0 | {"families"},
+    "scenario": BASE | LAYER_0,
     "families": BASE | LAYER_0 | {"scenario"},
     "features": BASE | LAYER_0 | {"planner"},
     "tiny_worlds": BASE | LAYER_0 | {"planner"},

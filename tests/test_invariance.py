@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interplan_sumo.families import FAMILIES
+from interplan_sumo.families import names
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import MapFiles, load_roads
 from interplan_sumo.maps.to_sumo import convert
 from interplan_sumo.metrics.score import score
 from interplan_sumo.planner import Mission, Observation, Past, Planner, load_planner
 from interplan_sumo.scenario.scenario import LanePosition, PlacedVehicle, Scenario
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_scenario, find_suite
 from interplan_sumo.simulation.episode import Episode, drive
 from interplan_sumo.verification.reference_distance import reference_drive
 from interplan_sumo.world.actors import Actors
@@ -40,7 +41,7 @@ def scored(scenario: Scenario, episode: Episode) -> dict[str, float | None]:
 
 @pytest.mark.parametrize("family", ["nudge", pytest.param("lane_change_mtd", marks=pytest.mark.slow)])
 def test_an_episode_on_a_shifted_map_gives_equal_scores(family: str, tmp_path: Path) -> None:
-    here = next(s for s in FAMILIES[family].scenarios if s.map == "back_bay")
+    here = next(s for s in find_suite(DEFAULT_SUITE).scenarios if (s.family, s.map) == (family, "back_bay"))
     files = MapFiles("elsewhere", "1.0", tmp_path / "elsewhere" / "1.0")
     files.folder.mkdir(parents=True)
     write_map(moved_roads(load_roads("back_bay"), lambda xy: xy + np.array([4096.0, -2048.0])), files.gpkg)
@@ -51,7 +52,7 @@ def test_an_episode_on_a_shifted_map_gives_equal_scores(family: str, tmp_path: P
 
 
 def test_a_vehicle_out_of_reach_changes_nothing() -> None:
-    scenario = replace(FAMILIES["nudge"].scenarios[2], duration_s=SHORT_S)
+    scenario = replace(find_scenario("nudge/2"), duration_s=SHORT_S)
     far = PlacedVehicle(LanePosition("302010", 100.0), 12.0)
     assert _apart_m(scenario, far) > 300.0
     alone, accompanied = (drive(s, load_planner("idm")) for s in (scenario, replace(scenario, vehicles=(far,))))
@@ -96,9 +97,9 @@ class Renaming:
 
 
 @pytest.mark.parametrize("planner", ["idm", "straight_ahead"])
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", names(ordinary=False))
 def test_renaming_the_actors_changes_no_planners_motion(family: str, planner: str) -> None:
-    scenario = replace(FAMILIES[family].scenarios[0], duration_s=SHORT_S)
+    scenario = replace(find_scenario(f"{family}/0"), duration_s=SHORT_S)
     plain = drive(scenario, load_planner(planner))
     renamed = drive(scenario, Renaming(load_planner(planner)))
     np.testing.assert_allclose(ego_path(plain), ego_path(renamed), rtol=0.0, atol=1e-9)

@@ -18,9 +18,9 @@ def planner_names(incomplete: str) -> list[str]:
 
 
 def scenario_ids(incomplete: str) -> list[str]:
-    from interplan_sumo.scenario.suite import suites
+    from interplan_sumo.scenario.suite import ids_of, suites
 
-    return sorted({s.id for suite in suites().values() for s in suite.scenarios if s.id.startswith(incomplete)})
+    return sorted({id for key in suites() for id in ids_of(key) if id.startswith(incomplete)})
 
 
 PlannerOption = Annotated[

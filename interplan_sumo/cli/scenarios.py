@@ -24,12 +24,10 @@ def list_scenarios(
     as_json: JsonOption = False,
 ) -> None:
     """The official scenarios: where each is and what its traffic does."""
-    from interplan_sumo.report.listings import scenario_entry
-    from interplan_sumo.scenario.suite import find_suite, suites
+    from interplan_sumo.report.listings import certified, suite_entries
 
-    chosen = [find_suite(suite)] if suite else list(suites().values())
-    scenarios = {s.id: s for one in chosen for s in one.scenarios}
-    print_entries([scenario_entry(s) for s in scenarios.values()], as_json=as_json, hide=("hash", "certificate"))
+    entries = suite_entries(suite)
+    print_entries(list(map(certified, entries)) if as_json else entries, as_json=as_json, hide=("hash",))
 
 
 @scenarios_app.command("show")

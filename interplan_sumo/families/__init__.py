@@ -1,57 +1,37 @@
-"""The families of scenarios: one module each, with its rows as data, what sites suit it, and how to draw new ones."""
+"""The families of scenarios: one module each, found by entry point, ours and those that other packages add.
+
+A family is declared once, as a `Family`; whoever needs to know something about one asks for it by its name, with
+`find_family`, or goes through `families()`. No other module names one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
-from typing import Final
+from functools import cache
+from typing import Any, Final
 
-import numpy as np
+from interplan_sumo.families.family import Family, StartCheck, uninstalled
+from interplan_sumo.registry import Registry
 
-from interplan_sumo.families import accident, construction, jaywalker, lane_change, nudge, overtake
-from interplan_sumo.scenario.scenario import Density, Scenario
-from interplan_sumo.scenario.sites import Site
-from interplan_sumo.world.roads import Roads
+FAMILIES: Final = Registry[Family[Any]]("interplan_sumo.families", "family", Family)
+"""By name; each is imported when it is asked for. UnknownNameError with the nearest name for one that is not there."""
 
 
-@dataclass(frozen=True, slots=True)
-class Family:
-    """A family of scenarios."""
-
-    name: str
-    suitable: Callable[[Roads, str, float], Site]
-    """The site at a place (lane, arc length) of a map; UnsuitableError with the reason if the place does not do."""
-    drawn: Callable[[str, Roads, Site, np.random.Generator], Scenario]
-    """A new scenario with an id at a site; UnsuitableError if what was drawn finds no room."""
-    scenarios: tuple[Scenario, ...]
-    """The official ten."""
+@cache
+def families() -> dict[str, Family[Any]]:
+    """All of them by name, in their own order: those of the benchmark, ordinary driving, then those without one."""
+    return dict(sorted(FAMILIES.items(), key=lambda item: (item[1].order, item[0])))
 
 
-def _without_roads(
-    draw: Callable[[str, Site, np.random.Generator], Scenario],
-    id: str,
-    _roads: Roads,
-    site: Site,
-    rng: np.random.Generator,
-) -> Scenario:
-    return draw(id, site, rng)
+@cache
+def find_family(name: str) -> Family[Any]:
+    """One by its name; with everything as usual, and the name as its title, if it is not installed."""
+    return FAMILIES[name] if name in FAMILIES else uninstalled(name)
 
 
-def _change(density: Density, id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
-    return lane_change.drawn(id, roads, site, density, rng)
+def names(*, ordinary: bool) -> tuple[str, ...]:
+    """The families of ordinary driving, or the others, in order, without those that are made on request only."""
+    found = families()
+    return tuple(name for name, each in found.items() if each.ordinary == ordinary and not each.on_request)
 
 
-_ALL: Final = (
-    Family("construction", construction.suitable, partial(_without_roads, construction.drawn), construction.SCENARIOS),
-    Family("accident", accident.suitable, partial(_without_roads, accident.drawn), accident.SCENARIOS),
-    Family("jaywalker", jaywalker.suitable, partial(_without_roads, jaywalker.drawn), jaywalker.SCENARIOS),
-    Family("nudge", nudge.suitable, partial(_without_roads, nudge.drawn), nudge.SCENARIOS),
-    Family("overtake", overtake.suitable, partial(_without_roads, overtake.drawn), overtake.SCENARIOS),
-    *(
-        Family(name, lane_change.suitable, partial(_change, density), lane_change.SCENARIOS[name])
-        for name, density in lane_change.FAMILIES.items()
-    ),
-)
-FAMILIES: Final[dict[str, Family]] = {family.name: family for family in _ALL}
-"""In the order of the paper's table."""
+__all__ = ["FAMILIES", "Family", "StartCheck", "families", "find_family", "names"]

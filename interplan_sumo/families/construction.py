@@ -1,24 +1,20 @@
-"""Construction: cones close a part or all of the ego's lane, with workers inside; leave the lane in time."""
+"""Construction: cones close a part or all of the lane, with workers inside."""
 
 from __future__ import annotations
 
+from functools import partial
 from math import ceil, pi, sqrt
 from typing import Final, Literal
 
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.families.shapes import LARGEST_OFFSET_M, PASSING_M, start_speed_mps
-from interplan_sumo.scenario.scenario import (
-    OBSTACLES,
-    Behaviour,
-    Density,
-    LanePosition,
-    Obstacle,
-    Scenario,
-    TrafficDemand,
-)
+from interplan_sumo.families.family import Family
+from interplan_sumo.families.passing import passing_problems
+from interplan_sumo.families.shapes import LARGEST_OFFSET_M, NO_TRAFFIC, PASSING_M, start_speed_mps
+from interplan_sumo.scenario.scenario import OBSTACLES, Obstacle, Scenario, TrafficDemand
 from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
+from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 
@@ -42,8 +38,7 @@ def construction(
     spacing_m: float,
     reach_m: float,
     at: Literal["kerb", "middle"] = "kerb",
-    density: Density = "none",
-    behaviour: Behaviour = "mixed",
+    traffic: TrafficDemand = NO_TRAFFIC,
 ) -> Scenario:
     """`cones` cones `spacing_m` apart, standing `at` one side of the lane.
 
@@ -73,7 +68,7 @@ def construction(
         start_speed_mps=start_speed_mps(site),
         goal=site.goal,
         route=site.route,
-        traffic=TrafficDemand(density=density, behaviour=behaviour),
+        traffic=traffic,
         obstacles=tuple(obstacles),
     )
 
@@ -146,7 +141,7 @@ def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     return site
 
 
-def drawn(id: str, site: Site, rng: np.random.Generator) -> Scenario:
+def drawn(id: str, _roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
     """A scenario of the family at a site, what varies drawn at random."""
     many = site.lanes_far + site.lanes_near > 0
     sides: list[Literal["kerb", "middle"]] = []
@@ -167,249 +162,27 @@ def drawn(id: str, site: Site, rng: np.random.Generator) -> Scenario:
         spacing_m=float(np.round(rng.uniform(1.8, 4.0), 1)),
         reach_m=float(np.round(rng.uniform(highest_m - 0.5, highest_m), 2)),
         at=at,
-        density="low" if many and rng.random() < 0.5 else "none",
-        behaviour=("conservative", "assertive", "mixed")[int(rng.integers(3))],
+        traffic=TrafficDemand(
+            density="low" if many and rng.random() < 0.5 else "none",
+            behaviour=("conservative", "assertive", "mixed")[int(rng.integers(3))],
+        ),
     )
 
 
-# --- the ten -----------------------------------------------------------------------------------
+def asks(scenario: Scenario, _roads: Roads) -> bool:
+    """Whether cones or barriers stand somewhere."""
+    return any(OBSTACLES[each.kind][0] in (ActorKind.TRAFFIC_CONE, ActorKind.BARRIER) for each in scenario.obstacles)
 
-SCENARIOS: Final[tuple[Scenario, ...]] = (
-    construction(  # the middle lane of three
-        "construction/0",
-        site=Site(
-            map="strip",
-            lane="401051",
-            at_m=130.0,
-            start=LanePosition("401051", 40.0),
-            goal=LanePosition("401051", 210.0),
-            route=("40105",),
-            driving_side="right",
-            limit_mps=15.56,
-            width_m=3.4,
-            left_edge_m=5.1,
-            right_edge_m=8.1,
-            beside_start=("401050", "401051", "401052"),
-            lanes_left=1,
-            lanes_right=1,
-        ),
-        layout="row",
-        cones=5,
-        spacing_m=3.0,
-        reach_m=0.9,
-        at="middle",
-        density="low",
-        behaviour="mixed",
-    ),
-    construction(  # a wedge over the two lanes at the median
-        "construction/1",
-        site=Site(
-            map="strip",
-            lane="101091",
-            at_m=100.0,
-            start=LanePosition("101091", 10.0),
-            goal=LanePosition("101091", 180.0),
-            route=("10109",),
-            driving_side="right",
-            limit_mps=15.56,
-            width_m=3.4,
-            left_edge_m=5.1,
-            right_edge_m=8.5,
-            beside_start=("101090", "101091", "101092", "101093"),
-            lanes_left=1,
-            lanes_right=2,
-        ),
-        layout="wedge",
-        cones=8,
-        spacing_m=2.8,
-        reach_m=1.3,
-        at="middle",
-    ),
-    construction(  # a taper closes the kerb lane
-        "construction/2",
-        site=Site(
-            map="strip",
-            lane="402032",
-            at_m=120.0,
-            start=LanePosition("402032", 30.0),
-            goal=LanePosition("402032", 200.0),
-            route=("40203",),
-            driving_side="right",
-            limit_mps=15.56,
-            width_m=3.4,
-            left_edge_m=8.5,
-            right_edge_m=1.7,
-            beside_start=("402030", "402031", "402032"),
-            lanes_left=2,
-        ),
-        layout="taper",
-        cones=7,
-        spacing_m=3.2,
-        reach_m=1.4,
-        density="low",
-        behaviour="conservative",
-    ),
-    construction(  # a closed ring in the middle lane, left-hand traffic
-        "construction/3",
-        site=Site(
-            map="one_north",
-            lane="101051",
-            at_m=150.0,
-            start=LanePosition("101051", 60.0),
-            goal=LanePosition("101051", 230.0),
-            route=("10105",),
-            driving_side="left",
-            limit_mps=16.67,
-            width_m=3.4,
-            left_edge_m=5.1,
-            right_edge_m=5.1,
-            beside_start=("101050", "101051", "101052"),
-            lanes_left=1,
-            lanes_right=1,
-            bend_rad=-0.02,
-        ),
-        layout="ring",
-        cones=8,
-        spacing_m=2.6,
-        reach_m=1.4,
-        density="low",
-        behaviour="assertive",
-    ),
-    construction(  # the kerb lane of two, left-hand traffic
-        "construction/4",
-        site=Site(
-            map="one_north",
-            lane="302010",
-            at_m=140.0,
-            start=LanePosition("302010", 50.0),
-            goal=LanePosition("302010", 220.0),
-            route=("30201",),
-            driving_side="left",
-            limit_mps=13.89,
-            width_m=3.3,
-            left_edge_m=1.65,
-            right_edge_m=4.95,
-            beside_start=("302010", "302011"),
-            lanes_right=1,
-        ),
-        layout="taper",
-        cones=6,
-        spacing_m=3.6,
-        reach_m=1.3,
-    ),
-    construction(  # a one-way street
-        "construction/5",
-        site=Site(
-            map="back_bay",
-            lane="201020",
-            at_m=120.0,
-            start=LanePosition("201020", 30.0),
-            goal=LanePosition("201020", 200.0),
-            route=("20102",),
-            driving_side="right",
-            limit_mps=11.11,
-            width_m=3.2,
-            left_edge_m=1.6,
-            right_edge_m=10.4,
-            beside_start=("201020", "201021", "201022"),
-            lanes_right=2,
-        ),
-        layout="row",
-        cones=3,
-        spacing_m=2.4,
-        reach_m=0.6,
-        at="middle",
-    ),
-    construction(  # a narrow two-way street, passed on the own side
-        "construction/6",
-        site=Site(
-            map="back_bay",
-            lane="301020",
-            at_m=100.0,
-            start=LanePosition("301020", 10.0),
-            goal=LanePosition("301020", 180.0),
-            route=("30102",),
-            driving_side="right",
-            limit_mps=8.89,
-            width_m=3.1,
-            left_edge_m=6.85,
-            right_edge_m=3.75,
-            beside_start=("301020",),
-            oncoming_m=3.1,
-        ),
-        layout="row",
-        cones=4,
-        spacing_m=3.0,
-        reach_m=-0.35,
-    ),
-    construction(  # in a bend, passed on the own side
-        "construction/7",
-        site=Site(
-            map="hazelwood",
-            lane="401040",
-            at_m=100.0,
-            start=LanePosition("401040", 10.0),
-            goal=LanePosition("401040", 180.0),
-            route=("40104",),
-            driving_side="right",
-            limit_mps=11.11,
-            width_m=3.3,
-            left_edge_m=7.15,
-            right_edge_m=3.85,
-            beside_start=("401040",),
-            oncoming_m=3.3,
-            bend_rad=-0.47,
-        ),
-        layout="taper",
-        cones=6,
-        spacing_m=2.6,
-        reach_m=-0.32,
-    ),
-    construction(  # two-way, left-hand traffic, passed on the own side
-        "construction/8",
-        site=Site(
-            map="one_north",
-            lane="601030",
-            at_m=140.0,
-            start=LanePosition("601030", 50.0),
-            goal=LanePosition("601030", 220.0),
-            route=("60103",),
-            driving_side="left",
-            limit_mps=13.89,
-            width_m=3.4,
-            left_edge_m=1.7,
-            right_edge_m=5.1,
-            beside_start=("601030",),
-            oncoming_m=3.4,
-            bend_rad=-0.35,
-        ),
-        layout="taper",
-        cones=8,
-        spacing_m=1.6,
-        reach_m=-0.5,
-    ),
-    construction(  # a ring in the kerb lane of two
-        "construction/9",
-        site=Site(
-            map="back_bay",
-            lane="102021",
-            at_m=120.0,
-            start=LanePosition("102021", 30.0),
-            goal=LanePosition("102021", 200.0),
-            route=("10202",),
-            driving_side="right",
-            limit_mps=11.11,
-            width_m=3.1,
-            left_edge_m=4.65,
-            right_edge_m=3.75,
-            beside_start=("102020", "102021"),
-            lanes_left=1,
-        ),
-        layout="ring",
-        cones=6,
-        spacing_m=3.4,
-        reach_m=1.2,
-        density="low",
-        behaviour="mixed",
-    ),
+
+FAMILY: Final = Family(
+    title="Construction",
+    description="Cones close a part or all of the ego's lane, with workers inside; leave the lane in time.",
+    suitable=suitable,
+    drawn=drawn,
+    order=10,
+    column="Constr.",
+    checks=(partial(passing_problems, own_side_only=True),),
+    weighs_direction=True,
+    asks=asks,
+    original="approaching_construction_zone",
 )

@@ -1,4 +1,4 @@
-"""Jaywalker: people step into the road when the ego comes near; anticipate, stop or slow, do not swerve at speed."""
+"""Jaywalker: people step into the road when the ego comes near."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from typing import Final, Literal
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
+from interplan_sumo.families.crossing import unhurt_problems
+from interplan_sumo.families.family import Family
 from interplan_sumo.families.shapes import start_speed_mps
-from interplan_sumo.scenario.scenario import OBSTACLES, Jaywalker, LanePosition, Obstacle, Scenario
+from interplan_sumo.scenario.jaywalking import trigger_distance_m
+from interplan_sumo.scenario.scenario import OBSTACLES, Jaywalker, Obstacle, Scenario
 from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
-from interplan_sumo.scenario.trigger import trigger_distance_m
 from interplan_sumo.world.roads import Roads
 
 APPROACH_M: Final = 80.0
@@ -122,7 +124,7 @@ def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     return site
 
 
-def drawn(id: str, site: Site, rng: np.random.Generator) -> Scenario:
+def drawn(id: str, _roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
     """A scenario of the family at a site, what varies drawn at random."""
     people: list[Person] = []
     for i in range(int(rng.integers(1, 4))):
@@ -143,208 +145,20 @@ def drawn(id: str, site: Site, rng: np.random.Generator) -> Scenario:
     return jaywalker(id, site=site, people=tuple(people), bus=bus)
 
 
-# --- the ten -----------------------------------------------------------------------------------
+def asks(scenario: Scenario, _roads: Roads) -> bool:
+    """Whether anybody walks into the road."""
+    return bool(scenario.jaywalkers)
 
-SCENARIOS: Final[tuple[Scenario, ...]] = (
-    jaywalker(  # three from before a bus in its bay, left-hand traffic
-        "jaywalker/0",
-        site=Site(
-            map="one_north",
-            lane="301040",
-            at_m=88.0,
-            start=LanePosition("301040", 8.0),
-            goal=LanePosition("301040", 148.0),
-            route=("30104",),
-            driving_side="left",
-            limit_mps=13.89,
-            width_m=3.3,
-            left_edge_m=4.65,
-            right_edge_m=4.95,
-            beside_start=("301040", "301041"),
-            lanes_right=1,
-            bend_rad=0.31,
-        ),
-        people=(Person(1.3), Person(1.3, 2.0), Person(1.45, 3.5)),
-        bus="bay",
-    ),
-    jaywalker(  # three, no bus
-        "jaywalker/1",
-        site=Site(
-            map="one_north",
-            lane="301080",
-            at_m=130.0,
-            start=LanePosition("301080", 50.0),
-            goal=LanePosition("301090", 17.32),
-            route=("30108", "301080", "30109"),
-            driving_side="left",
-            limit_mps=13.89,
-            width_m=3.3,
-            left_edge_m=1.65,
-            right_edge_m=4.95,
-            beside_start=("301080", "301081"),
-            lanes_right=1,
-            bend_rad=0.06,
-        ),
-        people=(Person(1.0), Person(1.1, 1.5), Person(1.25, -2.0)),
-    ),
-    jaywalker(  # two from before a bus in the lane at the kerb
-        "jaywalker/2",
-        site=Site(
-            map="strip",
-            lane="501070",
-            at_m=126.0,
-            start=LanePosition("501070", 46.0),
-            goal=LanePosition("501070", 186.0),
-            route=("50107",),
-            driving_side="right",
-            limit_mps=13.33,
-            width_m=3.3,
-            left_edge_m=8.25,
-            right_edge_m=4.95,
-            beside_start=("501070", "501071"),
-            lanes_right=1,
-            oncoming_m=6.6,
-        ),
-        people=(Person(1.6), Person(1.75, 1.6)),
-        bus="kerb_lane",
-    ),
-    jaywalker(  # diagonally, away from the ego
-        "jaywalker/3",
-        site=Site(
-            map="back_bay",
-            lane="621010",
-            at_m=90.0,
-            start=LanePosition("621010", 10.0),
-            goal=LanePosition("621010", 150.0),
-            route=("62101",),
-            driving_side="right",
-            limit_mps=11.11,
-            width_m=3.3,
-            left_edge_m=7.15,
-            right_edge_m=1.65,
-            beside_start=("621010",),
-            oncoming_m=3.3,
-        ),
-        people=(Person(1.2, slant_m=3.0),),
-    ),
-    jaywalker(  # out of the parked cars' row of a one-way street
-        "jaywalker/4",
-        site=Site(
-            map="back_bay",
-            lane="501031",
-            at_m=92.0,
-            start=LanePosition("501031", 12.0),
-            goal=LanePosition("501031", 152.0),
-            route=("50103",),
-            driving_side="right",
-            limit_mps=11.11,
-            width_m=3.3,
-            left_edge_m=7.15,
-            right_edge_m=1.65,
-            beside_start=("501030", "501031"),
-            lanes_left=1,
-        ),
-        people=(Person(1.9),),
-    ),
-    jaywalker(  # slowly, in a bend
-        "jaywalker/5",
-        site=Site(
-            map="hazelwood",
-            lane="401030",
-            at_m=80.0,
-            start=LanePosition("401020", 45.1),
-            goal=LanePosition("401030", 140.0),
-            route=("40102", "401022", "40103"),
-            driving_side="right",
-            limit_mps=11.11,
-            width_m=3.3,
-            left_edge_m=4.95,
-            right_edge_m=1.65,
-            beside_start=("401020",),
-            oncoming_m=3.3,
-            bend_rad=0.57,
-        ),
-        people=(Person(1.0),),
-    ),
-    jaywalker(  # from the far side
-        "jaywalker/6",
-        site=Site(
-            map="hazelwood",
-            lane="402030",
-            at_m=144.0,
-            start=LanePosition("402030", 64.0),
-            goal=LanePosition("402040", 6.0),
-            route=("40203", "402031", "40204"),
-            driving_side="right",
-            limit_mps=11.11,
-            width_m=3.3,
-            left_edge_m=7.15,
-            right_edge_m=1.65,
-            beside_start=("402030",),
-            oncoming_m=3.3,
-            bend_rad=-0.57,
-        ),
-        people=(Person(1.9, far=True),),
-    ),
-    jaywalker(  # from the far side, diagonally towards the ego
-        "jaywalker/7",
-        site=Site(
-            map="one_north",
-            lane="601010",
-            at_m=116.0,
-            start=LanePosition("601010", 36.0),
-            goal=LanePosition("601020", 6.0),
-            route=("60101", "601010", "60102"),
-            driving_side="left",
-            limit_mps=13.89,
-            width_m=3.4,
-            left_edge_m=1.7,
-            right_edge_m=5.1,
-            beside_start=("601010",),
-            oncoming_m=3.4,
-            bend_rad=-0.61,
-        ),
-        people=(Person(1.7, slant_m=-3.0, far=True),),
-    ),
-    jaywalker(  # two at a stop of a wide street
-        "jaywalker/8",
-        site=Site(
-            map="strip",
-            lane="302011",
-            at_m=190.0,
-            start=LanePosition("302011", 110.0),
-            goal=LanePosition("302011", 250.0),
-            route=("30201",),
-            driving_side="right",
-            limit_mps=13.33,
-            width_m=3.4,
-            left_edge_m=5.1,
-            right_edge_m=1.7,
-            beside_start=("302010", "302011"),
-            lanes_left=1,
-            bend_rad=-0.38,
-        ),
-        people=(Person(1.0), Person(1.15, 1.0)),
-    ),
-    jaywalker(  # one from before a bus in its bay
-        "jaywalker/9",
-        site=Site(
-            map="one_north",
-            lane="402030",
-            at_m=84.0,
-            start=LanePosition("402020", 62.97),
-            goal=LanePosition("402030", 144.0),
-            route=("40202", "402021", "40203"),
-            driving_side="left",
-            limit_mps=13.89,
-            width_m=3.6,
-            left_edge_m=4.8,
-            right_edge_m=5.4,
-            beside_start=("402020",),
-            oncoming_m=3.6,
-            bend_rad=0.8,
-        ),
-        people=(Person(1.3),),
-        bus="bay",
-    ),
+
+FAMILY: Final = Family(
+    title="Jaywalker",
+    description="People step into the road when the ego comes near; anticipate, stop or slow, do not swerve at speed.",
+    suitable=suitable,
+    drawn=drawn,
+    order=30,
+    column="Jayw.",
+    checks=(unhurt_problems,),
+    asks=asks,
+    audit_class="jaywalkers",
+    original="jaywalking_pedestrian",
 )

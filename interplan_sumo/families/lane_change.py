@@ -1,21 +1,20 @@
-"""Lane changes: ordinary road, the goal lies one to three lanes away; the same recipes at three densities."""
+"""Lane changes: ordinary road, the goal lies one to three lanes away; three families, by the density of traffic."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 
+from interplan_sumo.families.family import Family
 from interplan_sumo.scenario.scenario import Behaviour, Density, LanePosition, Scenario, TrafficDemand
 from interplan_sumo.scenario.sites import Site, UnsuitableError, site_at
+from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import Roads
 
-FAMILIES: Final[dict[str, Density]] = {
-    "lane_change_ltd": "low",
-    "lane_change_mtd": "medium",
-    "lane_change_htd": "high",
-}
 APPROACHES_M: Final = (280.0, 240.0, 200.0, 160.0, 120.0)
 """From the start to the goal line: the longest that a place has room for."""
 PER_CHANGE_M: Final = 70.0
@@ -24,31 +23,8 @@ SETTLE_M: Final = 40.0
 START_SHARE: Final = 0.7
 """The ego starts at this share of the speed limit, as traffic around it does."""
 GOAL_ROOM_M: Final = 8.0
-
-
-def lane_change(
-    id: str,
-    *,
-    map: str,
-    start: LanePosition,
-    start_speed_mps: float,
-    goal: LanePosition,
-    route: tuple[str, ...],
-    density: Density,
-    behaviour: Behaviour,
-) -> Scenario:
-    """Drive from `start` to `goal`, which lies on another lane, through traffic."""
-    family = next(name for name, dense in FAMILIES.items() if dense == density)
-    return Scenario(
-        id=id,
-        family=family,
-        map=map,
-        start=start,
-        start_speed_mps=start_speed_mps,
-        goal=goal,
-        route=route,
-        traffic=TrafficDemand(density=density, behaviour=behaviour),
-    )
+LEAST_CHANGE_S: Final = 3.0
+"""A lane change takes a car at least this long: quicker ones are beyond nuPlan's bounds of comfort."""
 
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
@@ -86,132 +62,87 @@ def _distance_m(roads: Roads, site: Site) -> float:
     return float(np.hypot(there.x_m - here.x_m, there.y_m - here.y_m))
 
 
-def drawn(id: str, roads: Roads, site: Site, density: Density, rng: np.random.Generator) -> Scenario:
-    """A scenario of a density at a site, what varies drawn at random."""
+def drawn(family: str, density: Density, id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+    """A scenario of a family and its density at a site, what varies drawn at random."""
     places = starts(roads, site)
     changes = sorted(places)[int(rng.integers(len(places)))]
     start = places[changes]
-    route = (*((roads[start.lane].roadblock_id,)), *site.route[1:])
     limit_mps = roads[start.lane].speed_limit_mps or site.limit_mps
-    return lane_change(
-        id,
+    behaviours: tuple[Behaviour, ...] = ("conservative", "assertive", "mixed")
+    return Scenario(
+        id=id,
+        family=family,
         map=site.map,
         start=start,
         start_speed_mps=round(START_SHARE * limit_mps, 1),
         goal=site.goal,
-        route=route,
-        density=density,
-        behaviour=("conservative", "assertive", "mixed")[int(rng.integers(3))],
+        route=(roads[start.lane].roadblock_id, *site.route[1:]),
+        traffic=TrafficDemand(density=density, behaviour=behaviours[int(rng.integers(len(behaviours)))]),
     )
 
 
-# --- the ten, at three densities ---------------------------------------------------------------
+# --- start checks --------------------------------------------------------------------------------
 
 
-def _recipes(family: str) -> tuple[Scenario, ...]:
-    density = FAMILIES[family]
-    return (
-        lane_change(  # two to the left on a three-lane arterial
-            f"{family}/0",
-            map="strip",
-            start=LanePosition("402032", 20.0),
-            start_speed_mps=12.0,
-            goal=LanePosition("402030", 260.0),
-            route=("40203",),
-            density=density,
-            behaviour="mixed",
-        ),
-        lane_change(  # three to the left on a boulevard of four lanes
-            f"{family}/1",
-            map="strip",
-            start=LanePosition("101043", 15.0),
-            start_speed_mps=13.0,
-            goal=LanePosition("101040", 230.0),
-            route=("10104",),
-            density=density,
-            behaviour="conservative",
-        ),
-        lane_change(  # two to the right before the end of the block
-            f"{family}/2",
-            map="strip",
-            start=LanePosition("102090", 12.0),
-            start_speed_mps=12.0,
-            goal=LanePosition("102092", 190.0),
-            route=("10209",),
-            density=density,
-            behaviour="assertive",
-        ),
-        lane_change(  # one to the right
-            f"{family}/3",
-            map="strip",
-            start=LanePosition("401050", 20.0),
-            start_speed_mps=11.0,
-            goal=LanePosition("401051", 250.0),
-            route=("40105",),
-            density=density,
-            behaviour="mixed",
-        ),
-        lane_change(  # two to the right across a left-hand road, towards its middle
-            f"{family}/4",
-            map="one_north",
-            start=LanePosition("101050", 12.0),
-            start_speed_mps=12.0,
-            goal=LanePosition("101052", 255.0),
-            route=("10105",),
-            density=density,
-            behaviour="mixed",
-        ),
-        lane_change(  # one to the left, left-hand traffic, a fast road
-            f"{family}/5",
-            map="one_north",
-            start=LanePosition("202052", 30.0),
-            start_speed_mps=14.0,
-            goal=LanePosition("202051", 200.0),
-            route=("20205",),
-            density=density,
-            behaviour="conservative",
-        ),
-        lane_change(  # one to the right, left-hand traffic, short
-            f"{family}/6",
-            map="one_north",
-            start=LanePosition("201060", 20.0),
-            start_speed_mps=13.0,
-            goal=LanePosition("201061", 180.0),
-            route=("20106",),
-            density=density,
-            behaviour="assertive",
-        ),
-        lane_change(  # from the ramp of a highway into its right lane
-            f"{family}/7",
-            map="hazelwood",
-            start=LanePosition("101052", 15.0),
-            start_speed_mps=14.0,
-            goal=LanePosition("101061", 140.0),
-            route=("10105", "101050", "10106"),
-            density=density,
-            behaviour="conservative",
-        ),
-        lane_change(  # two to the left within one block
-            f"{family}/8",
-            map="strip",
-            start=LanePosition("202052", 10.0),
-            start_speed_mps=12.0,
-            goal=LanePosition("202050", 178.0),
-            route=("20205",),
-            density=density,
-            behaviour="assertive",
-        ),
-        lane_change(  # one to the right in a one-way street of three lanes
-            f"{family}/9",
-            map="back_bay",
-            start=LanePosition("201050", 12.0),
-            start_speed_mps=8.0,
-            goal=LanePosition("201051", 195.0),
-            route=("20105",),
-            density=density,
-            behaviour="mixed",
-        ),
+def change_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """The goal takes a lane change, and a lane nearer to it lies beside the start lane for long enough."""
+    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane)
+    changes = need.get(scenario.start.lane)
+    if changes is None:
+        return []  # no way leads there: the check of every scenario says so
+    if changes == 0:
+        return ["goal.lane: it can be reached without a lane change, expected one or more; choose a lane beside it"]
+    least_m = LEAST_CHANGE_S * scenario.start_speed_mps
+    room_m = _beside_m(scenario, roads, need)
+    if room_m >= least_m:
+        return []
+    return [
+        f"start: no lane lies beside lane {scenario.start.lane} from {room_m:.1f} m ahead on, expected one for "
+        f"{least_m:.1f} m or more, {LEAST_CHANGE_S:.0f} s at the start speed; start it farther back or slower"
+    ]
+
+
+def _beside_m(scenario: Scenario, roads: Roads, need: Mapping[str, int]) -> float:
+    """How far ahead of the start the last lane ends that lies beside the ego's and nearer to the goal."""
+    here, driven_m, beside_m = scenario.start.lane, -scenario.start.arc_m, 0.0
+    passed: set[str] = set()
+    while True:
+        passed.add(here)
+        driven_m += roads[here].centerline.length_m
+        beside = [lane for lane in (roads.left_of(here), roads.right_of(here)) if lane is not None]
+        if any(need.get(lane.id, need[here]) < need[here] for lane in beside):
+            beside_m = driven_m
+        ways = [way for way in roads.outgoing(here) if way in need and way not in passed]
+        if not ways:
+            return beside_m
+        here = min(ways, key=lambda way: (need[way], way))
+
+
+def asks(scenario: Scenario, roads: Roads) -> bool:
+    """Whether the goal takes a lane change."""
+    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane)
+    return need.get(scenario.start.lane, 0) > 0
+
+
+def _family(name: str, density: Density, *, order: int, original: str, certificate_score: float = 0.9) -> Family[Site]:
+    short = name.rpartition("_")[2]
+    return Family(
+        title=f"Lane change, {density} density",
+        description=f"Ordinary road, the goal lies one to three lanes away, traffic of {density} density between.",
+        suitable=suitable,
+        drawn=partial(drawn, name, density),
+        order=order,
+        column=short.upper(),
+        column_key=short,
+        changes_lanes=True,
+        checks=(change_problems,),
+        certificate_score=certificate_score,
+        asks=asks,
+        audit_class="lane changes",
+        original=original,
     )
 
 
-SCENARIOS: Final[dict[str, tuple[Scenario, ...]]] = {family: _recipes(family) for family in FAMILIES}
+LOW: Final = _family("lane_change_ltd", "low", order=60, original="dl")
+MEDIUM: Final = _family("lane_change_mtd", "medium", order=70, original="dm")
+HIGH: Final = _family("lane_change_htd", "high", order=80, original="dh", certificate_score=0.8)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from math import cos, sin, sqrt
 from typing import Final
 
-from interplan_sumo.scenario.scenario import Obstacle
+from interplan_sumo.scenario.scenario import Obstacle, TrafficDemand
 from interplan_sumo.scenario.sites import Site
 from interplan_sumo.world.ego import PACIFICA
 
@@ -21,6 +21,7 @@ START_SHARE: Final = 0.8
 EASY_MPS2: Final = 2.0
 STANDOFF_M: Final = 12.0
 """With a short run-up the ego can stop at `EASY_MPS2` so far before the site; half of it is the car's own length,"""
+NO_TRAFFIC: Final = TrafficDemand()
 BUMPERS_M: Final = 8.0
 FREE_S: Final = 3.2
 """and nothing is hit within the first 3 s: half the ego, half of what stands there, and some."""

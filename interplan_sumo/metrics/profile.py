@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 import yaml
 
 from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.families import find_family
 from interplan_sumo.metrics.metric import METRICS
 from interplan_sumo.registry import Registry
 
@@ -52,7 +53,7 @@ def with_obstacles(facts: Facts) -> bool:
 
 def lane_blocked(facts: Facts) -> bool:
     """Judged in the families for which the published code makes the driving-direction gate a weighted term."""
-    return facts.staged.family in ("construction", "accident", "nudge", "overtake")
+    return find_family(facts.staged.family).weighs_direction
 
 
 def lane_free(facts: Facts) -> bool:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from interplan_sumo.batch.records import Row
 from interplan_sumo.report.failure_reasons import lost_points
-from interplan_sumo.verification.audit import ASKED, DEFECTS, AuditFinding
+from interplan_sumo.verification.audit import DEFECTS, AuditFinding, classes
 
 
 def audit_entry(
@@ -24,7 +24,7 @@ def audit_entry(
         "planner": planner,
         "below": below,
         "scenarios": len(found),
-        "classes": {name: counts[name] for name in (*DEFECTS, *ASKED)},
+        "classes": {name: counts[name] for name in (*DEFECTS, *classes())},
         "findings": [
             {
                 "scenario_id": each.scenario_id,

@@ -3,43 +3,45 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
-from interplan_sumo.errors import ScenarioError
+from interplan_sumo.errors import UnknownNameError
 from interplan_sumo.maps.geopackage import read_size
 from interplan_sumo.maps.store import load_roads, maps
 from interplan_sumo.metrics.metric import plain
 from interplan_sumo.planner import planners
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import certificate_of, suites
-from interplan_sumo.world.lane_changes import lane_changes_needed
+from interplan_sumo.scenario.suite import certificate_of, overview, read_lock, suites, suites_with
+
+OVERVIEW: Final = (
+    "id", "family", "map", "site", "driving_side", "density", "behaviour", "lane_changes", "hash",
+)  # fmt: skip
+"""What an entry says, in this order."""
 
 
-def scenario_entry(scenario: Scenario) -> dict[str, Any]:
-    """One scenario as `scenarios list` has it; `certificate` is null until one is stored."""
-    roads = load_roads(scenario.map, scenario.maps_beside)
-    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
-    if need is None:
-        raise ScenarioError(f"{scenario.id}: no way from lane {scenario.start.lane} to goal lane {scenario.goal.lane}")
-    proved = certificate_of(scenario)
-    return {
-        "id": scenario.id,
-        "family": scenario.family,
-        "map": scenario.map,
-        "site": scenario.site(roads),
-        "driving_side": roads.driving_side,
-        "density": scenario.traffic.density,
-        "behaviour": scenario.traffic.behaviour,
-        "lane_changes": need,
-        "certificate": None if proved is None else asdict(proved),
-        "hash": scenario.hash(),
-    }
+def suite_entries(suite: str | None = None) -> list[dict[str, Any]]:
+    """The scenarios of a suite, or of all, as `scenarios list` has them: by their locks, no map is opened.
+
+    UnknownNameError if there is no such suite.
+    """
+    if suite is not None and suite not in suites():
+        raise UnknownNameError("suite", suite, suites())
+    keys = suites() if suite is None else (suite,)
+    found = {each["id"]: each for key in keys for each in read_lock(key)["overview"]}
+    return [{name: each[name] for name in OVERVIEW} for each in found.values()]
+
+
+def certified(entry: dict[str, Any]) -> dict[str, Any]:
+    """An entry with its certificate, null until one is stored, before the hash."""
+    proved = certificate_of(entry["id"], entry["hash"])
+    summary = None if proved is None else asdict(proved)
+    return {**entry, "certificate": summary, "hash": entry["hash"]}
 
 
 def scenario_details(scenario: Scenario) -> dict[str, Any]:
     """One scenario with everything that is staged, and the suites that it belongs to."""
-    belongs = [key for key, suite in suites().items() if any(s.id == scenario.id for s in suite.scenarios)]
-    return {**scenario_entry(scenario), "suites": belongs, "scenario": plain(scenario.canonical())}
+    entry = certified(overview(scenario, load_roads(scenario.map, scenario.maps_beside)))
+    return {**entry, "suites": list(suites_with(scenario.id)), "scenario": plain(scenario.canonical())}
 
 
 def planner_entries() -> list[dict[str, Any]]:

@@ -12,9 +12,9 @@ import shapely
 
 from interplan_sumo.maps.render import ASPHALT, CARPARK, EXTRA, INK, JUNCTION, STOP_COLOURS, WALKWAY
 from interplan_sumo.report.road_markings import markings
+from interplan_sumo.scenario.jaywalking import trigger_distance_m
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import OBSTACLES, PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
-from interplan_sumo.scenario.trigger import trigger_distance_m
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, Pose, box_corners

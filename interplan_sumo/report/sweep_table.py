@@ -18,9 +18,9 @@ from rich.text import Text
 
 from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.batch.sweep import Parameter, Result
+from interplan_sumo.families import find_family
 from interplan_sumo.report.compare import mean_interval
 from interplan_sumo.report.failure_reasons import fault_sentence
-from interplan_sumo.report.table import LANE_CHANGES
 
 HARD_BRAKING_MPS2 = 4.05
 """Beyond it nuPlan calls braking uncomfortable."""
@@ -52,7 +52,7 @@ def _goal_reached(row: Row) -> float:
 
 def _goal_lane(row: Row) -> float | None:
     """Of lane-change scenarios only: elsewhere hardly anybody misses it."""
-    if row.family not in LANE_CHANGES:
+    if not find_family(row.family).changes_lanes:
         return None
     return 0.0 if row.fault else 100.0 * bool(row.metrics["lane_changes"].detail["goal"])
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from interplan_sumo.batch.records import AppliedOverrides, Brief, JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
-from interplan_sumo.scenario.ordinary import TYPES
+from interplan_sumo.families import families, find_family
 
 RESAMPLES = 4000
 BOOTSTRAP_SEED = 20240407
@@ -22,8 +22,6 @@ MANY_DRIVES = 1000
 """A cell over more has the interval that its bootstrap means tend to, from their variance: drawing takes minutes."""
 Z_95 = 1.959964
 """97.5 % of the normal distribution lie below so many standard deviations."""
-
-LANE_CHANGES = ("lane_change_ltd", "lane_change_mtd", "lane_change_htd")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +36,7 @@ class Column:
     """0 to 1, of one drive with a score; None where the profile does not judge it."""
 
     def covers(self, family: str) -> bool:
-        return family in self.families if self.families else family not in TYPES
+        return family in self.families if self.families else not find_family(family).ordinary
 
 
 def _score(drive: Brief) -> float | None:
@@ -60,24 +58,22 @@ def _reached_goal_lane(drive: Brief) -> float | None:
     return None if drive.goal_lane is None else float(drive.goal_lane)
 
 
-ORDINARY = Column("ordinary", "Ordinary", tuple(TYPES), _score)
+_LANE_CHANGES = tuple(name for name, family in families().items() if family.changes_lanes)
+ORDINARY = Column("ordinary", "Ordinary", tuple(name for name, each in families().items() if each.ordinary), _score)
 """Stands where the paper has nuPlan's Val14."""
 COLUMNS = (
     ORDINARY,
     Column("interplan", "interPlan", (), _score),
-    Column("construction", "Constr.", ("construction",), _score),
-    Column("accident", "Acc.", ("accident",), _score),
-    Column("jaywalker", "Jayw.", ("jaywalker",), _score),
-    Column("nudge", "Nudge", ("nudge",), _score),
-    Column("overtake", "Overt.", ("overtake",), _score),
-    Column("ltd", "LTD", ("lane_change_ltd",), _score),
-    Column("mtd", "MTD", ("lane_change_mtd",), _score),
-    Column("htd", "HTD", ("lane_change_htd",), _score),
-    Column("driv", "Driv.", LANE_CHANGES, _drivable_area),
-    Column("goal", "Goal", LANE_CHANGES, _reached_goal_lane),
-    Column("no_col", "No-Col.", LANE_CHANGES, _no_collision),
+    *(
+        Column(family.column_key or name, family.column or family.title, (name,), _score)
+        for name, family in families().items()
+        if not family.ordinary
+    ),
+    Column("driv", "Driv.", _LANE_CHANGES, _drivable_area),
+    Column("goal", "Goal", _LANE_CHANGES, _reached_goal_lane),
+    Column("no_col", "No-Col.", _LANE_CHANGES, _no_collision),
 )
-"""In the paper's order."""
+"""In the order of the families; ours have the paper's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +188,7 @@ class _Driven:
         ordinary = True
         for key in run.keys:
             keys.setdefault(key[1], []).append(one.get(key, key))
-            ordinary = ordinary and _family(key, briefs) in TYPES
+            ordinary = ordinary and find_family(_family(key, briefs)).ordinary
         return cls(run, briefs, keys, ordinary and bool(keys))
 
 

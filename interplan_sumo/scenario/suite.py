@@ -1,24 +1,40 @@
-"""Suites: named, versioned sets of scenarios that never change once released, with their locks and experts."""
+"""Suites: named, versioned sets of scenarios that never change once released; each is a folder of files.
+
+    scenarios.yaml        its scenarios; or selection.yaml, which names some of another suite by their ids
+    lock.json             hashes of everything that makes them what they are, and an overview of them
+    certificates.parquet  a drive for each that proves it solvable, which is also its expert
+
+They are read, never built: what is registered later changes none of them.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib.resources import files
 from pathlib import Path
+from typing import Any, Final
 
-from interplan_sumo.errors import ScenarioError, UnknownNameError
-from interplan_sumo.families import FAMILIES
+import yaml
+
+from interplan_sumo.errors import InputError, ScenarioError, UnknownNameError
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate, Summary
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.world.lane_changes import lane_changes_needed
+from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import EgoTrack
 
-DEFAULT_SUITE = "interplan==1"
+DEFAULT_SUITE: Final = "interplan==1"
 """What `run` drives if it is not told."""
+SUITES_ROOT: Final = Path(str(files("interplan_sumo"))) / "scenario" / "suites"
+SCENARIOS: Final = "scenarios.yaml"
+SELECTION: Final = "selection.yaml"
+LOCK: Final = "lock.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +53,7 @@ class Suite:
     @property
     def folder(self) -> Path:
         """Where the lock and the experts of the suite lie."""
-        return _folder(self.name, self.version)
+        return folder_of(self.key)
 
     def hash(self) -> str:
         """SHA-256 over the scenarios' hashes, in order of their ids."""
@@ -45,69 +61,112 @@ class Suite:
         return hashlib.sha256(lines.encode()).hexdigest()
 
 
-def _folder(name: str, version: int) -> Path:
-    return Path(str(files("interplan_sumo"))) / "scenario" / "suites" / f"{name}-{version}"
+class _Released(Mapping[str, Suite]):
+    """The suites by `name==version`, each read when it is asked for; the default one first."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._read: dict[str, Suite] = {}
+
+    @cached_property
+    def _keys(self) -> tuple[str, ...]:
+        parts = (path.name.rpartition("-") for path in self._root.iterdir() if path.is_dir())
+        keys = sorted(f"{name}=={version}" for name, _, version in parts if name)
+        return tuple(sorted(keys, key=lambda key: key != DEFAULT_SUITE))
+
+    def __getitem__(self, key: str) -> Suite:
+        if key not in self._keys:
+            raise UnknownNameError("suite", key, self._keys)
+        if key not in self._read:
+            name, _, version = key.partition("==")
+            self._read[key] = Suite(name, int(version), self._scenarios(folder_of(key)))
+        return self._read[key]
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._keys
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._keys)
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def _scenarios(self, folder: Path) -> tuple[Scenario, ...]:
+        selection = folder / SELECTION
+        if not selection.is_file():
+            return read_scenarios(folder / SCENARIOS)
+        chosen = yaml.safe_load(selection.read_text(encoding="utf-8"))
+        there = {scenario.id: scenario for scenario in self[chosen["suite"]].scenarios}
+        return tuple(there[scenario_id] for scenario_id in chosen["scenarios"])
 
 
-def _interplan() -> tuple[Scenario, ...]:
-    return tuple(scenario for family in FAMILIES.values() for scenario in family.scenarios)
+_SUITES = _Released(SUITES_ROOT)
 
 
-SMOKE_INDEX = {"construction": 2, "lane_change_mtd": 5, "lane_change_htd": 3}
-"""Which of a family's ten stands for it in the smoke suite; 0 where none is named."""
+def suites() -> Mapping[str, Suite]:
+    """All suites by `name==version`, each read when it is asked for."""
+    return _SUITES
 
 
-def _smoke() -> tuple[Scenario, ...]:
-    return tuple(family.scenarios[SMOKE_INDEX.get(name, 0)] for name, family in FAMILIES.items())
-
-
-LLM_INDICES = (1, 5, 7)
-"""Which three of a family's ten are in the suite for planners that take seconds for an answer.
-
-Of all triples, the first of those with the most maps in a family and, among these, the most even share of maps.
-"""
-
-
-def _llm() -> tuple[Scenario, ...]:
-    return tuple(family.scenarios[index] for family in FAMILIES.values() for index in LLM_INDICES)
-
-
-def _common() -> tuple[Scenario, ...]:
-    return read_scenarios(_folder("common", 1) / "scenarios.yaml")
-
-
-_SUITES: dict[str, Callable[[], tuple[Scenario, ...]]] = {
-    "interplan==1": _interplan,
-    "common==1": _common,
-    "smoke==1": _smoke,
-    "llm==1": _llm,
-}
-
-
-@cache
-def suites() -> dict[str, Suite]:
-    """All suites by `name==version`."""
-    found: dict[str, Suite] = {}
-    for key, scenarios in _SUITES.items():
-        name, _, version = key.partition("==")
-        found[key] = Suite(name, int(version), scenarios())
-    return found
+def folder_of(key: str) -> Path:
+    """Where the files of a suite lie."""
+    return SUITES_ROOT / key.replace("==", "-")
 
 
 def find_suite(key: str) -> Suite:
     """The suite `name==version`; UnknownNameError otherwise, also for a name without version."""
-    known = suites()
-    if key not in known:
-        raise UnknownNameError("suite", key, known)
-    return known[key]
+    return _SUITES[key]
+
+
+@cache
+def read_lock(key: str) -> dict[str, Any]:
+    """The lock of a suite: hashes of everything that makes its scenarios what they are, and an overview of them.
+
+    InputError if it is missing or damaged.
+    """
+    path = folder_of(key) / LOCK
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {path}: {error}; reinstall interplan-sumo") from error
+
+
+def ids_of(key: str) -> tuple[str, ...]:
+    """The ids of a suite's scenarios in their order, by its lock if it has one: then no scenario is read."""
+    if (folder_of(key) / LOCK).is_file():
+        return tuple(entry["id"] for entry in read_lock(key)["overview"])
+    return tuple(scenario.id for scenario in _SUITES[key].scenarios)
+
+
+def suites_with(scenario_id: str) -> tuple[str, ...]:
+    """The suites that hold a scenario."""
+    return tuple(key for key in _SUITES if scenario_id in ids_of(key))
 
 
 def find_scenario(scenario_id: str) -> Scenario:
     """An official scenario by its id; UnknownNameError otherwise."""
-    known = {s.id: s for suite in suites().values() for s in suite.scenarios}
-    if scenario_id not in known:
-        raise UnknownNameError("scenario", scenario_id, known, "List them: interplan-sumo scenarios list")
-    return known[scenario_id]
+    for key in suites_with(scenario_id):
+        return next(scenario for scenario in _SUITES[key].scenarios if scenario.id == scenario_id)
+    known = [id for key in _SUITES for id in ids_of(key)]
+    raise UnknownNameError("scenario", scenario_id, known, "List them: interplan-sumo scenarios list")
+
+
+def overview(scenario: Scenario, roads: Roads) -> dict[str, Any]:
+    """A scenario in a few words, as lists have it: where it is and what its traffic does."""
+    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
+    if need is None:
+        raise ScenarioError(f"{scenario.id}: no way from lane {scenario.start.lane} to goal lane {scenario.goal.lane}")
+    return {
+        "id": scenario.id,
+        "family": scenario.family,
+        "map": scenario.map,
+        "site": scenario.site(roads),
+        "driving_side": roads.driving_side,
+        "density": scenario.traffic.density,
+        "behaviour": scenario.traffic.behaviour,
+        "lane_changes": need,
+        "hash": scenario.hash(),
+    }
 
 
 @cache
@@ -122,22 +181,18 @@ def _summaries(folder: Path) -> dict[str, Summary]:
     return certificates.read_summaries(path) if path.is_file() else {}
 
 
-def _suites_with(scenario: Scenario) -> list[Suite]:
-    return [suite for suite in suites().values() if any(s.id == scenario.id for s in suite.scenarios)]
-
-
 def expert(scenario: Scenario) -> EgoTrack:
     """The stored drive that progress is measured against; ScenarioError if the scenario has none.
 
     That of the certificate, whatever was overridden in the scenario.
     """
-    for suite in _suites_with(scenario):
-        if scenario.id in _certificates(suite.folder):
-            return _certificates(suite.folder)[scenario.id].track
+    for key in suites_with(scenario.id):
+        if scenario.id in _certificates(folder_of(key)):
+            return _certificates(folder_of(key))[scenario.id].track
     raise ScenarioError(f"{scenario.id} has no expert drive to measure progress against")
 
 
-def certificate_of(scenario: Scenario) -> Summary | None:
+def certificate_of(scenario_id: str, scenario_hash: str) -> Summary | None:
     """What is proved of an official scenario; None if nothing is, or if it was changed since."""
-    found = [_summaries(suite.folder).get(scenario.id) for suite in _suites_with(scenario)]
-    return next((each for each in found if each is not None and each.scenario_hash == scenario.hash()), None)
+    found = [_summaries(folder_of(key)).get(scenario_id) for key in suites_with(scenario_id)]
+    return next((each for each in found if each is not None and each.scenario_hash == scenario_hash), None)

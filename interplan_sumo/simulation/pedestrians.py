@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import atan2, cos, hypot, sin
+from math import cos, sin
 
 import numpy as np
 import shapely
 
-from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Jaywalker, Scenario
-from interplan_sumo.scenario.trigger import trigger_distance_m
+from interplan_sumo.scenario.jaywalking import trigger_distance_m, walk
+from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
 from interplan_sumo.simulation.lane_polygons import Ring, hull
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoShape, EgoState
@@ -18,35 +17,6 @@ from interplan_sumo.world.roads import Roads
 
 FORESIGHT_S = 3.0
 """Background traffic foresees for so long where a walking pedestrian will be."""
-
-
-@dataclass(frozen=True, slots=True)
-class PedestrianWalk:
-    """One jaywalker's way across, in the map frame."""
-
-    start: tuple[float, float]
-    end: tuple[float, float]
-    speed_mps: float
-    conflict_m: float
-    """Where the way crosses the ego's route, arc length on the route's line."""
-
-    @property
-    def heading_rad(self) -> float:
-        return atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
-
-    @property
-    def duration_s(self) -> float:
-        return hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]) / self.speed_mps
-
-
-def walk(jaywalker: Jaywalker, roads: Roads, route: Polyline) -> PedestrianWalk:
-    """The way of a jaywalker; where it does not cross the route's line, the nearest point stands for the crossing."""
-    start, end = jaywalker.start.pose(roads), jaywalker.end.pose(roads)
-    way = shapely.LineString([(start.x_m, start.y_m), (end.x_m, end.y_m)])
-    crossing = shapely.intersection(way, route.linestring)
-    point = shapely.get_coordinates(crossing)[:1] if not crossing.is_empty else shapely.get_coordinates(way.centroid)
-    conflict_m = float(route.project(point)[0][0])
-    return PedestrianWalk((start.x_m, start.y_m), (end.x_m, end.y_m), jaywalker.speed_mps, conflict_m)
 
 
 class Crowd:

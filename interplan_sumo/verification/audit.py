@@ -4,30 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 
-from interplan_sumo.families.shapes import LARGEST_OFFSET_M
-from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
-from interplan_sumo.verification.constant_velocity import ego_ahead
-from interplan_sumo.verification.passing_checks import obstacle_corners, passing_offset_m
+from interplan_sumo.families import families
+from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.verification.start_checks import start_problems
-from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import wrap_angle
-from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
 
-Class = Literal[
-    "noisy objects", "unsafe start", "unsafe agents",
-    "construction", "accident", "jaywalkers", "nudge", "overtake", "lane changes", "basic driving",
-]  # fmt: skip
-DEFECTS: Final[tuple[Class, ...]] = ("noisy objects", "unsafe start", "unsafe agents")
+DEFECTS: Final = ("noisy objects", "unsafe start", "unsafe agents")
 """What makes a low score say nothing about the planner."""
-ASKED: Final[tuple[Class, ...]] = (
-    "construction", "accident", "jaywalkers", "nudge", "overtake", "lane changes", "basic driving",
-)  # fmt: skip
+BASIC: Final = "basic driving"
+"""What a scenario asks that is of no family."""
 JUMP_M: Final = 0.5
 """An object is noisy if it moves by this much more or less than its velocity says in one step of 0.1 s,"""
 TURN_RAD: Final = 0.5
@@ -41,7 +32,7 @@ class AuditFinding:
     """What an audit says of one scenario."""
 
     scenario_id: str
-    kind: Class
+    kind: str
     """A defect, if it has one; else what it asks."""
     details: tuple[str, ...] = ()
     """What is wrong, sentence by sentence."""
@@ -61,25 +52,18 @@ def finding(scenario: Scenario, roads: Roads, trace: Trace, no_collision: Mappin
     return AuditFinding(scenario.id, asks(scenario, roads))
 
 
-def asks(scenario: Scenario, roads: Roads) -> Class:
+def classes() -> tuple[str, ...]:
+    """What scenarios can ask, each once."""
+    asked = [each.audit_class or each.title.lower() for each in families().values() if each.asks is not None]
+    return (*dict.fromkeys(asked), BASIC)
+
+
+def asks(scenario: Scenario, roads: Roads) -> str:
     """What a scenario asks of a planner, by what is in it, whatever its family says."""
-    kinds = [OBSTACLES[obstacle.kind][0] for obstacle in scenario.obstacles]
-    if any(kind in (ActorKind.TRAFFIC_CONE, ActorKind.BARRIER) for kind in kinds):
-        return "construction"
-    if scenario.jaywalkers:
-        return "jaywalkers"
-    if kinds:
-        corners = obstacle_corners(scenario, roads)
-        line = ego_ahead(scenario, roads, 200.0)
-        offset_m = passing_offset_m(scenario, roads, line, corners)
-        if kinds.count(ActorKind.VEHICLE) > 1 and (offset_m is None or offset_m > 0.0):
-            return "accident"
-        if offset_m is None or offset_m > LARGEST_OFFSET_M + 0.05:
-            return "overtake"
-        if offset_m > 0.0:
-            return "nudge"
-    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane)
-    return "lane changes" if need.get(scenario.start.lane, 0) > 0 else "basic driving"
+    for family in families().values():
+        if family.asks is not None and family.asks(scenario, roads):
+            return family.audit_class or family.title.lower()
+    return BASIC
 
 
 def unsafe_agents(no_collision: Mapping[str, Any]) -> tuple[str, ...]:

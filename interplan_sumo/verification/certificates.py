@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from interplan_sumo.families import find_family
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import ScoreSheet, score
 from interplan_sumo.scenario.certificates import Certificate, Summary
@@ -16,10 +17,6 @@ from interplan_sumo.verification.reference_distance import reference_drive, rout
 from interplan_sumo.verification.replay import replay
 from interplan_sumo.world.trace import Trace
 
-BAR = 0.9
-DENSE_BAR = 0.8
-"""For lane changes in dense traffic."""
-DENSE_FAMILY = "lane_change_htd"
 LEAST_SHARE = 0.7
 """A drive that does not reach the goal line gets at least this share of the reference distance."""
 GOOD_ENOUGH = 0.98
@@ -39,11 +36,6 @@ class SearchResult:
     reason: str | None
     """Why the best try does not pass, if none does."""
     simulations: int
-
-
-def bar(scenario: Scenario) -> float:
-    """The score that a certificate needs."""
-    return DENSE_BAR if scenario.family == DENSE_FAMILY else BAR
 
 
 def certify(scenario: Scenario, *, most_simulations: int = MOST_SIMULATIONS) -> SearchResult:
@@ -107,9 +99,10 @@ def shortcomings(scenario: Scenario, sheet: ScoreSheet, summary: Summary) -> lis
     least_m = LEAST_SHARE * summary.reference_distance_m
     if not summary.reached_goal and summary.distance_m < least_m:
         faults.append(f"advanced {summary.distance_m:.1f} m in the time, expected {least_m:.1f} m or the goal line")
-    if summary.score < bar(scenario):
+    least = find_family(scenario.family).certificate_score
+    if summary.score < least:
         lost = "; ".join(f"{name}: {why}" for name, why in reasons.items()) or "nothing lost points"
-        faults.append(f"score {summary.score:.3f}, expected {bar(scenario):g} ({lost})")
+        faults.append(f"score {summary.score:.3f}, expected {least:g} ({lost})")
     return faults
 
 

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Final
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.families import FAMILIES
+from interplan_sumo.families import names
+from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import MapFiles, load_roads
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.files import MAPS, write_scenarios
-from interplan_sumo.scenario.generate import Search
-from interplan_sumo.scenario.ordinary import TYPES
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import Rejected
 from interplan_sumo.verification.certificates import SearchResult
@@ -28,8 +27,6 @@ from interplan_sumo.world.roads import Roads
 SCENARIOS: Final = "scenarios.yaml"
 REPORT: Final = "report.csv"
 REJECTED: Final = "rejected.csv"
-GROUPS: Final[dict[str, tuple[str, ...]]] = {"all": tuple(FAMILIES), "ordinary": tuple(TYPES)}
-"""Names for several families at once."""
 CANDIDATES_PER_SCENARIO: Final = 12
 LEAST_CANDIDATES: Final = 60
 """The search gives up after so many candidates for each scenario that is asked for, and so many in all."""
@@ -46,8 +43,8 @@ class Generated:
 
 
 def families_of(name: str) -> tuple[str, ...]:
-    """A family or ordinary type by its name, or a group of them: `all` is the eight families, `ordinary` the types."""
-    return GROUPS.get(name, (name,))
+    """A family by its name; or `ordinary`, the types of ordinary driving, or `all` others."""
+    return names(ordinary=name == "ordinary") if name in ("all", "ordinary") else (name,)
 
 
 def generate(roads: Roads, family: str, count: int, seed: int, *, maps_beside: Path | None = None) -> Generated:

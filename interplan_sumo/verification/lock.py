@@ -1,4 +1,4 @@
-"""The lock of a suite: hashes of everything that makes its scenarios what they are."""
+"""The lock of a suite: hashes of everything that makes its scenarios what they are, and an overview of them."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import Suite
+from interplan_sumo.scenario.suite import LOCK, Suite, overview
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
@@ -35,24 +34,16 @@ def lock(suite: Suite) -> dict[str, object]:
             s.id: {"scenario": s.hash(), "initial_actors": initial_actors_hash(s)}
             for s in sorted(suite.scenarios, key=lambda s: s.id)
         },
+        "overview": [overview(s, load_roads(s.map)) for s in suite.scenarios],
     }
 
 
 def write_lock(suite: Suite) -> Path:
     """Write lock.json into the suite's folder; equal suites give equal bytes."""
-    path = suite.folder / "lock.json"
+    path = suite.folder / LOCK
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(lock(suite), indent=1, sort_keys=True) + "\n", encoding="utf-8", newline="\n")
     return path
-
-
-def read_lock(suite: Suite) -> dict[str, object]:
-    """The stored lock; InputError if it is missing or damaged."""
-    path = suite.folder / "lock.json"
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {path}: {error}; reinstall interplan-sumo") from error
 
 
 def roads_hash(roads: Roads) -> str:

@@ -12,8 +12,7 @@ from typing import Final
 import numpy as np
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.scenario.generate import Search
-from interplan_sumo.scenario.ordinary import TYPES
+from interplan_sumo.families.generate import Search
 from interplan_sumo.scenario.scenario import Behaviour, Density, Scenario
 from interplan_sumo.scenario.suite import suites
 from interplan_sumo.verification.start_checks import start_problems
@@ -23,8 +22,21 @@ from interplan_sumo.world.roads import Roads
 FIRST_SEED: Final = 100_000
 """Suites were made from seeds below this one; training data are made from this one on."""
 CHANGE: Final = "changing_lane"
-KINDS: Final = tuple(kind for kind in TYPES if kind not in (CHANGE, "waiting_for_pedestrian_to_cross"))
-"""Types of nuPlan's challenge that take turns; not the one that is staged with a jaywalker."""
+KINDS: Final = (
+    "starting_left_turn",
+    "starting_right_turn",
+    "starting_straight_traffic_light_intersection_traversal",
+    "stopping_with_lead",
+    "high_lateral_acceleration",
+    "high_magnitude_speed",
+    "low_magnitude_speed",
+    "traversing_pickup_dropoff",
+    "behind_long_vehicle",
+    "stationary_in_traffic",
+    "near_multiple_vehicles",
+    "following_lane_with_lead",
+)
+"""Types of nuPlan's challenge that take turns, not the one with a jaywalker; named, so that a seed stays what it is."""
 KINDS_PER_ROUND: Final = 3
 TRIPS_PER_ROUND: Final = 3
 MOST_CANDIDATES: Final = 40

@@ -10,11 +10,11 @@ from typing import Final
 
 import numpy as np
 
+from interplan_sumo.families import names
+from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import write_scenarios
-from interplan_sumo.scenario.generate import Search
-from interplan_sumo.scenario.ordinary import TYPES
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.verification.certificates import SearchResult, certify
 from interplan_sumo.verification.replay import replay
@@ -65,7 +65,7 @@ def staged(kind: str, count: int = 4) -> list[Staged]:
 
 def write_ordinary_suite(path: Path) -> int:
     """Stage all types anew and write their scenarios into one file; how many. For maintainers: it takes minutes."""
-    scenarios = [each.scenario for kind in TYPES for each in staged(kind)]
+    scenarios = [each.scenario for kind in names(ordinary=True) for each in staged(kind)]
     write_scenarios(scenarios, path)
     return len(scenarios)
 

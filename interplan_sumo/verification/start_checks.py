@@ -7,15 +7,13 @@ from typing import Final
 import numpy as np
 
 from interplan_sumo.errors import InputError, ScenarioError
+from interplan_sumo.families import find_family
+from interplan_sumo.families.crossing import crossing_problems
+from interplan_sumo.families.passing import obstacle_corners
 from interplan_sumo.maps.store import load_roads
+from interplan_sumo.scenario.constant_velocity import HOLD_S, OVERLAP_M, STEP_S, ego_boxes, ego_held
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline, route_lanes
-from interplan_sumo.scenario.scenario import OBSTACLES, PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
-from interplan_sumo.simulation.spawning import HOLD_S
-from interplan_sumo.verification.constant_velocity import OVERLAP_M, STEP_S, ego_boxes, ego_held
-from interplan_sumo.verification.corridor import course
-from interplan_sumo.verification.crossing_checks import crossing_problems
-from interplan_sumo.verification.passing_checks import obstacle_corners, passing_problems
-from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, box_corners, penetration_m
 from interplan_sumo.world.lane_changes import lane_changes_needed
@@ -24,8 +22,6 @@ from interplan_sumo.world.roads import Roads
 GOAL_PAST_M: Final = 20.0
 """The goal lies at least this far behind the last obstacle or crossing (decisions.md)."""
 LIMIT_SLACK_MPS: Final = 0.05
-LEAST_CHANGE_S: Final = 3.0
-"""A lane change takes a car at least this long: quicker ones are beyond nuPlan's bounds of comfort."""
 
 
 def start_problems(scenario: Scenario, roads: Roads, *, with_traffic: bool = True) -> list[str]:
@@ -45,11 +41,9 @@ def start_problems(scenario: Scenario, roads: Roads, *, with_traffic: bool = Tru
         *_goal_problems(scenario, roads),
         *_ego_problems(scenario, roads),
         *_standing_problems(scenario, roads),
-        *passing_problems(scenario, roads),
         *crossing_problems(scenario, roads),
+        *(problem for check in find_family(scenario.family).checks for problem in check(scenario, roads)),
     ]
-    if not problems:
-        problems += _change_problems(scenario, roads)
     if with_traffic:
         from interplan_sumo.verification.traffic_checks import traffic_problems  # loads SUMO
 
@@ -74,15 +68,13 @@ def _without_id(scenario: Scenario, error: InputError) -> str:
 
 
 def _route_problems(scenario: Scenario, roads: Roads) -> list[str]:
-    """The goal lane can be reached from the start lane, by a lane change where the family is about that."""
+    """The goal lane can be reached from the start lane."""
     need = lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
     if need is None:
         return [
             f"route: no way leads from the start on lane {scenario.start.lane} to the goal on lane "
             f"{scenario.goal.lane} inside it; start on another lane, or list the roadblocks between"
         ]
-    if scenario.family.startswith("lane_change") and need == 0:
-        return ["goal.lane: it can be reached without a lane change, expected one or more; choose a lane beside it"]
     return []
 
 
@@ -128,36 +120,18 @@ def _ego_problems(scenario: Scenario, roads: Roads) -> list[str]:
     return problems
 
 
-def _change_problems(scenario: Scenario, roads: Roads) -> list[str]:
-    """Where the family is about lane changes, another lane lies beside the start lane for long enough."""
-    if not scenario.family.startswith("lane_change"):
-        return []
-    found = course(scenario, roads)
-    beside = np.zeros(len(found.arc_m), dtype=np.bool_)
-    for other in range(len(found.tracks)):
-        beside |= found.neighbours(found.start_track, other)
-    room_m = float(np.max(found.arc_m[beside], initial=found.start_m)) - found.start_m
-    least_m = LEAST_CHANGE_S * scenario.start_speed_mps
-    if room_m >= least_m:
-        return []
-    return [
-        f"start: no lane lies beside lane {scenario.start.lane} from {room_m:.1f} m ahead on, expected one for "
-        f"{least_m:.1f} m or more, {LEAST_CHANGE_S:.0f} s at the start speed; start it farther back or slower"
-    ]
-
-
 def _standing_problems(scenario: Scenario, roads: Roads) -> list[str]:
     """Nothing that stands overlaps anything else at the start, and the ego reaches none of it within the hold time."""
     names, boxes = _standing(scenario, roads)
     if not names:
         return []
     problems: list[str] = []
-    wrecks = _wrecks(scenario)
+    may_overlap = set(find_family(scenario.family).may_overlap(scenario))
     first, second = np.triu_indices(len(boxes), 1)
     depth_m = penetration_m(boxes[first], boxes[second])
     for i in np.flatnonzero(depth_m > OVERLAP_M).tolist():
         one, other = int(first[i]), int(second[i])
-        if not {one, other} <= wrecks:
+        if not {one, other} <= may_overlap:
             problems.append(
                 f"{names[other]}: overlaps {names[one]} by {100 * float(depth_m[i]):.0f} cm, "
                 f"expected at most {100 * OVERLAP_M:.0f}; move one of them"
@@ -188,13 +162,6 @@ def _reached(ego: Floats, boxes: Floats) -> np.ndarray:
     rows, frames = np.indices((len(boxes), len(ego)))
     depth_m = penetration_m(boxes[rows.ravel()], ego[frames.ravel()])
     return depth_m.reshape(rows.shape) > OVERLAP_M
-
-
-def _wrecks(scenario: Scenario) -> set[int]:
-    """Obstacles that may overlap one another: cars that have crashed."""
-    if scenario.family != "accident":
-        return set()
-    return {i for i, each in enumerate(scenario.obstacles) if OBSTACLES[each.kind][0] == ActorKind.VEHICLE}
 
 
 def _standing(scenario: Scenario, roads: Roads) -> tuple[list[str], Floats]:

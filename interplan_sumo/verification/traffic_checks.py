@@ -6,10 +6,9 @@ from typing import Final
 
 import numpy as np
 
+from interplan_sumo.scenario.constant_velocity import HOLD_S, OVERLAP_M, STEP_S, ego_held, first_contacts, held
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.setup import open_traffic, start_state
-from interplan_sumo.simulation.spawning import HOLD_S
-from interplan_sumo.verification.constant_velocity import OVERLAP_M, STEP_S, ego_held, first_contacts, held
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.roads import Roads

@@ -10,11 +10,11 @@ from worlds import signals, straight_road
 
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.dataset.observation_replay import SeenAgain
-from interplan_sumo.families import FAMILIES
 from interplan_sumo.features.view import Arrays, EgoView
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
+from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, drive, run_loop
 from interplan_sumo.simulation.scripted import ScriptedActor, ScriptedTraffic
 from interplan_sumo.world.actors import ActorKind
@@ -80,7 +80,7 @@ def test_a_drive_past_scripted_cars_is_seen_again(tmp_path: Path) -> None:
 
 
 def test_pedestrians_behind_the_bus_stay_hidden_in_what_is_seen_again(tmp_path: Path) -> None:
-    hiding = next(s for s in FAMILIES["jaywalker"].scenarios if s.occluder is not None)
+    hiding = find_scenario("jaywalker/0")
     scenario = replace(hiding, duration_s=5.0)
     roads = load_roads(scenario.map)
     witness = Witness()

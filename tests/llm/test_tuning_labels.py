@@ -16,7 +16,7 @@ from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChoos
 from interplan_llm.hybrid.scene import DecisionScene, SceneObserver
 from interplan_llm.models.scripted import always
 from interplan_sumo.errors import InputError
-from interplan_sumo.families import FAMILIES
+from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.planner import Past
 from interplan_sumo.scenario.files import write_scenarios
@@ -170,8 +170,11 @@ def test_in_rollouts_a_plan_is_followed_for_half_a_second() -> None:
 
 
 def test_whole_rounds_of_scenes_are_held_out_so_that_no_scene_is_in_both_splits() -> None:
-    splits = [training(number).split for number in range(3 * 10 * len(FAMILIES))]
-    rounds = [set(splits[first : first + len(FAMILIES)]) for first in range(0, len(splits), len(FAMILIES))]
+    splits = [training(number).split for number in range(3 * 10 * len(names(ordinary=False)))]
+    rounds = [
+        set(splits[first : first + len(names(ordinary=False))])
+        for first in range(0, len(splits), len(names(ordinary=False)))
+    ]
     assert all(len(each) == 1 for each in rounds)
     assert [k % HELD_OUT[0] for k, each in enumerate(rounds) if each == {"val"}] == [HELD_OUT[1]] * 3
 
@@ -221,10 +224,10 @@ def test_seeds_for_testing_are_refused(make: Any) -> None:
 @pytest.mark.slow
 def test_generated_scenes_go_round_families_and_maps_and_more_of_them_begin_alike() -> None:
     few, more = generated_scenes(1), generated_scenes(3)
-    assert [each.scenario.family for each in few] == list(FAMILIES)
+    assert [each.scenario.family for each in few] == list(names(ordinary=False))
     assert more[: len(few)] == few
     assert len({each.scenario.map for each in more}) == 4
-    assert len({each.seed for each in more}) == len(more) == 3 * len(FAMILIES)
+    assert len({each.seed for each in more}) == len(more) == 3 * len(names(ordinary=False))
     assert all(near_official(each.scenario) is None and each.seed >= FIRST_SEED for each in more)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.families import FAMILIES
+from interplan_sumo.families import names
 from interplan_sumo.maps.check import check_map
 from interplan_sumo.maps.importers.importing import check_source, import_map
 from interplan_sumo.maps.importers.record import ImportRecord, read_record
@@ -89,5 +89,5 @@ def test_random_traffic_drives_a_minute_without_teleports_or_overlaps(
 def test_at_least_five_families_find_sites(root: Path, name: str) -> None:
     files, _ = imported(root, name)
     roads = load_roads(files.folder)
-    found = [family for family in FAMILIES if generate(roads, family, 3, 0).scenarios]
+    found = [family for family in names(ordinary=False) if generate(roads, family, 3, 0).scenarios]
     assert len(found) >= 5, found

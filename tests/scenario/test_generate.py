@@ -8,14 +8,13 @@ import pytest
 from worlds import straight_road
 
 from interplan_sumo.errors import UnknownNameError
-from interplan_sumo.families import FAMILIES
+from interplan_sumo.families import names
+from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.scenario.generate import Search
-from interplan_sumo.scenario.ordinary import TYPES
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", names(ordinary=False))
 def test_every_family_finds_places_on_every_district(family: str) -> None:
     for name in ("strip", "one_north", "back_bay", "hazelwood"):
         roads = load_roads(name)
@@ -25,7 +24,7 @@ def test_every_family_finds_places_on_every_district(family: str) -> None:
         assert len({s.site(roads) for s in made}) == 4
 
 
-@pytest.mark.parametrize("kind", TYPES)
+@pytest.mark.parametrize("kind", names(ordinary=True))
 def test_every_ordinary_type_finds_places_on_some_district(kind: str) -> None:
     made = [s for name in ("one_north", "hazelwood", "strip") for s in islice(Search(load_roads(name), kind, 1), 2)]
     assert len(made) >= 2

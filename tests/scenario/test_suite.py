@@ -1,85 +1,167 @@
-"""Every official scenario: it fits its map, has an expert, and is what its lock says."""
+"""Suites: frozen data, read lazily; every official scenario is what its lock says, sound, and has its expert."""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from itertools import combinations
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from worlds import ego
 
-from interplan_sumo.families import FAMILIES
+from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.scenario.certificates import FILE, read_certificates
-from interplan_sumo.scenario.route import goal_arc_m, route_centerline
-from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import DEFAULT_SUITE, LLM_INDICES, certificate_of, expert, find_suite, suites
-from interplan_sumo.verification.lock import lock, read_lock
+from interplan_sumo.scenario import suite
+from interplan_sumo.scenario.certificates import FILE, Certificate, Summary, read_certificates, write_certificates
+from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.scenario.route import route_centerline
+from interplan_sumo.scenario.scenario import LanePosition, Scenario
+from interplan_sumo.scenario.suite import (
+    DEFAULT_SUITE,
+    certificate_of,
+    expert,
+    find_scenario,
+    find_suite,
+    ids_of,
+    read_lock,
+    suites,
+    suites_with,
+)
+from interplan_sumo.verification.lock import lock
 from interplan_sumo.verification.start_checks import start_problems
+from interplan_sumo.world.trace import EgoTrack
 
-OFFICIAL = list({scenario.id: scenario for suite in suites().values() for scenario in suite.scenarios}.values())
-
-
-@pytest.mark.parametrize("scenario", OFFICIAL, ids=lambda s: s.id)
-def test_an_official_scenario_fits_its_map_and_its_goal_lies_ahead(scenario: Scenario) -> None:
-    roads = load_roads(scenario.map)
-    scenario.check(roads)
-    start = scenario.start.pose(roads)
-    start_m, _ = route_centerline(roads, scenario).project_point(start.x_m, start.y_m)
-    assert goal_arc_m(roads, scenario) > start_m + 50.0
-
-
-@pytest.mark.parametrize("scenario", OFFICIAL, ids=lambda s: s.id)
-def test_the_expert_starts_where_the_ego_does_and_gets_somewhere(scenario: Scenario) -> None:
-    roads = load_roads(scenario.map)
-    track = expert(scenario)
-    start = scenario.start.pose(roads)
-    assert track.x_m[0] == pytest.approx(start.x_m, abs=1e-6)
-    assert track.y_m[0] == pytest.approx(start.y_m, abs=1e-6)
-    line = route_centerline(roads, scenario)
-    arcs, _ = line.project(list(zip(track.x_m, track.y_m, strict=True)))
-    proof = certificate_of(scenario)
-    assert proof is not None
-    assert arcs[-1] - arcs[0] >= 0.7 * proof.reference_distance_m
-    assert arcs[-1] - arcs[0] > (5.0 if scenario.family == "stationary_in_traffic" else 50.0)
+RELEASED = {
+    "interplan==1": (80, "5fa0946fe7085d8ad435630223123d9c11807fe7efaac06d681f580df6da7584"),
+    "common==1": (56, "f24677219a6887a4e1187bea2f71db42c97cdad1ae17aeed554ca02668680a1f"),
+    "llm==1": (24, "d754f0cff3d199125099f6f6bb452ecdd821a8d3a3a2755799f1a3a05d21ac10"),
+    "smoke==1": (8, "0739b587bd25036fbc730fb61360147d3dfc95edd52661053cc192d0d2e0c27a"),
+}
+"""How many scenarios, and their hash: for ever."""
+WHOLE = ("interplan==1", "common==1")
+"""The others choose from these."""
+MINE = Scenario("mine/0", "mine", "tiny", LanePosition("11", 20.0), 10.0, LanePosition("11", 200.0), ("1",))
 
 
-@pytest.mark.parametrize("key", sorted(suites()))
+def scenarios_of(*keys: str) -> list[Scenario]:
+    return [scenario for key in keys for scenario in find_suite(key).scenarios]
+
+
+def test_the_released_suites_hold_what_they_held() -> None:
+    assert list(suites()) == list(RELEASED)
+    for key, (count, digest) in RELEASED.items():
+        assert (len(find_suite(key).scenarios), find_suite(key).hash()) == (count, digest)
+        assert read_lock(key)["hash"] == digest
+
+
+def test_scenarios_are_those_of_the_lock_in_the_same_order() -> None:
+    for key in suites():
+        scenarios = find_suite(key).scenarios
+        hashes = {name: entry["scenario"] for name, entry in read_lock(key)["scenarios"].items()}
+        assert {scenario.id: scenario.hash() for scenario in scenarios} == hashes
+        assert ids_of(key) == tuple(scenario.id for scenario in scenarios)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", WHOLE)
 def test_a_suite_is_what_its_lock_says(key: str) -> None:
-    assert lock(suites()[key]) == read_lock(suites()[key])
+    assert lock(find_suite(key)) == read_lock(key)
 
 
-@pytest.mark.parametrize("scenario", OFFICIAL, ids=lambda s: s.id)
-def test_every_official_scenario_is_certified(scenario: Scenario) -> None:
-    proof = certificate_of(scenario)
-    assert proof is not None
-    assert proof.score >= (0.8 if scenario.family == "lane_change_htd" else 0.9)
+@pytest.mark.slow
+@pytest.mark.parametrize("key", WHOLE)
+def test_official_scenarios_pass_every_start_check(key: str) -> None:
+    for scenario in find_suite(key).scenarios:
+        assert start_problems(scenario, load_roads(scenario.map)) == [], scenario.id
 
 
-@pytest.mark.parametrize("scenario", OFFICIAL, ids=lambda s: s.id)
-def test_an_official_scenario_passes_every_start_check(scenario: Scenario) -> None:
-    assert start_problems(scenario, load_roads(scenario.map)) == []
+def test_official_scenarios_are_sound_before_anybody_moves() -> None:
+    for scenario in scenarios_of(*WHOLE):
+        assert start_problems(scenario, load_roads(scenario.map), with_traffic=False) == [], scenario.id
 
 
-def test_the_default_suite_exists() -> None:
-    assert DEFAULT_SUITE in suites()
+def test_smaller_suites_have_the_scenarios_locks_and_experts_of_the_benchmark() -> None:
+    theirs, proofs = read_lock(DEFAULT_SUITE), read_certificates(find_suite(DEFAULT_SUITE).folder / FILE)
+    for key in ("llm==1", "smoke==1"):
+        ours = read_lock(key)
+        assert set(find_suite(key).scenarios) <= set(find_suite(DEFAULT_SUITE).scenarios)
+        assert all(entry == theirs["scenarios"][name] for name, entry in ours["scenarios"].items())
+        assert all(entry in theirs["overview"] for entry in ours["overview"])
+        assert ours["maps"].items() <= theirs["maps"].items()
+    experts = read_certificates(find_suite("llm==1").folder / FILE)
+    assert len(experts) == 24
+    assert all(proof.as_json() == proofs[name].as_json() for name, proof in experts.items())
 
 
-def test_the_suite_for_language_models_has_three_of_each_family_as_they_are_in_the_benchmark() -> None:
-    found = find_suite("llm==1").scenarios
-    assert Counter(scenario.family for scenario in found) == dict.fromkeys(FAMILIES, 3)
-    assert set(found) <= set(find_suite("interplan==1").scenarios)
+def test_every_official_scenario_is_certified_and_its_expert_starts_where_the_ego_does_and_gets_somewhere() -> None:
+    for scenario in scenarios_of(*WHOLE):
+        proof, track = certificate_of(scenario.id, scenario.hash()), expert(scenario)
+        assert proof is not None
+        assert proof.score >= (0.8 if scenario.family == "lane_change_htd" else 0.9)
+        roads = load_roads(scenario.map)
+        start, line = scenario.start.pose(roads), route_centerline(roads, scenario)
+        assert (track.x_m[0], track.y_m[0]) == pytest.approx((start.x_m, start.y_m), abs=1e-6)
+        arcs, _ = line.project([(track.x_m[0], track.y_m[0]), (track.x_m[-1], track.y_m[-1])])
+        assert arcs[1] - arcs[0] >= 0.7 * proof.reference_distance_m
+        assert arcs[1] - arcs[0] > (5.0 if scenario.family == "stationary_in_traffic" else 50.0)
 
 
-def test_its_experts_are_those_of_the_benchmark() -> None:
-    ours, theirs = (read_certificates(find_suite(key).folder / FILE) for key in ("llm==1", "interplan==1"))
-    assert len(ours) == 24
-    assert all(each.as_json() == theirs[name].as_json() for name, each in ours.items())
+def test_the_suite_for_language_models_has_three_of_each_family_and_smoke_one() -> None:
+    benchmark = names(ordinary=False)
+    assert Counter(scenario.family for scenario in find_suite("llm==1").scenarios) == dict.fromkeys(benchmark, 3)
+    assert [scenario.family for scenario in find_suite("smoke==1").scenarios] == list(benchmark)
 
 
-def test_its_three_places_are_those_with_the_most_maps_and_the_most_even_share_of_them() -> None:
-    def maps(triple: tuple[int, ...]) -> tuple[int, int]:
-        chosen = [[family.scenarios[index].map for index in triple] for family in FAMILIES.values()]
-        shares = Counter(name for names in chosen for name in names)
-        return sum(len(set(names)) for names in chosen), -sum(share**2 for share in shares.values())
+def test_a_scenario_is_found_in_every_suite_that_holds_it() -> None:
+    assert suites_with("nudge/5") == ("interplan==1", "llm==1")
+    assert suites_with("trip/0") == ()
+    assert find_scenario("changing_lane/0").family == "changing_lane"
+    with pytest.raises(UnknownNameError, match="Did you mean 'nudge/0'"):
+        find_scenario("nudg/0")
+    with pytest.raises(UnknownNameError, match="Did you mean 'interplan==1'"):
+        find_suite("interplan==2")
 
-    assert max(combinations(range(10), 3), key=maps) == LLM_INDICES
+
+@pytest.fixture
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of suites of one's own."""
+    monkeypatch.setattr(suite, "SUITES_ROOT", tmp_path)
+    monkeypatch.setattr(suite, "_SUITES", suite._Released(tmp_path))
+    read_lock.cache_clear()
+    yield tmp_path
+    read_lock.cache_clear()
+
+
+def test_a_suite_is_a_folder_and_only_the_one_asked_for_is_read(root: Path) -> None:
+    for name in ("mine-3", "broken-1"):
+        (root / name).mkdir()
+    write_scenarios([MINE], root / "mine-3" / "scenarios.yaml")
+    (root / "broken-1" / "scenarios.yaml").write_text("{")
+    assert list(suites()) == ["broken==1", "mine==3"]
+    assert find_suite("mine==3").scenarios == (MINE,)
+    assert ids_of("mine==3") == ("mine/0",)
+    with pytest.raises(InputError, match="this is not YAML"):
+        find_suite("broken==1")
+
+
+def test_a_damaged_lock_is_named(root: Path) -> None:
+    (root / "mine-3").mkdir()
+    (root / "mine-3" / "lock.json").write_text(json.dumps({})[:-1])
+    with pytest.raises(InputError, match=r"cannot read .*lock\.json"):
+        ids_of("mine==3")
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_a_scenario_that_was_changed_since_counts_as_not_certified_but_keeps_its_expert(
+    root: Path, changed: bool
+) -> None:
+    (root / "mine-1").mkdir()
+    write_scenarios([MINE], root / "mine-1" / "scenarios.yaml")
+    summary = Summary(MINE.id, "0" * 64 if changed else MINE.hash(), 0.95, 150.0, 148.5, False, "0" * 64)
+    track = EgoTrack.of([replace(ego(0.5 * k), time_s=0.1 * k) for k in range(20)])
+    write_certificates(root / "mine-1" / FILE, [Certificate(summary, track)])
+    assert (certificate_of(MINE.id, MINE.hash()) is None) == changed
+    assert len(expert(MINE)) == 20

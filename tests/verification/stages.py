@@ -8,6 +8,7 @@ from typing import Any
 import shapely
 from worlds import LANE_WIDTH_M, straight_road
 
+from interplan_sumo.families import find_family
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.world.roads import Area, Roads
 
@@ -29,6 +30,11 @@ def narrowed(lane_id: str) -> Roads:
     kept = next(way for way in cut.connectors.values() if way.from_lane_id == lane_id)
     block = replace(cut.roadblocks[kept.roadblock_id], lane_ids=(kept.id,))
     return replace(cut, connectors={kept.id: kept}, roadblocks={**cut.roadblocks, block.id: block})
+
+
+def family_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """What the scenario's own family has to say about its start."""
+    return [problem for check in find_family(scenario.family).checks for problem in check(scenario, roads)]
 
 
 def staged(family: str = "test", **changes: Any) -> Scenario:

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from stages import ONE_LANE, staged
+from stages import ONE_LANE, family_problems, staged
 from worlds import straight_road
 
+from interplan_sumo.families import crossing as checks
+from interplan_sumo.families.crossing import approach
+from interplan_sumo.scenario.jaywalking import walk
 from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario
-from interplan_sumo.simulation.pedestrians import Crowd, walk
-from interplan_sumo.verification.crossing_checks import approach, crossing_problems
+from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.roads import Roads
 
@@ -32,6 +34,11 @@ def crossing(
 
 def jaywalk(*walkers: Jaywalker, **changes: object) -> Scenario:
     return staged("jaywalker", jaywalkers=walkers, **changes)
+
+
+def crossing_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """Of everybody's checks and of the family's own."""
+    return [*checks.crossing_problems(scenario, roads), *family_problems(scenario, roads)]
 
 
 def only(found: list[str], *words: str) -> None:

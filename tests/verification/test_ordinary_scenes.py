@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.scenario.generate import Search
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.scenario.suite import find_suite, suites
 from interplan_sumo.verification.ordinary_scenes import FIRST_SEED, KINDS, NEAR_M, is_official, ordinary_scenes

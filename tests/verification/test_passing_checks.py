@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import pytest
-from stages import ONE_LANE, TWO_LANES, car, cone, staged, widened
+from stages import ONE_LANE, TWO_LANES, car, cone, family_problems, staged, widened
 from worlds import LANE_WIDTH_M
 
-from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
-from interplan_sumo.verification.constant_velocity import ego_ahead
-from interplan_sumo.verification.passing_checks import (
+from interplan_sumo.families.passing import (
     CLEARANCE_M,
     has_way_past,
     obstacle_corners,
     passing_offset_m,
-    passing_problems,
 )
+from interplan_sumo.scenario.constant_velocity import ego_ahead
+from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.roads import Roads
 
@@ -37,8 +36,8 @@ def offset_m(scenario: Scenario, roads: Roads) -> float | None:
 
 
 def test_other_families_and_empty_roads_have_nothing_to_pass() -> None:
-    assert passing_problems(staged("lane_change_ltd", obstacles=(cone(100.0),)), ONE_LANE) == []
-    (found,) = passing_problems(staged("construction"), ONE_LANE)
+    assert family_problems(staged("somebody_elses", obstacles=(cone(100.0),)), ONE_LANE) == []
+    (found,) = family_problems(staged("construction"), ONE_LANE)
     assert "obstacles: there are none" in found
 
 
@@ -56,7 +55,7 @@ def test_the_lesser_side_counts_and_only_sides_with_room() -> None:
 
 @pytest.mark.parametrize(("offset", "sound"), [(1.415, True), (1.43, False)])
 def test_a_nudge_takes_no_more_than_1_4_m(offset: float, sound: bool) -> None:
-    found = passing_problems(staged("nudge", obstacles=(parked(offset),)), WIDE)
+    found = family_problems(staged("nudge", obstacles=(parked(offset),)), WIDE)
     assert (found == []) == sound
     if not sound:
         assert "takes a lateral offset of 1.43 m, expected at most 1.4 m" in found[0]
@@ -65,7 +64,7 @@ def test_a_nudge_takes_no_more_than_1_4_m(offset: float, sound: bool) -> None:
 @pytest.mark.parametrize(("offset", "sound"), [(1.95, False), (1.4, True)])
 def test_a_nudge_leaves_the_egos_centre_on_its_own_side(offset: float, sound: bool) -> None:
     """The lane's half is 1.75 m wide."""
-    found = passing_problems(staged("nudge", obstacles=(parked(offset),)), WIDE)
+    found = family_problems(staged("nudge", obstacles=(parked(offset),)), WIDE)
     assert (found == []) == sound
     if not sound:
         assert "takes the ego's centre out of its own side" in found[0]
@@ -76,28 +75,28 @@ def test_a_nudge_leaves_the_egos_centre_on_its_own_side(offset: float, sound: bo
 def test_obstacles_must_block_who_holds_the_lane(family: str, offset: float, blocks: bool) -> None:
     """Passing 0.3 m clear with an offset of less than 0.3 m, one passes without any."""
     obstacles = (parked(offset),) if family != "accident" else (parked(offset), car(104.0, parked(offset).place.left_m))
-    found = passing_problems(staged(family, obstacles=obstacles), WIDE)
+    found = family_problems(staged(family, obstacles=obstacles), WIDE)
     assert any("touches none of them" in text for text in found) != blocks
 
 
 @pytest.mark.parametrize(("offset", "sound"), [(1.9, True), (1.4, False)])
 def test_an_overtake_needs_the_other_side(offset: float, sound: bool) -> None:
-    found = passing_problems(staged("overtake", obstacles=(parked(offset),)), WIDE)
+    found = family_problems(staged("overtake", obstacles=(parked(offset),)), WIDE)
     assert (found == []) == sound
     if not sound:
         assert "passes on its own side, 1.40 m off the lane's centre" in found[0]
 
 
 def test_an_overtake_needs_room_on_the_other_side() -> None:
-    (found,) = passing_problems(staged("overtake", obstacles=(car(100.0),)), ONE_LANE)
+    (found,) = family_problems(staged("overtake", obstacles=(car(100.0),)), ONE_LANE)
     assert "leave no way past on the drivable area, expected one with 0.3 m to spare" in found
-    assert passing_problems(staged("overtake", obstacles=(car(100.0),)), WIDE) == []
+    assert family_problems(staged("overtake", obstacles=(car(100.0),)), WIDE) == []
 
 
 def test_construction_is_passed_on_the_own_side() -> None:
     cones = tuple(cone(100.0 + 2.0 * i, -0.9 + 0.6 * i) for i in range(4))
-    assert passing_problems(staged("construction", obstacles=cones), TWO_LANES) == []
-    (found,) = passing_problems(staged("construction", obstacles=cones), WIDE)
+    assert family_problems(staged("construction", obstacles=cones), TWO_LANES) == []
+    (found,) = family_problems(staged("construction", obstacles=cones), WIDE)
     assert "no way past on the ego's own side of the road" in found
 
 
@@ -121,12 +120,12 @@ def test_a_way_past_must_be_steered() -> None:
 
 @pytest.mark.parametrize(("apart_m", "sound"), [(4.54, True), (4.56, False)])
 def test_crashed_cars_intersect_by_more_than_5_cm(apart_m: float, sound: bool) -> None:
-    found = passing_problems(staged("accident", obstacles=(car(100.0), car(100.0 + apart_m))), WIDE)
+    found = family_problems(staged("accident", obstacles=(car(100.0), car(100.0 + apart_m))), WIDE)
     assert (found == []) == sound
     if not sound:
         assert "obstacles[0]: its box goes 4 cm into that of obstacles[1], expected more than 5 cm" in found[0]
 
 
 def test_an_accident_takes_two_cars() -> None:
-    (found,) = passing_problems(staged("accident", obstacles=(car(100.0), cone(104.0))), WIDE)
+    (found,) = family_problems(staged("accident", obstacles=(car(100.0), cone(104.0))), WIDE)
     assert "1 of them are vehicles, expected two or three" in found

@@ -61,7 +61,7 @@ def test_a_lane_change_needs_a_lane_beside_for_three_seconds(start_m: float, sou
     if sound:
         assert found == []
     else:
-        only(found, "start: no lane lies beside lane 11 from 29.5 m ahead on", "expected one for 30.0 m or more")
+        only(found, "start: no lane lies beside lane 11 from 29.0 m ahead on", "expected one for 30.0 m or more")
 
 
 def test_the_goal_lies_ahead_of_the_start() -> None:

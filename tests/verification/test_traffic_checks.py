@@ -11,10 +11,10 @@ from stages import ONE_LANE, TWO_LANES, staged
 from worlds import cars, junction, straight_road
 
 from interplan_sumo.maps.store import load_roads, maps
+from interplan_sumo.scenario.constant_velocity import ego_held, first_contacts, held, lane_ahead, lanes_ahead
 from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
 from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.simulation.network import read_network
-from interplan_sumo.verification.constant_velocity import ego_held, first_contacts, held, lane_ahead, lanes_ahead
 from interplan_sumo.verification.traffic_checks import braking_problems, contact_problems, traffic_problems
 
 FRONT_M = 20.0 + 5.176 / 2.0

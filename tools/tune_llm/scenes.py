@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.families import FAMILIES
+from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads, maps
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
@@ -41,7 +41,7 @@ class TrainingScene:
     @property
     def split(self) -> Split:
         rounds, held_out = HELD_OUT
-        return "val" if self.number // len(FAMILIES) % rounds == held_out else "train"
+        return "val" if self.number // len(names(ordinary=False)) % rounds == held_out else "train"
 
     @property
     def strays(self) -> bool:
@@ -62,7 +62,7 @@ def generated_scenes(per_family: int, seeds_from: int = FIRST_SEED) -> list[Trai
     where = [
         (places[(row + column) % len(places)], family)
         for row in range(per_family)
-        for column, family in enumerate(FAMILIES)
+        for column, family in enumerate(names(ordinary=False))
     ]
     made = {key: iter(_apart(*key, number, seeds_from)) for key, number in Counter(where).items()}
     found = [(number, next(made[key], None)) for number, key in enumerate(where)]

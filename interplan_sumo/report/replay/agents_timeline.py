@@ -9,9 +9,8 @@ import numpy as np
 
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.report.replay.numbers import PER_METRE, PER_UNIT, Whole, angles, column, points
+from interplan_sumo.scenario.jaywalking import trigger_distance_m, walk
 from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
-from interplan_sumo.scenario.trigger import trigger_distance_m
-from interplan_sumo.simulation.pedestrians import walk
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, Ints, Polyline, Pose
 from interplan_sumo.world.roads import Roads

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Final
 
@@ -9,8 +10,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from interplan_sumo.scenario.constant_velocity import OVERLAP_M, beside, ego_ahead, ego_boxes
 from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
-from interplan_sumo.verification.constant_velocity import OVERLAP_M, beside, ego_ahead, ego_boxes
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.geometry import Floats, Polyline, box_corners, penetration_m
@@ -22,8 +23,11 @@ LARGEST_OFFSET_M: Final = 1.4
 """Lateral offset from the lane's centre with which a nudge can be solved (decisions.md)."""
 OFFSET_SLACK_M: Final = 0.02
 """Places in scenarios are rounded to centimetres."""
-BLOCKED: Final = ("construction", "accident", "nudge", "overtake")
-"""Families whose obstacles stop a drive that holds its lane."""
+AUDIT_SLACK_M: Final = 0.05
+"""An audit takes a little more for a nudge than a start check lets pass: it asks what is meant."""
+
+OffsetRule = Callable[[float | None], list[str]]
+"""What is wrong with the offset that passing takes; None: the ego's own side has no room for any."""
 
 _STATION_M: Final = 0.5
 """Raster of the search for a way past: along the lane (no cone slips through), and across it."""
@@ -47,30 +51,82 @@ def obstacle_corners(scenario: Scenario, roads: Roads) -> Floats:
     return box_corners(x_m, y_m, heading_rad, length_m, width_m)
 
 
-def passing_problems(scenario: Scenario, roads: Roads) -> list[str]:
-    """What is wrong with the obstacles of the four families that block the lane; nothing for other families."""
-    if scenario.family not in BLOCKED:
+def any_offset(_offset_m: float | None) -> list[str]:
+    """Passing may lead as far aside as there is room."""
+    return []
+
+
+def small_offset(offset_m: float | None) -> list[str]:
+    """One passes on the own side, a little aside."""
+    if offset_m is None:
+        return [
+            "obstacles: passing takes the ego's centre out of its own side of the road, "
+            f"expected a lateral offset of at most {LARGEST_OFFSET_M} m; move the car towards the kerb"
+        ]
+    if offset_m > LARGEST_OFFSET_M + OFFSET_SLACK_M:
+        return [
+            f"obstacles: passing takes a lateral offset of {offset_m:.2f} m, expected at most {LARGEST_OFFSET_M} m; "
+            "move the car towards the kerb"
+        ]
+    return []
+
+
+def beyond_own_side(offset_m: float | None) -> list[str]:
+    """The own side has no room to pass."""
+    if offset_m is None or offset_m > LARGEST_OFFSET_M + OFFSET_SLACK_M:
         return []
+    return [
+        f"obstacles: the ego passes on its own side, {offset_m:.2f} m off the lane's centre, expected it to need "
+        "the oncoming lane; move the car towards the road's middle, or make it a nudge"
+    ]
+
+
+def passing_problems(
+    scenario: Scenario, roads: Roads, *, own_side_only: bool, offset: OffsetRule = any_offset
+) -> list[str]:
+    """What is wrong with obstacles that are to block the lane and leave a way past, on the ego's own side if asked."""
     if not scenario.obstacles:
         return [f"obstacles: there are none, expected some that block the lane: the family is {scenario.family}"]
     corners = obstacle_corners(scenario, roads)
     line = ego_ahead(scenario, roads, _past_m(scenario, roads, corners) + 2.0 * _APPROACH_M)
-    problems = _wreck(scenario, corners) if scenario.family == "accident" else []
     if not _blocks(line, scenario.start.left_m, corners):
-        problems.append(
+        return [
             "obstacles: a drive that holds its lane touches none of them, expected them to block the lane; "
             "move them towards its centre"
-        )
-    elif scenario.family in ("nudge", "overtake"):
-        problems += _one_parked_car(scenario, roads, line, corners)
-    own_side_only = scenario.family in ("nudge", "construction")
+        ]
+    problems = [] if offset is any_offset else offset(passing_offset_m(scenario, roads, line, corners))
     if not problems and not has_way_past(scenario, roads, line, corners, own_side_only=own_side_only):
         where = "the ego's own side of the road" if own_side_only else "the drivable area"
-        problems.append(
+        problems = [
             f"obstacles: they leave no way past on {where}, expected one with {CLEARANCE_M} m to spare on either side; "
             "move or remove some"
-        )
+        ]
     return problems
+
+
+def wreck_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """Crashed cars really have crashed: every one into another."""
+    corners = obstacle_corners(scenario, roads)
+    cars = vehicles_standing(scenario)
+    if len(cars) < 2:
+        return [f"obstacles: {len(cars)} of them are vehicles, expected two or three that have crashed"]
+    problems: list[str] = []
+    for i in cars:
+        others = [j for j in cars if j != i]
+        depth_m = penetration_m(np.repeat(corners[i : i + 1], len(others), axis=0), corners[others])
+        nearest = int(np.argmax(depth_m))
+        if depth_m[nearest] <= OVERLAP_M:
+            problems.append(
+                f"obstacles[{i}]: its box goes {100 * float(depth_m[nearest]):.0f} cm into that of "
+                f"obstacles[{others[nearest]}], expected more than {100 * OVERLAP_M:.0f} cm of a crashed car; "
+                "move it nearer"
+            )
+    return problems
+
+
+def vehicles_standing(scenario: Scenario) -> list[int]:
+    """Indices of the obstacles that are vehicles."""
+    return [i for i, each in enumerate(scenario.obstacles) if OBSTACLES[each.kind][0] == ActorKind.VEHICLE]
 
 
 def _past_m(scenario: Scenario, roads: Roads, corners: Floats) -> float:
@@ -92,47 +148,20 @@ def _blocks(line: Polyline, left_m: float, corners: Floats) -> bool:
     return bool(shapely.intersects(shapely.union_all(shapely.polygons(corners)), boxes).any())
 
 
-def _wreck(scenario: Scenario, corners: Floats) -> list[str]:
-    """Crashed cars really have crashed: every one into another."""
-    cars = [i for i, each in enumerate(scenario.obstacles) if OBSTACLES[each.kind][0] == ActorKind.VEHICLE]
-    if len(cars) < 2:
-        return [f"obstacles: {len(cars)} of them are vehicles, expected two or three that have crashed"]
-    problems: list[str] = []
-    for i in cars:
-        others = [j for j in cars if j != i]
-        depth_m = penetration_m(np.repeat(corners[i : i + 1], len(others), axis=0), corners[others])
-        nearest = int(np.argmax(depth_m))
-        if depth_m[nearest] <= OVERLAP_M:
-            problems.append(
-                f"obstacles[{i}]: its box goes {100 * float(depth_m[nearest]):.0f} cm into that of "
-                f"obstacles[{others[nearest]}], expected more than {100 * OVERLAP_M:.0f} cm of a crashed car; "
-                "move it nearer"
-            )
-    return problems
+# --- how far aside -------------------------------------------------------------------------------
 
 
-# --- one parked car: how far aside ---------------------------------------------------------------
+@lru_cache(maxsize=8)
+def offset_asked_m(scenario: Scenario, roads: Roads) -> float | None:
+    """`passing_offset_m` of all that stands within 200 m; 0 where nothing does."""
+    if not scenario.obstacles:
+        return 0.0
+    return passing_offset_m(scenario, roads, ego_ahead(scenario, roads, 200.0), obstacle_corners(scenario, roads))
 
 
-def _one_parked_car(scenario: Scenario, roads: Roads, line: Polyline, corners: Floats) -> list[str]:
-    offset_m = passing_offset_m(scenario, roads, line, corners)
-    largest_m = LARGEST_OFFSET_M + OFFSET_SLACK_M
-    if scenario.family == "overtake" and offset_m is not None and offset_m <= largest_m:
-        return [
-            f"obstacles: the ego passes on its own side, {offset_m:.2f} m off the lane's centre, expected it to need "
-            "the oncoming lane; move the car towards the road's middle, or make it a nudge"
-        ]
-    if scenario.family == "nudge" and offset_m is None:
-        return [
-            "obstacles: passing takes the ego's centre out of its own side of the road, "
-            f"expected a lateral offset of at most {LARGEST_OFFSET_M} m; move the car towards the kerb"
-        ]
-    if scenario.family == "nudge" and offset_m is not None and offset_m > largest_m:
-        return [
-            f"obstacles: passing takes a lateral offset of {offset_m:.2f} m, expected at most {LARGEST_OFFSET_M} m; "
-            "move the car towards the kerb"
-        ]
-    return []
+def is_small(offset_m: float | None) -> bool:
+    """Whether an offset is one that the ego can take on its own side."""
+    return offset_m is not None and offset_m <= LARGEST_OFFSET_M + AUDIT_SLACK_M
 
 
 def passing_offset_m(scenario: Scenario, roads: Roads, line: Polyline, corners: Floats) -> float | None:

@@ -1,16 +1,16 @@
-"""New scenarios of any family or ordinary type on any map, from a seed: equal seeds give equal scenarios."""
+"""New scenarios of any family on any map, from a seed: equal seeds give equal scenarios."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from interplan_sumo.errors import ScenarioError, UnknownNameError
-from interplan_sumo.families import FAMILIES
-from interplan_sumo.scenario.ordinary import MAKERS
+from interplan_sumo.errors import ScenarioError
+from interplan_sumo.families import FAMILIES, Family
 from interplan_sumo.scenario.route import route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import Rejected, UnsuitableError, places
@@ -22,18 +22,17 @@ APART_M = 50.0
 
 @dataclass(slots=True)
 class Search:
-    """Generates scenarios of one family or ordinary type on one map; remembers what it had to pass over."""
+    """Generates scenarios of one family, if there is one of that name, on one map; remembers what it passed over."""
 
     roads: Roads
     family: str
-    """One of `FAMILIES` or of the `MAKERS` of ordinary scenes."""
     seed: int
     rejected: list[Rejected] = field(default_factory=list[Rejected])
     """Places that do not suit, with the reasons, as far as they were looked at."""
+    _family: Family[Any] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.family not in FAMILIES and self.family not in MAKERS:
-            raise UnknownNameError("family", self.family, (*FAMILIES, *MAKERS))
+        self._family = FAMILIES[self.family]
 
     def __iter__(self) -> Iterator[Scenario]:
         """Scenarios without end, on sites apart from one another as long as the map has them.
@@ -69,11 +68,8 @@ class Search:
     def _made(self, lane_id: str, at_m: float, number: int, rng: np.random.Generator) -> Scenario | None:
         id = f"{self.roads.name}.{self.family}/{self.seed}-{number}"
         try:
-            if self.family in MAKERS:
-                scenario = MAKERS[self.family](id, self.roads, lane_id, at_m, rng)
-            else:
-                family = FAMILIES[self.family]
-                scenario = family.drawn(id, self.roads, family.suitable(self.roads, lane_id, at_m), rng)
+            place = self._family.suitable(self.roads, lane_id, at_m)
+            scenario = self._family.drawn(id, self.roads, place, rng)
             scenario.check(self.roads)
             route_lanes(self.roads, scenario)
         except (UnsuitableError, ScenarioError) as reason:

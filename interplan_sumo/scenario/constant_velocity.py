@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.simulation.spawning import HOLD_S
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, Polyline, box_corners, penetration_m, wrap_angle
 from interplan_sumo.world.roads import Roads, Turn
 
 STEP_S: Final = 0.1
+HOLD_S: Final = 3.0
+"""Nobody may hit anybody within this time if all hold their speed (benchmark.md)."""
 HOLD_TIMES_S: Final = np.linspace(0.0, HOLD_S, round(HOLD_S / STEP_S) + 1)
 OVERLAP_M: Final = 0.05
 """Boxes that penetrate by more than this overlap (decisions.md)."""

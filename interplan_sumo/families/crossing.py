@@ -15,11 +15,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from interplan_sumo.scenario.constant_velocity import OVERLAP_M, STEP_S, beside, ego_ahead, ego_boxes
+from interplan_sumo.scenario.jaywalking import PedestrianWalk, trigger_distance_m, walk
 from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
-from interplan_sumo.scenario.trigger import trigger_distance_m
-from interplan_sumo.simulation.pedestrians import PedestrianWalk, walk
-from interplan_sumo.verification.constant_velocity import OVERLAP_M, STEP_S, beside, ego_ahead, ego_boxes
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, box_corners, box_polygons, penetration_m
 from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Roads
@@ -37,18 +36,50 @@ def crossing_problems(scenario: Scenario, roads: Roads) -> list[str]:
     """What is wrong with the jaywalkers of a scenario, whatever its family; nothing without any."""
     if not scenario.jaywalkers:
         return []
-    walks = [walk(jaywalker, roads, route_centerline(roads, scenario)) for jaywalker in scenario.jaywalkers]
+    walks = _walks(scenario, roads)
     problems = [*_where_they_stand(scenario, roads, walks), *_occluder(scenario, roads, walks)]
-    site = scenario.jaywalkers[0].start.lane
-    limit_mps = roads[site].speed_limit_mps or USUAL_LIMIT_MPS
+    site, limit_mps = scenario.jaywalkers[0].start.lane, _limit_mps(scenario, roads)
     if limit_mps > HIGHEST_LIMIT_MPS + LIMIT_SLACK_MPS:
         problems.append(
             f"jaywalkers[0].start.lane: the speed limit of lane {site} is {3.6 * limit_mps:.0f} km/h, expected at most "
             f"{3.6 * HIGHEST_LIMIT_MPS:.0f} km/h where people step into the road"
         )
     for speed_mps, said in _speeds(scenario, limit_mps):
-        problems += _drives(scenario, roads, walks, speed_mps, said)
+        braked = approach(scenario, roads, walks, speed_mps, BRAKING_MPS2)
+        touched = np.argwhere(braked.depth_m >= 0.0)
+        if touched.size:
+            walker, frame = min(touched.tolist(), key=lambda cell: cell[1])
+            problems.append(
+                f"jaywalkers[{walker}]: a drive at {said}, that brakes with {BRAKING_MPS2:.0f} m/s2 from the trigger "
+                f"on touches this pedestrian after {frame * STEP_S:.1f} s, expected it never to; start it farther from "
+                "the lane, or lead it away from the ego"
+            )
     return problems
+
+
+def unhurt_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """Who drives on hits somebody; nothing without jaywalkers."""
+    if not scenario.jaywalkers:
+        return []
+    problems: list[str] = []
+    for speed_mps, said in _speeds(scenario, _limit_mps(scenario, roads)):
+        held = approach(scenario, roads, _walks(scenario, roads), speed_mps)
+        if not (held.depth_m > OVERLAP_M).any():
+            near_m = -float(held.depth_m.max(initial=-np.inf))
+            problems.append(
+                f"jaywalkers: a drive that holds its lane and {said}, misses everyone by {near_m:.2f} m or more, "
+                "expected it to hit somebody; change where they start or how fast they walk"
+            )
+    return problems
+
+
+def _walks(scenario: Scenario, roads: Roads) -> list[PedestrianWalk]:
+    return [walk(jaywalker, roads, route_centerline(roads, scenario)) for jaywalker in scenario.jaywalkers]
+
+
+def _limit_mps(scenario: Scenario, roads: Roads) -> float:
+    """Where the first pedestrian steps into the road."""
+    return roads[scenario.jaywalkers[0].start.lane].speed_limit_mps or USUAL_LIMIT_MPS
 
 
 def _speeds(scenario: Scenario, limit_mps: float) -> list[tuple[float, str]]:
@@ -57,27 +88,6 @@ def _speeds(scenario: Scenario, limit_mps: float) -> list[tuple[float, str]]:
     if abs(limit_mps - start_mps) > LIMIT_SLACK_MPS:
         speeds.append((limit_mps, f"the limit, {limit_mps:.1f} m/s"))
     return speeds
-
-
-def _drives(scenario: Scenario, roads: Roads, walks: list[PedestrianWalk], speed_mps: float, said: str) -> list[str]:
-    problems: list[str] = []
-    held = approach(scenario, roads, walks, speed_mps)
-    if scenario.family == "jaywalker" and not (held.depth_m > OVERLAP_M).any():
-        near_m = -float(held.depth_m.max(initial=-np.inf))
-        problems.append(
-            f"jaywalkers: a drive that holds its lane and {said}, misses everyone by {near_m:.2f} m or more, expected "
-            "it to hit somebody; change where they start or how fast they walk"
-        )
-    braked = approach(scenario, roads, walks, speed_mps, BRAKING_MPS2)
-    touched = np.argwhere(braked.depth_m >= 0.0)
-    if touched.size:
-        walker, frame = min(touched.tolist(), key=lambda cell: cell[1])
-        problems.append(
-            f"jaywalkers[{walker}]: a drive at {said}, that brakes with {BRAKING_MPS2:.0f} m/s2 from the trigger on "
-            f"touches this pedestrian after {frame * STEP_S:.1f} s, expected it never to; start it farther from the "
-            "lane, or lead it away from the ego"
-        )
-    return problems
 
 
 @dataclass(frozen=True, slots=True, eq=False)
