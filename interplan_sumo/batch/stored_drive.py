@@ -12,7 +12,7 @@ from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import OWN_SCENARIOS, StoredRun
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.metrics.profile import Profile
+from interplan_sumo.metrics.profile import Profile, stored_profile
 from interplan_sumo.metrics.score import ScoreSheet, score
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
@@ -32,6 +32,8 @@ class StoredDrive:
     run_folder: Path
     official: bool
     """Whether the scenario belongs to a suite; one's own has its expert in the run folder."""
+    profile_name: str
+    """Under which the run scored it."""
 
     @property
     def roads(self) -> Roads:
@@ -42,6 +44,11 @@ class StoredDrive:
     def expert(self) -> EgoTrack:
         """The drive that progress is measured against; opens SUMO where it is not there yet."""
         return expert(self.scenario) if self.official else own_expert(self.scenario, self.run_folder)
+
+    @property
+    def profile(self) -> Profile:
+        """What the run scored it by; UnknownNameError if that is not installed here."""
+        return stored_profile(self.profile_name, self.run_folder)
 
     def sheet(self, profile: str | Profile) -> ScoreSheet:
         """The score with every metric's series, computed anew."""
@@ -83,7 +90,8 @@ class StoredDrives:
                 f"{folder}: the trace is not the one that was driven; "
                 "delete its line in results.jsonl and repeat the run"
             )
-        return StoredDrive(row, scenario, trace, self.run.path, official=row.scenario_id not in self.own)
+        official = row.scenario_id not in self.own
+        return StoredDrive(row, scenario, trace, self.run.path, official, self.run.manifest.profile)
 
 
 def own_scenarios(run: StoredRun) -> dict[str, Scenario]:

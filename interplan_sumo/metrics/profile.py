@@ -111,6 +111,34 @@ def _registered(name: str) -> Profile:
     return _read(files(PROFILES[name]) / f"{name}.yaml", name)
 
 
+KEPT: Final = "profile.yaml"
+"""In a run folder the profile of a file, as it was then."""
+
+
+def keep_profile(profile: Profile, folder: Path) -> None:
+    """Write a file's profile into a run folder, so that `stored_profile` finds it; registered ones need none."""
+    if "@" not in profile.name:
+        return
+    said: dict[str, Any] = {
+        "needs_scenario": profile.needs_scenario,
+        "honours_exemptions": profile.honours_exemptions,
+        "gates": [],
+        "weights": [],
+    }
+    for term in profile.terms:
+        entry: dict[str, Any] = {"metric": term.metric, "as": term.name, "when": term.when}
+        if term.weight is None:
+            said["gates"].append(entry)
+        else:
+            said["weights"].append(entry | {"weight": term.weight})
+    (folder / KEPT).write_text(yaml.safe_dump(said, sort_keys=False, default_flow_style=None), encoding="utf-8")
+
+
+def stored_profile(name: str, folder: Path) -> Profile:
+    """The profile of a run by its name in the manifest; errors as from `find_profile`."""
+    return _read(folder / KEPT, name) if "@" in name else _registered(name)
+
+
 def row_metrics() -> tuple[str, ...]:
     """Names under which metrics stand in rows: those of the registered profiles, then all that no such profile uses."""
     terms = [term for name in PROFILES for term in find_profile(name).terms]

@@ -9,7 +9,7 @@ from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult, lost_frame
-from interplan_sumo.metrics.profile import DEFAULT_PROFILE
+from interplan_sumo.metrics.profile import Profile
 from interplan_sumo.metrics.score import ScoreSheet, score_facts
 from interplan_sumo.report.failure_reasons import LEAST_LOSS, fault_sentence
 
@@ -31,15 +31,15 @@ class KeyEvent:
     reason: str
 
 
-def moments(drive: StoredDrive, profile: str = DEFAULT_PROFILE) -> tuple[KeyEvent, ...]:
+def moments(drive: StoredDrive, profile: str | Profile | None = None) -> tuple[KeyEvent, ...]:
     """One moment for each judged metric that lost points, and one for the fault, in time order.
 
-    UnknownNameError for a profile that does not exist.
+    The profile is the run's unless another is given; errors as from `find_profile`.
     """
     return lost_moments(*_judged(drive, profile), drive.row)
 
 
-def deciding_moment(drive: StoredDrive, profile: str = DEFAULT_PROFILE) -> KeyEvent:
+def deciding_moment(drive: StoredDrive, profile: str | Profile | None = None) -> KeyEvent:
     """The fault, else the first gate that was lost, else the loss of the metric that cost most, else the end."""
     facts, sheet = _judged(drive, profile)
     return deciding(lost_moments(facts, sheet, drive.row), facts, sheet)
@@ -69,9 +69,9 @@ def deciding(lost: tuple[KeyEvent, ...], facts: Facts, sheet: ScoreSheet) -> Key
     return max(lost, key=lambda moment: sheet.weights[moment.metric] * _loss(sheet.metrics[moment.metric]))
 
 
-def _judged(drive: StoredDrive, profile: str) -> tuple[Facts, ScoreSheet]:
+def _judged(drive: StoredDrive, profile: str | Profile | None) -> tuple[Facts, ScoreSheet]:
     facts = Facts(drive.trace, drive.roads, drive.expert, drive.scenario)
-    return facts, score_facts(facts, profile)
+    return facts, score_facts(facts, profile or drive.profile)
 
 
 def _loss(result: MetricResult) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from interplan_sumo.batch.records import Fault
 from interplan_sumo.batch.stored_drive import StoredDrive
+from interplan_sumo.metrics.profile import DEFAULT_PROFILE
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import Pose
@@ -66,7 +67,7 @@ def tiny_drive(
     failed = Fault(*fault) if fault else None  # type: ignore[arg-type]
     row = records.row(scenario_id, 1.0, planner=name, fault=failed, reached_goal=reached_goal)
     named: Scenario = replace(scenario, id=scenario_id)
-    return TinyDrive(row, named, driven, Path("runs/a"), False, road, expert)
+    return TinyDrive(row, named, driven, Path("runs/a"), False, DEFAULT_PROFILE, road, expert)
 
 
 def drive_at_lights(

@@ -13,7 +13,7 @@ from interplan_sumo.metrics.drivable_area import TOLERANCE_M
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.score import ScoreSheet
 from interplan_sumo.metrics.speed_limit import limits_mps
-from interplan_sumo.metrics.time_to_collision import LEAST_S
+from interplan_sumo.metrics.time_to_collision import LEAST_S, time_to_collision
 from interplan_sumo.report.replay.numbers import series
 from interplan_sumo.world.geometry import Floats
 
@@ -62,10 +62,11 @@ def chart_series(facts: Facts, sheet: ScoreSheet, drivable: shapely.Geometry) ->
     `drivable` is the drivable area around the drive.
     """
     told = sheet.metrics["diagnostics"].series
+    ahead = sheet.metrics.get("time_to_collision") or time_to_collision(facts)
     start_m = facts.route_arc_m[:1]
     own: dict[str, Floats] = {
         "speed": facts.speed_mps,
-        "time_to_collision": sheet.metrics["time_to_collision"].series["time_to_collision_s"],
+        "time_to_collision": ahead.series["time_to_collision_s"],
         "progress": facts.route_arc_m - start_m,
         "edge": edge_m(facts, drivable),
         "offset": told["offset_m"],

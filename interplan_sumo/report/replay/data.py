@@ -31,7 +31,6 @@ import shapely
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.errors import InputError
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.profile import DEFAULT_PROFILE
 from interplan_sumo.metrics.score import ScoreSheet, score_facts
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.failure_reasons import fault_sentence
@@ -122,7 +121,7 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
     `plans`, `triggers`) and `signals` (`lights.signal_changes`).
     """
     facts = Facts(drive.trace, drive.roads, drive.expert, drive.scenario)
-    sheet = score_facts(facts, DEFAULT_PROFILE)
+    sheet = score_facts(facts, drive.profile)
     lost = lost_moments(facts, sheet, drive.row)
     decided = deciding(lost, facts, sheet)
     triggers = agents_timeline.triggers(drive, facts.route_line, origin)

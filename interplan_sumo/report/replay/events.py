@@ -50,13 +50,13 @@ def _contacts(facts: Facts, sheet: ScoreSheet) -> list[Event]:
     """First contacts with each track, but for the one that the lost gate tells of already."""
     told = False
     found: list[Event] = []
-    for contact in sheet.metrics["no_collision"].detail["contacts"]:
-        who = f"{contact['kind'].lower().replace('_', ' ')} {contact['track']}"
-        if contact["at_fault"] and not told and "no_collision" in sheet.gates:
+    for contact in facts.collisions:
+        who = f"{contact.kind.name.lower().replace('_', ' ')} {contact.track}"
+        if contact.at_fault and not told and "no_collision" in sheet.gates:
             told = True
             continue
-        whose = "at-fault contact" if contact["at_fault"] else "contact, not at fault,"
-        found.append(_event(_frame(facts, contact["time_s"]), "contact", f"{whose} with {who}"))
+        whose = "at-fault contact" if contact.at_fault else "contact, not at fault,"
+        found.append(_event(contact.frame, "contact", f"{whose} with {who}"))
     return found
 
 
