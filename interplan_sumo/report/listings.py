@@ -1,17 +1,15 @@
-"""Listings: scenarios, planners and maps as plain data, one entry each."""
+"""Listings: scenarios, planners and maps as plain data, one entry each; none waits for what another needs."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from interplan_sumo.errors import UnknownNameError
-from interplan_sumo.maps.geopackage import read_size
-from interplan_sumo.maps.store import load_roads, maps
 from interplan_sumo.metrics.metric import plain
-from interplan_sumo.planner import planners
-from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import certificate_of, overview, read_lock, suites, suites_with
+
+if TYPE_CHECKING:
+    from interplan_sumo.scenario.scenario import Scenario
 
 OVERVIEW: Final = (
     "id", "family", "map", "site", "driving_side", "density", "behaviour", "lane_changes", "hash",
@@ -24,6 +22,8 @@ def suite_entries(suite: str | None = None) -> list[dict[str, Any]]:
 
     UnknownNameError if there is no such suite.
     """
+    from interplan_sumo.scenario.suite import read_lock, suites
+
     if suite is not None and suite not in suites():
         raise UnknownNameError("suite", suite, suites())
     keys = suites() if suite is None else (suite,)
@@ -33,6 +33,8 @@ def suite_entries(suite: str | None = None) -> list[dict[str, Any]]:
 
 def certified(entry: dict[str, Any]) -> dict[str, Any]:
     """An entry with its certificate, null until one is stored, before the hash."""
+    from interplan_sumo.scenario.suite import certificate_of
+
     proved = certificate_of(entry["id"], entry["hash"])
     summary = None if proved is None else asdict(proved)
     return {**entry, "certificate": summary, "hash": entry["hash"]}
@@ -40,12 +42,17 @@ def certified(entry: dict[str, Any]) -> dict[str, Any]:
 
 def scenario_details(scenario: Scenario) -> dict[str, Any]:
     """One scenario with everything that is staged, and the suites that it belongs to."""
+    from interplan_sumo.maps.store import load_roads
+    from interplan_sumo.scenario.suite import overview, suites_with
+
     entry = certified(overview(scenario, load_roads(scenario.map, scenario.maps_beside)))
     return {**entry, "suites": list(suites_with(scenario.id)), "scenario": plain(scenario.canonical())}
 
 
 def planner_entries() -> list[dict[str, Any]]:
     """Registered planners; `problem` says why one cannot be imported."""
+    from interplan_sumo.planner import planners
+
     entries: list[dict[str, Any]] = []
     for info in planners():
         entry: dict[str, Any] = {
@@ -61,6 +68,9 @@ def planner_entries() -> list[dict[str, Any]]:
 
 def map_entries() -> list[dict[str, Any]]:
     """The shipped maps with their size."""
+    from interplan_sumo.maps.geopackage import read_size
+    from interplan_sumo.maps.store import maps
+
     return [
         {"name": name, "path": str(files.folder), **asdict(read_size(files.gpkg, name))}
         for name, files in maps().items()
