@@ -2,7 +2,6 @@
 
 Converts each map afresh into a temporary folder, checks it, and drives 60 s of
 random traffic on it. Without folders: the shipped maps and the golden ones.
-Hard brakings (above 4.5 m/s2) at junctions are listed with their causes.
 """
 
 from __future__ import annotations
@@ -10,7 +9,6 @@ from __future__ import annotations
 import argparse
 import shutil
 import time
-from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -21,7 +19,7 @@ from interplan_sumo.maps.check import check_map
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.store import MapFiles, maps
 from interplan_sumo.maps.to_sumo import convert
-from tests.maps.sumo_runs import Braking, Overlap, random_traffic, start_up_s
+from tests.maps.sumo_runs import Overlap, random_traffic, start_up_s
 
 GOLDEN = Path(__file__).parents[1] / "tests" / "golden" / "nuplan_metrics" / "maps"
 
@@ -39,8 +37,7 @@ def main() -> None:
         "lights", "length distortion max", "kB", "convert [s]", "start [ms]", "ok",
     )  # fmt: skip
     traffic = Table("map", "seed", "cars", "mean m/s", "teleports", "collisions", "overlaps", "of these askew",
-                    "hard brakings", "causes at junctions", "without cause")  # fmt: skip
-    brakings: list[tuple[str, int, Braking]] = []
+                    "emergency brakings")  # fmt: skip
     overlaps: list[tuple[str, int, Overlap]] = []
     for folder in folders:
         roads = read_map(folder / "map.gpkg")
@@ -65,21 +62,14 @@ def main() -> None:
             )  # fmt: skip
             for seed in range(1, arguments.seeds + 1):
                 run = random_traffic(files, roads, Path(place) / "run", seed=seed, vehicles=arguments.cars)
-                causes = Counter(b.cause for b in run.brakings if b.at_junction)
                 traffic.add_row(
                     roads.name, str(seed), str(run.vehicles), f"{run.mean_speed_mps:.1f}", str(run.teleports),
                     str(run.collisions), str(len(run.overlaps)), str(sum(o.askew for o in run.overlaps)),
-                    str(len(run.brakings)), ", ".join(f"{k} {v}" for k, v in sorted(causes.items())),
-                    str(len(run.without_cause)),
+                    str(run.emergency_brakings),
                 )  # fmt: skip
-                brakings += [(roads.name, seed, b) for b in run.brakings if b.at_junction]
                 overlaps += [(roads.name, seed, o) for o in run.overlaps]
     console = Console(width=200)
     console.print(fidelity, traffic)
-    for name, seed, b in brakings:
-        console.print(
-            f"{name} seed {seed}: {b.vehicle} at {b.time_s:.1f} s on {b.lane_id}: {b.hardest_mps2:.1f} m/s2, {b.cause}"
-        )
     for name, seed, o in overlaps:
         console.print(f"{name} seed {seed}: {' and '.join(o.vehicles)} overlap by {o.depth_m:.2f} m at {o.time_s:.1f} s"
                       f"{', one of them askew after a lane change' if o.askew else ''}")  # fmt: skip

@@ -7,7 +7,7 @@ import signal
 from hypothesis import settings
 
 # How long an example takes depends on the machine and on what else it does: no test may.
-settings.register_profile("interplan")
+settings.register_profile("interplan", deadline=None)
 settings.load_profile("interplan")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

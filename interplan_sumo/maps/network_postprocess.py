@@ -15,8 +15,7 @@ import numpy as np
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.edges import LaneStretch
 from interplan_sumo.maps.network import NetworkIds, SumoPiece
-from interplan_sumo.maps.network_plan import NetworkPlan
-from interplan_sumo.maps.opposite import opposite_lanes
+from interplan_sumo.maps.network_plan import NetworkPlan, opposite_lanes
 from interplan_sumo.maps.plain_xml import shape_text
 from interplan_sumo.maps.right_of_way import BuiltLink, Key, set_right_of_way, text_of
 

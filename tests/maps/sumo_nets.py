@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from interplan_sumo.maps.netconvert import program_path, sumo_home
+from interplan_sumo.maps.to_sumo import program_path, sumo_home
 
 UNPLACED = (
     '<location netOffset="0.00,0.00" convBoundary="0.00,0.00,0.00,0.00" '

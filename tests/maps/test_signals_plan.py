@@ -57,22 +57,22 @@ def boulevard(lanes: int, pocket: bool, side: DrivingSide = "right") -> Roads:
 
 
 WORLDS = {
-    "plain crossing": crossing(lit=True),
-    "plain crossing, left": crossing(lit=True, side="left"),
-    "three arms": crossing(lit=True, arms="NES"),
-    "one lane, no pocket": boulevard(1, False),
-    "two lanes, pocket": boulevard(2, True),
-    "three lanes, pocket": boulevard(3, True),
-    "three lanes, no pocket": boulevard(3, False),
-    "three lanes, pocket, left": boulevard(3, True, "left"),
-    "grid": grid_city(GridPlan(columns=2, rows=2, lanes=2)),
-    "grid, left": grid_city(GridPlan(columns=2, rows=2, lanes=3, side="left")),
+    "plain crossing": lambda: crossing(lit=True),
+    "plain crossing, left": lambda: crossing(lit=True, side="left"),
+    "three arms": lambda: crossing(lit=True, arms="NES"),
+    "one lane, no pocket": lambda: boulevard(1, False),
+    "two lanes, pocket": lambda: boulevard(2, True),
+    "three lanes, pocket": lambda: boulevard(3, True),
+    "three lanes, no pocket": lambda: boulevard(3, False),
+    "three lanes, pocket, left": lambda: boulevard(3, True, "left"),
+    "grid": lambda: grid_city(GridPlan(columns=2, rows=2, lanes=2)),
+    "grid, left": lambda: grid_city(GridPlan(columns=2, rows=2, lanes=3, side="left")),
 }
 
 
 @pytest.mark.parametrize("world", WORLDS)
 def test_programs_are_sane(world: str) -> None:
-    found = programs(WORLDS[world])
+    found = programs(WORLDS[world]())
     assert found
     for meeting, plan in found:
         rows = [[c.id for c in meeting.connectors].index(link) for link in plan.links]
@@ -147,5 +147,5 @@ def test_a_light_with_nothing_but_pedestrians_to_stop_for_shows_red_too() -> Non
 
 
 def test_neighbouring_lights_are_out_of_step() -> None:
-    roads = WORLDS["grid"]
+    roads = WORLDS["grid"]()
     assert len({plan.offset_s for _, plan in programs(roads)}) == 4

@@ -18,9 +18,9 @@ from interplan_sumo.batch.run import RunRequest, run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.errors import InputError
-from interplan_sumo.maps.netconvert import program_path
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map
+from interplan_sumo.maps.to_sumo import program_path
 from interplan_sumo.report.sumo_gui.folder import BEFORE_S, SHAPES, TRACKS, VIEW, write_sumo_gui
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.trace import ActorTable
