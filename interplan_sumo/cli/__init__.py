@@ -20,9 +20,9 @@ from interplan_sumo.cli.export import export
 from interplan_sumo.cli.generate import generate
 from interplan_sumo.cli.llm import llm_app
 from interplan_sumo.cli.maps import maps_app
-from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, OUR_FAULT, JsonOption
+from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, OUR_FAULT, JsonOption, naming
 from interplan_sumo.cli.planners import planners_app
-from interplan_sumo.cli.recorded import import_scenes
+from interplan_sumo.cli.recorded import format_names, import_recorded
 from interplan_sumo.cli.replay import replay
 from interplan_sumo.cli.scenarios import scenarios_app
 from interplan_sumo.cli.sweep import sweep
@@ -40,7 +40,7 @@ app.add_typer(dataset_app, name="dataset")
 app.add_typer(scenarios_app, name="scenarios")
 scenarios_app.command("certify")(certify)
 scenarios_app.command("generate")(generate)
-scenarios_app.command("import")(import_scenes)
+scenarios_app.command("import", cls=naming("format", format_names))(import_recorded)
 scenarios_app.command("audit")(audit)
 app.add_typer(planners_app, name="planners")
 app.add_typer(maps_app, name="maps")

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from interplan_sumo.cli.options import DONE, LOOKS, OUR_FAULT, JsonOption, MapArgument
+from interplan_sumo.cli.options import DONE, LOOKS, OUR_FAULT, JsonOption, MapArgument, naming, starting
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import print_entries, print_json
 
@@ -22,11 +22,17 @@ def list_maps(as_json: JsonOption = False) -> None:
     print_entries(map_entries(), as_json=as_json)
 
 
-@maps_app.command("import")
+def _formats() -> list[str]:
+    from interplan_sumo.maps.importers.formats import MAP_FORMATS
+
+    return list(MAP_FORMATS)
+
+
+@maps_app.command("import", cls=naming("format", _formats))
 def import_map(
     source: Annotated[Path, typer.Argument(help="A map file, or a folder that holds one.", metavar="SOURCE")],
     out: Annotated[Path, typer.Option(help="The map's folder to be; the map takes its name.", metavar="DIR")],
-    format: Annotated[str, typer.Option(help="nuplan, argoverse2, lanelet2, commonroad or sumo.")],
+    format: Annotated[str, typer.Option(metavar="NAME", autocompletion=starting(_formats))],
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the map that the folder holds.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -66,22 +72,23 @@ def check_map(
     With --source, an imported map is also held against a second reading of the
     file that it came from: no lane, link, light or limit may be lost.
     """
+    from dataclasses import asdict
+
     from interplan_sumo.maps.check import check_map as check
     from interplan_sumo.maps.geopackage import read_map
-    from interplan_sumo.maps.importers.importing import NUPLAN, check_source
+    from interplan_sumo.maps.importers.importing import check_source
     from interplan_sumo.maps.importers.record import read_record
     from interplan_sumo.maps.store import find_map, load_roads
 
     files = find_map(folder)
-    record = read_record(files.folder)
-    foreign = source is not None and record is not None and record.format != NUPLAN and source.suffix != ".gpkg"
-    roads = load_roads(folder) if source is None or foreign else read_map(source, files.name)
-    details = check(files, roads).as_json()
-    if foreign:
-        assert source is not None
-        assert record is not None
-        report = check_source(roads, record, source)
-        details["source"] = report.as_json()
+    if source is None or source.suffix == ".gpkg":
+        details = check(files, load_roads(folder) if source is None else read_map(source, files.name)).as_json()
+    else:
+        record = read_record(files.folder)
+        if record is None:
+            raise InputError(f"{files.folder} was not imported; compare it with a map.gpkg")
+        roads = load_roads(folder)
+        details = check(files, roads).as_json() | {"source": asdict(check_source(roads, record, source))}
         details["problems"] = [*details["source"].pop("problems"), *details["problems"]]
         details["ok"] = not details["problems"]
     if as_json:
@@ -97,7 +104,8 @@ def _print_check(details: dict[str, Any]) -> None:
     problems, source = details.pop("problems"), details.pop("source", None)
     print_entries([{"": key, "value": _in_words(value)} for key, value in details.items()], as_json=False)
     if source is not None:
-        print(f"\nagainst {source['file']} ({source['format']}):")
+        by = "read again by other code" if source["second_reader"] else "no second reader: as the importer reads it"
+        print(f"\nagainst {source['file']} ({source['format']}, {by}):")
         rows = [
             {"": key, "file": _in_words(pair["file"]), "map": _in_words(pair["map"])}
             for key, pair in source.items()

@@ -8,15 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from interplan_sumo.cli.options import DONE, JsonOption
+from interplan_sumo.cli.options import DONE, JsonOption, starting
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
     from interplan_sumo.scenario.recorded import RecordedScene
-    from interplan_sumo.verification.scene_formats import Imported
+    from interplan_sumo.verification.recorded_scenes import ImportedScenes
 
 
-def import_scenes(
+def format_names() -> list[str]:
+    from interplan_sumo.recordings.formats import RECORDING_FORMATS
+
+    return list(RECORDING_FORMATS)
+
+
+def import_recorded(
     source: Annotated[
         Path, typer.Argument(help="A recording, a log, or a configuration: a file or a folder.", metavar="SOURCE")
     ],
@@ -26,17 +32,19 @@ def import_scenes(
     ],
     out: Annotated[Path, typer.Option(help="The folder for scenarios, their map, certificates and reports.")],
     format: Annotated[
-        str | None, typer.Option(help="argoverse2, commonroad, nuplan or interplan. Default: told by its content.")
+        str | None,
+        typer.Option(metavar="NAME", help="Default: told by its content.", autocompletion=starting(format_names)),
     ] = None,
     at: Annotated[list[float] | None, typer.Option(help="Seconds into the recording; may be repeated.")] = None,
     token: Annotated[list[str] | None, typer.Option(help="nuPlan: lidar_pc tokens at which scenes begin.")] = None,
     tag: Annotated[list[str] | None, typer.Option(help="nuPlan: scenario types at which scenes begin.")] = None,
-    count: Annotated[int, typer.Option(help="nuPlan: at most so many scenes of each type.")] = 1,
+    count: Annotated[int | None, typer.Option(help="nuPlan: at most so many scenes of each type. Default: 1.")] = None,
     logs: Annotated[list[Path] | None, typer.Option(help="interPlan: nuPlan's .db files, or folders of them.")] = None,
     ego: Annotated[str | None, typer.Option(help="Whose place the ego takes. Default: the car that measured.")] = None,
     agents: Annotated[
-        Literal["sumo", "replayed", "both"], typer.Option(help="Who moves the others: SUMO, or their tracks.")
-    ] = "both",
+        Literal["sumo", "replayed", "both"] | None,
+        typer.Option(help="Who moves the others: SUMO, or their tracks. Default: both."),
+    ] = None,
     goal: Annotated[
         float | None,
         typer.Option(help="Metres ahead, unless the track goes farther or the roads end. Default: 150."),
@@ -50,16 +58,20 @@ def import_scenes(
     as_json: JsonOption = False,
 ) -> int:
     """Make scenarios of a recording: the ego in the place of a recorded car, among the road users around it."""
-    from interplan_sumo.scenario.recorded import GOAL_M
     from interplan_sumo.verification.generation import check_folder
-    from interplan_sumo.verification.nuplan_scenes import Picked
-    from interplan_sumo.verification.recorded_scenes import Moments, write_scenes
-    from interplan_sumo.verification.scene_formats import SceneSource, import_source
+    from interplan_sumo.verification.recorded_scenes import import_scenes, write_scenes
 
     check_folder(out, overwrite=overwrite)
-    picked = Picked(tuple(token or ()), tuple(tag or ()), count, tuple(at or ()))
-    moments = Moments(tuple(at or (0.0,)), ego, agents, GOAL_M if goal is None else goal, duration)
-    made = import_source(SceneSource(source, map, format, picked, tuple(logs or ())), moments, out, overwrite=overwrite)
+    asked = {
+        "at": at, "token": token, "tag": tag, "count": count, "logs": logs,
+        "ego": ego, "agents": agents, "goal": goal, "duration": duration,
+    }  # fmt: skip
+    options = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in asked.items()
+        if value is not None and value != []
+    }
+    made = import_scenes(source, map, out, options, format, overwrite=overwrite)
     scenes = made.scenes
     passed = write_scenes(out, scenes, _proved(scenes, workers) if certify else ())
     entries = [_entry(each) for each in scenes]
@@ -106,7 +118,7 @@ def _entry(scene: RecordedScene) -> dict[str, Any]:
     }
 
 
-def _print(entries: list[dict[str, Any]], made: Imported) -> None:
+def _print(entries: list[dict[str, Any]], made: ImportedScenes) -> None:
     for note in made.notes:
         print(f"recording: {note}")
     for entry in entries:

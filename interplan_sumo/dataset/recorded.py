@@ -17,14 +17,13 @@ import numpy as np
 from interplan_sumo.dataset.motion import body, ego_track, smoothed
 from interplan_sumo.errors import InputError, ScenarioError
 from interplan_sumo.features.schema import FUTURE_FRAMES, HISTORY_FRAMES, STEP_S
-from interplan_sumo.maps.store import MapFiles, find_map, load_roads
-from interplan_sumo.recordings.nuplan_db import NuplanLog, log_files
+from interplan_sumo.maps.store import MapFiles, load_roads
+from interplan_sumo.recordings.formats import RECORDING_FORMATS, format_of
 from interplan_sumo.scenario.recorded import replayed_track, scene
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.verification.map_bundling import own_maps_root
-from interplan_sumo.verification.nuplan_scenes import log_map
-from interplan_sumo.verification.recorded_scenes import INTERPLAN, NUPLAN, format_of, read_recording
+from interplan_sumo.verification.recorded_scenes import SceneFormat, recorded_map
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.recording import RecordedTrack, Recording
 from interplan_sumo.world.roads import Roads
@@ -45,23 +44,24 @@ class Window:
 
     path: Path
     format: str
-    at_s: float
-    """Since a log of nuPlan began; other recordings are one window."""
+    at_s: float | None
+    """Since a log began; None of a recording that is one window."""
     map: MapFiles
 
 
 def windows(source: Path, map: str, format: str | None = None) -> list[Window]:
-    """The windows of a recording, or of all nuPlan logs in a folder; `map` as `scenarios import` takes it.
+    """The windows of a recording, or of all logs in a folder; `map` as `scenarios import` takes it.
 
     InputError if nothing can be read.
     """
-    holds_logs = source.is_dir() and any(source.rglob("*.db"))
-    told = NUPLAN if format is None and holds_logs else format_of(source, format)
-    if told == INTERPLAN:
-        raise InputError(f"{source}: interPlan's configuration is no recording; give nuPlan's logs themselves")
-    if told != NUPLAN:
-        return [Window(source, told, 0.0, find_map(map))]
-    return [window for path in log_files([source]) for window in _of_log(path, map)]
+    name = format_of(source, format)
+    kind = RECORDING_FORMATS[name]
+    if isinstance(kind, SceneFormat):
+        raise InputError(f"{source} is {kind.title}, no recording; give the recordings themselves")
+    if kind.lasts is None:
+        return [Window(source, name, None, recorded_map(map, None))]
+    files = sorted(path for path in source.rglob("*") if path.is_file() and kind.matches(path))
+    return [window for path in (files or [source]) for window in _of_log(path, name, *kind.lasts(path), map)]
 
 
 def window_drive(window: Window) -> tuple[Scenario, Roads, Trace]:
@@ -87,21 +87,19 @@ def maps_beside(window: Window) -> Path | None:
     return own_maps_root(window.map)
 
 
-def _of_log(path: Path, map: str) -> Iterator[Window]:
-    with NuplanLog(path) as log:
-        files = log_map(map, log.map_name)
-        at_s = 0.0
-        while at_s + (HISTORY_FRAMES + FUTURE_FRAMES) * STEP_S <= log.lasts_s:
-            yield Window(path, NUPLAN, at_s, files)
-            at_s += APART_S
+def _of_log(path: Path, name: str, lasts_s: float, location: str, map: str) -> Iterator[Window]:
+    files = recorded_map(map, location)
+    at_s = 0.0
+    while at_s + (HISTORY_FRAMES + FUTURE_FRAMES) * STEP_S <= lasts_s:
+        yield Window(path, name, at_s, files)
+        at_s += APART_S
 
 
 @lru_cache(maxsize=1)
 def _recording(window: Window) -> Recording:
-    if window.format != NUPLAN:
-        return read_recording(window.path, window.format)
-    with NuplanLog(window.path) as log:
-        return log.recording(log.moment_at(window.at_s), WINDOW_S)
+    asked = {} if window.at_s is None else {"at": (window.at_s,), "duration": WINDOW_S}
+    read = RECORDING_FORMATS[window.format].read(window.path, **asked)
+    return read if isinstance(read, Recording) else read[0]
 
 
 def _trace(scenario: Scenario, roads: Roads, recording: Recording, ego: RecordedTrack) -> Trace:

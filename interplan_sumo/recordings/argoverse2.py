@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.recordings.formats import RecordingFormat, head
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.argoverse_frame import argoverse_name, city_frame, find_city
 from interplan_sumo.world.geometry import Floats, Ints, wrap_angle
@@ -300,3 +301,11 @@ def _brief(value: Any) -> str:
     """An error or a value in at most 120 characters on one line."""
     text = str(value) if isinstance(value, Exception) else repr(value)
     return " ".join(text.split())[:120]
+
+
+def _is_scenario(path: Path) -> bool:
+    """A Parquet file, or a folder that holds Argoverse's."""
+    return any(path.glob("scenario_*.parquet")) if path.is_dir() else head(path).startswith(b"PAR1")
+
+
+FORMAT = RecordingFormat("a scenario of Argoverse 2", _is_scenario, read_argoverse2_recording)

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.recordings.formats import RecordingFormat, head
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.commonroad_frame import CommonRoadFile, read_commonroad_file
 from interplan_sumo.world.geometry import Floats, wrap_angle
@@ -360,3 +361,10 @@ def _task(file: CommonRoadFile, element: Element) -> str:
         return f"{name} could not be read."
     place = f"{x:.2f}, {y:.2f}, heading {heading:.3f} rad"
     return f"{name} starts at step {state.step} at {place}, {state.speed_mps or 0.0:.2f} m/s."
+
+
+def _is_scenario(path: Path) -> bool:
+    return b"<commonRoad" in head(path)
+
+
+FORMAT = RecordingFormat("a scenario of CommonRoad", _is_scenario, read_commonroad_recording)

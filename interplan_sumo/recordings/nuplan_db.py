@@ -188,6 +188,7 @@ class NuplanLog:
             ego_id=moment.token,
             notes=tuple(notes),
             start_step=start,
+            map_name=self.map_name,
             lights=self._lights(steps, ego.end_step),
         )
 

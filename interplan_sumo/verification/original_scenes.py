@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NoReturn
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import MapFiles, load_roads
+from interplan_sumo.recordings.formats import head
 from interplan_sumo.recordings.nuplan_db import NuplanLog, log_files, tokens_held
 from interplan_sumo.scenario.original import read_original
-from interplan_sumo.scenario.original_config import Configuration, known_tokens, read_configuration
+from interplan_sumo.scenario.original_config import TOKENS, Configuration, known_tokens, read_configuration
 from interplan_sumo.scenario.original_scene import DURATION_S, original_scene
 from interplan_sumo.scenario.recorded import RecordedScene
-from interplan_sumo.verification.nuplan_scenes import log_map
-from interplan_sumo.verification.recorded_scenes import carried
+from interplan_sumo.verification.recorded_scenes import ImportedScenes, SceneFormat, carried, recorded_map
 from interplan_sumo.world.recording import Recording
 
 SAID_OF_LOG: Final = "The log "
@@ -31,8 +31,8 @@ class _Cut:
 
 
 def original_scenes(
-    source: Path, map: str, logs: Sequence[Path], folder: Path, *, overwrite: bool = False
-) -> tuple[list[RecordedScene], tuple[tuple[str, str], ...]]:
+    source: Path, map: str, folder: Path, *, logs: Sequence[Path] = (), overwrite: bool = False
+) -> ImportedScenes:
     """The scenes of a configuration, with the part of each map that they need in `folder`; what was not made, and why.
 
     `map` is the folder of nuPlan's maps, `logs` are its .db files or folders of
@@ -66,7 +66,7 @@ def original_scenes(
         for files, part in made.values()
         for scene in carried(part, files, folder, overwrite=overwrite)
     ]  # fmt: skip
-    return scenes, tuple(not_made)
+    return ImportedScenes(scenes, not_made=tuple(not_made))
 
 
 def _cuts(configuration: Configuration, logs: Sequence[Path], map: str) -> tuple[dict[str, _Cut], dict[str, str]]:
@@ -79,7 +79,7 @@ def _cuts(configuration: Configuration, logs: Sequence[Path], map: str) -> tuple
     for file in sorted(set(held.values())):
         try:
             with NuplanLog(file) as log:
-                there = log_map(map, log.map_name)
+                there = recorded_map(map, log.map_name)
                 for token in (token for token, path in held.items() if path == file):
                     try:
                         cuts[token] = _Cut(log.recording(log.moment(token), DURATION_S), there)
@@ -105,3 +105,20 @@ def _held(files: Iterable[Path], tokens: Sequence[str]) -> tuple[dict[str, Path]
     unread = f"; {len(broken)} could not be read, such as {broken[0]}" if broken else ""
     reason = "token {} is in none of the {} logs{}"
     return held, {token: reason.format(token, count, unread) for token in tokens if token not in held}
+
+
+def _read(path: Path) -> NoReturn:
+    raise InputError(f"{path}: interPlan's configuration is no recording; give nuPlan's logs themselves")
+
+
+def _is_configuration(path: Path) -> bool:
+    return not path.is_dir() and TOKENS.encode() in head(path)
+
+
+FORMAT = SceneFormat(
+    title="a configuration of interPlan",
+    matches=_is_configuration,
+    read=_read,
+    takes=("logs",),
+    scenes=original_scenes,
+)

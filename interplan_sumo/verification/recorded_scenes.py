@@ -1,14 +1,15 @@
-"""Recorded scenes: from the file of a recording to a folder of scenarios that `run` accepts."""
+"""Recorded scenes: from a recording, a log or a configuration to a folder of scenarios that `run` accepts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from interplan_sumo.errors import InputError, UnknownNameError
-from interplan_sumo.maps.store import MapFiles, load_roads
+from interplan_sumo.maps.store import MANIFEST, MapFiles, find_map, load_roads, maps
+from interplan_sumo.recordings.formats import RECORDING_FORMATS, RecordingFormat, format_of
 from interplan_sumo.scenario.files import MAPS
 from interplan_sumo.scenario.recorded import GOAL_M, Agents, RecordedScene, scene
 from interplan_sumo.verification.certificates import SearchResult
@@ -17,12 +18,6 @@ from interplan_sumo.verification.map_bundling import carry_map, own_maps_root
 from interplan_sumo.world.recording import Recording
 
 LEFT_OUT: Final = "left_out.csv"
-_PARQUET: Final = b"PAR1"
-_COMMONROAD: Final = b"<commonRoad"
-_SQLITE: Final = b"SQLite format 3"
-_HEAD_BYTES: Final = 4096
-NUPLAN: Final = "nuplan"
-INTERPLAN: Final = "interplan"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,68 +32,85 @@ class Moments:
     duration_s: float | None = None
 
 
-def _argoverse2() -> Callable[[Path], Recording]:
-    from interplan_sumo.recordings.argoverse2 import read_argoverse2_recording
-
-    return read_argoverse2_recording
+_FIELD_OF: Final = {"at": "at_s", "ego": "ego_id", "agents": "agents", "goal": "goal_m", "duration": "duration_s"}
+"""Options of `scenarios import` that say which scenes to make of any recording, with their fields of `Moments`."""
 
 
-def _commonroad() -> Callable[[Path], Recording]:
-    from interplan_sumo.recordings.commonroad import read_commonroad_recording
+@dataclass(frozen=True, slots=True)
+class ImportedScenes:
+    """What was made of a source."""
 
-    return read_commonroad_recording
-
-
-FORMATS: Final[dict[str, Callable[[], Callable[[Path], Recording]]]] = {
-    "argoverse2": _argoverse2,
-    "commonroad": _commonroad,
-}
-"""Readers of files that are one recording, by the name that the command takes."""
-NAMES: Final = (*FORMATS, NUPLAN, INTERPLAN)
-"""All formats: a log of nuPlan holds many scenes, a configuration of interPlan names some."""
+    scenes: list[RecordedScene]
+    notes: tuple[str, ...] = ()
+    """About the recordings."""
+    not_made: tuple[tuple[str, str], ...] = ()
+    """Scenarios that a configuration names and that could not be made, each with the reason."""
 
 
-def read_recording(source: Path, format: str | None = None) -> Recording:
-    """A recording of a known format, told by its content if it is not named; InputError if it cannot be read."""
-    return FORMATS[format_of(source, format)]()(source)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneFormat(RecordingFormat):
+    """A format that is no recording, but names scenes of some: it makes them itself."""
+
+    scenes: Callable[..., ImportedScenes]
+    """(path, map, folder, overwrite=, options that it `takes` as keywords) -> scenes, as `import_scenes`."""
 
 
-def format_of(source: Path, format: str | None = None) -> str:
-    """The format that is named, else that of the first bytes; a folder holds Parquet files. InputError if unknown."""
-    if format is not None:
-        if format not in NAMES:
-            raise UnknownNameError("format of recordings", format, NAMES)
-        return format
-    if source.is_dir():
-        return "argoverse2"
-    try:
-        with source.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except OSError as error:
-        raise InputError(f"cannot read {source}: {error.strerror or error}") from None
-    if head.startswith(_PARQUET):
-        return "argoverse2"
-    if _COMMONROAD in head:
-        return "commonroad"
-    if head.startswith(_SQLITE):
-        return NUPLAN
-    raise InputError(f"{source} is no recording of a known format ({', '.join(NAMES)}); name one with --format")
+def import_scenes(
+    source: Path, map: str, folder: Path, options: Mapping[str, Any], format: str | None = None, *, overwrite: bool
+) -> ImportedScenes:
+    """The scenes of a source, with the part of their maps that they need in `folder`.
+
+    `map` is a map that was imported, a shipped one, or the folder of all maps
+    of nuPlan; `options` are those of `scenarios import` that were given, by
+    name. InputError if there is no scene, or the format does not take an option.
+    """
+    kind = RECORDING_FORMATS[format_of(source, format)]
+    takes = kind.takes if isinstance(kind, SceneFormat) else tuple(dict.fromkeys((*kind.takes, *_FIELD_OF)))
+    odd = [name for name in options if name not in takes]
+    if odd:
+        known = ", ".join(f"--{name}" for name in takes)
+        raise InputError(f"{source} is {kind.title}, which takes no --{', --'.join(odd)}; it takes {known}")
+    asked = {name: value for name, value in options.items() if name in kind.takes}
+    if isinstance(kind, SceneFormat):
+        return kind.scenes(source, map, folder, overwrite=overwrite, **asked)
+    read = kind.read(source, **asked)
+    recordings = (read,) if isinstance(read, Recording) else tuple(read)
+    if not recordings:
+        raise InputError(f"{source}: there is no recording in it")
+    files = recorded_map(map, recordings[0].map_name)
+    rest = {field: options[name] for name, field in _FIELD_OF.items() if name in options}
+    if "at" in kind.takes:
+        rest.pop("at_s", None)  # every recording begins at its moment
+    scenes = recorded_scenes(recordings, files, Moments(**rest), folder, overwrite=overwrite)
+    if len(recordings) == 1:
+        return ImportedScenes(scenes, recordings[0].notes)
+    return ImportedScenes(scenes, tuple(f"{each.ego_id}: {note}" for each in recordings for note in each.notes))
+
+
+def recorded_map(map: str, location: str | None) -> MapFiles:
+    """The map that a name or folder means for a recording of some location; UnknownNameError if there is none.
+
+    A folder that holds nuPlan's manifest, or one named after the location, is
+    the root of all maps.
+    """
+    root = Path(map).expanduser()
+    if location is None:
+        return find_map(map)
+    if (root / MANIFEST).is_file():
+        held = maps(root)
+        if location not in held:
+            raise UnknownNameError("map", location, held, f"The log was recorded there; {root} lacks it.")
+        return held[location]
+    return find_map(root / location if (root / location).is_dir() else map)
 
 
 def recorded_scenes(
-    recording: Recording, files: MapFiles, moments: Moments, folder: Path, *, overwrite: bool = False
+    recordings: Sequence[Recording], files: MapFiles, moments: Moments, folder: Path, *, overwrite: bool = False
 ) -> list[RecordedScene]:
-    """The scenes, on the part of the map that they need: in `folder`, unless the map is a shipped one.
+    """The scenes of recordings on one map, with the part of it that they need: in `folder`, unless it is a shipped one.
 
     ScenarioError if there is no such scene, otherwise as `carry_map`.
     """
-    return scenes_of((recording,), files, moments, folder, overwrite=overwrite)
-
-
-def scenes_of(
-    recordings: Sequence[Recording], files: MapFiles, moments: Moments, folder: Path, *, overwrite: bool = False
-) -> list[RecordedScene]:
-    """`recorded_scenes` of several recordings on one map."""
     roads = load_roads(files.folder)
     forms: tuple[Agents, ...] = ("replayed", "sumo") if moments.agents == "both" else (moments.agents,)
     made = [

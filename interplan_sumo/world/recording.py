@@ -66,6 +66,8 @@ class Recording:
     """What could not be used, and what was assumed."""
     start_step: int = 0
     """Where scenes may begin; what lies before is the past of the ego."""
+    map_name: str | None = None
+    """The map that it was recorded on, where its file says so."""
     lights: Mapping[str, Ints] = field(default_factory=dict[str, Ints])
     """By connector of the map: (steps,) SignalStatus at each step, UNKNOWN where nothing was recorded."""
 

@@ -146,7 +146,7 @@ def on_the_strip() -> Recording:
 def test_scenes_of_a_recording_are_driven_to_the_end_in_both_forms(tmp_path: Path) -> None:
     shutil.copytree(find_map("strip").folder, tmp_path / "own" / "backwater" / "1.0")
     files = find_map(tmp_path / "own" / "backwater")
-    made = recorded_scenes(on_the_strip(), files, Moments((0.5,)), tmp_path / "scenes")
+    made = recorded_scenes((on_the_strip(),), files, Moments((0.5,)), tmp_path / "scenes")
     write_scenes(tmp_path / "scenes", made, ())
     shutil.rmtree(tmp_path / "own")
     (tmp_path / "scenes").rename(tmp_path / "moved")

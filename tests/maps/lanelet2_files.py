@@ -10,11 +10,10 @@ from typing import Literal
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-import pytest
 from pyproj import Transformer
 
-from interplan_sumo.maps.importers.readers.lanelet2 import read_lanelet2
-from interplan_sumo.maps.importers.source import SourceCount, SourceLane, SourceMap
+from interplan_sumo.maps.importers.lanelet2.reader import read_lanelet2
+from interplan_sumo.maps.importers.source import SourceLane, SourceMap
 from interplan_sumo.world.geometry import Floats
 from tests.realdata import real
 
@@ -133,19 +132,6 @@ def middle_m(lane: SourceLane) -> float:
         at = np.linspace(0.0, shares[-1], 101)
         sides.append(np.stack([np.interp(at, shares, line[:, axis]) for axis in (0, 1)], axis=1))
     return length_m((sides[0] + sides[1]) / 2.0)
-
-
-def assert_agree(source: SourceMap, count: SourceCount, share: float = 0.01) -> None:
-    """Two readings of one file."""
-    assert source.lanes.keys() == count.lane_length_m.keys()
-    assert {(a.id, b) for a in source.lanes.values() for b in a.successors} == count.links
-    assert {lane.id for lane in source.lanes.values() if lane.lights_at_start or lane.lights_at_end} == count.lit
-    limits = {lane.id: lane.speed_limit_mps for lane in source.lanes.values() if lane.speed_limit_mps is not None}
-    assert limits == pytest.approx(count.limit_mps)
-    assert len(source.crosswalks) == count.crosswalks
-    assert sum(source.reasons.values()) == sum(count.left_out.values())
-    total = sum(map(middle_m, source.lanes.values()))
-    assert total == pytest.approx(sum(count.lane_length_m.values()), rel=share)
 
 
 def crossing() -> Osm:

@@ -8,8 +8,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pytest
 
-from interplan_sumo.maps.importers.source import SourceLane, SourceMap
+from interplan_sumo.maps.importers.fidelity import count_of
+from interplan_sumo.maps.importers.source import SourceCount, SourceLane, SourceMap
 from interplan_sumo.world.geometry import Floats
 
 WIDTH_M = 3.5
@@ -108,3 +110,12 @@ def junction_with_flags() -> SourceMap:
         lane("side", ((end[0], end[1]), (end[0], end[1] - 40.0)), speed_limit_mps=8.0),
     ]
     return world(linked(lanes, (("in", "through"), ("in", "turn"), ("through", "out"), ("turn", "side"))))
+
+
+def assert_as_counted(source: SourceMap, count: SourceCount, share: float = 0.02) -> None:
+    """Two readings of one file find the same lanes, links, crosswalks and others, and lanes of the same length."""
+    own = count_of(source)
+    assert own.lane_length_m.keys() == count.lane_length_m.keys()
+    assert (own.links, own.leaving) == (count.links, count.leaving)
+    assert (own.crosswalks, own.left_out) == (count.crosswalks, count.left_out)
+    assert own.lane_length_m == pytest.approx(count.lane_length_m, rel=share, abs=0.5)

@@ -15,8 +15,8 @@ import pytest
 import shapely
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.maps.importers.readers import argoverse2_file
-from interplan_sumo.maps.importers.readers.argoverse2 import read_argoverse2
+from interplan_sumo.maps.importers.argoverse2 import file as argoverse2_file
+from interplan_sumo.maps.importers.argoverse2.reader import read_argoverse2
 from interplan_sumo.maps.importers.source import SourceMap
 from tests.maps.argoverse_files import lane, line, straight, street, tile, written
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from interplan_sumo.errors import InputError, MapError
-from interplan_sumo.maps.importers.counts.commonroad import count_commonroad
-from interplan_sumo.maps.importers.readers.commonroad import read_commonroad
+from interplan_sumo.maps.importers.commonroad.count import count_commonroad
+from interplan_sumo.maps.importers.commonroad.reader import read_commonroad
 from interplan_sumo.maps.importers.source import SourceMap
 from interplan_sumo.recordings.commonroad import read_commonroad_recording
 from tests.maps.commonroad_files import (

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.maps.importers.argoverse2.reader import read_argoverse2
 from interplan_sumo.maps.importers.build import build
-from interplan_sumo.maps.importers.readers.argoverse2 import read_argoverse2
 from interplan_sumo.maps.rules import schema_problems
 from tests.maps.argoverse_files import street, written
 from tests.realdata import real

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interplan_sumo.maps.importers.counts.lanelet2 import count_lanelet2
-from interplan_sumo.maps.importers.readers.lanelet2 import read_lanelet2
+from interplan_sumo.maps.importers.lanelet2.count import count_lanelet2
+from interplan_sumo.maps.importers.lanelet2.reader import read_lanelet2
 from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.roads import StopLineKind
-from tests.maps.lanelet2_files import ORIGIN_M, Osm, assert_agree, crossing, example, middle_m, read
+from tests.maps.lanelet2_files import ORIGIN_M, Osm, crossing, example, middle_m, read
+from tests.maps.source_worlds import assert_as_counted
 
 
 @pytest.fixture
@@ -68,7 +69,7 @@ def test_one_map_in_three_encodings_is_equally_long(root: str, head: str, file: 
     for other in maps[1:]:
         for id_, lane in maps[0].lanes.items():
             assert middle_m(other.lanes[id_]) == pytest.approx(middle_m(lane), rel=1e-3)
-    assert_agree(maps[2], count_lanelet2(file))
+    assert_as_counted(maps[2], count_lanelet2(file))
 
 
 def test_metres_of_a_geo_reference_that_nobody_knows_stand_as_they_are(file: Path) -> None:
@@ -86,7 +87,7 @@ def test_local_metres_win_where_degrees_are_of_another_size(file: Path) -> None:
     file.write_text(text.replace("lat='49.0", "lat='49.").replace("lon='8.42", "lon='8.4"))
     source = read_lanelet2(file)
     assert source.crs == UNPLACED_CRS
-    assert_agree(source, count_lanelet2(file))
+    assert_as_counted(source, count_lanelet2(file))
     assert middle_m(next(iter(source.lanes.values()))) == pytest.approx(40.0)
 
 
@@ -133,7 +134,7 @@ def test_a_turn_on_the_spot_runs_round_its_short_boundary(file: Path) -> None:
     source = read(osm, file)
     assert source.lanes[before].successors == (lane,)
     np.testing.assert_allclose(source.lanes[lane].left[-1] - ORIGIN_M, (0.0, 0.0), atol=1e-3)
-    assert_agree(source, count_lanelet2(file))
+    assert_as_counted(source, count_lanelet2(file))
 
 
 @given(
@@ -265,7 +266,7 @@ def test_a_wide_two_way_lanelet_is_split_along_its_middle(one_way: str, left_m: 
     np.testing.assert_allclose(there.left[:, 1] - ORIGIN_M[1], left_m, atol=1e-3)
     np.testing.assert_allclose(there.left, back.left[::-1], atol=1e-6)
     np.testing.assert_allclose(back.right[:, 1] - ORIGIN_M[1], 0.0, atol=1e-3)
-    assert_agree(source, count_lanelet2(file))
+    assert_as_counted(source, count_lanelet2(file))
 
 
 def test_where_traffic_keeps_left_the_way_there_is_the_left_half(file: Path) -> None:
@@ -276,7 +277,7 @@ def test_where_traffic_keeps_left_the_way_there_is_the_left_half(file: Path) -> 
     source = read(osm, file)
     np.testing.assert_allclose(source.lanes[road].right[:, 1] - ORIGIN_M[1], -3.0, atol=1e-3)
     np.testing.assert_allclose(source.lanes[f"{road}:back"].right[:, 1] - ORIGIN_M[1], -3.0, atol=1e-3)
-    assert_agree(source, count_lanelet2(file))
+    assert_as_counted(source, count_lanelet2(file))
 
 
 @pytest.mark.parametrize(("width_m", "lanes"), [(4.49, 1), (4.51, 2)])
@@ -286,7 +287,7 @@ def test_a_narrow_two_way_lanelet_keeps_its_own_direction(width_m: float, lanes:
     source = read(osm, file)
     assert len(source.lanes) == lanes
     assert any("narrower than 4.5 m" in note for note in source.notes) == (lanes == 1)
-    assert_agree(source, count_lanelet2(file))
+    assert_as_counted(source, count_lanelet2(file))
 
 
 @pytest.mark.parametrize(("key", "lanes"), [("one_way:vehicle", 2), ("one_way:bicycle", 1)])
@@ -355,7 +356,7 @@ def test_tags_tell_what_becomes_of_a_lanelet(name: str, file: Path) -> None:
         assert (polygon is not None and polygon.area == pytest.approx(120.0, rel=1e-3)) == (expected == "paved")
     assert len(source.crosswalks) == (expected == "crosswalk")
     assert len(source.walkways) == (expected == "walkway")
-    assert_agree(source, count_lanelet2(file))
+    assert_as_counted(source, count_lanelet2(file))
 
 
 def test_a_turn_or_an_intersection_area_tells_what_lies_inside(file: Path) -> None:
@@ -408,4 +409,4 @@ def test_the_real_map_has_what_its_readme_says() -> None:
 
 def test_two_readings_of_the_real_map_agree() -> None:
     file = example()
-    assert_agree(read_lanelet2(file), count_lanelet2(file))
+    assert_as_counted(read_lanelet2(file), count_lanelet2(file))

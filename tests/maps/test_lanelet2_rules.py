@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.maps.importers.counts.lanelet2 import count_lanelet2
-from interplan_sumo.maps.importers.readers.lanelet2.limits import sign_mps, speed_mps
+from interplan_sumo.maps.importers.lanelet2.count import count_lanelet2
+from interplan_sumo.maps.importers.lanelet2.limits import sign_mps, speed_mps
 from interplan_sumo.world.roads import StopLineKind
-from tests.maps.lanelet2_files import Osm, assert_agree, read
+from tests.maps.lanelet2_files import Osm, read
+from tests.maps.source_worlds import assert_as_counted
 
 KMH = 1.0 / 3.6
 
@@ -80,7 +81,7 @@ def test_speed_limits_come_from_rules_then_tags_then_the_law(name: str, file: Pa
     source = read(osm, file)
     found = source.lanes[lane].speed_limit_mps
     assert found == (None if kmh is None else pytest.approx(kmh * KMH))
-    assert_agree(source, count_lanelet2(file))
+    assert_as_counted(source, count_lanelet2(file))
     assert any("'fast'" in note for note in source.notes) == (name == "a tag that is none")
 
 
@@ -132,7 +133,7 @@ def test_a_light_holds_at_the_end_where_its_stop_line_is(
     if line_m is not None:
         (line,) = source.stop_lines
         assert (line.kind, line.lane_ids) == (StopLineKind.TRAFFIC_LIGHT, ("2" if at_start else "3",))
-    assert_agree(source, count_lanelet2(file))
+    assert_as_counted(source, count_lanelet2(file))
 
 
 def test_a_stop_line_at_the_start_of_an_intersection_lane_names_that_lane(file: Path) -> None:
@@ -148,7 +149,7 @@ def test_a_light_at_the_start_of_a_split_lanelet_holds_for_the_way_back(file: Pa
     source = read(osm, file)
     assert source.lanes[f"{road}:back"].lights_at_end
     assert not source.lanes[road].lights_at_end
-    assert_agree(source, count_lanelet2(file))
+    assert_as_counted(source, count_lanelet2(file))
 
 
 def test_a_light_without_lamps_still_is_one(file: Path) -> None:

@@ -13,13 +13,14 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interplan_sumo.maps.importers.counts.sumo_network import count_sumo_network
-from interplan_sumo.maps.importers.readers.offset import beside
-from interplan_sumo.maps.importers.readers.sumo_network import read_sumo_network
-from interplan_sumo.maps.importers.source import SourceCount, SourceMap
+from interplan_sumo.maps.importers.lines import beside
+from interplan_sumo.maps.importers.source import SourceMap
+from interplan_sumo.maps.importers.sumo.count import count_sumo_network
+from interplan_sumo.maps.importers.sumo.reader import read_sumo_network
 from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import StopLineKind
+from tests.maps.source_worlds import assert_as_counted
 from tests.maps.sumo_nets import by_hand, crossroads, edge, lane, made, node, written
 from tests.realdata import real
 
@@ -32,23 +33,6 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> SourceMap:
 def local(xy: Floats) -> list[tuple[float, float]]:
     """Points of an unplaced map in the coordinates of its file."""
     return [(round(float(x), 3), round(float(y), 3)) for x, y in xy - UNPLACED_ORIGIN_M]
-
-
-def assert_as_counted(source: SourceMap, count: SourceCount, tolerance: float = 0.05) -> None:
-    """The same lanes, links, limits and lights in both readings; lengths of lanes longer than 5 m alike."""
-    lanes = source.lanes
-    assert lanes.keys() == count.lane_length_m.keys()
-    assert {(id_, other) for id_, one in lanes.items() for other in one.successors} == count.links
-    assert {(other, id_) for id_, one in lanes.items() for other in one.predecessors} == count.links
-    known = {id_: one.speed_limit_mps for id_, one in lanes.items() if one.speed_limit_mps is not None}
-    assert known == pytest.approx(dict(count.limit_mps))
-    assert {id_ for id_, one in lanes.items() if one.lights_at_start or one.lights_at_end} == count.lit
-    assert len(source.crosswalks) == count.crosswalks
-    assert sum(source.reasons.values()) == sum(count.left_out.values())
-    for id_, one in lanes.items():
-        if count.lane_length_m[id_] > 5.0:
-            mean_m = (shapely.LineString(one.left).length + shapely.LineString(one.right).length) / 2.0
-            assert mean_m == pytest.approx(count.lane_length_m[id_], rel=tolerance), id_
 
 
 # --- lanes -------------------------------------------------------------------------------------------
@@ -215,7 +199,7 @@ def test_turning_round_at_a_dead_end_needs_no_sign(tmp_path: Path) -> None:
     (way,) = source.lanes["ab_0"].successors
     assert source.lanes[way].successors == ("ba_0",)
     assert source.lanes["ab_0"].sign_at_end is None
-    assert_as_counted(source, count_sumo_network(path), tolerance=0.5)  # a lane that turns on the spot
+    assert_as_counted(source, count_sumo_network(path))  # a lane that turns on the spot
 
 
 def test_crossings_walkways_and_paved_junctions_are_drawn(tmp_path: Path) -> None:
@@ -267,7 +251,7 @@ def test_a_projection_leads_to_utm_metres_where_the_street_is(
     start = source.lanes["ab_1"].left[0]
     wanted = (11.58, 48.14) if nodes is MUNICH else (-46.6, -23.5)
     assert math.dist(start, to_degrees.transform(*wanted, direction="INVERSE")) < 5.0
-    assert_as_counted(source, count_sumo_network(path), tolerance=0.5)
+    assert_as_counted(source, count_sumo_network(path))
 
 
 def test_a_network_without_projection_stands_in(plain: SourceMap) -> None:

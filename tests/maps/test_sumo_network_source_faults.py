@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.maps.importers.counts.sumo_network import count_sumo_network
-from interplan_sumo.maps.importers.readers.sumo_network import read_sumo_network
 from interplan_sumo.maps.importers.source import SourceMap
+from interplan_sumo.maps.importers.sumo.count import count_sumo_network
+from interplan_sumo.maps.importers.sumo.reader import read_sumo_network
 from tests.maps.commonroad_files import mutated
 from tests.maps.sumo_nets import by_hand, lane, written
 

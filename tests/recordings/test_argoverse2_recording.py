@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.maps.importers.readers.argoverse2 import read_argoverse2
+from interplan_sumo.maps.importers.argoverse2.reader import read_argoverse2
 from interplan_sumo.maps.importers.source import SourceLane
 from interplan_sumo.recordings import argoverse2
 from interplan_sumo.recordings.argoverse2 import MAX_BRIDGED_STEPS, TYPES, read_argoverse2_recording

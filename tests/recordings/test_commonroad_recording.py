@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.maps.importers.readers.commonroad import read_commonroad
+from interplan_sumo.maps.importers.commonroad.reader import read_commonroad
 from interplan_sumo.recordings.commonroad import read_commonroad_recording
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.frame import UNPLACED_ORIGIN_M

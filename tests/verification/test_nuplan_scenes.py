@@ -11,12 +11,13 @@ from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, MapError, UnknownNameError
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import load_roads, write_maps_manifest
+from interplan_sumo.recordings.nuplan import picked_moments
 from interplan_sumo.recordings.nuplan_db import NuplanLog
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.tiny_worlds import junction
-from interplan_sumo.verification.nuplan_scenes import Picked, log_map, picked_moments
+from interplan_sumo.verification.recorded_scenes import recorded_map
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.signals import SignalStatus
 from tests.recordings.nuplan_dbs import MAP, Goes, sweep, track_id, write_log
@@ -111,7 +112,7 @@ def test_the_command_names_the_log_and_the_way_out(tmp_path: Path, capsys: pytes
     assert main([*command[:4], str(root / MAP), *command[5:]]) == 2
     assert "is in EPSG:32611, map tiny-town in EPSG:32632" in capsys.readouterr().err
     assert main([*command, "--logs", str(source)]) == 2
-    assert "--logs belong to a configuration" in capsys.readouterr().err
+    assert "is a log of nuPlan, which takes no --logs; it takes --at, --token" in capsys.readouterr().err
 
 
 def test_two_moments_with_one_other_car_as_the_ego_are_refused(
@@ -128,29 +129,29 @@ def test_tokens_and_tags_of_other_formats_are_refused(tmp_path: Path, capsys: py
     file = tmp_path / "a.xml"
     file.write_text("<commonRoad/>")
     assert main(["scenarios", "import", str(file), "--map", "strip", "--out", str(tmp_path), "--tag", "x"]) == 2
-    assert "--token and --tag belong to nuPlan's logs" in capsys.readouterr().err
+    assert "a.xml is a scenario of CommonRoad, which takes no --tag; it takes --at, --ego" in capsys.readouterr().err
 
 
 def test_the_map_of_a_log_is_found_in_a_root_in_a_folder_or_by_name(tmp_path: Path) -> None:
     root = maps_root(tmp_path, MAP, "elsewhere")
-    assert log_map(str(root), MAP).folder == root / MAP / "9.1.1"
-    assert log_map(str(root / "elsewhere"), MAP).name == "elsewhere"
-    assert log_map("strip", MAP).name == "strip"
+    assert recorded_map(str(root), MAP).folder == root / MAP / "9.1.1"
+    assert recorded_map(str(root / "elsewhere"), MAP).name == "elsewhere"
+    assert recorded_map("strip", MAP).name == "strip"
     (root / "nuplan-maps-v1.0.json").unlink()
-    assert log_map(str(root), MAP).name == MAP
+    assert recorded_map(str(root), MAP).name == MAP
     with pytest.raises(UnknownNameError):
-        log_map(str(tmp_path / "nowhere"), MAP)
+        recorded_map(str(tmp_path / "nowhere"), MAP)
     with pytest.raises((UnknownNameError, MapError)):
-        log_map(str(tmp_path), MAP)
+        recorded_map(str(tmp_path), MAP)
 
 
 def test_moments_with_a_tag_lie_apart_and_every_moment_is_taken_once(tmp_path: Path) -> None:
     tags = dict.fromkeys((0, 1, 2, 399, 400), "on_intersection")
     with NuplanLog(log(tmp_path, tags=tags)) as opened:
-        found = picked_moments(opened, Picked(tags=("on_intersection",), count=5))
+        found = picked_moments(opened, tag=("on_intersection",), count=5)
         assert [moment.token for moment in found] == [sweep(0), sweep(400)]
-        found = picked_moments(opened, Picked((sweep(0),), ("on_intersection",), 1, (0.0, 2.0)))
+        found = picked_moments(opened, (0.0, 2.0), (sweep(0),), ("on_intersection",))
         assert [moment.token for moment in found] == [sweep(0), sweep(40)]
-        assert [moment.token for moment in picked_moments(opened, Picked())] == [sweep(0)]
+        assert [moment.token for moment in picked_moments(opened)] == [sweep(0)]
         with pytest.raises(InputError, match="count is 0"):
-            picked_moments(opened, Picked(count=0))
+            picked_moments(opened, count=0)

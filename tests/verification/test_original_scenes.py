@@ -153,7 +153,7 @@ def test_a_configuration_without_logs_or_with_nothing_to_make_is_one_line(
     assert main([*command, *options[:2]]) == 2
     assert "give these as --logs" in capsys.readouterr().err
     assert main([*command, *options, "--at", "3"]) == 2
-    assert "says itself when its scenes begin and who drives; leave out --at" in capsys.readouterr().err
+    assert "is a configuration of interPlan, which takes no --at; it takes --logs" in capsys.readouterr().err
     assert main([*command, *options]) == 2
     assert "none of its 1 scenarios can be made; the first, 00000000000000ff-s0" in capsys.readouterr().err
     assert main([*command, *options[:3], str(tmp_path / "maps")]) == 2

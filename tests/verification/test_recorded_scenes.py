@@ -13,7 +13,7 @@ from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.files import read_scenarios
-from interplan_sumo.verification.recorded_scenes import LEFT_OUT, Moments, read_recording, recorded_scenes, write_scenes
+from interplan_sumo.verification.recorded_scenes import LEFT_OUT, Moments, import_scenes, recorded_scenes, write_scenes
 from interplan_sumo.verification.start_checks import validate
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.recording import Recording
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.slow
     [
         (
             b"lane,x,y\n",
-            "is no recording of a known format (argoverse2, commonroad, nuplan, interplan); name one with --format",
+            "is no recording of a known format (argoverse2, commonroad, interplan, nuplan); name one with --format",
         ),
         (b"<commonRoad", "unclosed token"),
         (b"PAR1junk", "not a Parquet file"),
@@ -39,15 +39,15 @@ def test_a_file_is_taken_for_what_it_begins_with(tmp_path: Path, content: bytes,
     file = tmp_path / "recording.txt"
     file.write_bytes(content)
     with pytest.raises(InputError) as error:
-        read_recording(file)
+        import_scenes(file, "strip", tmp_path / "out", {}, overwrite=False)
     assert said in str(error.value)
 
 
 def test_a_missing_file_and_an_unknown_format_are_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"cannot read .*nowhere"):
-        read_recording(tmp_path / "nowhere")
+        import_scenes(tmp_path / "nowhere", "strip", tmp_path, {}, overwrite=False)
     with pytest.raises(UnknownNameError, match="Did you mean 'argoverse2'"):
-        read_recording(tmp_path, "argoverse")
+        import_scenes(tmp_path, "strip", tmp_path, {}, "argoverse", overwrite=False)
 
 
 def two_cars() -> Recording:
@@ -59,7 +59,7 @@ def two_cars() -> Recording:
 
 
 def test_scenes_on_a_shipped_map_carry_no_map_and_list_who_is_left_out(tmp_path: Path) -> None:
-    made = recorded_scenes(two_cars(), find_map("strip"), Moments((0.0, 1.0), agents="sumo"), tmp_path)
+    made = recorded_scenes((two_cars(),), find_map("strip"), Moments((0.0, 1.0), agents="sumo"), tmp_path)
     assert write_scenes(tmp_path, made, ()) == 0
     scenarios = read_scenarios(tmp_path / "scenarios.yaml")
     assert [each.id for each in scenarios] == ["strip.recorded/ego-0.0s-sumo", "strip.recorded/ego-1.0s-sumo"]
@@ -71,11 +71,11 @@ def test_scenes_on_a_shipped_map_carry_no_map_and_list_who_is_left_out(tmp_path:
 
 def test_times_that_are_one_step_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="are the same step"):
-        recorded_scenes(two_cars(), find_map("strip"), Moments((1.0, 1.01)), tmp_path)
+        recorded_scenes((two_cars(),), find_map("strip"), Moments((1.0, 1.01)), tmp_path)
 
 
 def test_replayed_road_users_are_not_blamed_for_braking_hard_but_for_overlaps(tmp_path: Path) -> None:
-    made = recorded_scenes(two_cars(), find_map("strip"), Moments(agents="replayed"), tmp_path)
+    made = recorded_scenes((two_cars(),), find_map("strip"), Moments(agents="replayed"), tmp_path)
     (problem,) = validate(made[0].scenario)  # the cyclist is where the car is
     assert "overlap at the start" in problem
 

@@ -1,15 +1,15 @@
-"""Is everything there? An imported map against a second reading of the file that it was made from."""
+"""Is everything there? An imported map against the file that it was made from, as one or two readers see it."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Container, Iterable, Mapping, Set
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
+from interplan_sumo.maps.importers.lines import mean_length_m
 from interplan_sumo.maps.importers.record import ImportRecord, LaneOrigin
-from interplan_sumo.maps.importers.source import SourceCount
+from interplan_sumo.maps.importers.source import SourceCount, SourceMap
 from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.maps.schema import CONNECTORS
 from interplan_sumo.world.roads import Roads
@@ -27,67 +27,90 @@ _START, _END = 1e-4, 1.0 - 1e-4
 
 
 @dataclass(frozen=True, slots=True)
+class Pair:
+    """A figure of the file beside that of the map."""
+
+    file: float
+    map: float
+
+
+@dataclass(frozen=True, slots=True)
 class SourceReport:
-    """What the file holds by a second reading, and what the map holds of it."""
+    """What the file holds, and what the map holds of it."""
 
     file: str
     format: str
-    lanes: tuple[int, int]
-    """In the file, in the map."""
-    lane_km: tuple[float, float]
-    links: tuple[int, int]
-    lanes_at_lights: tuple[int, int]
-    lanes_with_limit: tuple[int, int]
-    crosswalks: tuple[int, int]
-    left_out: tuple[int, int]
+    second_reader: bool
+    """Whether other code than the importer's counted the file."""
+    lanes: Pair
+    lane_km: Pair
+    links: Pair
+    lanes_at_lights: Pair
+    lanes_with_limit: Pair
+    crosswalks: Pair
+    left_out: Pair
     leaving: int
     """Links that lead beyond the file."""
     problems: tuple[MapProblem, ...]
 
-    def as_json(self) -> dict[str, Any]:
-        """The report as plain data; pairs by what they count."""
-        pairs = ("lanes", "lane_km", "links", "lanes_at_lights", "lanes_with_limit", "crosswalks", "left_out")
-        return {key: dict(zip(("file", "map"), value, strict=True)) if key in pairs else value
-                for key, value in asdict(self).items()}  # fmt: skip
 
-
-def compare(roads: Roads, record: ImportRecord, count: SourceCount) -> SourceReport:
-    """The map, by its record, against a second reading of its file."""
+def compare(roads: Roads, record: ImportRecord, source: SourceMap, counted: SourceCount | None) -> SourceReport:
+    """The map, by its record, against its file: lights and limits as read, all else as counted where that was done."""
+    count = count_of(source) if counted is None else counted
     found = _Found(roads, record)
+    lights = frozenset(id_ for id_, lane in source.lanes.items() if lane.lights_at_start or lane.lights_at_end)
+    limits_mps = {id_: lane.speed_limit_mps for id_, lane in source.lanes.items() if lane.speed_limit_mps is not None}
     file_links, map_links = count.links, found.links()
-    lit, unknown = found.lit(count.lit)
-    limits = found.limits(count.limit_mps)
+    lit, unknown = found.lit(lights)
+    limits = found.limits(limits_mps)
+    file_m, map_m = sum(count.lane_length_m.values()), sum(found.length_m.values())
+    left_out = sum(map(len, record.left_out.values()))
     problems = [
         *_different("lane", count.lane_length_m, found.covered),
         *_lengths(count, found),
-        *_total(record.file, sum(count.lane_length_m.values()), sum(found.length_m.values())),
+        *_total(record.file, file_m, map_m),
         *_different("link", map(_arrow, file_links), map(_arrow, map_links)),
         *(
             MapProblem("light", "lane", lane, "lies at a traffic light in the file, and at none in the map")
-            for lane in sorted(count.lit - lit)
+            for lane in sorted(lights - lit)
         ),
         *(MapProblem("light", CONNECTORS, id_, "lies under a traffic light that the file lacks") for id_ in unknown),
-        *_limit_problems(count.limit_mps, limits),
+        *_limit_problems(limits_mps, limits),
     ]
     if count.crosswalks != len(roads.crosswalks):
         said = f"has {count.crosswalks} crosswalks, the map {len(roads.crosswalks)}"
         problems.append(MapProblem("count", "file", record.file, said))
-    left_out = sum(map(len, record.left_out.values()))
-    if sum(count.left_out.values()) != left_out:
-        said = f"has {sum(count.left_out.values())} lanes that are not for cars, the import left out {left_out}"
+    if count.left_out != left_out:
+        said = f"has {count.left_out} lanes that are not for cars, the import left out {left_out}"
         problems.append(MapProblem("count", "file", record.file, said))
     return SourceReport(
         file=record.file,
         format=record.format,
-        lanes=(len(count.lane_length_m), len(found.covered)),
-        lane_km=(sum(count.lane_length_m.values()) / 1000.0, sum(found.length_m.values()) / 1000.0),
-        links=(len(file_links), len(map_links)),
-        lanes_at_lights=(len(count.lit), len(lit)),
-        lanes_with_limit=(len(count.limit_mps), len(limits)),
-        crosswalks=(count.crosswalks, len(roads.crosswalks)),
-        left_out=(sum(count.left_out.values()), left_out),
+        second_reader=counted is not None,
+        lanes=Pair(len(count.lane_length_m), len(found.covered)),
+        lane_km=Pair(file_m / 1000.0, map_m / 1000.0),
+        links=Pair(len(file_links), len(map_links)),
+        lanes_at_lights=Pair(len(lights), len(lit)),
+        lanes_with_limit=Pair(len(limits_mps), len(limits)),
+        crosswalks=Pair(count.crosswalks, len(roads.crosswalks)),
+        left_out=Pair(count.left_out, left_out),
         leaving=count.leaving,
         problems=tuple(problems),
+    )
+
+
+def count_of(source: SourceMap) -> SourceCount:
+    """What the importer's own reading of a file holds; a lane is as long as its two boundaries are in the mean."""
+    lanes = source.lanes
+    ends = {(id_, onward) for id_, lane in lanes.items() for onward in lane.successors}
+    ends |= {(before, id_) for id_, lane in lanes.items() for before in lane.predecessors}
+    inside = {(start, end) for start, end in ends if start in lanes and end in lanes}
+    return SourceCount(
+        {id_: mean_length_m(lane.left, lane.right) for id_, lane in lanes.items()},
+        frozenset(inside),
+        len(ends - inside),
+        len(source.crosswalks),
+        len(source.left_out),
     )
 
 

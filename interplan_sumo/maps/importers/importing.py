@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-from interplan_sumo.errors import InputError, MapError, UnknownNameError
+from interplan_sumo.errors import InputError, MapError
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.importers.build import Built, build
 from interplan_sumo.maps.importers.fidelity import SourceReport, compare
+from interplan_sumo.maps.importers.formats import MAP_FORMATS
 from interplan_sumo.maps.importers.record import ImportRecord, LaneOrigin
-from interplan_sumo.maps.importers.source import SourceCount, SourceMap
+from interplan_sumo.maps.importers.source import SourceMap
 from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.maps.to_sumo import convert
@@ -20,68 +20,13 @@ from interplan_sumo.world.files import file_hash
 from interplan_sumo.world.roads import Roads
 
 VERSION = "1.0"
-NUPLAN = "nuplan"
-
-
-@dataclass(frozen=True, slots=True)
-class Format:
-    """A foreign format: how its files are read, and how they are counted for the check."""
-
-    pattern: str
-    """How the names of its files look."""
-    read: Callable[[Path], SourceMap]
-    count: Callable[[Path], SourceCount]
-
-
-def _argoverse2() -> Format:
-    from interplan_sumo.maps.importers.counts.argoverse2 import count_argoverse2
-    from interplan_sumo.maps.importers.readers.argoverse2 import read_argoverse2
-
-    return Format("log_map_archive_*.json", read_argoverse2, count_argoverse2)
-
-
-def _lanelet2() -> Format:
-    from interplan_sumo.maps.importers.counts.lanelet2 import count_lanelet2
-    from interplan_sumo.maps.importers.readers.lanelet2 import read_lanelet2
-
-    return Format("*.osm", read_lanelet2, count_lanelet2)
-
-
-def _commonroad() -> Format:
-    from interplan_sumo.maps.importers.counts.commonroad import count_commonroad
-    from interplan_sumo.maps.importers.readers.commonroad import read_commonroad
-
-    return Format("*.xml", read_commonroad, count_commonroad)
-
-
-def _sumo() -> Format:
-    from interplan_sumo.maps.importers.counts.sumo_network import count_sumo_network
-    from interplan_sumo.maps.importers.readers.sumo_network import read_sumo_network
-
-    return Format("*.net.xml*", read_sumo_network, count_sumo_network)
-
-
-FORMATS: dict[str, Callable[[], Format]] = {
-    "argoverse2": _argoverse2,
-    "lanelet2": _lanelet2,
-    "commonroad": _commonroad,
-    "sumo": _sumo,
-}
-"""By the name that the command takes; nuPlan's own format needs no import of this kind."""
-
-
-def format_named(name: str) -> Format:
-    """A format by its name; UnknownNameError if there is none."""
-    if name not in FORMATS:
-        raise UnknownNameError("map format", name, (*FORMATS, NUPLAN))
-    return FORMATS[name]()
 
 
 def import_map(source: Path, format: str, folder: Path, *, overwrite: bool = False) -> tuple[MapFiles, ImportRecord]:
     """Write `<folder>/1.0/` with map.gpkg, map.net.xml.gz, ids.json and import.json; the map is named after `folder`.
 
-    `source` may be a folder that holds one file of the format. A GeoPackage
-    (format "nuplan") is read and written anew, with its own ids. Equal files
+    `source` may be a folder that holds one file of the format. What is a map
+    of nuPlan's schema already is written anew, with its own ids. Equal files
     give equal maps. MapError if the file cannot be used, InputError if the
     folder holds a map already and is not to be overwritten.
     """
@@ -89,13 +34,10 @@ def import_map(source: Path, format: str, folder: Path, *, overwrite: bool = Fal
     files = MapFiles(name, VERSION, folder / VERSION)
     if files.gpkg.exists() and not overwrite:
         raise InputError(f"{files.gpkg} exists; name another folder with --out, or give --overwrite")
-    if format == NUPLAN:
-        file = _file(source, "*.gpkg")
-        made = _as_it_is(read_map(file, name))
-    else:
-        reader = format_named(format)
-        file = _file(source, reader.pattern)
-        made = build(replace(reader.read(file), name=name))
+    reader = MAP_FORMATS[format]
+    file = _file(source, reader.pattern)
+    read = reader.read(file)
+    made = build(replace(read, name=name)) if isinstance(read, SourceMap) else _as_it_is(replace(read, name=name))
     record = ImportRecord(
         file=file.name,
         sha256=file_hash(file),
@@ -115,10 +57,16 @@ def import_map(source: Path, format: str, folder: Path, *, overwrite: bool = Fal
 
 
 def check_source(roads: Roads, record: ImportRecord, source: Path) -> SourceReport:
-    """An imported map against a second, independent reading of the file that it came from."""
-    reader = format_named(record.format)
+    """An imported map against the file that it came from, read again, and a second time by other code if there is any.
+
+    UnknownNameError if the package that reads the format is gone.
+    """
+    reader = MAP_FORMATS[record.format]
     file = _file(source, reader.pattern)
-    report = compare(roads, record, reader.count(file))
+    read = reader.read(file)
+    if not isinstance(read, SourceMap):
+        raise InputError(f"{file}: a map of {reader.title} is taken as it is; there is nothing to compare it with")
+    report = compare(roads, record, read, None if reader.count is None else reader.count(file))
     if file_hash(file) != record.sha256:
         said = f"is not the file that the map was imported from ({record.file}): its checksum differs"
         report = replace(report, problems=(MapProblem("another_file", "file", str(file), said), *report.problems))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import shapely
 
@@ -94,18 +94,14 @@ class SourceMap:
 
 @dataclass(frozen=True, slots=True)
 class SourceCount:
-    """What a second, independent reading of a file finds; keys are the file's own ids."""
+    """How much a second, independent reading of a file finds; keys are the file's own ids."""
 
     lane_length_m: Mapping[str, float]
     """Every lane for cars, with the length of its middle."""
     links: frozenset[tuple[str, str]]
     """(from, to) of every direct way between two such lanes, both in the file."""
-    leaving: int
+    leaving: int = 0
     """Ways that lead to lanes beyond the file or come from there."""
-    lit: frozenset[str]
-    """Lanes at whose start or end a traffic light is named."""
-    limit_mps: Mapping[str, float]
-    """Speed limits of those lanes that have one."""
     crosswalks: int = 0
-    left_out: Mapping[str, int] = field(default_factory=dict[str, int])
-    """How many lanes of other kinds there are, by kind."""
+    left_out: int = 0
+    """Lanes of other kinds."""

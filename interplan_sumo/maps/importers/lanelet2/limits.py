@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from interplan_sumo.maps.importers.readers.lanelet2.osm import OsmFile, Relation
+from interplan_sumo.maps.importers.lanelet2.osm import OsmFile, Relation
 
 KMH = 1.0 / 3.6
 _UNITS = {

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import UnknownNameError
-from interplan_sumo.maps.importers.readers.argoverse2_file import Item, items, map_file
+from interplan_sumo.maps.importers.argoverse2.file import Item, items, map_file
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
 from interplan_sumo.world.argoverse_frame import argoverse_name, city_frame, find_city, scenario_city
 from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M

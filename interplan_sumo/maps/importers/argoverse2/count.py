@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,6 @@ import numpy as np
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.source import SourceCount
-
-KINDS = {"BIKE": "bicycle lane", "BUS": "bus lane"}
 
 
 def count_argoverse2(path: Path) -> SourceCount:
@@ -48,10 +45,8 @@ def _count(segments: Sequence[Mapping[str, Any]], crosswalks: int) -> SourceCoun
         },
         links=frozenset(link for link, ends in zip(links, for_cars, strict=True) if all(ends)),
         leaving=sum(any(car) and not all(inside) for car, inside in zip(for_cars, known, strict=True)),
-        lit=frozenset(),
-        limit_mps={},
         crosswalks=crosswalks,
-        left_out=Counter(KINDS.get(kind, f"lane of type {kind}") for kind in kinds.values() if kind != "VEHICLE"),
+        left_out=sum(kind != "VEHICLE" for kind in kinds.values()),
     )
 
 

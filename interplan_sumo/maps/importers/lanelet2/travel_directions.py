@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from interplan_sumo.maps.importers.readers.lanelet2.lanelets import Bound, Lanelet, between, truth
+from interplan_sumo.maps.importers.lanelet2.lanelets import Bound, Lanelet, between, truth
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import DrivingSide
 

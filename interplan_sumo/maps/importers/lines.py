@@ -1,18 +1,41 @@
-"""Boundaries of a lane that is given by its middle and its width."""
+"""Lines and rings of a file: freed of what makes them unusable, and boundaries beside the middle of a lane."""
 
 from __future__ import annotations
 
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.importers.readers.rings import along
 from interplan_sumo.world.geometry import Floats
 
+_SAME_M = 1e-3
+_SMALLEST_M2 = 0.01
 _LONGEST_MITRE = 4.0
 """A mitre may be so many times as long as the offset; sharper corners are cut off."""
 _SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)
 """Inside a turn that is tighter than the lane is wide, the boundary comes nearer to the middle."""
 _SHORTEST_M = 0.05
+
+
+def along(points: Floats) -> Floats:
+    """(N, 2) the line without points that repeat the one before."""
+    if len(points) < 2:
+        return points
+    return points[np.concatenate(([True], np.hypot(*np.diff(points, axis=0).T) > _SAME_M))]
+
+
+def mean_length_m(left: Floats, right: Floats) -> float:
+    """How long a lane between two boundaries (N, 2) is: as long as they are in the mean."""
+    return float(sum(np.hypot(*np.diff(line, axis=0).T).sum() for line in (left, right))) / 2.0
+
+
+def ring(points: Floats) -> shapely.Polygon | None:
+    """The polygon of a ring (N, 2), open or closed; the largest part of one that crosses itself, None of a flat one."""
+    if len(points) < 3:
+        return None
+    shape = shapely.Polygon(points)
+    parts = shapely.get_parts(shapely.make_valid(shape)) if not shape.is_valid else [shape]
+    polygons = [part for part in parts if isinstance(part, shapely.Polygon) and part.area > _SMALLEST_M2]
+    return max(polygons, key=lambda part: part.area, default=None)
 
 
 def beside(middle: Floats, left_m: float) -> Floats:

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.importers.readers.lanelet2.osm import OsmFile, Relation
-from interplan_sumo.maps.importers.readers.rings import along, ring
+from interplan_sumo.maps.importers.lanelet2.osm import OsmFile, Relation
+from interplan_sumo.maps.importers.lines import along, ring
 from interplan_sumo.world.geometry import Floats
 
 _SHORT_M = 0.1

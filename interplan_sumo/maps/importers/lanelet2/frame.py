@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 from pyproj.exceptions import ProjError
 
-from interplan_sumo.maps.importers.readers.lanelet2.osm import OsmFile
+from interplan_sumo.maps.importers.lanelet2.osm import OsmFile
 from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
 from interplan_sumo.world.geometry import Floats
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from interplan_sumo.maps.importers.readers.lanelet2.lanelets import truth
+from interplan_sumo.maps.importers.lanelet2.lanelets import truth
 
 
 class Kind(Enum):

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.importers.readers.lanelet2.lanelets import UnusableError, points_of
-from interplan_sumo.maps.importers.readers.lanelet2.osm import OsmFile, Relation
-from interplan_sumo.maps.importers.readers.lanelet2.travel_directions import TravelDirection
+from interplan_sumo.maps.importers.lanelet2.lanelets import UnusableError, points_of
+from interplan_sumo.maps.importers.lanelet2.osm import OsmFile, Relation
+from interplan_sumo.maps.importers.lanelet2.travel_directions import TravelDirection
 from interplan_sumo.maps.importers.source import SourceStopLine
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import StopLineKind

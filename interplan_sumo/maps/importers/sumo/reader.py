@@ -12,16 +12,15 @@ import numpy as np
 import shapely
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.maps.importers.readers.offset import beside
-from interplan_sumo.maps.importers.readers.rings import along, ring
-from interplan_sumo.maps.importers.readers.sumo_file import (
+from interplan_sumo.maps.importers.lines import along, beside, ring
+from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
+from interplan_sumo.maps.importers.sumo.file import (
     CLASSES,
     FileConnection,
     FileLane,
     SumoFile,
     read_sumo_file,
 )
-from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
 from interplan_sumo.world.frame import STAND_IN, Frame, utm_frame
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import StopLineKind

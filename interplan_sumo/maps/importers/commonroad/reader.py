@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.maps.importers.readers.commonroad_signs import Signs, read_signs, usable_limit_mps
-from interplan_sumo.maps.importers.readers.rings import along, ring
+from interplan_sumo.maps.importers.commonroad.signs import Signs, read_signs, usable_limit_mps
+from interplan_sumo.maps.importers.lines import along, ring
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap, SourceStopLine
 from interplan_sumo.world.commonroad_frame import CommonRoadFile, read_commonroad_file
 from interplan_sumo.world.geometry import Floats

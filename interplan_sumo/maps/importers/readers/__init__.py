@@ -1,1 +1,0 @@
-"""One module per foreign format: a file to a `SourceMap`, nothing interpreted that the file does not say."""
