@@ -112,10 +112,11 @@ def junction_with_flags() -> SourceMap:
     return world(linked(lanes, (("in", "through"), ("in", "turn"), ("through", "out"), ("turn", "side"))))
 
 
-def assert_as_counted(source: SourceMap, count: SourceCount, share: float = 0.02) -> None:
+def assert_as_counted(source: SourceMap, count: SourceCount) -> None:
     """Two readings of one file find the same lanes, links, crosswalks and others, and lanes of the same length."""
     own = count_of(source)
     assert own.lane_length_m.keys() == count.lane_length_m.keys()
     assert (own.links, own.leaving) == (count.links, count.leaving)
     assert (own.crosswalks, own.left_out) == (count.crosswalks, count.left_out)
-    assert own.lane_length_m == pytest.approx(count.lane_length_m, rel=share, abs=0.5)
+    assert own.lane_length_m == pytest.approx(count.lane_length_m, rel=0.05, abs=1.5)
+    assert sum(own.lane_length_m.values()) == pytest.approx(sum(count.lane_length_m.values()), rel=0.01)

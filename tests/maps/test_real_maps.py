@@ -45,8 +45,8 @@ def test_nothing_of_the_file_is_lost(root: Path, name: str) -> None:
     files, source = imported(root, name)
     report = check_source(load_roads(files.folder), source=source, record=_record(files))
     assert report.problems == ()
-    assert report.lanes[0] == report.lanes[1] > 30
-    assert report.links[0] == report.links[1] > 30
+    assert report.lanes.file == report.lanes.map > 30
+    assert report.links.file == report.links.map > 30
 
 
 def _record(files: MapFiles) -> ImportRecord:
