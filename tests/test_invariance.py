@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interplan_sumo.families import names
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import MapFiles, load_roads
 from interplan_sumo.maps.to_sumo import convert
@@ -96,10 +95,9 @@ class Renaming:
         return Actors(tuple(ids[i] for i in order), *(getattr(actors, name)[order] for name in columns))
 
 
-@pytest.mark.parametrize("planner", ["idm", "straight_ahead"])
-@pytest.mark.parametrize("family", names(ordinary=False))
-def test_renaming_the_actors_changes_no_planners_motion(family: str, planner: str) -> None:
+@pytest.mark.parametrize("family", ["accident", "jaywalker", "lane_change_htd", "nudge"])
+def test_renaming_the_actors_does_not_change_how_idm_drives(family: str) -> None:
     scenario = replace(find_scenario(f"{family}/0"), duration_s=SHORT_S)
-    plain = drive(scenario, load_planner(planner))
-    renamed = drive(scenario, Renaming(load_planner(planner)))
+    plain = drive(scenario, load_planner("idm"))
+    renamed = drive(scenario, Renaming(load_planner("idm")))
     np.testing.assert_allclose(ego_path(plain), ego_path(renamed), rtol=0.0, atol=1e-9)

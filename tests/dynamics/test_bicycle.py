@@ -43,21 +43,6 @@ def turned(state: EgoState, angle_rad: float, dx_m: float, dy_m: float) -> EgoSt
     )
 
 
-def test_three_steps_end_where_nuplan_ends() -> None:
-    state = rear_axle_at(0.0, 0.0, vx_mps=10.0, tire_angle_rad=0.1)
-    for _ in range(3):
-        state = bicycle.step(state, 1.0, 0.2, 0.1)
-    rear = state.rear_axle(PACIFICA)
-    assert (rear.x_m, rear.y_m) == pytest.approx((3.00926079, 0.102596177), abs=1e-8)
-    assert state.heading_rad == pytest.approx(0.111044225, abs=1e-9)
-    assert state.vx_mps == pytest.approx(10.159259259, abs=1e-9)
-    assert state.ax_mps2 == pytest.approx(0.703703704, abs=1e-9)
-    assert state.tire_angle_rad == pytest.approx(0.14, abs=1e-12)
-    assert state.yaw_rate_radps == pytest.approx(0.463471048, abs=1e-9)
-    assert state.yaw_acceleration_radps2 == pytest.approx(0.4754207, abs=1e-7)
-    assert state.time_s == 0.3
-
-
 def test_the_acceleration_lags_by_a_third_and_the_tyres_by_two_thirds_of_a_step() -> None:
     state = bicycle.step(ego(speed_mps=10.0), 3.0, 0.3, 0.1)
     assert state.ax_mps2 == pytest.approx(1.0)

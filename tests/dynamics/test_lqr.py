@@ -36,14 +36,6 @@ def ego_with_rear_axle(x_m: float, y_m: float, heading: float, **dynamics: float
     return EgoState(0.0, *center_of(x_m, y_m, heading, PACIFICA), heading, **dynamics)
 
 
-def euler_arc(curvature: float, speed: float, dt_s: float, count: int) -> Trajectory:
-    time_s = every(dt_s, count)
-    heading = curvature * speed * time_s
-    x = np.concatenate(([0.0], np.cumsum(dt_s * speed * np.cos(heading[:-1]))))
-    y = np.concatenate(([0.0], np.cumsum(dt_s * speed * np.sin(heading[:-1]))))
-    return through_rear_axle(time_s, x, y, heading)
-
-
 @pytest.mark.parametrize("name", case_names())
 def test_one_step_agrees_with_nuplan_in_every_stored_number(name: str) -> None:
     case = read_case(name)
@@ -61,36 +53,6 @@ def test_fifty_steps_agree_with_nuplan(name: str) -> None:
 @pytest.mark.skipif(GOLDEN != SHIPPED, reason="another folder of golden cases")
 def test_the_golden_cases_are_all_there() -> None:
     assert len(case_names()) == 21
-
-
-def test_an_offset_ego_steers_back_to_a_straight_line() -> None:
-    time_s = every(0.1, 81)
-    plan = through_rear_axle(time_s, 10.0 * time_s, np.zeros(81), np.zeros(81))
-    state = ego_with_rear_axle(0.0, 0.5, 0.05, vx_mps=8.0, tire_angle_rad=0.02)
-    command = track(state, plan)
-    assert command.acceleration_mps2 == pytest.approx(1.818181818, abs=1e-7)
-    assert command.tire_rate_radps == pytest.approx(-0.177958329, abs=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("dt_s", "count", "acceleration", "rate"), [(0.1, 81, 0.0, 0.396940004), (0.5, 17, -0.029024661, 0.398528311)]
-)
-def test_an_arc_is_steered_into(dt_s: float, count: int, acceleration: float, rate: float) -> None:
-    command = track(ego_with_rear_axle(0.0, 0.0, 0.0, vx_mps=8.0), euler_arc(0.05, 8.0, dt_s, count))
-    assert command.acceleration_mps2 == pytest.approx(acceleration, abs=1e-8)
-    assert command.tire_rate_radps == pytest.approx(rate, abs=1e-8)
-
-
-def test_where_ego_and_plan_are_slow_it_stops_without_steering() -> None:
-    plan = straight_plan(ego(speed_mps=0.05), horizon_s=8.0, step_s=0.1)
-    command = track(ego(y_m=0.3, speed_mps=0.15), plan)
-    assert command == Command(pytest.approx(-0.05, abs=1e-9), 0.0)  # pyright: ignore[reportArgumentType]
-
-
-@pytest.mark.parametrize(("speed", "gain"), [(0.1999, 0.5), (0.2001, 10 / 11)])
-def test_the_stop_begins_at_a_fifth_of_a_metre_per_second(speed: float, gain: float) -> None:
-    plan = straight_plan(ego(speed_mps=0.0), horizon_s=8.0, step_s=0.1)
-    assert track(ego(speed_mps=speed), plan).acceleration_mps2 == pytest.approx(-gain * speed, abs=1e-9)
 
 
 def test_an_ego_on_its_plan_changes_nothing() -> None:

@@ -11,10 +11,10 @@ import pytest
 from worlds import straight_road
 
 from interplan_planners.straight_ahead import StraightAhead
-from interplan_sumo.errors import TrafficError
+from interplan_sumo.errors import PlannerError, TrafficError
 from interplan_sumo.planner import Mission, Observation, Planner
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
-from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
+from interplan_sumo.simulation.episode import Episode, EpisodeOptions, Loop, run_loop
 from interplan_sumo.simulation.scripted import ScriptedActor, ScriptedTraffic
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
@@ -123,21 +123,12 @@ def leaving(_: Observation) -> object:
     sys.exit(3)
 
 
-def poisoned(observation: Observation) -> object:
-    plan = straight(observation)
-    object.__setattr__(plan, "x_m", np.array([np.nan, 1.0]))
-    return plan
-
-
 @pytest.mark.parametrize(
     ("plan", "message"),
     [
         (raising, r"plan\(\) raised RuntimeError: lost the map \(test_episode\.py:\d+\) \(t = 0\.0 s\)"),
         (leaving, r"raised SystemExit: 3"),
-        (poisoned, r"not finite"),
         (lambda _: Trajectory(np.array([0.0, np.inf]), *[np.zeros(2)] * 3), r"not finite"),
-        (lambda observation: straight(observation, from_s=0.4), r"begins 0\.400 s after now"),
-        (lambda observation: straight(observation, from_s=-3.0, to_s=-1.0), r"(?i)end|reach|past"),
         (lambda observation: straight(observation, speed_mps=100.0), r"100 m/s \(at most 60\)"),
         (lambda _: None, r"NoneType"),
     ],
@@ -230,3 +221,38 @@ def test_the_scene_that_a_planner_gets_is_of_its_own_time() -> None:
     assert isinstance(planner.seen[0].ego, EgoState)
     assert planner.mission.route == ("1",)
     assert planner.mission.goal.x_m == pytest.approx(390.0)
+
+
+# --- step by step, by hand ---------------------------------------------------------------------
+
+
+def test_a_loop_that_is_advanced_by_hand_gives_the_trace_of_a_run() -> None:
+    loop, planner = Loop(scenario(), ROADS, ScriptedTraffic()), StraightAhead()
+    planner.start(loop.open())
+    while loop.begin_frame():
+        loop.advance(planner.plan(loop.observation))
+    by_hand, at_once = loop.trace(), run(StraightAhead()).trace
+    assert by_hand is not None
+    assert at_once is not None
+    assert by_hand.hash() == at_once.hash()
+    assert not loop.reached_goal
+
+
+def test_before_the_first_frame_there_is_no_trace() -> None:
+    loop = Loop(scenario(), ROADS, ScriptedTraffic())
+    mission = loop.open()
+    assert mission.route == ("1",)
+    assert loop.trace() is None
+    assert loop.observation.time_s == 0.0
+
+
+def test_a_plan_that_cannot_be_followed_moves_nothing() -> None:
+    loop = Loop(scenario(), ROADS, ScriptedTraffic())
+    loop.open()
+    loop.begin_frame()
+    with pytest.raises(PlannerError, match="100 m/s"):
+        loop.advance(straight(loop.observation, speed_mps=100.0))
+    assert loop.ego.time_s == 0.0
+    trace = loop.trace()
+    assert trace is not None
+    assert (len(trace), len(trace.plans)) == (1, 0)

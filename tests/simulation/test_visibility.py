@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, pi, sin
 
 import numpy as np
 import pytest
 import shapely
+import test_episode
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from test_episode import Planning, straight
-from worlds import straight_road
+from test_episode import ROADS, Planning, straight
 
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.simulation.episode import EpisodeOptions, run_loop
@@ -20,7 +21,6 @@ from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Polyline, box_polygons
 
-ROADS = straight_road(lanes=2, length_m=400.0)
 BUS = OccludingBox(50.0, 4.0, 0.0, 12.0, 2.5)
 EGO = EgoState(0.0, 20.0, 0.0, 0.0)
 
@@ -89,18 +89,8 @@ def test_a_line_along_a_side_of_the_box_does_not_cut_it(y_m: float, cut: bool) -
 
 
 def scenario(occluder: int | None) -> Scenario:
-    return Scenario(
-        id="test/0",
-        family="test",
-        map="test",
-        start=LanePosition("11", 20.0),
-        start_speed_mps=10.0,
-        goal=LanePosition("11", 390.0),
-        route=("1",),
-        obstacles=(Obstacle(LanePosition("11", 70.0)), Obstacle(LanePosition("11", 60.0, -3.5), "bus")),
-        occluder=occluder,
-        duration_s=5.0,
-    )
+    obstacles = (Obstacle(LanePosition("11", 70.0)), Obstacle(LanePosition("11", 60.0, -3.5), "bus"))
+    return replace(test_episode.scenario(duration_s=5.0), obstacles=obstacles, occluder=occluder)
 
 
 def test_the_box_is_that_of_the_named_obstacle() -> None:
@@ -131,14 +121,9 @@ def test_a_hidden_pedestrian_is_neither_in_the_scene_nor_in_the_past_yet_in_the_
         past = [len(actors) for actors in each.past.actors]
         known = [present[k] if k >= 0 else 0 for k in range(step - len(past), step)]
         assert past == known
-    open_planner = Planning(straight)
+    unhidden = Planning(straight)
     run_loop(
-        scenario(None),
-        ROADS,
-        open_planner,
-        ScriptedTraffic([walker]),
-        options=EpisodeOptions(),
-        on_phase=lambda _: None,
+        scenario(None), ROADS, unhidden, ScriptedTraffic([walker]), options=EpisodeOptions(), on_phase=lambda _: None
     )
-    assert all(len(each.actors) == 1 for each in open_planner.seen)
-    assert all(len(actors) == 1 for actors in open_planner.seen[0].past.actors)
+    assert all(len(each.actors) == 1 for each in unhidden.seen)
+    assert all(len(actors) == 1 for actors in unhidden.seen[0].past.actors)
