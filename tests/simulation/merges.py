@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import Literal
 
@@ -70,6 +71,7 @@ class Outcome:
     stays_behind: bool
 
 
+@cache
 def sites(name: str, kind: SiteKind, length_m: float = 150.0) -> list[Site]:
     """Where merges of a kind can be staged on a map, in the map's order."""
     roads = load_roads(name)

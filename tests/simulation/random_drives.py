@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from math import atan2, cos, hypot, sin, tan
 
 import numpy as np
@@ -138,13 +138,13 @@ def _wrapped(angle_rad: float) -> float:
     return atan2(sin(angle_rad), cos(angle_rad))
 
 
-@dataclass
-class Findings:
-    """What went wrong in a run, in words, and a digest of all that happened."""
+@dataclass(frozen=True)
+class Audit:
+    """What went wrong in a run, in words, how many agents have entered, and a digest of all that happened."""
 
-    faults: list[str] = field(default_factory=list)
-    hash: str = ""
-    agents: int = 0
+    faults: list[str]
+    entered: int
+    hash: str
 
 
 def overlapping(actors: Actors, frozen: frozenset[str] = frozenset()) -> list[tuple[str, str, float]]:
@@ -170,54 +170,51 @@ def _walked_into(actors: Actors, a: int, b: int) -> bool:
     )
 
 
-def audited(scenario: Scenario, *, seed: int = 0, steps: int = 300, wild: bool = True) -> Findings:
-    """Drive the scenario with a lost soul (`wild`), or an ego that drives on along its route, and list all faults."""
+def audited(scenario: Scenario, *, seed: int = 0, steps: int = 300, wild: bool = True) -> Audit:
+    """Drive the scenario with a lost soul (`wild`), or stand still, before which no agent may appear in sight."""
     roads = load_roads(scenario.map)
-    start = start_state(scenario, roads)
+    start = start_state(scenario, roads) if wild else start_state(replace(scenario, start_speed_mps=0.0), roads)
     line = route_centerline(roads, scenario)
-    rng = np.random.default_rng(seed)
-    egos = lost_soul(line, start, rng, steps) if wild else _parked(start, steps)
-    found, digest = Findings(), hashlib.sha256()
-    ends = _ends(scenario)
+    egos = lost_soul(line, start, np.random.default_rng(seed), steps) if wild else [start] * (steps + 1)
+    faults, digest, overlapped, entered = list[str](), hashlib.sha256(), set[tuple[str, str]](), 0
+    (begins, ends), newest = _limits(scenario), frozenset[str]()
     with open_traffic(scenario, roads, seed=seed) as traffic:
-        before: Actors | None = None
-        known: set[tuple[str, str]] = set()
-        standing = frozenset(traffic.observe().actors.ids) - traffic.behaviours.keys()
-        found.agents = len(traffic.behaviours)
+        before = traffic.observe().actors
+        standing = frozenset(before.ids) - traffic.behaviours.keys()
         for step in range(steps):
-            actors = traffic.observe().actors
-            for column in (actors.x_m, actors.y_m, actors.heading_rad, actors.vx_mps, actors.vy_mps):
-                digest.update(np.ascontiguousarray(column).tobytes())
-            for a, b, depth in overlapping(actors, standing):
-                if (a, b) not in known:
-                    known.add((a, b))
-                    kinds = [traffic.behaviours.get(each, "standing") for each in (a, b)]
-                    found.faults.append(
-                        f"t={step / 10:.1f}: {a} ({kinds[0]}) and {b} ({kinds[1]}) overlap {depth:.2f} m"
-                    )
-            if before is not None:
-                found.faults += _jumps(before, actors, ends, step)
-            before = actors
             traffic.react(egos[step])
             traffic.place_ego(egos[step + 1])
             traffic.advance()
-    found.hash = digest.hexdigest()
-    return found
+            now, at = traffic.observe().actors, f"t={(step + 1) / 10:.1f}:"
+            for column in (now.x_m, now.y_m, now.heading_rad, now.vx_mps, now.vy_mps):
+                digest.update(np.ascontiguousarray(column).tobytes())
+            for a, b, depth in overlapping(now, standing):
+                if (a, b) not in overlapped:
+                    overlapped.add((a, b))
+                    faults.append(f"{at} {a} and {b} overlap {depth:.2f} m")
+            faults += [f"{at} {fault}" for fault in _jumps(before, now, newest, ends)]
+            newest = frozenset(now.ids) - frozenset(before.ids)
+            came = [row for row, name in enumerate(now.ids) if name in newest]
+            entered += len(came)
+            for x, y in ((float(now.x_m[row]), float(now.y_m[row])) for row in came if not wild):
+                if hypot(x - start.x_m, y - start.y_m) < 100.0 and np.hypot(*(begins - (x, y)).T).min() > 20.0:
+                    faults.append(f"{at} one appears in sight")
+            before = now
+    return Audit(faults, entered, digest.hexdigest())
 
 
-def _parked(start: EgoState, steps: int) -> list[EgoState]:
-    return [EgoState(DT_S * k, start.x_m, start.y_m, start.heading_rad) for k in range(steps + 1)]
-
-
-def _ends(scenario: Scenario) -> Floats:
-    """(N, 2) where the network ends, in the map frame: the only places where agents may leave it."""
+def _limits(scenario: Scenario) -> tuple[Floats, Floats]:
+    """(N, 2) where the network begins and where it ends, in the map frame: only there agents may come and go."""
     files = find_map(scenario.map)
     network, ids = read_network(files.network), NetworkIds.read(files.ids)
-    ends = [lane.line.points[-1] for lane in network.lanes.values() if not lane.internal and not network.links[lane.id]]
-    return np.array(ends) + ids.origin_m
+    lanes = [lane for lane in network.lanes.values() if not lane.internal]
+    begins = [lane.line.points[0] for lane in lanes if not network.incoming.get(lane.id)]
+    ends = [lane.line.points[-1] for lane in lanes if not network.links[lane.id]]
+    return np.array(begins) + ids.origin_m, np.array(ends) + ids.origin_m
 
 
-def _jumps(before: Actors, after: Actors, ends: Floats, step: int) -> list[str]:
+def _jumps(before: Actors, after: Actors, newest: frozenset[str], ends: Floats) -> list[str]:
+    """Agents that vanish or jump, and those among the `newest` that brake at once."""
     faults: list[str] = []
     row_of = {name: row for row, name in enumerate(after.ids)}
     for row, name in enumerate(before.ids):
@@ -225,10 +222,12 @@ def _jumps(before: Actors, after: Actors, ends: Floats, step: int) -> list[str]:
         if name not in row_of:
             away_m = float(np.hypot(*(ends - (x, y)).T).min())
             if away_m > 30.0:
-                faults.append(f"t={step / 10:.1f}: {name} vanished {away_m:.0f} m from the end of the network")
+                faults.append(f"{name} vanished {away_m:.0f} m from the end of the network")
             continue
         there = row_of[name]
         moved_m = hypot(after.x_m[there] - x, after.y_m[there] - y)
         if moved_m > DT_S * max(before.speed_mps[row], after.speed_mps[there]) + JUMP_M:
-            faults.append(f"t={step / 10:.1f}: {name} jumped {moved_m:.2f} m")
+            faults.append(f"{name} jumped {moved_m:.2f} m")
+        if name in newest and before.speed_mps[row] - after.speed_mps[there] > 4.0 * DT_S:
+            faults.append(f"{name} brakes hard as soon as it has come")
     return faults

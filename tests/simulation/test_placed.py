@@ -27,14 +27,13 @@ from interplan_sumo.simulation.vehicle_types import VehicleType, vehicle_type_fi
 from interplan_sumo.world.actors import Actors
 
 LTD = find_scenario("lane_change_ltd/0")
-ROADS = load_roads(LTD.map)
 URBAN = vehicle_type_file("urban")
 EMPTY = replace(LTD, id="test/placed", traffic=TrafficDemand("none"))
 
 
 def start(scenario: Scenario, *, steps: int = 0) -> Actors:
-    with open_traffic(scenario, ROADS, vehicle_types=URBAN) as traffic:
-        ego = start_state(scenario, ROADS)
+    with open_traffic(scenario, load_roads(LTD.map), vehicle_types=URBAN) as traffic:
+        ego = start_state(scenario, load_roads(LTD.map))
         for _ in range(steps):
             traffic.react(ego)
             traffic.place_ego(ego)
@@ -53,7 +52,7 @@ LENGTH_M: dict[VehicleKind, float] = {"car": 4.6, "truck": 8.0, "bus": 12.0, "mo
 def test_a_vehicle_starts_with_its_centre_where_it_is_placed_at_its_speed_and_drives_on(kind: VehicleKind) -> None:
     scenario = placed(PlacedVehicle(LanePosition("402031", 100.0), 7.25, kind))
     first, later = start(scenario), start(scenario, steps=20)
-    pose = LanePosition("402031", 100.0).pose(ROADS)
+    pose = LanePosition("402031", 100.0).pose(load_roads(LTD.map))
     assert len(first) == 1
     assert first.length_m[0] == pytest.approx(LENGTH_M[kind])
     assert (first.x_m[0], first.y_m[0]) == pytest.approx((pose.x_m, pose.y_m), abs=0.005)
@@ -64,24 +63,24 @@ def test_a_vehicle_starts_with_its_centre_where_it_is_placed_at_its_speed_and_dr
 
 def test_a_vehicle_may_be_placed_anywhere_on_any_lane_of_a_map() -> None:
     """Also where a lane is cut into several edges for SUMO, and far from all lanes that a density would fill."""
-    network, ids = read_network(find_map(LTD.map).network), NetworkIds.read(find_map(LTD.map).ids)
-    cut = next(lane for lane, pieces in ids.pieces.items() if len(pieces) > 1 and lane in ROADS.lanes)
+    roads, files = load_roads(LTD.map), find_map(LTD.map)
+    network, ids = read_network(files.network), NetworkIds.read(files.ids)
+    cut = next(lane for lane, pieces in ids.pieces.items() if len(pieces) > 1 and lane in roads.lanes)
     rng = np.random.default_rng(0)
     places = [LanePosition(cut, piece.end_m) for piece in ids.pieces[cut][:-1]]
-    for lane in rng.choice(sorted(ROADS.lanes), 30, replace=False).tolist():
-        length_m = ROADS[lane].centerline.length_m
-        places.append(LanePosition(lane, float(rng.uniform(3.0, length_m - 3.0))))
+    for lane in rng.choice(sorted(roads.lanes), 30, replace=False).tolist():
+        places.append(LanePosition(lane, float(rng.uniform(3.0, roads[lane].centerline.length_m - 3.0))))
     assert any(network.lanes[ids.sumo_place(each.lane, each.arc_m)[0]].index > 0 for each in places)
-    for place in places:
-        actors = start(placed(PlacedVehicle(place, 5.0)))
-        pose = place.pose(ROADS)
-        assert (actors.x_m[0], actors.y_m[0]) == pytest.approx((pose.x_m, pose.y_m), abs=0.1)  # in bends it cuts in
-        assert actors.speed_mps[0] == pytest.approx(5.0, abs=1e-9)
+    actors = start(placed(*(PlacedVehicle(place, 5.0) for place in places)))
+    assert len(actors) == len(places)
+    assert actors.speed_mps == pytest.approx(np.full(len(places), 5.0), abs=1e-9)
+    for pose in (place.pose(roads) for place in places):
+        assert np.hypot(actors.x_m - pose.x_m, actors.y_m - pose.y_m).min() < 0.1  # in bends it cuts in
 
 
 @pytest.mark.parametrize("over_mps", [-0.5, 5.0])
 def test_a_vehicle_may_start_faster_than_the_limit_and_then_keeps_it(over_mps: float) -> None:
-    limit_mps = ROADS["402031"].speed_limit_mps
+    limit_mps = load_roads(LTD.map)["402031"].speed_limit_mps
     assert limit_mps is not None
     scenario = placed(PlacedVehicle(LanePosition("402031", 60.0), limit_mps + over_mps))
     speeds = [float(start(scenario, steps=k).speed_mps[0]) for k in (0, 1, 2, 60)]
@@ -93,9 +92,9 @@ def test_a_vehicle_may_start_faster_than_the_limit_and_then_keeps_it(over_mps: f
 
 def test_equal_seeds_give_equal_drivers() -> None:
     scenario = placed(*(PlacedVehicle(LanePosition("402031", 60.0 + 30.0 * i), 8.0) for i in range(4)))
-    with open_traffic(scenario, ROADS, seed=1) as traffic:
+    with open_traffic(scenario, load_roads(LTD.map), seed=1) as traffic:
         first = dict(traffic.behaviours)
-    with open_traffic(scenario, ROADS, seed=1) as traffic:
+    with open_traffic(scenario, load_roads(LTD.map), seed=1) as traffic:
         assert dict(traffic.behaviours) == first
     assert set(first.values()) <= {"conservative", "assertive"}
 
@@ -105,7 +104,7 @@ def test_a_file_without_the_kind_is_refused_by_name() -> None:
     with pytest.raises(
         VehicleTypeError, match=r'mixed\.xml: no vType that .traffic. stands for is a bus \(vClass="bus"'
     ):
-        open_traffic(scenario, ROADS)
+        open_traffic(scenario, load_roads(LTD.map))
 
 
 @pytest.mark.parametrize(
@@ -117,14 +116,14 @@ def test_a_file_without_the_kind_is_refused_by_name() -> None:
 )
 def test_a_vehicle_that_cannot_start_there_is_refused(vehicle: PlacedVehicle, message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
-        open_traffic(placed(vehicle), ROADS)
+        open_traffic(placed(vehicle), load_roads(LTD.map))
 
 
 def test_a_vehicle_cannot_be_placed_inside_a_junction() -> None:
-    connector = sorted(ROADS.connectors)[0]
-    place = LanePosition(connector, ROADS[connector].centerline.length_m / 2.0)
+    connector = sorted(load_roads(LTD.map).connectors)[0]
+    place = LanePosition(connector, load_roads(LTD.map)[connector].centerline.length_m / 2.0)
     with pytest.raises(ScenarioError, match="inside a junction"):
-        open_traffic(placed(PlacedVehicle(place, 5.0)), ROADS)
+        open_traffic(placed(PlacedVehicle(place, 5.0)), load_roads(LTD.map))
 
 
 NETWORK = two_way_road()

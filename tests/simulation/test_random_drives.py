@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from random_drives import Findings, audited, random_scenario
+from random_drives import Audit, audited, random_scenario
 
 from interplan_sumo.maps.store import maps
 
 MAPS = sorted(maps())
 
 
-def pair(number: int, *, steps: int, obstacles: bool, jaywalker: bool) -> tuple[Findings, Findings]:
+def pair(number: int, *, steps: int, obstacles: bool, jaywalker: bool) -> tuple[Audit, Audit]:
     scenario = random_scenario(
         MAPS[number % len(MAPS)], np.random.default_rng(number), number, obstacles=obstacles, jaywalker=jaywalker
     )

@@ -27,14 +27,13 @@ from interplan_sumo.world.signals import SignalStatus
 
 LTD = find_scenario("lane_change_ltd/0")
 HTD = find_scenario("lane_change_htd/0")
-ROADS = load_roads(LTD.map)
 
 
 def test_the_lights_that_planners_see_are_sumos_at_every_step() -> None:
     ids = NetworkIds.read(find_map(LTD.map).ids)
-    ego = setup.start_state(LTD, ROADS)
+    ego = setup.start_state(LTD, load_roads(LTD.map))
     seen: set[SignalStatus] = set()
-    with setup.open_traffic(LTD, ROADS) as traffic:
+    with setup.open_traffic(LTD, load_roads(LTD.map)) as traffic:
         for _ in range(400):
             signals = traffic.observe().signals
             for connector, status in zip(signals.connector_ids, signals.status, strict=True):
@@ -52,8 +51,8 @@ def test_imposed_signals_hold_are_seen_and_leave_the_other_lights_alone() -> Non
     lights = sorted({light for light, _ in ids.links.values()})
     mine = [connector for connector, (light, _) in ids.links.items() if light == lights[0]]
     wanted = {c: SignalStatus.RED if i % 2 else SignalStatus.GREEN for i, c in enumerate(sorted(mine))}
-    ego = setup.start_state(LTD, ROADS)
-    with setup.open_sumo_traffic(LTD, ROADS) as traffic:
+    ego = setup.start_state(LTD, load_roads(LTD.map))
+    with setup.open_sumo_traffic(LTD, load_roads(LTD.map)) as traffic:
         traffic.impose_signals(wanted)
         others: set[int] = set()
         for _ in range(300):
@@ -146,7 +145,7 @@ def test_a_drive_through_traffic_shows_no_overlap_and_a_gentle_first_step(scenar
 def test_denser_traffic_is_denser() -> None:
     counts: list[int] = []
     for density in ("none", "low", "medium", "high"):
-        with setup.open_traffic(replace(LTD, traffic=TrafficDemand(density)), ROADS) as traffic:
+        with setup.open_traffic(replace(LTD, traffic=TrafficDemand(density)), load_roads(LTD.map)) as traffic:
             counts.append(len(traffic.observe().actors))
     assert counts[0] == 0
     assert counts[1] < counts[2] < counts[3]
@@ -199,7 +198,7 @@ def test_a_jaywalker_waits_walks_with_its_true_velocity_and_stands_again() -> No
     assert moved[walking[:-1]] == pytest.approx(0.15, abs=1e-6)
     # The walk begins when the front bumper is 4 s of driving, 48 m, before the crossing.
     noticed = trace.ego.state(int(walking[0]) - 1)
-    arc_m, _ = ROADS["402032"].centerline.project_point(noticed.x_m, noticed.y_m)
+    arc_m, _ = load_roads(LTD.map)["402032"].centerline.project_point(noticed.x_m, noticed.y_m)
     assert 48.0 - 1.2 <= 150.0 - (arc_m + trace.shape.length_m / 2) <= 48.0
 
 
