@@ -20,7 +20,7 @@ from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.interplan_code import UNKNOWN_START_SCORE
 from interplan_sumo.metrics.manoeuvres import REACH_M
 from interplan_sumo.metrics.metric import plain
-from interplan_sumo.metrics.profile import Profile, Term, find_profile
+from interplan_sumo.metrics.profile import Profile, Term, find_profile, lane_blocked
 from interplan_sumo.metrics.progress import FLOOR_M, LEAST_RATIO
 from interplan_sumo.metrics.score import SCORING_VERSION, score, score_facts, weighted_score
 from interplan_sumo.metrics.speed_limit import OVERSPEED_SCALE_MPS
@@ -96,13 +96,14 @@ def test_exempt_gates_are_reported_but_do_not_count():
 
 
 def test_the_published_code_weighs_driving_direction_where_a_lane_is_blocked_and_gates_it_elsewhere():
-    weighed: set[str] = set()
-    for family in FAMILIES:
-        sheet = score_facts(facts_of(wrong_way(), replace(SCENARIO, family=family)), "interplan-code")
-        assert ("driving_direction" in sheet.gates) is ("driving_direction" not in sheet.weights)
-        if sheet.weights.get("driving_direction") == 1.0:
-            weighed.add(family)
-    assert weighed == {"construction", "accident", "nudge", "overtake"}
+    blocked = {name for name in FAMILIES if lane_blocked(facts_of(scenario=replace(SCENARIO, family=name)))}
+    assert blocked == {"construction", "accident", "nudge", "overtake"}
+    weighed = score_facts(facts_of(wrong_way(), replace(SCENARIO, family="nudge")), "interplan-code")
+    assert (weighed.weights["driving_direction"], sum(weighed.weights.values())) == (1.0, 21.0)
+    assert "driving_direction" not in weighed.gates
+    gated = score_facts(facts_of(wrong_way(), replace(SCENARIO, family="jaywalker")), "interplan-code")
+    assert "driving_direction" in gated.gates
+    assert sum(gated.weights.values()) == 20.0
 
 
 def test_an_obstacle_gate_exists_only_where_there_is_an_obstacle():
