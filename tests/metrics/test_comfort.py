@@ -106,6 +106,12 @@ def test_windows_shrink_with_the_drive(frames: int):
     assert all(len(values) == frames for values in result.series.values())
 
 
+def test_points_are_lost_where_a_signal_is_farthest_beyond_its_bounds():
+    ramp = np.where(np.arange(40) < 20, 0.0, -6.0)
+    facts = facts_with(ax_mps2=ramp, ay_mps2=np.where(np.arange(40) < 30, 0.0, 30.0))
+    assert comfort.lost_at(facts, comfort(facts)) > 30  # across the road it is farther beyond than along it
+
+
 def test_the_reason_names_the_worst_signal():
     result = comfort(facts_with(ax_mps2=-6.0))
     assert result.reason == "longitudinal acceleration of -6.00 m/s2 at 0.0 s, allowed -4.05 to 2.4"

@@ -25,10 +25,12 @@ def test_both_sides_of_both_limits(lowest_m: float, score: float):
     assert backing(lowest_m / 1.1).score == score
 
 
-def test_the_reason_names_distance_and_time():
-    reason = backing(7.0).reason
-    assert reason is not None
-    assert reason.startswith("drove 7.7 m against the traffic in the 1 s before")
+def test_the_reason_names_distance_and_time_and_the_frame_is_that_one():
+    x_m = 200.0 - np.concatenate((np.zeros(5), np.linspace(0.0, 7.7, 12), np.full(20, 7.7)))
+    facts = facts_of(drive_at(x_m, 0.0, 5.0), ROAD)
+    result = driving_direction(facts)
+    assert result.reason == "drove 7.7 m against the traffic in the 1 s before 1.6 s"
+    assert driving_direction.lost_at(facts, result) == 16
 
 
 def test_driving_forwards_or_standing_costs_nothing():

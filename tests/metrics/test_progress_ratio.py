@@ -152,6 +152,20 @@ def test_faster_is_never_less_progress(speeds: list[float], more: list[float], b
     assert fast >= slow - 1e-12
 
 
+@pytest.mark.parametrize(
+    ("speeds", "frame"),
+    [
+        ([9.0] * 5 + [0.0] * 12 + [9.0] * 5 + [0.49] * 15 + [9.0] * 3, 22),
+        ([9.0] * 5 + [0.0] * 9 + [9.0] * 5, 18),
+        ([9.0] * 5 + [-1.0] * 9, 5),
+    ],
+    ids=["the longest wait", "a wait of less than a second", "the farthest place"],
+)
+def test_points_are_lost_where_the_ego_stops_advancing(speeds: list[float], frame: int):
+    facts = facts_of(drive(*speeds, start=Pose(20.0, 0.0, 0.0)), ROAD, EXPERT, SCENARIO)
+    assert progress.lost_at(facts, progress(facts)) == frame
+
+
 def test_interplans_progress_needs_the_scenario():
     with pytest.raises(InputError, match="profile nuplan"):
         progress(facts_of(drive_at([20.0, 70.0]), ROAD))

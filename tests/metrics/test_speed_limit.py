@@ -83,5 +83,7 @@ def test_a_stretch_of_the_last_frame_alone_has_no_mean():
 
 
 def test_the_reason_names_duration_excess_and_time():
-    result = speed_limit(facts_of(cruise(*[9.0] * 10, *[12.0] * 10, *[9.0] * 10), ROAD))
+    facts = facts_of(cruise(*[9.0] * 10, *[12.0] * 10, *[9.0] * 10), ROAD)
+    result = speed_limit(facts)
+    assert speed_limit.lost_at(facts, result) == 10
     assert result.reason == "above the speed limit for 1.0 s, by up to 2.0 m/s at 1.0 s"
