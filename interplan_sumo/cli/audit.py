@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, planner_names
-from interplan_sumo.report.printing import print_json, progress
+from interplan_sumo.report.printing import console, print_json, progress
 
 
 def audit(
@@ -28,7 +28,7 @@ def audit(
     from interplan_sumo.batch.audit import findings
     from interplan_sumo.batch.processes import available_cores
     from interplan_sumo.batch.run import RunRequest, run
-    from interplan_sumo.report.audit_table import audit_entry, print_audit
+    from interplan_sumo.report.audit_formats import audit_json, audit_text
     from interplan_sumo.scenario.files import is_scenario_file
 
     with contextlib.ExitStack() as stack:
@@ -41,6 +41,6 @@ def audit(
         with progress(quiet=quiet) as watch:
             stored = run(request, watch)
         found = list(findings(stored, below))
-    entry = audit_entry(suite, planner, below, found)
-    print_json(entry) if as_json else print_audit(entry)
+    entry = audit_json(suite, planner, below, found)
+    print_json(entry) if as_json else console().print(audit_text(entry))
     return INCOMPLETE if stored.missing else DONE

@@ -139,13 +139,14 @@ def _in_words(left: Estimate) -> str:
 
 def _report(planned: Sweep, results: list[Result], *, as_json: bool, quiet: bool) -> int:
     """Write sweep.csv and sweep.png, print the table; the exit code."""
-    from interplan_sumo.report import sweep_table
+    from interplan_sumo.report.sweep_formats import sweep_csv, sweep_json, sweep_text
+    from interplan_sumo.report.sweep_lines import idle_parameters, sweep_lines
     from interplan_sumo.report.sweep_plot import plot_sweep, why_no_plot
 
-    lines = sweep_table.sweep_lines(results)
+    lines = sweep_lines(results)
     table, picture = planned.folder / "sweep.csv", planned.folder / "sweep.png"
     try:
-        table.write_text(sweep_table.sweep_csv(lines), encoding="utf-8", newline="")
+        table.write_text(sweep_csv(lines), encoding="utf-8", newline="")
     except OSError as error:
         raise InputError(f"cannot write {table}: {error.strerror or error}; give another folder as --out") from None
     reason = why_no_plot(planned.parameters, lines)
@@ -158,14 +159,14 @@ def _report(planned: Sweep, results: list[Result], *, as_json: bool, quiet: bool
                 "folder": str(planned.folder),
                 "parameters": {parameter.key: list(parameter.values) for parameter in planned.parameters},
                 "complete": complete,
-                "idle": sweep_table.idle_parameters(planned.parameters, lines),
+                "idle": idle_parameters(planned.parameters, lines),
                 "csv": str(table),
                 "plot": None if reason else str(picture),
-                "rows": sweep_table.sweep_json(lines),
+                "rows": sweep_json(lines),
             }
         )
     else:
-        console().print(sweep_table.sweep_text(planned.parameters, lines))
+        console().print(sweep_text(planned.parameters, lines))
     if reason is not None:
         print(reason, file=sys.stderr)
     if not quiet:

@@ -44,7 +44,7 @@ def verify(
     from interplan_sumo.batch.run_folder import read_run
     from interplan_sumo.batch.verify import RowSample
     from interplan_sumo.batch.verify import verify as drive_again
-    from interplan_sumo.report.verify_table import verification_json, verification_text
+    from interplan_sumo.report.verify_formats import verification_json, verification_text
 
     if every and sample is not None:
         raise InputError(f"--all and --sample {sample} are two sizes; give one of them")

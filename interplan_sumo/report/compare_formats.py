@@ -7,13 +7,13 @@ from dataclasses import asdict
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table as Grid
 from rich.text import Text
 
 from interplan_sumo.report.compare import Comparison, DriveKey, GroupComparison
+from interplan_sumo.report.text import figure, grid, listed, rounded
 
 LISTED = 10
-"""So many changes and missing drives are listed on a terminal; the rest is counted."""
+"""So many changes and missing drives are listed on a terminal."""
 
 
 def comparison_json(found: Comparison) -> dict[str, Any]:
@@ -31,9 +31,9 @@ def comparison_json(found: Comparison) -> dict[str, Any]:
                 "scenario_id": c.scenario_id,
                 "family": c.family,
                 "seed": c.seed,
-                "a": _rounded(100.0 * c.a),
-                "b": _rounded(100.0 * c.b),
-                "difference": _rounded(100.0 * c.difference),
+                "a": rounded(100.0 * c.a),
+                "b": rounded(100.0 * c.b),
+                "difference": rounded(100.0 * c.difference),
                 "winner": c.winner,
                 "reason": c.reason or None,
             }
@@ -44,37 +44,24 @@ def comparison_json(found: Comparison) -> dict[str, Any]:
 
 
 def _share_json(share: GroupComparison) -> dict[str, Any]:
-    return {key: _rounded(value) for key, value in asdict(share).items()}
+    figures = {name: rounded(getattr(share, name)) for name in ("a", "b", "difference")}
+    interval = None if share.interval is None else [rounded(bound) for bound in share.interval]
+    return {**asdict(share), **figures, "interval": interval}
 
 
 def _keys_json(keys: Iterable[DriveKey]) -> list[dict[str, Any]]:
     return [{"scenario_id": scenario, "seed": seed} for scenario, seed in keys]
 
 
-def _rounded(value: Any) -> Any:
-    match value:
-        case float():
-            return round(value, 4)
-        case tuple():
-            return [_rounded(part) for part in value]
-        case _:
-            return value
-
-
 def comparison_text(found: Comparison) -> RenderableType:
     """The table, what changed most and why, and what is missing, for a terminal."""
-    grid = Grid(header_style="bold")
-    for number, title in enumerate(("", "scenarios", "drives", "a", "b", "b - a", "95 %", "won", "lost", "tied")):
-        grid.add_column(title, justify="right" if number else "left")
-    for name, share in {"all": found.overall, **found.families}.items():
-        interval = "-" if share.interval is None else "[{:+.1f}, {:+.1f}]".format(*share.interval)
-        figures = [_figure(share.a), _figure(share.b), _figure(share.difference, "+"), interval]
-        counts = [share.wins, share.losses, share.ties]
-        texts = [name, str(share.scenarios), str(share.drives), *figures, *map(str, counts)]
-        grid.add_row(*map(Text, texts), end_section=name == "all")
+    shares = {"all": found.overall, **found.families}
+    titles = ("", "scenarios", "drives", "a", "b", "b - a", "95 %", "won", "lost", "tied")
+    table = grid(titles, [[name, *_cells(share)] for name, share in shares.items()])
+    table.rows[0].end_section = True
     parts: list[RenderableType] = [
         Text(f"a  {found.a}\nb  {found.b}"),
-        grid,
+        table,
         Text(
             f"Suite {found.suite}, profile {found.profile}, scores 0 to 100, paired on equal scenario and seed; "
             "won: b is better. Brackets: bootstrap interval of the mean difference over scenarios (over the seeds of a "
@@ -92,15 +79,13 @@ def comparison_text(found: Comparison) -> RenderableType:
         ("No score in a", [f"{scenario}, seed {seed}" for scenario, seed in found.missing_a]),
         ("No score in b", [f"{scenario}, seed {seed}" for scenario, seed in found.missing_b]),
     ):
-        if entries:
-            parts.append(Text(f"\n{title} ({len(entries)})", style="bold"))
-            parts += [Text(f"  {entry}") for entry in entries[:LISTED]]
-            if len(entries) > LISTED:
-                parts.append(Text(f"  ... and {len(entries) - LISTED} more; --json lists all"))
+        parts += listed(title, entries[:LISTED], len(entries))
     if not found.complete:
         parts.append(Text("\nINCOMPLETE: the drives without a score are left out on both sides."))
     return Group(*parts)
 
 
-def _figure(value: float | None, sign: str = "") -> str:
-    return "-" if value is None else f"{value:{sign}.1f}"
+def _cells(share: GroupComparison) -> list[str]:
+    interval = "-" if share.interval is None else "[{:+.1f}, {:+.1f}]".format(*share.interval)
+    figures = [figure(share.a), figure(share.b), figure(share.difference, "+.1f"), interval]
+    return [str(share.scenarios), str(share.drives), *figures, *map(str, (share.wins, share.losses, share.ties))]

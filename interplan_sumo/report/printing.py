@@ -27,18 +27,18 @@ def print_table(
     table: ResultsTable, form: Form = "text", *, paper: bool = False, why: bool = False, details: bool = False
 ) -> None:
     """The paper's table on stdout; `details` are for people, JSON has them anyway."""
-    from interplan_sumo.report import formats
+    from interplan_sumo.report import table_formats
 
     match form:
         case "json":
-            print_json(formats.as_json(table, paper=paper, why=why))
+            print_json(table_formats.as_json(table, paper=paper, why=why))
         case "csv":
-            print(formats.as_csv(table, paper=paper), end="")
+            print(table_formats.as_csv(table, paper=paper), end="")
         case "markdown":
-            print(formats.as_markdown(table, paper=paper), end="")
+            print(table_formats.as_markdown(table, paper=paper), end="")
         case "text":
             place = console()
-            place.print(formats.as_text(table, width=place.width, paper=paper, why=why, details=details))
+            place.print(table_formats.as_text(table, width=place.width, paper=paper, why=why, details=details))
 
 
 def print_comparison(found: Comparison, *, as_json: bool) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from interplan_sumo.batch.sweep import Parameter, as_number
 from interplan_sumo.errors import InputError
-from interplan_sumo.report.sweep_table import MEASURES, Mean, Measure, SweepLine
+from interplan_sumo.report.sweep_lines import MEASURES, Mean, Measure, SweepLine
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

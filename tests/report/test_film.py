@@ -59,7 +59,7 @@ def test_two_drives_stand_one_above_the_other(tmp_path: Path) -> None:
     assert two.shape[0] > one.shape[0]
 
 
-def head(tmp_path: Path, **names: str) -> Any:
+def head(tmp_path: Path, **names: Any) -> Any:
     """The words above a still."""
     write_film([driven(**names)], tmp_path / "head.png", from_s=0.0)
     return picture(tmp_path / "head.png")[:STRIP]

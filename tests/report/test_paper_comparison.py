@@ -7,9 +7,9 @@ import re
 import pytest
 from report.rows import drive, stored
 
-from interplan_sumo.report.formats import as_json, as_markdown
 from interplan_sumo.report.paper_comparison import CELLS, COUNTERPARTS, agreement, published_rows
 from interplan_sumo.report.table import ResultsTable, make_table
+from interplan_sumo.report.table_formats import as_json, as_markdown
 
 FAMILY = {"ltd": "lane_change_ltd", "mtd": "lane_change_mtd", "htd": "lane_change_htd"}
 PUBLISHED = {str(row["planner"]): row for row in published_rows()}

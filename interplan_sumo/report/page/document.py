@@ -11,12 +11,12 @@ from typing import Final
 from urllib.parse import quote
 
 from interplan_sumo.batch.run_folder import StoredRun
-from interplan_sumo.report.formats import columns, notes
 from interplan_sumo.report.page.drives import BANDS, ShownDrive, by_scenario, pair_replay, replays_folder, shown_drives
 from interplan_sumo.report.page.figures import best_figure, family_blocks, score_spread
 from interplan_sumo.report.page.html import html
 from interplan_sumo.report.paper_comparison import published_rows
 from interplan_sumo.report.table import COLUMNS, ResultsTable
+from interplan_sumo.report.table_formats import columns, notes
 
 TITLES: Final = {
     "interplan": "interPlan, all families", "ordinary": "ordinary driving", "ltd": "lane change, low traffic",

@@ -162,17 +162,17 @@ class Tracks:
         """
         before = self._edges.get(name)
         best: tuple[float, NetworkLane, float] | None = None
-        for strip, away_m in self.network.strips_around(x_m, y_m, FARTHEST_LANE_M):
+        for piece, away_m in self.network.pieces_around(x_m, y_m, FARTHEST_LANE_M):
             if best is not None and away_m > best[0]:
                 break
-            lane = strip.lane
+            lane = piece.lane
             if before is None if lane.internal else not self._leads(before, lane.edge):
                 continue
-            arc_m, left_m = strip.track.project(x_m, y_m)
-            against = cos(strip.track.heading_at(arc_m) - heading_rad) < 0.0
+            arc_m, left_m = piece.plain_line.project(x_m, y_m)
+            against = cos(piece.plain_line.heading_at(arc_m) - heading_rad) < 0.0
             cost_m = abs(left_m) + (WRONG_WAY_M if against else 0.0)
             if best is None or cost_m < best[0]:
-                best = cost_m, lane, strip.start_m + arc_m
+                best = cost_m, lane, piece.start_m + arc_m
         if best is None:
             return None
         if not best[1].internal:

@@ -6,15 +6,16 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
+from rich.console import Group, RenderableType
+from rich.text import Text
 
 from interplan_sumo.batch.records import Row
 from interplan_sumo.report.failure_reasons import lost_points
+from interplan_sumo.report.text import grid
 from interplan_sumo.verification.audit import DEFECTS, AuditFinding, classes
 
 
-def audit_entry(
+def audit_json(
     suite: str, planner: str, below: float | None, found: Sequence[tuple[Row, AuditFinding]]
 ) -> dict[str, Any]:
     """Counts per class, and every scenario with its class and the reasons for lost points."""
@@ -38,19 +39,18 @@ def audit_entry(
     }
 
 
-def print_audit(entry: dict[str, Any]) -> None:
+def audit_text(entry: dict[str, Any]) -> RenderableType:
     """The counts, then a line for every defect, and for every scenario if they were chosen by score."""
-    console = Console()
     chosen = "" if entry["below"] is None else f" with less than {entry['below']:g} points"
-    table = Table(title=f"{entry['suite']}: {entry['scenarios']} scenarios{chosen}, driven by {entry['planner']}")
-    table.add_column("class")
-    table.add_column("scenarios", justify="right")
-    table.add_column("share", justify="right")
-    for name, count in entry["classes"].items():
-        share = f"{100.0 * count / entry['scenarios']:.0f} %" if entry["scenarios"] else "-"
-        table.add_row(name, str(count), share, style="bold" if name in DEFECTS and count else "")
-    console.print(table)
-    for each in entry["findings"]:
-        if each["class"] in DEFECTS or entry["below"] is not None:
-            said = "; ".join(each["details"] or each["lost"])
-            print(f"{each['scenario_id']}: {each['class']}, {each['score']} points: {said}")
+    whole = max(1, entry["scenarios"])
+    rows = [[name, str(count), f"{100.0 * count / whole:.0f} %"] for name, count in entry["classes"].items()]
+    table = grid(("class", "scenarios", "share"), rows)
+    table.title = f"{entry['suite']}: {entry['scenarios']} scenarios{chosen}, driven by {entry['planner']}"
+    for row, (name, count) in zip(table.rows, entry["classes"].items(), strict=True):
+        row.style = "bold" if name in DEFECTS and count else ""
+    told = [
+        f"{each['scenario_id']}: {each['class']}, {each['score']} points: {'; '.join(each['details'] or each['lost'])}"
+        for each in entry["findings"]
+        if each["class"] in DEFECTS or entry["below"] is not None
+    ]
+    return Group(table, *map(Text, told))

@@ -17,17 +17,9 @@ from interplan_sumo.batch.run import RunRequest
 from interplan_sumo.batch.sweep import Combination, Parameter, Result, SweepRun
 from interplan_sumo.errors import InputError
 from interplan_sumo.report import sweep_plot
+from interplan_sumo.report.sweep_formats import sweep_csv, sweep_json, sweep_text
+from interplan_sumo.report.sweep_lines import HARD_BRAKING_MPS2, MEASURES, SweepLine, idle_parameters, sweep_lines
 from interplan_sumo.report.sweep_plot import plot_sweep, why_no_plot
-from interplan_sumo.report.sweep_table import (
-    HARD_BRAKING_MPS2,
-    MEASURES,
-    SweepLine,
-    idle_parameters,
-    sweep_csv,
-    sweep_json,
-    sweep_lines,
-    sweep_text,
-)
 from tests.records import metric
 from tests.report.rows import drive, stored
 

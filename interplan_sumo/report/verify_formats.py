@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table as Grid
 from rich.text import Text
 
 from interplan_sumo.batch.verify import RowCheck, Verification
+from interplan_sumo.report.text import drive_name, figure, grid, points
+
+WORDS = ("scenario", "planner", "verdict", "differs from")
+TITLES = ("scenario", "planner", "seed", "verdict", "differs from", "largest", "score", "now")
 
 
 def verification_json(found: Verification) -> dict[str, Any]:
@@ -53,26 +56,17 @@ def _check_json(check: RowCheck) -> dict[str, Any]:
 
 def verification_text(found: Verification) -> RenderableType:
     """A line per row, and below it what differs, for a terminal."""
+    cells = [_cells(check) for check in found.checks]
     parted = any(check.difference for check in found.checks)
-    titles = [
-        "scenario",
-        "planner",
-        "seed",
-        "verdict",
-        *(("differs from", "largest") if parted else ()),
-        "score",
-        "now",
-    ]
-    grid = Grid(header_style="bold")
-    for title in titles:
-        grid.add_column(title, justify="right" if title in ("seed", "largest", "score", "now") else "left")
-    for check in found.checks:
-        cells = _cells(check)
-        grid.add_row(*(cells[title] for title in titles), style="" if check.verdict == "equal" else "bold")
-    parts: list[RenderableType] = [grid]
+    titles = [title for title in TITLES if parted or title not in ("differs from", "largest")]
+    rows = [[each[title] for title in titles] for each in cells]
+    table = grid(titles, rows, left=[titles.index(title) for title in WORDS if title in titles])
+    for check, row in zip(found.checks, table.rows, strict=True):
+        row.style = "" if check.verdict == "equal" else "bold"
+    parts: list[RenderableType] = [table]
     for check in found.checks:
         if check.verdict != "equal" or check.reason:
-            parts.append(Text(f"{_name(check)}: {check.verdict}: {_reason(check)}"))
+            parts.append(Text(f"{drive_name(check.row)}: {check.verdict}: {_reason(check)}"))
     changed = {name: pair for check in found.checks for name, pair in check.changed_versions.items()}
     if changed:
         said = ", ".join(f"{name} {then} -> {now}" for name, (then, now) in changed.items())
@@ -86,20 +80,18 @@ def verification_text(found: Verification) -> RenderableType:
     return Group(*parts)
 
 
-def _cells(check: RowCheck) -> dict[str, Text]:
+def _cells(check: RowCheck) -> dict[str, str]:
     row, parted = check.row, check.difference
-    score, now = (f"{100.0 * each:.1f}" if each is not None else "-" for each in (row.score, check.score))
-    cells = {
+    return {
         "scenario": row.scenario_id,
         "planner": row.planner,
         "seed": str(row.seed),
         "verdict": check.verdict,
         "differs from": "" if parted is None else f"frame {parted.frame}, {parted.time_s:.1f} s",
         "largest": "" if parted is None else f"{parted.largest_m:.3g} m",
-        "score": score,
-        "now": now,
+        "score": figure(points(row.score)),
+        "now": figure(points(check.score)),
     }
-    return {title: Text(text) for title, text in cells.items()}
 
 
 def _reason(check: RowCheck) -> str:
@@ -110,7 +102,3 @@ def _reason(check: RowCheck) -> str:
     if check.verdict == "differs" and check.difference is not None:
         parts.append("within the bars (1 mm, 1e-6 in the score)" if check.within_bars else "beyond the bars")
     return "; ".join(filter(None, parts))
-
-
-def _name(check: RowCheck) -> str:
-    return f"{check.row.scenario_id}, {check.row.planner}, seed {check.row.seed}"

@@ -1,10 +1,10 @@
-"""Formats: the table as JSON, CSV, Markdown or text for a terminal."""
+"""Table formats: the paper's table as JSON, CSV, Markdown or text for a terminal."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice
 from typing import Any
 
@@ -16,6 +16,7 @@ from interplan_sumo.batch.records import Row
 from interplan_sumo.report.failure_reasons import fault_sentence, lost_points, why_lost
 from interplan_sumo.report.paper_comparison import SOURCE, agreement, published_figure, published_rows
 from interplan_sumo.report.table import COLUMNS, ORDINARY, Cell, Column, Line, ResultsTable
+from interplan_sumo.report.text import drive_name, figure, listed, points, rounded
 
 LISTED = 20
 """So many faults, missing rows or zeros are listed on a terminal; the rest is counted."""
@@ -26,7 +27,7 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
     rows: list[dict[str, Any]] = []
     for line in table.lines:
         row: dict[str, Any] = {"planner": line.label}
-        row |= {column.key: _rounded(line.cells[column.key].value) for column in COLUMNS}
+        row |= {column.key: rounded(line.cells[column.key].value) for column in COLUMNS}
         row |= {
             "scenarios": line.scenarios,
             "seeds": line.seeds,
@@ -45,14 +46,14 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
                     "scenario_id": r.scenario_id,
                     "family": r.family,
                     "seed": r.seed,
-                    "score": _rounded(_percent(r)),
+                    "score": rounded(points(r.score)),
                     "lost": lost_points(r),
                 }
                 for r in line.rows
             ],
             "done": {c.key: [line.cells[c.key].done, line.cells[c.key].asked] for c in COLUMNS},
             "intervals": {
-                c.key: [_rounded(bound) for bound in interval]
+                c.key: [rounded(bound) for bound in interval]
                 for c in COLUMNS
                 if (interval := line.cells[c.key].interval) is not None
             },
@@ -85,7 +86,7 @@ def as_csv(table: ResultsTable, *, paper: bool = False) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["planner", *(c.key for c in COLUMNS), "scenarios", "seeds", "official", "faults", "missing"])
     for line in table.lines:
-        figures = [_rounded(line.cells[c.key].value) for c in COLUMNS]
+        figures = [rounded(line.cells[c.key].value) for c in COLUMNS]
         faults = sum(line.faults.values())
         writer.writerow([line.label, *figures, line.scenarios, line.seeds, line.official, faults, len(line.missing)])
     for row in published_rows() if paper else ():
@@ -99,7 +100,7 @@ def as_markdown(table: ResultsTable, *, paper: bool = False) -> str:
     head = ["planner", *(c.title for c in shown)]
     lines = [_markdown_row(head), _markdown_row(["---"] + ["---:"] * len(shown))]
     for line in table.lines:
-        lines.append(_markdown_row([line.label, *(figure(line.cells[c.key]) for c in shown)]))
+        lines.append(_markdown_row([line.label, *(cell_text(line.cells[c.key]) for c in shown)]))
     for row in published_rows() if paper else ():
         lines.append(_markdown_row([f"{row['planner']} (paper)", *(published_figure(row, c.key) for c in shown)]))
     return "\n".join([*lines, "", *notes(table, paper=paper)]) + "\n"
@@ -111,7 +112,7 @@ def columns(table: ResultsTable, *, paper: bool) -> list[Column]:
     return [column for column in COLUMNS if ordinary or column is not ORDINARY]
 
 
-def figure(cell: Cell) -> str:
+def cell_text(cell: Cell) -> str:
     """One figure as text: the mean, with its interval if it has one; how far it is if rows are missing."""
     if cell.incomplete:
         return f"({cell.done}/{cell.asked})"
@@ -164,32 +165,24 @@ def as_text(
     parts: list[RenderableType] = [_grid(table, width, paper), *(Text(note) for note in notes(table, paper=paper))]
     faulty = [key for line in table.lines for key in line.faulty.keys]
     first = islice((row for line in table.lines for row in line.faulty), LISTED)
-    parts += _listed("Faults", [f"{_name(row)}: {fault_sentence(row)}" for row in first], len(faulty))
+    parts += listed("Faults", [f"{drive_name(row)}: {fault_sentence(row)}" for row in first], len(faulty))
     ended = set(faulty)
     missing = [f"{key[0]}, {key[1]}, seed {key[2]}" for line in table.lines for key in line.missing if key not in ended]
-    parts += _listed("Not run yet", missing[:LISTED], len(missing))
+    parts += listed("Not run yet", missing[:LISTED], len(missing))
     if why:
-        lost = [f"{_name(row)}: {sentence}" for line in table.lines for row, sentence in reasons(line)]
-        parts += _listed("Why: zeros and lost gates", lost, len(lost))
+        lost = [f"{drive_name(row)}: {sentence}" for line in table.lines for row, sentence in reasons(line)]
+        parts += listed("Why: zeros and lost gates", lost, len(lost))
     if details:
         drives = [_drive(row) for line in table.lines for row in line.rows]
-        parts += _listed("Every drive", drives, len(drives))
+        parts += listed("Every drive", drives, len(drives))
     return Group(*parts)
-
-
-def _listed(title: str, entries: Sequence[str], count: int) -> list[Text]:
-    """A heading with these entries of so many; nothing where there are none."""
-    if not entries:
-        return []
-    more = [f"  ... and {count - len(entries)} more; --json lists all"] if count > len(entries) else []
-    return [Text(f"\n{title} ({count})", style="bold"), *(Text(f"  {entry}") for entry in entries), *map(Text, more)]
 
 
 def _grid(table: ResultsTable, width: int, paper: bool) -> Grid:
     """A row per planner where that fits into `width`, else a column per planner."""
     shown = [c for c in columns(table, paper=paper) if paper or any(line.cells[c.key].asked for line in table.lines)]
     rows: list[list[str]] = [["planner", *(c.title for c in shown)]]
-    rows += [[line.label, *(figure(line.cells[c.key]) for c in shown)] for line in table.lines]
+    rows += [[line.label, *(cell_text(line.cells[c.key]) for c in shown)] for line in table.lines]
     published = [
         [f"{row['planner']} (paper)", *(published_figure(row, c.key) for c in shown)] for row in published_rows()
     ]
@@ -206,22 +199,8 @@ def _grid(table: ResultsTable, width: int, paper: bool) -> Grid:
 
 def _drive(row: Row) -> str:
     """One drive with its score and what cost points."""
-    score = _percent(row)
-    return (
-        f"{'-' if score is None else f'{score:.1f}':>5}  {_name(row)}: {'; '.join(lost_points(row)) or 'nothing lost'}"
-    )
-
-
-def _percent(row: Row) -> float | None:
-    return None if row.score is None else 100.0 * row.score
-
-
-def _name(row: Row) -> str:
-    return f"{row.scenario_id}, {row.planner}, seed {row.seed}"
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(value, 4)
+    lost = "; ".join(lost_points(row)) or "nothing lost"
+    return f"{figure(points(row.score)):>5}  {drive_name(row)}: {lost}"
 
 
 def _markdown_row(fields: list[str]) -> str:

@@ -8,9 +8,9 @@ import io
 import pytest
 from rich.console import Console
 
-from interplan_sumo.report.formats import as_csv, as_json, as_markdown, as_text
 from interplan_sumo.report.paper_comparison import published_rows
 from interplan_sumo.report.table import ResultsTable, make_table
+from interplan_sumo.report.table_formats import as_csv, as_json, as_markdown, as_text
 from tests.report.rows import drive, stored
 
 FAMILY_KEYS = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
