@@ -23,7 +23,7 @@ from interplan_llm.hybrid.planner import HybridPlanner
 from interplan_sumo.batch.records import Brief, brief_of
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import score
-from interplan_sumo.report.table import COLUMNS
+from interplan_sumo.report.table import table_columns
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import expert, find_suite
 from interplan_sumo.verification.oracle import Effort, OracleChooser, oracle_drive
@@ -99,7 +99,7 @@ def main() -> None:
             keep(given.out, list(rows.values()))
         row = rows[scenario.id]
         console.print(f"[{number}/{len(scenarios)}] {scenario.id}: {row['score']:.3f} in {row['drives']} drives")
-    shown = [column for column in COLUMNS if column.key not in HIDDEN]
+    shown = [column for column in table_columns() if column.key not in HIDDEN]
     table = Table("who chooses", *(column.title for column in shown))
     table.add_row("the oracle", *(mean(list(rows.values()), column.covers, column.value) for column in shown))
     console.print(table)

@@ -35,7 +35,7 @@ from interplan_sumo.report.compare import Comparison
 from interplan_sumo.report.compare import compare as compare_runs
 from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.printing import progress as shown_progress
-from interplan_sumo.report.table import COLUMNS, make_table, planners_of
+from interplan_sumo.report.table import make_table, planners_of
 from interplan_sumo.scenario.files import MAPS, is_scenario_file, read_scenario, read_scenarios, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, expert, find_scenario, find_suite, suites
@@ -137,7 +137,7 @@ def table(*runs: RunLike) -> pd.DataFrame:
     if not runs:
         raise InputError("table() needs a run: a folder, or what run() returned")
     made = make_table([_stored(each) for each in runs])
-    columns = [c for c in COLUMNS if any(line.cells[c.key].asked for line in made.lines)]
+    columns = [column for column in made.columns if made.asked(column)]
     rows = [
         {c.title: line.cells[c.key].value for c in columns}
         | {"scenarios": line.scenarios, "seeds": line.seeds, "faults": sum(line.faults.values())}

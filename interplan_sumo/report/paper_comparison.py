@@ -13,12 +13,12 @@ from interplan_sumo.report.table import Line, ResultsTable
 
 SOURCE = "Hallgarten et al., IROS 2024 (arXiv 2404.07569), on nuPlan's traffic and scenes"
 
-_COLUMNS = (
+PUBLISHED_COLUMNS: Final = (
     "ordinary", "interplan", "construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd", "driv",
     "goal", "no_col",
 )  # fmt: skip
 
-# In percent, in the order of _COLUMNS; ordinary driving is Val14, reactive, which the language models did not drive.
+# In percent, in the order of PUBLISHED_COLUMNS; ordinary driving is Val14, reactive, without the language models.
 _ROWS: dict[str, tuple[float | None, ...]] = {
     "Urban Driver": (50, 4, 0, 0, 0, 0, 0, 0, 29, 0, 30, 30, 47),
     "GC-PGP": (55, 10, 0, 0, 0, 0, 0, 18, 16, 44, 73, 17, 67),
@@ -47,7 +47,7 @@ COUNTERPARTS: Final[Mapping[str, str]] = {
     "PDM-Closed": "pdm_closed",
 }
 """Published planners and ours of the same method. Language models are left out: each is a model of its own."""
-CELLS: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
+CELLS: Final = PUBLISHED_COLUMNS[2:10]
 """The types of scenarios: of these cells the mean difference is taken."""
 FEWEST: Final = 3
 """Two planners are in the same order or in the other one, which says nothing."""
@@ -57,12 +57,12 @@ _TOTAL: Final = "interplan"
 
 def published_rows() -> list[dict[str, str | float | None]]:
     """The paper's table, scores 0 to 100, keyed as `report --json`; None where the paper has no figure."""
-    return [{"planner": name, **dict(zip(_COLUMNS, row, strict=True))} for name, row in _ROWS.items()]
+    return [{"planner": name, **dict(zip(PUBLISHED_COLUMNS, row, strict=True))} for name, row in _ROWS.items()]
 
 
 def published_figure(row: Mapping[str, object], key: str) -> str:
-    """One figure of a published row as text."""
-    value = row[key]
+    """One figure of a published row as text; a dash for what the paper has no column or no figure for."""
+    value = row.get(key)
     return "-" if value is None else f"{value:.0f}"
 
 

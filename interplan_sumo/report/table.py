@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import overload
+from functools import partial
+from operator import eq
+from typing import Final, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,21 +24,49 @@ MANY_DRIVES = 1000
 """A cell over more has the interval that its bootstrap means tend to, from their variance: drawing takes minutes."""
 Z_95 = 1.959964
 """97.5 % of the normal distribution lie below so many standard deviations."""
+ORDINARY: Final = "ordinary"
+BENCHMARK: Final = "interplan"
+"""Keys of the columns over all ordinary driving, and over all the rest."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of the paper's table."""
+    """A column of the table."""
 
     key: str
+    """In files."""
     title: str
-    families: tuple[str, ...]
-    """Over whose scenarios it is the mean; none means all but ordinary driving."""
+    about: str
+    """A few words for pages."""
+    covers: Callable[[str], bool]
+    """Whether it is a mean over the scenarios of a family."""
     value: Callable[[Brief], float | None]
     """0 to 1, of one drive with a score; None where the profile does not judge it."""
 
-    def covers(self, family: str) -> bool:
-        return family in self.families if self.families else not find_family(family).ordinary
+
+def table_columns(driven: Iterable[str] = ()) -> tuple[Column, ...]:
+    """Ordinary driving, the benchmark, its families in their order, and the three about lane changes.
+
+    Families are those that are installed, and those that were `driven`, which need not be.
+    """
+    rare = {name: family for name in {*families(), *driven} if not (family := find_family(name)).ordinary}
+    of_families = [
+        Column(family.column_key or name, family.column or family.title, family.title, partial(eq, name), _score)
+        for name, family in sorted(rare.items(), key=lambda item: (item[1].order, item[0]))
+    ]
+    return (
+        # stands where the paper has nuPlan's Val14
+        Column(ORDINARY, "Ordinary", "Ordinary driving", lambda family: find_family(family).ordinary, _score),
+        Column(BENCHMARK, "interPlan", "interPlan, all families", lambda name: not find_family(name).ordinary, _score),
+        *of_families,
+        Column("driv", "Driv.", "Lane changes: stayed on the road", _changes_lanes, _drivable_area),
+        Column("goal", "Goal", "Lane changes: reached the goal lane", _changes_lanes, _reached_goal_lane),
+        Column("no_col", "No-Col.", "Lane changes: no collision at fault", _changes_lanes, _no_collision),
+    )
+
+
+def _changes_lanes(family: str) -> bool:
+    return find_family(family).changes_lanes
 
 
 def _score(drive: Brief) -> float | None:
@@ -56,24 +86,6 @@ def _reached_goal_lane(drive: Brief) -> float | None:
     if drive.fault:
         return 0.0
     return None if drive.goal_lane is None else float(drive.goal_lane)
-
-
-_LANE_CHANGES = tuple(name for name, family in families().items() if family.changes_lanes)
-ORDINARY = Column("ordinary", "Ordinary", tuple(name for name, each in families().items() if each.ordinary), _score)
-"""Stands where the paper has nuPlan's Val14."""
-COLUMNS = (
-    ORDINARY,
-    Column("interplan", "interPlan", (), _score),
-    *(
-        Column(family.column_key or name, family.column or family.title, (name,), _score)
-        for name, family in families().items()
-        if not family.ordinary
-    ),
-    Column("driv", "Driv.", _LANE_CHANGES, _drivable_area),
-    Column("goal", "Goal", _LANE_CHANGES, _reached_goal_lane),
-    Column("no_col", "No-Col.", _LANE_CHANGES, _no_collision),
-)
-"""In the order of the families; ours have the paper's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +165,12 @@ class ResultsTable:
     ordinary_suite: str | None
     """The suite of ordinary driving that stands beside `suite`, if there is one."""
     profile: str
+    columns: tuple[Column, ...]
     lines: tuple[Line, ...]
+
+    def asked(self, column: Column) -> bool:
+        """Whether any line was to drive what the column is about."""
+        return any(line.cells[column.key].asked for line in self.lines)
 
     @property
     def complete(self) -> bool:
@@ -207,7 +224,8 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
         _check_agree(group, "suite", "suite_hash")
     first = (others or ordinary)[0].manifest
     beside = ordinary[0].manifest.suite if others and ordinary else None
-    return ResultsTable(first.suite, beside, first.profile, tuple(_lines(driven)))
+    columns = table_columns({drive.family for each in driven for drive in each.briefs.values()})
+    return ResultsTable(first.suite, beside, first.profile, columns, tuple(_lines(driven, columns)))
 
 
 def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
@@ -220,15 +238,15 @@ def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
                 )
 
 
-def _lines(driven: Sequence[_Driven]) -> Iterator[Line]:
+def _lines(driven: Sequence[_Driven], columns: Sequence[Column]) -> Iterator[Line]:
     """A line per planner and run, in order; one for two runs if they are the planner's only ones, one of each kind."""
     named = [(each, planner, planner_label(planner, each.run)) for each in driven for planner in each.keys]
     for each, planner, name in named:
         same = sorted((other for other, _, label in named if label == name), key=lambda other: other.ordinary)
         if [other.ordinary for other in same] != [False, True]:
-            yield _line([each], planner, f"{name} ({each.run.path.name})" if len(same) > 1 else name)
+            yield _line([each], columns, planner, f"{name} ({each.run.path.name})" if len(same) > 1 else name)
         elif each is next(other for other, _, label in named if label == name):
-            yield _line(same, planner, name)
+            yield _line(same, columns, planner, name)
 
 
 def planners_of(run: StoredRun) -> list[str]:
@@ -248,7 +266,7 @@ def _family(key: JobKey, briefs: Mapping[JobKey, Brief]) -> str:
     return briefs[key].family if key in briefs else key[0].partition("/")[0]
 
 
-def _line(driven: Sequence[_Driven], planner: str, label: str) -> Line:
+def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, label: str) -> Line:
     """What a planner did in runs that share no scenario; the first of them says how many scenarios and seeds."""
     first, overrides = driven[0], driven[0].run.manifest.overrides
     scenarios: dict[str, _Scenario] = {}
@@ -280,7 +298,7 @@ def _line(driven: Sequence[_Driven], planner: str, label: str) -> Line:
         label=label,
         planner=planner,
         overrides=overrides,
-        cells={column.key: _cell(column, scenarios.values()) for column in COLUMNS},
+        cells={column.key: _cell(column, scenarios.values()) for column in columns},
         scenarios=len({key[0] for key in first.keys[planner]}),
         seeds=len({key[2] for key in first.keys[planner]}),
         rows=DriveRows(rows),

@@ -13,9 +13,16 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from interplan_sumo.batch.records import Row
+from interplan_sumo.families import find_family
 from interplan_sumo.report.failure_reasons import fault_sentence, lost_points, why_lost
-from interplan_sumo.report.paper_comparison import SOURCE, agreement, published_figure, published_rows
-from interplan_sumo.report.table import COLUMNS, ORDINARY, Cell, Column, Line, ResultsTable
+from interplan_sumo.report.paper_comparison import (
+    PUBLISHED_COLUMNS,
+    SOURCE,
+    agreement,
+    published_figure,
+    published_rows,
+)
+from interplan_sumo.report.table import ORDINARY, Cell, Column, Line, ResultsTable
 from interplan_sumo.report.text import drive_name, figure, listed, points, rounded
 
 LISTED = 20
@@ -27,7 +34,7 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
     rows: list[dict[str, Any]] = []
     for line in table.lines:
         row: dict[str, Any] = {"planner": line.label}
-        row |= {column.key: rounded(line.cells[column.key].value) for column in COLUMNS}
+        row |= {column.key: rounded(line.cells[column.key].value) for column in table.columns}
         row |= {
             "scenarios": line.scenarios,
             "seeds": line.seeds,
@@ -51,10 +58,10 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
                 }
                 for r in line.rows
             ],
-            "done": {c.key: [line.cells[c.key].done, line.cells[c.key].asked] for c in COLUMNS},
+            "done": {c.key: [line.cells[c.key].done, line.cells[c.key].asked] for c in table.columns},
             "intervals": {
                 c.key: [rounded(bound) for bound in interval]
-                for c in COLUMNS
+                for c in table.columns
                 if (interval := line.cells[c.key].interval) is not None
             },
         }
@@ -84,19 +91,19 @@ def as_csv(table: ResultsTable, *, paper: bool = False) -> str:
     """The table for spreadsheets: empty fields where there is no figure."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["planner", *(c.key for c in COLUMNS), "scenarios", "seeds", "official", "faults", "missing"])
+    writer.writerow(["planner", *(c.key for c in table.columns), "scenarios", "seeds", "official", "faults", "missing"])
     for line in table.lines:
-        figures = [rounded(line.cells[c.key].value) for c in COLUMNS]
+        figures = [rounded(line.cells[c.key].value) for c in table.columns]
         faults = sum(line.faults.values())
         writer.writerow([line.label, *figures, line.scenarios, line.seeds, line.official, faults, len(line.missing)])
     for row in published_rows() if paper else ():
-        writer.writerow([f"{row['planner']} (paper)", *(row[c.key] for c in COLUMNS), 80, "", "", "", ""])
+        writer.writerow([f"{row['planner']} (paper)", *(row.get(c.key) for c in table.columns), 80, "", "", "", ""])
     return text.getvalue()
 
 
 def as_markdown(table: ResultsTable, *, paper: bool = False) -> str:
     """The table for a README."""
-    shown = columns(table, paper=paper)
+    shown = shown_columns(table, paper=paper)
     head = ["planner", *(c.title for c in shown)]
     lines = [_markdown_row(head), _markdown_row(["---"] + ["---:"] * len(shown))]
     for line in table.lines:
@@ -106,10 +113,13 @@ def as_markdown(table: ResultsTable, *, paper: bool = False) -> str:
     return "\n".join([*lines, "", *notes(table, paper=paper)]) + "\n"
 
 
-def columns(table: ResultsTable, *, paper: bool) -> list[Column]:
-    """The paper's columns; ordinary driving before them where there is any."""
-    ordinary = paper or any(line.cells[ORDINARY.key].asked for line in table.lines)
-    return [column for column in COLUMNS if ordinary or column is not ORDINARY]
+def shown_columns(table: ResultsTable, *, paper: bool) -> list[Column]:
+    """The paper's columns, and those of other families that somebody was to drive; ordinary driving where there is any.
+
+    With the paper's rows beside them all that the paper has a column for.
+    """
+    kept = [column for column in PUBLISHED_COLUMNS if paper or column != ORDINARY]
+    return [column for column in table.columns if column.key in kept or table.asked(column)]
 
 
 def cell_text(cell: Cell) -> str:
@@ -126,13 +136,13 @@ def cell_text(cell: Cell) -> str:
 
 def notes(table: ResultsTable, *, paper: bool = False) -> list[str]:
     """What a reader of the figures must know."""
-    rare = {family: count for family, count in table.families.items() if not ORDINARY.covers(family)}
+    rare = {family: count for family, count in table.families.items() if not find_family(family).ordinary}
     families = ", ".join(f"{family} {count}" for family, count in rare.items()) or "none yet"
     found = [
         f"Suite {table.suite}, profile {table.profile}, scores 0 to 100. "
         f"interPlan is the mean over the scenarios of this run ({families}); - marks what the run has none of."
     ]
-    if ordinary := sum(count for family, count in table.families.items() if ORDINARY.covers(family)):
+    if ordinary := sum(count for family, count in table.families.items() if find_family(family).ordinary):
         suite = table.ordinary_suite or table.suite
         found.append(f"Ordinary is the mean over ordinary driving (suite {suite}; scenarios: {ordinary}).")
     if any(cell.interval for line in table.lines for cell in line.cells.values()):
@@ -180,7 +190,7 @@ def as_text(
 
 def _grid(table: ResultsTable, width: int, paper: bool) -> Grid:
     """A row per planner where that fits into `width`, else a column per planner."""
-    shown = [c for c in columns(table, paper=paper) if paper or any(line.cells[c.key].asked for line in table.lines)]
+    shown = [c for c in shown_columns(table, paper=paper) if paper or table.asked(c)]
     rows: list[list[str]] = [["planner", *(c.title for c in shown)]]
     rows += [[line.label, *(cell_text(line.cells[c.key]) for c in shown)] for line in table.lines]
     published = [

@@ -28,6 +28,15 @@ def test_a_family_without_scenarios_has_no_figure() -> None:
     assert found["driv"] is None
 
 
+def test_a_family_that_is_not_installed_has_a_column_of_its_name_after_ours() -> None:
+    table = make_table([stored(drive("parking/0", 0.5), drive("nudge/0", 1.0))])
+    (line,) = table.lines
+    assert (line.cells["parking"].value, line.cells["interplan"].value) == (50.0, 75.0)
+    titles = [column.title for column in table.columns]
+    assert titles[titles.index("HTD") : titles.index("Driv.")] == ["HTD", "parking"]
+    assert "parking" not in [column.key for column in make_table([stored(drive("nudge/0", 1.0))]).columns]
+
+
 def test_driving_goal_and_collisions_are_judged_over_the_lane_changes_only() -> None:
     found = values(
         drive("lane_change_ltd/0", 0.8, lane_changes=0.5),

@@ -7,24 +7,15 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Final
 from urllib.parse import quote
 
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.report.page.drives import BANDS, ShownDrive, by_scenario, pair_replay, replays_folder, shown_drives
 from interplan_sumo.report.page.figures import best_figure, family_blocks, score_spread
 from interplan_sumo.report.page.html import html
-from interplan_sumo.report.paper_comparison import published_rows
-from interplan_sumo.report.table import COLUMNS, ResultsTable
-from interplan_sumo.report.table_formats import columns, notes
-
-TITLES: Final = {
-    "interplan": "interPlan, all families", "ordinary": "ordinary driving", "ltd": "lane change, low traffic",
-    "mtd": "lane change, medium traffic", "htd": "lane change, high traffic", 
-    "driv": "lane changes: stayed on the road", "goal": "lane changes: reached the goal lane", 
-    "no_col": "lane changes: no collision at fault",
-}  # fmt: skip
-"""Columns whose key does not say it."""
+from interplan_sumo.report.paper_comparison import published_figure, published_rows
+from interplan_sumo.report.table import ResultsTable
+from interplan_sumo.report.table_formats import notes, shown_columns
 
 
 def page(
@@ -43,7 +34,7 @@ def page(
     drives = shown_drives(table)
     folder = replays_folder(path) if path is not None else None
     replays = {file.name for file in folder.glob("*.html")} if folder is not None else set[str]()
-    shown = columns(table, paper=paper)
+    shown = shown_columns(table, paper=paper)
     part = files(__package__ or "")
     return html(
         "report.html.j2",
@@ -55,12 +46,9 @@ def page(
         columns=shown,
         best={column.key: best_figure(table, column) for column in shown},
         published=published_rows() if paper else [],
+        published_figure=published_figure,
         notes=notes(table, paper=paper),
-        asked=[
-            {"key": column.key, "about": TITLES.get(column.key, column.key)}
-            for column in COLUMNS
-            if any(line.cells[column.key].asked for line in table.lines)
-        ],
+        asked=[column for column in table.columns if table.asked(column)],
         bands=BANDS,
         spread=score_spread(table, drives),
         blocks=family_blocks(table, drives),

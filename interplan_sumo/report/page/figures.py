@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from interplan_sumo.families import find_family
 from interplan_sumo.report.page.drives import BANDS, ShownDrive, band, by_scenario
 from interplan_sumo.report.table import Column, ResultsTable
 
@@ -67,6 +68,7 @@ class FamilyBlock:
     """The scenarios of a family as columns; a row per planner, its label and a cell for each of them."""
 
     family: str
+    title: str
     scenarios: list[str]
     rows: list[tuple[str, list[ScenarioCell | None]]]
 
@@ -83,5 +85,5 @@ def family_blocks(table: ResultsTable, drives: Sequence[ShownDrive]) -> list[Fam
             (line.label, [ScenarioCell.of([d for d in found if d.line == number]) for found in scenarios.values()])
             for number, line in enumerate(table.lines)
         ]
-        blocks.append(FamilyBlock(family, list(scenarios), rows))
+        blocks.append(FamilyBlock(family, find_family(family).title, list(scenarios), rows))
     return blocks
