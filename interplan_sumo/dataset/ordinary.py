@@ -34,8 +34,7 @@ from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.files import read_scenarios, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.verification.ordinary_scenes import CHANGE, FIRST_SEED, KINDS, check_seed, ordinary_scenes
-from interplan_sumo.verification.ordinary_suite import MAPS
+from interplan_sumo.verification.ordinary_scenes import CHANGE, FIRST_SEED, KINDS, MAPS, check_seed, ordinary_scenes
 from interplan_sumo.world.files import replacing
 from interplan_sumo.world.lane_changes import lane_changes_needed
 

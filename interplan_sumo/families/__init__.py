@@ -34,4 +34,9 @@ def names(*, ordinary: bool) -> tuple[str, ...]:
     return tuple(name for name, each in found.items() if each.ordinary == ordinary and not each.on_request)
 
 
-__all__ = ["FAMILIES", "Family", "StartCheck", "families", "find_family", "names"]
+def original_names() -> dict[str, str]:
+    """The family here of each type of scenario, or modification, that interPlan's own configuration names."""
+    return {each.original: name for name, each in families().items() if each.original}
+
+
+__all__ = ["FAMILIES", "Family", "StartCheck", "families", "find_family", "names", "original_names"]

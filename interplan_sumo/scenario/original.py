@@ -23,19 +23,6 @@ POLICY: Final[dict[str, Behaviour]] = {"a": "assertive", "c": "conservative", "m
 """interPlan calls them assertive, cautious and mixed."""
 UNNAMED_POLICY: Final[Behaviour] = "assertive"
 """What interPlan's traffic is where a name says nothing."""
-TYPES: Final = {
-    "approaching_construction_zone": "construction",
-    "avoid_crashed_cars": "accident",
-    "jaywalking_pedestrian": "jaywalker",
-    "nudge_around_parked_vehicle": "nudge",
-    "overtake_parked_vehicle": "overtake",
-}
-"""interPlan's types of hand-made scenarios -> families here."""
-LANE_CHANGES: Final[dict[Density, str]] = {
-    "low": "lane_change_ltd",
-    "medium": "lane_change_mtd",
-    "high": "lane_change_htd",
-}
 _NAME: Final = re.compile(r"([0-9a-f]{16})-((?:[a-z][a-z0-9]\d?)+)")
 _MODIFICATION: Final = re.compile(r"a(\d)|d([lmh])|g([lrs])|o([acm])|s(\d{1,2})")
 _FARTHEST_M: Final = 1e7
@@ -83,9 +70,11 @@ class Original:
     """Points on roads besides the ego's that the density fills."""
 
 
-def read_original(name: str, details: Mapping[str, Any]) -> Original:
+def read_original(name: str, details: Mapping[str, Any], families: Mapping[str, str]) -> Original:
     """A scenario by its name; `details` are those of its token, empty if there are none.
 
+    `families` has the family here of each type of hand-made scenario, and of the
+    densities `dl`, `dm` and `dh`, which make one of a name without a type.
     Numbers in `details` may be text. ScenarioError names the scenario and what cannot be.
     """
     parts = _NAME.fullmatch(name)
@@ -97,7 +86,7 @@ def read_original(name: str, details: Mapping[str, Any]) -> Original:
     token, letters = parts[1], parse_letters(parts[2], name)
     at = _Details(name, details)
     if letters.special is None:
-        family = LANE_CHANGES.get(letters.density)
+        family = families.get(f"d{letters.density[0]}")
         if family is None:
             raise ScenarioError(
                 f"{name}: it asks for no traffic and no hand-made scenario, so nothing is left to drive"
@@ -107,12 +96,12 @@ def read_original(name: str, details: Mapping[str, Any]) -> Original:
     if special.text("config"):
         letters = replace(parse_letters(special.text("config"), name), special=letters.special)
     kind = special.text("type")
-    if kind not in TYPES:
-        raise ScenarioError(f"{name}: type is {kind[:40]!r}, expected one of {', '.join(TYPES)}")
+    if kind not in families:
+        raise ScenarioError(f"{name}: type is {kind[:40]!r}, expected one of {', '.join(families)}")
     made = Original(
         name,
         token,
-        TYPES[kind],
+        families[kind],
         letters,
         cars=tuple((x, y, yaw) for x, y, yaw in special.rows("stopped_vehicle", 3)),
         buses=tuple((x, y, yaw) for x, y, yaw in special.rows("stopped_bus", 3)),

@@ -43,12 +43,12 @@ KERB_REACH_M: Final = 40.0
 """Pedestrians may begin this far from the next centre line."""
 LANE_REACH_M: Final = 3.0
 """A single car begins at most this far beside the centre line that it is put on."""
-EXEMPT: Final[dict[str, tuple[str, ...]]] = {"accident": ("driving_direction",), "overtake": ("driving_direction",)}
-"""As in the families of the same names."""
 
 
-def original_scene(original: Original, recording: Recording, roads: Roads) -> RecordedScene:
-    """The scenario of a name, with notes on what interPlan has and this one has not.
+def original_scene(
+    original: Original, recording: Recording, roads: Roads, exempt: tuple[str, ...] = ()
+) -> RecordedScene:  # fmt: skip
+    """The scenario of a name, with notes on what interPlan has and this one has not; `exempt` as its family has it.
 
     The recording begins at the scenario's token. As in interPlan everyone that
     was recorded is left out; start, speed, lights and, where no goal is named,
@@ -70,7 +70,7 @@ def original_scene(original: Original, recording: Recording, roads: Roads) -> Re
         jaywalkers=_jaywalkers(original, roads, said),
         vehicles=_moving(original, roads, said),
         traffic=_traffic(original, roads, bare, said),
-        exempt=EXEMPT.get(original.family, ()),
+        exempt=exempt,
     )
     scenario.check(roads)
     return RecordedScene(scenario, (), tuple(said))

@@ -19,6 +19,8 @@ from interplan_sumo.verification.start_checks import start_problems
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Roads
 
+MAPS: Final = ("one_north", "hazelwood", "strip", "back_bay")
+"""The shipped districts."""
 FIRST_SEED: Final = 100_000
 """Suites were made from seeds below this one; training data are made from this one on."""
 CHANGE: Final = "changing_lane"

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, NoReturn
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.families import find_family, original_names
 from interplan_sumo.maps.store import MapFiles, load_roads
 from interplan_sumo.recordings.formats import head
 from interplan_sumo.recordings.nuplan_db import NuplanLog, log_files, tokens_held
@@ -49,11 +50,13 @@ def original_scenes(
     for name in configuration.names:
         try:
             token = name.partition("-")[0]
-            original = read_original(name, configuration.details.get(token, {}))
+            original = read_original(name, configuration.details.get(token, {}), original_names())
             cut = cuts.get(token)
             if cut is None:
                 raise InputError(problems[token])
-            scene = original_scene(original, cut.recording, load_roads(cut.files.folder))
+            scene = original_scene(
+                original, cut.recording, load_roads(cut.files.folder), find_family(original.family).exempt
+            )
             notes = (*(note for note in cut.recording.notes if note.startswith(SAID_OF_LOG)), *scene.notes)
             made.setdefault(cut.files.name, (cut.files, []))[1].append(replace(scene, notes=notes))
         except InputError as error:

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.scenario.original import Letters, PublishedWalk, parse_letters, read_original
+from interplan_sumo.families import original_names
+from interplan_sumo.scenario.original import Letters, Original, PublishedWalk, parse_letters, read_original
 
 TOKEN = "feb82815b92a5512"
 DETAILS: dict[str, Any] = {
@@ -39,6 +40,10 @@ DETAILS: dict[str, Any] = {
 }
 
 
+def read(name: str, details: dict[str, Any]) -> Original:
+    return read_original(name, details, original_names())
+
+
 @pytest.mark.parametrize(
     ("name", "letters", "family"),
     [
@@ -49,7 +54,7 @@ DETAILS: dict[str, Any] = {
     ],
 )
 def test_a_name_says_what_its_letters_say(name: str, letters: Letters, family: str) -> None:
-    found = read_original(f"{TOKEN}-{name}", DETAILS)
+    found = read(f"{TOKEN}-{name}", DETAILS)
     assert (found.token, found.letters, found.family) == (TOKEN, letters, family)
 
 
@@ -60,7 +65,7 @@ def test_the_order_of_the_letters_does_not_matter() -> None:
 
 @given(density=st.sampled_from("lmh"), goal=st.sampled_from("lrs"), policy=st.sampled_from("acm"))
 def test_every_combination_of_the_grammar_is_read(density: str, goal: str, policy: str) -> None:
-    found = read_original(f"{TOKEN}-d{density}g{goal}o{policy}", {})
+    found = read(f"{TOKEN}-d{density}g{goal}o{policy}", {})
     assert (found.letters.density[0], found.letters.goal and found.letters.goal[0]) == (density, goal)
     assert found.goal_point is None
 
@@ -83,41 +88,41 @@ def test_every_combination_of_the_grammar_is_read(density: str, goal: str, polic
 )
 def test_a_name_that_cannot_be_is_one_line(name: str, said: str) -> None:
     with pytest.raises(ScenarioError) as error:
-        read_original(name, DETAILS)
+        read(name, DETAILS)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
 
 
 def test_a_hand_made_scenario_has_its_own_letters_instead() -> None:
-    found = read_original(f"{TOKEN}-s0", DETAILS)
+    found = read(f"{TOKEN}-s0", DETAILS)
     assert found.letters == Letters(density="high", special=0)
     assert (found.family, found.cars) == ("overtake", ((5.5, 6.0, 1.29),))
     assert found.filled_at == ((10.0, 20.0),)
 
 
 def test_an_empty_list_of_roads_overrides_that_of_the_token() -> None:
-    assert read_original(f"{TOKEN}-s1", DETAILS).filled_at == ()
+    assert read(f"{TOKEN}-s1", DETAILS).filled_at == ()
 
 
 def test_people_buses_and_cones_are_read() -> None:
-    walkers = read_original(f"{TOKEN}-s2", DETAILS)
+    walkers = read(f"{TOKEN}-s2", DETAILS)
     assert walkers.walks == (PublishedWalk((0.0, 1.0), (2.0, 3.0)), PublishedWalk((0.0, 1.0), (2.0, 3.0), 50))
     assert walkers.buses == ((7.0, 8.0, 1.7),)
-    works = read_original(f"{TOKEN}-s3", DETAILS)
+    works = read(f"{TOKEN}-s3", DETAILS)
     assert (works.cones, works.letters.goal) == (((1.0, 2.0), (3.0, 4.0)), "left")
 
 
 def test_what_is_null_is_not_there() -> None:
-    nothing = read_original(f"{TOKEN}-s5", DETAILS)
+    nothing = read(f"{TOKEN}-s5", DETAILS)
     assert (nothing.walks, nothing.cones, nothing.cars) == ((), (), ())
 
 
 def test_goals_and_single_cars_come_with_traffic() -> None:
-    found = read_original(f"{TOKEN}-dlgloa", DETAILS)
+    found = read(f"{TOKEN}-dlgloa", DETAILS)
     assert found.goal_point == (664486.82, 3997505.52)
     assert found.moving == ((664418.07, 3997723.95, 0.0), (1.0, 2.0, 3.0))
-    assert read_original(f"{TOKEN}-dlgroa", DETAILS).goal_point is None
-    assert read_original(f"{TOKEN}-s3", DETAILS).moving == ()
+    assert read(f"{TOKEN}-dlgroa", DETAILS).goal_point is None
+    assert read(f"{TOKEN}-s3", DETAILS).moving == ()
 
 
 @pytest.mark.parametrize(
@@ -133,5 +138,5 @@ def test_goals_and_single_cars_come_with_traffic() -> None:
 )
 def test_details_that_cannot_be_are_one_line(details: dict[str, Any], said: str) -> None:
     with pytest.raises(ScenarioError) as error:
-        read_original(f"{TOKEN}-dlgloa", details)
+        read(f"{TOKEN}-dlgloa", details)
     assert said in str(error.value)

@@ -97,9 +97,10 @@ def test_a_step_at_which_somebody_begins_to_walk_is_noted() -> None:
     assert "begins when the ego is near, not at a step" in found.notes[-1]
 
 
-@pytest.mark.parametrize(("family", "exempt"), [("nudge", ()), ("accident", ("driving_direction",))])
-def test_the_oncoming_lane_may_be_used_where_it_must_be(family: str, exempt: tuple[str, ...]) -> None:
-    assert made(nudge(family=family)).scenario.exempt == exempt
+def test_the_exemptions_are_those_of_the_family() -> None:
+    assert made(nudge()).scenario.exempt == ()
+    found = original_scene(nudge(), logged(CROSSING), CROSSING, ("driving_direction",))
+    assert found.scenario.exempt == ("driving_direction",)
 
 
 # --- traffic ---------------------------------------------------------------------------------------

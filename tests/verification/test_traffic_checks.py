@@ -13,7 +13,6 @@ from worlds import cars, junction, straight_road
 from interplan_sumo.maps.store import load_roads, maps
 from interplan_sumo.scenario.constant_velocity import ego_held, first_contacts, held, lane_ahead, lanes_ahead
 from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
-from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.verification.traffic_checks import braking_problems, contact_problems, traffic_problems
 
@@ -109,14 +108,6 @@ def test_who_has_left_the_map_has_not_braked() -> None:
 
 
 # --- on SUMO -------------------------------------------------------------------------------------
-
-OFFICIAL = find_suite("interplan==1").scenarios
-BUSY = [s for s in OFFICIAL if s.traffic.density != "none" or s.traffic.oncoming != "none" or s.vehicles]
-
-
-@pytest.mark.parametrize("scenario", BUSY, ids=lambda s: s.id)
-def test_the_traffic_of_an_official_scenario_is_safe_at_the_start(scenario: Scenario) -> None:
-    assert traffic_problems(scenario, load_roads(scenario.map)) == []
 
 
 def test_an_empty_road_needs_no_sumo() -> None:

@@ -1,7 +1,11 @@
-"""The suite of ordinary driving: scenes of the challenge types of nuPlan that show what they are named after."""
+"""Stages a suite of ordinary driving as common==1 was: python -m tools.stage_common_suite FILE.yaml
+
+Scenes of the challenge types of nuPlan that are sound, certified, and show what they are named after.
+"""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, islice, zip_longest
@@ -17,13 +21,13 @@ from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.verification.certificates import SearchResult, certify
+from interplan_sumo.verification.ordinary_scenes import MAPS
 from interplan_sumo.verification.replay import replay
 from interplan_sumo.verification.start_checks import start_problems
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trace import Trace
 
-MAPS: Final = ("one_north", "hazelwood", "strip", "back_bay")
 SEED: Final = 1
 TRIES_PER_MAP: Final = 12
 LEADER_M: Final = 40.0
@@ -160,3 +164,7 @@ _SHOWS: Final[dict[str, Callable[[Scenario, Trace], bool]]] = {
     "changing_lane": _always,
     "following_lane_with_lead": _follows(0.0),
 }
+
+
+if __name__ == "__main__":
+    print(f"{write_ordinary_suite(Path(sys.argv[1]))} scenarios: {sys.argv[1]}")
