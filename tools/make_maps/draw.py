@@ -86,20 +86,19 @@ def _draw_block(drawing: Drawing, block: Block) -> None:
 # --- joints --------------------------------------------------------------------------------------
 
 
-def _ramp_at(plan: Plan, joint: Joint) -> Ramp | None:
+def _within(joint: Joint, at_m: float) -> bool:
+    """Whether a station of its road lies in a joint."""
     low_m, high_m = sorted((joint.before.to_m, joint.after.from_m))
-    for ramp in plan.ramps:
-        if (ramp.road, ramp.direction) == (joint.before.road, joint.before.direction) and low_m <= ramp.at_m <= high_m:
-            return ramp
-    return None
+    return low_m <= at_m <= high_m
+
+
+def _ramp_at(plan: Plan, joint: Joint) -> Ramp | None:
+    way = (joint.before.road, joint.before.direction)
+    return next((r for r in plan.ramps if (r.road, r.direction) == way and _within(joint, r.at_m)), None)
 
 
 def _crossing_at(plan: Plan, joint: Joint) -> PlannedCrossing | None:
-    low_m, high_m = sorted((joint.before.to_m, joint.after.from_m))
-    for crossing in plan.road[joint.before.road].crossings:
-        if low_m <= crossing.at_m <= high_m:
-            return crossing
-    return None
+    return next((c for c in plan.road[joint.before.road].crossings if _within(joint, c.at_m)), None)
 
 
 def _draw_joint(drawing: Drawing, joint: Joint) -> None:

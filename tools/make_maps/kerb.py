@@ -29,17 +29,10 @@ def stop_block(layout: Layout, road: Road, stop: BusStop) -> Block:
     """The roadblock beside which a bus stops; ValueError where it would stand in a junction or taper."""
     half_m = STOP_LENGTH_M / 2.0 + (BAY_TAPER_M if stop.bay else 0.0)
     for block in layout.blocks:
-        if (
-            block.road == road.name
-            and block.direction == stop.direction
-            and block.low_m <= stop.at_m - half_m
-            and stop.at_m + half_m <= block.high_m
-        ):
+        beside = (block.road, block.direction) == (road.name, stop.direction)
+        if beside and block.low_m <= stop.at_m - half_m and stop.at_m + half_m <= block.high_m:
             return block
-    near = [
-        f"{b.low_m:.0f}-{b.high_m:.0f}" for b in layout.blocks if (b.road, b.direction) == (road.name, stop.direction)
-    ]
-    raise ValueError(f"{road.name}: the bus stop at {stop.at_m} m does not fit into a roadblock ({', '.join(near)})")
+    raise ValueError(f"{road.name}: the bus stop at {stop.at_m} m does not fit into a roadblock")
 
 
 def bus_bays(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
@@ -93,23 +86,20 @@ def _without(free: list[tuple[float, float]], low_m: float, high_m: float) -> li
 
 
 def car_parks(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
-    """Car parks with their driveways across the sidewalk; ValueError where there is no kerb for one."""
+    """Car parks with their driveways across the sidewalk."""
     parks: list[tuple[Road, shapely.Polygon]] = []
     for road in ground.plan.roads:
         for park in road.car_parks:
             middle_m = (park.from_m + park.to_m) / 2.0
-            beside = [
+            beside = next(
                 b
                 for b in layout.blocks
-                if b.road == road.name
-                and b.direction == park.direction
+                if (b.road, b.direction) == (road.name, park.direction)
                 and b.low_m + DRIVEWAY_M < middle_m < b.high_m - DRIVEWAY_M
-            ]
-            if not beside:
-                raise ValueError(f"{road.name}: the driveway at {middle_m} m does not lead to a roadblock")
+            )
             side = ground.side(park.direction)
-            kerb_m = beside[0].strips[-1].kerb_m
-            front_m = kerb_m + beside[0].way.parking_m + road.sidewalk_m + 1.0
+            kerb_m = beside.strips[-1].kerb_m
+            front_m = kerb_m + beside.way.parking_m + road.sidewalk_m + 1.0
             pieces = (
                 (park.from_m, park.to_m, front_m, front_m + park.depth_m),
                 (middle_m - DRIVEWAY_M / 2.0, middle_m + DRIVEWAY_M / 2.0, kerb_m - 0.01, front_m + 1.0),

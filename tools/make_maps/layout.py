@@ -166,8 +166,7 @@ def _stretches(road: Road, direction: Direction, link: _Link) -> list[_Stretch]:
         if to_t - from_t < SHORTEST_BLOCK_M:
             raise ValueError(f"{road.name} {direction}: no room for lanes between {from_t:.0f} and {to_t:.0f} m")
         way = way_at(road, direction, abs((from_t + to_t) / 2.0))
-        if way is None:
-            raise ValueError(f"{road.name} {direction}: the carriageway ends in the middle of nowhere")
+        assert way is not None, "a carriageway ends at a junction"
         if arriving is not None and to_t == end_t:
             found.append(_Stretch(from_t, to_t, way, arriving.approach, arriving.pushed_m))
         else:

@@ -62,10 +62,6 @@ def _from(plan: Plan, junction: PlannedJunction, arm: Arm, block: Block, arms: S
         letters = approach.use if plan.driving_side == "right" else approach.use[::-1]
     else:
         letters = _lane_use(plan, block, exits)
-    if len(letters) != len(block.strips):
-        raise ValueError(
-            f"junction {junction.name}: {len(letters)} lane uses for {len(block.strips)} lanes of {arm.key}"
-        )
     offered = {letter for turn, letter in LETTERS.items() if exits[turn]}
     for use in letters:
         if not offered & set(use):

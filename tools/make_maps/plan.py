@@ -241,12 +241,10 @@ def ramp_end(road: Road, driving_side: DrivingSide, ramp: Ramp) -> tuple[float, 
     """x, y and heading of travel where a ramp begins or ends, tangential to the lane that it takes up.
 
     This is the middle of the kerb lane where the taper of the section at
-    `ramp.at_m` meets the ramp. ValueError if no section begins there.
+    `ramp.at_m` meets the ramp.
     """
-    starts = [i for i, section in enumerate(road.sections) if section.from_m == ramp.at_m]
-    if not starts or starts[0] == 0:
-        raise ValueError(f"{road.name}: no section begins at the ramp {ramp.ramp}")
-    section, before = road.sections[starts[0]], road.sections[starts[0] - 1]
+    at = next(i for i, section in enumerate(road.sections) if section.from_m == ramp.at_m)
+    before, section = road.sections[at - 1], road.sections[at]
     forward = ramp.direction == "forward"
     ways = [way for s in (before, section) if (way := s.forward if forward else s.backward) is not None]
     wide = max(ways, key=lambda way: len(way.widths_m))
