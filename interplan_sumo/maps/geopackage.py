@@ -30,6 +30,7 @@ from interplan_sumo.world.roads import (
 )
 
 _Code = TypeVar("_Code", Turn, StopLineKind, IntersectionKind)
+_Vertices = Mapping[str, Floats]
 _WIDE_MEDIAN_M = 12.0
 
 
@@ -95,7 +96,7 @@ def _roads(file: GeoPackage, name: str) -> Roads:
     _check_apart(lane_rows, connector_rows)
     _check_apart(block_rows, block_connector_rows)
 
-    boundaries = _Lines(boundary_rows)
+    boundaries = _vertices(boundary_rows)
     stop_lines = {
         id_: StopLine(id_, polygon, _code(StopLineKind, kind, StopLineKind.UNKNOWN))
         for id_, polygon, kind in zip(
@@ -137,35 +138,21 @@ def _roads(file: GeoPackage, name: str) -> Roads:
     )
 
 
-class _Lines:
+def _vertices(table: LayerTable) -> dict[str, Floats]:
     """The vertices of a layer of lines, by id, cut from one array."""
-
-    def __init__(self, table: LayerTable) -> None:
-        ends = np.cumsum(shapely.get_num_coordinates(table.geometries))
-        self._parts = dict(zip(table.ids, np.split(shapely.get_coordinates(table.geometries), ends[:-1]), strict=False))
-
-    def __contains__(self, id_: str) -> bool:
-        return id_ in self._parts
-
-    def along(self, id_: str, line: Polyline) -> Polyline:
-        """The line `id_`, turned to run the way `line` does."""
-        own = Polyline(self._parts[id_])
-        return own if own.runs_with(line) else Polyline(own.points[::-1])
+    ends = np.cumsum(shapely.get_num_coordinates(table.geometries))
+    return dict(zip(table.ids, np.split(shapely.get_coordinates(table.geometries), ends[:-1]), strict=False))
 
 
-def _polyline(table: LayerTable, row: int) -> Polyline:
-    try:
-        return Polyline(shapely.get_coordinates(table.geometries[row]))
-    except ValueError as error:
-        table.fault(row, f"a line without length ({error})")
-
-
-def _baseline_row(baselines: LayerTable, rows: Sequence[int], what: str, id_: str) -> int:
+def _baseline(baselines: LayerTable, rows: Sequence[int], what: str, id_: str) -> Polyline:
     """The one baseline of a lane or connector; nuPlan's classes refuse none or several."""
     if len(rows) != 1:
         known = f"{len(rows)} baselines ({', '.join(baselines.ids[r] for r in rows[:3])})" if rows else "no baseline"
         raise MapError(f"{baselines.path}: {what} {id_}: has {known} in {baselines.layer}, needs exactly one")
-    return rows[0]
+    try:
+        return Polyline(shapely.get_coordinates(baselines.geometries[rows[0]]))
+    except ValueError as error:
+        baselines.fault(rows[0], f"a line without length ({error})")
 
 
 def _by_reference(table: LayerTable, column: str) -> dict[str, list[int]]:
@@ -186,16 +173,18 @@ def _speed_limits(table: LayerTable) -> list[float | None]:
     return [None if np.isnan(limit) else limit for limit in limits.tolist()]
 
 
-def _boundary(boundaries: _Lines, table: LayerTable, row: int, id_: str, line: Polyline) -> Polyline:
+def _boundary(boundaries: _Vertices, table: LayerTable, row: int, id_: str, line: Polyline) -> Polyline:
+    """The boundary `id_`, turned to run the way `line` does."""
     if id_ not in boundaries:
         table.fault(row, f"names boundary {id_}, which does not exist")
     try:
-        return boundaries.along(id_, line)
+        own = Polyline(boundaries[id_])
     except ValueError as error:
         raise MapError(f"{table.path}: {schema.BOUNDARIES} {id_}: a line without length ({error})") from error
+    return own if own.runs_with(line) else Polyline(own.points[::-1])
 
 
-def _lanes(table: LayerTable, baselines: LayerTable, boundaries: _Lines, blocks: frozenset[str]) -> dict[str, Lane]:
+def _lanes(table: LayerTable, baselines: LayerTable, boundaries: _Vertices, blocks: frozenset[str]) -> dict[str, Lane]:
     owners = _by_reference(baselines, "lane_fid")
     block_ids = table.ids_in("lane_group_fid")
     left, right = table.ids_in("left_boundary_fid"), table.ids_in("right_boundary_fid")
@@ -207,7 +196,7 @@ def _lanes(table: LayerTable, baselines: LayerTable, boundaries: _Lines, blocks:
             table.fault(row, f"its lane_fid is {lane_fid}; both must be the same")
         if block_ids[row] not in blocks:
             table.fault(row, f"belongs to lane group {block_ids[row]}, which is not in {schema.ROADBLOCKS}")
-        line = _polyline(baselines, _baseline_row(baselines, owners.get(id_, ()), table.layer, id_))
+        line = _baseline(baselines, owners.get(id_, ()), table.layer, id_)
         lanes[id_] = Lane(
             id=id_,
             roadblock_id=block_ids[row],
@@ -225,7 +214,7 @@ def _connectors(
     table: LayerTable,
     shapes: LayerTable,
     baselines: LayerTable,
-    boundaries: _Lines,
+    boundaries: _Vertices,
     lanes: Mapping[str, Lane],
     blocks: frozenset[str],
     stop_lines: Mapping[str, StopLine],
@@ -252,7 +241,7 @@ def _connectors(
         left_id, right_id = left[shape], right[shape]
         if left_id is None or right_id is None:
             shapes.fault(shape, "left_boundary_fid or right_boundary_fid is empty")
-        line = _polyline(baselines, _baseline_row(baselines, owners.get(id_, ()), table.layer, id_))
+        line = _baseline(baselines, owners.get(id_, ()), table.layer, id_)
         connectors[id_] = Connector(
             id=id_,
             roadblock_id=block_ids[row],
