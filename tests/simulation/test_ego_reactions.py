@@ -8,7 +8,7 @@ from pathlib import Path
 import libsumo
 import numpy as np
 import pytest
-from networks import LANE_Y, agent, ego_at, traffic, two_way_road, types
+from networks import LANE_Y, WESTWARD_Y, agent, ego_at, traffic, two_way_road, types
 
 from interplan_sumo.simulation.agent_registry import AgentRegistry
 from interplan_sumo.simulation.anchor import find_anchor
@@ -34,19 +34,24 @@ def test_agents_within_40_m_of_a_straddling_ego_keep_their_lane(behind_m: float,
 class Lane1:
     """Agents on lane 1 at (x, y) of their fronts, at 8 m/s, and an ego on its centre line at x = 100."""
 
-    def __init__(self, *fronts: tuple[float, float]) -> None:
-        network = two_way_road()
+    def __init__(self, *fronts: tuple[float, float], behaviour: str = "conservative") -> None:
+        self.network = two_way_road()
         self.fronts = fronts
         self.registry = AgentRegistry(Path("conservative.xml"), Actors.none(), None, (0.0, 0.0), 0.1)
         names = [f"a{i}" for i in range(len(fronts))]
         for name in names:
-            self.registry.add(name, name, types("conservative").members[0], ("e0", "e1"))
+            self.registry.add(name, name, types(behaviour).members[0], ("e0", "e1"))
         self.registry.enter(names)
         for _ in range(2):
             self.registry.kinematics.move(fronts, [90.0] * len(fronts), [8.0] * len(fronts))
-        self.reactions = EgoReactions(network, (0.0, 0.0), PACIFICA, self.registry, (), (), 0.1)
-        self.ego = ego_at(100.0, LANE_Y[1])
-        self.anchor = find_anchor(network, (100.0 + PACIFICA.length_m / 2, LANE_Y[1]), 0.0, None, ("e0", "e1"))
+        self.reactions = EgoReactions(self.network, (0.0, 0.0), PACIFICA, self.registry, (), (), 0.1)
+        self.place(ego_at(100.0, LANE_Y[1]))
+
+    def place(self, ego: EgoState) -> None:
+        self.ego = ego
+        reach_m, turned = PACIFICA.length_m / 2.0, self.ego.heading_rad
+        front = (self.ego.x_m + reach_m * float(np.cos(turned)), self.ego.y_m + reach_m * float(np.sin(turned)))
+        self.anchor = find_anchor(self.network, front, turned, None, ("e0", "e1"))
 
     def decide(self) -> AgentCommands:
         def positions_m(names: Sequence[str]) -> list[float]:
@@ -78,3 +83,45 @@ def test_once_passed_through_a_car_stays_hidden_until_the_ego_has_another_lane()
     assert road.decide().decisions["a0"].mode is Mode.OVERRIDE_SPEED
     road.registry.kinematics.front_m = np.array([[80.0, LANE_Y[1]], [120.0, LANE_Y[1]]])
     assert road.decide().decisions["a0"].mode is Mode.OVERRIDE_SPEED
+
+
+def test_an_assertive_agent_follows_an_ego_that_starts_in_its_lane_and_not_one_that_slides_in() -> None:
+    """Its centre is in lane 1, and seven tenths of its box."""
+    for at_start, mode in ((True, Mode.SUMO), (False, Mode.IGNORE_EGO)):
+        road = Lane1((80.0, LANE_Y[1]), behaviour="assertive")
+        if not at_start:
+            road.place(ego_at(100.0, WESTWARD_Y))
+            road.decide()
+        road.place(ego_at(100.0, BOUNDARY_Y + 0.2 * PACIFICA.width_m))
+        assert road.decide().decisions["a0"].mode is mode
+
+
+def test_the_quick_ways_to_place_the_ego_on_the_lanes_give_what_the_whole_way_gives() -> None:
+    rng = np.random.default_rng(0)
+    road = Lane1((80.0, LANE_Y[1]))
+    slow = EgoReactions(road.network, (0.0, 0.0), PACIFICA, road.registry, (1.0,), (), 0.1)
+    for _ in range(100):
+        y_m = float(rng.choice(LANE_Y)) + float(rng.uniform(-0.9, 0.9))
+        ego = EgoState(0.0, float(rng.uniform(5.0, 800.0)), y_m, float(rng.normal(0.0, 0.05)), vx_mps=8.0, vy_mps=0.5)
+        road.place(ego)
+        (quick, _), (whole, _) = (each._locate(ego, road.anchor) for each in (road.reactions, slow))
+        assert (quick.centre_lanes, quick.straddles) == (whole.centre_lanes, whole.straddles)
+        assert quick.coverage.keys() == whole.coverage.keys()
+        for (
+            lane,
+            part,
+        ) in quick.coverage.items():  # a box turned a little is taken for straight
+            assert tuple(part) == pytest.approx(tuple(whole.coverage[lane]), abs=0.2)
+
+
+def test_an_agent_is_left_to_sumo_again_once_the_ego_has_gone() -> None:
+    cars = types("conservative")
+    beside, gone = ego_at(100.0, BOUNDARY_Y), ego_at(100.0, -60.0)
+    with traffic(cars, (agent(cars, "e0_1", 80.0, 8.0),), beside) as run:
+        modes: list[int] = []
+        for ego in (beside, gone, gone):
+            run.react(ego)
+            modes.append(libsumo.vehicle.getSpeedMode("a0"))
+            run.place_ego(ego)
+            run.advance()
+    assert modes == [25, 31, 31]

@@ -205,6 +205,13 @@ def test_a_planner_cannot_change_what_it_is_shown() -> None:
     assert "read-only" in episode.fault.message
 
 
+def test_a_scripted_actor_starts_where_its_line_does_unless_it_is_told() -> None:
+    line = Polyline(np.array([[3.0, 0.0], [400.0, 0.0]]))
+    actors = ScriptedTraffic((ScriptedActor("a", line), ScriptedActor("b", line, 50.0))).observe().actors
+    assert actors.x_m.tolist() == [3.0, 53.0]
+    assert actors.speed_mps.tolist() == [0.0, 0.0]
+
+
 def test_equal_drives_have_equal_hashes_and_another_start_has_another() -> None:
     first, second, other = run(StraightAhead()), run(StraightAhead()), run(StraightAhead(), scenario(start_m=20.001))
     assert first.trace is not None

@@ -130,6 +130,21 @@ def test_at_the_edge_of_the_map_vehicles_may_come_into_sight_but_not_right_befor
     assert entries(inflow(lane), 30, ego_at(EDGE_CLEAR_M - 5.0, LANE_Y[0], 8.0)) == []
 
 
+def test_beyond_the_edge_of_the_map_nothing_appears_in_sight_where_the_map_begins_nearby() -> None:
+    """The lane is filled from 60 m on, in sight of the ego at 100 m: only the first metres of the map are left."""
+    found = entries(inflow(filled(begin_x=60.0, next_x=55.0)), 30, ego_at(100.0, LANE_Y[0], 0.0))
+    assert found
+    assert all(centre_m(each) < 18.0 for each in found)
+
+
+def test_a_queue_comes_at_the_limit_of_the_lane_where_it_drives_in() -> None:
+    lane = filled(largest_gap_m=200.0)
+    first = replace(lane.chain[0], lane=replace(lane.chain[0].lane, limit_mps=8.0))
+    slow = replace(lane, chain=[first, *lane.chain[1:]])
+    _, speed_mps = draw_arrivals(slow, types("conservative"), 30.0, np.random.default_rng(0))
+    assert 7.5 < speed_mps <= 8.0
+
+
 CAR = st.tuples(st.floats(120.0, 330.0), st.floats(0.0, 15.0))
 
 

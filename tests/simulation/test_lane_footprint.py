@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -13,7 +14,9 @@ from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.lane_change_overhang import LaneChangeOverhang
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
 from interplan_sumo.simulation.network import HALF_FOOTPRINT_M
+from interplan_sumo.simulation.obstacles import blockages
 from interplan_sumo.simulation.vehicle_types import VehicleType
+from interplan_sumo.tiny_worlds import cars
 
 NETWORK = two_way_road()
 CAR = VehicleType("car", length_m=4.6, width_m=1.85)
@@ -66,3 +69,14 @@ def test_the_rear_of_a_car_that_came_slowly_from_the_next_lane_is_in_the_way_the
 @pytest.mark.parametrize(("turned_rad", "speed_mps"), [(0.003, 1.0), (0.01, 7.5), (2 * pi - 0.003, 1.0)])
 def test_who_hardly_turns_or_drives_fast_is_no_suspect(turned_rad: float, speed_mps: float) -> None:
     assert LaneChangeOverhang(NETWORK, {"a": CAR}).candidates(driving(0.5, turned_rad, speed_mps)) == []
+
+
+@pytest.mark.parametrize(("apart_m", "spans"), [(13.9, [(94.0, 124.8)]), (14.1, [(94.0, 110.0), (118.1, 125.0)])])
+def test_stretches_that_two_obstacles_block_are_one_where_no_car_fits_between(
+    apart_m: float, spans: list[tuple[float, float]]
+) -> None:
+    """Cars queue 6 m before each, and 8 m between what they block are too few for one."""
+    standing = cars((105.0, LANE_Y[0]), (110.0 + apart_m + 0.45, LANE_Y[0]), length_m=10.0)
+    standing = replace(standing, length_m=np.array([10.0, 0.9]))
+    found = [(each.start_m, each.end_m) for each in blockages(NETWORK, standing, (0.0, 0.0))]
+    assert found == [pytest.approx(span) for span in spans]

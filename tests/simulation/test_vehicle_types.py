@@ -76,6 +76,23 @@ def test_a_file_that_cannot_be_used_is_refused_with_file_and_line(tmp_path: Path
     assert "types.xml" in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("attribute", "lowest", "highest"),
+    [("length", 0.5, 30.0), ("width", 0.3, 4.0), ("accel", 0.1, 15.0), ("decel", 0.1, 15.0), ("tau", 0.1, 10.0),
+     ("minGap", 0.0, 20.0), ("maxSpeed", 0.1, 100.0), ("speedFactor", 0.1, 3.0), ("emergencyDecel", 0.1, 20.0)],
+)  # fmt: skip
+def test_a_number_is_taken_up_to_its_bounds_and_not_beyond(
+    attribute: str, lowest: float, highest: float, tmp_path: Path
+) -> None:
+    for value, fine in ((lowest, True), (highest, True), (lowest - 0.01, False), (highest + 0.01, False)):
+        path = file(tmp_path, f'<additional><vType id="traffic" {attribute}="{value}"/></additional>')
+        if fine:
+            assert len(read_vehicle_types(path).members) == 1
+        else:
+            with pytest.raises(VehicleTypeError, match=f"{attribute} is "):
+                read_vehicle_types(path)
+
+
 def test_a_missing_file_and_an_unknown_behaviour_are_named(tmp_path: Path) -> None:
     with pytest.raises(VehicleTypeError, match=r"no vehicle-type file at .*nowhere\.xml"):
         read_vehicle_types(tmp_path / "nowhere.xml")
