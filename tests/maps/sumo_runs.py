@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -128,21 +127,6 @@ def random_traffic(
         overlaps=_overlaps(roads, frames),
         emergency_brakings=int(counts["safety"]["emergencyBraking"]),
     )
-
-
-def start_up_s(network: Path) -> float:
-    """Seconds that libsumo needs to load a network, in a process of its own; the best of three."""
-    code = (
-        "import sys,time,libsumo\n"
-        "best=9e9\n"
-        "for _ in range(3):\n"
-        "    t=time.perf_counter()\n"
-        "    libsumo.start(['sumo','-n',sys.argv[1],'--no-step-log','true','--no-warnings','true'])\n"
-        "    best=min(best,time.perf_counter()-t); libsumo.close()\n"
-        "print(best)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(network)], capture_output=True, text=True, check=True)
-    return float(done.stdout.split()[-1])
 
 
 # --- routes ------------------------------------------------------------------------------------
