@@ -16,15 +16,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
-from math import isfinite
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Final, NoReturn
+from typing import TYPE_CHECKING, Annotated, Final
 
+import msgspec
 import yaml
 
 from interplan_sumo.errors import InputError, UnknownNameError
@@ -66,29 +65,46 @@ CONDITIONS: Final[Mapping[str, Callable[[Facts], bool]]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Term:
+class Term(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A gate, or a term of the weighted mean."""
 
-    name: str
-    """In rows and tables."""
     metric: str
-    weight: float | None = None
-    """None of a gate."""
+    name: str = msgspec.field(name="as", default="")
+    """In rows and tables."""
     when: str = "always"
     """One of `CONDITIONS`."""
+    weight: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] | None = None
+    """None of a gate."""
+
+    def __post_init__(self) -> None:
+        for name, known, what in ((self.metric, METRICS, "metric"), (self.when, CONDITIONS, "condition")):
+            if name not in known:
+                raise ValueError(UnknownNameError(what, name, known))
+        msgspec.structs.force_setattr(self, "name", self.name or self.metric)
 
 
-@dataclass(frozen=True, slots=True)
-class Profile:
+class Profile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Which terms make the score."""
 
-    name: str
-    terms: tuple[Term, ...]
-    """Gates first."""
+    name: str = ""
     needs_scenario: bool
     honours_exemptions: bool
     """Whether gates that `Scenario.exempt` names are left out."""
+    gates: tuple[Term, ...] = ()
+    weights: Annotated[tuple[Term, ...], msgspec.Meta(min_length=1)]
+
+    def __post_init__(self) -> None:
+        for term in self.terms:
+            if (term.weight is None) is (term in self.weights):
+                raise ValueError(f"{term.name} needs a weight among the weights, and none among the gates")
+            conditions = sorted(other.when for other in self.terms if other.name == term.name)
+            if len(conditions) > 1 and conditions != ["lane_blocked", "lane_free"]:
+                raise ValueError(f"{term.name} stands {len(conditions)} times; give each a name of its own with `as`")
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Gates first."""
+        return (*self.gates, *self.weights)
 
 
 def find_profile(profile: str | Path | Profile) -> Profile:
@@ -100,9 +116,9 @@ def find_profile(profile: str | Path | Profile) -> Profile:
     if isinstance(profile, Profile):
         return profile
     if isinstance(profile, Path) or profile.lower().endswith(SUFFIXES):
-        found = _read(Path(profile), Path(profile).stem)
-        digest = hashlib.sha256(repr(replace(found, name="")).encode()).hexdigest()
-        return replace(found, name=f"{found.name}@{digest[:12]}")
+        found = _read(Path(profile))
+        digest = hashlib.sha256(msgspec.json.encode(found)).hexdigest()
+        return msgspec.structs.replace(found, name=f"{Path(profile).stem}@{digest[:12]}")
     return _registered(profile)
 
 
@@ -119,18 +135,7 @@ def keep_profile(profile: Profile, folder: Path) -> None:
     """Write a file's profile into a run folder, so that `stored_profile` finds it; registered ones need none."""
     if "@" not in profile.name:
         return
-    said: dict[str, Any] = {
-        "needs_scenario": profile.needs_scenario,
-        "honours_exemptions": profile.honours_exemptions,
-        "gates": [],
-        "weights": [],
-    }
-    for term in profile.terms:
-        entry: dict[str, Any] = {"metric": term.metric, "as": term.name, "when": term.when}
-        if term.weight is None:
-            said["gates"].append(entry)
-        else:
-            said["weights"].append(entry | {"weight": term.weight})
+    said = msgspec.to_builtins(msgspec.structs.replace(profile, name=""))
     (folder / KEPT).write_text(yaml.safe_dump(said, sort_keys=False, default_flow_style=None), encoding="utf-8")
 
 
@@ -146,96 +151,16 @@ def row_metrics() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*(term.name for term in terms), *(name for name in METRICS if name not in used))))
 
 
-# --- the file ------------------------------------------------------------------------------------
-
-_LINE: Final = object()
-"""The key under which a mapping that was read knows its line."""
-
-
-class _LoaderWithLines(yaml.SafeLoader):
-    """Safe values; every mapping knows its line, and no key stands twice in one."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        found = super().construct_mapping(node, deep)
-        if len(found) < len(node.value):
-            raise yaml.constructor.ConstructorError(None, None, "a key stands twice in one mapping", node.start_mark)
-        return found | {_LINE: node.start_mark.line + 1}
-
-
-def _read(file: Path | Traversable, name: str) -> Profile:
+def _read(file: Path | Traversable, name: str = "") -> Profile:
     try:
-        text = file.read_text(encoding="utf-8")
+        data = yaml.safe_load(file.read_text(encoding="utf-8"))
+        return msgspec.structs.replace(msgspec.convert(data, Profile), name=name)
     except OSError as error:
         raise InputError(f"cannot read the profile {file}: {error.strerror or error}; give another file") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{file} is no text in UTF-8; {_WAY_OUT}") from None
-    try:
-        return _ProfileReader(str(file)).profile(yaml.load(text, _LoaderWithLines), name)  # a SafeLoader
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f", line {mark.line + 1}" if mark is not None else ""
         raise InputError(f"{file}{where}: this is not YAML: {error.problem or error.context}") from None
-    except (yaml.YAMLError, ValueError) as error:
-        raise InputError(f"{file}: this is not YAML: {' '.join(str(error).split())}") from None
-    except RecursionError:
-        raise InputError(f"{file}: lists inside lists without end; {_WAY_OUT}") from None
-
-
-_WAY_OUT: Final = "docs/metrics.md shows what a profile looks like"
-
-
-@dataclass(frozen=True, slots=True)
-class _ProfileReader:
-    file: str
-
-    def profile(self, data: Any, name: str) -> Profile:
-        said = self._fields(data, "a profile", {"needs_scenario", "honours_exemptions"}, {"gates", "weights"})
-        flags = {key: said[key] for key in ("needs_scenario", "honours_exemptions")}
-        for key, value in flags.items():
-            if not isinstance(value, bool):
-                self._fail(said, f"{key} is {value!r}, expected true or false")
-        gates = [self._term(each, weighted=False) for each in self._list(said, "gates")]
-        weights = [self._term(each, weighted=True) for each in self._list(said, "weights")]
-        if not weights:
-            self._fail(said, "there are no weights, every score would be 0; name a metric with a weight")
-        self._check_names(said, (*gates, *weights))
-        return Profile(name, (*gates, *weights), **flags)
-
-    def _term(self, data: Any, *, weighted: bool) -> Term:
-        needed = {"metric", "weight"} if weighted else {"metric"}
-        said = self._fields(data, "a weighted term" if weighted else "a gate", needed, {"as", "when"})
-        metric, when, weight = said["metric"], said.get("when", "always"), said.get("weight", 1)
-        name = said.get("as", metric)
-        for value, known, what in ((metric, METRICS, "metric"), (when, CONDITIONS, "condition")):
-            if value not in tuple(known):
-                self._fail(said, str(UnknownNameError(what, str(value), known)))
-        if not isinstance(name, str) or not name.isidentifier():
-            self._fail(said, f"as is {name!r}, expected a word such as {metric}")
-        if not (type(weight) in (int, float) and isfinite(weight) and weight > 0):
-            self._fail(said, f"the weight of {name} is {weight!r}, expected a number above 0")
-        return Term(name, metric, float(weight) if weighted else None, when)
-
-    def _check_names(self, said: dict[Any, Any], terms: tuple[Term, ...]) -> None:
-        """A name stands once, or twice under conditions of which exactly one holds."""
-        for name in {term.name for term in terms}:
-            conditions = [term.when for term in terms if term.name == name]
-            if len(conditions) > 1 and sorted(conditions) != ["lane_blocked", "lane_free"]:
-                self._fail(said, f"{name} stands {len(conditions)} times; give each a name of its own with `as`")
-
-    def _list(self, said: dict[Any, Any], key: str) -> list[Any]:
-        found = said.get(key, [])
-        return found if isinstance(found, list) else self._fail(said, f"{key} is no list of terms")
-
-    def _fields(self, data: Any, what: str, needed: set[str], further: set[str]) -> dict[Any, Any]:
-        """A mapping that has what it needs, and nothing unknown."""
-        if not isinstance(data, dict):
-            raise InputError(f"{self.file}: found {str(data)[:40]!r} in place of {what}; {_WAY_OUT}")
-        for key in data.keys() - {_LINE}:
-            if key not in needed | further:
-                self._fail(data, str(UnknownNameError("field", str(key), needed | further)))
-        for key in sorted(needed - data.keys()):
-            self._fail(data, f"{what} has no {key}")
-        return data
-
-    def _fail(self, said: dict[Any, Any], problem: str) -> NoReturn:
-        raise InputError(f"{self.file}, line {said[_LINE]}: {problem}")
+    except (yaml.YAMLError, msgspec.ValidationError, ValueError, RecursionError) as error:
+        said = " ".join(str(error).replace("$.", "").split())
+        raise InputError(f"{file}: {said}; docs/metrics.md shows what a profile looks like") from None

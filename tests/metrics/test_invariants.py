@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -11,14 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.progress import nuplan_progress
 from interplan_sumo.metrics.score import ScoreSheet, score
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import Pose
-from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
+from interplan_sumo.world.trace import ActorTable, Trace
 from tests.golden_values import SHIPPED
-from tests.metrics.golden_metrics import Case, case_folders, read_case
+from tests.metrics.golden_metrics import Case, read_case
 from tests.metrics.staging import (
     Move,
     mirror,
@@ -31,8 +29,6 @@ from tests.metrics.staging import (
 from tests.worlds import cars, drive, straight_road
 
 STORED = SHIPPED / "nuplan_metrics"
-RUNS = tuple(folder.name for folder in case_folders(STORED) if folder.name.startswith("run_"))
-"""Closed-loop drives of planners."""
 DRIVES = ("run_cross_simple_replay", "run_curve_pdm_reactive", "coll_many_in_one_run", "assoc_cut_the_corner")
 
 cached_case = cache(read_case)
@@ -129,27 +125,6 @@ def test_an_actor_out_of_reach_changes_nothing(
     far = cars((float(x), float(y), speed_mps, heading), kind=kind, prefix="far")
     crowded = with_another(case.facts.trace, far)
     assert scores(score(crowded, case.facts.roads, case.facts.expert, profile="nuplan")) == scores(case.sheet)
-
-
-def at_pace(case: Case, pace: float) -> Trace:
-    """The ego on its stored way at another pace: in frame k it is where it was in frame k times the pace."""
-    ego = case.facts.trace.ego
-    frames = np.minimum((np.arange(len(ego)) * pace).astype(np.int64), len(ego) - 1)
-    columns = {c.name: getattr(ego, c.name)[frames] for c in fields(EgoTrack) if c.name != "time_us"}
-    return replace(case.facts.trace, ego=EgoTrack(ego.time_us, **columns))
-
-
-@pytest.mark.parametrize("name", RUNS)
-@settings(max_examples=5)
-@given(pace=st.floats(0.0, 1.5), more=st.floats(0.0, 1.5))
-def test_faster_is_never_less_progress_on_the_stored_way(name: str, pace: float, more: float):
-    case = golden(name)
-    slower, faster = (
-        nuplan_progress(Facts(at_pace(case, p), case.facts.roads, case.facts.expert)) for p in (pace, pace + more)
-    )
-    assert faster.score is not None
-    assert slower.score is not None
-    assert faster.score >= slower.score - 1e-6
 
 
 @pytest.mark.parametrize("name", ["run_cross_simple_replay", "coll_many_in_one_run"])

@@ -152,8 +152,14 @@ def test_plain_data_have_no_numpy_and_no_infinity():
 
 
 def test_a_term_that_cannot_be_judged_leaves_the_mean():
-    silent = (Term("comfort", "comfort", 2.0), Term("silent", "lane_crossings"), Term("quiet", "lane_crossings", 5.0))
-    sheet = score_facts(facts_of(), Profile("mine", silent, needs_scenario=False, honours_exemptions=False))
+    quiet = Term("lane_crossings", "quiet", weight=5.0)
+    profile = Profile(
+        needs_scenario=False,
+        honours_exemptions=False,
+        gates=(Term("lane_crossings"),),
+        weights=(Term("comfort", weight=2.0), quiet),
+    )
+    sheet = score_facts(facts_of(), profile)
     assert (sheet.gates, sheet.weights, sheet.score) == ((), {"comfort": 2.0}, 1.0)
 
 
