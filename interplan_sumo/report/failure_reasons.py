@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from interplan_sumo.batch.records import Row
-from interplan_sumo.metrics.metric import failure_words
+from interplan_sumo.metrics.metric import METRICS, failure_words
 
 LEAST_LOSS = 0.0005
 """A metric that loses less, of 1, lost nothing that a table shows."""
@@ -34,3 +34,8 @@ def metric_sentence(row: Row, name: str) -> str:
     title = failure_words(name)
     reason = row.metrics[name].reason
     return f"{title}: {reason}" if reason else title
+
+
+def metric_title(name: str) -> str:
+    """What a metric is called on pages; the words of its name if it is not installed here."""
+    return METRICS[name].title if name in METRICS else name.replace("_", " ")

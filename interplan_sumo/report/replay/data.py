@@ -33,11 +33,10 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.score import ScoreSheet, score_facts
 from interplan_sumo.report import scenario_drawing as drawing
-from interplan_sumo.report.failure_reasons import fault_sentence
-from interplan_sumo.report.key_events import FAULT, KeyEvent, deciding, lost_moments
+from interplan_sumo.report.failure_reasons import fault_sentence, metric_title
+from interplan_sumo.report.key_events import FAULT, KeyEvent, deciding_event, loss_events, replay_events
 from interplan_sumo.report.replay import agents_timeline, surroundings
 from interplan_sumo.report.replay.charts import CHARTS, chart_series
-from interplan_sumo.report.replay.events import events
 from interplan_sumo.report.replay.numbers import PER_METRE, PER_RADIAN, PER_UNIT, points
 from interplan_sumo.report.road_markings import signal_changes
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
@@ -122,8 +121,8 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
     """
     facts = Facts(drive.trace, drive.roads, drive.expert, drive.scenario)
     sheet = score_facts(facts, drive.profile)
-    lost = lost_moments(facts, sheet, drive.row)
-    decided = deciding(lost, facts, sheet)
+    lost = loss_events(facts, sheet, drive.row)
+    decided = deciding_event(lost, facts, sheet)
     triggers = agents_timeline.triggers(drive, facts.route_line, origin)
     set_off: list[int | None] = [trigger["frame"] for trigger in triggers]
     return {
@@ -135,7 +134,7 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
         "end": _end(drive),
         "frames": facts.frames,
         "metrics": _metrics(sheet, lost),
-        "events": events(drive, facts, sheet, lost, decided, set_off),
+        "events": [asdict(event) for event in replay_events(drive, facts, sheet, lost, set_off)],
         "deciding": {"frame": decided.frame, "metric": decided.metric, "reason": decided.reason},
         "charts": chart_series(facts, sheet, drivable),
         "ego": agents_timeline.ego(drive.trace, origin),
@@ -147,11 +146,15 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
 
 
 def _metrics(sheet: ScoreSheet, lost: Sequence[KeyEvent]) -> list[dict[str, Any]]:
-    """The judged metrics, gates first: `name`, `weight` (None of a gate), `score`, `reason`, `frame` of the loss."""
-    frames = {moment.metric: moment.frame for moment in lost if moment.metric != FAULT}
+    """The judged metrics, gates first.
+
+    `name`, `title`, `weight` (None of a gate), `score`, `reason`, `frame` of the loss.
+    """
+    frames = {event.metric: event.frame for event in lost if event.metric != FAULT}
     return [
         {
             "name": name,
+            "title": metric_title(name),
             "weight": sheet.weights.get(name),
             "score": round(sheet.metrics[name].score or 0.0, 4),
             "reason": sheet.metrics[name].reason if name in frames else None,

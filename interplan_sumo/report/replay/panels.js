@@ -30,10 +30,6 @@ function seconds(frame, data) {
   return `${(frame * data.dt_s).toFixed(1)} s`;
 }
 
-function metricTitle(name) {
-  return name.replaceAll("_", " ");
-}
-
 /** One planner's drive on the map. */
 class Pane {
   constructor(drive, index, data, scene) {
@@ -159,12 +155,12 @@ function verdictSheet(drive, index, data, seek) {
   return sheet;
 }
 
-function metricRow({ name, weight, score, reason, frame }, data, seek) {
+function metricRow({ title, weight, score, reason, frame }, data, seek) {
   const grade = score >= 0.9995 ? "good" : score > 0 ? "fair" : "poor";
   const why = element("td", { className: "why" });
   if (frame !== null) why.append(jumpButton({ frame, kind: "", text: reason ?? "points were lost" }, data, seek));
   return element("tr", { className: frame === null ? "" : "lost" },
-    element("th", { scope: "row", text: metricTitle(name) }),
+    element("th", { scope: "row", text: title }),
     element("td", { text: weight === null ? "gate" : `weight ${weight}` }),
     element("td", { className: `number ${grade}`, text: (100 * score).toFixed(score % 1 && score < 0.9995 ? 1 : 0) }),
     why);
