@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("geopandas", reason="needs the extra [maps]")
+pytest.importorskip("geopandas", reason="needs the extra [nuplan]")
 
 from interplan_sumo.bridge.nuplan.layers import vector_layers
 from interplan_sumo.maps import schema
