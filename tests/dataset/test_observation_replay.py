@@ -6,18 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from worlds import signals, straight_road
+from worlds import rolling, straight_road
 
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.dataset.observation_replay import SeenAgain
 from interplan_sumo.features.view import Arrays, EgoView
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.planner import Mission, Observation
+from interplan_sumo.scenario.logged_lights import LoggedLight
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, drive, run_loop
-from interplan_sumo.simulation.scripted import ScriptedActor, ScriptedTraffic
-from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.simulation.lights import LoggedLights
+from interplan_sumo.simulation.replayed import ReplayedTraffic
+from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
@@ -59,19 +61,20 @@ def hold_against(witness: Witness, episode: Episode, scenario: Scenario, roads: 
             assert values.tobytes() == arrays[name].tobytes(), f"{name} in frame {k}"
 
 
-def test_a_drive_past_scripted_cars_is_seen_again(tmp_path: Path) -> None:
+def test_a_drive_past_cars_is_seen_again(tmp_path: Path) -> None:
     roads = straight_road(lanes=2, length_m=400.0)
     scenario = Scenario(
         "test/0", "test", "test", LanePosition("12", 20.0), 10.0, LanePosition("12", 390.0), ("1",), duration_s=4.0
     )
     line = Polyline(np.array(((0.0, 0.0), (400.0, 1.0))))
     actors = (
-        ScriptedActor("b", line, 130.0, 0.0),  # comes into sight on the way
-        ScriptedActor("a", line, 30.0, 7.3),
-        ScriptedActor("c", line, 60.0, 0.0, ActorKind.TRAFFIC_CONE, 0.5, 0.5),
+        rolling("b", line, 130.0),  # comes into sight on the way
+        rolling("a", line, 30.0, 7.3),
+        rolling("c", line, 60.0, kind="cone", size_m=(0.5, 0.5)),
     )
     witness = Witness()
-    traffic = ScriptedTraffic(actors, signals(red=("12",)))
+    red = LoggedLights((LoggedLight("12", (0,), ("red",)),))
+    traffic = ReplayedTraffic(actors, ("b", "a", "c"), Actors.none(), red)
     episode = run_loop(scenario, roads, witness, traffic, options=EpisodeOptions(), on_phase=lambda _phase: None)
     hold_against(witness, episode, scenario, roads, tmp_path)
     counts = [len(seen.actors) for seen in witness.seen]

@@ -1,4 +1,4 @@
-"""The closed loop on scripted traffic: what it records, when it ends, and whose fault a fault is."""
+"""The closed loop on replayed traffic: what it records, when it ends, and whose fault a fault is."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from worlds import straight_road
+from worlds import replayed, rolling, straight_road
 
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.errors import PlannerError, TrafficError
 from interplan_sumo.planner import Mission, Observation, Planner
+from interplan_sumo.scenario.replayed import ReplayedTrack
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, Loop, run_loop
-from interplan_sumo.simulation.scripted import ScriptedActor, ScriptedTraffic
+from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Polyline
@@ -59,14 +60,14 @@ def straight(observation: Observation, speed_mps: float = 10.0, from_s: float = 
 
 
 def run(
-    planner: Planner, where: Scenario | None = None, actors: tuple[ScriptedActor, ...] = (), plan_limit_s: float = 10.0
+    planner: Planner, where: Scenario | None = None, actors: tuple[ReplayedTrack, ...] = (), plan_limit_s: float = 10.0
 ) -> Episode:
     phases: list[str] = []
     return run_loop(
         where or scenario(),
         ROADS,
         planner,
-        ScriptedTraffic(actors),
+        replayed(*actors),
         options=EpisodeOptions(plan_limit_s=plan_limit_s),
         on_phase=phases.append,
     )
@@ -93,7 +94,7 @@ def test_the_run_ends_at_the_goal_line_and_that_frame_is_recorded() -> None:
 
 
 def test_a_planner_sees_two_seconds_of_past_from_the_first_call_on() -> None:
-    car = ScriptedActor("c", Polyline(np.array([[0.0, 0.0], [400.0, 0.0]])), 50.0, 5.0)
+    car = rolling("c", Polyline(np.array([[0.0, 0.0], [400.0, 0.0]])), 50.0, 5.0)
     planner = Planning(straight)
     run(planner, actors=(car,))
     first = planner.seen[0]
@@ -109,7 +110,7 @@ def test_a_planner_sees_two_seconds_of_past_from_the_first_call_on() -> None:
 def test_a_planner_sees_as_far_as_100_m_and_the_trace_farther() -> None:
     line = Polyline(np.array([[0.0, 0.0], [400.0, 0.0]]))
     planner = Planning(straight)
-    episode = run(planner, actors=(ScriptedActor("near", line, 119.0), ScriptedActor("far", line, 121.0)))
+    episode = run(planner, actors=(rolling("near", line, 119.0), rolling("far", line, 121.0)))
     assert planner.seen[0].actors.ids == ("near",)
     assert episode.trace is not None
     assert episode.trace.actors.at(0).ids == ("far", "near")
@@ -174,12 +175,17 @@ def test_a_planner_that_teleports_is_stopped_before_the_ego_moves() -> None:
 
 
 def test_a_failure_of_the_traffic_is_not_the_planners() -> None:
-    class Breaking(ScriptedTraffic):
+    class Breaking(ReplayedTraffic):
         def advance(self) -> None:
             raise TrafficError("the engine stopped")
 
     episode = run_loop(
-        scenario(), ROADS, StraightAhead(), Breaking(), options=EpisodeOptions(), on_phase=lambda _: None
+        scenario(),
+        ROADS,
+        StraightAhead(),
+        Breaking((), (), Actors.none()),
+        options=EpisodeOptions(),
+        on_phase=lambda _: None,
     )
     assert episode.fault is not None
     assert episode.fault.kind == "traffic"
@@ -199,17 +205,10 @@ def test_a_planner_cannot_change_what_it_is_shown() -> None:
         observation.actors.x_m[:] = 0.0
         return straight(observation)
 
-    car = ScriptedActor("c", Polyline(np.array([[0.0, 0.0], [400.0, 0.0]])), 50.0)
+    car = rolling("c", Polyline(np.array([[0.0, 0.0], [400.0, 0.0]])), 50.0)
     episode = run(Planning(vandal), actors=(car,))
     assert episode.fault is not None
     assert "read-only" in episode.fault.message
-
-
-def test_a_scripted_actor_starts_where_its_line_does_unless_it_is_told() -> None:
-    line = Polyline(np.array([[3.0, 0.0], [400.0, 0.0]]))
-    actors = ScriptedTraffic((ScriptedActor("a", line), ScriptedActor("b", line, 50.0))).observe().actors
-    assert actors.x_m.tolist() == [3.0, 53.0]
-    assert actors.speed_mps.tolist() == [0.0, 0.0]
 
 
 def test_equal_drives_have_equal_hashes_and_another_start_has_another() -> None:
@@ -234,7 +233,7 @@ def test_the_scene_that_a_planner_gets_is_of_its_own_time() -> None:
 
 
 def test_a_loop_that_is_advanced_by_hand_gives_the_trace_of_a_run() -> None:
-    loop, planner = Loop(scenario(), ROADS, ScriptedTraffic()), StraightAhead()
+    loop, planner = Loop(scenario(), ROADS, replayed()), StraightAhead()
     planner.start(loop.open())
     while loop.begin_frame():
         loop.advance(planner.plan(loop.observation))
@@ -246,7 +245,7 @@ def test_a_loop_that_is_advanced_by_hand_gives_the_trace_of_a_run() -> None:
 
 
 def test_before_the_first_frame_there_is_no_trace() -> None:
-    loop = Loop(scenario(), ROADS, ScriptedTraffic())
+    loop = Loop(scenario(), ROADS, replayed())
     mission = loop.open()
     assert mission.route == ("1",)
     assert loop.trace() is None
@@ -254,7 +253,7 @@ def test_before_the_first_frame_there_is_no_trace() -> None:
 
 
 def test_a_plan_that_cannot_be_followed_moves_nothing() -> None:
-    loop = Loop(scenario(), ROADS, ScriptedTraffic())
+    loop = Loop(scenario(), ROADS, replayed())
     loop.open()
     loop.begin_frame()
     with pytest.raises(PlannerError, match="100 m/s"):

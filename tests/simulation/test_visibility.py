@@ -12,10 +12,10 @@ import test_episode
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from test_episode import ROADS, Planning, straight
+from worlds import replayed, rolling
 
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.simulation.episode import EpisodeOptions, run_loop
-from interplan_sumo.simulation.scripted import ScriptedActor, ScriptedTraffic
 from interplan_sumo.simulation.visibility import OccludingBox, occluding_box, visible
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoState
@@ -104,11 +104,9 @@ def test_the_box_is_that_of_the_named_obstacle() -> None:
 def test_a_hidden_pedestrian_is_neither_in_the_scene_nor_in_the_past_yet_in_the_trace_and_is_seen_when_passed() -> None:
     lane_y = LanePosition("11", 20.0).pose(ROADS).y_m
     line = Polyline(np.array([[70.0, lane_y - 6.0], [70.0, lane_y + 100.0]]))
-    walker = ScriptedActor("p", line, kind=ActorKind.PEDESTRIAN, length_m=0.9, width_m=0.79)
+    walker = rolling("p", line, kind="pedestrian", size_m=(0.9, 0.79))
     planner = Planning(straight)
-    episode = run_loop(
-        scenario(1), ROADS, planner, ScriptedTraffic([walker]), options=EpisodeOptions(), on_phase=lambda _: None
-    )
+    episode = run_loop(scenario(1), ROADS, planner, replayed(walker), options=EpisodeOptions(), on_phase=lambda _: None)
     trace = episode.trace
     assert trace is not None
     assert all(trace.actors.at(k).ids == ("p",) for k in range(len(trace)))
@@ -122,8 +120,6 @@ def test_a_hidden_pedestrian_is_neither_in_the_scene_nor_in_the_past_yet_in_the_
         known = [present[k] if k >= 0 else 0 for k in range(step - len(past), step)]
         assert past == known
     unhidden = Planning(straight)
-    run_loop(
-        scenario(None), ROADS, unhidden, ScriptedTraffic([walker]), options=EpisodeOptions(), on_phase=lambda _: None
-    )
+    run_loop(scenario(None), ROADS, unhidden, replayed(walker), options=EpisodeOptions(), on_phase=lambda _: None)
     assert all(len(each.actors) == 1 for each in unhidden.seen)
     assert all(len(actors) == 1 for actors in unhidden.seen[0].past.actors)
