@@ -17,7 +17,7 @@ from interplan_sumo.planner import Mission, Observation, Past, Planner, load_pla
 from interplan_sumo.scenario.scenario import LanePosition, PlacedVehicle, Scenario
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_scenario, find_suite
 from interplan_sumo.simulation.episode import Episode, drive
-from interplan_sumo.verification.reference_distance import reference_drive
+from interplan_sumo.verification.replay import reference_drive
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.trajectory import Trajectory
 from tests.metrics.staging import moved_roads

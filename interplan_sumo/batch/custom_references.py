@@ -50,7 +50,7 @@ def own_expert(scenario: Scenario, run_folder: Path) -> EgoTrack:
             return EgoTrack.from_frame(pd.read_parquet(path), PACIFICA)
         except Exception as error:  # pyarrow has many
             raise InputError(f"cannot read {path}: {error}; delete it, and it is driven again") from None
-    from interplan_sumo.verification.reference_distance import reference_drive
+    from interplan_sumo.verification.replay import reference_drive
 
     track = reference_drive(scenario).ego
     _keep(track, path)

@@ -13,10 +13,9 @@ from typing import Final, Literal
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError, UnknownNameError
-from interplan_sumo.scenario.ego_past import PAST_STEPS, EgoPast
 from interplan_sumo.scenario.matching import LaneMatch, MatchedPath, matched_path
 from interplan_sumo.scenario.recorded_lights import with_recorded_lights
-from interplan_sumo.scenario.replayed import REPLAYED, ReplayedKind, ReplayedTrack
+from interplan_sumo.scenario.recorded_parts import PAST_STEPS, REPLAYED, EgoPast, ReplayedKind, ReplayedTrack
 from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
 from interplan_sumo.scenario.surroundings import Surroundings, surroundings
 from interplan_sumo.world.actors import ActorKind

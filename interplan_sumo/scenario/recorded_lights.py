@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from interplan_sumo.scenario.logged_lights import STATUS, LightStatus, LoggedLight
+from interplan_sumo.scenario.recorded_parts import STATUS, LightStatus, LoggedLight
 from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.geometry import Ints

@@ -11,9 +11,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.scenario.ego_past import EgoPast
-from interplan_sumo.scenario.logged_lights import LoggedLight
-from interplan_sumo.scenario.replayed import ReplayedTrack
+from interplan_sumo.scenario.recorded_parts import EgoPast, LoggedLight, ReplayedTrack
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Pose, wrap_angle
 from interplan_sumo.world.roads import Lane, Roads

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from interplan_sumo.planner import Past
-from interplan_sumo.scenario.ego_past import PAST_STEPS, EgoPast
+from interplan_sumo.scenario.recorded_parts import PAST_STEPS, EgoPast
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Polyline, wrap_angle

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import TrafficError
-from interplan_sumo.scenario.logged_lights import LoggedLight
+from interplan_sumo.scenario.recorded_parts import LoggedLight
 from interplan_sumo.world.signals import Signals, SignalStatus
 
 _STATUS = {"G": SignalStatus.GREEN, "g": SignalStatus.GREEN, "y": SignalStatus.YELLOW, "Y": SignalStatus.YELLOW,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from interplan_sumo.scenario.replayed import REPLAYED, ReplayedTrack
+from interplan_sumo.scenario.recorded_parts import REPLAYED, ReplayedTrack
 from interplan_sumo.simulation.lights import LoggedLights
 from interplan_sumo.simulation.traffic import TrafficState
 from interplan_sumo.world.actors import Actors

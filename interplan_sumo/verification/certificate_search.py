@@ -21,8 +21,8 @@ from interplan_sumo.metrics.collisions import rows_in_contact
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.episode import DT_S
 from interplan_sumo.simulation.setup import start_state
-from interplan_sumo.verification.corridor import course
-from interplan_sumo.verification.drivable_paths import DrivablePath, Side, Swerve, blocked_by, way
+from interplan_sumo.verification.corridor import frenet_corridor
+from interplan_sumo.verification.drivable_paths import DrivablePath, Side, Swerve, blocked_by, drivable_path
 from interplan_sumo.verification.observed_traffic import ObservedTraffic, recording, red_frames, walkers
 from interplan_sumo.verification.planning_problem import (
     CALM,
@@ -35,11 +35,10 @@ from interplan_sumo.verification.planning_problem import (
     SpeedProfile,
     TimeGate,
 )
-from interplan_sumo.verification.privileged_rollout import driven, path, rounded
-from interplan_sumo.verification.reference_distance import route_distance_m
-from interplan_sumo.verification.replay import first_frame, replay
-from interplan_sumo.verification.speed_lattice import cheapest_timing
-from interplan_sumo.verification.yielding_prediction import courteous, entry_arc_m
+from interplan_sumo.verification.privileged_rollout import driven, planned_line, rounded
+from interplan_sumo.verification.replay import first_frame, replay, route_distance_m
+from interplan_sumo.verification.speed_lattice import cheapest_profile
+from interplan_sumo.verification.yielding_prediction import entry_arc_m, yielding_profiles
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.trace import EgoTrack, Trace
 
@@ -56,7 +55,7 @@ class Style:
     pace: Pace
     memory: int
     """So many of the last recordings are to be free of at once."""
-    courtesy: bool = False
+    yielding: bool = False
     """Whether to count on oncoming drivers to brake for the ego."""
 
 
@@ -70,8 +69,8 @@ STYLES: Final = (
     Style(0.3, 20.0, 1.3, TIGHT, QUICK, 1),
     Style(0.6, 40.0, 1.0, WIDE, CALM, 2),
     Style(0.3, 15.0, 1.0, TIGHT, QUICK, 2),
-    Style(0.3, 24.0, 1.3, TIGHT, CALM, 1, courtesy=True),
-    Style(0.3, 16.0, 1.0, TIGHT, CALM, 1, courtesy=True),
+    Style(0.3, 24.0, 1.3, TIGHT, CALM, 1, yielding=True),
+    Style(0.3, 16.0, 1.0, TIGHT, CALM, 1, yielding=True),
     Style(0.2, 24.0, 1.0, USUAL, QUICK, 3),
     Style(0.4, 12.0, 1.0, TIGHT, QUICK, 3),
 )
@@ -105,7 +104,7 @@ def attempts(scenario: Scenario, reference: Trace) -> Iterator[Attempt]:
     """
     search = _Search(scenario, reference)
     for style in STYLES:
-        yield from search.courteously(style) if style.courtesy else search.plainly(style)
+        yield from search.against_yielding(style) if style.yielding else search.plainly(style)
 
 
 class _Search:
@@ -113,16 +112,16 @@ class _Search:
 
     def __init__(self, scenario: Scenario, reference: Trace) -> None:
         roads = load_roads(scenario.map, scenario.maps_beside)
-        self._scenario, self._course = scenario, course(scenario, roads)
+        self._scenario, self._corridor = scenario, frenet_corridor(scenario, roads)
         self._frames = round(scenario.duration_s / DT_S)
         self._first = rounded(start_state(scenario, roads))
-        self._red = red_frames(self._course, reference.signals, self._frames)
+        self._red = red_frames(self._corridor, reference.signals, self._frames)
         self._reference = reference
         self._least_m = LEAST_SHARE * route_distance_m(roads, scenario, reference.ego)
         self._recordings: list[ObservedTraffic] = []
         self._in_the_dark = True
         """Whether nobody was watched yet but after a crash; then any drive is worth a try for what it shows."""
-        self._ways: dict[Swerve, tuple[DrivablePath, ...]] = {}
+        self._paths: dict[Swerve, tuple[DrivablePath, ...]] = {}
         self._tried: set[States] = set()
 
     def plainly(self, style: Style) -> Iterator[Attempt]:
@@ -149,45 +148,45 @@ class _Search:
     @cached_property
     def _begun(self) -> ObservedTraffic:
         """Everybody goes on as they begin."""
-        return recording(self._course, first_frame(self._scenario), self._frames)
+        return recording(self._corridor, first_frame(self._scenario), self._frames)
 
     @cached_property
     def _undisturbed(self) -> ObservedTraffic:
         """Everybody drives as around the reference driver."""
-        return recording(self._course, self._reference, self._frames)
+        return recording(self._corridor, self._reference, self._frames)
 
     def _found(self, others: ObservedTraffic, style: Style) -> list[tuple[SpeedProfile, States]]:
         """New plans on every side, up to the first one that is easy."""
         found: list[tuple[SpeedProfile, States]] = []
-        for ways in self._sides(style):
-            planned = self._planned(ways, others, style)
+        for paths in self._sides(style):
+            planned = self._planned(paths, others, style)
             if planned is not None and planned[1] not in self._tried:
                 found.append(planned)
                 if planned[0].cost < EASY_COST:
                     break
         return found
 
-    def courteously(self, style: Style) -> Iterator[Attempt]:
+    def against_yielding(self, style: Style) -> Iterator[Attempt]:
         """Tries that count on an oncoming driver to let the ego pass, each improved once the answer is known."""
         if self._scenario.traffic.oncoming == "none" or not self._recordings:
             return
-        for ways in self._sides(style):
-            own = ways[self._course.start_track]
-            entry_m = entry_arc_m(self._course, own)
+        for paths in self._sides(style):
+            own = paths[self._corridor.start_path]
+            entry_m = entry_arc_m(self._corridor, own)
             waiting = None
             if entry_m is not None:
-                waiting = self._planned(ways, self._recordings[-1], style, TimeGate(entry_m, self._frames))
+                waiting = self._planned(paths, self._recordings[-1], style, TimeGate(entry_m, self._frames))
             if waiting is None:
                 continue
             yield self._attempt(waiting[1], style)
-            outlook, start = self._outlook(ways, self._recordings[-1]), self._start(self._first)
-            for timing, gate in courteous(outlook, own, start, style.margins, style.pace)[:MOST_CHANCES]:
-                states: States | None = self._driven(ways, timing, (self._first,))
+            problem, start = self._problem(paths, self._recordings[-1]), self._start(self._first)
+            for profile, gate in yielding_profiles(problem, own, start, style.margins, style.pace)[:MOST_CHANCES]:
+                states: States | None = self._driven(paths, profile, (self._first,))
                 for _ in range(REFINEMENTS):
                     if states is None or states in self._tried:
                         break
                     yield self._attempt(states, style)
-                    refined = self._planned(ways, self._recordings[-1], style, gate)
+                    refined = self._planned(paths, self._recordings[-1], style, gate)
                     states = None if refined is None else refined[1]
 
     def _attempt(self, states: States, style: Style) -> Attempt:
@@ -195,40 +194,44 @@ class _Search:
         self._tried.add(states)
         track = EgoTrack.of(states)
         trace = replay(self._scenario, track)
-        self._recordings.append(recording(self._course, trace, self._frames))
+        self._recordings.append(recording(self._corridor, trace, self._frames))
         self._in_the_dark = bool(len(rows_in_contact(trace.ego.corners(trace.shape), trace.actors)))
         return Attempt(track, trace, style)
 
-    def _gets_far(self, timing: SpeedProfile) -> bool:
+    def _gets_far(self, profile: SpeedProfile) -> bool:
         """Whether a plan gets far enough to pass."""
-        return timing.to_goal or float(timing.arc_m[-1]) - self._course.start_m >= self._least_m
+        return profile.to_goal or float(profile.arc_m[-1]) - self._corridor.start_m >= self._least_m
 
     # --- planning ------------------------------------------------------------------------------
 
     def _sides(self, style: Style) -> list[tuple[DrivablePath, ...]]:
-        """The ways of each side on which to pass what stands on the tracks."""
-        closed = any(blocked_by(self._course, track, style.clearance_m) for track in self._course.tracks)
+        """The paths of each side on which to pass what stands on the lanes."""
+        closed = any(
+            blocked_by(self._corridor, lane_path, style.clearance_m) for lane_path in self._corridor.lane_paths
+        )
         sides: tuple[Side | None, ...] = (None, "left", "right") if closed else (None,)
         swerves = [Swerve(side, style.clearance_m, style.ramp_m, style.haste) for side in sides]
         for swerve in swerves:
-            if swerve not in self._ways:
-                self._ways[swerve] = tuple(way(self._course, track, swerve) for track in self._course.tracks)
-        return [self._ways[swerve] for swerve in swerves]
+            if swerve not in self._paths:
+                self._paths[swerve] = tuple(
+                    drivable_path(self._corridor, lane_path, swerve) for lane_path in self._corridor.lane_paths
+                )
+        return [self._paths[swerve] for swerve in swerves]
 
-    def _outlook(self, ways: tuple[DrivablePath, ...], others: ObservedTraffic) -> PlanningProblem:
-        return PlanningProblem(self._course, ways, others, self._red, self._frames)
+    def _problem(self, paths: tuple[DrivablePath, ...], others: ObservedTraffic) -> PlanningProblem:
+        return PlanningProblem(self._corridor, paths, others, self._red, self._frames)
 
     def _start(self, now: EgoState, frame: int = 0) -> ProfileStart:
-        arc_m, _, _ = self._course.unrolled(np.array([[now.x_m, now.y_m]]))
-        return ProfileStart(frame, float(arc_m[0]), now.vx_mps, self._course.start_track)
+        arc_m, _, _ = self._corridor.unrolled(np.array([[now.x_m, now.y_m]]))
+        return ProfileStart(frame, float(arc_m[0]), now.vx_mps, self._corridor.start_path)
 
-    def _driven(self, ways: tuple[DrivablePath, ...], timing: SpeedProfile, before: States) -> States:
-        return driven(self._course, path(self._course, ways, timing), timing, before, self._frames)
+    def _driven(self, paths: tuple[DrivablePath, ...], profile: SpeedProfile, before: States) -> States:
+        return driven(self._corridor, planned_line(self._corridor, paths, profile), profile, before, self._frames)
 
     def _planned(
-        self, ways: tuple[DrivablePath, ...], others: ObservedTraffic, style: Style, gate: TimeGate | None = None
+        self, paths: tuple[DrivablePath, ...], others: ObservedTraffic, style: Style, gate: TimeGate | None = None
     ) -> tuple[SpeedProfile, States] | None:
-        """A timing and the drive that follows it; None if there is none.
+        """A speed profile and the drive that follows it; None if there is none.
 
         When a jaywalker sets off depends on the ego. So the drive is planned as if
         nobody crossed, up to where the first one sets off; from there on it is
@@ -238,14 +241,14 @@ class _Search:
         known: tuple[int | None, ...] = (None,) * len(self._scenario.jaywalkers)
         around = others
         for _ in range(2 * len(known) + 1):
-            timing = cheapest_timing(self._outlook(ways, around), start, style.margins, style.pace, gate)
-            if timing is None:
+            profile = cheapest_profile(self._problem(paths, around), start, style.margins, style.pace, gate)
+            if profile is None:
                 return None
-            states = self._driven(ways, timing, before)
-            walks, began = walkers(self._course, states, self._frames) if known else (None, ())
+            states = self._driven(paths, profile, before)
+            walks, began = walkers(self._corridor, states, self._frames) if known else (None, ())
             fresh = [b for a, b in zip(known, began, strict=True) if b is not None and b != a]
             if walks is None or not fresh or min(fresh) >= len(states) - 1:
-                return timing, states
+                return profile, states
             around, known = others.joined(walks), began
             before, start = states[: min(fresh) + 1], self._start(states[min(fresh)], min(fresh))
         return None

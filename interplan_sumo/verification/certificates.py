@@ -13,8 +13,7 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.verification.certificate_search import attempts
 from interplan_sumo.verification.reachability import unreachable
-from interplan_sumo.verification.reference_distance import reference_drive, route_distance_m
-from interplan_sumo.verification.replay import replay
+from interplan_sumo.verification.replay import reference_drive, replay, route_distance_m
 from interplan_sumo.world.trace import Trace
 
 LEAST_SHARE = 0.7

@@ -1,6 +1,6 @@
-"""Course: the road of a scenario unrolled along its route, with every lane the ego may use on the way.
+"""Corridor: the road of a scenario unrolled along its route, with every lane the ego may use on the way.
 
-All of `proving` that searches for a drive thinks in two coordinates: *arc*,
+All of `verification` that searches for a drive thinks in two coordinates: *arc*,
 the arc length on the route's centre line, and *left*, the signed distance from
 it. A `LanePath` is a lane with its continuations, as an offset over arc.
 """
@@ -55,7 +55,7 @@ class LanePath:
 
 @dataclass(frozen=True, eq=False)
 class FrenetCorridor:
-    """The route's line with its grid of G arcs, and the tracks along it."""
+    """The route's line with its grid of G arcs, and the lane paths along it."""
 
     scenario: Scenario
     roads: Roads
@@ -66,8 +66,8 @@ class FrenetCorridor:
     goal_m: float
     arc_m: Floats
     """(G,) the grid."""
-    tracks: tuple[LanePath, ...]
-    start_track: int
+    lane_paths: tuple[LanePath, ...]
+    start_path: int
 
     @cached_property
     def frame(self) -> Floats:
@@ -95,13 +95,13 @@ class FrenetCorridor:
         return int(np.clip(round((arc_m - float(self.arc_m[0])) / GRID_M), 0, len(self.arc_m) - 1))
 
     def neighbours(self, one: int, other: int) -> NDArray[np.bool_]:
-        """(G,) where two tracks are side by side."""
-        apart = np.abs(self.tracks[one].left_m - self.tracks[other].left_m)
+        """(G,) where two lane paths are side by side."""
+        apart = np.abs(self.lane_paths[one].left_m - self.lane_paths[other].left_m)
         return (apart > NEIGHBOURS_M[0]) & (apart < NEIGHBOURS_M[1])  # comparisons with nan are False
 
 
-def course(scenario: Scenario, roads: Roads) -> FrenetCorridor:
-    """The course of a scenario; ScenarioError if its goal cannot be reached along its route."""
+def frenet_corridor(scenario: Scenario, roads: Roads) -> FrenetCorridor:
+    """The corridor of a scenario; ScenarioError if its goal cannot be reached along its route."""
     route = route_centerline(roads, scenario)
     line, goal_m = _extended(route), goal_arc_m(roads, scenario) + EXTENSION_M
     start = scenario.start.pose(roads)
@@ -111,10 +111,10 @@ def course(scenario: Scenario, roads: Roads) -> FrenetCorridor:
     count = int(np.ceil((goal_m - start_m + BEFORE_M + BEYOND_M) / GRID_M)) + 1
     arc_m = (start_m - BEFORE_M + GRID_M * np.arange(count)).astype(np.float64)
     chains = _chains(roads, scenario)
-    tracks = tuple(_track(roads, scenario, line, arc_m, chain) for chain in chains)
-    kept = _of_use(scenario, tracks)
-    start_track = next(i for i, track in enumerate(kept) if scenario.start.lane in track.lanes)
-    return FrenetCorridor(scenario, roads, line, start_m, goal_m, arc_m, kept, start_track)
+    lane_paths = tuple(_lane_path(roads, scenario, line, arc_m, chain) for chain in chains)
+    kept = _of_use(scenario, lane_paths)
+    start_path = next(i for i, lane_path in enumerate(kept) if scenario.start.lane in lane_path.lanes)
+    return FrenetCorridor(scenario, roads, line, start_m, goal_m, arc_m, kept, start_path)
 
 
 def smoothed(values: Floats, half_width: int) -> Floats:
@@ -156,21 +156,22 @@ def _chains(roads: Roads, scenario: Scenario) -> list[tuple[str, ...]]:
 
 
 def _followed(roads: Roads, route: tuple[str, ...], at: int, lane: str, need: Mapping[str, int]) -> tuple[str, ...]:
-    """A lane and what follows it along the route; of several ways the one with the fewest lane changes left."""
+    """A lane and what follows it along the route; of several connectors the one with the fewest lane changes left."""
     chain = [lane]
     if lane in roads.connectors:  # a drive may begin inside a junction
         chain += roads.outgoing(lane)
         at += 1
     while at + 2 < len(route):
-        ways = [
-            way
-            for way in roads.outgoing(chain[-1])
-            if roads[way].roadblock_id == route[at + 1] and roads[roads.outgoing(way)[0]].roadblock_id == route[at + 2]
+        connectors = [
+            each
+            for each in roads.outgoing(chain[-1])
+            if roads[each].roadblock_id == route[at + 1]
+            and roads[roads.outgoing(each)[0]].roadblock_id == route[at + 2]
         ]
-        if not ways:
+        if not connectors:
             break
-        way = min(ways, key=lambda w: (need.get(w, len(roads.lanes)), _bend_rad(roads, w), w))
-        chain += [way, roads.outgoing(way)[0]]
+        best = min(connectors, key=lambda each: (need.get(each, len(roads.lanes)), _bend_rad(roads, each), each))
+        chain += [best, roads.outgoing(best)[0]]
         at += 2
     return tuple(chain)
 
@@ -180,7 +181,7 @@ def _bend_rad(roads: Roads, lane_id: str) -> float:
     return abs(float(wrap_angle(headings[-1] - headings[0])))
 
 
-def _track(roads: Roads, scenario: Scenario, line: Polyline, arc_m: Floats, chain: tuple[str, ...]) -> LanePath:
+def _lane_path(roads: Roads, scenario: Scenario, line: Polyline, arc_m: Floats, chain: tuple[str, ...]) -> LanePath:
     left = np.full(len(arc_m), np.nan)
     limit = np.full(len(arc_m), WITHOUT_LIMIT_MPS)
     at_goal = False
@@ -205,20 +206,20 @@ def _track(roads: Roads, scenario: Scenario, line: Polyline, arc_m: Floats, chai
     return LanePath(chain, left, limit, at_goal)
 
 
-def _of_use(scenario: Scenario, tracks: tuple[LanePath, ...]) -> tuple[LanePath, ...]:
-    """The tracks between start and goal lane, and where something stands in the way those beside them."""
-    ends = [track for track in tracks if track.at_goal or scenario.start.lane in track.lanes]
-    lowest = min(float(np.nanmin(track.left_m)) for track in ends)
-    highest = max(float(np.nanmax(track.left_m)) for track in ends)
+def _of_use(scenario: Scenario, lane_paths: tuple[LanePath, ...]) -> tuple[LanePath, ...]:
+    """The lane paths between start and goal lane, and where something stands in the way those beside them."""
+    ends = [lane_path for lane_path in lane_paths if lane_path.at_goal or scenario.start.lane in lane_path.lanes]
+    lowest = min(float(np.nanmin(lane_path.left_m)) for lane_path in ends)
+    highest = max(float(np.nanmax(lane_path.left_m)) for lane_path in ends)
     aside_m = ASIDE_M if scenario.obstacles else 0.5
     kept: list[LanePath] = []
-    for track in tracks:
-        if track in ends:
-            kept.append(track)
+    for lane_path in lane_paths:
+        if lane_path in ends:
+            kept.append(lane_path)
             continue
-        if not np.isfinite(track.left_m).any():
+        if not np.isfinite(lane_path.left_m).any():
             continue
-        middle = float(np.nanmedian(track.left_m))
+        middle = float(np.nanmedian(lane_path.left_m))
         if lowest - aside_m < middle < highest + aside_m:
-            kept.append(track)
+            kept.append(lane_path)
     return tuple(kept)

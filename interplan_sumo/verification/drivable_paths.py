@@ -1,4 +1,4 @@
-"""Ways: tracks as they can be driven: with swerves around what stands on them, and how fast each place allows."""
+"""Drivable paths: lane paths with swerves around what stands on them, and how fast each place can be driven."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SAME_SWERVE_M = 25.0
 TOUCH_M = 0.1
 """Room beside the ego's box that the tracker may need."""
 SWAY_M = 0.2
-"""Room beside what it goes straight on to, should it head a little off its way."""
+"""Room beside what it goes straight on to, should it head a little off its path."""
 LOOKAHEAD_S = 1.15
 """A standing obstacle straight ahead is kept this far away; the metric asks for more than 0.95 s."""
 OFF_ROAD_M = 0.1
@@ -38,7 +38,7 @@ CENTRE_M = 0.05
 BEND_ROOM_M = (0.15, 0.3, 0.45, 0.6)
 """More clearance to try: in a bend a box takes more than its width, and points at what it is about to pass."""
 CRAWL_MPS = 1.5
-"""A way with a swerve that allows no more somewhere asks for more room."""
+"""A path with a swerve that allows no more somewhere asks for more room."""
 FIRST_S, FIRST_BRAKING_MPS2 = 1.0, 3.0
 """An ego that begins too fast for its place holds its speed for so long, then brakes this hard."""
 ASTRIDE_M = 0.1
@@ -52,7 +52,7 @@ class Swerve:
     """How obstacles are passed."""
 
     over: Side | None = None
-    """The side on which one leaves the lane to pass what a nudge does not pass; None: such a track is closed."""
+    """The side on which one leaves the lane to pass what a nudge does not pass; None: such a lane path is closed."""
     clearance_m: float = 0.4
     ramp_m: float = 28.0
     """Length of the move out, and of the move back."""
@@ -62,59 +62,59 @@ class Swerve:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivablePath:
-    """A track as it is driven, on the course's grid of G arcs."""
+    """A lane path as it is driven, on the corridor's grid of G arcs."""
 
-    track: LanePath
+    lane_path: LanePath
     left_m: Floats
-    """(G,) offset of the driven line; not a number where the track does not exist."""
+    """(G,) offset of the driven line; not a number where the lane path does not exist."""
     cap_mps: Floats
     """(G,) highest speed: limit, bends, and standing obstacles straight ahead."""
     closed: NDArray[np.bool_]
-    """(G,) where the ego's box would touch an obstacle or leave the road, or where there is no track."""
+    """(G,) where the ego's box would touch an obstacle or leave the road, or where there is no lane path."""
     swerving: NDArray[np.bool_]
     """(G,) where the driven line leaves the lane."""
 
     @property
     def over(self) -> NDArray[np.bool_]:
         """(G,) where it swerves by more than a nudge, from the first step aside to the last."""
-        aside_m = np.abs(np.nan_to_num(self.left_m - self.track.left_m))
+        aside_m = np.abs(np.nan_to_num(self.left_m - self.lane_path.left_m))
         return (aside_m > ASTRIDE_M) & bool((aside_m > NUDGE_M).any())
 
 
-def way(course: FrenetCorridor, track: LanePath, swerve: Swerve) -> DrivablePath:
-    """The way along a track, the swerve around each group of obstacles included; with more room where that helps."""
-    tried = [_way(course, track, swerve)]
+def drivable_path(corridor: FrenetCorridor, lane_path: LanePath, swerve: Swerve) -> DrivablePath:
+    """The path along a lane, the swerve around each group of obstacles included; with more room where that helps."""
+    tried = [_drivable_path(corridor, lane_path, swerve)]
     if not tried[0].swerving.any():
         return tried[0]
     for more_m in BEND_ROOM_M:
         if _slowest_mps(tried[-1]) >= CRAWL_MPS:
             return tried[-1]
-        tried.append(_way(course, track, replace(swerve, clearance_m=swerve.clearance_m + more_m)))
+        tried.append(_drivable_path(corridor, lane_path, replace(swerve, clearance_m=swerve.clearance_m + more_m)))
     return max(tried, key=_slowest_mps)
 
 
-def _slowest_mps(way: DrivablePath) -> float:
-    """The lowest speed that a way allows anywhere; -1 if it is closed there."""
-    allowed = np.where(way.closed, -1.0, way.cap_mps)
-    return float(allowed[np.isfinite(way.left_m)].min())
+def _slowest_mps(path: DrivablePath) -> float:
+    """The lowest speed that a path allows anywhere; -1 if it is closed there."""
+    allowed = np.where(path.closed, -1.0, path.cap_mps)
+    return float(allowed[np.isfinite(path.left_m)].min())
 
 
-def _way(course: FrenetCorridor, track: LanePath, swerve: Swerve) -> DrivablePath:
-    exists = np.isfinite(track.left_m)
-    aside = _asides(course, track, swerve)
-    left = track.left_m + aside
-    filled = np.where(exists, left, np.interp(course.arc_m, course.arc_m[exists], left[exists]))
-    xy = course.points(filled)
+def _drivable_path(corridor: FrenetCorridor, lane_path: LanePath, swerve: Swerve) -> DrivablePath:
+    exists = np.isfinite(lane_path.left_m)
+    aside = _asides(corridor, lane_path, swerve)
+    left = lane_path.left_m + aside
+    filled = np.where(exists, left, np.interp(corridor.arc_m, corridor.arc_m[exists], left[exists]))
+    xy = corridor.points(filled)
     heading = headings_of(xy)
     body = held_back(heading)
-    closed, straight_cap = _obstructed(course, xy, body, swerve.clearance_m)
+    closed, straight_cap = _obstructed(corridor, xy, body, swerve.clearance_m)
     closed |= ~exists
-    closed |= _off_road(course, xy, body, aside != 0.0)
-    if "driving_direction" not in course.scenario.exempt:
-        closed |= _against_traffic(course, xy, heading, np.abs(aside) > SWERVING_M)
-    wanted = np.minimum(track.limit_mps, _bend_cap_mps(xy, heading, swerve.haste))
-    cap = np.minimum(np.maximum(wanted, _braking_mps(course)), straight_cap)
-    return DrivablePath(track, left, cap, closed, np.abs(aside) > SWERVING_M)
+    closed |= _off_road(corridor, xy, body, aside != 0.0)
+    if "driving_direction" not in corridor.scenario.exempt:
+        closed |= _against_traffic(corridor, xy, heading, np.abs(aside) > SWERVING_M)
+    wanted = np.minimum(lane_path.limit_mps, _bend_cap_mps(xy, heading, swerve.haste))
+    cap = np.minimum(np.maximum(wanted, _braking_mps(corridor)), straight_cap)
+    return DrivablePath(lane_path, left, cap, closed, np.abs(aside) > SWERVING_M)
 
 
 def headings_of(xy: Floats) -> Floats:
@@ -128,15 +128,17 @@ def held_back(values: Floats) -> Floats:
     return np.concatenate((np.repeat(values[:1], REAR_CELLS), values[:-REAR_CELLS]))
 
 
-def blocked_by(course: FrenetCorridor, track: LanePath, clearance_m: float) -> list[tuple[float, float, float, float]]:
-    """Groups of obstacles in a track's way: arcs from and to, and the offsets that pass them on the right and left."""
-    boxes = obstacle_corners(course)
+def blocked_by(
+    corridor: FrenetCorridor, lane_path: LanePath, clearance_m: float
+) -> list[tuple[float, float, float, float]]:
+    """Groups of obstacles in the way: arcs from and to, and the offsets that pass them on the right and left."""
+    boxes = obstacle_corners(corridor)
     found: list[tuple[float, float, float, float]] = []
     half_m = HALF_WIDTH_M + clearance_m
-    exists = np.isfinite(track.left_m)
-    arc_m, left_m = course.arc_m[exists], track.left_m[exists]
+    exists = np.isfinite(lane_path.left_m)
+    arc_m, left_m = corridor.arc_m[exists], lane_path.left_m[exists]
     for corners in boxes:
-        arc, left, _ = course.unrolled(corners)
+        arc, left, _ = corridor.unrolled(corners)
         if arc.max() < arc_m[0] or arc.min() > arc_m[-1]:
             continue
         beside = left - np.interp(arc, arc_m, left_m)
@@ -154,25 +156,25 @@ def blocked_by(course: FrenetCorridor, track: LanePath, clearance_m: float) -> l
     return groups
 
 
-def obstacle_corners(course: FrenetCorridor) -> list[Floats]:
+def obstacle_corners(corridor: FrenetCorridor) -> list[Floats]:
     """The corners (4, 2) of every obstacle."""
-    poses = [(each.pose(course.roads), each.size_m) for each in course.scenario.obstacles]
+    poses = [(each.pose(corridor.roads), each.size_m) for each in corridor.scenario.obstacles]
     return [box_corners(p.x_m, p.y_m, p.heading_rad, *size)[0] for p, size in poses]
 
 
-def _asides(course: FrenetCorridor, track: LanePath, swerve: Swerve) -> Floats:
-    """(G,) how far the driven line leaves the track, left positive."""
-    aside = np.zeros(len(course.arc_m))
-    for first_m, last_m, right_m, left_m in blocked_by(course, track, swerve.clearance_m):
+def _asides(corridor: FrenetCorridor, lane_path: LanePath, swerve: Swerve) -> Floats:
+    """(G,) how far the driven line leaves the lane path, left positive."""
+    aside = np.zeros(len(corridor.arc_m))
+    for first_m, last_m, right_m, left_m in blocked_by(corridor, lane_path, swerve.clearance_m):
         offset_m = min(right_m, left_m, key=abs)
         if abs(offset_m) > NUDGE_M:
             if swerve.over is None:
                 continue
             offset_m = left_m if swerve.over == "left" else right_m
         begin_m, end_m = first_m - HALF_LENGTH_M - 1.0, last_m + HALF_LENGTH_M + 0.5
-        out_m = min(swerve.ramp_m, max(6.0, begin_m - course.start_m - 1.0))
-        out = quintic((course.arc_m - (begin_m - out_m)) / out_m)
-        back = quintic((course.arc_m - end_m) / swerve.ramp_m)
+        out_m = min(swerve.ramp_m, max(6.0, begin_m - corridor.start_m - 1.0))
+        out = quintic((corridor.arc_m - (begin_m - out_m)) / out_m)
+        back = quintic((corridor.arc_m - end_m) / swerve.ramp_m)
         bump = offset_m * (out - back)
         aside = np.where(np.abs(bump) > np.abs(aside), bump, aside)
     return aside
@@ -185,13 +187,13 @@ def quintic(share: Floats) -> Floats:
 
 
 def _obstructed(
-    course: FrenetCorridor, xy: Floats, heading: Floats, clearance_m: float
+    corridor: FrenetCorridor, xy: Floats, heading: Floats, clearance_m: float
 ) -> tuple[NDArray[np.bool_], Floats]:
     """(G,) where the ego would touch an obstacle, and the speed at which one straight ahead is far enough away."""
     closed = np.zeros(len(xy), dtype=np.bool_)
     cap = np.full(len(xy), np.inf)
-    for obstacle in course.scenario.obstacles:
-        pose, size_m = obstacle.pose(course.roads), obstacle.size_m
+    for obstacle in corridor.scenario.obstacles:
+        pose, size_m = obstacle.pose(corridor.roads), obstacle.size_m
         begin_m, cease_m = _straight_on_m(xy, heading, min(TOUCH_M, 0.5 * clearance_m), pose, size_m)
         closed |= (begin_m <= 0.0) & (cease_m >= 0.0)
         begin_m, cease_m = _straight_on_m(xy, heading, min(SWAY_M, 0.7 * clearance_m), pose, size_m)
@@ -213,7 +215,7 @@ def _straight_on_m(
     )  # fmt: skip
 
 
-def _off_road(course: FrenetCorridor, xy: Floats, heading: Floats, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _off_road(corridor: FrenetCorridor, xy: Floats, heading: Floats, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(G,) where a corner of the ego's box leaves the road; looked at only where asked."""
     off = np.zeros(len(xy), dtype=np.bool_)
     rows = np.flatnonzero(where)
@@ -222,15 +224,15 @@ def _off_road(course: FrenetCorridor, xy: Floats, heading: Floats, where: NDArra
             -1, 2
         )
         distance = np.zeros(len(corners))
-        outside = ~course.roads.drivable(corners)
+        outside = ~corridor.roads.drivable(corners)
         if outside.any():
-            distance[outside] = course.roads.distance_to_drivable_m(corners[outside])
+            distance[outside] = corridor.roads.distance_to_drivable_m(corners[outside])
         off[rows] = (distance > OFF_ROAD_M).reshape(-1, 4).any(axis=1)
     return off
 
 
 def _against_traffic(
-    course: FrenetCorridor, xy: Floats, heading: Floats, where: NDArray[np.bool_]
+    corridor: FrenetCorridor, xy: Floats, heading: Floats, where: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """(G,) where the centre of the ego is in a lane of the opposite direction; looked at only where asked."""
     against = np.zeros(len(xy), dtype=np.bool_)
@@ -238,17 +240,17 @@ def _against_traffic(
         for side_m in (-CENTRE_M, CENTRE_M):
             x_m = float(xy[row, 0] - side_m * np.sin(heading[row]))
             y_m = float(xy[row, 1] + side_m * np.cos(heading[row]))
-            for lane_id in course.roads.lanes_at(x_m, y_m):
-                line = course.roads[lane_id].centerline
+            for lane_id in corridor.roads.lanes_at(x_m, y_m):
+                line = corridor.roads[lane_id].centerline
                 along = line.pose_at(line.project_point(x_m, y_m)[0]).heading_rad
                 against[row] |= bool(np.cos(along - heading[row]) < 0.0)
     return against
 
 
-def _braking_mps(course: FrenetCorridor) -> Floats:
+def _braking_mps(corridor: FrenetCorridor) -> Floats:
     """(G,) the speed that an ego still has that begins faster than its place allows."""
-    start_mps = course.scenario.start_speed_mps
-    braked_m = course.arc_m - course.start_m - FIRST_S * start_mps
+    start_mps = corridor.scenario.start_speed_mps
+    braked_m = corridor.arc_m - corridor.start_m - FIRST_S * start_mps
     return np.sqrt(np.maximum(0.0, start_mps**2 - 2.0 * FIRST_BRAKING_MPS2 * np.maximum(0.0, braked_m)))
 
 

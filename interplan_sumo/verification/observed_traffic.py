@@ -1,4 +1,4 @@
-"""Recording: where everybody was in a drive, unrolled along the course, to plan the next try against.
+"""Recording: where everybody was in a drive, unrolled along the corridor, to plan the next try against.
 
 Most agents do in the next try what they did in this one. What lies beyond the
 last recorded frame is taken to go on as it did.
@@ -58,7 +58,7 @@ class ObservedTraffic:
         return ObservedTraffic(*(np.concatenate((getattr(self, f.name), getattr(other, f.name))) for f in fields(self)))
 
 
-def recording(course: FrenetCorridor, trace: Trace, frames: int) -> ObservedTraffic:
+def recording(corridor: FrenetCorridor, trace: Trace, frames: int) -> ObservedTraffic:
     """The agents of a drive: what stands from the start and who crosses on foot are left out."""
     actors = trace.actors
     rows = np.flatnonzero(actors.behaviour.astype(bool))
@@ -69,16 +69,16 @@ def recording(course: FrenetCorridor, trace: Trace, frames: int) -> ObservedTraf
         axis=1,
     )
     behaviour = actors.behaviour[rows[first]]
-    return _unrolled(course, boxes, number, actors.frame[rows], len(trace), frames, behaviour, walks=False)
+    return _unrolled(corridor, boxes, number, actors.frame[rows], len(trace), frames, behaviour, walks=False)
 
 
 def walkers(
-    course: FrenetCorridor, states: Sequence[EgoState], frames: int
+    corridor: FrenetCorridor, states: Sequence[EgoState], frames: int
 ) -> tuple[ObservedTraffic, tuple[int | None, ...]]:
     """The jaywalkers that an ego with these states sets off, and the frame in which each sets off (None: never)."""
-    scenario = course.scenario
+    scenario = corridor.scenario
     ids = tuple(f"{i:04d}" for i in range(len(scenario.jaywalkers)))
-    crowd = Crowd(scenario, course.roads, route_centerline(course.roads, scenario), ids, DT_S)
+    crowd = Crowd(scenario, corridor.roads, route_centerline(corridor.roads, scenario), ids, DT_S)
     seen: list[Actors] = []
     for k in range(frames):
         seen.append(crowd.observe())
@@ -92,16 +92,16 @@ def walkers(
     moving = np.array([a.speed_mps > 0.0 for a in seen]).reshape(frames, many)
     began = tuple(int(np.argmax(column)) if column.any() else None for column in moving.T)
     nameless = np.full(many, "", dtype=object)
-    return _unrolled(course, boxes, number, frame, frames, frames, nameless, walks=True), began
+    return _unrolled(corridor, boxes, number, frame, frames, frames, nameless, walks=True), began
 
 
-def red_frames(course: FrenetCorridor, signals: Sequence[Signals], frames: int) -> dict[str, NDArray[np.bool_]]:
-    """(F,) per connector on the tracks with a light: in which frames it shows red.
+def red_frames(corridor: FrenetCorridor, signals: Sequence[Signals], frames: int) -> dict[str, NDArray[np.bool_]]:
+    """(F,) per connector on the lane paths with a light: in which frames it shows red.
 
     Lights do not depend on the ego; beyond the last frame they stay as they are.
     """
-    ours = {lane for track in course.tracks for lane in track.lanes if lane in course.roads.connectors}
-    lit = sorted(lane for lane in ours if course.roads.connectors[lane].has_traffic_light)
+    ours = {lane for lane_path in corridor.lane_paths for lane in lane_path.lanes if lane in corridor.roads.connectors}
+    lit = sorted(lane for lane in ours if corridor.roads.connectors[lane].has_traffic_light)
     found: dict[str, NDArray[np.bool_]] = {}
     for lane in lit:
         shown = [_status(each, lane) is SignalStatus.RED for each in signals[:frames]]
@@ -117,7 +117,7 @@ def _status(signals: Signals, connector: str) -> SignalStatus | None:
 
 
 def _unrolled(
-    course: FrenetCorridor,
+    corridor: FrenetCorridor,
     boxes: Floats,
     number: Ints,
     frame: Ints,
@@ -128,7 +128,7 @@ def _unrolled(
     walks: bool,
 ) -> ObservedTraffic:
     """From boxes (R, 7): x, y, heading, length, width, vx, vy of one box each, with its number and frame."""
-    arc, left, line_heading = course.unrolled(boxes[:, :2])
+    arc, left, line_heading = corridor.unrolled(boxes[:, :2])
     turned = boxes[:, 2] - line_heading
     cos, sin = np.cos(turned), np.sin(turned)
     half_along = np.abs(cos) * boxes[:, 3] / 2.0 + np.abs(sin) * boxes[:, 4] / 2.0

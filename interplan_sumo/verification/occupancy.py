@@ -1,4 +1,4 @@
-"""Occupancy: which places on a way are taken at a time, for an ego of each speed."""
+"""Occupancy: which places on a path are taken at a time, for an ego of each speed."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class SpeedGrid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeaderQueue:
-    """Those ahead on a way from one time to another, n of them, by their order at the first."""
+    """Those ahead on a path from one time to another, n of them, by their order at the first."""
 
     passed: Ints
     """(S,) how many of them are not ahead of an ego at each place."""
@@ -62,7 +62,7 @@ class LeaderQueue:
 
 @dataclass(frozen=True, slots=True)
 class _Other:
-    """Somebody at one instant, on the course."""
+    """Somebody at one instant, on the corridor."""
 
     near_m: float
     far_m: float
@@ -75,41 +75,42 @@ class _Other:
 
 
 class PathOccupancy:
-    """What is taken on each way of an outlook; worked out when asked for, once."""
+    """What is taken on each path of a problem; worked out when asked for, once."""
 
-    def __init__(self, outlook: PlanningProblem, margins: Margins, grid: SpeedGrid) -> None:
-        self._outlook, self._others, self._margins, self._grid = outlook, outlook.others, margins, grid
+    def __init__(self, problem: PlanningProblem, margins: Margins, grid: SpeedGrid) -> None:
+        self._problem, self._others, self._margins, self._grid = problem, problem.others, margins, grid
         self._arcs_m, self._speeds_mps = grid.arcs_m, grid.speeds_mps[:, None]
         self._fastest_mps = LEVEL_MPS * grid.levels
-        course, ways = outlook.course, outlook.ways
-        at = np.rint((self._arcs_m - course.arc_m[0]) / GRID_M).astype(np.int64)
-        at = np.clip(at, 0, len(course.arc_m) - 1)
-        self._lefts_m = [way.left_m[at] for way in ways]
-        self._slopes = [held_back(np.gradient(way.left_m, GRID_M))[at] for way in ways]
-        stops = {lane: course.unrolled(course.roads[lane].centerline.points[:1])[0][0] for lane in outlook.red}
+        corridor, paths = problem.corridor, problem.paths
+        at = np.rint((self._arcs_m - corridor.arc_m[0]) / GRID_M).astype(np.int64)
+        at = np.clip(at, 0, len(corridor.arc_m) - 1)
+        self._lefts_m = [path.left_m[at] for path in paths]
+        self._slopes = [held_back(np.gradient(path.left_m, GRID_M))[at] for path in paths]
+        stops = {lane: corridor.unrolled(corridor.roads[lane].centerline.points[:1])[0][0] for lane in problem.red}
         self._lights = [
-            [(float(stops[lane]), outlook.red[lane]) for lane in way.track.lanes if lane in stops] for way in ways
+            [(float(stops[lane]), problem.red[lane]) for lane in path.lane_path.lanes if lane in stops]
+            for path in paths
         ]
         self._in_way: dict[tuple[int, int], NDArray[np.bool_]] = {}
         self._queues: dict[tuple[int, int, int], LeaderQueue | None] = {}
         self._taken: dict[tuple[int, int, bool], NDArray[np.bool_] | None] = {}
 
-    # --- who is in a way -----------------------------------------------------------------------
+    # --- who is in the way -----------------------------------------------------------------------
 
-    def in_way(self, way: int, frame: int) -> NDArray[np.bool_]:
-        """(N,) who is in a way at a frame."""
-        key = (way, frame)
+    def in_way(self, path: int, frame: int) -> NDArray[np.bool_]:
+        """(N,) who is in the way on a path at a frame."""
+        key = (path, frame)
         if key not in self._in_way:
-            self._in_way[key] = self._find_in_way(self._outlook.ways[way], min(frame, self._others.frames - 1))
+            self._in_way[key] = self._find_in_way(self._problem.paths[path], min(frame, self._others.frames - 1))
         return self._in_way[key]
 
-    def _find_in_way(self, way: DrivablePath, now: int) -> NDArray[np.bool_]:
-        others, grid_m = self._others, self._outlook.course.arc_m
+    def _find_in_way(self, path: DrivablePath, now: int) -> NDArray[np.bool_]:
+        others, grid_m = self._others, self._problem.corridor.arc_m
         near, far = others.near_m[:, now], others.far_m[:, now]
         with np.errstate(invalid="ignore"):
             arcs = near[:, None] - 1.0 + np.linspace(0.0, 1.0, 5) * (far - near + 2.0)[:, None]
             at = np.nan_to_num((arcs - grid_m[0]) / GRID_M, nan=0.0)
-        here = way.left_m[np.clip(np.rint(at).astype(np.int64), 0, len(grid_m) - 1)]
+        here = path.left_m[np.clip(np.rint(at).astype(np.int64), 0, len(grid_m) - 1)]
         gone = np.isnan(here)
         lowest = np.where(gone, np.inf, here).min(axis=1, initial=np.inf)
         highest = np.where(gone, -np.inf, here).max(axis=1, initial=-np.inf)
@@ -118,21 +119,21 @@ class PathOccupancy:
 
     # --- those ahead ---------------------------------------------------------------------------
 
-    def queue(self, way: int, before: int, after: int) -> LeaderQueue | None:
-        """Those who drive the ego's way on a way at both of two frames, and red lights; None if there are none."""
-        key = (way, before, after)
+    def queue(self, path: int, before: int, after: int) -> LeaderQueue | None:
+        """Those who drive the ego's way on a path at both of two frames, and red lights; None if there are none."""
+        key = (path, before, after)
         if key not in self._queues:
-            self._queues[key] = self._find_queue(way, before, after)
+            self._queues[key] = self._find_queue(path, before, after)
         return self._queues[key]
 
-    def _find_queue(self, way: int, before: int, after: int) -> LeaderQueue | None:
+    def _find_queue(self, path: int, before: int, after: int) -> LeaderQueue | None:
         others, margins, own = self._others, self._margins, self._speeds_mps
         first, last = min(before, others.frames - 1), min(after, others.frames - 1)
         follow = others.follows[:, first] & others.follows[:, last]
-        rows = np.flatnonzero(self.in_way(way, before) & self.in_way(way, after) & follow)
+        rows = np.flatnonzero(self.in_way(path, before) & self.in_way(path, after) & follow)
         near_before, near_after = others.near_m[rows, first], others.near_m[rows, last]
         speed, least_m = others.along_mps[rows, last], np.full(len(rows), margins.front_m)
-        for stop_m, red in self._lights[way]:
+        for stop_m, red in self._lights[path]:
             if red[first : last + 1].any():
                 near_before, near_after = np.append(near_before, stop_m), np.append(near_after, stop_m)
                 speed, least_m = np.append(speed, np.inf), np.append(least_m, STOP_M)  # no time to collision with it
@@ -154,24 +155,24 @@ class PathOccupancy:
 
     # --- all who are near ----------------------------------------------------------------------
 
-    def taken(self, way: int, frame: int, *, everyone: bool, before: int | None = None) -> NDArray[np.bool_] | None:
+    def taken(self, path: int, frame: int, *, everyone: bool, before: int | None = None) -> NDArray[np.bool_] | None:
         """(V, S) where an ego of each speed would be too near to somebody at a frame; None if nowhere.
 
         Without `everyone` those are left out who drive the ego's way and did so on
-        this way at the frame `before`: `queue` is about them.
+        this path at the frame `before`: `queue` is about them.
         """
-        key = (way, frame, everyone)
+        key = (path, frame, everyone)
         if key not in self._taken:
-            self._taken[key] = self._find_taken(way, frame, everyone, before)
+            self._taken[key] = self._find_taken(path, frame, everyone, before)
         return self._taken[key]
 
-    def _find_taken(self, way: int, frame: int, everyone: bool, before: int | None) -> NDArray[np.bool_] | None:
+    def _find_taken(self, path: int, frame: int, everyone: bool, before: int | None) -> NDArray[np.bool_] | None:
         others, grid = self._others, self._grid
         now = min(frame, others.frames - 1)
         follows = others.follows[:, now]
-        counted = self.in_way(way, frame)
+        counted = self.in_way(path, frame)
         if not everyone and before is not None:
-            counted = counted & ~self.in_way(way, before)
+            counted = counted & ~self.in_way(path, before)
         end_m = grid.arc_m + CELL_M * grid.cells
         with np.errstate(invalid="ignore"):
             there = (others.near_m[:, now] < end_m + FAR_M) & (others.far_m[:, now] > grid.arc_m - FAR_M)
@@ -180,9 +181,9 @@ class PathOccupancy:
             other = self._other(row, now)
             here = self._within_reach(other)
             if not follows[row]:
-                here = self._beside(way, here, other)
+                here = self._beside(path, here, other)
             if here.start < here.stop:
-                taken[:, here] |= self._followed(here, other) if follows[row] else self._met(way, here, other)
+                taken[:, here] |= self._followed(here, other) if follows[row] else self._met(path, here, other)
         return taken if taken.any() else None
 
     def _other(self, row: int, now: int) -> _Other:
@@ -206,11 +207,11 @@ class PathOccupancy:
         first, last = np.ceil((begin_m - grid.arc_m) / CELL_M), np.floor((end_m - grid.arc_m) / CELL_M)
         return slice(int(np.clip(first, 0, grid.cells)), int(np.clip(last + 1, 0, grid.cells)))
 
-    def _beside(self, way: int, here: slice, other: _Other) -> slice:
+    def _beside(self, path: int, here: slice, other: _Other) -> slice:
         """Those of the cells from which the ego may come to be where somebody is who does not drive its way."""
         half_m = HALF_WIDTH_M + (other.left_m - other.right_m) / 2.0 + other.room_m
-        aside_mps = np.abs(self._slopes[way][here]) * self._fastest_mps + abs(other.across_mps)
-        offset_m = np.abs(self._lefts_m[way][here] - (other.right_m + other.left_m) / 2.0)
+        aside_mps = np.abs(self._slopes[path][here]) * self._fastest_mps + abs(other.across_mps)
+        offset_m = np.abs(self._lefts_m[path][here] - (other.right_m + other.left_m) / 2.0)
         rows = np.flatnonzero(offset_m < half_m + self._margins.front_s * aside_mps)
         return slice(here.start + int(rows[0]), here.start + int(rows[-1]) + 1) if len(rows) else slice(0, 0)
 
@@ -221,14 +222,14 @@ class PathOccupancy:
         rear_m = HALF_LENGTH_M + margins.rear_m + margins.rear_s * np.maximum(0.0, other.along_mps - own)
         return (arcs_m >= other.near_m - front_m) & (arcs_m <= other.far_m + rear_m)
 
-    def _met(self, way: int, here: slice, other: _Other) -> NDArray[np.bool_]:
+    def _met(self, path: int, here: slice, other: _Other) -> NDArray[np.bool_]:
         """(V, K) whether the ego meets somebody soon if both go straight on from where they are."""
         margins, own, arcs_m = self._margins, self._speeds_mps, self._arcs_m[here]
         ahead_m = other.near_m - margins.front_m - HALF_LENGTH_M - arcs_m
         behind_m = other.far_m + margins.rear_m + HALF_LENGTH_M - arcs_m
-        offset_m = self._lefts_m[way][here] - (other.right_m + other.left_m) / 2.0
+        offset_m = self._lefts_m[path][here] - (other.right_m + other.left_m) / 2.0
         half_m = HALF_WIDTH_M + (other.left_m - other.right_m) / 2.0 + other.room_m
-        closing, aside = own - other.along_mps, self._slopes[way][here] * own - other.across_mps
+        closing, aside = own - other.along_mps, self._slopes[path][here] * own - other.across_mps
         nearing, straight = closing > STILL_MPS, np.abs(aside) < STILL_MPS
         with np.errstate(divide="ignore", invalid="ignore"):
             begin = np.where(nearing, ahead_m / closing, np.where(ahead_m <= 0.0, 0.0, np.inf))

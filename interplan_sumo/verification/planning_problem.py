@@ -1,4 +1,4 @@
-"""Timing: when to be where on which way, and what that is planned from."""
+"""Planning problem: where one may drive and who else does; and its answer, a speed profile: when to be where."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from interplan_sumo.verification.observed_traffic import ObservedTraffic
 from interplan_sumo.world.geometry import Floats
 
 STEP_FRAMES: Final = 10
-"""The knots of a timing are 1 s apart."""
+"""The knots of a speed profile are 1 s apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanningProblem:
     """Where one may drive, and where everybody else will be."""
 
-    course: FrenetCorridor
-    ways: tuple[DrivablePath, ...]
-    """One per track of the course."""
+    corridor: FrenetCorridor
+    paths: tuple[DrivablePath, ...]
+    """One per lane path of the corridor."""
     others: ObservedTraffic
     red: Mapping[str, NDArray[np.bool_]]
     """(F,) per connector with a light: in which frames it must not be entered."""
@@ -64,12 +64,12 @@ QUICK: Final = Pace(7, ((9.0, np.inf, 3), (5.0, 9.0, 4), (2.5, 5.0, 5)))
 
 @dataclass(frozen=True, slots=True)
 class ProfileStart:
-    """Where and when a timing begins."""
+    """Where and when a speed profile begins."""
 
     frame: int
     arc_m: float
     speed_mps: float
-    way: int
+    path: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class PathChange:
 
     from_m: float
     to_m: float
-    way: int
+    path: int
     """The new one."""
 
 
@@ -98,7 +98,7 @@ class SpeedProfile:
     """Of the first knot."""
     arc_m: Floats  # (K,)
     speed_mps: Floats  # (K,)
-    way: int
+    path: int
     """On which it begins."""
     changes: tuple[PathChange, ...]
     cost: float

@@ -1,4 +1,4 @@
-"""Script: the privileged driver: follows a timing on its ways through the ego's own tracker and bicycle.
+"""Privileged rollout: a speed profile on its paths followed through the ego's own tracker and bicycle.
 
 It knows where everybody will be, so it looks at nothing. What it drives is
 what an ego in an episode would that is given these plans, step by step by the
@@ -35,7 +35,7 @@ from interplan_sumo.world.trajectory import Trajectory
 PLAN_S = 1.5
 """Length of the plans; the tracker looks 1 s ahead."""
 SPEED_GAIN_PER_S, PLACE_GAIN_PER_S2 = 1.0, 0.4
-"""How the driver corrects what it is off its timing by."""
+"""How the driver corrects what it is off its speed profile by."""
 RETURN_S, SHORTEST_RETURN_M = 0.7, 4.5
 """The rear axle is steered back to the line within this time, over this length at least."""
 JOIN_M = 30.0
@@ -55,9 +55,9 @@ _PASSED = DT_S / (DT_S + ACCELERATION_LAG_S)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RolloutPath:
-    """A line in the map frame with the course's arc at each of its points."""
+    """A line in the map frame with the corridor's arc at each of its points."""
 
-    course_m: Floats  # (P,)
+    corridor_m: Floats  # (P,)
     along_m: Floats  # (P,) own arc length
     x_m: Floats  # (P,)
     y_m: Floats  # (P,)
@@ -68,16 +68,16 @@ class RolloutPath:
     bend_change_per_m2: Floats  # (P,)
 
 
-def path(course: FrenetCorridor, ways: tuple[DrivablePath, ...], timing: SpeedProfile) -> RolloutPath:
-    """The line that a timing drives: along its ways, from one to the next in its lane changes."""
-    arc = course.arc_m
-    left = _filled(ways[timing.way].left_m)
-    for change in timing.changes:
+def planned_line(corridor: FrenetCorridor, paths: tuple[DrivablePath, ...], profile: SpeedProfile) -> RolloutPath:
+    """The line that a speed profile drives: along its paths, from one to the next in its lane changes."""
+    arc = corridor.arc_m
+    left = _filled(paths[profile.path].left_m)
+    for change in profile.changes:
         share = quintic((arc - change.from_m) / max(change.to_m - change.from_m, 1.0))
-        left = (1.0 - share) * left + share * _filled(ways[change.way].left_m)
-    if course.scenario.start.left_m:
-        left = left + course.scenario.start.left_m * (1.0 - quintic((arc - course.start_m) / JOIN_M))
-    xy = course.points(left)
+        left = (1.0 - share) * left + share * _filled(paths[change.path].left_m)
+    if corridor.scenario.start.left_m:
+        left = left + corridor.scenario.start.left_m * (1.0 - quintic((arc - corridor.start_m) / JOIN_M))
+    xy = corridor.points(left)
     xy = np.stack((smoothed(xy[:, 0], 2), smoothed(xy[:, 1], 2)), axis=1)
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))))
     heading = headings_of(xy)
@@ -87,26 +87,26 @@ def path(course: FrenetCorridor, ways: tuple[DrivablePath, ...], timing: SpeedPr
 
 
 def _filled(left_m: Floats) -> Floats:
-    """Offsets held on where a way does not exist."""
+    """Offsets held on where a path does not exist."""
     exists = np.flatnonzero(np.isfinite(left_m))
     return np.interp(np.arange(len(left_m)), exists, left_m[exists])
 
 
 def driven(
-    course: FrenetCorridor, line: RolloutPath, timing: SpeedProfile, before: tuple[EgoState, ...], frames: int
+    corridor: FrenetCorridor, line: RolloutPath, profile: SpeedProfile, before: tuple[EgoState, ...], frames: int
 ) -> tuple[EgoState, ...]:
     """The states of the drive from frame 0 to the one beyond the goal line, or to `frames`, that one included.
 
-    `before` are those up to the frame where the timing begins, that one included.
+    `before` are those up to the frame where the speed profile begins, that one included.
     """
     states = list(before)
     now = states[-1]
-    begin_m = _place_on(line, now, float(np.interp(timing.arc_m[0], line.course_m, line.along_m)))
-    wanted = _softened(_places(line, timing, frames - timing.frame + 1), begin_m, now.vx_mps, now.ax_mps2)
+    begin_m = _place_on(line, now, float(np.interp(profile.arc_m[0], line.corridor_m, line.along_m)))
+    wanted = _softened(_places(line, profile, frames - profile.frame + 1), begin_m, now.vx_mps, now.ax_mps2)
     speeds = np.gradient(wanted, DT_S)
     pushes = np.gradient(speeds, DT_S)
-    route, goal_m = route_centerline(course.roads, course.scenario), goal_arc_m(course.roads, course.scenario)
-    for i in range(frames - timing.frame):
+    route, goal_m = route_centerline(corridor.roads, corridor.scenario), goal_arc_m(corridor.roads, corridor.scenario)
+    for i in range(frames - profile.frame):
         ego = states[-1]
         if route.project_point(ego.x_m, ego.y_m)[0] > goal_m:
             break
@@ -127,17 +127,17 @@ def rounded(state: EgoState) -> EgoState:
     return replace(state, **{f.name: round(getattr(state, f.name), DECIMALS) + 0.0 for f in fields(state)})
 
 
-def _places(line: RolloutPath, timing: SpeedProfile, count: int) -> Floats:
-    """(count,) own arc length at each frame from the timing's first on; at the end the speed is held."""
+def _places(line: RolloutPath, profile: SpeedProfile, count: int) -> Floats:
+    """(count,) own arc length at each frame from the speed profile's first on; at the end the speed is held."""
     frame_s = DT_S * np.arange(count)
-    knot = np.minimum(frame_s.astype(np.int64), len(timing.arc_m) - 1)
-    speed = timing.speed_mps
+    knot = np.minimum(frame_s.astype(np.int64), len(profile.arc_m) - 1)
+    speed = profile.speed_mps
     push = np.append(np.diff(speed), 0.0)
     into_s = frame_s - knot
-    places = timing.arc_m[knot] + speed[knot] * into_s + 0.5 * push[knot] * into_s**2
-    course_end = float(line.course_m[-1])
-    along = np.interp(places, line.course_m, line.along_m)
-    return along + np.maximum(places - course_end, 0.0)
+    places = profile.arc_m[knot] + speed[knot] * into_s + 0.5 * push[knot] * into_s**2
+    corridor_end = float(line.corridor_m[-1])
+    along = np.interp(places, line.corridor_m, line.along_m)
+    return along + np.maximum(places - corridor_end, 0.0)
 
 
 def _softened(places_m: Floats, begin_m: float, speed_mps: float, push_mps2: float) -> Floats:

@@ -1,7 +1,7 @@
-"""Lattice: the cheapest timing, by a shortest-path search over time, way, place and speed.
+"""Lattice: the cheapest speed profile, by a shortest-path search over time, path, place and speed.
 
 Steps of 1 s, speeds and places on a grid, so that constant accelerations lead
-from one grid point to another. On one way only what is ahead counts: whoever
+from one grid point to another. On one path only what is ahead counts: whoever
 drives the ego's way stays behind it once it is in front. Where the ego changes
 lane or swerves, and against everybody who does not drive its way, all who are
 near count.
@@ -34,7 +34,7 @@ ACCELERATIONS: Final = (0, 1, -1, 2, -2, 3, -3, -4, -5, -6, -7)
 """Levels per step, that is up to 1.5 and down to -3.5 m/s2. Of equally good ones the first wins."""
 HARDEST: Final = 7
 LATER_PUSH: Final = 4
-"""A timing that begins on the way does not begin with more: it would be felt as a jerk."""
+"""A speed profile that begins under way does not begin with more: it would be felt as a jerk."""
 CHANGE_ACCELERATIONS: Final = (0, 1, -1)
 SLOWEST_CHANGE: Final = 4
 """A lane change does not end at fewer levels."""
@@ -59,19 +59,19 @@ ASIDE_COST: Final = 0.04
 """Of a second, for each lane between the ego and the goal lane."""
 
 
-def cheapest_timing(
-    outlook: PlanningProblem, start: ProfileStart, margins: Margins, pace: Pace, gate: TimeGate | None = None
+def cheapest_profile(
+    problem: PlanningProblem, start: ProfileStart, margins: Margins, pace: Pace, gate: TimeGate | None = None
 ) -> SpeedProfile | None:
-    """The cheapest timing to the goal, or as near to it as one gets in time; None if there is none.
+    """The cheapest speed profile to the goal, or as near to it as one gets in time; None if there is none.
 
     It ends in the goal lane, and passes the gate when it has to.
     """
-    return _Lattice(outlook, start, margins, pace, gate).solved()
+    return _Lattice(problem, start, margins, pace, gate).solved()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Move:
-    """One acceleration on one way: where each speed and place (V, S) is reached from."""
+    """One acceleration on one path: where each speed and place (V, S) is reached from."""
 
     k: int
     """Levels per step."""
@@ -109,7 +109,7 @@ class _End:
 
     cost: float
     step: int
-    way: int
+    path: int
     level: int
     cell: int
 
@@ -119,41 +119,41 @@ _CHANGE_CODE = 100
 
 
 class _Lattice:
-    """Costs and codes, how each point was reached, are tables (V, S) by step and way."""
+    """Costs and codes, how each point was reached, are tables (V, S) by step and path."""
 
     def __init__(
-        self, outlook: PlanningProblem, start: ProfileStart, margins: Margins, pace: Pace, gate: TimeGate | None
+        self, problem: PlanningProblem, start: ProfileStart, margins: Margins, pace: Pace, gate: TimeGate | None
     ) -> None:
-        course, ways = outlook.course, outlook.ways
-        self._ways, self._start, self._pace, self._gate = ways, start, pace, gate
-        self._steps = (outlook.frames - 1 - start.frame) // STEP_FRAMES
+        corridor, paths = problem.corridor, problem.paths
+        self._paths, self._start, self._pace, self._gate = paths, start, pace, gate
+        self._steps = (problem.frames - 1 - start.frame) // STEP_FRAMES
         self._first_level = round(start.speed_mps / LEVEL_MPS)
-        fastest_mps = max(float(np.max(way.cap_mps[np.isfinite(way.left_m)], initial=0.0)) for way in ways)
+        fastest_mps = max(float(np.max(path.cap_mps[np.isfinite(path.left_m)], initial=0.0)) for path in paths)
         self._levels = max(int((fastest_mps + TOLERANCE_MPS) / LEVEL_MPS), self._first_level) + 1
-        self._goal = int(np.ceil((course.goal_m - start.arc_m) / CELL_M)) + 1
+        self._goal = int(np.ceil((corridor.goal_m - start.arc_m) / CELL_M)) + 1
         self._cells = self._goal + 2 * self._levels + 2
         self._behind_gate = 0 if gate is None else max(int((gate.arc_m - start.arc_m) / CELL_M) + 1, 0)
         grid = SpeedGrid(start.arc_m, self._cells, self._levels)
-        self._occupancy = PathOccupancy(outlook, margins, grid)
-        at = np.clip(np.rint((grid.arcs_m - course.arc_m[0]) / GRID_M).astype(np.int64), 0, len(course.arc_m) - 1)
-        caps = [np.where(way.closed, -1.0, np.maximum(way.cap_mps, 0.0))[at] for way in ways]
+        self._occupancy = PathOccupancy(problem, margins, grid)
+        at = np.clip(np.rint((grid.arcs_m - corridor.arc_m[0]) / GRID_M).astype(np.int64), 0, len(corridor.arc_m) - 1)
+        caps = [np.where(path.closed, -1.0, np.maximum(path.cap_mps, 0.0))[at] for path in paths]
         self._open = [grid.speeds_mps[:, None] <= cap + TOLERANCE_MPS for cap in caps]
-        if course.scenario.traffic.oncoming != "none":
-            for free, way in zip(self._open, ways, strict=True):
-                free[:SLOWEST_OVER, way.over[at]] = False
-        self._walls = [_counted(way.closed[at]) for way in ways]
-        self._swerving = [way.swerving[at] for way in ways]
+        if corridor.scenario.traffic.oncoming != "none":
+            for free, path in zip(self._open, paths, strict=True):
+                free[:SLOWEST_OVER, path.over[at]] = False
+        self._walls = [_counted(path.closed[at]) for path in paths]
+        self._swerving = [path.swerving[at] for path in paths]
         self._parted = {
-            (p, q): _counted(~course.neighbours(p, q)[at])
-            for p in range(len(ways))
-            for q in range(len(ways))
-            if p != q and course.neighbours(p, q)[at].any()
+            (p, q): _counted(~corridor.neighbours(p, q)[at])
+            for p in range(len(paths))
+            for q in range(len(paths))
+            if p != q and corridor.neighbours(p, q)[at].any()
         }
         self._aside = self._lanes_to_goal()
         self._unreached: Floats = np.full((self._levels, self._cells), np.inf)
         self._costs: dict[tuple[int, int], Floats] = {}
         self._codes: dict[tuple[int, int], NDArray[np.int32]] = {}
-        self._changes: list[tuple[int, int, int]] = []  # from which way, seconds, levels per step
+        self._changes: list[tuple[int, int, int]] = []  # from which path, seconds, levels per step
         self._moves = [self._move(k) for k in ACCELERATIONS]
 
     def _move(self, k: int) -> _Move:
@@ -172,8 +172,8 @@ class _Lattice:
         return SLOW_COST * lost + PUSH_COST * (LEVEL_MPS * k) ** 2
 
     def _lanes_to_goal(self) -> list[int]:
-        """Lane changes left per way; -1 where the goal lane cannot be reached."""
-        left = [0 if way.track.at_goal else -1 for way in self._ways]
+        """Lane changes left per path; -1 where the goal lane cannot be reached."""
+        left = [0 if path.lane_path.at_goal else -1 for path in self._paths]
         for distance in range(1, len(left)):
             for p, q in self._parted:
                 if left[q] == distance - 1 and left[p] < 0:
@@ -183,15 +183,15 @@ class _Lattice:
     # --- the search ----------------------------------------------------------------------------
 
     def solved(self) -> SpeedProfile | None:
-        """The cheapest path as a timing."""
-        self._costs[0, self._start.way] = self._unreached.copy()
-        self._costs[0, self._start.way][self._first_level, 0] = 0.0
+        """The cheapest path as a speed profile."""
+        self._costs[0, self._start.path] = self._unreached.copy()
+        self._costs[0, self._start.path][self._first_level, 0] = 0.0
         best: _End | None = None
         for step in range(self._steps):
-            ways = [p for p, left in enumerate(self._aside) if left >= 0 and (step, p) in self._costs]
-            for p in ways:
+            paths = [p for p, left in enumerate(self._aside) if left >= 0 and (step, p) in self._costs]
+            for p in paths:
                 self._change_lane(step, p)
-            for p in ways:
+            for p in paths:
                 self._go_on(step, p)
             best = self._arrived(step + 1, best)
             if best is not None and best.cost <= self._least_cost(step + 1):
@@ -201,13 +201,13 @@ class _Lattice:
         nearest = self._nearest()
         return None if nearest is None else self._traced(nearest, to_goal=False)
 
-    def _tables(self, step: int, way: int) -> tuple[Floats, NDArray[np.int32]]:
+    def _tables(self, step: int, path: int) -> tuple[Floats, NDArray[np.int32]]:
         """Costs and codes, made when first needed."""
-        if (step, way) not in self._costs:
-            self._costs[step, way] = self._unreached.copy()
-        if (step, way) not in self._codes:
-            self._codes[step, way] = np.zeros(self._unreached.shape, dtype=np.int32)
-        return self._costs[step, way], self._codes[step, way]
+        if (step, path) not in self._costs:
+            self._costs[step, path] = self._unreached.copy()
+        if (step, path) not in self._codes:
+            self._codes[step, path] = np.zeros(self._unreached.shape, dtype=np.int32)
+        return self._costs[step, path], self._codes[step, path]
 
     def _least_cost(self, step: int) -> float:
         return min((float(cost.min()) for (at, _), cost in self._costs.items() if at >= step), default=np.inf)
@@ -236,23 +236,23 @@ class _Lattice:
         found = [end for end in found if np.isfinite(end.cost)]
         return min(found, key=lambda end: end.cost) if found else None
 
-    def _go_on(self, step: int, way: int) -> None:
-        """One step on the same way, at every acceleration."""
-        cost = self._costs[step, way]
+    def _go_on(self, step: int, path: int) -> None:
+        """One step on the same path, at every acceleration."""
+        cost = self._costs[step, path]
         reached = np.flatnonzero(np.isfinite(cost).any(axis=0))
         if not len(reached):
             return
         before = self._start.frame + step * STEP_FRAMES
         end = min(int(reached[-1]) + 2 * self._levels + 1, self._cells)
         padded = np.concatenate((cost.ravel(), [np.inf]))
-        costs, codes = (table[:, :end] for table in self._tables(step + 1, way))
-        allowed = (self._open[way] & ~self._taken(way, before, before + STEP_FRAMES))[:, :end]
+        costs, codes = (table[:, :end] for table in self._tables(step + 1, path))
+        allowed = (self._open[path] & ~self._taken(path, before, before + STEP_FRAMES))[:, :end]
         if self._gate is not None:
             beyond = np.arange(end) >= self._behind_gate
             allowed &= ~beyond if step < self._gate.step else beyond
-        halfway = (self._open[way] & ~self._taken(way, before, before + STEP_FRAMES // 2)).ravel()
-        queue = self._occupancy.queue(way, before, before + STEP_FRAMES)
-        walls, rows, cols = self._walls[way], np.arange(self._levels)[:, None], np.arange(end)
+        halfway = (self._open[path] & ~self._taken(path, before, before + STEP_FRAMES // 2)).ravel()
+        queue = self._occupancy.queue(path, before, before + STEP_FRAMES)
+        walls, rows, cols = self._walls[path], np.arange(self._levels)[:, None], np.arange(end)
         hardest = HARDEST
         if step == 0:
             hardest = max(self._pace.first_push, LATER_PUSH if before > 0 else 0)
@@ -260,7 +260,7 @@ class _Lattice:
             if abs(move.k) > hardest:
                 continue
             source = move.source[:, :end]
-            total = padded[move.at[:, :end]] + (move.cost + ASIDE_COST * self._aside[way])
+            total = padded[move.at[:, :end]] + (move.cost + ASIDE_COST * self._aside[path])
             possible = allowed & halfway[move.halfway[:, :end]] & (walls[cols + 1] == walls[source])
             if queue is not None:
                 passed = queue.passed[source] + rows * queue.last_cell.shape[1]
@@ -270,43 +270,43 @@ class _Lattice:
             np.copyto(costs, total, where=better)
             np.copyto(codes, code, where=better)
 
-    def _taken(self, way: int, before: int, after: int) -> NDArray[np.bool_]:
+    def _taken(self, path: int, before: int, after: int) -> NDArray[np.bool_]:
         """(V, S) taken by those of whom the queue does not tell, and in a swerve by anybody."""
-        strangers = self._occupancy.taken(way, after, everyone=False, before=before)
+        strangers = self._occupancy.taken(path, after, everyone=False, before=before)
         taken = np.zeros(self._unreached.shape, dtype=np.bool_) if strangers is None else strangers
-        if self._swerving[way].any():
-            everyone = self._occupancy.taken(way, after, everyone=True)
+        if self._swerving[path].any():
+            everyone = self._occupancy.taken(path, after, everyone=True)
             if everyone is not None:
-                return taken | (everyone & self._swerving[way])
+                return taken | (everyone & self._swerving[path])
         return taken
 
-    def _change_lane(self, step: int, way: int) -> None:
+    def _change_lane(self, step: int, path: int) -> None:
         """Lane changes to all neighbours, from the best of every few cells."""
-        cost = self._costs[step, way]
+        cost = self._costs[step, path]
         count = self._cells // THINNED
         groups = cost[:, : count * THINNED].reshape(self._levels, count, THINNED)
         cell = np.arange(count) * THINNED + groups.argmin(axis=2)
         level = np.broadcast_to(np.arange(self._levels)[:, None], cell.shape)
         least = np.take_along_axis(cost, cell, axis=1)
-        for other in range(len(self._ways)):
-            if (way, other) not in self._parted or self._aside[other] < 0:
+        for other in range(len(self._paths)):
+            if (path, other) not in self._parted or self._aside[other] < 0:
                 continue
             for slowest, fastest, seconds in self._pace.changes:
                 chosen = np.isfinite(least) & (LEVEL_MPS * level >= slowest) & (LEVEL_MPS * level < fastest)
                 if step + seconds <= self._steps and chosen.any():
                     for k in CHANGE_ACCELERATIONS:
                         begun = _Begun(level[chosen], cell[chosen].astype(np.int64), least[chosen], k, seconds)
-                        self._end_change(step, way, other, begun)
+                        self._end_change(step, path, other, begun)
 
-    def _end_change(self, step: int, way: int, other: int, begun: _Begun) -> None:
+    def _end_change(self, step: int, path: int, other: int, begun: _Begun) -> None:
         """Follow lane changes to their ends, and take note of those that can be done."""
         level, cell = begun.after(begun.seconds)
         begun = begun.only((level >= SLOWEST_CHANGE) & (level < self._levels) & (cell < self._goal))
         level, cell = begun.after(begun.seconds)
         left = begun.cell + ((cell - begun.cell) * LEFT_AFTER).astype(np.int64)
-        parted, walls = self._parted[way, other], self._walls
+        parted, walls = self._parted[path, other], self._walls
         possible = (parted[cell + 1] == parted[begun.cell]) & (walls[other][cell + 1] == walls[other][begun.cell])
-        possible &= walls[way][left + 1] == walls[way][begun.cell]
+        possible &= walls[path][left + 1] == walls[path][begun.cell]
         for i in range(1, begun.seconds + 1):
             frame = self._start.frame + (step + i) * STEP_FRAMES
             now = begun.after(i)
@@ -315,11 +315,11 @@ class _Lattice:
             if taken is not None:
                 possible &= ~taken[now]
             if i <= LEFT_AFTER * begun.seconds + 0.5:
-                possible &= self._open[way][now]
-                queue = self._occupancy.queue(way, frame - STEP_FRAMES, frame)
+                possible &= self._open[path][now]
+                queue = self._occupancy.queue(path, frame - STEP_FRAMES, frame)
                 if queue is not None:
                     possible &= now[1] <= queue.last_cell[now[0], queue.passed[begun.after(i - 1)[1]]]
-        aside = ASIDE_COST * max(self._aside[way], self._aside[other])
+        aside = ASIDE_COST * max(self._aside[path], self._aside[other])
         second = self._cost((begun.level + level) / 2.0, begun.k) + aside
         total = begun.cost + CHANGE_COST + begun.seconds * second
         costs, codes = self._tables(step + begun.seconds, other)
@@ -328,33 +328,33 @@ class _Lattice:
         rows = rows[np.argsort(-total[rows], kind="stable")]  # of several that end alike the cheapest is written last
         np.put(costs, at[rows], total[rows])
         np.put(codes, at[rows], _CHANGE_CODE + len(self._changes))
-        self._changes.append((way, begun.seconds, begun.k))
+        self._changes.append((path, begun.seconds, begun.k))
 
     # --- the answer ----------------------------------------------------------------------------
 
     def _traced(self, end: _End, *, to_goal: bool) -> SpeedProfile:
         """The path that ends there, followed back to its start."""
-        step, way, level, cell = end.step, end.way, end.level, end.cell
+        step, path, level, cell = end.step, end.path, end.level, end.cell
         points, changes = [(level, cell)], list[PathChange]()
         arc_m = self._start.arc_m
         while step > 0:
-            code = int(self._codes[step, way][level, cell])
-            before, seconds, k = way, 1, ACCELERATIONS[code] if code < _CHANGE_CODE else 0
+            code = int(self._codes[step, path][level, cell])
+            before, seconds, k = path, 1, ACCELERATIONS[code] if code < _CHANGE_CODE else 0
             if code >= _CHANGE_CODE:
                 before, seconds, k = self._changes[code - _CHANGE_CODE]
             to_m = arc_m + CELL_M * cell
             for _ in range(seconds):
                 level, cell = level - k, cell - (2 * level - k)
                 points.append((level, cell))
-            if before != way:
-                changes.append(PathChange(arc_m + CELL_M * cell, to_m, way))
-            step, way = step - seconds, before
+            if before != path:
+                changes.append(PathChange(arc_m + CELL_M * cell, to_m, path))
+            step, path = step - seconds, before
         levels, cells = np.array(points[::-1], dtype=np.float64).T
         return SpeedProfile(
             self._start.frame,
             arc_m + CELL_M * cells,
             LEVEL_MPS * levels,
-            self._start.way,
+            self._start.path,
             tuple(changes[::-1]),
             end.cost,
             to_goal,

@@ -26,7 +26,7 @@ from interplan_sumo.verification.planning_problem import (
     SpeedProfile,
     TimeGate,
 )
-from interplan_sumo.verification.speed_lattice import cheapest_timing
+from interplan_sumo.verification.speed_lattice import cheapest_profile
 from interplan_sumo.world.geometry import Floats
 
 CAUTIOUS_OVERLAP = 0.2
@@ -44,40 +44,40 @@ LAST_STEPS = 6
 """Later than so many steps before the end nobody need begin to pass."""
 
 
-def courteous(
-    outlook: PlanningProblem, way: DrivablePath, start: ProfileStart, margins: Margins, pace: Pace
+def yielding_profiles(
+    problem: PlanningProblem, path: DrivablePath, start: ProfileStart, margins: Margins, pace: Pace
 ) -> list[tuple[SpeedProfile, TimeGate]]:
     """Timings that enter the oncoming lane when a cautious driver lets the ego pass, the cheapest first.
 
-    The outlook's recording is one in which the ego stays on its side. `way` is
-    the one on which it starts. Each timing comes with the gate that holds it to
+    The problem's recording is one in which the ego stays on its side. `path` is
+    the one on which it starts. Each speed profile comes with the gate that holds it to
     the moment in which it enters.
     """
-    entry_m, exit_m = _swerve(outlook.course, way)
-    base, alone = outlook.others, _without_coming(outlook.others)
-    drivers = _drivers(outlook.course)
+    entry_m, exit_m = _swerve(problem.corridor, path)
+    base, alone = problem.others, _without_coming(problem.others)
+    drivers = _drivers(problem.corridor)
 
     def planned(others: ObservedTraffic, gate: TimeGate) -> SpeedProfile | None:
-        return cheapest_timing(replace(outlook, others=others), start, margins, pace, gate)
+        return cheapest_profile(replace(problem, others=others), start, margins, pace, gate)
 
     found: list[tuple[SpeedProfile, TimeGate]] = []
-    for step in range((outlook.frames - start.frame) // STEP_FRAMES - LAST_STEPS):
+    for step in range((problem.frames - start.frame) // STEP_FRAMES - LAST_STEPS):
         gate = TimeGate(entry_m, step)
-        timing = planned(alone, gate)
+        profile = planned(alone, gate)
         for turn in range(GUESSES):
-            guess = None if timing is None else _yielded(base, drivers, timing, entry_m, exit_m)
-            if timing is None or guess is None or (turn == 0 and _meets(guess, timing, entry_m, exit_m)):
-                timing = None
+            guess = None if profile is None else _yielded(base, drivers, profile, entry_m, exit_m)
+            if profile is None or guess is None or (turn == 0 and _meets(guess, profile, entry_m, exit_m)):
+                profile = None
                 break
-            timing = planned(guess, gate)
-        if timing is not None and timing.to_goal:
-            found.append((timing, gate))
+            profile = planned(guess, gate)
+        if profile is not None and profile.to_goal:
+            found.append((profile, gate))
     return sorted(found, key=lambda each: each[0].cost)
 
 
-def entry_arc_m(course: FrenetCorridor, way: DrivablePath) -> float | None:
-    """Arc of the ego's centre where its way first leaves the lane; None if it never does."""
-    return _swerve(course, way)[0] if way.swerving.any() else None
+def entry_arc_m(corridor: FrenetCorridor, path: DrivablePath) -> float | None:
+    """Arc of the ego's centre where its path first leaves the lane; None if it never does."""
+    return _swerve(corridor, path)[0] if path.swerving.any() else None
 
 
 def _without_coming(others: ObservedTraffic) -> ObservedTraffic:
@@ -86,28 +86,28 @@ def _without_coming(others: ObservedTraffic) -> ObservedTraffic:
     return ObservedTraffic(*(getattr(others, f.name)[stay] for f in fields(others)))
 
 
-def _swerve(course: FrenetCorridor, way: DrivablePath) -> tuple[float, float]:
-    """Arcs of the ego's centre where its way first leaves the lane, and where it is back."""
-    rows = np.flatnonzero(way.swerving)
-    return float(course.arc_m[rows[0]]) - GRID_M, float(course.arc_m[rows[-1]]) + GRID_M
+def _swerve(corridor: FrenetCorridor, path: DrivablePath) -> tuple[float, float]:
+    """Arcs of the ego's centre where its path first leaves the lane, and where it is back."""
+    rows = np.flatnonzero(path.swerving)
+    return float(corridor.arc_m[rows[0]]) - GRID_M, float(corridor.arc_m[rows[-1]]) + GRID_M
 
 
-def _drivers(course: FrenetCorridor) -> dict[str, VehicleType]:
+def _drivers(corridor: FrenetCorridor) -> dict[str, VehicleType]:
     """Vehicle types of a scenario by the names of their behaviour."""
-    path = vehicle_type_file(course.scenario.traffic.behaviour)
+    path = vehicle_type_file(corridor.scenario.traffic.behaviour)
     types = read_vehicle_types(path)
     return {path.stem if each.id == ENTRY else each.id: each for each in (*types.members, *types.others)}
 
 
 def _yielded(
-    others: ObservedTraffic, drivers: dict[str, VehicleType], timing: SpeedProfile, entry_m: float, exit_m: float
+    others: ObservedTraffic, drivers: dict[str, VehicleType], profile: SpeedProfile, entry_m: float, exit_m: float
 ) -> ObservedTraffic | None:
     """A recording as it might be with an ego that drives as timed in the oncoming lane; None if nobody gives way.
 
     The nearest cautious driver who comes towards it follows IDM from the
     moment it enters until it is back; those farther away queue behind.
     """
-    ego_m, ego_mps = _ego(timing, others.frames)
+    ego_m, ego_mps = _ego(profile, others.frames)
     inside = np.flatnonzero((ego_m > entry_m) & (ego_m < exit_m))
     if not len(inside):
         return None
@@ -136,9 +136,9 @@ def _yielded(
     return replace(others, near_m=near_m, far_m=far_m, along_mps=along_mps)
 
 
-def _meets(others: ObservedTraffic, timing: SpeedProfile, entry_m: float, exit_m: float) -> bool:
+def _meets(others: ObservedTraffic, profile: SpeedProfile, entry_m: float, exit_m: float) -> bool:
     """Whether somebody who comes towards the ego is upon it while it is in the oncoming lane: then nothing helps."""
-    ego_m, _ = _ego(timing, others.frames)
+    ego_m, _ = _ego(profile, others.frames)
     inside = (ego_m > entry_m + RAMP_M) & (ego_m < exit_m - RAMP_M)
     with np.errstate(invalid="ignore"):
         coming = others.along_mps < COMING_MPS
@@ -150,13 +150,13 @@ def _is_cautious(driver: VehicleType | None) -> bool:
     return driver is not None and driver.react_overlap <= CAUTIOUS_OVERLAP
 
 
-def _ego(timing: SpeedProfile, frames: int) -> tuple[Floats, Floats]:
-    """Arc and speed (F,) of the ego as timed; before the timing and after it as at its ends."""
-    at_s = DT_S * (np.arange(frames) - timing.frame)
-    knots_s = np.arange(len(timing.arc_m), dtype=np.float64) * DT_S * STEP_FRAMES
+def _ego(profile: SpeedProfile, frames: int) -> tuple[Floats, Floats]:
+    """Arc and speed (F,) of the ego as timed; before the speed profile and after it as at its ends."""
+    at_s = DT_S * (np.arange(frames) - profile.frame)
+    knots_s = np.arange(len(profile.arc_m), dtype=np.float64) * DT_S * STEP_FRAMES
     beyond_s = np.maximum(at_s - knots_s[-1], 0.0)
-    arc = np.interp(at_s, knots_s, timing.arc_m) + timing.speed_mps[-1] * beyond_s
-    return arc, np.interp(at_s, knots_s, timing.speed_mps)
+    arc = np.interp(at_s, knots_s, profile.arc_m) + profile.speed_mps[-1] * beyond_s
+    return arc, np.interp(at_s, knots_s, profile.speed_mps)
 
 
 def _braking(

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.scenario.ego_past import COLUMNS, PAST_STEPS, EgoPast
 from interplan_sumo.scenario.files import read_scenario, write_scenario
 from interplan_sumo.scenario.recorded import scene
+from interplan_sumo.scenario.recorded_parts import PAST_COLUMNS, PAST_STEPS, EgoPast
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.history import extrapolated_past
 from interplan_sumo.simulation.setup import start_state
@@ -90,9 +90,9 @@ def test_a_past_is_written_and_read_without_a_loss_and_none_changes_no_hash(tmp_
     assert replace(scenario, past=None).hash() != scenario.hash()
 
 
-@pytest.mark.parametrize("name", COLUMNS)
+@pytest.mark.parametrize("name", PAST_COLUMNS)
 def test_a_past_that_cannot_be_is_one_line(name: str) -> None:
-    whole = dict.fromkeys(COLUMNS, (0.0,) * PAST_STEPS)
+    whole = dict.fromkeys(PAST_COLUMNS, (0.0,) * PAST_STEPS)
     with pytest.raises(ScenarioError, match=f"past: {name} has 19 numbers, expected 20"):
         EgoPast(**(whole | {name: (0.0,) * 19}))
     with pytest.raises(ScenarioError, match=f"past: {name} holds a number that is not finite"):

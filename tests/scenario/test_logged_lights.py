@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.files import read_scenario, write_scenario
-from interplan_sumo.scenario.logged_lights import STATUS, LightStatus, LoggedLight
 from interplan_sumo.scenario.recorded_lights import AROUND_M, with_recorded_lights
+from interplan_sumo.scenario.recorded_parts import STATUS, LightStatus, LoggedLight
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.simulation.lights import LoggedLights
 from interplan_sumo.tiny_worlds import junction, straight_road

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.files import read_scenario, read_scenarios, scenario_text, write_scenario
-from interplan_sumo.scenario.replayed import ReplayedTrack
+from interplan_sumo.scenario.recorded_parts import ReplayedTrack
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, PlacedVehicle, Scenario, TrafficDemand
 from interplan_sumo.scenario.suite import find_scenario
 

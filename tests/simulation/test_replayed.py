@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from interplan_sumo.scenario.replayed import REPLAYED, ReplayedKind, ReplayedTrack
+from interplan_sumo.scenario.recorded_parts import REPLAYED, ReplayedKind, ReplayedTrack
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.simulation.setup import open_traffic

@@ -11,14 +11,14 @@ from worlds import LANE_WIDTH_M, curved_road, road_along, straight_road
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.scenario import LanePosition
-from interplan_sumo.verification.corridor import WITHOUT_LIMIT_MPS, FrenetCorridor, course
+from interplan_sumo.verification.corridor import WITHOUT_LIMIT_MPS, FrenetCorridor, frenet_corridor
 from interplan_sumo.verification.drivable_paths import headings_of
 from interplan_sumo.world.geometry import Floats, Polyline
 
 
 def test_places_come_back_from_being_unrolled() -> None:
     roads = curved_road(radius_m=40.0, run_in_m=60.0)
-    unrolled = course(staged(start=LanePosition("11", 10.0), goal=LanePosition("11", 150.0)), roads)
+    unrolled = frenet_corridor(staged(start=LanePosition("11", 10.0), goal=LanePosition("11", 150.0)), roads)
     left = np.full(len(unrolled.arc_m), 1.2)
     xy = unrolled.points(left)
     rows = slice(30, -160)  # beyond the goal the road ends
@@ -37,7 +37,7 @@ def kinked(angle_rad: float) -> FrenetCorridor:
     corner: Floats = np.array((60.0, 0.0))
     end = corner + 60.0 * np.array((np.cos(angle_rad), np.sin(angle_rad)))
     roads = road_along(Polyline(np.stack((np.zeros(2), corner, end))), limit_mps=13.9)
-    return course(staged(start=LanePosition("11", 10.0), goal=LanePosition("11", 110.0)), roads)
+    return frenet_corridor(staged(start=LanePosition("11", 10.0), goal=LanePosition("11", 110.0)), roads)
 
 
 @given(angle_deg=st.floats(-12.0, 12.0))
@@ -52,7 +52,7 @@ def test_a_kink_in_a_lane_is_driven_as_a_bend_near_it(angle_deg: float) -> None:
 @pytest.mark.parametrize("radius_m", [12.0, 40.0])
 def test_a_bend_keeps_its_place_and_its_radius(radius_m: float) -> None:
     roads = curved_road(radius_m=radius_m, run_in_m=60.0)
-    unrolled = course(staged(start=LanePosition("11", 10.0), goal=LanePosition("11", 75.0)), roads)
+    unrolled = frenet_corridor(staged(start=LanePosition("11", 10.0), goal=LanePosition("11", 75.0)), roads)
     _, aside, _ = unrolled.unrolled(unrolled.points(np.zeros(len(unrolled.arc_m))))
     assert np.abs(aside[:-20]).max() <= 0.1
     assert sharpest_per_m(unrolled) == pytest.approx(1.0 / radius_m, rel=0.15)
@@ -60,27 +60,27 @@ def test_a_bend_keeps_its_place_and_its_radius(radius_m: float) -> None:
 
 @pytest.mark.parametrize(("known_mps", "driven_mps"), [(None, WITHOUT_LIMIT_MPS), (10.0, 10.0)])
 def test_the_usual_limit_stands_in_where_the_map_knows_none(known_mps: float | None, driven_mps: float) -> None:
-    found = course(staged(), straight_road(length_m=300.0, limit_mps=known_mps)).tracks[0]
+    found = frenet_corridor(staged(), straight_road(length_m=300.0, limit_mps=known_mps)).lane_paths[0]
     assert set(found.limit_mps.tolist()) == {driven_mps}
 
 
 def test_the_goal_is_as_far_from_the_start_as_along_the_lane() -> None:
-    unrolled = course(staged(), ONE_LANE)
+    unrolled = frenet_corridor(staged(), ONE_LANE)
     assert unrolled.goal_m - unrolled.start_m == pytest.approx(180.0)
 
 
 def test_a_lane_beside_is_of_use_only_where_something_stands_in_the_way() -> None:
     free, blocked = staged(), staged(obstacles=(car(100.0),))
-    assert [track.lanes for track in course(free, TWO_LANES).tracks] == [("11",)]
-    assert [track.lanes for track in course(blocked, TWO_LANES).tracks] == [("11",), ("12",)]
+    assert [lane_path.lanes for lane_path in frenet_corridor(free, TWO_LANES).lane_paths] == [("11",)]
+    assert [lane_path.lanes for lane_path in frenet_corridor(blocked, TWO_LANES).lane_paths] == [("11",), ("12",)]
 
 
 def test_tracks_side_by_side_are_neighbours_and_know_the_goal() -> None:
-    unrolled = course(staged(goal=LanePosition("12", 200.0)), TWO_LANES)
-    own, goal = unrolled.tracks
+    unrolled = frenet_corridor(staged(goal=LanePosition("12", 200.0)), TWO_LANES)
+    own, goal = unrolled.lane_paths
     assert not own.at_goal
     assert goal.at_goal
-    assert unrolled.start_track == 0
+    assert unrolled.start_path == 0
     inside = np.isfinite(own.left_m) & np.isfinite(goal.left_m)
     assert unrolled.neighbours(0, 1)[inside].all()
     assert own.left_m[inside] == pytest.approx(LANE_WIDTH_M)
@@ -88,4 +88,4 @@ def test_tracks_side_by_side_are_neighbours_and_know_the_goal() -> None:
 
 def test_a_goal_behind_the_start_is_refused() -> None:
     with pytest.raises(ScenarioError, match="behind the start"):
-        course(staged(start=LanePosition("11", 220.0)), ONE_LANE)
+        frenet_corridor(staged(start=LanePosition("11", 220.0)), ONE_LANE)

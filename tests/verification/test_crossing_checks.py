@@ -71,7 +71,7 @@ def test_nor_does_a_drive_at_the_limit_get_by() -> None:
 
 def test_another_family_may_have_pedestrians_who_miss() -> None:
     early = crossing(wait_m=2.5)
-    assert crossing_problems(staged("construction", jaywalkers=(early,)), ONE_LANE) == []
+    assert crossing_problems(staged("another", jaywalkers=(early,)), ONE_LANE) == []
 
 
 def test_who_brakes_from_the_trigger_on_is_never_walked_into() -> None:

@@ -11,7 +11,7 @@ from stages import ONE_LANE, TWO_LANES, car, cone, narrowed, staged, widened
 from worlds import LANE_WIDTH_M, curved_road
 
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle
-from interplan_sumo.verification.corridor import course
+from interplan_sumo.verification.corridor import frenet_corridor
 from interplan_sumo.verification.drivable_paths import (
     FIRST_BRAKING_MPS2,
     FIRST_S,
@@ -19,19 +19,19 @@ from interplan_sumo.verification.drivable_paths import (
     NUDGE_M,
     Swerve,
     blocked_by,
-    way,
+    drivable_path,
 )
 from interplan_sumo.world.roads import Area, Roads
 
 
 def driven_line(roads: Roads, left_m: float, swerve: Swerve | None = None, exempt: tuple[str, ...] = ()):
-    unrolled = course(staged(obstacles=(car(100.0, left_m),), exempt=exempt), roads)
-    return unrolled, way(unrolled, unrolled.tracks[unrolled.start_track], swerve or Swerve())
+    unrolled = frenet_corridor(staged(obstacles=(car(100.0, left_m),), exempt=exempt), roads)
+    return unrolled, drivable_path(unrolled, unrolled.lane_paths[unrolled.start_path], swerve or Swerve())
 
 
 def test_a_free_lane_is_driven_in_its_middle_at_the_limit() -> None:
-    unrolled = course(staged(), ONE_LANE)
-    free = way(unrolled, unrolled.tracks[0], Swerve())
+    unrolled = frenet_corridor(staged(), ONE_LANE)
+    free = drivable_path(unrolled, unrolled.lane_paths[0], Swerve())
     inside = np.isfinite(free.left_m)
     assert np.abs(free.left_m[inside]).max() == 0.0
     assert free.cap_mps[inside].min() == pytest.approx(13.9)
@@ -62,8 +62,8 @@ def test_an_obstacle_straight_ahead_caps_the_speed_before_it() -> None:
 
 
 def test_an_ego_that_begins_too_fast_has_room_to_brake() -> None:
-    unrolled = course(staged(start_speed_mps=16.9), ONE_LANE)
-    cap_mps = way(unrolled, unrolled.tracks[0], Swerve()).cap_mps
+    unrolled = frenet_corridor(staged(start_speed_mps=16.9), ONE_LANE)
+    cap_mps = drivable_path(unrolled, unrolled.lane_paths[0], Swerve()).cap_mps
     assert cap_mps[unrolled.on_grid(unrolled.start_m)] == pytest.approx(16.9)
     braked_m = 16.9 * FIRST_S + (16.9**2 - 13.9**2) / (2.0 * FIRST_BRAKING_MPS2)
     before, after = (cap_mps[unrolled.on_grid(unrolled.start_m + braked_m + more_m)] for more_m in (-1.0, 1.0))
@@ -84,8 +84,8 @@ def test_a_car_parked_in_a_bend_is_passed_with_more_room_than_on_a_straight_road
         ground = Area("9", shapely.box(-50.0, -50.0, 250.0, 250.0))
         bend = curved_road(radius_m=25.0, run_in_m=80.0, limit_mps=13.9)
         roads = replace(bend, generic_drivable_areas=(ground,))
-        unrolled = course(staged(obstacles=(car(arc_m, -1.6),), goal=LanePosition("11", 150.0)), roads)
-        passing = way(unrolled, unrolled.tracks[0], Swerve(clearance_m=0.3))
+        unrolled = frenet_corridor(staged(obstacles=(car(arc_m, -1.6),), goal=LanePosition("11", 150.0)), roads)
+        passing = drivable_path(unrolled, unrolled.lane_paths[0], Swerve(clearance_m=0.3))
         assert not (passing.closed & passing.swerving).any()
         return float(np.nanmax(passing.left_m))
 
@@ -98,10 +98,10 @@ def test_what_stands_at_the_end_of_a_lane_blocks_it_and_what_stands_beyond_does_
     lane: str, arc_m: float, groups: int
 ) -> None:
     parked = Obstacle(LanePosition(lane, arc_m, -LANE_WIDTH_M), "car")
-    unrolled = course(
+    unrolled = frenet_corridor(
         staged(obstacles=(parked,), goal=LanePosition("31", 150.0), route=("1", "2", "3")), narrowed("11")
     )
-    ended = next(track for track in unrolled.tracks if "12" in track.lanes)
+    ended = next(lane_path for lane_path in unrolled.lane_paths if "12" in lane_path.lanes)
     found = blocked_by(unrolled, ended, 0.4)
     assert len(found) == groups
     for _, _, right_m, left_m in found:
@@ -110,8 +110,8 @@ def test_what_stands_at_the_end_of_a_lane_blocks_it_and_what_stands_beyond_does_
 
 def test_cones_in_a_row_are_one_group_and_distant_ones_are_two() -> None:
     def groups(*arcs_m: float) -> int:
-        unrolled = course(staged(obstacles=tuple(cone(arc) for arc in arcs_m)), TWO_LANES)
-        return len(blocked_by(unrolled, unrolled.tracks[0], 0.4))
+        unrolled = frenet_corridor(staged(obstacles=tuple(cone(arc) for arc in arcs_m)), TWO_LANES)
+        return len(blocked_by(unrolled, unrolled.lane_paths[0], 0.4))
 
     assert groups(80.0, 84.0, 88.0) == 1
     assert groups(60.0, 140.0) == 2

@@ -1,4 +1,4 @@
-"""What the privileged driver drives: near its timing, in comfort, and rounded."""
+"""What the privileged driver drives: near its speed profile, in comfort, and rounded."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from outlooks import FRAMES, laid_out, start_of, steady
+from problems import FRAMES, laid_out, start_of, steady
 from stages import ONE_LANE, TWO_LANES, car, staged, widened
 
 from interplan_sumo.metrics.comfort import BOUNDS
@@ -15,23 +15,23 @@ from interplan_sumo.scenario.scenario import LanePosition
 from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.verification.drivable_paths import Swerve
 from interplan_sumo.verification.planning_problem import CALM, Margins, PlanningProblem
-from interplan_sumo.verification.privileged_rollout import driven, path, rounded
+from interplan_sumo.verification.privileged_rollout import driven, planned_line, rounded
 from interplan_sumo.verification.reachability import unreachable
-from interplan_sumo.verification.speed_lattice import cheapest_timing
+from interplan_sumo.verification.speed_lattice import cheapest_profile
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.trace import EgoTrack
 
 
-def drive(outlook: PlanningProblem) -> tuple[EgoTrack, np.ndarray, np.ndarray]:
-    """The track, where it should be and where it is along its line (K,)."""
-    course = outlook.course
-    timing = cheapest_timing(outlook, start_of(course), Margins(), CALM)
-    assert timing is not None
-    line = path(course, outlook.ways, timing)
-    track = EgoTrack.of(driven(course, line, timing, (start_state(course.scenario, course.roads),), FRAMES))
-    knots = 10 * np.arange(min(len(timing.arc_m), (len(track) - 1) // 10 + 1))
-    arc, _, _ = course.unrolled(np.stack((track.x_m[knots], track.y_m[knots]), axis=1))
-    return track, timing.arc_m[: len(knots)], arc
+def drive(problem: PlanningProblem) -> tuple[EgoTrack, np.ndarray, np.ndarray]:
+    """The lane path, where it should be and where it is along its line (K,)."""
+    corridor = problem.corridor
+    profile = cheapest_profile(problem, start_of(corridor), Margins(), CALM)
+    assert profile is not None
+    line = planned_line(corridor, problem.paths, profile)
+    track = EgoTrack.of(driven(corridor, line, profile, (start_state(corridor.scenario, corridor.roads),), FRAMES))
+    knots = 10 * np.arange(min(len(profile.arc_m), (len(track) - 1) // 10 + 1))
+    arc, _, _ = corridor.unrolled(np.stack((track.x_m[knots], track.y_m[knots]), axis=1))
+    return track, profile.arc_m[: len(knots)], arc
 
 
 def worst_discomfort(track: EgoTrack) -> float:
@@ -42,7 +42,7 @@ def worst_discomfort(track: EgoTrack) -> float:
 
 SCENES = {
     "free": laid_out(),
-    "behind a slow car": (lambda o: replace(o, others=steady(o.course.start_m + 25.0, 5.0)))(laid_out()),
+    "behind a slow car": (lambda o: replace(o, others=steady(o.corridor.start_m + 25.0, 5.0)))(laid_out()),
     "lane change": laid_out(staged(goal=LanePosition("12", 200.0)), TWO_LANES),
     "swerve": laid_out(staged(obstacles=(car(100.0),)), widened(ONE_LANE), Swerve(over="left")),
 }
@@ -57,9 +57,9 @@ def test_the_driver_keeps_to_its_timing_and_to_comfort(scene: str) -> None:
 
 @pytest.mark.parametrize("scene", sorted(SCENES))
 def test_what_it_drives_follows_from_the_bicycle_model(scene: str) -> None:
-    course = SCENES[scene].course
+    corridor = SCENES[scene].corridor
     track, _, _ = drive(SCENES[scene])
-    assert unreachable(start_state(course.scenario, course.roads), track) == []
+    assert unreachable(start_state(corridor.scenario, corridor.roads), track) == []
 
 
 def test_a_lane_change_ends_in_the_middle_of_the_new_lane() -> None:

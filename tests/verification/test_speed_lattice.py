@@ -1,4 +1,4 @@
-"""The cheapest timing past whoever was recorded."""
+"""The cheapest speed profile past whoever was recorded."""
 
 from __future__ import annotations
 
@@ -6,99 +6,99 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from outlooks import FRAMES, LENGTH_M, crossing, driving, laid_out, start_of, steady
+from problems import FRAMES, LENGTH_M, crossing, driving, laid_out, start_of, steady
 from stages import ONE_LANE, TWO_LANES, car, staged, widened
 
 from interplan_sumo.scenario.scenario import Density, LanePosition, TrafficDemand
 from interplan_sumo.verification.drivable_paths import HALF_LENGTH_M, Swerve
 from interplan_sumo.verification.observed_traffic import ObservedTraffic
 from interplan_sumo.verification.planning_problem import CALM, Margins, PlanningProblem, SpeedProfile, TimeGate
-from interplan_sumo.verification.speed_lattice import cheapest_timing
+from interplan_sumo.verification.speed_lattice import cheapest_profile
 
 
 def timed(
-    outlook: PlanningProblem, others: ObservedTraffic | None = None, gate: TimeGate | None = None
+    problem: PlanningProblem, others: ObservedTraffic | None = None, gate: TimeGate | None = None
 ) -> SpeedProfile | None:
-    outlook = outlook if others is None else replace(outlook, others=others)
-    return cheapest_timing(outlook, start_of(outlook.course), Margins(), CALM, gate)
+    problem = problem if others is None else replace(problem, others=others)
+    return cheapest_profile(problem, start_of(problem.corridor), Margins(), CALM, gate)
 
 
-def gap_m(timing: SpeedProfile, others: ObservedTraffic) -> np.ndarray:
+def gap_m(profile: SpeedProfile, others: ObservedTraffic) -> np.ndarray:
     """From the ego's front to the first car's rear, at the knots."""
-    frames = np.minimum(10 * np.arange(len(timing.arc_m)), FRAMES - 1)
-    return others.near_m[0, frames] - timing.arc_m - HALF_LENGTH_M
+    frames = np.minimum(10 * np.arange(len(profile.arc_m)), FRAMES - 1)
+    return others.near_m[0, frames] - profile.arc_m - HALF_LENGTH_M
 
 
 def test_an_empty_road_is_driven_at_the_limit() -> None:
-    timing = timed(laid_out())
-    assert timing is not None
-    assert timing.to_goal
-    assert timing.speed_mps.max() == pytest.approx(13.5)  # the highest multiple of 0.5 m/s below 13.9
-    assert np.diff(timing.speed_mps).max() <= 1.5
-    assert timing.changes == ()
+    profile = timed(laid_out())
+    assert profile is not None
+    assert profile.to_goal
+    assert profile.speed_mps.max() == pytest.approx(13.5)  # the highest multiple of 0.5 m/s below 13.9
+    assert np.diff(profile.speed_mps).max() <= 1.5
+    assert profile.changes == ()
 
 
 def test_knots_are_joined_by_constant_accelerations() -> None:
-    timing = timed(laid_out(), steady(laid_out().course.start_m + 30.0, 6.0))
-    assert timing is not None
-    mean = (timing.speed_mps[:-1] + timing.speed_mps[1:]) / 2.0
-    assert np.diff(timing.arc_m) == pytest.approx(mean)
+    profile = timed(laid_out(), steady(laid_out().corridor.start_m + 30.0, 6.0))
+    assert profile is not None
+    mean = (profile.speed_mps[:-1] + profile.speed_mps[1:]) / 2.0
+    assert np.diff(profile.arc_m) == pytest.approx(mean)
 
 
 def test_a_slow_car_ahead_is_followed_with_time_to_spare() -> None:
-    outlook = laid_out()
-    others = steady(outlook.course.start_m + 25.0, 5.0)
-    timing = timed(outlook, others)
-    assert timing is not None
-    gaps = gap_m(timing, others)
-    closing = np.maximum(timing.speed_mps - 5.0, 0.0)
+    problem = laid_out()
+    others = steady(problem.corridor.start_m + 25.0, 5.0)
+    profile = timed(problem, others)
+    assert profile is not None
+    gaps = gap_m(profile, others)
+    closing = np.maximum(profile.speed_mps - 5.0, 0.0)
     assert (gaps[1:] >= 1.5 + 1.2 * closing[1:] - 0.3).all()
-    assert timing.speed_mps[-1] == pytest.approx(5.0, abs=0.6)
+    assert profile.speed_mps[-1] == pytest.approx(5.0, abs=0.6)
 
 
 def test_a_car_from_behind_does_not_matter_on_the_own_lane() -> None:
-    outlook = laid_out()
-    timing = timed(outlook, steady(outlook.course.start_m - 12.0, 13.0))
-    alone = timed(outlook)
-    assert timing is not None
+    problem = laid_out()
+    profile = timed(problem, steady(problem.corridor.start_m - 12.0, 13.0))
+    alone = timed(problem)
+    assert profile is not None
     assert alone is not None
-    assert timing.cost == pytest.approx(alone.cost)
+    assert profile.cost == pytest.approx(alone.cost)
 
 
 def test_one_who_was_recorded_to_drive_through_the_ego_from_behind_stops_nobody() -> None:
-    outlook = laid_out()  # with the ego there, he would have followed
-    timing = timed(outlook, steady(outlook.course.start_m - 20.0, 20.0))
-    assert timing is not None
-    assert timing.to_goal
+    problem = laid_out()  # with the ego there, he would have followed
+    profile = timed(problem, steady(problem.corridor.start_m - 20.0, 20.0))
+    assert profile is not None
+    assert profile.to_goal
 
 
 def test_one_waits_for_a_pedestrian_and_goes_on() -> None:
-    outlook = laid_out()
-    others = crossing(outlook.course.start_m + 60.0, 6.0, -1.2)
-    timing = timed(outlook, others)
-    assert timing is not None
-    assert timing.to_goal
+    problem = laid_out()
+    others = crossing(problem.corridor.start_m + 60.0, 6.0, -1.2)
+    profile = timed(problem, others)
+    assert profile is not None
+    assert profile.to_goal
     on_road = np.abs((others.left_m + others.right_m)[0] / 2.0) < 1.0
-    frames = np.minimum(10 * np.arange(len(timing.arc_m)), FRAMES - 1)
-    beside = np.abs(timing.arc_m - (outlook.course.start_m + 60.0)) < HALF_LENGTH_M
+    frames = np.minimum(10 * np.arange(len(profile.arc_m)), FRAMES - 1)
+    beside = np.abs(profile.arc_m - (problem.corridor.start_m + 60.0)) < HALF_LENGTH_M
     assert not (on_road[frames] & beside).any()
-    assert timing.speed_mps.min() < 8.0
+    assert profile.speed_mps.min() < 8.0
 
 
 def test_a_red_light_is_not_entered() -> None:
-    outlook = laid_out()
-    lane = outlook.course.tracks[0].lanes[0]  # as if the lane began with a light: its line lies behind the start
-    behind = timed(replace(outlook, red={lane: np.ones(FRAMES, dtype=np.bool_)}))
+    problem = laid_out()
+    lane = problem.corridor.lane_paths[0].lanes[0]  # as if the lane began with a light: its line lies behind the start
+    behind = timed(replace(problem, red={lane: np.ones(FRAMES, dtype=np.bool_)}))
     assert behind is not None
     assert behind.to_goal
 
 
 def test_a_lane_change_waits_until_the_lane_is_free() -> None:
     scenario = staged(goal=LanePosition("12", 200.0))
-    outlook = laid_out(scenario, TWO_LANES)
-    free = timed(outlook)
-    beside = steady(outlook.course.start_m, 10.0, left_m=0.0)  # in the goal lane, abreast of the ego
-    blocked = timed(outlook, beside)
+    problem = laid_out(scenario, TWO_LANES)
+    free = timed(problem)
+    beside = steady(problem.corridor.start_m, 10.0, left_m=0.0)  # in the goal lane, abreast of the ego
+    blocked = timed(problem, beside)
     assert free is not None
     assert blocked is not None
     assert free.to_goal
@@ -112,38 +112,38 @@ def test_a_lane_change_waits_until_the_lane_is_free() -> None:
 
 
 def test_nothing_is_found_where_the_lane_is_full() -> None:
-    outlook = laid_out()
-    wall = driving(np.full(FRAMES, outlook.course.start_m + 8.0))
-    assert timed(outlook, wall) is None  # at 10 m/s it cannot be avoided
+    problem = laid_out()
+    wall = driving(np.full(FRAMES, problem.corridor.start_m + 8.0))
+    assert timed(problem, wall) is None  # at 10 m/s it cannot be avoided
 
 
 def test_who_comes_towards_the_ego_beside_its_lane_does_not_matter_but_in_it_does() -> None:
-    outlook = laid_out()
-    start_m = outlook.course.start_m
-    alone, beside = timed(outlook), timed(outlook, steady(start_m + 150.0, -12.0, left_m=3.5))
+    problem = laid_out()
+    start_m = problem.corridor.start_m
+    alone, beside = timed(problem), timed(problem, steady(start_m + 150.0, -12.0, left_m=3.5))
     assert alone is not None
     assert beside is not None
     assert beside.cost == pytest.approx(alone.cost)
-    assert timed(outlook, steady(start_m + 150.0, -12.0)) is None
+    assert timed(problem, steady(start_m + 150.0, -12.0)) is None
 
 
 @pytest.mark.parametrize(("oncoming", "dawdles"), [("none", True), ("low", False)])
 def test_one_waits_for_who_comes_in_the_own_lane_and_not_half_out_of_it(oncoming: Density, dawdles: bool) -> None:
     scenario = staged(start_speed_mps=5.0, obstacles=(car(60.0),), exempt=("driving_direction",))
     scenario = replace(scenario, traffic=TrafficDemand(oncoming=oncoming))
-    outlook = laid_out(scenario, widened(ONE_LANE), Swerve(over="left"))
-    timing = timed(outlook, steady(outlook.course.start_m + 90.0, -9.0, left_m=3.5))
-    assert timing is not None
-    assert timing.to_goal
-    over = outlook.ways[0].over[[outlook.course.on_grid(arc_m) for arc_m in timing.arc_m.tolist()]]
-    assert (timing.speed_mps[over].min() < 2.0) == dawdles
+    problem = laid_out(scenario, widened(ONE_LANE), Swerve(over="left"))
+    profile = timed(problem, steady(problem.corridor.start_m + 90.0, -9.0, left_m=3.5))
+    assert profile is not None
+    assert profile.to_goal
+    over = problem.paths[0].over[[problem.corridor.on_grid(arc_m) for arc_m in profile.arc_m.tolist()]]
+    assert (profile.speed_mps[over].min() < 2.0) == dawdles
 
 
 @pytest.mark.parametrize("step", [4, 6, 9])
 def test_a_gate_is_passed_when_it_has_to_be(step: int) -> None:
-    outlook = laid_out()
-    gate = TimeGate(outlook.course.start_m + 40.0, step)
-    timing = timed(outlook, gate=gate)
-    assert timing is not None
-    assert timing.arc_m[step] <= gate.arc_m + 0.25
-    assert timing.arc_m[step + 1] > gate.arc_m
+    problem = laid_out()
+    gate = TimeGate(problem.corridor.start_m + 40.0, step)
+    profile = timed(problem, gate=gate)
+    assert profile is not None
+    assert profile.arc_m[step] <= gate.arc_m + 0.25
+    assert profile.arc_m[step + 1] > gate.arc_m

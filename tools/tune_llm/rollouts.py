@@ -16,7 +16,7 @@ from interplan_llm.models.scripted import ScriptedModel
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.verification.oracle import ENOUGH, Effort, OracleChooser, Tried, Value, oracle_drive
-from interplan_sumo.verification.reference_distance import reference_drive
+from interplan_sumo.verification.replay import reference_drive
 from interplan_sumo.world.trajectory import Trajectory
 from tools.tune_llm.scenes import TrainingScene
 

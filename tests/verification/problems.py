@@ -6,8 +6,8 @@ import numpy as np
 from stages import ONE_LANE, staged
 
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.verification.corridor import FrenetCorridor, course
-from interplan_sumo.verification.drivable_paths import DrivablePath, Swerve, way
+from interplan_sumo.verification.corridor import FrenetCorridor, frenet_corridor
+from interplan_sumo.verification.drivable_paths import DrivablePath, Swerve, drivable_path
 from interplan_sumo.verification.observed_traffic import ObservedTraffic
 from interplan_sumo.verification.planning_problem import PlanningProblem, ProfileStart
 from interplan_sumo.world.geometry import Floats
@@ -21,16 +21,16 @@ def laid_out(
     scenario: Scenario | None = None, roads: Roads = ONE_LANE, swerve: Swerve | None = None
 ) -> PlanningProblem:
     """A scenario, nobody else there."""
-    unrolled = course(staged() if scenario is None else scenario, roads)
+    unrolled = frenet_corridor(staged() if scenario is None else scenario, roads)
     return PlanningProblem(unrolled, ways_of(unrolled, swerve), nobody(), {}, FRAMES)
 
 
 def ways_of(unrolled: FrenetCorridor, swerve: Swerve | None = None) -> tuple[DrivablePath, ...]:
-    return tuple(way(unrolled, track, swerve or Swerve()) for track in unrolled.tracks)
+    return tuple(drivable_path(unrolled, lane_path, swerve or Swerve()) for lane_path in unrolled.lane_paths)
 
 
 def start_of(unrolled: FrenetCorridor) -> ProfileStart:
-    return ProfileStart(0, unrolled.start_m, unrolled.scenario.start_speed_mps, unrolled.start_track)
+    return ProfileStart(0, unrolled.start_m, unrolled.scenario.start_speed_mps, unrolled.start_path)
 
 
 def nobody() -> ObservedTraffic:
@@ -38,7 +38,7 @@ def nobody() -> ObservedTraffic:
 
 
 def driving(arc_m: Floats, left_m: float = 0.0, speed_mps: Floats | float = 0.0) -> ObservedTraffic:
-    """One car whose centre is at arcs (F,), on the course."""
+    """One car whose centre is at arcs (F,), on the corridor."""
     speeds = np.broadcast_to(speed_mps, (1, FRAMES)).astype(np.float64)
     centres = np.broadcast_to(left_m, (1, FRAMES)).astype(np.float64)
     return _recording(arc_m[None], centres, speeds, np.zeros(1), walks=False)

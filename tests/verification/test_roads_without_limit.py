@@ -11,8 +11,8 @@ from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.tiny_worlds import curved_road, junction
 from interplan_sumo.verification.certificates import certify
-from interplan_sumo.verification.corridor import WITHOUT_LIMIT_MPS, course
-from interplan_sumo.verification.drivable_paths import LATERAL_MPS2, Swerve, way
+from interplan_sumo.verification.corridor import WITHOUT_LIMIT_MPS, frenet_corridor
+from interplan_sumo.verification.drivable_paths import LATERAL_MPS2, Swerve, drivable_path
 from interplan_sumo.world.roads import Roads
 
 
@@ -23,19 +23,19 @@ def along(roads: Roads, start: str, goal: str, route: tuple[str, ...]) -> Scenar
 
 def test_without_a_limit_a_bend_is_driven_at_what_is_comfortable() -> None:
     roads = curved_road(radius_m=20.0, limit_mps=None)
-    found = course(along(roads, "11", "11", ("1",)), roads)
-    cap_mps = way(found, found.tracks[0], Swerve()).cap_mps
+    found = frenet_corridor(along(roads, "11", "11", ("1",)), roads)
+    cap_mps = drivable_path(found, found.lane_paths[0], Swerve()).cap_mps
     assert cap_mps.max() == WITHOUT_LIMIT_MPS
     assert cap_mps.min() == pytest.approx(np.sqrt(LATERAL_MPS2 * 20.0), rel=0.1)
 
 
 def test_a_course_may_begin_inside_a_junction() -> None:
     roads = junction()
-    way = next(iter(roads.connectors.values()))
-    route = roads.route_through((way.id, way.to_lane_id))
-    found = course(along(roads, way.id, way.to_lane_id, route), roads)
-    assert found.tracks[found.start_track].lanes == (way.id, way.to_lane_id)
-    assert found.tracks[found.start_track].at_goal
+    path = next(iter(roads.connectors.values()))
+    route = roads.route_through((path.id, path.to_lane_id))
+    found = frenet_corridor(along(roads, path.id, path.to_lane_id, route), roads)
+    assert found.lane_paths[found.start_path].lanes == (path.id, path.to_lane_id)
+    assert found.lane_paths[found.start_path].at_goal
 
 
 def test_a_drive_that_begins_beside_the_middle_of_its_lane_is_found() -> None:
