@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from interplan_sumo.scenario.replayed import ReplayedKind, ReplayedTrack
+from interplan_sumo.scenario.recorded_parts import ReplayedKind, ReplayedTrack
 from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.tiny_worlds import (
     CRS,

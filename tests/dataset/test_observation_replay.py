@@ -13,7 +13,7 @@ from interplan_sumo.dataset.observation_replay import SeenAgain
 from interplan_sumo.features.view import Arrays, EgoView
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.planner import Mission, Observation
-from interplan_sumo.scenario.logged_lights import LoggedLight
+from interplan_sumo.scenario.recorded_parts import LoggedLight
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, drive, run_loop

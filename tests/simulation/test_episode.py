@@ -13,7 +13,7 @@ from worlds import replayed, rolling, straight_road
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.errors import PlannerError, TrafficError
 from interplan_sumo.planner import Mission, Observation, Planner
-from interplan_sumo.scenario.replayed import ReplayedTrack
+from interplan_sumo.scenario.recorded_parts import ReplayedTrack
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, Loop, run_loop
 from interplan_sumo.simulation.replayed import ReplayedTraffic
