@@ -27,6 +27,7 @@ import pandas as pd
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.jobs import Job
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import AppliedOverrides, Manifest, MetricRecord, RequestedJobs, Row
 from interplan_sumo.batch.results import RESULTS, write_rows
 from interplan_sumo.batch.run_folder import RunFolder
@@ -151,7 +152,7 @@ def drives(count: int) -> list[Job]:
 def driven(jobs: Sequence[Job], folder: Path, workers: int) -> Iterator[dict[str, Any]]:
     """What each drive gives, and the memory of the process that did it."""
     tasks = [Task(job.key, job.planner, job) for job in jobs]
-    settings = DriveSettings(folder, DEFAULT_PROFILE)
+    settings = DriveSettings(folder, RunOptions(), find_profile(DEFAULT_PROFILE))
     with closing(run_tasks(tasks, partial(open_weighed, settings), workers=workers, limits=Limits())) as outcomes:
         for outcome in outcomes:
             assert outcome.fault is None, outcome.fault

@@ -10,16 +10,18 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
 
 from interplan_sumo.batch import run as batch
 from interplan_sumo.batch.jobs import own_maps
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.rescore import rescore
 from interplan_sumo.batch.run_folder import StoredRun, read_run
@@ -58,22 +60,14 @@ def run(
     suite: str | None = None,
     *,
     scenarios: ScenarioLike | Sequence[ScenarioLike] = (),
-    seeds: int = 1,
-    workers: int | str | None = None,
-    out: str | PathLike[str] | None = None,
-    density: Literal["low", "medium", "high"] | None = None,
-    behaviour: str | None = None,
-    traffic: str | PathLike[str] | None = None,
-    limit: int | None = None,
     progress: bool | RunProgress | None = None,
-    plan_limit_s: float = 10.0,
-    job_limit_s: float = 3600.0,
-    memory_gb: float = 8.0,
+    **options: Any,
 ) -> pd.DataFrame:
     """Drive and score scenarios; one row per drive, as `load_run` has them.
 
     `suite` None is `interplan==1`, or what `scenarios` holds: ids, globs, YAML
-    files or Scenario objects. `workers` None takes all cores; 0 drives in this
+    files or Scenario objects. The other options are those of the command `run`:
+    {options}. `workers` None takes all cores; 0 drives in this
     process, and so do planners that no other process could import: objects,
     functions and classes of a notebook. They are named after their class, or by
     the keys of a mapping. `out` None writes to a temporary folder
@@ -82,39 +76,30 @@ def run(
     terminal. InputError for anything that cannot be used.
     """
     names, made = _named(planner)
-    if workers is None and made:
+    wanted = RunOptions.of(options, names=RUN_KEYWORDS)
+    if wanted.workers is None and made:
         _say(f"{', '.join(made)}: only this process knows it, so it drives here, without workers")
-        workers = 0
-    if made and workers != 0:
+        wanted = replace(wanted, workers=0)
+    if made and not wanted.who.in_this_process:
         raise InputError(
             f"planner {next(iter(made))!r} exists in this process only, so workers cannot import it; put its class "
             "into a module (mine.py) and give 'mine:Class', or drive in this process with workers=0"
         )
-    folder = _temporary_folder() / "run" if out is None else Path(out)
     suite, globs = _chosen(suite, scenarios)
-    request = batch.RunRequest.of(
-        names,
-        folder,
-        suite=suite,
-        scenarios=globs,
-        seeds=seeds,
-        workers=None if workers is None else str(workers),
-        changes=batch.changes(density=density, behaviour=behaviour),
-        traffic=None if traffic is None else Path(traffic),
-        limit=limit,
-        plan_limit_s=plan_limit_s,
-        job_limit_s=job_limit_s,
-        memory_gb=memory_gb,
-        command=("interplan_sumo.run", *names),
-        made=made,
-    )
-    with _watching(progress) as watch, _main_stays_home() if request.workers else contextlib.nullcontext():
+    folder = wanted.out or _temporary_folder() / "run"
+    wanted = replace(wanted, planners=tuple(names), suite=suite, scenarios=globs, out=folder)
+    here = contextlib.nullcontext() if wanted.who.in_this_process else _main_stays_home()
+    with _watching(progress) as watch, here:
         try:
-            stored = batch.run(request, watch)
+            stored = batch.run(wanted, watch, made=made, command=("interplan_sumo.run", *names))
         except KeyboardInterrupt:
             print(f"stopped; what was done is kept. Go on with the same call and out={str(folder)!r}", file=sys.stderr)
             raise
     return _frame(stored)
+
+
+RUN_KEYWORDS = tuple(name for name in RunOptions.__match_args__ if name not in ("planners", "suite", "scenarios"))
+run.__doc__ = str(run.__doc__).replace("{options}", ", ".join(f"`{name}`" for name in RUN_KEYWORDS))
 
 
 def load_run(folder: str | PathLike[str]) -> pd.DataFrame:

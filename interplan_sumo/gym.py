@@ -11,7 +11,7 @@ import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,14 @@ except ImportError as error:
     raise ImportError("interplan_sumo.gym needs gymnasium; run: pip install 'interplan-sumo[gym]'") from error
 
 from interplan_sumo.batch.custom_references import keep_certified, own_expert
-from interplan_sumo.batch.jobs import Overrides, ScenarioSource, chosen, split_files
-from interplan_sumo.batch.run import changes
+from interplan_sumo.batch.jobs import Selection
+from interplan_sumo.batch.options import SCENE_OPTIONS, RunOptions
 from interplan_sumo.errors import InputError, PlannerError, TrafficError, UnknownNameError
 from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.drivable_area import drivable_area
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.profile import DEFAULT_PROFILE, Profile, find_profile
+from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.metrics.score import score
 from interplan_sumo.policy import (
     ACTIONS,
@@ -86,21 +86,20 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
         suite: str | None = None,
         scenarios: str | Sequence[str] = (),
         *,
-        seeds: int = 1,
-        density: Literal["low", "medium", "high"] | None = None,
-        behaviour: str | None = None,
-        traffic: str | Path | None = None,
         observation: ObservationForm = "vector",
         action: ActionForm = "acceleration_steering",
         stop_at_failure: bool = True,
-        profile: str | Path | Profile = DEFAULT_PROFILE,
         render_mode: str | None = None,
+        **options: Any,
     ) -> None:
         """`scenarios` are ids, globs or YAML files, as `run` takes them; an episode draws one of them.
 
-        `seeds` N draws traffic with the seeds 0 to N-1; seed 0 is the
-        certified one. InputError for anything that cannot be used.
+        Further options are those of `run` that say what is driven: `seeds` N
+        draws traffic with the seeds 0 to N-1, of which 0 is the certified one;
+        `density`, `behaviour`, `traffic`, `profile`. InputError for anything
+        that cannot be used.
         """
+        wanted = RunOptions.of({"suite": suite, "scenarios": scenarios, **options}, names=SCENE_OPTIONS)
         for what, given, known in (
             ("observation", observation, ("vector", "dict")),
             ("action", action, ACTIONS),
@@ -108,22 +107,19 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
         ):
             if given not in known:
                 raise UnknownNameError(what, given, known)
-        if seeds < 1:
-            raise InputError(f"seeds is {seeds}, expected 1 or more")
-        files, globs = split_files((scenarios,) if isinstance(scenarios, str) else tuple(scenarios))
-        source = ScenarioSource.of(suite, files)
-        wanted = changes(density=density, behaviour=behaviour)
-        self._overrides = Overrides.parse(wanted, None if traffic is None else Path(traffic))
+        selection = Selection.of(wanted)
+        source = selection.source
+        self._overrides = wanted.overrides
         self._own_experts: Path | None = None
         """Where the experts of scenarios of one's own lie."""
         if not source.official:
             self._own_experts = Path(tempfile.mkdtemp(prefix="interplan-sumo-"))
             weakref.finalize(self, shutil.rmtree, self._own_experts, ignore_errors=True)
-            keep_certified(source.scenarios, files, self._own_experts)
-        self.scenarios = {each.id: each for each in chosen(source.scenarios, globs)}
+            keep_certified(source.scenarios, selection.files, self._own_experts)
+        self.scenarios = {each.id: each for each in selection.scenarios}
         """What may be drawn, by id."""
-        self.seeds = seeds
-        self.profile = find_profile(profile)
+        self.seeds = wanted.seeds
+        self.profile = find_profile(wanted.profile or DEFAULT_PROFILE)
         self.stop_at_failure = stop_at_failure
         self.render_mode = render_mode
         self._observation: ObservationForm = observation

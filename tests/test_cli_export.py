@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 import typer
 
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.run import run
 from interplan_sumo.cli.export import export
 from interplan_sumo.dataset.reading import read_dataset
 from interplan_sumo.errors import InputError
@@ -25,7 +26,7 @@ def called(*arguments: object) -> int:
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "mine"
-    run(RunRequest(("idm",), folder, suite="smoke==1", scenarios=("nudge/0",), seeds=2, workers=0))
+    run(RunOptions(("idm",), folder, suite="smoke==1", scenarios=("nudge/0",), seeds=2, workers=0))
     return folder
 
 

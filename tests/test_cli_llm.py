@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.run import run
 from interplan_sumo.cli import main
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.suite import find_scenario
@@ -69,7 +70,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
     scene = replace(find_scenario("following_lane_with_lead/0"), id="mine/0", start_speed_mps=5.0, duration_s=12.0)
     write_scenarios([scene], folder / "mine.yaml")
-    run(RunRequest(("idm",), folder / "run", scenarios=(str(folder / "mine.yaml"),), workers=0))
+    run(RunOptions(("idm",), folder / "run", scenarios=(str(folder / "mine.yaml"),), workers=0))
     return folder / "run"
 
 
@@ -116,7 +117,7 @@ def test_chats_as_json_and_without_the_lanes_line(
 
 def test_a_scene_of_the_benchmark_is_refused_under_any_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_scenarios([replace(find_scenario("nudge/0"), id="mine/0")], tmp_path / "mine.yaml")
-    run(RunRequest(("idm",), tmp_path / "run", scenarios=(str(tmp_path / "mine.yaml"),), workers=0))
+    run(RunOptions(("idm",), tmp_path / "run", scenarios=(str(tmp_path / "mine.yaml"),), workers=0))
     out = ["--out", str(tmp_path / "chats.jsonl"), "--min-score", "0", "--quiet"]
     assert main(["llm", "export", str(tmp_path / "run"), *out]) == 2
     error = capsys.readouterr().err

@@ -8,7 +8,8 @@ import pytest
 import typer
 
 from interplan_planners.straight_ahead import StraightAhead
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.run import run
 from interplan_sumo.cli.replay import replay
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.planner import Mission
@@ -33,7 +34,7 @@ def replayed(folder: Path, *arguments: object) -> None:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of one scenario: a planner that drives, one that fails on the way, one that never begins."""
     place = tmp_path_factory.mktemp("replayed") / "run"
-    run(RunRequest(planners=PLANNERS, suite="smoke==1", scenarios=("nudge/0",), folder=place, workers=0))
+    run(RunOptions(planners=PLANNERS, suite="smoke==1", scenarios=("nudge/0",), out=place, workers=0))
     return place
 
 

@@ -17,6 +17,7 @@ import msgspec
 
 from interplan_sumo.batch.custom_references import own_expert
 from interplan_sumo.batch.jobs import Job
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import DriveAnswer, ModelUse, ScoreRecord, decode
 from interplan_sumo.batch.run_folder import is_full, place_folder, trace_place
 from interplan_sumo.batch.shared_phase import Publish
@@ -39,9 +40,9 @@ class DriveSettings:
 
     folder: Path
     """The run folder."""
-    profile: str | Profile
-    vehicle_types: Path | None = None
-    plan_limit_s: float = 10.0
+    options: RunOptions
+    """With files that are found from anywhere."""
+    profile: Profile
     own_scenarios: bool = False
     """Whether they belong to no suite: their experts are driven, then."""
     maps_beside: Path | None = None
@@ -57,7 +58,7 @@ def drive_jobs(settings: DriveSettings) -> OpenGroup:
 
 def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
     planner = settings.made[name]() if name in settings.made else load_planner(name)
-    options = EpisodeOptions(vehicle_types=settings.vehicle_types, plan_limit_s=settings.plan_limit_s)
+    options = EpisodeOptions(vehicle_types=settings.options.traffic, plan_limit_s=settings.options.limits.plan_s)
 
     def work(job: Job) -> Answer:
         began_s = time.perf_counter()

@@ -7,17 +7,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal
 
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import AppliedOverrides, JobKey
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.maps.store import MapFiles, find_map
 from interplan_sumo.scenario.files import is_scenario_file, read_scenarios
-from interplan_sumo.scenario.scenario import LARGEST_GAP_M, Density, Scenario
+from interplan_sumo.scenario.scenario import Density, Scenario
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, Suite, find_suite
 from interplan_sumo.world.files import file_hash
-
-OVERRIDABLE = ("density", "behaviour")
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +86,23 @@ def split_files(given: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True)
+class Selection:
+    """The scenarios that options ask for, as they are told of: nothing is overridden yet."""
+
+    source: ScenarioSource
+    files: tuple[str, ...]
+    """Those of one's own among what was asked for."""
+    scenarios: tuple[Scenario, ...]
+
+    @classmethod
+    def of(cls, options: RunOptions) -> Selection:
+        """InputError for a suite, file or id that is not there."""
+        files, globs = split_files(options.scenarios)
+        source = ScenarioSource.of(options.suite, files)
+        return cls(source, files, chosen(source.scenarios, globs, options.limit))
+
+
+@dataclass(frozen=True, slots=True)
 class Overrides:
     """What the user changed in the official scenarios; nothing by default."""
 
@@ -94,25 +110,6 @@ class Overrides:
     behaviour: str | None = None
     vehicle_types: Path | None = None
     """A vehicle-type file of the user's instead of the scenario's."""
-
-    @classmethod
-    def parse(cls, pairs: Sequence[str], vehicle_types: Path | None = None) -> Overrides:
-        """From `KEY=VALUE` texts; InputError for another key, a bad value or a key given twice."""
-        given: dict[str, str] = {}
-        for pair in pairs:
-            key, equals, value = pair.partition("=")
-            if not equals or not value:
-                raise InputError(f"--set {pair!r} has no value; write KEY=VALUE, such as density=high")
-            if key not in OVERRIDABLE:
-                raise UnknownNameError("setting to override", key, OVERRIDABLE)
-            if given.setdefault(key, value) != value:
-                raise InputError(f"--set gives {key} twice: {given[key]} and {value}")
-        density = given.get("density")
-        if density is not None and density not in LARGEST_GAP_M:
-            raise UnknownNameError("density", density, LARGEST_GAP_M)
-        if vehicle_types is not None and "behaviour" in given:
-            raise InputError("--traffic replaces the vehicle types that --set behaviour chooses; give only one")
-        return cls(cast("Literal['low', 'medium', 'high'] | None", density), given.get("behaviour"), vehicle_types)
 
     def __bool__(self) -> bool:
         return self != Overrides()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, Typ
 import msgspec
 from msgspec import Meta, Struct, structs
 
+from interplan_sumo.batch.options import MOST_SEEDS
 from interplan_sumo.errors import InterplanError
 from interplan_sumo.metrics.metric import plain
 
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
 
 FORMAT = 1
 """Of manifests."""
-MOST_SEEDS = 10_000
-"""Of one request."""
-
 T = TypeVar("T")
 
 Score = Annotated[float, Meta(ge=0.0, le=1.0)]

@@ -51,19 +51,20 @@ class RemoteJobs:
     """The experts that home has."""
 
     def luggage(self) -> Files:
-        folder, types = self.settings.folder, self.settings.vehicle_types
+        folder = self.settings.folder
         maps = self.settings.maps_beside or folder / MAPS
         files = {path: _read(folder / path) for path in _below(folder, custom_references.FOLDER)}
         files |= {f"{MAPS}/{path}": _read(maps / path) for path in _below(maps, ".")}
-        if types is not None:
+        if (types := self.settings.options.traffic) is not None:
             files[f"{TRAFFIC}/{types.name}"] = _read(types)
         return files
 
     def open_in(self, folder: Path) -> OpenGroup:
         self._known = set(_below(folder, custom_references.FOLDER))
-        types = self.settings.vehicle_types
-        there = folder / TRAFFIC / types.name if types is not None else None
-        return drive_jobs(replace(self.settings, folder=folder, vehicle_types=there, maps_beside=folder / MAPS))
+        options = self.settings.options
+        if options.traffic is not None:
+            options = replace(options, traffic=folder / TRAFFIC / options.traffic.name)
+        return drive_jobs(replace(self.settings, folder=folder, options=options, maps_beside=folder / MAPS))
 
     def collect(self, folder: Path) -> Files:
         fresh = [path for path in _below(folder, custom_references.FOLDER) if path not in self._known]

@@ -6,7 +6,7 @@
 | results.jsonl | one line per finished job, appended and synced by the one parent that holds `lock` |
 | results/ | a flat copy of it in Parquet, made from it now and then and at the end |
 | traces/<scenario>/<planner>/seed<k>/ | four Parquet files and scenario.json, renamed into place when complete |
-| traffic/ | only for a run with a vehicle-type file of the user's: that file |
+| traffic/, profile.yaml | only for a run with a vehicle-type file or scoring profile of the user's: that |
 | scenarios.yaml, experts/ | only for one's own scenarios: these, and the drives that progress is measured against |
 | maps/ | only for one's own scenarios: the maps that came along with them |
 
@@ -56,6 +56,7 @@ from interplan_sumo.batch.results import (
 from interplan_sumo.batch.shards import keep_shards
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import MapFiles, copy_map
+from interplan_sumo.metrics.profile import Profile, keep_profile
 from interplan_sumo.scenario.files import MAPS, scenario_text
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.files import PART, replacing
@@ -179,6 +180,13 @@ class RunFolder:
         try:
             with replacing(self.path / OWN_SCENARIOS) as fresh:
                 fresh.write_bytes("---\n".join(map(scenario_text, scenarios)).encode())
+        except OSError as error:
+            raise _unwritable(self.path, error) from None
+
+    def keep_profile(self, profile: Profile) -> None:
+        """Keep the profile of a file of the user's, so that drives can be scored by it again without that."""
+        try:
+            keep_profile(profile, self.path)
         except OSError as error:
             raise _unwritable(self.path, error) from None
 

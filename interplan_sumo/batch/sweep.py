@@ -16,15 +16,15 @@ from dataclasses import dataclass, replace
 from itertools import product
 from math import isfinite
 from pathlib import Path
-from typing import Literal, cast
 
-from interplan_sumo.batch.jobs import Overrides, ScenarioSource, chosen, split_files
+from interplan_sumo.batch.jobs import Selection
+from interplan_sumo.batch.options import SETTINGS, RunOptions
 from interplan_sumo.batch.records import JobKey, RequestedJobs, keys_of
-from interplan_sumo.batch.run import RunProgress, RunRequest, check_inputs, run
-from interplan_sumo.batch.run_folder import TRAFFIC, StoredRun, read_run
+from interplan_sumo.batch.run import RunProgress, check_inputs, run
+from interplan_sumo.batch.run_folder import MANIFEST, TRAFFIC, StoredRun, read_run
 from interplan_sumo.batch.traffic_files import Edit, changed_name, write_changed
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
-from interplan_sumo.planner import find_planner
+from interplan_sumo.planner import RECOMMENDED, find_planner
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, Scenario
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 
@@ -82,14 +82,18 @@ def as_number(value: str) -> float | None:
 class SweepRun:
     """A run that a combination takes, and its drives."""
 
-    request: RunRequest
+    options: RunOptions
     scenarios: tuple[str, ...]
     """Ids."""
 
     @property
+    def folder(self) -> Path:
+        return self.options.out or Path()
+
+    @property
     def asked(self) -> RequestedJobs:
         """The request as a manifest has it."""
-        return RequestedJobs(self.request.planners, self.scenarios, self.request.seeds)
+        return RequestedJobs(self.options.planners or (RECOMMENDED,), self.scenarios, self.options.seeds)
 
     @property
     def keys(self) -> list[JobKey]:
@@ -152,87 +156,81 @@ class Result:
         return [key for key in self.combination.keys if key not in scored]
 
 
-def plan_sweep(request: RunRequest, parameters: Sequence[Parameter]) -> Sweep:
+def plan_sweep(options: RunOptions, parameters: Sequence[Parameter]) -> Sweep:
     """Work out every combination, write the changed vehicle-type files and check all inputs.
 
-    `request` says what each run has in common, overrides included; its folder
+    `options` say what each run has in common, overrides included; their folder
     becomes that of the sweep. InputError for anything that cannot be used.
     """
     if not parameters:
         raise InputError("nothing to vary; name it with --param, such as --param interplan.reactOverlap=0,0.5,1")
-    if request.limit is not None and request.limit < 1:
-        raise InputError(f"limit is {request.limit}, expected 1 or more")
-    _check_agree(request, parameters)
-    for spec in request.planners:
+    folder = _check_agree(options, parameters)
+    for spec in options.planners:
         find_planner(spec.partition("?")[0])
-    files, globs = split_files(request.scenarios)
-    scenarios = chosen(ScenarioSource.of(request.suite, files).scenarios, globs, request.limit)
+    selection = Selection.of(options)
+    scenarios = selection.scenarios
     settings = [
         dict(zip((parameter.key for parameter in parameters), values, strict=True))
         for values in product(*(parameter.values for parameter in parameters))
     ]
     combinations = tuple(
-        Combination(setting, tuple(_parts(request, setting, scenarios, files))) for setting in settings
+        Combination(setting, tuple(_parts(options, folder, setting, selection))) for setting in settings
     )
-    for overrides in {part.request.overrides for combination in combinations for part in combination.parts}:
+    for overrides in {part.options.overrides for combination in combinations for part in combination.parts}:
         check_inputs([overrides.applied(scenario) for scenario in scenarios], overrides.vehicle_types)
     without = tuple(scenario.id for scenario in scenarios if scenario.replayed or not scenario.has_traffic)
-    return Sweep(request.folder, tuple(parameters), combinations, without)
+    return Sweep(folder, tuple(parameters), combinations, without)
 
 
-def _check_agree(request: RunRequest, parameters: Sequence[Parameter]) -> None:
-    """InputError for what is asked twice, and for a folder that is a run's."""
+def _check_agree(options: RunOptions, parameters: Sequence[Parameter]) -> Path:
+    """The sweep's folder; InputError for what is asked twice, and for a folder that is a run's."""
+    if options.out is None:
+        raise InputError("no folder for the sweep given; name one with --out")
     keys = [parameter.key for parameter in parameters]
     for number, key in enumerate(keys):
         if key in keys[:number]:
             raise InputError(f"--param {key} is given twice; give all its values at once: {key}=V1,V2,...")
-        if key in ("density", "behaviour") and getattr(request.overrides, key) is not None:
+        if key in ("density", "behaviour") and getattr(options, key) is not None:
             raise InputError(f"--set {key} fixes what --param {key} varies; give only one")
-    if "behaviour" in keys and request.overrides.vehicle_types is not None:
+    if "behaviour" in keys and options.traffic is not None:
         raise InputError("--traffic replaces the vehicle types that --param behaviour varies; give only one")
-    if (request.folder / "manifest.json").exists():
-        raise RunFolderError(f"{request.folder} holds a run; give another folder as --out")
+    if (options.out / MANIFEST).exists():
+        raise RunFolderError(f"{options.out} holds a run; give another folder as --out")
+    return options.out
 
 
-def _parts(
-    request: RunRequest, setting: Mapping[str, str], scenarios: Sequence[Scenario], files: Sequence[str]
-) -> Iterator[SweepRun]:
+def _parts(options: RunOptions, sweep: Path, setting: Mapping[str, str], selection: Selection) -> Iterator[SweepRun]:
     """The runs of one combination: one, or one per vehicle-type file where that is changed."""
-    folder = request.folder / folder_name(setting)
-    density = cast("Literal['low', 'medium', 'high'] | None", setting.get("density", request.overrides.density))
-    base = replace(request.overrides, density=density, behaviour=setting.get("behaviour", request.overrides.behaviour))
-    changes = {key: value for key, value in setting.items() if key not in ("density", "behaviour")}
+    folder = sweep / folder_name(setting)
+    base = replace(options, **{key: value for key, value in setting.items() if key in SETTINGS})
+    changes = {key: value for key, value in setting.items() if key not in SETTINGS}
     if not changes:
-        yield _part(request, folder, scenarios, files, base)
+        yield _part(base, folder, selection.scenarios, selection.files)
         return
     edits = [Edit.of(key, value) for key, value in changes.items()]
     users: dict[Path, list[Scenario]] = {}
-    for scenario in scenarios:
-        used = base.vehicle_types or vehicle_type_file(base.behaviour or scenario.traffic.behaviour)
+    for scenario in selection.scenarios:
+        used = base.traffic or vehicle_type_file(base.behaviour or scenario.traffic.behaviour)
         users.setdefault(used, []).append(scenario)
     for source, members in users.items():
-        target = request.folder / TRAFFIC / changed_name(source, changes)
+        target = sweep / TRAFFIC / changed_name(source, changes)
         write_changed(source, edits, target)
         place = folder if len(users) == 1 else folder / source.stem
-        yield _part(request, place, members, files, Overrides(density, None, target))
+        yield _part(replace(base, behaviour=None, traffic=target), place, members, selection.files)
 
 
-def _part(
-    request: RunRequest, folder: Path, scenarios: Sequence[Scenario], files: Sequence[str], overrides: Overrides
-) -> SweepRun:
+def _part(options: RunOptions, folder: Path, scenarios: Sequence[Scenario], files: Sequence[str]) -> SweepRun:
     ids = tuple(scenario.id for scenario in scenarios)
-    chosen_ids = map(glob.escape, ids)
-    return SweepRun(
-        replace(request, folder=folder, scenarios=(*files, *chosen_ids), limit=None, overrides=overrides), ids
-    )
+    chosen = (*files, *map(glob.escape, ids))
+    return SweepRun(replace(options, out=folder, scenarios=chosen, limit=None), ids)
 
 
-def run_combination(combination: Combination, watch: RunProgress | None = None) -> Result:
+def run_combination(combination: Combination, watch: RunProgress | None = None, command: Sequence[str] = ()) -> Result:
     """Do what its folders do not hold yet. What cannot be run is in the result: the next combination may do."""
     runs: list[StoredRun] = []
     for part in combination.parts:
         try:
-            stored = run(part.request, watch)
+            stored = run(part.options, watch, command=command)
         except InputError as error:
             return Result(combination, tuple(runs), str(error))
         runs.append(stored.narrowed(part.asked))
@@ -260,8 +258,7 @@ def estimate(sweep: Sweep, workers: int) -> Estimate:
     times_s: list[float] = []
     left = 0
     for part in (part for combination in sweep.combinations for part in combination.parts):
-        folder = part.request.folder
-        briefs = read_run(folder).briefs if (folder / "manifest.json").is_file() else {}
+        briefs = read_run(part.folder).briefs if (part.folder / MANIFEST).is_file() else {}
         done = [briefs[key] for key in part.keys if key in briefs and briefs[key].score is not None]
         left += len(part.keys) - len(done)
         times_s += [brief.total_s for brief in done if brief.total_s is not None]

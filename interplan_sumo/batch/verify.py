@@ -17,18 +17,18 @@ from msgspec import structs
 from interplan_sumo.batch import custom_references
 from interplan_sumo.batch.backend import drive_answer, drive_outcomes
 from interplan_sumo.batch.drive_job import DriveSettings
-from interplan_sumo.batch.in_process import alarm_works
 from interplan_sumo.batch.jobs import Job, Overrides
-from interplan_sumo.batch.processes import Workers
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import DriveAnswer, Fault, JobKey, Row
-from interplan_sumo.batch.run import RunProgress
+from interplan_sumo.batch.run import RunProgress, here
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import own_scenarios
-from interplan_sumo.batch.tasks import Limits, Task
+from interplan_sumo.batch.tasks import Task
 from interplan_sumo.batch.trace_difference import TraceDifference, difference
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
+from interplan_sumo.metrics.profile import stored_profile
 from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.planner import find_planner
 from interplan_sumo.scenario.files import MAPS
@@ -108,29 +108,29 @@ class Verification:
 
 
 def verify(
-    run: StoredRun,
-    sample: RowSample,
-    *,
-    workers: int,
-    ray: str | None = None,
-    vehicle_types: Path | None = None,
-    limits: Limits | None = None,
-    watch: RunProgress | None = None,
+    run: StoredRun, sample: RowSample, options: RunOptions | None = None, watch: RunProgress | None = None
 ) -> Verification:
     """Drive a sample of the rows again with their own scenario, planner, seed and overrides, and compare.
 
-    `workers` and `ray` are as in `RunRequest`. `vehicle_types` is the file that
-    the run was given with --traffic, where it is no longer found. Nothing is
-    written to the run folder. Raises InputError for a planner, file or name that
-    is not there any more, or for an empty run.
+    Of the options count who does it, its limits but for that of plan(), and
+    `traffic`: the file that the run was given, where it is no longer found.
+    Nothing is written to the run folder. Raises InputError for a planner, file
+    or name that is not there any more, or for an empty run.
     """
     keys = _candidates(run, sample)
     drawn = _drawn(keys, sample)
     for planner in dict.fromkeys(key[1] for key in drawn):
         find_planner(planner.partition("?")[0])
-    held = run.manifest.overrides
+    held, options = run.manifest.overrides, options or RunOptions()
     own = own_scenarios(run)
-    overrides = Overrides(held.density, held.behaviour, recorded_vehicle_types(run.path, run.manifest, vehicle_types))
+    options = replace(
+        options,
+        density=held.density,
+        behaviour=held.behaviour,
+        traffic=recorded_vehicle_types(run.path, run.manifest, options.traffic),
+        plan_limit_s=run.manifest.plan_limit_s or 0.0,
+    )
+    overrides = options.overrides
     jobs: list[Job] = []
     checks: list[RowCheck] = []
     for key in drawn:
@@ -141,8 +141,7 @@ def verify(
             jobs.append(Job(scenario, key[1], key[2]))
     if watch is not None:
         watch.begin(len(jobs), ())
-    who = Workers(workers, ray)
-    checks += _driven_again(run, jobs, overrides.vehicle_types, bool(own), who, limits or Limits(), watch)
+    checks += _driven_again(run, jobs, options, bool(own), watch)
     checks.sort(key=lambda check: check.row.key)
     return Verification(run, len(keys), tuple(checks))
 
@@ -191,34 +190,25 @@ def _scenario(row: Row, own: dict[str, Scenario], overrides: Overrides) -> tuple
 
 
 def _driven_again(
-    run: StoredRun,
-    jobs: Sequence[Job],
-    vehicle_types: Path | None,
-    own: bool,
-    who: Workers,
-    limits: Limits,
-    watch: RunProgress | None,
+    run: StoredRun, jobs: Sequence[Job], options: RunOptions, own: bool, watch: RunProgress | None
 ) -> list[RowCheck]:
     """Do the jobs in a folder of their own, with the experts of the run, and compare each as it ends."""
-    asked_s = run.manifest.plan_limit_s
-    limits = replace(limits, plan_s=float("inf") if asked_s is None else asked_s)
     checks: list[RowCheck] = []
     with tempfile.TemporaryDirectory(prefix="interplan-sumo-verify-") as place:
         scratch = Path(place)
         if (run.path / custom_references.FOLDER).is_dir():
             shutil.copytree(run.path / custom_references.FOLDER, scratch / custom_references.FOLDER)
-        if vehicle_types is not None:  # SUMO reads no file with a comma in its path, which folders of sweeps have
-            vehicle_types = Path(shutil.copy(vehicle_types, scratch / vehicle_types.name))
+        if options.traffic is not None:  # SUMO reads no file with a comma in its path, which folders of sweeps have
+            options = replace(options, traffic=Path(shutil.copy(options.traffic, scratch / options.traffic.name)))
         settings = DriveSettings(
-            folder=scratch,
-            profile=run.manifest.profile,
-            vehicle_types=vehicle_types,
-            plan_limit_s=float("inf") if who.in_this_process and alarm_works() else limits.plan_s,
-            own_scenarios=own,
-            maps_beside=run.path / MAPS if own else None,
+            scratch,
+            here(options),
+            stored_profile(run.manifest.profile, run.path),
+            own,
+            run.path / MAPS if own else None,
         )
         tasks = [Task(job.key, job.planner, job) for job in jobs]
-        with contextlib.closing(drive_outcomes(tasks, settings, who, limits)) as outcomes:
+        with contextlib.closing(drive_outcomes(tasks, settings, options.who, options.limits)) as outcomes:
             for outcome in outcomes:
                 row = run.rows[outcome.task.payload.key]
                 answer, fault = drive_answer(outcome)

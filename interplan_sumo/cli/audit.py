@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, planner_names
 from interplan_sumo.report.printing import console, print_json, progress
 
@@ -26,20 +27,16 @@ def audit(
 ) -> int:
     """Sort the scenarios of a suite or file by what they ask, unsound ones apart; with --below, find the hard ones."""
     from interplan_sumo.batch.audit import findings
-    from interplan_sumo.batch.processes import available_cores
-    from interplan_sumo.batch.run import RunRequest, run
+    from interplan_sumo.batch.run import run
     from interplan_sumo.report.audit_formats import audit_json, audit_text
     from interplan_sumo.scenario.files import is_scenario_file
 
     with contextlib.ExitStack() as stack:
         folder = out or Path(stack.enter_context(tempfile.TemporaryDirectory())) / "run"
-        workers = available_cores() if workers is None else workers
         files = (suite,) if is_scenario_file(suite) else ()
-        request = RunRequest(
-            planners=(planner,), folder=folder, suite=None if files else suite, scenarios=files, workers=workers
-        )
+        options = RunOptions((planner,), folder, None if files else suite, files, workers=workers)
         with progress(quiet=quiet) as watch:
-            stored = run(request, watch)
+            stored = run(options, watch)
         found = list(findings(stored, below))
     entry = audit_json(suite, planner, below, found)
     print_json(entry) if as_json else console().print(audit_text(entry))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
 import time
@@ -11,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from interplan_sumo.cli.options import DONE, INCOMPLETE, LOOKS, JsonOption, QuietOption
+from interplan_sumo.cli.options import DONE, INCOMPLETE, LOOKS, JsonOption, QuietOption, take_one_thread
 from interplan_sumo.report.printing import print_json
 
 dataset_app = typer.Typer(help="Training data from nothing.", **LOOKS)
@@ -45,9 +44,9 @@ def ordinary(
 
     Nothing of an official suite is used. Options with a name may be repeated.
     """
-    from interplan_sumo.batch.processes import SINGLE_THREAD, available_cores
+    from interplan_sumo.batch.processes import available_cores
 
-    os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
+    take_one_thread()
     from interplan_sumo.cli.export import print_summary, summary
     from interplan_sumo.dataset.ordinary import MAPS, OrdinaryRequest, make_ordinary
 

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shlex
 import sys
-import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.cli.options import (
     DONE,
     INCOMPLETE,
-    JobLimitOption,
     JsonOption,
-    MemoryOption,
-    PlanLimitOption,
-    PlannerOption,
     QuietOption,
+    run_folder,
+    take_one_thread,
+    takes_run_options,
 )
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import Form, print_comparison, print_table, progress, write_page
@@ -33,58 +32,17 @@ app = typer.Typer()
 
 
 @app.command()
-def run(
-    context: typer.Context,
-    planner: PlannerOption = None,
-    suite: Annotated[str | None, typer.Option(help="NAME==VERSION.")] = None,
-    scenarios: Annotated[
-        list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'; or a FILE.yaml.")
-    ] = None,
-    seeds: Annotated[int, typer.Option(help="Seeds 0 to N-1; seed 0 is the certified one.")] = 1,
-    workers: Annotated[
-        str | None,
-        typer.Option(
-            help="Processes; 0 runs in this one. Default: all cores. ray[:ADDRESS] takes the CPUs of a Ray cluster.",
-            metavar="N|ray[:ADDRESS]",
-        ),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="The run folder; the same command on it goes on.")] = None,
-    traffic: Annotated[Path | None, typer.Option(help="A vehicle-type file instead of the scenarios' own.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="density=low|medium|high or behaviour=NAME.")] = None,
-    limit: Annotated[int | None, typer.Option(help="At most so many scenarios.")] = None,
-    plan_limit: PlanLimitOption = 10.0,
-    job_limit: JobLimitOption = 3600.0,
-    memory_gb: MemoryOption = 8.0,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
-) -> int:
+@takes_run_options()
+def run(context: typer.Context, options: RunOptions, quiet: QuietOption = False, as_json: JsonOption = False) -> int:
     """Drive and score scenarios, and print the table. Repeating the command on the same folder resumes it."""
-    from interplan_sumo.batch.processes import SINGLE_THREAD
-
-    os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
+    take_one_thread()
     from interplan_sumo.batch import run as batch
 
-    folder = out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
-    command = ["interplan-sumo", *context.obj, *([] if out else ["--out", str(folder)])]
-    request = batch.RunRequest.of(
-        planner or (),
-        folder,
-        suite=suite,
-        scenarios=scenarios or (),
-        seeds=seeds,
-        workers=workers,
-        changes=set_ or (),
-        traffic=traffic,
-        limit=limit,
-        plan_limit_s=plan_limit,
-        job_limit_s=job_limit,
-        memory_gb=memory_gb,
-        command=command,
-    )
+    folder, command = run_folder(context, options, "")
     stdout = contextlib.redirect_stdout(sys.stderr) if as_json else contextlib.nullcontext()
     try:
         with progress(quiet=quiet) as watch, stdout:  # in-process planners may print: not into the JSON
-            stored = batch.run(request, watch)
+            stored = batch.run(replace(options, out=folder), watch, command=command)
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
         return INCOMPLETE

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shlex
 import sys
-import time
 from collections.abc import Iterator, Sequence
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.cli.options import (
     DONE,
     INCOMPLETE,
-    JobLimitOption,
     JsonOption,
-    MemoryOption,
-    PlanLimitOption,
-    PlannerOption,
     QuietOption,
+    run_folder,
+    take_one_thread,
+    takes_run_options,
 )
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import console, print_json, progress
@@ -30,8 +28,10 @@ if TYPE_CHECKING:
     from interplan_sumo.batch.sweep import Estimate, Result, Sweep
 
 
+@takes_run_options()
 def sweep(
     context: typer.Context,
+    options: RunOptions,
     param: Annotated[
         list[str] | None,
         typer.Option(
@@ -40,57 +40,21 @@ def sweep(
             metavar="KEY=V1,V2,...",
         ),
     ] = None,
-    planner: PlannerOption = None,
-    suite: Annotated[str | None, typer.Option(help="NAME==VERSION.")] = None,
-    scenarios: Annotated[
-        list[str] | None, typer.Option(help="Only ids that match, such as 'lane_change_*'; or a FILE.yaml.")
-    ] = None,
-    seeds: Annotated[int, typer.Option(help="Seeds 0 to N-1.")] = 1,
-    workers: Annotated[
-        str | None,
-        typer.Option(help="Processes, 0 for this one, or a Ray cluster; as in run.", metavar="N|ray[:ADDRESS]"),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="The sweep's folder; the same command on it goes on.")] = None,
-    traffic: Annotated[Path | None, typer.Option(help="Vary this vehicle-type file, not the scenarios' own.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="density=... or behaviour=..., for all runs.")] = None,
-    limit: Annotated[int | None, typer.Option(help="At most so many scenarios.")] = None,
-    plan_limit: PlanLimitOption = 10.0,
-    job_limit: JobLimitOption = 3600.0,
-    memory_gb: MemoryOption = 8.0,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
     """Run every combination of traffic parameters; then a table, sweep.csv and a plot. Repeat the command to resume."""
-    from interplan_sumo.batch.processes import SINGLE_THREAD
-
-    os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
+    take_one_thread()
     from interplan_sumo.batch.backend import one_connection
-    from interplan_sumo.batch.run import RunRequest
     from interplan_sumo.batch.sweep import Parameter, plan_sweep
 
-    folder = out or Path("runs") / f"sweep-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
-    command = ["interplan-sumo", *context.obj, *([] if out else ["--out", str(folder)])]
-    request = RunRequest.of(
-        planner or (),
-        folder,
-        suite=suite,
-        scenarios=scenarios or (),
-        seeds=seeds,
-        workers=workers,
-        changes=set_ or (),
-        traffic=traffic,
-        limit=limit,
-        plan_limit_s=plan_limit,
-        job_limit_s=job_limit,
-        memory_gb=memory_gb,
-        command=command,
-    )
+    folder, command = run_folder(context, options, "sweep-")
     parameters = [Parameter.parse(text) for text in param or ()]
     try:
-        planned = plan_sweep(request, parameters)
+        planned = plan_sweep(replace(options, out=folder), parameters)
         stdout = contextlib.redirect_stdout(sys.stderr)  # in-process planners may print: not into the table or JSON
-        with stdout, one_connection(request.who) as at_a_time:
-            results = list(_results(planned, at_a_time, quiet=quiet))
+        with stdout, one_connection(options.who) as at_a_time:
+            results = list(_results(planned, at_a_time, command, quiet=quiet))
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
         return INCOMPLETE
@@ -99,7 +63,7 @@ def sweep(
     return _report(planned, results, as_json=as_json, quiet=quiet)
 
 
-def _results(planned: Sweep, workers: int, *, quiet: bool) -> Iterator[Result]:
+def _results(planned: Sweep, workers: int, command: Sequence[str], *, quiet: bool) -> Iterator[Result]:
     """Each combination's result, with its progress and what is left on stderr."""
     from interplan_sumo.batch.sweep import estimate, run_combination
 
@@ -114,7 +78,7 @@ def _results(planned: Sweep, workers: int, *, quiet: bool) -> Iterator[Result]:
         if not quiet:
             print(f"[{number}/{count}] {combination.name}", file=sys.stderr)
         with progress(quiet=quiet) as watch:
-            result = run_combination(combination, watch)
+            result = run_combination(combination, watch, command)
         if result.failure is not None:
             print(f"not run: {combination.name}: {result.failure}", file=sys.stderr)
         yield result

@@ -2,43 +2,52 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from interplan_sumo.cli.options import DONE, INCOMPLETE, OUR_FAULT, JsonOption
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.cli.options import (
+    DONE,
+    INCOMPLETE,
+    OUR_FAULT,
+    JsonOption,
+    QuietOption,
+    take_one_thread,
+    takes_run_options,
+)
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import console, print_json, progress
 
 
+@takes_run_options(
+    "planners",
+    "scenarios",
+    "workers",
+    "traffic",
+    planners="Only this planner, as the run was asked for it.",
+    scenarios="Only ids that match, such as 'nudge/*'.",
+    traffic="The run's vehicle-type file, if it lies elsewhere now.",
+)
 def verify(
     folder: Annotated[Path, typer.Argument(help="A run folder; nothing is written to it.", metavar="DIR")],
+    options: RunOptions,
     sample: Annotated[int | None, typer.Option(help="So many drives, drawn at random. Default: 10.")] = None,
     every: Annotated[bool, typer.Option("--all", help="All drives.")] = False,
     seed: Annotated[int, typer.Option(help="Of the draw.")] = 0,
-    scenarios: Annotated[list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'.")] = None,
-    planner: Annotated[list[str] | None, typer.Option(help="Only this planner, as the run was asked for it.")] = None,
-    traffic: Annotated[Path | None, typer.Option(help="The run's vehicle-type file, if it lies elsewhere now.")] = None,
     tolerant: Annotated[
         bool, typer.Option("--tolerant", help="Let 1 mm and 1e-6 in the score pass, as between two machines.")
     ] = False,
-    workers: Annotated[
-        str | None,
-        typer.Option(help="Processes, 0 for this one, or a Ray cluster; as in run.", metavar="N|ray[:ADDRESS]"),
-    ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
     """Drive rows of a run again and compare trace hashes; where they differ, say from which step, in what and how far.
 
     Exit code 1 if a drive differs, 3 if one could not be verified.
     """
-    from interplan_sumo.batch.processes import SINGLE_THREAD, Workers
-
-    os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
+    take_one_thread()
     import contextlib
 
     from interplan_sumo.batch.run_folder import read_run
@@ -49,12 +58,11 @@ def verify(
     if every and sample is not None:
         raise InputError(f"--all and --sample {sample} are two sizes; give one of them")
     size = None if every else 10 if sample is None else sample
-    wanted = RowSample(size, seed, tuple(scenarios or ()), tuple(planner or ()))
-    who = Workers.parse(workers)
+    wanted = RowSample(size, seed, options.scenarios, options.planners)
     try:
         with progress(quiet=quiet) as watch, contextlib.redirect_stdout(sys.stderr):
             stored = read_run(folder)
-            found = drive_again(stored, wanted, workers=who.processes, ray=who.ray, vehicle_types=traffic, watch=watch)
+            found = drive_again(stored, wanted, options, watch)
     except KeyboardInterrupt:
         print("stopped; nothing was written", file=sys.stderr)
         return INCOMPLETE

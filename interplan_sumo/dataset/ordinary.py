@@ -18,8 +18,9 @@ from typing import Any, Final
 import numpy as np
 
 from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Brief, JobKey, Row
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.stored_drive import StoredDrives
@@ -191,7 +192,8 @@ def _round(request: OrdinaryRequest, maps: Sequence[str], seed: int, say: Callab
         return []
     for expert, driven in _shared_out(scenes, request.experts).items():
         names = (str(folder.with_suffix(".yaml")), *(scene.id for scene in driven))
-        run(RunRequest((expert,), folder, scenarios=names, workers=request.workers, limits=UNLIMITED), _Told(say))
+        options = RunOptions((expert,), folder, scenarios=names, workers=request.workers, plan_limit_s=0, job_limit_s=0)
+        run(options, _Told(say))
     return [each for row in _surveyed(request, folder) for each in _offered(folder, row, seed)]
 
 

@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from interplan_sumo.batch.jobs import ScenarioSource, own_maps
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import JobKey
 from interplan_sumo.batch.rescore import rescore
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, MapError, RunFolderError
@@ -35,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def driven(file: Path, out: Path, workers: int = 0, planners: Sequence[str] = ("straight_ahead",)) -> StoredRun:
-    return run(RunRequest(planners=tuple(planners), folder=out, scenarios=(str(file),), workers=workers))
+    return run(RunOptions(planners=tuple(planners), out=out, scenarios=(str(file),), workers=workers))
 
 
 def hashes(stored: StoredRun) -> dict[JobKey, object]:

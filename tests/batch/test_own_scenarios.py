@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from interplan_sumo.batch.custom_references import own_expert
-from interplan_sumo.batch.jobs import Overrides, ScenarioSource, split_files
+from interplan_sumo.batch.jobs import ScenarioSource, split_files
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import AppliedOverrides
 from interplan_sumo.batch.rescore import rescore
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, ScenarioError, UnknownNameError
 from interplan_sumo.report.table import make_table
@@ -30,8 +31,8 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "mine.yaml"
 
 
-def request(folder: Path, *scenarios: object, **changes: object) -> RunRequest:
-    base = RunRequest(("straight_ahead",), folder, scenarios=tuple(map(str, scenarios)), workers=0)
+def request(folder: Path, *scenarios: object, **changes: object) -> RunOptions:
+    base = RunOptions(("straight_ahead",), folder, scenarios=tuple(map(str, scenarios)), workers=0)
     return replace(base, **changes)  # type: ignore[arg-type]
 
 
@@ -70,8 +71,7 @@ def test_the_folder_is_scored_again_without_the_users_file(stored: StoredRun) ->
 
 
 def test_overrides_of_own_scenarios_are_scored_again_too(tmp_path: Path, file: Path) -> None:
-    overrides = Overrides.parse(("density=high",))
-    found = run(request(tmp_path / "run", file, "mine/1", overrides=overrides))
+    found = run(request(tmp_path / "run", file, "mine/1", density="high"))
     scored, problems = rescore(found, "nuplan")
     assert problems == []
     (row,) = scored.rows.values()

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 from interplan_sumo.batch import ray_backend
-from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.processes import environment
 from interplan_sumo.batch.ray_backend import RayCrew, run_on_ray
 from interplan_sumo.batch.records import Brief, JobKey, Row
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.verify import RowSample, verify
@@ -195,16 +195,16 @@ def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_
     del cluster
     shutil.copytree(mine, tmp_path / "mine")
     file = str(tmp_path / "mine" / "mine.yaml")
-    at_home = run(RunRequest(("straight_ahead",), tmp_path / "home", scenarios=(file,), workers=0))
-    there = RunRequest(("straight_ahead",), tmp_path / "there", scenarios=(file,), workers=0, ray="auto")
+    at_home = run(RunOptions(("straight_ahead",), tmp_path / "home", scenarios=(file,), workers=0))
+    there = RunOptions(("straight_ahead",), tmp_path / "there", scenarios=(file,), workers="ray:auto")
     with pytest.raises(KeyboardInterrupt):
         run(there, Interrupting())
-    assert len(read_run(there.folder).rows) == 1
+    assert len(read_run(tmp_path / "there").rows) == 1
     done = run(there)
     assert hashes(done) == hashes(at_home)
     assert all(row.fault is None for row in done.rows.values())
     shutil.rmtree(tmp_path / "mine")
-    found = verify(read_run(there.folder), RowSample(None), workers=0, ray="auto")
+    found = verify(read_run(tmp_path / "there"), RowSample(None), RunOptions(workers="ray:auto"))
     assert [(check.verdict, check.reason) for check in found.checks] == [("equal", ""), ("equal", "")]
 
 
@@ -227,9 +227,9 @@ def test_a_drive_on_the_cluster_gives_the_hash_and_the_files_of_one_at_home(clus
     nudge = find_suite("smoke==1").scenarios[3].id
     types = tmp_path / "mine.xml"
     types.write_text('<routes><vType id="traffic" maxSpeed="7"/></routes>')
-    at_home = RunRequest(("straight_ahead",), tmp_path / "home", "smoke==1", (nudge,), workers=0,
-                         overrides=Overrides(vehicle_types=types))  # fmt: skip
-    there = replace(at_home, folder=tmp_path / "there", ray="auto")
+    at_home = RunOptions(("straight_ahead",), tmp_path / "home", "smoke==1", (nudge,), workers=0,
+                         traffic=types)  # fmt: skip
+    there = replace(at_home, out=tmp_path / "there", workers="ray:auto")
 
     def summary(stored: StoredRun) -> list[Any]:
         (row,) = stored.rows.values()

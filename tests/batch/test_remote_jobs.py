@@ -7,15 +7,18 @@ from pathlib import Path
 import pytest
 
 from interplan_sumo.batch.drive_job import DriveSettings
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.remote_jobs import Files, RemoteJobs, write_files
 from interplan_sumo.errors import RunFolderError
-from interplan_sumo.metrics.profile import DEFAULT_PROFILE
+from interplan_sumo.metrics.profile import find_profile
 
 PLACE = "traces/nudge_0-12345678/idm-12345678/seed0"
 
 
 def drives(home: Path, vehicle_types: Path | None = None) -> RemoteJobs:
-    return RemoteJobs(DriveSettings(home, DEFAULT_PROFILE, vehicle_types, own_scenarios=True))
+    return RemoteJobs(
+        DriveSettings(home, RunOptions(traffic=vehicle_types), find_profile("nuplan"), own_scenarios=True)
+    )
 
 
 def folder(place: Path, files: Files) -> Path:

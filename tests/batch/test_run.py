@@ -8,17 +8,18 @@ import shutil
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
 from msgspec import structs
 
-from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import AppliedOverrides, Brief, Fault, JobKey, Row
 from interplan_sumo.batch.rescore import rescore
-from interplan_sumo.batch.run import RunRequest, check_inputs, run
+from interplan_sumo.batch.run import check_inputs, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
-from interplan_sumo.batch.tasks import Limits
+from interplan_sumo.batch.verify import RowSample, verify
 from interplan_sumo.errors import InputError, MapError, RunFolderError, UnknownNameError, VehicleTypeError
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.suite import find_suite
@@ -49,9 +50,9 @@ def fault(row: Row) -> Fault:
     return row.fault
 
 
-def request(folder: Path, *planners: str, workers: int = 0, **changes: object) -> RunRequest:
-    base = RunRequest(planners=planners, suite=SUITE, folder=folder, limit=1, workers=workers)
-    return replace(base, **changes)  # type: ignore[arg-type]
+def request(folder: Path, *planners: str, workers: int = 0, **changes: Any) -> RunOptions:
+    base = RunOptions(planners=planners, suite=SUITE, out=folder, limit=1, workers=workers)
+    return replace(base, **changes)
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +113,7 @@ def test_a_trace_opens_in_one_line_of_pandas(official: StoredRun) -> None:
     ],
 )
 def test_a_planner_that_misbehaves_is_a_named_fault_and_a_zero(name: str, words: str, tmp_path: Path) -> None:
-    stored = run(request(tmp_path, f"{RUDE}:{name}", limits=Limits(plan_s=0.5)))
+    stored = run(request(tmp_path, f"{RUDE}:{name}", plan_limit_s=0.5))
     (row,) = stored.rows.values()
     assert fault(row).kind == "planner"
     assert words in fault(row).message
@@ -130,8 +131,7 @@ def test_a_polite_end_while_a_planner_plans_ends_the_run_and_is_no_fault_of_its(
 @pytest.mark.slow
 def test_planners_that_take_their_process_down_leave_the_others_unharmed(tmp_path: Path) -> None:
     names = ("Steady", "ExitsHard", "Hangs")
-    limits = Limits(plan_s=1.0, grace_s=0.0)
-    stored = run(request(tmp_path, *(f"{RUDE}:{n}" for n in names), workers=2, limits=limits))
+    stored = run(request(tmp_path, *(f"{RUDE}:{n}" for n in names), workers=2, plan_limit_s=1.0))
     rows = {planner.partition(":")[2]: row for (_, planner, _), row in stored.rows.items()}
     assert rows["Steady"].fault is None
     assert rows["Steady"].trace_hash is not None
@@ -162,10 +162,10 @@ def test_seeds_may_be_added_and_differ_in_traffic_only(official: StoredRun, tmp_
 
 
 def test_overridden_traffic_is_marked_and_kept_apart(official: StoredRun, tmp_path: Path) -> None:
-    overrides = Overrides.parse(["density=medium", "behaviour=assertive"])
+    overrides: dict[str, Any] = {"density": "medium", "behaviour": "assertive"}
     with pytest.raises(RunFolderError, match="overrides density none, this one has medium"):
-        run(request(copied(official, tmp_path / "run").path, "straight_ahead", overrides=overrides))
-    stored = run(request(tmp_path / "other", "straight_ahead", overrides=overrides))
+        run(request(copied(official, tmp_path / "run").path, "straight_ahead", **overrides))
+    stored = run(request(tmp_path / "other", "straight_ahead", **overrides))
     (row,) = stored.rows.values()
     assert row.official is False
     assert row.overrides == AppliedOverrides("medium", "assertive")
@@ -178,14 +178,14 @@ def test_overridden_traffic_is_marked_and_kept_apart(official: StoredRun, tmp_pa
 def test_a_vehicle_type_file_of_ones_own_replaces_the_traffic(official: StoredRun, tmp_path: Path) -> None:
     mine = tmp_path / "mine.xml"
     mine.write_text('<routes><vType id="traffic" maxSpeed="3" tau="3"/></routes>')
-    stored = run(request(tmp_path / "run", "straight_ahead", overrides=Overrides(vehicle_types=mine)))
+    stored = run(request(tmp_path / "run", "straight_ahead", traffic=mine))
     (row,) = stored.rows.values()
     assert row.official is False
     assert str(row.overrides.traffic).startswith("mine.xml sha256:")
     assert row.trace_hash != official.rows[FIRST.id, "straight_ahead", 0].trace_hash
     mine.write_text('<routes><vType id="traffic" maxSpeed="4" tau="3"/></routes>')
     with pytest.raises(RunFolderError, match="with overrides traffic"):
-        run(request(tmp_path / "run", "straight_ahead", overrides=Overrides(vehicle_types=mine)))
+        run(request(tmp_path / "run", "straight_ahead", traffic=mine))
 
 
 def test_scoring_again_gives_the_same_scores_without_simulating(official: StoredRun) -> None:
@@ -201,6 +201,21 @@ def test_another_profile_has_its_own_terms(official: StoredRun) -> None:
     assert all("lane_changes" not in row.weights for row in again.rows.values())
     with pytest.raises(UnknownNameError, match="Did you mean 'nuplan'"):
         rescore(official, "nuplam")
+
+
+def test_a_run_is_scored_by_the_profile_that_it_is_given_and_goes_on_with_no_other(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("needs_scenario: true\nhonours_exemptions: true\nweights:\n- {metric: progress, weight: 1}\n")
+    stored = run(request(tmp_path / "run", "straight_ahead", profile=str(mine)))
+    (row,) = stored.rows.values()
+    assert (row.gates, row.weights, row.score) == ((), {"progress": 1.0}, row.metrics["progress"].score)
+    assert stored.manifest.profile.startswith("mine@")
+    with pytest.raises(RunFolderError, match=r"with profile mine@.*, this one has interplan-paper"):
+        run(request(tmp_path / "run", "straight_ahead"))
+    mine.write_text(mine.read_text().replace("progress", "comfort"))
+    with pytest.raises(RunFolderError, match=r"with profile mine@.*, this one has mine@"):
+        run(request(tmp_path / "run", "straight_ahead", profile=str(mine)))
+    assert verify(stored, RowSample(None), RunOptions(workers=0)).count("equal") == 1
 
 
 def test_a_planners_fault_stays_a_zero_under_any_profile(tmp_path: Path) -> None:
@@ -258,20 +273,18 @@ def test_bad_input_ends_the_run_before_a_folder_is_made(tmp_path: Path) -> None:
     place = tmp_path / "run"
     wrong = tmp_path / "types.xml"
     wrong.write_text('<routes><vType id="other"/></routes>')
-    cases: list[tuple[RunRequest, type[InputError], str]] = [
-        (request(place), InputError, "no planner given"),
-        (request(place, "idn"), UnknownNameError, "Did you mean 'idm'"),
-        (request(place, "idm", suite="smoke==9"), UnknownNameError, "Did you mean 'smoke==1'"),
-        (request(place, "idm", scenarios=("nothing/*",)), UnknownNameError, "no scenario named 'nothing/*'"),
-        (request(place, "idm", seeds=0), InputError, "seeds is 0"),
-        (request(place, "idm", limit=0), InputError, "limit is 0"),
-        (request(place, "idm", workers=-1), InputError, "workers is -1"),
-        (request(place, "idm", overrides=Overrides(vehicle_types=wrong)), VehicleTypeError, "traffic"),
-        (request(place, "idm", overrides=Overrides(behaviour="rude")), UnknownNameError, "no behaviour named 'rude'"),
+    cases: list[tuple[dict[str, Any], type[InputError], str]] = [
+        ({"planners": ("idn",)}, UnknownNameError, "Did you mean 'idm'"),
+        ({"suite": "smoke==9"}, UnknownNameError, "Did you mean 'smoke==1'"),
+        ({"scenarios": ("nothing/*",)}, UnknownNameError, "no scenario named 'nothing/*'"),
+        ({"profile": "nuplam"}, UnknownNameError, "Did you mean 'nuplan'"),
+        ({"traffic": wrong}, VehicleTypeError, "traffic"),
+        ({"behaviour": "rude"}, UnknownNameError, "no behaviour named 'rude'"),
+        ({"out": None}, InputError, "no run folder given"),
     ]
-    for wanted, error, words in cases:
+    for given, error, words in cases:
         with pytest.raises(error) as caught:
-            run(wanted)
+            run(replace(request(place, "idm"), **given))
         assert words in str(caught.value)
     assert not place.exists()
 

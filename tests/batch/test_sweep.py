@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Row
-from interplan_sumo.batch.run import RunRequest
 from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.batch.sweep import (
     TYPICAL_S,
@@ -43,7 +43,7 @@ ALONE = replace(BUSY, id="mine/2", traffic=TrafficDemand())
 
 def planned(place: Path, *params: str, scenarios: Sequence[Scenario] = (BUSY,), **changes: Any) -> Sweep:
     write_scenarios(scenarios, place / "mine.yaml")
-    base = RunRequest(("straight_ahead",), place / "sweep", scenarios=(str(place / "mine.yaml"),), workers=0)
+    base = RunOptions(("straight_ahead",), place / "sweep", scenarios=(str(place / "mine.yaml"),), workers=0)
     return plan_sweep(replace(base, **changes), [Parameter.parse(param) for param in params])
 
 
@@ -182,7 +182,7 @@ def test_combinations_are_the_product_in_the_order_given(tmp_path: Path) -> None
     names = [combination.name for combination in sweep.combinations]
     assert names == [f"density={d},tau={t}" for d in ("high", "low") for t in (1, 2, 3)]
     assert sweep.drives == 6
-    assert [part.request.folder for part in sweep.combinations[0].parts] == [tmp_path / "sweep" / names[0]]
+    assert [part.folder for part in sweep.combinations[0].parts] == [tmp_path / "sweep" / names[0]]
     assert sorted(path.name for path in (tmp_path / "sweep" / TRAFFIC).iterdir()) == [
         f"mixed+tau={t}.xml" for t in (1, 2, 3)
     ]
@@ -190,21 +190,21 @@ def test_combinations_are_the_product_in_the_order_given(tmp_path: Path) -> None
 
 def test_only_vehicle_types_that_change_need_a_file(tmp_path: Path) -> None:
     sweep = planned(tmp_path, "density=high,low", "behaviour=assertive,mixed")
-    overrides = [part.request.overrides for combination in sweep.combinations for part in combination.parts]
+    overrides = [part.options.overrides for combination in sweep.combinations for part in combination.parts]
     assert overrides == [Overrides(d, b) for d in ("high", "low") for b in ("assertive", "mixed")]
     assert not (tmp_path / "sweep" / TRAFFIC).exists()
 
 
 def test_a_swept_behaviour_is_the_file_that_is_changed(tmp_path: Path) -> None:
     sweep = planned(tmp_path, "behaviour=assertive,urban", "tau=2")
-    files = [combination.parts[0].request.overrides.vehicle_types for combination in sweep.combinations]
+    files = [combination.parts[0].options.traffic for combination in sweep.combinations]
     assert [file.name for file in files if file] == ["assertive+tau=2.xml", "urban+tau=2.xml"]
 
 
 def test_scenarios_of_several_behaviours_keep_their_own_drivers(tmp_path: Path) -> None:
     sweep = planned(tmp_path, "tau=2", scenarios=(BUSY, OTHER, ALONE))
     (combination,) = sweep.combinations
-    folders = {part.request.folder.name: part.scenarios for part in combination.parts}
+    folders = {part.folder.name: part.scenarios for part in combination.parts}
     assert folders == {"mixed": ("mine/0", "mine/2"), "conservative": ("mine/1",)}
     assert len(combination.keys) == sweep.drives == 3
     assert sweep.without_traffic == ("mine/2",)
@@ -212,28 +212,27 @@ def test_scenarios_of_several_behaviours_keep_their_own_drivers(tmp_path: Path) 
 
 def test_a_file_given_with_traffic_is_the_one_that_is_changed(tmp_path: Path) -> None:
     shutil.copy(routes_root() / "urban.xml", tmp_path / "town.xml")
-    overrides = Overrides(vehicle_types=tmp_path / "town.xml")
-    sweep = planned(tmp_path, "bus.tau=2,3", scenarios=(BUSY, OTHER), overrides=overrides)
-    files = [part.request.overrides.vehicle_types for each in sweep.combinations for part in each.parts]
+    sweep = planned(tmp_path, "bus.tau=2,3", scenarios=(BUSY, OTHER), traffic=tmp_path / "town.xml")
+    files = [part.options.traffic for each in sweep.combinations for part in each.parts]
     assert [file.name for file in files if file] == ["town+bus.tau=2.xml", "town+bus.tau=3.xml"]
 
 
 @pytest.mark.parametrize(
-    ("params", "overrides", "words"),
+    ("params", "given", "words"),
     [
-        ((), Overrides(), "nothing to vary"),
-        (("tau=1", "tau=2"), Overrides(), "--param tau is given twice"),
-        (("density=low",), Overrides("high"), "--set density fixes what --param density varies"),
-        (("behaviour=mixed",), Overrides(behaviour="urban"), "--set behaviour fixes"),
-        (("behaviour=mixed",), Overrides(vehicle_types=routes_root() / "urban.xml"), "give only one"),
-        (("bus.tau=1",), Overrides(), "no vType in mixed.xml named 'bus'"),
+        ((), {}, "nothing to vary"),
+        (("tau=1", "tau=2"), {}, "--param tau is given twice"),
+        (("density=low",), {"density": "high"}, "--set density fixes what --param density varies"),
+        (("behaviour=mixed",), {"behaviour": "urban"}, "--set behaviour fixes"),
+        (("behaviour=mixed",), {"traffic": routes_root() / "urban.xml"}, "give only one"),
+        (("bus.tau=1",), {}, "no vType in mixed.xml named 'bus'"),
     ],
 )
 def test_what_contradicts_itself_is_refused_before_anything_is_driven(
-    params: tuple[str, ...], overrides: Overrides, words: str, tmp_path: Path
+    params: tuple[str, ...], given: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match=words):
-        planned(tmp_path, *params, overrides=overrides)
+        planned(tmp_path, *params, **given)
 
 
 @pytest.mark.parametrize("limit", [0, -1])
@@ -278,7 +277,7 @@ def test_a_changed_parameter_changes_the_drives_and_rows_say_what_was_changed(
 
 def test_every_combination_can_be_verified(swept: tuple[Sweep, list[Result]]) -> None:
     for result in swept[1]:
-        assert verify(result.runs[0], RowSample(None), workers=0).count("equal") == 1
+        assert verify(result.runs[0], RowSample(None), RunOptions(workers=0)).count("equal") == 1
 
 
 def test_repeating_a_sweep_drives_nothing_again(swept: tuple[Sweep, list[Result]]) -> None:
@@ -300,10 +299,10 @@ def test_a_combination_that_cannot_be_run_says_why_and_leaves_the_others(
 ) -> None:
     sweep, _ = swept
     (part,) = sweep.combinations[0].parts
-    foreign = part.request.folder.parent / "foreign"
+    foreign = part.folder.parent / "foreign"
     foreign.mkdir(exist_ok=True)
     (foreign / "letter.txt").touch()
-    broken = replace(sweep.combinations[0], parts=(replace(part, request=replace(part.request, folder=foreign)),))
+    broken = replace(sweep.combinations[0], parts=(replace(part, options=replace(part.options, out=foreign)),))
     result = run_combination(broken)
     assert result.failure is not None
     assert "holds 'letter.txt'" in result.failure

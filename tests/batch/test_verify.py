@@ -13,10 +13,10 @@ import pandas as pd
 import pytest
 from msgspec import structs
 
-from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Fault, Row
 from interplan_sumo.batch.results import write_rows
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.trace_difference import POSITION_BAR_M, TraceDifference, difference
 from interplan_sumo.batch.verify import SCORE_BAR, RowCheck, RowSample, Verification, verify
@@ -37,10 +37,11 @@ def driven(folder: Path, *planners: str, **changes: Any) -> StoredRun:
     """Both scenarios, 1.5 s each, into `folder`/run."""
     folder.mkdir(exist_ok=True)
     write_scenarios((QUIET, BUSY), folder / "mine.yaml")
-    base = RunRequest(
+    base = RunOptions(
         planners or ("straight_ahead",), folder / "run", scenarios=(str(folder / "mine.yaml"),), workers=0
     )
-    return run(replace(base, **changes))
+    command = changes.pop("command", ())
+    return run(replace(base, **changes), command=command)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def copy(original: StoredRun, tmp_path: Path) -> Path:
 
 
 def checked(place: Path, sample: RowSample | None = None, **options: Any) -> Verification:
-    return verify(read_run(place), sample or RowSample(None), workers=0, **options)
+    return verify(read_run(place), sample or RowSample(None), RunOptions(workers=0, **options))
 
 
 def rewritten(place: Path, change: Callable[[Row], Row], scenario: str = "mine/1") -> None:
@@ -86,7 +87,7 @@ def test_a_run_comes_again_with_its_faults_and_is_left_as_it_was(original: Store
 
 
 def test_a_worker_makes_the_same_drives(original: StoredRun) -> None:
-    found = verify(original, RowSample(1, planners=("straight_ahead",)), workers=1)
+    found = verify(original, RowSample(1, planners=("straight_ahead",)), RunOptions(workers=1))
     assert found.count("equal") == 1
 
 
@@ -188,7 +189,7 @@ def test_other_versions_are_named(copy: Path) -> None:
 
 
 def test_a_run_with_overrides_comes_again(tmp_path: Path) -> None:
-    stored = driven(tmp_path / "set", overrides=Overrides.parse(["density=high", "behaviour=assertive"]))
+    stored = driven(tmp_path / "set", density="high", behaviour="assertive")
     assert checked(stored.path).count("equal") == 2
     assert checked(stored.path).left_out == 0
 
@@ -196,7 +197,7 @@ def test_a_run_with_overrides_comes_again(tmp_path: Path) -> None:
 def test_a_run_with_ones_own_vehicle_types_comes_again_from_the_copy_that_it_keeps(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
     shutil.copy(routes_root() / "urban.xml", file)
-    stored = driven(tmp_path / "own, with a comma", overrides=Overrides(vehicle_types=file))
+    stored = driven(tmp_path / "own, with a comma", traffic=file)
     assert (stored.path / "traffic" / "mine.xml").read_bytes() == file.read_bytes()
     file.unlink()
     assert checked(stored.path).count("equal") == 2
@@ -206,20 +207,20 @@ def test_ones_own_vehicle_types_are_looked_for_where_the_copy_is_not_what_was_dr
     file = tmp_path / "mine.xml"
     shutil.copy(routes_root() / "urban.xml", file)
     command = ("interplan-sumo", "run", "--traffic", str(file))
-    stored = driven(tmp_path / "own", overrides=Overrides(vehicle_types=file), command=command)
+    stored = driven(tmp_path / "own", traffic=file, command=command)
     shutil.copy(routes_root() / "mixed.xml", stored.path / "traffic" / "mine.xml")
     assert checked(stored.path).count("equal") == 2
     moved = file.rename(tmp_path / "moved.xml")
     with pytest.raises(InputError, match=r"cannot find mine\.xml, .* give it as --traffic"):
         checked(stored.path)
-    assert checked(stored.path, vehicle_types=moved).count("equal") == 2
+    assert checked(stored.path, traffic=moved).count("equal") == 2
     with pytest.raises(InputError, match="is not the vehicle-type file"):
-        checked(stored.path, vehicle_types=routes_root() / "mixed.xml")
+        checked(stored.path, traffic=routes_root() / "mixed.xml")
 
 
 def test_a_vehicle_type_file_of_a_run_that_had_none_is_refused(original: StoredRun) -> None:
     with pytest.raises(InputError, match="was not driven with --traffic"):
-        checked(original.path, vehicle_types=routes_root() / "mixed.xml")
+        checked(original.path, traffic=routes_root() / "mixed.xml")
 
 
 def test_a_sample_depends_on_its_seed_alone_and_grows_without_losing_rows(original: StoredRun) -> None:

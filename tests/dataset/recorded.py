@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.run import run
 from interplan_sumo.dataset.drives import DriveSelection
 from interplan_sumo.dataset.export import ExportRequest
 
@@ -13,7 +14,7 @@ ANY_SCORE = DriveSelection(min_score=0.0)
 
 def recorded_run(folder: Path, *scenarios: str, seeds: int = 1) -> Path:
     """A run of the IDM planner over scenarios of the smoke suite."""
-    run(RunRequest(("idm",), folder, suite="smoke==1", scenarios=scenarios, seeds=seeds, workers=0))
+    run(RunOptions(("idm",), folder, suite="smoke==1", scenarios=scenarios, seeds=seeds, workers=0))
     return folder
 
 

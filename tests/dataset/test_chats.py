@@ -13,7 +13,8 @@ import pytest
 from worlds import drive
 
 from interplan_llm.waypoints.planner import LlmWaypointsPlanner
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.run import run
 from interplan_sumo.dataset.chats import ChatRequest, future_places, side_of, write_chats
 from interplan_sumo.dataset.drives import DriveSelection
 from interplan_sumo.errors import InputError
@@ -50,7 +51,7 @@ def ours(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenes = [replace(ALONE, id=f"mine/{k}", start_speed_mps=4.0 + k) for k in range(3)]
     scenes[2] = replace(scenes[2], duration_s=7.9)
     write_scenarios(scenes, folder / "mine.yaml")
-    run(RunRequest(("idm",), folder / "run", scenarios=(str(folder / "mine.yaml"),), seeds=2, workers=0))
+    run(RunOptions(("idm",), folder / "run", scenarios=(str(folder / "mine.yaml"),), seeds=2, workers=0))
     return folder / "run"
 
 

@@ -9,8 +9,9 @@ import pytest
 
 from interplan_learned.card import Card, read_card
 from interplan_learned.network import SHIPPED
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Row
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.features import schema
 from interplan_sumo.world.files import file_hash
@@ -63,7 +64,7 @@ def test_all_learned_from_the_same_data_in_the_present_schema(card: Card) -> Non
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_on_plain_roads_most_drives_stay_on_the_road_for_fifteen_seconds(planner: str, tmp_path: Path) -> None:
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: the extra [learned]")
-    run(RunRequest((planner,), tmp_path / "run", suite="common==1", scenarios=PLAIN, workers=0))
+    run(RunOptions((planner,), tmp_path / "run", suite="common==1", scenarios=PLAIN, workers=0))
     rows = read_run(tmp_path / "run").rows.values()
     assert len(rows) == 16
     assert all(row.fault is None for row in rows)

@@ -8,7 +8,8 @@ import pytest
 from typer.main import get_command
 
 from interplan_planners.straight_ahead import StraightAhead
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.cli.runs import app
 from interplan_sumo.errors import InputError
@@ -81,7 +82,7 @@ def test_replays_are_made_and_linked_and_a_drive_without_a_trace_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     planners = ("straight_ahead", f"{__name__}:NeverBegins")
-    run(RunRequest(planners=planners, suite="smoke==1", scenarios=("nudge/0",), folder=tmp_path / "run", workers=0))
+    run(RunOptions(planners=planners, suite="smoke==1", scenarios=("nudge/0",), out=tmp_path / "run", workers=0))
     held = read_run(tmp_path / "run")
     page = tmp_path / "my report.html"
     write_page(make_table([held]), page, [held], replays="lost")

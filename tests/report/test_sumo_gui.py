@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from defusedxml.ElementTree import fromstring, parse
 
-from interplan_sumo.batch.run import RunRequest, run
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.errors import InputError
@@ -34,7 +35,7 @@ SCENARIOS = ("construction/2", "jaywalker/0")
 def drives(tmp_path_factory: pytest.TempPathFactory) -> dict[str, StoredDrive]:
     """Drives by scenario."""
     folder = tmp_path_factory.mktemp("sumo_gui") / "run"
-    run(RunRequest(planners=("straight_ahead",), suite="smoke==1", scenarios=SCENARIOS, folder=folder, workers=0))
+    run(RunOptions(planners=("straight_ahead",), suite="smoke==1", scenarios=SCENARIOS, out=folder, workers=0))
     stored = StoredDrives(read_run(folder))
     return {row.scenario_id: stored.read(row) for row in stored.run.rows.values()}
 

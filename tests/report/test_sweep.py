@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Row
-from interplan_sumo.batch.run import RunRequest
 from interplan_sumo.batch.sweep import Combination, Parameter, Result, SweepRun
 from interplan_sumo.errors import InputError
 from interplan_sumo.report import sweep_plot
@@ -61,7 +61,7 @@ def result(
     ids = tuple(dict.fromkeys(row.scenario_id for row in rows))
     if asked is not None:
         ids = tuple(f"{FAMILY}/{index}" for index in range(asked))
-    part = SweepRun(RunRequest((planner,), Path("nowhere"), seeds=seeds), ids)
+    part = SweepRun(RunOptions((planner,), seeds=seeds), ids)
     return Result(Combination({**(setting or {}), **values}, (part,)), (stored(*rows),) if rows else (), failure)
 
 
