@@ -7,19 +7,12 @@ from pathlib import Path
 import pytest
 import typer
 
-from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.run import run
 from interplan_sumo.cli.replay import replay
 from interplan_sumo.errors import InputError, UnknownNameError
-from interplan_sumo.planner import Mission
 
-PLANNERS = ("straight_ahead", "tests.batch.rude_planners:Raises", f"{__name__}:NeverBegins")
-
-
-class NeverBegins(StraightAhead):
-    def start(self, mission: Mission) -> None:
-        raise ValueError(f"no model for {mission.roads.name}")
+PLANNERS = ("straight_ahead", "tests.batch.rude_planners:Raises", "tests.batch.rude_planners:NeverBegins")
 
 
 command = typer.Typer()

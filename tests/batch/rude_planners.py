@@ -11,12 +11,17 @@ from dataclasses import replace
 import numpy as np
 
 from interplan_planners.straight_ahead import StraightAhead
-from interplan_sumo.planner import Observation
+from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.trajectory import Trajectory
 
 
 class Steady(StraightAhead):
     """Behaves; drives with the rude ones to show that it is unharmed."""
+
+
+class NeverBegins(StraightAhead):
+    def start(self, mission: Mission) -> None:
+        raise ValueError(f"no model for {mission.roads.name}")
 
 
 class Raises(StraightAhead):
