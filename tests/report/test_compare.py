@@ -75,10 +75,13 @@ def test_seeds_of_a_scenario_weigh_as_one_scenario():
     assert found.overall.interval == pytest.approx((0.0, 60.0))
 
 
-def test_of_a_single_scenario_the_seeds_are_drawn_again():
+def test_of_a_single_scenario_the_seeds_are_drawn_again_and_nothing_in_common_has_no_difference():
     a = stored(*(drive("nudge/0", 0.0, seed=seed) for seed in range(2)))
     b = stored(*(drive("nudge/0", 0.5 * seed, seed=seed) for seed in range(2)))
     assert compare(a, b).overall.interval == pytest.approx((0.0, 50.0))
+    found = compare(a, stored(drive("nudge/1", 0.5)))
+    assert found.overall.difference is None
+    assert comparison_json(found)["overall"]["a"] is None
 
 
 def test_drives_without_a_score_on_one_side_are_named_and_left_out():
@@ -91,12 +94,6 @@ def test_drives_without_a_score_on_one_side_are_named_and_left_out():
     assert found.missing_b == (("nudge/1", 0), ("overtake/0", 0), ("jaywalker/0", 0))
     assert found.overall.drives == 1
     assert found.overall.difference == pytest.approx(40.0)
-
-
-def test_runs_with_nothing_in_common_have_no_difference():
-    found = compare(stored(drive("nudge/0", 0.5)), stored(drive("nudge/1", 0.5)))
-    assert found.overall.difference is None
-    assert comparison_json(found)["overall"]["a"] is None
 
 
 @pytest.mark.parametrize(

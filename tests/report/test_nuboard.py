@@ -134,15 +134,6 @@ def test_scores_are_aggregated_per_scenario_type_and_planner(tmp_path: Path) -> 
     assert found.iloc[-1]["scenario"] == FINAL
 
 
-def test_every_planner_has_a_row_for_every_type(tmp_path: Path) -> None:
-    rows = (drive("nudge/0", 0.8), drive("overtake/0", 0.4), drive("nudge/0", 0.5, planner="pdm_closed"))
-    write_nuboard([stored(*rows)], tmp_path)
-    found = aggregated(tmp_path)
-    rest = found[(found["planner_name"] == "pdm_closed") & (found["scenario"] == "overtake")]
-    assert rest["num_scenarios"].tolist() == [1]
-    assert rest["score"].isna().all()
-
-
 def test_seeds_are_scenarios_of_their_own_and_runs_of_one_planner_two_planners(tmp_path: Path) -> None:
     one = stored(drive("nudge/0", 0.8), drive("nudge/0", 0.6, seed=1))
     other = stored(drive("nudge/0", 0.2), path="runs/b")

@@ -53,11 +53,8 @@ def test_a_column_that_never_changes_is_one_number() -> None:
     assert column([], 100) == []
 
 
-def test_points_are_the_first_and_the_ways_to_the_next() -> None:
+def test_points_are_ways_to_the_next_and_a_series_has_gaps_where_a_value_is_not_finite() -> None:
     assert points(np.array([(101.0, 52.0), (101.5, 51.0)]), np.array((100.0, 50.0))) == [100, 200, 50, -100]
-
-
-def test_a_series_has_gaps_where_a_value_is_not_finite() -> None:
     assert series(np.array([1.0, np.inf, -0.25, np.nan])) == [100, None, -25, None]
 
 
@@ -68,20 +65,11 @@ def test_the_data_is_json_and_tells_the_frames_and_the_score() -> None:
     data = replay_data([tiny_drive(CRUISE, reached_goal=True)])
     assert json.loads(json.dumps(data, allow_nan=False)) is not None
     one = only(data)
-    assert (data["frames"], data["dt_s"], one["frames"], one["score"], one["end"]) == (
-        80,
-        0.1,
-        80,
-        100.0,
-        "goal line passed",
-    )
+    told = (data["frames"], data["dt_s"], one["frames"], one["score"], one["end"])
+    assert told == (80, 0.1, 80, 100.0, "goal line passed")
+    # the origin lies at the lower left of all that is shown
+    assert undone(one["ego"]["x"], 80, PER_METRE) == pytest.approx(np.arange(80.0), abs=0.005)
     assert one["deciding"] == {"frame": 79, "metric": "nothing", "reason": "no points were lost"}
-
-
-def test_the_ego_is_where_it_drove() -> None:
-    data = replay_data([tiny_drive(CRUISE)])
-    x = undone(only(data)["ego"]["x"], 80, PER_METRE)
-    assert x == pytest.approx(np.arange(80.0), abs=0.005)  # the origin lies at the lower left of all that is shown
 
 
 def test_metrics_are_listed_gates_first_with_reason_and_frame_where_points_were_lost() -> None:
@@ -93,15 +81,12 @@ def test_metrics_are_listed_gates_first_with_reason_and_frame_where_points_were_
     assert (second["score"], second["reason"], second["frame"]) == (1.0, None, None)
 
 
-def test_a_fault_scores_nothing_and_is_told() -> None:
+def test_a_planners_fault_scores_nothing_and_another_leaves_no_score() -> None:
     one = only(replay_data([tiny_drive(CRUISE, fault=("planner", "no way"))]))
     assert (one["score"], one["fault"], one["end"]) == (0.0, "planner fault: no way", "planner fault")
     assert one["events"][-1] == {"frame": 79, "kind": "fault", "text": "planner fault: no way", "decides": True}
-
-
-def test_a_fault_that_is_not_the_planners_leaves_no_score() -> None:
-    one = only(replay_data([tiny_drive(CRUISE, fault=("traffic", "SUMO gave up"))]))
-    assert (one["score"], one["end"]) == (None, "traffic fault")
+    other = only(replay_data([tiny_drive(CRUISE, fault=("traffic", "SUMO gave up"))]))
+    assert (other["score"], other["end"]) == (None, "traffic fault")
 
 
 def test_events_are_in_time_order_and_one_decides() -> None:
@@ -153,12 +138,6 @@ def test_a_lane_change_and_a_pedestrian_who_sets_off_are_events() -> None:
 # --- charts --------------------------------------------------------------------------------------
 
 
-def test_every_look_has_a_colour() -> None:
-    data = replay_data([tiny_drive(CRUISE, actors=together(cars((50.0, 8.0, 5.0)), pedestrians((60.0, 8.0))))])
-    assert {agent["look"] for agent in only(data)["agents"]} == {"vehicle", "pedestrian"} <= set(data["looks"])
-    assert {look for look, _ in agents_timeline._LOOKS.values()} <= set(data["looks"])
-
-
 def test_every_chart_has_a_value_per_frame_and_speed_stands_beside_the_limit() -> None:
     data = replay_data([tiny_drive(CRUISE)])
     charts = only(data)["charts"]
@@ -184,15 +163,9 @@ def test_the_distance_to_the_edge_is_that_of_the_nearest_corner_and_negative_bey
 
 @pytest.mark.parametrize(
     ("length_m", "width_m", "word"),
-    [
-        (6.4, 2.0, "car"),
-        (6.5, 2.0, "truck"),
-        (9.9, 2.5, "truck"),
-        (10.0, 2.5, "bus"),
-        (2.2, 1.1, "motorcycle"),
-        (2.2, 1.2, "car"),
-    ],
-)
+    [(6.4, 2.0, "car"), (6.5, 2.0, "truck"), (9.9, 2.5, "truck"), (10.0, 2.5, "bus"), (2.2, 1.1, "motorcycle"),
+     (2.2, 1.2, "car")],
+)  # fmt: skip
 def test_vehicles_are_named_by_their_size(length_m: float, width_m: float, word: str) -> None:
     (agent,) = agents_timeline.agents(
         tiny_drive(CRUISE, actors=cars((50.0, 8.0, 5.0), length_m=length_m, width_m=width_m)), ORIGIN
@@ -215,6 +188,8 @@ def test_what_was_staged_is_told_apart_from_the_traffic() -> None:
         "ped00": ("pedestrian", "pedestrian"),
         "worker00": ("worker", "worker"),
     }
+    shown = {look for look, _ in (*looks.values(), *agents_timeline._LOOKS.values())}
+    assert shown <= set(replay_data([staged])["looks"])  # each has a colour
 
 
 def test_an_actor_that_comes_back_is_told_twice_and_one_far_away_not_at_all() -> None:
@@ -244,12 +219,8 @@ def test_the_map_ends_where_nobody_looks() -> None:
     (outer,) = shown["areas"]["road"][0]
     right = max(accumulate(outer[::2])) / PER_METRE
     assert 60.0 + surroundings.REACH_M - 3.0 <= right <= 60.0 + surroundings.REACH_M
-
-
-def test_a_trembling_ego_does_not_take_long_to_surround() -> None:
-    standing = np.random.default_rng(0).normal(0.0, 0.01, (2000, 2))
-    area = surroundings.area_around([standing])
-    assert shapely.bounds(area) == pytest.approx((-80.0, -80.0, 80.0, 80.0), abs=1.5)
+    trembling = np.random.default_rng(0).normal(0.0, 0.01, (2000, 2))  # as an ego that stands
+    assert shapely.bounds(surroundings.area_around([trembling])) == pytest.approx((-80, -80, 80, 80), abs=1.5)
 
 
 # --- what cannot be shown ------------------------------------------------------------------------
@@ -265,12 +236,9 @@ def test_three_drives_none_and_drives_of_two_scenarios_are_refused() -> None:
         replay_data([one, tiny_drive(CRUISE, scenario_id="nudge/1")])
 
 
-def test_a_drive_without_a_frame_is_refused_with_its_name() -> None:
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_a_drive_of_hardly_any_frames_can_be_shown_and_one_of_none_is_refused(frames: int) -> None:
+    assert only(replay_data([tiny_drive([CRUISE_MPS] * frames, expert_mps=CRUISE)]))["frames"] == frames
     nothing = Trace(EgoTrack.of([]), ActorTable.of([]), (), (), np.zeros(0))
     with pytest.raises(InputError, match="idm on lane_change_ltd/0, seed 0, ended before its first frame"):
         replay_data([tiny_drive([], trace=nothing, expert_mps=CRUISE)])
-
-
-@pytest.mark.parametrize("frames", [1, 2, 3])
-def test_a_drive_of_hardly_any_frames_can_be_shown(frames: int) -> None:
-    assert only(replay_data([tiny_drive([CRUISE_MPS] * frames, expert_mps=CRUISE)]))["frames"] == frames

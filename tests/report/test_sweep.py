@@ -119,20 +119,15 @@ def test_braking_is_hard_beyond_what_is_comfortable(braking: float | None, hard:
     assert mean(line, "hard_braking_behind") == hard
 
 
-def test_seeds_of_a_scenario_count_together() -> None:
+def test_seeds_of_a_scenario_count_together_and_one_drive_has_no_interval() -> None:
     rows = [drove(0, 1.0, seed=0), drove(0, 1.0, seed=1), drove(1, 0.0, seed=0), drove(1, 0.5, seed=1)]
     (line,) = sweep_lines([result(rows, tau="1")])
     assert mean(line, "score") == pytest.approx(62.5)
     assert (line.scenarios, line.seeds, line.asked) == (2, 2, 4)
-
-
-def test_one_drive_has_no_interval_and_two_seeds_of_it_have_one() -> None:
-    (one,) = sweep_lines([result([drove(0, 0.3)], tau="1")])
-    (two,) = sweep_lines([result([drove(0, 0.3), drove(0, 0.5, seed=1)], tau="1")])
-    assert one.means["score"] is not None
-    assert one.means["score"].interval is None
-    assert two.means["score"] is not None
-    assert two.means["score"].interval == (30.0, 50.0)
+    for some, interval in ((rows[2:3], None), (rows[2:], (0.0, 50.0))):
+        (line,) = sweep_lines([result(some, tau="1")])
+        assert line.means["score"] is not None
+        assert line.means["score"].interval == interval
 
 
 def test_a_planner_fault_is_a_zero_and_says_nothing_of_collisions() -> None:
@@ -202,36 +197,30 @@ def test_json_has_every_measure_and_no_number_that_json_lacks() -> None:
 # --- plots ---
 
 
-def picture(parameters: Sequence[Parameter], lines: Sequence[SweepLine], path: Path) -> bytes:
-    plot_sweep(parameters, lines, path)
-    data = path.read_bytes()
-    assert data.startswith(b"\x89PNG")
-    return data
-
-
-def test_one_parameter_and_two_are_drawn_equally_for_equal_sweeps(tmp_path: Path) -> None:
-    one = sweep_lines([result([drove(0), drove(1, 0.2)], tau=value) for value in ("1", "2")])
-    first = picture([Parameter("tau", ("1", "2"))], one, tmp_path / "one.png")
-    assert first == picture([Parameter("tau", ("1", "2"))], one, tmp_path / "again.png")
-    assert picture([DENSITY, REACT], two_by_two(), tmp_path / "two.png") != first
-
-
-def test_words_and_single_values_are_drawn_and_an_incomplete_combination_is_left_out(tmp_path: Path) -> None:
-    lines = sweep_lines([result([drove(0)], behaviour="mixed"), result([], behaviour="urban", asked=1)])
-    picture([Parameter("behaviour", ("mixed", "urban"))], lines, tmp_path / "words.png")
-    picture([Parameter("tau", ("1",))], sweep_lines([result([drove(0)], tau="1")]), tmp_path / "single.png")
-
-
-def test_several_planners_are_drawn(tmp_path: Path) -> None:
+def test_equal_sweeps_of_words_or_numbers_give_equal_pictures(tmp_path: Path) -> None:
     lines = sweep_lines(
-        [
-            result([drove(0, 0.1 * number, planner=planner)], planner=planner, density=d, tau=t)
-            for number, planner in enumerate(("idm", "pdm"))
-            for d in ("low", "high")
-            for t in ("1", "2")
-        ]
-    )
-    picture([DENSITY, Parameter("tau", ("1", "2"))], lines, tmp_path / "planners.png")
+        [result([drove(0)], behaviour="mixed"), result([drove(0, 0.2)], behaviour="calm"),
+         result([], behaviour="urban", asked=1)]
+    )  # fmt: skip
+    for name in ("a.png", "b.png"):
+        plot_sweep([Parameter("behaviour", ("mixed", "calm", "urban"))], lines, tmp_path / name)
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_two_parameters_of_several_planners_have_a_row_of_maps_for_each(tmp_path: Path) -> None:
+    sizes: list[int] = []
+    for planners in (("idm",), ("idm", "pdm")):
+        lines = sweep_lines(
+            [
+                result([drove(0, 0.1 * number, planner=planner)], planner=planner, density=d, tau="1")
+                for number, planner in enumerate(planners)
+                for d in ("low", "high")
+            ]
+        )
+        plot_sweep([DENSITY, Parameter("tau", ("1",))], lines, tmp_path / "sweep.png")
+        sizes.append(int.from_bytes((tmp_path / "sweep.png").read_bytes()[20:24]))  # the height in the header
+    assert sizes[1] == pytest.approx(1.5 * sizes[0])
 
 
 def test_numbers_lie_along_the_axis_in_order_of_size() -> None:
@@ -242,20 +231,15 @@ def test_numbers_lie_along_the_axis_in_order_of_size() -> None:
 
 
 def test_no_plot_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    lines = two_by_two()
+    lines, one = two_by_two(), Parameter("tau", ("1",))
+    nothing = sweep_lines([result([], density="low", asked=1)])
     assert why_no_plot([DENSITY, REACT], lines) is None
-    three = why_no_plot([DENSITY, REACT, Parameter("tau", ("1",))], lines)
-    assert three is not None
-    assert "3 parameters are varied" in three
-    nothing = why_no_plot([DENSITY], sweep_lines([result([], density="low", asked=1)]))
-    assert nothing is not None
-    assert "no combination is complete" in nothing
+    assert "3 parameters are varied" in (why_no_plot([DENSITY, REACT, one], lines) or "")
+    assert "no combination is complete" in (why_no_plot([DENSITY], nothing) or "")
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
-    without = why_no_plot([DENSITY, REACT], lines)
-    assert without is not None
-    assert "pip install 'interplan-sumo[plots]'" in without
+    assert "pip install 'interplan-sumo[plots]'" in (why_no_plot([DENSITY, REACT], lines) or "")
 
 
 def test_a_picture_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot write"):
-        plot_sweep([DENSITY, REACT], two_by_two(), tmp_path / "missing" / "sweep.png")
+        plot_sweep([DENSITY], sweep_lines([result([drove(0)], density="low")]), tmp_path / "missing" / "sweep.png")

@@ -20,12 +20,7 @@ def values(*args: object, **kwargs: object) -> dict[str, float | None]:
 def test_a_family_is_the_mean_of_its_scenarios_and_the_total_the_mean_of_all() -> None:
     found = values(drive("nudge/0", 1.0), drive("nudge/1", 0.5), drive("overtake/0", 0.0))
     assert (found["nudge"], found["overtake"], found["interplan"]) == (75.0, 0.0, 50.0)
-
-
-def test_a_family_without_scenarios_has_no_figure() -> None:
-    found = values(drive("nudge/0", 1.0))
-    assert found["jaywalker"] is None
-    assert found["driv"] is None
+    assert (found["jaywalker"], found["driv"]) == (None, None)  # without scenarios there is no figure
 
 
 def test_a_family_that_is_not_installed_has_a_column_of_its_name_after_ours() -> None:
@@ -73,31 +68,23 @@ def test_a_fault_that_is_not_the_planners_leaves_the_table_incomplete(fault: str
     assert table.lines[0].cells["nudge"].value is None
 
 
-def test_seeds_are_averaged_within_their_scenario_first() -> None:
-    found = values(
-        drive("nudge/0", 0.0), drive("nudge/0", 1.0, seed=1), drive("nudge/1", 1.0), drive("nudge/1", 1.0, seed=1)
-    )
-    assert found["nudge"] == 75.0
-
-
 def test_a_missing_drive_counts_in_the_family_that_another_seed_tells() -> None:
     held = replace(drive("mine/0", 1.0, seed=1), family="nudge")
     (line,) = make_table([stored(held)]).lines
     assert (line.cells["nudge"].done, line.cells["nudge"].asked) == (1, 2)
 
 
-def test_one_seed_gives_no_interval() -> None:
-    (line,) = make_table([stored(drive("nudge/0", 0.3), drive("nudge/1", 0.7))]).lines
-    assert line.cells["interplan"].interval is None
-
-
-def test_the_interval_holds_the_mean_and_is_the_same_every_time() -> None:
+def test_the_interval_over_seeds_holds_the_mean_and_is_the_same_every_time() -> None:
     rows = [drive(f"nudge/{n}", (n + seed) % 3 / 2, seed=seed) for n in range(4) for seed in range(6)]
     first, second = (make_table([stored(*rows)]).lines[0].cells["nudge"] for _ in range(2))
     assert first.interval == second.interval
     assert first.interval is not None
     assert first.value is not None
     assert first.interval[0] < first.value < first.interval[1]
+    one_seed = make_table([stored(drive("nudge/0", 0.3), drive("nudge/1", 0.7))]).lines[0].cells["nudge"]
+    assert (one_seed.value, one_seed.interval) == (50.0, None)
+    equal = [drive("nudge/0", 0.5, seed=seed) for seed in range(3)]
+    assert make_table([stored(*equal)]).lines[0].cells["nudge"].interval == (50.0, 50.0)
 
 
 def test_over_many_drives_the_interval_is_the_one_that_bootstrap_means_tend_to(
@@ -123,27 +110,14 @@ def test_the_interval_over_many_drives_stays_among_scores(monkeypatch: pytest.Mo
     assert interval[1] == 100.0
 
 
-def test_equal_scores_give_an_interval_without_width() -> None:
-    rows = [drive("nudge/0", 0.5, seed=seed) for seed in range(3)]
-    assert make_table([stored(*rows)]).lines[0].cells["nudge"].interval == (50.0, 50.0)
-
-
-def test_each_planner_has_its_line() -> None:
-    table = make_table([stored(drive("nudge/0", 1.0), drive("nudge/0", 0.5, planner="pdm_closed"))])
-    assert [(line.label, line.cells["nudge"].value) for line in table.lines] == [("idm", 100.0), ("pdm_closed", 50.0)]
-
-
-def test_official_and_overridden_rows_are_never_mixed() -> None:
+def test_official_and_overridden_rows_are_never_mixed_and_runs_are_told_apart_by_their_folders() -> None:
     official = stored(drive("nudge/0", 1.0))
     dense = stored(drive("nudge/0", 0.0), overrides={"density": "high"}, path="runs/b")
     first, second = make_table([official, dense]).lines
     assert (first.label, first.official, first.cells["nudge"].value) == ("idm", True, 100.0)
     assert (second.label, second.official, second.cells["nudge"].value) == ("idm [density=high]", False, 0.0)
-
-
-def test_the_same_planner_of_two_runs_is_told_apart_by_the_folder() -> None:
-    runs = [stored(drive("nudge/0", 1.0), path=f"runs/{name}") for name in "ab"]
-    assert [line.label for line in make_table(runs).lines] == ["idm (a)", "idm (b)"]
+    same = [official, stored(drive("nudge/0", 1.0), path="runs/b")]
+    assert [line.label for line in make_table(same).lines] == ["idm (a)", "idm (b)"]
 
 
 @pytest.mark.parametrize("what", ["suite", "suite_hash", "profile"])
@@ -185,19 +159,11 @@ def test_a_run_of_ordinary_driving_alone_has_no_total() -> None:
     assert (table.suite, table.ordinary_suite) == ("common==1", None)
 
 
-def test_a_planner_without_such_a_run_has_no_figure_there() -> None:
-    runs = [
-        stored(drive("nudge/0", 1.0), drive("nudge/0", 0.5, planner="pdm_closed")),
-        ordinary(drive("changing_lane/0", 0.9, planner="pdm_closed")),
-    ]
-    found = {line.label: line.cells["ordinary"].value for line in make_table(runs).lines}
-    assert found == {"idm": None, "pdm_closed": 90.0}
-
-
-def test_lines_are_in_the_order_of_the_runs() -> None:
-    first = ordinary(drive("changing_lane/0", 0.9, planner="b"), drive("changing_lane/0", 0.9, planner="a"))
-    second = stored(drive("nudge/0", 0.1, planner="a"), drive("nudge/0", 0.1, planner="b"))
-    assert [line.label for line in make_table([first, second]).lines] == ["b", "a"]
+def test_lines_are_in_the_order_of_the_runs_and_a_planner_may_lack_one() -> None:
+    first = ordinary(drive("changing_lane/0", 0.9, planner="b"), drive("changing_lane/0", 0.8, planner="a"))
+    second = stored(*(drive("nudge/0", 0.1, planner=name) for name in "abc"))
+    found = [(line.label, line.cells["ordinary"].value) for line in make_table([first, second]).lines]
+    assert found == [("b", 90.0), ("a", 80.0), ("c", None)]
 
 
 def test_changed_traffic_finds_no_ordinary_run_of_the_official_one() -> None:
