@@ -1,6 +1,6 @@
 """How faithful a SUMO network is to its map: `check_map` measures, nothing is taken from the conversion's word.
 
-The network is read with sumolib and compared with the map lane by lane through
+The network is compared with the map lane by lane through
 the id map on disk.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.network_reader import NetworkSummary, read_network
+from interplan_sumo.maps.network_links import NetworkSummary, read_network_summary
 from interplan_sumo.maps.problem import MapProblem, ProblemKind
 from interplan_sumo.maps.rules import lane_layer, schema_problems
 from interplan_sumo.maps.signals_check import light_problems
@@ -78,7 +78,7 @@ class MapReport:
 def check_map(files: MapFiles, roads: Roads) -> MapReport:
     """Measure the network of a map against its roads; MapError if a file is missing or damaged."""
     ids = NetworkIds.read(files.ids)
-    network = read_network(files.network)
+    network = read_network_summary(files.network)
     missing: list[str] = []
     problems: list[MapProblem] = []
     wrong_limits: list[str] = []
@@ -95,7 +95,7 @@ def check_map(files: MapFiles, roads: Roads) -> MapReport:
         if not pieces or any(piece.sumo_lane not in network.lanes for piece in pieces):
             missing.append(lane.id)
             continue
-        shapes = [network.lanes[piece.sumo_lane].points for piece in pieces]
+        shapes = [network.lanes[piece.sumo_lane].shape for piece in pieces]
         off_m = _deviation_m(lane, shapes, ids.origin_m)
         deviation[lane.id in roads.lanes].append(off_m)
         if off_m > DEVIATION_BAR_M:
@@ -103,6 +103,8 @@ def check_map(files: MapFiles, roads: Roads) -> MapReport:
         limit = lane.speed_limit_mps
         for piece in pieces:
             sumo_lane = network.lanes[piece.sumo_lane]
+            assert sumo_lane.speed_mps is not None  # so is every lane of a summary
+            assert sumo_lane.length_m is not None
             if limit and abs(sumo_lane.speed_mps - limit) > LIMIT_TOLERANCE_MPS:
                 wrong_limits.append(lane.id)
             if piece.length_m >= _SHORT_M:
@@ -151,7 +153,7 @@ def _deviation_m(lane: LaneLike, shapes: Sequence[Floats], origin_m: tuple[float
 def _extra(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[str]:
     """Connections that follow neither a connector between its lanes nor one lane across a cut."""
     found: list[str] = []
-    for way in network.ways:
+    for way in network.links:
         source = ids.sources.get(way.via[0]) if way.via else None
         before, after = ids.sources.get(way.from_lane), ids.sources.get(way.to_lane)
         if source is not None and before is not None and after is not None:
@@ -167,7 +169,7 @@ def _extra(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[str]:
 def _broken_links(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[MapProblem]:
     """Lanes and connectors whose SUMO lanes are not joined one after the other."""
     onward: dict[str, set[str]] = {}
-    for way in network.ways:
+    for way in network.links:
         for here, there in zip((way.from_lane, *way.via), (*way.via, way.to_lane), strict=True):
             onward.setdefault(here, set()).add(there)
     found: list[MapProblem] = []

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from interplan_sumo.maps.junctions import path_conflicts
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.network_reader import CheckedLink, NetworkSummary
+from interplan_sumo.maps.network_links import CheckedLink, NetworkSummary
 from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.maps.schema import CONNECTORS
 from interplan_sumo.world.roads import Connector, Roads
@@ -21,7 +21,7 @@ _LETTERS = frozenset("Ggyr")
 def light_problems(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[MapProblem]:
     """One for each fault: a connector without its light, a path that never gets green, conflicting greens."""
     problems: list[MapProblem] = []
-    by_start = {way.via[0]: way for way in network.ways if way.via}
+    by_start = {way.via[0]: way for way in network.links if way.via}
     groups: dict[str, list[tuple[Connector, CheckedLink]]] = defaultdict(list)
     for connector in roads.connectors.values():
         pieces = ids.pieces.get(connector.id)

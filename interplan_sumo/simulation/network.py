@@ -6,23 +6,19 @@ network that ends inside a tag would crash the whole process.
 
 from __future__ import annotations
 
-import gzip
-import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, ParseError
 
-import defusedxml.ElementTree
 import numpy as np
 import shapely
-from defusedxml import DefusedXmlException
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.maps.network_file import FileLane, NetworkFile, read_network_file
 from interplan_sumo.simulation.lane_polygons import ClipArea, ConvexPart, RectangleIndex, Ring, convex_parts_between
 from interplan_sumo.simulation.plain_polyline import PlainPolyline
 from interplan_sumo.world.geometry import Floats, Polyline
@@ -278,57 +274,45 @@ def read_network(path: Path) -> SumoNetwork:
 @lru_cache(maxsize=16)
 def _read(path: Path, _mtime_ns: int, _size: int) -> SumoNetwork:
     try:
-        with gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb") as file:
-            root = defusedxml.ElementTree.fromstring(file.read())
-    except (OSError, EOFError, zlib.error, ParseError, DefusedXmlException) as error:
-        raise MapError(
-            f"{path} is damaged ({error}); build it anew: interplan-sumo maps convert {path.parent}"
-        ) from None
-    if root.tag != "net":
-        raise MapError(f"{path} is not a SUMO network: its root is <{root.tag}>, expected <net>")
-    try:
-        return _network(path, root)
-    except (KeyError, ValueError, IndexError) as error:
-        raise MapError(
-            f"{path} is not a complete SUMO network ({type(error).__name__}: {error}); "
-            f"build it anew: interplan-sumo maps convert {path.parent}"
-        ) from None
+        return _network(read_network_file(path))
+    except (MapError, ValueError) as error:
+        said = str(error) if isinstance(error, MapError) else f"{path} is not a complete SUMO network ({error})"
+        raise MapError(f"{said}; build it anew: interplan-sumo maps convert {path.parent}") from None
 
 
-def _network(path: Path, root: Element) -> SumoNetwork:
-    lanes: dict[str, NetworkLane] = {}
-    edges: dict[str, tuple[str, ...]] = {}
-    for edge in root.iter("edge"):
-        function = edge.get("function", "normal")
-        if function not in ("normal", "internal"):
-            continue
-        members = [_lane(edge.attrib["id"], lane.attrib, function == "internal") for lane in edge.iter("lane")]
-        lanes.update((lane.id, lane) for lane in members)
-        if function == "normal":
-            edges[edge.attrib["id"]] = tuple(lane.id for lane in members)
-    if not edges:
+def _network(file: NetworkFile) -> SumoNetwork:
+    if not file.edges:
         raise ValueError("it has no edges")
-    rows = [row.attrib for row in root.iter("connection")]
-    onward = {f"{r['from']}_{r['fromLane']}": r for r in rows if r["from"].startswith(":")}
-    links: dict[str, list[NetworkLink]] = {lane: [] for members in edges.values() for lane in members}
-    for row in rows:
-        if row["from"].startswith(":"):
-            continue
-        link = _link(row, onward)
+    lanes = {lane.id: _lane(lane, line) for lane, line in zip(file.in_order, _thinned_out(file.in_order), strict=True)}
+    links: dict[str, list[NetworkLink]] = {lane: [] for members in file.edges.values() for lane in members}
+    for connection in file.connections:
+        link = NetworkLink(
+            from_lane=connection.from_lane,
+            to_lane=connection.to_lane,
+            via=file.via(connection),
+            direction=connection.direction or "s",
+            major=(connection.state or "M") == "M",
+            light=connection.link,
+        )
         for end in (link.from_lane, link.to_lane, *link.via):
             if end not in lanes:
                 raise ValueError(f"a connection names lane {end}, which does not exist")
         links[link.from_lane].append(link)
     programs: dict[str, tuple[str, ...]] = {}
-    for logic in root.iter("tlLogic"):
-        phases = [(float(phase.attrib["duration"]), phase.attrib["state"]) for phase in logic.iter("phase")]
-        if not phases:
-            raise ValueError(f"traffic light {logic.attrib['id']} has no phase")
-        programs.setdefault(logic.attrib["id"], _from_time_0(phases, float(logic.get("offset", "0"))))
-    return SumoNetwork(path, lanes, edges, {lane: tuple(found) for lane, found in links.items()}, programs)
+    for program in file.programs:
+        if not program.phases:
+            raise ValueError(f"traffic light {program.id} has no phase")
+        programs.setdefault(program.id, _from_time_0(program.phases, program.offset_s))
+    return SumoNetwork(
+        path=file.path,
+        lanes=lanes,
+        edges={edge: tuple(members) for edge, members in file.edges.items()},
+        links={lane: tuple(found) for lane, found in links.items()},
+        programs=programs,
+    )
 
 
-def _from_time_0(phases: list[tuple[float, str]], offset_s: float) -> tuple[str, ...]:
+def _from_time_0(phases: Sequence[tuple[float, str]], offset_s: float) -> tuple[str, ...]:
     """The states of a program in the order in which they come; SUMO begins it `offset_s` after time 0."""
     left_s = -offset_s % sum(duration_s for duration_s, _ in phases)
     states = [state for _, state in phases]
@@ -339,34 +323,32 @@ def _from_time_0(phases: list[tuple[float, str]], offset_s: float) -> tuple[str,
     return tuple(states)
 
 
-def _lane(edge: str, row: Mapping[str, Any], internal: bool) -> NetworkLane:
-    points = np.array([[float(v) for v in point.split(",")[:2]] for point in row["shape"].split()])
-    if internal and np.ptp(points, axis=0).max() < 1e-3:  # the internal lane of a cut has no extent of its own
-        points = np.stack((points[0], points[0] + (1e-3, 0.0)))
+def _lane(lane: FileLane, line: Floats) -> NetworkLane:
+    if lane.length_m is None or lane.speed_mps is None:
+        raise ValueError(f"lane {lane.id} lacks its length or speed")
     return NetworkLane(
-        id=row["id"],
-        edge=edge,
-        index=int(row["index"]),
-        line=Polyline(shapely.get_coordinates(shapely.simplify(shapely.LineString(points), SHAPE_TOLERANCE_M))),
-        length_m=float(row["length"]),
-        width_m=float(row.get("width", 3.2)),
-        limit_mps=float(row["speed"]),
-        internal=internal,
+        id=lane.id,
+        edge=lane.edge,
+        index=lane.index,
+        line=Polyline(line),
+        length_m=lane.length_m,
+        width_m=lane.width_m,
+        limit_mps=lane.speed_mps,
+        internal=lane.internal,
     )
 
 
-def _link(row: Mapping[str, str], onward: Mapping[str, Mapping[str, str]]) -> NetworkLink:
-    via: list[str] = []
-    lane = row.get("via")
-    while lane is not None and len(via) < 10:
-        via.append(lane)
-        lane = onward[lane].get("via") if lane in onward else None
-    light = (row["tl"], int(row["linkIndex"])) if "tl" in row else None
-    return NetworkLink(
-        from_lane=f"{row['from']}_{row['fromLane']}",
-        to_lane=f"{row['to']}_{row['toLane']}",
-        via=tuple(via),
-        direction=row.get("dir", "s"),
-        major=row.get("state", "M") == "M",
-        light=light,
-    )
+def _thinned_out(lanes: Sequence[FileLane]) -> list[Floats]:
+    """(N, 2) the shape of each lane with the vertices that matter."""
+    shapes: list[Floats] = []
+    for lane in lanes:
+        points = lane.shape
+        if len(points) < 2:
+            raise ValueError(f"lane {lane.id} has no shape")
+        if lane.internal and np.ptp(points, axis=0).max() < 1e-3:  # the internal lane of a cut has no extent of its own
+            points = np.stack((points[0], points[0] + (1e-3, 0.0)))
+        shapes.append(points)
+    counts = [len(points) for points in shapes]
+    lines = shapely.linestrings(np.concatenate(shapes), indices=np.repeat(np.arange(len(shapes)), counts))
+    thin, rows = shapely.get_coordinates(shapely.simplify(lines, SHAPE_TOLERANCE_M), return_index=True)
+    return np.split(thin, np.flatnonzero(np.diff(rows)) + 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 from defusedxml.ElementTree import parse
 
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.network_reader import NetworkSummary, read_network
+from interplan_sumo.maps.network_file import read_network_file
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.maps.to_sumo import program_path, sumo_home
 from interplan_sumo.resources import routes_root
@@ -72,7 +72,7 @@ def random_traffic(
 ) -> TrafficRun:
     """Drive `vehicles` cars on random ways for some time and look at every step."""
     ids = NetworkIds.read(files.ids)
-    network = read_network(files.network)
+    lengths_m = {lane.id: lane.length_m or 0.0 for lane in read_network_file(files.network).in_order}
     rng = np.random.default_rng(seed)
     sources = [lane for lane in roads.lanes.values() if not roads.incoming(lane.id) and roads.outgoing(lane.id)]
     early = vehicles // 2 if sources else vehicles
@@ -90,7 +90,7 @@ def random_traffic(
         if edge not in edges:
             continue  # on a cut, or where the lane runs alone and the walk leaves by another
         edges = edges[edges.index(edge) :]
-        position_m = fraction * network.lanes[sumo_lane].length_m
+        position_m = fraction * lengths_m[sumo_lane]
         speed_mps = max(0.0, _start_speed_mps(roads, walk, arc_m) - 0.01)
         routes.append(
             f'<vehicle id="v{k}" type="traffic" depart="{depart_s:.1f}" departLane="{index}" '
@@ -113,7 +113,7 @@ def random_traffic(
     )  # fmt: skip
     if done.returncode:
         raise RuntimeError(done.stderr)
-    frames = _frames(folder / "fcd.xml", ids, network)
+    frames = _frames(folder / "fcd.xml", ids, lengths_m)
     statistics = parse(folder / "statistics.xml").getroot()
     assert statistics is not None
     counts = {element.tag: element.attrib for element in statistics}
@@ -183,7 +183,7 @@ def _edges(ids: NetworkIds, walk: list[tuple[str, str, str | None]]) -> list[str
 # --- reading what SUMO wrote -------------------------------------------------------------------
 
 
-def _frames(path: Path, ids: NetworkIds, network: NetworkSummary) -> dict[float, list[_Car]]:
+def _frames(path: Path, ids: NetworkIds, lengths_m: Mapping[str, float]) -> dict[float, list[_Car]]:
     root = parse(path).getroot()
     assert root is not None
     frames: dict[float, list[_Car]] = {}
@@ -194,7 +194,7 @@ def _frames(path: Path, ids: NetworkIds, network: NetworkSummary) -> dict[float,
             heading = np.pi / 2 - np.radians(float(v.attrib["angle"]))
             x, y = float(v.attrib["x"]), float(v.attrib["y"])  # the middle of the front bumper
             lane = v.attrib["lane"]
-            lane_id, arc_m = ids.source_place(lane, float(v.attrib["pos"]) / network.lanes[lane].length_m)
+            lane_id, arc_m = ids.source_place(lane, float(v.attrib["pos"]) / lengths_m[lane])
             cars.append(
                 _Car(
                     time_s, v.attrib["id"],

@@ -18,7 +18,7 @@ from interplan_sumo.errors import MapError
 from interplan_sumo.maps.check import check_map
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.network_reader import read_network
+from interplan_sumo.maps.network_links import read_network_summary
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.maps.to_sumo import IDS_FILE, NETWORK_FILE, convert, network
 from interplan_sumo.world.roads import DrivingSide, Roads, StopLineKind
@@ -117,11 +117,11 @@ def test_the_returned_ids_are_those_on_disk(tmp_path: Path) -> None:
 def test_places_in_the_network_are_those_of_the_map(name: str, tmp_path: Path) -> None:
     roads = world(name)
     files = converted(roads, tmp_path)
-    ids, net = NetworkIds.read(files.ids), read_network(files.network)
+    ids, net = NetworkIds.read(files.ids), read_network_summary(files.network)
     for lane in (*roads.lanes.values(), *roads.connectors.values()):
         for arc_m in np.linspace(0.0, lane.centerline.length_m, 7):
             sumo_lane, fraction = ids.sumo_place(lane.id, float(arc_m))
-            points = net.lanes[sumo_lane].points
+            points = net.lanes[sumo_lane].shape
             steps = np.hypot(*np.diff(points, axis=0).T)
             along = fraction * steps.sum()
             at = np.concatenate(([0.0], np.cumsum(steps)))
@@ -152,7 +152,7 @@ def test_a_lane_without_a_limit_gets_the_usual_one_and_a_connector_that_of_its_l
     groups = {"1": [straight((0, 0), (50, 0))], "2": [straight((60, 0), (100, 0))]}
     roads = small_roads(groups, [Ways("1", "2", limit_mps=None)], limits={"1": None, "2": 8.0})
     files = converted(roads, tmp_path)
-    ids, net = NetworkIds.read(files.ids), read_network(files.network)
+    ids, net = NetworkIds.read(files.ids), read_network_summary(files.network)
     assert net.lanes[ids.pieces["10"][0].sumo_lane].speed_mps == 13.89
     assert net.lanes[ids.pieces["70000"][0].sumo_lane].speed_mps == 8.0
     assert check_map(files, roads).wrong_limits == ()

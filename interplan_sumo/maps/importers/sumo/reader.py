@@ -14,12 +14,12 @@ import shapely
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.lines import along, beside, ring
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
-from interplan_sumo.maps.importers.sumo.file import (
+from interplan_sumo.maps.network_file import (
     CLASSES,
     FileConnection,
     FileLane,
-    SumoFile,
-    read_sumo_file,
+    NetworkFile,
+    read_network_file,
 )
 from interplan_sumo.world.frame import STAND_IN, Frame, utm_frame
 from interplan_sumo.world.geometry import Floats
@@ -66,7 +66,7 @@ def read_sumo_network(path: Path) -> SourceMap:
     than they are drawn; what is drawn counts. MapError names the file and the
     lane or connection.
     """
-    file = read_sumo_file(path)
+    file = read_network_file(path)
     notes: list[str] = []
     frame = _frame(file, notes)
     drawn = {id_: _ribbon(file, frame, lane) for id_, lane in file.lanes.items()}
@@ -78,8 +78,7 @@ def read_sumo_network(path: Path) -> SourceMap:
     ]
     chains, closed = _through(file, frame, ways)
     ways = [way if way.via in chains else replace(way, via="") for way in ways if way.via not in closed]
-    left_hand = file.attributes.get("lefthand", "").lower() in ("true", "1")
-    lanes = _lanes(file, ribbons, left_hand, ways)
+    lanes = _lanes(file, ribbons, ways)
     lanes |= _connection_lanes(chains, ways)
     if ways and not chains:
         notes.append("The network has no lanes within junctions: lanes follow each other directly.")
@@ -89,7 +88,7 @@ def read_sumo_network(path: Path) -> SourceMap:
         name=file.path.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".net"),
         format="SUMO network",
         crs=frame.crs,
-        driving_side="left" if left_hand else "right",
+        driving_side="left" if file.left_hand else "right",
         lanes=lanes,
         crosswalks=tuple(_crossings(file, frame)),
         walkways=tuple(_walkways(file, frame, drawn)),
@@ -105,7 +104,7 @@ def read_sumo_network(path: Path) -> SourceMap:
 # --- the frame -----------------------------------------------------------------------------------------
 
 
-def _frame(file: SumoFile, notes: list[str]) -> Frame:
+def _frame(file: NetworkFile, notes: list[str]) -> Frame:
     """The frame by the projection that SUMO noted; its offset is what was added to the projected coordinates."""
     reference = file.location.get("projParameter", "!").strip()
     if reference in ("", "!", "-", "."):
@@ -128,7 +127,7 @@ def _frame(file: SumoFile, notes: list[str]) -> Frame:
 # --- lanes of edges ------------------------------------------------------------------------------------
 
 
-def _ribbon(file: SumoFile, frame: Frame, lane: FileLane) -> _Ribbon | None:
+def _ribbon(file: NetworkFile, frame: Frame, lane: FileLane) -> _Ribbon | None:
     """A lane with its boundaries; None for one without length."""
     middle = along(_placed(file, frame, f"lane {lane.id}", lane.shape))
     if len(middle) < 2:
@@ -142,20 +141,18 @@ def _half_width_m(frame: Frame, lane: FileLane) -> float:
     return frame.stretch_at((float(lane.shape[0, 0]), float(lane.shape[0, 1]))) * lane.width_m / 2.0
 
 
-def _placed(file: SumoFile, frame: Frame, what: str, points: Floats) -> Floats:
+def _placed(file: NetworkFile, frame: Frame, what: str, points: Floats) -> Floats:
     try:
         return frame.points(points)
     except MapError as error:
         raise file.fault(f"{what}: {error}") from error
 
 
-def _lanes(
-    file: SumoFile, ribbons: Mapping[str, _Ribbon], left_hand: bool, ways: Sequence[FileConnection]
-) -> dict[str, SourceLane]:
+def _lanes(file: NetworkFile, ribbons: Mapping[str, _Ribbon], ways: Sequence[FileConnection]) -> dict[str, SourceLane]:
     lights: dict[str, dict[str, None]] = {}
     for way in ways:
         if not way.via and way.light:
-            lights.setdefault(way.from_lane, {})[way.light] = None
+            lights.setdefault(way.from_lane, {})[_light(way)] = None
     after: dict[str, dict[str, None]] = {}
     before: dict[str, dict[str, None]] = {}
     for way in ways:
@@ -178,7 +175,7 @@ def _lanes(
     for ids in file.edges.values():
         # Index 0 is at the kerb: the rightmost lane where traffic keeps right.
         for one, other in pairwise(ids):
-            left, right = (one, other) if left_hand else (other, one)
+            left, right = (one, other) if file.left_hand else (other, one)
             if left in lanes and right in lanes:
                 shared = _shared(ribbons[left], ribbons[right])
                 lanes[left] = replace(lanes[left], right=shared[0], right_neighbour=right)
@@ -198,7 +195,7 @@ def _limit(speed_mps: float | None) -> float | None:
     return speed_mps if speed_mps is not None and speed_mps > 0.0 else None
 
 
-def _signs(file: SumoFile, ways: Sequence[FileConnection]) -> dict[str, StopLineKind]:
+def _signs(file: NetworkFile, ways: Sequence[FileConnection]) -> dict[str, StopLineKind]:
     """Edge -> the sign at its end: where every way out of it must stop or yield, and no light tells when."""
     states: dict[str, set[str]] = {}
     for way in ways:
@@ -214,7 +211,9 @@ def _signs(file: SumoFile, ways: Sequence[FileConnection]) -> dict[str, StopLine
 # --- ways through junctions ----------------------------------------------------------------------------
 
 
-def _through(file: SumoFile, frame: Frame, ways: Sequence[FileConnection]) -> tuple[dict[str, _Ribbon], frozenset[str]]:
+def _through(
+    file: NetworkFile, frame: Frame, ways: Sequence[FileConnection]
+) -> tuple[dict[str, _Ribbon], frozenset[str]]:
     """First internal lane -> the whole way as one lane, if it has a length; the internal lanes closed to cars."""
     chains: dict[str, _Ribbon] = {}
     closed: set[str] = set()
@@ -231,18 +230,18 @@ def _through(file: SumoFile, frame: Frame, ways: Sequence[FileConnection]) -> tu
     return chains, frozenset(closed)
 
 
-def _parts(file: SumoFile, way: FileConnection) -> list[FileLane]:
+def _parts(file: NetworkFile, way: FileConnection) -> list[FileLane]:
     """The internal lanes of a way, in the order in which it runs over them."""
-    parts: list[FileLane] = []
-    seen: set[str] = set()
-    step = way.via
-    while step and step not in seen:
+    steps = file.via(way)
+    for step in steps:
         if step not in file.internal:
             raise file.fault(f"connection {way.name}: it runs via {step[:40]!r}, which is no internal lane of the file")
-        seen.add(step)
-        parts.append(file.internal[step])
-        step = file.onward.get(step, "")
-    return parts
+    return [file.internal[step] for step in steps]
+
+
+def _light(way: FileConnection) -> str:
+    """Traffic light and link, such as J1/3."""
+    return f"{way.light}/{way.light_link}"
 
 
 def _lowest(parts: Iterable[FileLane]) -> float | None:
@@ -263,7 +262,7 @@ def _connection_lanes(chains: Mapping[str, _Ribbon], ways: Sequence[FileConnecti
             predecessors=tuple(dict.fromkeys(way.from_lane for way in over)),
             speed_limit_mps=_limit(chains[via].lane.speed_mps),
             in_intersection=True,
-            lights_at_start=tuple(dict.fromkeys(way.light for way in over if way.light)),
+            lights_at_start=tuple(dict.fromkeys(_light(way) for way in over if way.light)),
         )
         for via, over in by_via.items()
     }
@@ -272,7 +271,9 @@ def _connection_lanes(chains: Mapping[str, _Ribbon], ways: Sequence[FileConnecti
 # --- what is no lane for cars --------------------------------------------------------------------------
 
 
-def _left_out(file: SumoFile, drawn: Mapping[str, _Ribbon | None], ribbons: Mapping[str, _Ribbon]) -> Iterable[LeftOut]:
+def _left_out(
+    file: NetworkFile, drawn: Mapping[str, _Ribbon | None], ribbons: Mapping[str, _Ribbon]
+) -> Iterable[LeftOut]:
     for edge in file.edges.values():
         with_cars = any(id_ in ribbons for id_ in edge)
         for id_ in edge:
@@ -305,7 +306,7 @@ def _reason(classes: frozenset[str]) -> str:
     return f"lane for {' and '.join(sorted(classes))} only" if len(classes) <= _FEW else "lane for other vehicles"
 
 
-def _crossings(file: SumoFile, frame: Frame) -> Iterable[shapely.Polygon]:
+def _crossings(file: NetworkFile, frame: Frame) -> Iterable[shapely.Polygon]:
     for lane in file.crossings:
         outline = ring(_placed(file, frame, f"crossing {lane.id}", lane.outline))
         middle = along(_placed(file, frame, f"crossing {lane.id}", lane.shape))
@@ -315,7 +316,7 @@ def _crossings(file: SumoFile, frame: Frame) -> Iterable[shapely.Polygon]:
             yield shapely.LineString(middle).buffer(_half_width_m(frame, lane), cap_style="flat", join_style="mitre")
 
 
-def _walkways(file: SumoFile, frame: Frame, drawn: Mapping[str, _Ribbon | None]) -> Iterable[shapely.Polygon]:
+def _walkways(file: NetworkFile, frame: Frame, drawn: Mapping[str, _Ribbon | None]) -> Iterable[shapely.Polygon]:
     for lane in file.walking_areas:
         area = ring(_placed(file, frame, f"walking area {lane.id}", lane.shape))
         if area is not None:
@@ -328,7 +329,7 @@ def _walkways(file: SumoFile, frame: Frame, drawn: Mapping[str, _Ribbon | None])
 
 
 def _junctions(
-    file: SumoFile, frame: Frame, ribbons: Mapping[str, _Ribbon], chains: Mapping[str, _Ribbon]
+    file: NetworkFile, frame: Frame, ribbons: Mapping[str, _Ribbon], chains: Mapping[str, _Ribbon]
 ) -> Iterable[shapely.Polygon]:
     """Outlines of junctions that cars come to."""
     for junction in file.junctions:

@@ -1,0 +1,80 @@
+"""Links of a SUMO network: which lanes each joins and over which it runs, its light, and whom it yields to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps.network_file import FileLane, NetworkFile, read_network_file
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedLink:
+    """A connection between two lanes that are not internal, and the internal lanes that it runs over."""
+
+    from_lane: str
+    to_lane: str
+    via: tuple[str, ...]
+    light: tuple[str, int] | None
+    """Traffic light and link index."""
+    node: str
+    link: int
+    """Index among the links of the node."""
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkSummary:
+    """What there is to check in a network."""
+
+    left_hand: bool
+    lanes: dict[str, FileLane]
+    links: tuple[CheckedLink, ...]
+    lights: dict[str, tuple[tuple[float, str], ...]]
+    """Traffic light -> phases of (seconds, state)."""
+    yields: dict[str, dict[int, frozenset[int]]]
+    """Node -> link -> links that it yields to."""
+
+
+def read_network_summary(path: Path) -> NetworkSummary:
+    """Of a network file, plain or gzipped; MapError names the file if it is missing or damaged."""
+    if not path.exists():
+        raise MapError(f"no network at {path}; run `interplan-sumo maps convert {path.parent}`")
+    try:
+        file = read_network_file(path)
+        return _summary(file)
+    except (MapError, KeyError, ValueError) as error:
+        what = str(error) if isinstance(error, MapError) else f"{type(error).__name__}: {error}"
+        raise MapError(
+            f"network {path} is damaged ({what}); run `interplan-sumo maps convert {path.parent}` to write it anew"
+        ) from error
+
+
+def _summary(file: NetworkFile) -> NetworkSummary:
+    lanes = {lane.id: lane for lane in file.in_order}
+    if not lanes:
+        raise ValueError("it has no lanes")
+    for lane in lanes.values():
+        if not len(lane.shape) or lane.length_m is None or lane.speed_mps is None:
+            raise ValueError(f"lane {lane.id} lacks its shape, length or speed")
+    leaving: dict[str, list[int]] = {}
+    for number, connection in enumerate(file.connections):
+        leaving.setdefault(connection.from_lane, []).append(number)
+    at: dict[int, tuple[str, int]] = {}
+    for junction in file.junctions:
+        for link, number in enumerate(n for lane in junction.incoming for n in leaving.get(lane, ())):
+            at[number] = junction.id, link
+    links = tuple(
+        CheckedLink(each.from_lane, each.to_lane, file.via(each), each.link, *at[number])
+        for number, each in enumerate(file.connections)
+    )
+    for link in links:
+        if missing := {link.from_lane, *link.via, link.to_lane} - lanes.keys():
+            raise ValueError(f"a connection names lane {min(missing)}, which does not exist")
+    return NetworkSummary(
+        left_hand=file.left_hand,
+        lanes=lanes,
+        links=links,
+        lights={program.id: program.phases for program in file.programs},
+        yields={junction.id: junction.yields for junction in file.junctions},
+    )
