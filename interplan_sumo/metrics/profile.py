@@ -127,13 +127,21 @@ def _registered(name: str) -> Profile:
     return _read(files(PROFILES[name]) / f"{name}.yaml", name)
 
 
-def stored_profile(name: str, run_folder: Path) -> Profile:
-    """The profile of a run by its name in the manifest; that of a file lies in the folder `profile` of the run.
+KEPT: Final = "profile.yaml"
+"""In a run folder the profile of a file, as it was then."""
 
-    UnknownNameError if it is neither there nor installed.
-    """
-    kept = map(find_profile, sorted((run_folder / "profile").glob("*")))
-    return next((profile for profile in kept if profile.name == name), None) or find_profile(name)
+
+def keep_profile(profile: Profile, folder: Path) -> None:
+    """Write a file's profile into a run folder, so that `stored_profile` finds it; registered ones need none."""
+    if "@" not in profile.name:
+        return
+    said = msgspec.to_builtins(msgspec.structs.replace(profile, name=""))
+    (folder / KEPT).write_text(yaml.safe_dump(said, sort_keys=False, default_flow_style=None), encoding="utf-8")
+
+
+def stored_profile(name: str, folder: Path) -> Profile:
+    """The profile of a run by its name in the manifest; errors as from `find_profile`."""
+    return _read(folder / KEPT, name) if "@" in name else _registered(name)
 
 
 def row_metrics() -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import pytest
 
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.metrics.metric import METRICS, MetricResult, failure_words, informative_metrics, metric
-from interplan_sumo.metrics.profile import PROFILES, Term, find_profile, row_metrics, stored_profile
+from interplan_sumo.metrics.profile import PROFILES, Term, find_profile, keep_profile, row_metrics, stored_profile
 
 MINE = """
 needs_scenario: false
@@ -46,13 +46,12 @@ def test_files_that_say_something_else_have_another_name(tmp_path: Path):
     assert find_profile(file_of(tmp_path, MINE.replace("exemptions: true", "exemptions: false"))).name != name
 
 
-def test_the_profile_of_a_file_lies_in_the_run_folder(tmp_path: Path):
-    (tmp_path / "profile").mkdir()
-    profile = find_profile(file_of(tmp_path / "profile", MINE))
+def test_a_run_folder_keeps_the_profile_of_a_file(tmp_path: Path):
+    profile = find_profile(file_of(tmp_path, MINE))
+    (tmp_path / "mine.yaml").unlink()
+    keep_profile(profile, tmp_path)
     assert stored_profile(profile.name, tmp_path) == profile
     assert stored_profile("nuplan", tmp_path) == find_profile("nuplan")
-    with pytest.raises(UnknownNameError):
-        stored_profile("mine@000000000000", tmp_path)
 
 
 @pytest.mark.parametrize(
