@@ -11,7 +11,7 @@ import inspect
 import os
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import yaml
@@ -69,6 +69,9 @@ class Observation:
 class Planner(Protocol):
     """Plans for one ego. One instance drives many episodes, one after the other; `start` opens each.
 
+    Its options are the arguments of its constructor. A class with many may keep them in a dataclass, its attribute
+    `Settings`, an instance of which its constructor then takes.
+
     It may also have a method `report()`: what it returns after an episode, plain
     data, is kept as `planner_report` in the results. `queries` and `fallbacks`
     (counts by cause) in it are summed up in tables.
@@ -121,7 +124,7 @@ class PlannerInfo:
     source: str
     """The distribution that registers it."""
     parameters: Mapping[str, Any]
-    """Constructor arguments and their defaults."""
+    """Options and their defaults: the constructor's arguments, or the fields of its class's `Settings`."""
     recommended: bool
     paper: str | None = None
     """Where it was published: the class attribute `paper`, if it has one."""
@@ -182,8 +185,9 @@ def load_planner(spec: str) -> Planner:
         if known and key not in known:
             raise UnknownNameError(f"option of planner {name!r}", key, known)
         options[key] = yaml.load(value, OptionLoader)  # a safe loader
+    settings = _settings(make)
     try:
-        planner = make(**options)
+        planner = make(settings(**options)) if settings else make(**options)
     except InputError:
         raise
     except Exception as error:
@@ -215,9 +219,15 @@ def _paper(make: Any) -> str | None:
     return paper if isinstance(paper, str) else None
 
 
+def _settings(make: Any) -> Callable[..., Any] | None:
+    """The dataclass of a planner's options, if it keeps them in one."""
+    settings = getattr(make, "Settings", None)
+    return settings if is_dataclass(settings) and isinstance(settings, type) else None
+
+
 def _parameters(make: Any) -> dict[str, Any]:
     try:
-        signature = inspect.signature(make)
+        signature = inspect.signature(_settings(make) or make)
     except (TypeError, ValueError):
         return {}
     plain = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)

@@ -12,12 +12,12 @@ from interplan_planners.common.gaps import GapRules
 from interplan_planners.common.idm_policy import IdmDriver
 from interplan_planners.common.lane_change import lane_change_path
 from interplan_planners.common.lane_routes import LaneRoute, Ways
-from interplan_planners.common.mobil_options import options, synchronised
+from interplan_planners.common.mobil_options import ChangeStyle, options, synchronised
 from interplan_planners.common.neighbours import moved, stands_for_good, together
 from interplan_planners.common.occupancy import occupancy
 from interplan_planners.common.paths import DrivingPath, braking_plan, plan_along
 from interplan_planners.common.red_lights import RedLights
-from interplan_planners.common.rollout import ProposalPath, roll_out
+from interplan_planners.common.rollout import ProposalPath, RolloutClock, RolloutStart, roll_out
 from interplan_planners.common.route_correction import corrected_route
 from interplan_planners.common.route_search import LaneFinder, lanes_of_route
 from interplan_planners.common.sight import Sight
@@ -80,6 +80,34 @@ class _Course:
     aborting: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class IdmMobilSettings:
+    """Options."""
+
+    politeness: float = 0.5
+    threshold_mps2: float = 0.2
+    safe_deceleration_mps2: float = 2.0
+    change_time_s: float = 4.0
+    change_headway_s: float = 0.8
+    """Accepted around a change."""
+    fallback_limit_mps: float = 10.0
+    """Where the map knows no limit."""
+    min_gap_m: float = 2.0
+    headway_s: float = 1.5
+    max_acceleration_mps2: float = 1.0
+    max_deceleration_mps2: float = 3.0
+    horizon_s: float = 8.0
+    published: bool = False
+
+    def __post_init__(self) -> None:
+        for name in (
+            "safe_deceleration_mps2", "change_time_s", "change_headway_s", "fallback_limit_mps",
+            "max_acceleration_mps2", "max_deceleration_mps2", "horizon_s",
+        ):  # fmt: skip
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected more than 0")
+
+
 class IdmMobilPlanner:
     """Keeps its lane by IDM and changes it by MOBIL, towards the goal lane when it can, away when its own is blocked.
 
@@ -104,44 +132,22 @@ class IdmMobilPlanner:
 
     paper: ClassVar[str] = "Kesting, Treiber, Helbing 2007; published=true: Hallgarten et al. 2024"
 
-    def __init__(
-        self,
-        politeness: float = 0.5,
-        threshold_mps2: float = 0.2,
-        safe_deceleration_mps2: float = 2.0,
-        change_time_s: float = 4.0,
-        change_headway_s: float = 0.8,
-        fallback_limit_mps: float = 10.0,
-        min_gap_m: float = 2.0,
-        headway_s: float = 1.5,
-        max_acceleration_mps2: float = 1.0,
-        max_deceleration_mps2: float = 3.0,
-        horizon_s: float = 8.0,
-        published: bool = False,
-    ) -> None:
-        """`fallback_limit_mps` holds where the map knows no limit; `change_headway_s` is accepted around a change."""
-        positive = {
-            "safe_deceleration_mps2": safe_deceleration_mps2,
-            "change_time_s": change_time_s,
-            "change_headway_s": change_headway_s,
-            "fallback_limit_mps": fallback_limit_mps,
-            "max_acceleration_mps2": max_acceleration_mps2,
-            "max_deceleration_mps2": max_deceleration_mps2,
-            "horizon_s": horizon_s,
-        }
-        for name, value in positive.items():
-            if not value > 0:
-                raise ValueError(f"{name} is {value}, expected more than 0")
-        self.politeness = politeness
-        self.threshold_mps2 = threshold_mps2
-        self.safe_deceleration_mps2 = safe_deceleration_mps2
-        self.change_time_s = change_time_s
-        self.change_headway_s = change_headway_s
-        self.fallback_limit_mps = fallback_limit_mps
-        self.driver = IdmDriver(fallback_limit_mps, min_gap_m, headway_s, max_acceleration_mps2, max_deceleration_mps2)
-        self.rules = GapRules(acceleration_mps2=max_acceleration_mps2)
-        self.horizon_s = horizon_s
-        self.published = PublishedMobil() if published else None
+    Settings = IdmMobilSettings
+
+    def __init__(self, settings: IdmMobilSettings | None = None) -> None:
+        self.settings = given = settings or IdmMobilSettings()
+        self.driver = IdmDriver(
+            given.fallback_limit_mps, given.min_gap_m, given.headway_s, given.max_acceleration_mps2,
+            given.max_deceleration_mps2,
+        )  # fmt: skip
+        gaps = GapRules(acceleration_mps2=given.max_acceleration_mps2)
+        hurried = replace(
+            self.driver,
+            headway_s=min(given.headway_s, given.change_headway_s),
+            min_gap_m=min(given.min_gap_m, gaps.min_gap_m),
+        )
+        self._style = ChangeStyle(hurried, gaps, given.politeness, given.safe_deceleration_mps2)
+        self.published = PublishedMobil() if given.published else None
         self.decision: MobilDecision | None = None
 
     def start(self, mission: Mission) -> None:
@@ -158,7 +164,7 @@ class IdmMobilPlanner:
             return self.published.plan(observation)
         ego, shape = observation.ego, self._mission.shape
         course = self._begun(ego) if self._course is None else self._current(ego, self._course)
-        forecast = constant_velocity(observation.actors, self.horizon_s, STEP_S)
+        forecast = constant_velocity(observation.actors, self.settings.horizon_s, STEP_S)
         closed = self._red_lights.closed(observation.signals, ego, shape)
         sight = Sight(ego, shape, forecast, stands_for_good(observation), self._red_lights, closed)
         cap: tuple[Floats, float] | None = None
@@ -166,13 +172,13 @@ class IdmMobilPlanner:
             course, cap = self._decided(sight, course)
         elif not course.aborting and self._threatened(sight, course, course.old):
             self._calm_until_s = ego.time_s + COOL_DOWN_S
-            way_m = max(0.75 * self.change_time_s * ego.speed_mps, SHORTEST_CHANGE_M)
+            way_m = max(0.75 * self.settings.change_time_s * ego.speed_mps, SHORTEST_CHANGE_M)
             course = self._changing(course, course.old.way, course.old.index, ego, way_m, aborting=True)
         self._course = course
         manoeuvre = "keep" if course.old is None else "abort" if course.aborting else "change"
         self.decision = MobilDecision(manoeuvre, course.way.lanes[0], cap is not None)
         if _off_m(course.path, ego) > FARTHEST_FROM_PATH_M:
-            return braking_plan(ego, self.driver.max_deceleration_mps2, self.horizon_s, STEP_S)
+            return braking_plan(ego, self.driver.max_deceleration_mps2, self.settings.horizon_s, STEP_S)
         return self._driven(sight, course, cap)
 
     # --- what to do ----------------------------------------------------------------------------
@@ -181,7 +187,7 @@ class IdmMobilPlanner:
         roads = self._mission.roads
         route = corrected_route(roads, self._mission.route, ego.pose)
         self._lanes = LaneFinder(roads, route)
-        self._ways = Ways(self._mission, route, self.fallback_limit_mps)
+        self._ways = Ways(self._mission, route, self.settings.fallback_limit_mps)
         self._red_lights = RedLights(roads, lanes_of_route(roads, route), self._mission.shape.width_m / 2)
         return self._kept(*self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad))
 
@@ -209,21 +215,13 @@ class IdmMobilPlanner:
         if not self._ways.beside(lane_id) or ego.time_s < self._calm_until_s:
             return course, None
         here = sight.on(course.way)
-        hurried = replace(
-            self.driver,
-            headway_s=min(self.driver.headway_s, self.change_headway_s),
-            min_gap_m=min(self.driver.min_gap_m, self.rules.min_gap_m),
-        )
-        found = options(
-            sight, self._ways, here, index, lane_id, hurried, self.rules, self.politeness,
-            self.safe_deceleration_mps2,
-        )  # fmt: skip
-        good = [o for o in found if o.verdict.safe and o.incentive_mps2 >= self.threshold_mps2]
+        found = options(sight, self._ways, here, index, lane_id, self._style)
+        good = [o for o in found if o.verdict.safe and o.incentive_mps2 >= self.settings.threshold_mps2]
         if good:
             best = max(good, key=lambda option: option.incentive_mps2)
             starts_m = course.way.starts_m
             lane_end_m = float(starts_m[place + 1]) if place + 1 < len(starts_m) else course.path.length_m
-            way_m = max(self.change_time_s * ego.speed_mps, SHORTEST_CHANGE_M)
+            way_m = max(self.settings.change_time_s * ego.speed_mps, SHORTEST_CHANGE_M)
             longest_m = (lane_end_m - arc_m) / (1.0 - MOST_BEYOND_LANE)
             if longest_m >= SHORTEST_CHANGE_M:
                 return self._changing(course, best.there.way, best.index, ego, min(way_m, longest_m)), None
@@ -257,14 +255,17 @@ class IdmMobilPlanner:
 
     @property
     def _steps(self) -> int:
-        return round(self.horizon_s / STEP_S)
+        return round(self.settings.horizon_s / STEP_S)
 
     def _driven(self, sight: Sight, course: _Course, cap: tuple[Floats, float] | None) -> Trajectory:
         """IDM along the course's path behind whoever is on it, and on the way that it leads to."""
         ego, shape, path = sight.ego, sight.shape, course.path
         arc_m, _ = path.line.project_point(ego.x_m, ego.y_m)
         half_width_m = shape.width_m / 2 + MARGIN_M
-        stretch = (arc_m - shape.length_m, arc_m + float(course.limit_mps.max()) * self.horizon_s + shape.length_m)
+        stretch = (
+            arc_m - shape.length_m,
+            arc_m + float(course.limit_mps.max()) * self.settings.horizon_s + shape.length_m,
+        )
         occupied = occupancy(path, half_width_m, sight.forecast, stretch)
         if course.old is not None:
             shifted_by = course.ahead_m
@@ -276,10 +277,9 @@ class IdmMobilPlanner:
         most_mps2, most_mps = cap if cap is not None else (None, np.inf)
         half_m = shape.length_m / 2
         driver = self._eased(ego, track, arc_m + half_m)
-        rolled = roll_out(
-            [track], np.zeros(1, dtype=np.int64), np.array([arc_m]), ego.speed_mps, np.array([most_mps]), driver,
-            half_m, half_m, self._steps, np.arange(self._steps + 1), STEP_S, lead_every=1, most_mps2=most_mps2,
-        )  # fmt: skip
+        start = RolloutStart(np.zeros(1, dtype=np.int64), np.array([arc_m]), ego.speed_mps)
+        clock = RolloutClock(np.arange(self._steps + 1), STEP_S, lead_every=1)
+        rolled = roll_out([track], start, np.array([most_mps]), driver, (half_m, half_m), clock, most_mps2)
         time_s = ego.time_s + STEP_S * np.arange(self._steps + 1)
         return plan_along(path.line, time_s, rolled.progress_m[0], rolled.speed_mps[0])
 
@@ -290,7 +290,7 @@ class IdmMobilPlanner:
         near_m = track.occupied.near_m[:, 0]
         gap_m = float(np.min(near_m[near_m > front_m] - front_m, initial=np.inf))
         has_s = (gap_m - self.driver.min_gap_m) / max(ego.speed_mps, 1.0)
-        shortest_s = min(self.change_headway_s, self.driver.headway_s)
+        shortest_s = min(self.settings.change_headway_s, self.driver.headway_s)
         return replace(self.driver, headway_s=min(max(has_s + EASING_STEP_S, shortest_s), self.driver.headway_s))
 
 

@@ -103,9 +103,9 @@ class PublishedMobil:
             self.decision = None
             return braking_plan(ego, self._driver.max_deceleration_mps2, SAMPLES * STEP_S, STEP_S)
         found = obstacles(observation, corridor, self._mission.roads, self._route_lanes, shape, RADIUS_M)
-        plan, self.decision = roll_out(
-            ego, progress_m, found, corridor.path, self._driver, SAMPLES, STEP_S, shape, phantom
-        )
+        if phantom is not None:
+            found.append(phantom)
+        plan, self.decision = roll_out(ego, progress_m, found, corridor.path, self._driver, SAMPLES, STEP_S, shape)
         return plan
 
     def _follow(self, index: int, lane_id: str, ego: EgoState, start: Polyline | None = None) -> None:
@@ -232,7 +232,7 @@ class PublishedMobil:
         left_m = lane.centerline.length_m - lane.centerline.project_point(pose.x_m, pose.y_m)[0]
         speed_mps = self._driver.target_speed_mps * left_m / lane.centerline.length_m
         corners = box_corners(pose.x_m, pose.y_m, pose.heading_rad, shape.length_m, shape.width_m)[0]
-        return FrozenObstacle("phantom", shapely.Polygon(corners), speed_mps, pose.heading_rad, ())
+        return FrozenObstacle("phantom", shapely.Polygon(corners), speed_mps, pose.heading_rad, (), leads=True)
 
 
 def lane_costs(roads: Roads, route: tuple[str, ...], goal: Pose) -> dict[str, int]:

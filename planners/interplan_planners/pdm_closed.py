@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 from interplan_planners.common.ground import Ground
@@ -18,6 +19,36 @@ from interplan_planners.common.route_search import LaneFinder, lane_chain, lanes
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class PdmClosedSettings:
+    """Options, by default the published ones."""
+
+    speed_fractions: Sequence[float] = (0.2, 0.4, 0.6, 0.8, 1.0)
+    lateral_offsets_m: Sequence[float] = (0.0, -1.0, 1.0)
+    """To the left."""
+    fallback_limit_mps: float = 15.0
+    """Where the map knows no limit."""
+    min_gap_m: float = 1.0
+    headway_s: float = 1.5
+    max_acceleration_mps2: float = 1.5
+    max_deceleration_mps2: float = 3.0
+    exponent: float = 10.0
+    horizon_s: float = 8.0
+    proposal_horizon_s: float = 4.0
+    emergency_within_s: float = 2.0
+    emergency_speed_mps: float = 5.0
+    emergency_deceleration_mps2: float = 4.05
+    rebuild: bool = False
+    """Make new paths at every step (PDM++)."""
+
+    def __post_init__(self) -> None:
+        for name in ("fallback_limit_mps", "max_acceleration_mps2", "max_deceleration_mps2"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected more than 0")
+        if not self.lateral_offsets_m:
+            raise ValueError("lateral_offsets_m must hold a number")
 
 
 class PdmClosedPlanner:
@@ -43,53 +74,28 @@ class PdmClosedPlanner:
 
     paper: ClassVar[str] = "Dauner et al. 2023"
 
-    def __init__(
-        self,
-        speed_fractions: Sequence[float] = (0.2, 0.4, 0.6, 0.8, 1.0),
-        lateral_offsets_m: Sequence[float] = (0.0, -1.0, 1.0),
-        fallback_limit_mps: float = 15.0,
-        min_gap_m: float = 1.0,
-        headway_s: float = 1.5,
-        max_acceleration_mps2: float = 1.5,
-        max_deceleration_mps2: float = 3.0,
-        exponent: float = 10.0,
-        horizon_s: float = 8.0,
-        proposal_horizon_s: float = 4.0,
-        emergency_within_s: float = 2.0,
-        emergency_speed_mps: float = 5.0,
-        emergency_deceleration_mps2: float = 4.05,
-        rebuild: bool = False,
-    ) -> None:
-        """Defaults are the published ones; offsets are to the left. `rebuild` makes new paths at every step (PDM++).
+    Settings = PdmClosedSettings
 
-        `fallback_limit_mps` holds where the map knows no limit.
-        """
-        for name, value in (
-            ("fallback_limit_mps", fallback_limit_mps),
-            ("max_acceleration_mps2", max_acceleration_mps2),
-            ("max_deceleration_mps2", max_deceleration_mps2),
-        ):
-            if not value > 0:
-                raise ValueError(f"{name} is {value}, expected more than 0")
-        if not lateral_offsets_m:
-            raise ValueError("lateral_offsets_m must hold a number")
-        self.lateral_offsets_m = tuple(lateral_offsets_m)
-        self.fallback_limit_mps = fallback_limit_mps
-        self.settings = PdmSettings(
-            tuple(speed_fractions),
-            IdmDriver(fallback_limit_mps, min_gap_m, headway_s, max_acceleration_mps2, max_deceleration_mps2, exponent),
-            horizon_s,
-            proposal_horizon_s,
-            emergency_within_s,
-            emergency_speed_mps,
-            emergency_deceleration_mps2,
+    def __init__(self, settings: PdmClosedSettings | None = None) -> None:
+        self.settings = given = settings or PdmClosedSettings()
+        driver = IdmDriver(
+            given.fallback_limit_mps, given.min_gap_m, given.headway_s, given.max_acceleration_mps2,
+            given.max_deceleration_mps2, given.exponent,
+        )  # fmt: skip
+        self.pdm = PdmSettings(
+            tuple(given.speed_fractions),
+            driver,
+            given.horizon_s,
+            given.proposal_horizon_s,
+            given.emergency_within_s,
+            given.emergency_speed_mps,
+            given.emergency_deceleration_mps2,
         )
-        self.rebuild = rebuild
         self.decision: PdmDecision | None = None
 
     def start(self, mission: Mission) -> None:
         self._mission = mission
-        self._motion = PdmMotion(self.settings, mission.shape)
+        self._motion = PdmMotion(self.pdm, mission.shape)
         self._route: tuple[str, ...] = ()
         self.decision = None
 
@@ -98,10 +104,10 @@ class PdmClosedPlanner:
         if not self._route:
             self._begin(axle)
             self._lay_paths(axle)
-        elif self.rebuild:
+        elif self.settings.rebuild:
             self._lay_paths(axle)
         _, lane_id = self._lanes.at(axle.x_m, axle.y_m, axle.heading_rad)
-        limit_mps = self._mission.roads[lane_id].speed_limit_mps or self.fallback_limit_mps
+        limit_mps = self._mission.roads[lane_id].speed_limit_mps or self.settings.fallback_limit_mps
         course = PdmCorridor(self._paths, self._center, self._ground, self._red_lights, limit_mps)
         plan, self.decision = self._motion.plan(observation, course)
         return plan
@@ -120,6 +126,6 @@ class PdmClosedPlanner:
         line = centerline(roads, lane_chain(roads, self._route, index, lane_id, shortest=True, depth=DEPTH_FORWARD))
         self._center = DrivingPath(line)
         self._paths = [
-            DrivingPath(shifted(line, left_m)) if left_m else self._center for left_m in self.lateral_offsets_m
+            DrivingPath(shifted(line, left_m)) if left_m else self._center for left_m in self.settings.lateral_offsets_m
         ]
         self._red_lights = RedLights(roads, lanes_of_route(roads, self._route), shape.width_m / 2)

@@ -7,7 +7,7 @@ import pytest
 from worlds import cars, ego, ego_on, junction, mission, observation, road_along, signals, straight_road
 
 from interplan_planners.idm import IdmPlanner
-from interplan_planners.idm_mobil import IdmMobilPlanner
+from interplan_planners.idm_mobil import IdmMobilPlanner, IdmMobilSettings
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Mission, Past
@@ -24,7 +24,7 @@ Traffic = Callable[[float], Actors]
 
 
 def started(job: Mission = STRAIGHT_ON, **options: object) -> IdmMobilPlanner:
-    planner = IdmMobilPlanner(**options)  # pyright: ignore[reportArgumentType]
+    planner = IdmMobilPlanner(IdmMobilSettings(**options))  # pyright: ignore[reportArgumentType]
     planner.start(job)
     return planner
 
@@ -161,7 +161,7 @@ def test_behind_a_slow_car_it_changes_only_where_that_costs_nothing() -> None:
 @pytest.mark.parametrize("name", ["safe_deceleration_mps2", "change_time_s", "change_headway_s", "horizon_s"])
 def test_senseless_options_are_refused_by_name(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name} is 0, expected more than 0"):
-        IdmMobilPlanner(**{name: 0})  # pyright: ignore[reportArgumentType]
+        IdmMobilSettings(**{name: 0})  # pyright: ignore[reportArgumentType]
 
 
 def test_a_new_episode_forgets_the_last() -> None:

@@ -6,7 +6,7 @@ from worlds import cars, curved_road, ego, ego_on, junction, mission, observatio
 
 from interplan_planners.common.pdm import PdmDecision
 from interplan_planners.common.scoring import LOOK_AHEAD_S
-from interplan_planners.pdm_closed import PdmClosedPlanner
+from interplan_planners.pdm_closed import PdmClosedPlanner, PdmClosedSettings
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Mission
@@ -23,7 +23,7 @@ CROSSING = junction()
 
 
 def started(job: Mission = STRAIGHT_ON, **options: object) -> PdmClosedPlanner:
-    planner = PdmClosedPlanner(**options)  # pyright: ignore[reportArgumentType]
+    planner = PdmClosedPlanner(PdmClosedSettings(**options))  # pyright: ignore[reportArgumentType]
     planner.start(job)
     return planner
 
@@ -97,7 +97,7 @@ def test_offsets_and_fractions_are_options() -> None:
 )
 def test_senseless_options_are_refused(option: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        PdmClosedPlanner(**option)  # pyright: ignore[reportArgumentType]
+        PdmClosedPlanner(PdmClosedSettings(**option))  # pyright: ignore[reportArgumentType]
 
 
 # --- what it does --------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from interplan_planners.common.forecast import constant_velocity
 from interplan_planners.common.idm_policy import IdmDriver, idm_accelerations_mps2, idm_step
 from interplan_planners.common.occupancy import StripOccupancy, occupancy
 from interplan_planners.common.paths import DrivingPath
-from interplan_planners.common.rollout import ProposalPath, roll_out
+from interplan_planners.common.rollout import ProposalPath, RolloutClock, RolloutStart, roll_out
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import Floats
 
@@ -28,10 +28,8 @@ def on_lane(*places: tuple[float, ...]) -> StripOccupancy:
 
 def rolled(track: ProposalPath, speed_mps: float, targets: list[float], **options: Floats) -> tuple[Floats, Floats]:
     count = len(targets)
-    found = roll_out(
-        [track], np.zeros(count, dtype=np.int64), np.full(count, 20.0), speed_mps, np.array(targets), DRIVER, FRONT_M,
-        REAR_M, STEPS, INSTANTS, **options,  # pyright: ignore[reportArgumentType]
-    )  # fmt: skip
+    start = RolloutStart(np.zeros(count, dtype=np.int64), np.full(count, 20.0), speed_mps)
+    found = roll_out([track], start, np.array(targets), DRIVER, (FRONT_M, REAR_M), RolloutClock(INSTANTS), **options)
     return found.progress_m, found.speed_mps
 
 
@@ -94,19 +92,16 @@ def test_accelerations_can_be_capped() -> None:
 
 def test_target_speeds_may_change_over_time() -> None:
     targets = np.where(np.arange(STEPS) < 20, 12.0, 2.0)[None, :]
-    found = roll_out(
-        [ProposalPath(300.0, on_lane())], np.zeros(1, dtype=np.int64), np.array([20.0]), 8.0, targets, DRIVER, FRONT_M,
-        REAR_M, STEPS, INSTANTS,
-    )  # fmt: skip
+    start = RolloutStart(np.zeros(1, dtype=np.int64), np.array([20.0]), 8.0)
+    track = ProposalPath(300.0, on_lane())
+    found = roll_out([track], start, targets, DRIVER, (FRONT_M, REAR_M), RolloutClock(INSTANTS))
     assert found.speed_mps[0, 20] > 8.0 > found.speed_mps[0, -1]
 
 
 def test_each_proposal_minds_its_own_track() -> None:
     tracks = [ProposalPath(300.0, on_lane()), ProposalPath(300.0, on_lane((40.0, 0.0)))]
-    found = roll_out(
-        tracks, np.array([1, 0]), np.array([20.0, 20.0]), 8.0, np.array([12.0, 12.0]), DRIVER, FRONT_M, REAR_M, STEPS,
-        INSTANTS,
-    )  # fmt: skip
+    start = RolloutStart(np.array([1, 0]), np.array([20.0, 20.0]), 8.0)
+    found = roll_out(tracks, start, np.array([12.0, 12.0]), DRIVER, (FRONT_M, REAR_M), RolloutClock(INSTANTS))
     assert found.speed_mps[0, -1] < 1.0
     assert found.speed_mps[1, -1] > 9.0
 

@@ -118,6 +118,24 @@ class HybridPlanner:
             self._pending = None
 
 
+@dataclass(frozen=True, slots=True)
+class HybridSettings:
+    """Options of `llm_hybrid`."""
+
+    model: str = "embedded"
+    store: str | None = None
+    """Where answers are recorded or played back, as `mode` says."""
+    mode: Mode = "record"
+    memory: bool = False
+    thoughts: bool = False
+    real_time: bool = False
+    every_s: float = 1.0
+    timeout_s: float = 60.0
+    threads: int = 1
+    seed: int = 0
+    """The coin's."""
+
+
 class HybridLlmPlanner(HybridPlanner):
     """The paper's hybrid: a language model chooses the behaviour, zero-shot; PDM moves the car.
 
@@ -128,28 +146,18 @@ class HybridLlmPlanner(HybridPlanner):
 
     paper: ClassVar[str] = "Hallgarten et al. 2024"
 
-    def __init__(
-        self,
-        model: str = "embedded",
-        store: str | None = None,
-        mode: Mode = "record",
-        memory: bool = False,
-        thoughts: bool = False,
-        real_time: bool = False,
-        every_s: float = 1.0,
-        timeout_s: float = 60.0,
-        threads: int = 1,
-        seed: int = 0,
-    ) -> None:
-        """`store` and `mode` record answers or play them back; `seed` is the coin's."""
-        if model in ("random", "rules"):
-            super().__init__(RandomChooser(seed) if model == "random" else RuleChooser(), every_s)
+    Settings = HybridSettings
+
+    def __init__(self, settings: HybridSettings | None = None) -> None:
+        given = settings or HybridSettings()
+        if given.model in ("random", "rules"):
+            chooser = RandomChooser(given.seed) if given.model == "random" else RuleChooser()
         else:
-            opened = open_model(model, store=store, mode=mode, threads=threads)
-            super().__init__(
-                ModelChooser(opened, memory=memory, thoughts=thoughts, real_time=real_time, timeout_s=timeout_s),
-                every_s,
-            )
+            chooser = ModelChooser(
+                open_model(given.model, store=given.store, mode=given.mode, threads=given.threads),
+                memory=given.memory, thoughts=given.thoughts, real_time=given.real_time, timeout_s=given.timeout_s,
+            )  # fmt: skip
+        super().__init__(chooser, given.every_s)
 
     @property
     def exchanges(self) -> Sequence[Exchange]:

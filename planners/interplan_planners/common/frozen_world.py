@@ -45,6 +45,8 @@ class FrozenObstacle:
     heading_rad: float
     occupied_m: tuple[tuple[float, float], ...]
     """Stretches of the path."""
+    leads: bool = False
+    """Whether it counts as ahead wherever it is, as a phantom does."""
 
 
 def obstacles(
@@ -88,29 +90,27 @@ def roll_out(
     samples: int,
     dt_s: float,
     shape: EgoShape,
-    phantom: FrozenObstacle | None = None,
 ) -> tuple[Trajectory, IdmDecision]:
     """IDM along the path from the ego's progress in explicit Euler steps; the plan, and the first step's decision.
 
     The lead is whatever is nearest to the ego's box among those that touch it
     or occupy the corridor ahead; with nothing ahead, the end of the path is a
-    standing lead. A `phantom` always counts as ahead.
+    standing lead.
     """
     reach_m = driver.target_speed_mps * samples * dt_s + shape.width_m / 2  # square cap, as in nuPlan
-    others = [*found, phantom] if phantom is not None else list(found)
-    shapes = np.array([obstacle.shape for obstacle in others], dtype=object)
+    shapes = np.array([obstacle.shape for obstacle in found], dtype=object)
     speed_mps = max(0.0, ego.speed_mps)
     progress, speeds = [progress_m], [speed_mps]
     pose = ego.pose  # nuPlan, too, measures the first gap from where the ego really is
     decisions: list[IdmDecision] = []
     for _ in range(samples):
         decision = IdmDecision(progress_m, None, path.length_m - progress_m - shape.length_m / 2, 0.0)
-        if others:
+        if found:
             gaps_m = shapely.distance(_box(pose, shape), shapes)
             for i in np.argsort(gaps_m, kind="stable").tolist():
-                gap_m, obstacle = float(gaps_m[i]), others[i]
+                gap_m, obstacle = float(gaps_m[i]), found[i]
                 ahead = any(b >= progress_m and a <= progress_m + reach_m for a, b in obstacle.occupied_m)
-                if gap_m == 0.0 or ahead or obstacle is phantom:
+                if gap_m == 0.0 or ahead or obstacle.leads:
                     along_mps = obstacle.speed_mps * cos(obstacle.heading_rad - pose.heading_rad)
                     decision = IdmDecision(progress_m, obstacle.id, gap_m, along_mps)
                     break

@@ -55,17 +55,18 @@ class LaneOption:
     """MOBIL's, and what the way to the goal adds."""
 
 
-def options(
-    sight: Sight,
-    ways: Ways,
-    here: OnWay,
-    index: int,
-    lane_id: str,
-    driver: IdmDriver,
-    rules: GapRules,
-    politeness: float,
-    safe_deceleration_mps2: float,
-) -> list[LaneOption]:
+@dataclass(frozen=True, slots=True)
+class ChangeStyle:
+    """How somebody changes lanes."""
+
+    driver: IdmDriver
+    """Who follows with the headway and the gap that are accepted around a change."""
+    rules: GapRules
+    politeness: float
+    safe_deceleration_mps2: float
+
+
+def options(sight: Sight, ways: Ways, here: OnWay, index: int, lane_id: str, style: ChangeStyle) -> list[LaneOption]:
     """The neighbours of a lane of block `index` that are worth a thought, left before right, safe or not.
 
     Away from the goal lane they are so only if the own lane is blocked ahead,
@@ -87,11 +88,11 @@ def options(
         wished = spared > 0 or blocked
         bonus = NAVIGATION_MPS2 + URGENCY_MPS2 * urgency if wished else 0.0
         hurry = urgency if wished else 0.0
-        relaxed = relaxed_rules(rules, hurry)
+        relaxed = relaxed_rules(style.rules, hurry)
         verdict = judge(
             here.side, there.side, max(sight.ego.speed_mps, 0.0), sight.shape.length_m,
-            replace(driver, headway_s=driver.headway_s * (1.0 - URGENT_HEADWAY * hurry)), relaxed, politeness,
-            safe_deceleration_mps2 + URGENT_BRAKING_MPS2 * hurry,
+            replace(style.driver, headway_s=style.driver.headway_s * (1.0 - URGENT_HEADWAY * hurry)), relaxed,
+            style.politeness, style.safe_deceleration_mps2 + URGENT_BRAKING_MPS2 * hurry,
         )  # fmt: skip
         found.append(LaneOption(there, index, wished, room_m, relaxed, verdict, verdict.incentive_mps2 + bonus))
     return found

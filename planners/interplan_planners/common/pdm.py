@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from interplan_planners.common.contacts import touched_now
 from interplan_planners.common.forecast import STEP_S, Forecast, constant_velocity, nearest
@@ -15,13 +15,13 @@ from interplan_planners.common.idm_policy import IdmDriver
 from interplan_planners.common.occupancy import occupancy
 from interplan_planners.common.paths import DrivingPath, braking_plan, center_poses, rear_axle_plan
 from interplan_planners.common.red_lights import RedLights
-from interplan_planners.common.rollout import ProposalPath, Rollout, roll_out
+from interplan_planners.common.rollout import ProposalPath, Rollout, RolloutClock, RolloutStart, roll_out
 from interplan_planners.common.scoring import LOOK_AHEAD_S, Scores, score
 from interplan_sumo.dynamics.batch import SimulatedDrives, follow_all
 from interplan_sumo.dynamics.lqr import GRID_S
 from interplan_sumo.planner import Observation
 from interplan_sumo.world.ego import EgoShape, EgoState
-from interplan_sumo.world.geometry import Floats, Ints
+from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
 
 FARTHEST_FROM_PATH_M = 2.4
@@ -89,6 +89,19 @@ class PdmCorridor:
     limit_mps: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Traffic:
+    """What may lead a proposal."""
+
+    forecast: Forecast
+    ignore: NDArray[np.bool_]  # (A,) who touches the ego now
+    red_lights: RedLights
+    closed: tuple[str, ...]
+    """Connectors that the ego must not enter now."""
+    reach_m: float
+    """As far ahead of its start as a proposal can get."""
+
+
 class PdmMotion:
     """Proposals are the IDM at fractions of the limit on each of the paths, behind leads that keep their velocity.
 
@@ -116,21 +129,16 @@ class PdmMotion:
             nearest(observation.actors, ego.x_m, ego.y_m), settings.horizon_s + LOOK_AHEAD_S[-1]
         )
         ignore = touched_now(ego, forecast, shape)
-        closed = course.red_lights.closed(observation.signals, ego, shape)
         path_of = np.repeat(np.arange(len(paths)), len(settings.speed_fractions))
         targets_mps = np.tile(course.limit_mps * np.array(settings.speed_fractions), len(paths))
-        reach_m = float(targets_mps.max()) * settings.horizon_s
+        closed = course.red_lights.closed(observation.signals, ego, shape)
+        traffic = _Traffic(forecast, ignore, course.red_lights, closed, float(targets_mps.max()) * settings.horizon_s)
         tracks = [
-            self._track(
-                path, course.red_lights, arc_m, reach_m, forecast.between(0.0, settings.proposal_horizon_s), ignore,
-                closed,
-            )
+            self._track(path, arc_m, traffic, (0.0, settings.proposal_horizon_s))
             for path, arc_m in zip(paths, starts_m.tolist(), strict=True)
-        ]  # fmt: skip
-        progress_m = starts_m[path_of]
-        rolled = self._roll_out(
-            tracks, path_of, progress_m, ego.speed_mps, targets_mps, 0.0, settings.proposal_horizon_s
-        )
+        ]
+        start = RolloutStart(path_of, starts_m[path_of], ego.speed_mps)
+        rolled = self._roll_out(tracks, start, targets_mps, settings.proposal_horizon_s)
         drives = follow_all(ego, *center_poses(paths, path_of, rolled.progress_m, shape), shape=shape)
         scores = score(drives, forecast, course.ground, course.center, shape, ignore=ignore)
         value = scores.total + np.where(path_of == 0, settings.first_path_bonus, 0.0) * (scores.total > 0.0)
@@ -144,9 +152,8 @@ class PdmMotion:
             # the tracker answers with 10/11 of the change of speed that a plan asks for within the next second
             return braking_plan(ego, 1.1 * settings.emergency_deceleration_mps2, settings.horizon_s, GRID_S), decision
         path = paths[int(path_of[best])]
-        return self._extended(
-            ego, best, path, course.red_lights, rolled, targets_mps, forecast, ignore, closed, reach_m
-        ), decision
+        progress_m, speed_mps = rolled.progress_m[best], rolled.speed_mps[best]
+        return self._extended(ego, path, progress_m, speed_mps, targets_mps[best : best + 1], traffic), decision
 
     def _jumps_m(self, ego: EgoState, paths: Sequence[DrivingPath], starts_m: Floats) -> Floats:
         """(P,) how far from the ego's centre each path would put it, with the rear axle at arc lengths (P,)."""
@@ -154,63 +161,37 @@ class PdmMotion:
         x_m, y_m, _ = center_poses(paths, rows, starts_m[:, None], self._shape)
         return np.hypot(x_m[:, 0] - ego.x_m, y_m[:, 0] - ego.y_m)
 
-    def _track(
-        self,
-        path: DrivingPath,
-        red_lights: RedLights,
-        start_m: float,
-        reach_m: float,
-        forecast: Forecast,
-        ignore: NDArray[np.bool_],
-        closed: tuple[str, ...],
-    ) -> ProposalPath:
-        """One of the paths and all that may lead on it."""
+    def _track(self, path: DrivingPath, start_m: float, traffic: _Traffic, span_s: tuple[float, float]) -> ProposalPath:
+        """One of the paths and all that may lead on it within a span of time from now."""
         half_width_m = self._shape.width_m / 2
-        stretch = (start_m - half_width_m, start_m + reach_m + half_width_m)  # square caps, as published
-        occupied = occupancy(path, half_width_m, forecast, stretch, ignore)
-        return ProposalPath(path.length_m, occupied, red_lights.on_path(path, closed))
+        stretch = (start_m - half_width_m, start_m + traffic.reach_m + half_width_m)  # square caps, as published
+        occupied = occupancy(path, half_width_m, traffic.forecast.between(*span_s), stretch, traffic.ignore)
+        return ProposalPath(path.length_m, occupied, traffic.red_lights.on_path(path, traffic.closed))
 
     def _roll_out(
-        self,
-        tracks: list[ProposalPath],
-        path_of: Ints,
-        progress_m: Floats,
-        speed_mps: ArrayLike,
-        targets_mps: Floats,
-        start_s: float,
-        end_s: float,
+        self, tracks: list[ProposalPath], start: RolloutStart, targets_mps: Floats, duration_s: float
     ) -> Rollout:
-        shape, steps = self._shape, round((end_s - start_s) / GRID_S)
-        rear_m = shape.length_m - shape.front_m
+        shape, steps = self._shape, round(duration_s / GRID_S)
         instants = np.floor(GRID_S * np.arange(steps + 1) / STEP_S + 1e-6).astype(np.int64)
-        return roll_out(
-            tracks, path_of, progress_m, speed_mps, targets_mps, self._settings.driver, shape.front_m, rear_m, steps,
-            instants,
-        )  # fmt: skip
+        bumpers_m = (shape.front_m, shape.length_m - shape.front_m)
+        return roll_out(tracks, start, targets_mps, self._settings.driver, bumpers_m, RolloutClock(instants))
 
     def _extended(
         self,
         ego: EgoState,
-        best: int,
         path: DrivingPath,
-        red_lights: RedLights,
-        rolled: Rollout,
-        targets_mps: Floats,
-        forecast: Forecast,
-        ignore: NDArray[np.bool_],
-        closed: tuple[str, ...],
-        reach_m: float,
+        progress_m: Floats,
+        speed_mps: Floats,
+        target_mps: Floats,
+        traffic: _Traffic,
     ) -> Trajectory:
-        """The best proposal, driven on to the full horizon."""
+        """The best proposal, progress and speed (T + 1,), driven on to the full horizon."""
         settings = self._settings
-        progress_m, speed_mps = rolled.progress_m[best], rolled.speed_mps[best]
         if settings.horizon_s > settings.proposal_horizon_s:
-            later = forecast.between(settings.proposal_horizon_s, settings.horizon_s)
-            track = self._track(path, red_lights, float(progress_m[0]), reach_m, later, ignore, closed)
-            more = self._roll_out(
-                [track], np.zeros(1, dtype=np.int64), progress_m[-1:], speed_mps[-1], targets_mps[best : best + 1],
-                settings.proposal_horizon_s, settings.horizon_s,
-            )  # fmt: skip
+            span_s = (settings.proposal_horizon_s, settings.horizon_s)
+            track = self._track(path, float(progress_m[0]), traffic, span_s)
+            start = RolloutStart(np.zeros(1, dtype=np.int64), progress_m[-1:], speed_mps[-1])
+            more = self._roll_out([track], start, target_mps, settings.horizon_s - settings.proposal_horizon_s)
             progress_m = np.concatenate((progress_m, more.progress_m[0, 1:]))
             speed_mps = np.concatenate((speed_mps, more.speed_mps[0, 1:]))
         time_s = ego.time_s + GRID_S * np.arange(len(progress_m))

@@ -33,43 +33,56 @@ class ProposalPath:
     """(S,) a speed limit for each metre of the path; None: only the target speed counts."""
 
 
+@dataclass(frozen=True, eq=False)
+class RolloutStart:
+    """N proposals before the first step."""
+
+    track_of: Ints  # (N,)
+    progress_m: Floats  # (N,) arc length on the track
+    speed_mps: ArrayLike  # (N,), or one for all
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutClock:
+    """The steps of a roll-out."""
+
+    instants: Ints  # (T + 1,) for each step the column of the occupancies
+    step_s: float = 0.1
+    lead_every: int = 2
+    """The lead is looked for at every so many-th step."""
+
+
 def roll_out(
     tracks: Sequence[ProposalPath],
-    track_of: Ints,
-    progress_m: Floats,
-    speed_mps: ArrayLike,
+    start: RolloutStart,
     target_mps: Floats,
     driver: IdmDriver,
-    front_m: float,
-    rear_m: float,
-    steps: int,
-    instants: Ints,
-    step_s: float = 0.1,
-    lead_every: int = 2,
+    bumpers_m: tuple[float, float],
+    clock: RolloutClock,
     most_mps2: Floats | None = None,
 ) -> Rollout:
-    """N proposals, each on the track `track_of` (N,), from arc lengths (N,) and speeds, towards target speeds.
+    """N proposals, each on its track, towards target speeds: (N,) or, to change over time, (N, T).
 
-    `target_mps` is (N,) or, to change over time, (N, steps). The ego's
-    bumpers are `front_m` before and `rear_m` behind the point that progresses.
-    `instants` (steps + 1,) gives for each step the column of the occupancies.
-    The lead is the nearest of those on the path whose centres are ahead of the
-    progressing point, and is looked for at every `lead_every`-th step; without
-    one the end of the path is a standing lead, half a car's length early.
-    `most_mps2`, (steps,) or (N, steps), caps the accelerations.
+    `bumpers_m` is how far the ego's front reaches before and its rear behind
+    the point that progresses. The lead is the nearest of those on the path
+    whose centres are ahead of that point; without one the end of the path is a
+    standing lead, half a car's length early. `most_mps2`, (T,) or (N, T), caps
+    the accelerations.
     """
-    count = len(track_of)
+    (front_m, rear_m), track_of, count = bumpers_m, start.track_of, len(start.track_of)
+    instants, step_s, steps = clock.instants, clock.step_s, len(clock.instants) - 1
     near, center, lead_speed = _tables(tracks)
     limits = _limits(tracks)
     end_m = np.array([track.length_m for track in tracks])[track_of] - 0.5 * (front_m + rear_m)
-    progress, speed = np.array(progress_m, dtype=np.float64), np.maximum(np.broadcast_to(speed_mps, (count,)), 0.0)
+    progress = np.array(start.progress_m, dtype=np.float64)
+    speed = np.maximum(np.broadcast_to(start.speed_mps, (count,)), 0.0)
     target = np.asarray(target_mps, dtype=np.float64)
     columns = (progress_m_at, speed_at) = np.empty((steps + 1, count)), np.empty((steps + 1, count))
     progress_m_at[0], speed_at[0] = progress, speed
     rows = np.arange(count)
     lead_m, lead_mps = end_m, np.zeros(count)
     for k in range(1, steps + 1):
-        if (k - 1) % lead_every == 0 or k == 1:
+        if (k - 1) % clock.lead_every == 0 or k == 1:
             k_lead = instants[k]
             ahead = center[track_of, k_lead] > progress[:, None]
             reach = np.where(ahead, near[track_of, k_lead], np.inf)

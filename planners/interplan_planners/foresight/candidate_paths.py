@@ -161,22 +161,25 @@ def changed(old: Base, base: Base, axle: Pose, curvature_per_m: float, length_m:
     return CandidatePath("change", base, path, limits, ends[0], merged_m, old=old, new=base, merged_m=merged_m)
 
 
-def passed(
-    base: Base,
-    axle: Pose,
-    curvature_per_m: float,
-    offset_m: float,
-    out_m: tuple[float, float],
-    back_m: tuple[float, float],
-    around: tuple[str, ...],
-    oncoming: bool,
-    most_mps: float,
-    new: Base | None,
-) -> CandidatePath | None:
-    """Move to an offset between two arc lengths of the base, and back between two others; None if there is no room.
+@dataclass(frozen=True, slots=True, eq=False)
+class Bypass:
+    """A way past something: to an offset between two arc lengths of the base, and back between two others."""
 
-    `most_mps` is the speed allowed while beside, `new` the lane of the same direction on which one is then.
-    """
+    offset_m: float
+    out_m: tuple[float, float]
+    back_m: tuple[float, float]
+    around: tuple[str, ...]
+    """Who is passed."""
+    oncoming: bool
+    most_mps: float
+    """Allowed while beside."""
+    new: Base | None
+    """The lane of the same direction on which one is then."""
+
+
+def passed(base: Base, axle: Pose, curvature_per_m: float, bypass: Bypass) -> CandidatePath | None:
+    """The path of a bypass; None if there is no room for it."""
+    offset_m, out_m, back_m = bypass.offset_m, bypass.out_m, bypass.back_m
     drawn = drawn_point(axle)
     at_m, left_m = base.line.project_point(drawn.x_m, drawn.y_m)
     wait_m = max(out_m[0] - at_m, 0.0)
@@ -187,12 +190,12 @@ def passed(
     if wait_m > 0.5:
         # what is off the line now is brought back meanwhile
         pieces.insert(0, (wait_m, 0.0 if abs(left_m) < 0.3 or wait_m > 8.0 else left_m))
-    slow = (most_mps, max(out_m[1] - 0.7 * way_m, back_m[0] - SLOW_BEFORE_M), back_m[0])
+    slow = (bypass.most_mps, max(out_m[1] - 0.7 * way_m, back_m[0] - SLOW_BEFORE_M), back_m[0])
     path, limits, ends = _beside(base, axle, curvature_per_m, pieces, slow)
     leaves_m = ends[1] if wait_m > 0.5 else ends[0]
     return CandidatePath(
-        "pass", base, path, limits, leaves_m, ends[-1], offset_m, (ends[-3], ends[-2]), oncoming, around,
-        new=new, merged_m=leaves_m + IN_LANE * (ends[-3] - leaves_m),
+        "pass", base, path, limits, leaves_m, ends[-1], offset_m, (ends[-3], ends[-2]), bypass.oncoming,
+        bypass.around, new=bypass.new, merged_m=leaves_m + IN_LANE * (ends[-3] - leaves_m),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from interplan_planners.common.route_correction import corrected_route
 from interplan_planners.common.route_search import LaneFinder, lanes_of_route
 from interplan_planners.foresight.candidate_paths import (
     Base,
+    Bypass,
     CandidatePath,
     base_of,
     changed,
@@ -230,10 +231,9 @@ class Manoeuvres:
         way_back_m = max(2.4 * max(min(speed, most_mps), 4.0), 1.3 * least_m)
         found: list[ManoeuvreOption] = []
         for out_m in outs:
-            course = passed(
-                base, scene.axle, scene.curvature_per_m, passage.offset_m, out_m, (over_m, over_m + way_back_m),
-                block.ids, passage.oncoming, most_mps, new,
-            )  # fmt: skip
+            back_m = (over_m, over_m + way_back_m)
+            bypass = Bypass(passage.offset_m, out_m, back_m, block.ids, passage.oncoming, most_mps, new)
+            course = passed(base, scene.axle, scene.curvature_per_m, bypass)
             if course is not None:
                 begun = -0.5 * BEGINNING - (AGAINST_TRAFFIC if passage.oncoming else 0.0)
                 found.append(ManoeuvreOption(course, worth, begun))

@@ -9,6 +9,7 @@ from math import cos, hypot, inf, sin
 import numpy as np
 from numpy.typing import NDArray
 
+from interplan_planners.common.neighbours import moved
 from interplan_planners.common.occupancy import StripOccupancy
 from interplan_planners.common.paths import braking_plan, rear_axle_plan
 from interplan_planners.foresight.candidate_paths import RUN_IN_M, Base, CandidatePath
@@ -231,13 +232,13 @@ class ForesightPlanner:
         for course in courses:
             arc_m, _ = course.path.line.project_point(axle.x_m, axle.y_m)
             at_m, _ = course.base.line.project_point(axle.x_m, axle.y_m)
-            beside, new_m = None, at_m
+            beside = None
             if course.new is not None:
                 new_m, _ = course.new.line.project_point(axle.x_m, axle.y_m)
                 if id(course.new) not in beside_of:
                     stretch = (new_m - 60.0, new_m + reach_m)
                     beside_of[id(course.new)] = occupied_base(course.new, scene.traffic, shape, stretch)
-                beside = beside_of[id(course.new)]
+                beside = moved(beside_of[id(course.new)], arc_m - new_m)
             stops_m = red_stops(scene, course.base, at_m)
             if at_m > course.base.room_m + ARRIVED_M:
                 stops_m.append(soonest_stop_m(at_m + shape.front_m, scene.speed_mps))
@@ -245,7 +246,7 @@ class ForesightPlanner:
                 stops_m.append(waiting_m(blocked, at_m + shape.front_m, scene.speed_mps, shape))
             limit_mps = cautious_limits(course, arc_m, scene)
             stops_m = [stop_m + arc_m - at_m for stop_m in stops_m]
-            found.append(staged(course, arc_m, new_m, limit_mps, stops_m, scene.traffic, tail, shape, reach_m, beside))
+            found.append(staged(course, arc_m, limit_mps, stops_m, scene, tail, reach_m, beside))
         return found
 
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_planners.common.neighbours import moved, together
+from interplan_planners.common.neighbours import together
 from interplan_planners.common.occupancy import StripOccupancy, occupancy
 from interplan_planners.foresight.candidate_paths import Base, CandidatePath
 from interplan_planners.foresight.prediction import MOVING_MPS, STEP_S, PredictedTraffic
+from interplan_planners.foresight.scene import PlanningScene
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import Floats
@@ -87,28 +88,26 @@ def occupied_base(
 def staged(
     course: CandidatePath,
     arc_m: float,
-    new_arc_m: float,
     limit_mps: Floats,
     stops_m: Sequence[float],
-    traffic: PredictedTraffic,
+    scene: PlanningScene,
     tail: NDArray[np.bool_],
-    shape: EgoShape,
     reach_m: float,
     beside: StripOccupancy | None,
 ) -> Stage:
     """A course and its actors.
 
     `tail` (A,) are those who come behind the ego in its own lane: they follow
-    it. `beside` are those on the lane that the course enters, by the arc
-    lengths of its base, on which the ego is at `new_arc_m`.
+    it. `beside` are those on the lane that the course enters, by the
+    course's arc lengths.
     """
+    traffic, shape = scene.traffic, scene.shape
     forecast, actors = traffic.forecast, traffic.actors
     on = _occupied(course, arc_m, traffic, tail, shape, reach_m)
     count = len(on.rows)
     if beside is not None:
-        there = moved(beside, arc_m - new_arc_m)
         # who stands is in the strip or not in the way
-        on = together(on, _only(there, ~tail[there.rows] & ~forecast.stands[there.rows]))
+        on = together(on, _only(beside, ~tail[beside.rows] & ~forecast.stands[beside.rows]))
     strip = np.arange(len(on.rows)) < count
     present = np.isfinite(on.near_m)
     first = present.argmax(axis=1)
