@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from msgspec import structs
 
 from interplan_sumo.cli.options import DONE, JsonOption, QuietOption
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
     from interplan_sumo.dataset.drives import Drive
+    from interplan_sumo.dataset.records import DatasetManifest
 
 
 def export(
@@ -69,13 +71,13 @@ def _say(drive: Drive, done: int, drives: int) -> None:
     print(f"[{done}/{drives}] {drive.scenario.id}, {drive.planner}, seed {drive.seed}", file=sys.stderr, flush=True)
 
 
-def summary(out: Path, manifest: dict[str, Any], wall_s: float) -> dict[str, Any]:
+def summary(out: Path, manifest: DatasetManifest, wall_s: float) -> dict[str, Any]:
     return {
         "folder": str(out),
-        "hash": manifest["hash"],
-        **manifest["counts"],
-        "left_out": manifest["left_out"],
-        "bytes": sum(shard["bytes"] for shard in manifest["shards"]),
+        "hash": manifest.hash,
+        **structs.asdict(manifest.counts),
+        "left_out": manifest.left_out,
+        "bytes": sum(shard.bytes for shard in manifest.shards),
         "wall_s": round(wall_s, 3),
     }
 

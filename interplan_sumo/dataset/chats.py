@@ -15,7 +15,7 @@ import numpy as np
 
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.dataset.drives import Drive, DriveSelection, chosen_drives, driven, source_hash
-from interplan_sumo.dataset.observation_replay import SeenAgain
+from interplan_sumo.dataset.observation_replay import ObservationReplay
 from interplan_sumo.errors import InputError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.scenario.scenario import Scenario
@@ -176,7 +176,7 @@ def _samples(
                 continue
             rng = np.random.default_rng(np.frombuffer(_drawn(request.seed, "moment", *drive.key), np.uint32))
             about = {"about": {"split": side_of(scenario.id)}} if request.hold_out else {}
-            again = SeenAgain(scenario, roads, trace)
+            again = ObservationReplay(scenario, roads, trace)
             teller.start(again.mission)
             for frame in _moments(frames, request.each, rng):
                 turns = teller.example(again.at(frame), future_places(trace, frame))

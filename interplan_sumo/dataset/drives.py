@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Literal
 
 from interplan_sumo import __version__
 from interplan_sumo.batch.records import JobKey
@@ -16,6 +15,7 @@ from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.dataset.cars import Cars
 from interplan_sumo.dataset.recorded import RECORDED, Window, maps_beside, window_drive, windows
+from interplan_sumo.dataset.records import DriveRecord, Origin, Split
 from interplan_sumo.errors import InputError, ScenarioError, UnknownNameError
 from interplan_sumo.maps.store import MapFiles, find_map, load_roads
 from interplan_sumo.scenario import certificates
@@ -27,8 +27,6 @@ from interplan_sumo.world.files import file_hash
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
 
-Split = Literal["train", "val", "test"]
-SPLITS: tuple[Split, ...] = ("train", "val", "test")
 CERTIFICATE = "certificate"
 """Stands for the planner of a certificate: a search that knows everything."""
 
@@ -37,7 +35,7 @@ CERTIFICATE = "certificate"
 class Drive:
     """One drive, not read yet."""
 
-    origin: Literal["run", "certificate", "recording"]
+    origin: Origin
     source: str
     """Name of the run folder or of the recording's file, or `name==version` of the suite."""
     scenario: Scenario
@@ -65,16 +63,16 @@ class Drive:
     def key(self) -> tuple[str, str, int, str, str]:
         return (self.scenario.id, self.planner, self.seed, self.trace_hash, self.car)
 
-    def as_json(self, split: Split, samples: int) -> dict[str, Any]:
-        """A line of drives.jsonl."""
+    def record(self, split: Split, samples: int) -> DriveRecord:
+        """Its line of drives.jsonl."""
         scenario = self.scenario
-        return {
-            "origin": self.origin, "source": self.source, "scenario_id": scenario.id, "family": scenario.family,
-            "map": self.map.name, "seed": self.seed, "planner": self.planner, "car": self.car or None,
-            "score": None if self.score is None else round(self.score, 6),
-            "route": list(scenario.route), "goal_lane": scenario.goal.lane, "split": split, "samples": samples,
-            "scenario_hash": scenario.hash(), "trace_hash": self.trace_hash, "generator": self.generator,
-        }  # fmt: skip
+        return DriveRecord(
+            origin=self.origin, source=self.source, scenario_id=scenario.id, family=scenario.family,
+            map=self.map.name, seed=self.seed, planner=self.planner, car=self.car or None,
+            score=None if self.score is None else round(self.score, 6), route=tuple(scenario.route),
+            goal_lane=scenario.goal.lane, split=split, samples=samples, scenario_hash=scenario.hash(),
+            trace_hash=self.trace_hash, generator=self.generator,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import UNSET, UnsetType, convert, structs
 
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.shared_phase import Publish
@@ -21,17 +21,30 @@ from interplan_sumo.batch.versions import versions
 from interplan_sumo.dataset import folder as layout
 from interplan_sumo.dataset.columns import count_of, joined, picked, read_arrays, write_arrays
 from interplan_sumo.dataset.drives import (
-    SPLITS,
     Chosen,
     Drive,
     DriveSelection,
-    Split,
     chosen_drives,
     driven,
     map_hash,
     source_hash,
 )
 from interplan_sumo.dataset.recorded import window_frames
+from interplan_sumo.dataset.records import (
+    SPLITS,
+    CountsRecord,
+    DatasetManifest,
+    FeaturesRecord,
+    FileRecord,
+    MapRecord,
+    OptionsRecord,
+    OrdinaryRecord,
+    Origin,
+    ShardRecord,
+    SourceRecord,
+    Split,
+    text_of,
+)
 from interplan_sumo.dataset.samples import LEAST_FUTURE_FRAMES, drive_samples
 from interplan_sumo.errors import InputError, InterplanError, TrafficError
 from interplan_sumo.features import schema
@@ -97,7 +110,7 @@ class _Shard:
         return sum(last - first for _, first, last in self.pieces)
 
 
-def export(request: ExportRequest, on_drive: Callable[[Drive, int, int], None] | None = None) -> dict[str, Any]:
+def export(request: ExportRequest, on_drive: Callable[[Drive, int, int], None] | None = None) -> DatasetManifest:
     """Write a dataset; its manifest. Equal drives and options give equal files, whatever the workers.
 
     `on_drive` is told of each drive that is done, how many are, and of how
@@ -122,12 +135,12 @@ def write(
     request: ExportRequest,
     chosen: Chosen,
     frames: Sequence[tuple[int, ...]] | None = None,
-    further: Mapping[str, Any] | None = None,
+    ordinary: OrdinaryRecord | UnsetType = UNSET,
     on_drive: Callable[[Drive, int, int], None] | None = None,
-) -> dict[str, Any]:
+) -> DatasetManifest:
     """Write the samples of drives that have been chosen, at some frames of each if they are given; the manifest.
 
-    `further` becomes part of the manifest. Otherwise as `export`.
+    `ordinary` becomes part of the manifest. Otherwise as `export`.
     """
     every_frames = frames_in(request.every_s)
     layout.begin(request.folder)
@@ -144,7 +157,8 @@ def write(
             pass
         _write_drives(request.folder / layout.DRIVES, chosen.drives, splits, counts)
         maps = _write_maps(request.folder, chosen.drives)
-        manifest = _manifest(request, chosen, splits, made, shards, maps) | dict(further or {})
+        manifest = _manifest(request, chosen, splits, made, shards, maps)
+        manifest = structs.replace(manifest, ordinary=ordinary)
         layout.finish(request.folder, manifest)
     except OSError as error:
         raise layout.unwritable(request.folder, error) from None
@@ -202,7 +216,7 @@ def _made(
     """Make all parts; what became of each."""
     made = [_Made()] * len(parts)
     for done, (part, answer) in enumerate(_answers(request, parts), start=1):
-        made[part.number] = _Made(int(answer["samples"]), tuple(answer["situations"]))
+        made[part.number] = convert(answer, _Made)
         if on_drive is not None:
             on_drive(part.drive, done, len(parts))
     return made
@@ -247,89 +261,85 @@ def _shards(counts: Sequence[int], splits: Sequence[Split], size: int) -> list[_
 
 def _write_drives(path: Path, drives: Sequence[Drive], splits: Sequence[Split], counts: Sequence[int]) -> None:
     lines = [
-        json.dumps(drive.as_json(split, samples), ensure_ascii=False)
-        for drive, split, samples in zip(drives, splits, counts, strict=True)
+        text_of(drive.record(split, samples)) for drive, split, samples in zip(drives, splits, counts, strict=True)
     ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
-def _write_maps(folder: Path, drives: Sequence[Drive]) -> dict[str, dict[str, str]]:
+def _write_maps(folder: Path, drives: Sequence[Drive]) -> dict[str, MapRecord]:
     """Write the lane graph of every map; what the manifest says of each."""
-    about: dict[str, dict[str, str]] = {}
+    about: dict[str, MapRecord] = {}
     for drive in sorted(drives, key=lambda each: each.map.name):
         name = drive.map.name
         if name not in about:
             roads = load_roads(drive.scenario.map, drive.scenario.maps_beside)
             path = folder / layout.MAPS / f"{name}.npz"
             write_arrays(path, lane_graph(roads).tables())
-            about[name] = {
-                "crs": roads.crs, "driving_side": roads.driving_side, "map_sha256": map_hash(drive.map),
-                "sha256": file_hash(path),
-            }  # fmt: skip
+            about[name] = MapRecord(roads.crs, roads.driving_side, map_hash(drive.map), file_hash(path))
     return about
 
 
 def _manifest(
     request: ExportRequest, chosen: Chosen, splits: Sequence[Split], made: Sequence[_Made], shards: Sequence[_Shard],
-    maps: dict[str, dict[str, str]],
-) -> dict[str, Any]:  # fmt: skip
+    maps: dict[str, MapRecord],
+) -> DatasetManifest:  # fmt: skip
     folder, choice = request.folder, request.choice
     counts = [each.samples for each in made]
     files = [folder / layout.SHARDS / shard.name for shard in shards]
     held = [
-        {"file": f"{layout.SHARDS}/{path.name}", "split": shard.split, "samples": shard.samples,
-         "bytes": path.stat().st_size, "sha256": file_hash(path)}
+        ShardRecord(
+            f"{layout.SHARDS}/{path.name}", shard.split, shard.samples, path.stat().st_size, file_hash(path)
+        )
         for shard, path in zip(shards, files, strict=True)
     ]  # fmt: skip
     drives_hash = file_hash(folder / layout.DRIVES)
-    parts = [str(each["sha256"]) for each in held] + [each["sha256"] for each in maps.values()] + [drives_hash]
+    parts = [*(each.sha256 for each in held), *(each.sha256 for each in maps.values()), drives_hash]
     digest = hashlib.sha256("\n".join((f"{layout.FORMAT} {schema.FORMAT}", *parts)).encode()).hexdigest()
-    return {
-        "kind": layout.KIND,
-        "format": layout.FORMAT,
-        "hash": digest,
-        "versions": versions(),
-        "features": {
-            "format": schema.FORMAT,
-            "ego_frame": "origin on the rear axle at the present, x forward, y left, radians counter-clockwise",
-            "map_frame": "metres in the map's crs, x east, y north",
-            "step_s": schema.STEP_S,
-            "fields": schema.as_json(),
-        },
-        "options": {
-            "every_s": request.every_s,
-            "least_future_s": round(LEAST_FUTURE_FRAMES * schema.STEP_S, 3),
-            "min_score": choice.min_score,
-            "exclude": sorted(choice.exclude),
-            "holdout_maps": sorted(choice.holdout_maps),
-            "holdout_seeds": sorted(choice.holdout_seeds),
-        },
-        "sources": _sources(chosen.drives, counts),
-        "left_out": chosen.left_out,
-        "counts": {
-            "drives": len(chosen.drives),
-            "samples": sum(counts),
-            "by_split": _tally(zip(splits, counts, strict=True)),
-            "by_family": _tally(zip((d.scenario.family for d in chosen.drives), counts, strict=True)),
-            "by_map": _tally(zip((d.map.name for d in chosen.drives), counts, strict=True)),
-            "by_planner": _tally(zip((d.planner for d in chosen.drives), counts, strict=True)),
-            "by_situation": _by_situation(splits, made),
-        },
-        "maps": maps,
-        "drives": {"file": layout.DRIVES, "sha256": drives_hash},
-        "shards": held,
-    }
+    return DatasetManifest(
+        kind=layout.KIND,
+        format=layout.FORMAT,
+        hash=digest,
+        versions=versions(),
+        features=FeaturesRecord(
+            format=schema.FORMAT,
+            ego_frame="origin on the rear axle at the present, x forward, y left, radians counter-clockwise",
+            map_frame="metres in the map's crs, x east, y north",
+            step_s=schema.STEP_S,
+            fields=schema.as_json(),
+        ),
+        options=OptionsRecord(
+            every_s=request.every_s,
+            least_future_s=round(LEAST_FUTURE_FRAMES * schema.STEP_S, 3),
+            min_score=choice.min_score,
+            exclude=sorted(choice.exclude),
+            holdout_maps=sorted(choice.holdout_maps),
+            holdout_seeds=sorted(choice.holdout_seeds),
+        ),
+        sources=_sources(chosen.drives, counts),
+        left_out=chosen.left_out,
+        counts=CountsRecord(
+            drives=len(chosen.drives),
+            samples=sum(counts),
+            by_split=_tally(zip(splits, counts, strict=True)),
+            by_family=_tally(zip((d.scenario.family for d in chosen.drives), counts, strict=True)),
+            by_map=_tally(zip((d.map.name for d in chosen.drives), counts, strict=True)),
+            by_planner=_tally(zip((d.planner for d in chosen.drives), counts, strict=True)),
+            by_situation=_by_situation(splits, made),
+        ),
+        maps=maps,
+        drives=FileRecord(layout.DRIVES, drives_hash),
+        shards=held,
+    )
 
 
-def _sources(drives: Sequence[Drive], counts: Sequence[int]) -> list[dict[str, Any]]:
-    names = sorted({(drive.origin, drive.source) for drive in drives})
-    found: list[dict[str, Any]] = []
+def _sources(drives: Sequence[Drive], counts: Sequence[int]) -> list[SourceRecord]:
+    names: list[tuple[Origin, str]] = sorted({(drive.origin, drive.source) for drive in drives})
+    found: list[SourceRecord] = []
     for origin, name in names:
         rows = [k for k, drive in enumerate(drives) if (drive.origin, drive.source) == (origin, name)]
         found.append(
-            {"origin": origin, "name": name, "drives": len(rows), "samples": sum(counts[k] for k in rows),
-             "hash": source_hash(drives[k] for k in rows)}
-        )  # fmt: skip
+            SourceRecord(origin, name, len(rows), sum(counts[k] for k in rows), source_hash(drives[k] for k in rows))
+        )
     return found
 
 

@@ -12,11 +12,11 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
+from interplan_sumo.dataset.records import DatasetManifest, ManifestHead, record_of, text_of
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import replacing
 
@@ -55,15 +55,15 @@ def check_free(folder: Path) -> None:
         raise InputError(f"{folder} holds {strangers[0]!r} and is no dataset; give an empty or a new folder as --out")
 
 
-def finish(folder: Path, manifest: dict[str, Any]) -> None:
+def finish(folder: Path, manifest: DatasetManifest) -> None:
     """Write the manifest, which makes the dataset whole, and tidy up."""
     with replacing(folder / MANIFEST) as fresh:
-        fresh.write_text(json.dumps(manifest, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        fresh.write_text(text_of(manifest, indent=2) + "\n", encoding="utf-8")
         shutil.rmtree(folder / PARTS)
     (folder / UNFINISHED).unlink()
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path) -> DatasetManifest:
     """The manifest; InputError if the folder is not a dataset, not finished, or of another version."""
     path = folder / MANIFEST
     if not path.is_file():
@@ -71,15 +71,15 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             raise InputError(f"{folder} is a dataset that was not finished; repeat the export")
         raise InputError(f"{folder} is no dataset: it has no {MANIFEST}; make one with `interplan-sumo export`")
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-        kind, version = manifest["kind"], manifest["format"]
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise InputError(f"cannot read {path} ({type(error).__name__}: {error}); export the data again") from None
-    if kind != KIND:
-        raise InputError(f"{folder} is no dataset: its {MANIFEST} tells of {kind!r}")
-    if version != FORMAT:
-        raise InputError(f"{path} has format {version}, this version reads {FORMAT}; export the data again")
-    return manifest
+        text = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}; export the data again") from None
+    head = record_of(text, ManifestHead, str(path))
+    if head.kind != KIND:
+        raise InputError(f"{folder} is no dataset: its {MANIFEST} tells of {head.kind!r}")
+    if head.format != FORMAT:
+        raise InputError(f"{path} has format {head.format}, this version reads {FORMAT}; export the data again")
+    return record_of(text, DatasetManifest, str(path))
 
 
 def unwritable(folder: Path, error: OSError) -> InputError:
@@ -90,6 +90,6 @@ def _is_ours(folder: Path) -> bool:
     if (folder / UNFINISHED).is_file():
         return True
     try:
-        return json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["kind"] == KIND
-    except (OSError, ValueError, TypeError, KeyError):
+        return record_of((folder / MANIFEST).read_bytes(), ManifestHead, MANIFEST).kind == KIND
+    except (OSError, InputError):
         return False

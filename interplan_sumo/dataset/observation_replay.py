@@ -1,4 +1,4 @@
-"""Seen again: what the planner of a recorded drive was given at each step, made from the trace."""
+"""Observation replay: what the planner of a recorded drive was given at each step, made from the trace."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
 
 
-class SeenAgain:
+class ObservationReplay:
     """The mission and the observations of a drive, as the loop made them: the first ones with the scenario's past."""
 
     def __init__(self, scenario: Scenario, roads: Roads, trace: Trace) -> None:

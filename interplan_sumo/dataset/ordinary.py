@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+from msgspec import convert, to_builtins
 
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.options import RunOptions
@@ -30,7 +31,8 @@ from interplan_sumo.dataset import export as exporting
 from interplan_sumo.dataset.balance import balanced
 from interplan_sumo.dataset.drives import Chosen, Drive, DriveSelection
 from interplan_sumo.dataset.folder import DRIVEN, check_free, unwritable
-from interplan_sumo.dataset.sample_index import Offer
+from interplan_sumo.dataset.records import DatasetManifest, FiltersRecord, OrdinaryRecord
+from interplan_sumo.dataset.sample_index import IndexedSamples
 from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.files import read_scenarios, write_scenarios
@@ -91,7 +93,7 @@ class _Offered:
     """One ego of one drive, and what it offers."""
 
     drive: Drive
-    offer: Offer
+    offer: IndexedSamples
 
     @property
     def by_planner(self) -> bool:
@@ -100,7 +102,7 @@ class _Offered:
 
 def make_ordinary(
     request: OrdinaryRequest, say: Callable[[str], None] = lambda _line: None
-) -> dict[str, Any]:  # fmt: skip
+) -> DatasetManifest:  # fmt: skip
     """Make a dataset of ordinary driving; its manifest. The same request on the same folder goes on where it stopped.
 
     `say` is told in a line what is done. InputError for what cannot be, or if
@@ -122,7 +124,7 @@ def make_ordinary(
         request.folder, every_s=EVERY_S, choice=choice, workers=request.workers, shard_samples=request.shard_samples
     )
     chosen = Chosen(tuple(drive for drive, _ in picked), {})
-    return exporting.write(order, chosen, [frames for _, frames in picked], {"ordinary": _about(request, every)})
+    return exporting.write(order, chosen, [frames for _, frames in picked], _about(request, every))
 
 
 def _check(request: OrdinaryRequest) -> None:
@@ -224,19 +226,19 @@ def _shared_out(scenes: Sequence[Scenario], experts: tuple[str, str]) -> dict[st
 # --- what drives have to offer -------------------------------------------------------------------
 
 
-def _surveyed(request: OrdinaryRequest, folder: Path) -> Iterator[tuple[JobKey, list[Offer]]]:
+def _surveyed(request: OrdinaryRequest, folder: Path) -> Iterator[tuple[JobKey, list[IndexedSamples]]]:
     """What each clean drive of a run folder offers, in order."""
     rows = read_run(folder).rows
     clean = [key for key in sorted(rows) if (rows[key].score or 0.0) >= request.min_score and not rows[key].fault]
     work = partial(_open, folder.resolve(), exporting.frames_in(EVERY_S))
     tasks = [Task(key, "survey", key) for key in clean]
-    found: dict[JobKey, list[Offer]] = {}
+    found: dict[JobKey, list[IndexedSamples]] = {}
     workers = request.workers if len(tasks) > 1 else 0
     with contextlib.closing(run_tasks(tasks, work, workers=workers, limits=UNLIMITED)) as outcomes:
         for outcome in outcomes:
             if outcome.fault is not None:
                 raise InterplanError(f"{outcome.task.payload[0]}: {outcome.fault.kind} fault: {outcome.fault.message}")
-            found[outcome.task.payload] = [Offer.of_json(each) for each in outcome.value["offers"]]
+            found[outcome.task.payload] = convert(outcome.value["offers"], list[IndexedSamples])
     return ((key, found[key]) for key in clean)
 
 
@@ -246,13 +248,13 @@ def _open(folder: Path, every_frames: int, _group: str, publish: Publish) -> Wor
     def work(key: JobKey) -> Answer:
         publish("simulate")
         drive = stored.read(stored.run.rows[key])
-        offers = sample_index.survey(drive.scenario, drive.roads, drive.trace, every_frames)
-        return {"offers": [each.as_json() for each in offers]}, None
+        offers = sample_index.index_samples(drive.scenario, drive.roads, drive.trace, every_frames)
+        return {"offers": to_builtins(offers)}, None
 
     return work
 
 
-def _offered(folder: Path, surveyed: tuple[JobKey, list[Offer]], seed: int) -> Iterator[_Offered]:
+def _offered(folder: Path, surveyed: tuple[JobKey, list[IndexedSamples]], seed: int) -> Iterator[_Offered]:
     key, offers = surveyed
     stored = StoredDrives(read_run(folder))
     row = stored.run.rows[key]
@@ -289,24 +291,24 @@ def _picked(
             yield group[owner].drive, tuple(np.sort(frames[rows]).tolist())
 
 
-def _about(request: OrdinaryRequest, every: Sequence[_Offered]) -> dict[str, Any]:
+def _about(request: OrdinaryRequest, every: Sequence[_Offered]) -> OrdinaryRecord:
     """What the manifest says of how it was made, besides what every dataset says."""
     hosts = {(each.drive.run_folder, each.drive.row) for each in every}
-    return {
-        "samples_wanted": request.samples,
-        "first_seed": request.seed,
-        "seeds": sorted({each.drive.seed for each in every}),
-        "maps": sorted(request.maps),
-        "scene_kinds": sorted(("trip", CHANGE, *KINDS)),
-        "clean_drives": len(hosts),
-        "experts": list(request.experts),
-        "planner_share": PLANNER_SHARE,
-        "samples_offered": _tally(every),
-        "filters": {
-            "min_score": request.min_score,
-            "most_cars_of_a_drive": sample_index.MOST_CARS,
-            "most_samples_of_a_car": sample_index.MOST_PER_CAR,
-            "most_standing_samples": sample_index.MOST_STANDING,
-            "car_sample_every_s": round(sample_index.CAR_EVERY_FRAMES * 0.1, 3),
-        },
-    }
+    return OrdinaryRecord(
+        samples_wanted=request.samples,
+        first_seed=request.seed,
+        seeds=sorted({each.drive.seed for each in every}),
+        maps=sorted(request.maps),
+        scene_kinds=sorted(("trip", CHANGE, *KINDS)),
+        clean_drives=len(hosts),
+        experts=list(request.experts),
+        planner_share=PLANNER_SHARE,
+        samples_offered=_tally(every),
+        filters=FiltersRecord(
+            min_score=request.min_score,
+            most_cars_of_a_drive=sample_index.MOST_CARS,
+            most_samples_of_a_car=sample_index.MOST_PER_CAR,
+            most_standing_samples=sample_index.MOST_STANDING,
+            car_sample_every_s=round(sample_index.CAR_EVERY_FRAMES * 0.1, 3),
+        ),
+    )

@@ -7,19 +7,17 @@ for batch in dataset.split("train").batches(64, np.random.default_rng(0), fields
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from interplan_sumo.dataset import folder as layout
 from interplan_sumo.dataset.columns import RAGGED, Columns, count_of, joined, offsets_name, picked, read_arrays
-from interplan_sumo.dataset.drives import SPLITS
+from interplan_sumo.dataset.records import SPLITS, DatasetManifest, DriveRecord, ShardRecord, read_drive_records
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.features import schema
 from interplan_sumo.world.files import file_hash
@@ -29,7 +27,7 @@ def read_dataset(folder: str | os.PathLike[str]) -> Dataset:
     """Open a dataset; InputError if it is none, is not finished, or of another version."""
     path = Path(folder)
     manifest = layout.read_manifest(path)
-    held = manifest["features"]["format"]
+    held = manifest.features.format
     if held != schema.FORMAT:
         raise InputError(
             f"{path} holds features of format {held}, this version makes {schema.FORMAT}; export the data again"
@@ -42,37 +40,37 @@ class Dataset:
     """A dataset, not yet read but for its manifest."""
 
     folder: Path
-    manifest: dict[str, Any]
+    manifest: DatasetManifest
 
     @property
     def hash(self) -> str:
         """SHA-256 over all its files."""
-        return self.manifest["hash"]
+        return self.manifest.hash
 
     def __len__(self) -> int:
-        return self.manifest["counts"]["samples"]
+        return self.manifest.counts.samples
 
     @cached_property
-    def drives(self) -> tuple[dict[str, Any], ...]:
+    def drives(self) -> tuple[DriveRecord, ...]:
         """What is known of each drive: the field `drive` of a sample is a place in here."""
         path = self.folder / layout.DRIVES
-        _check_hash(path, self.manifest["drives"]["sha256"])
-        return tuple(json.loads(line) for line in path.read_text(encoding="utf-8").splitlines())
+        _check_hash(path, self.manifest.drives.sha256)
+        return read_drive_records(path)
 
     def lane_graph(self, map_name: str) -> Columns:
         """The tables of `features.lane_graph.LaneGraph` of a map."""
-        maps = self.manifest["maps"]
+        maps = self.manifest.maps
         if map_name not in maps:
             raise UnknownNameError(f"map in {self.folder}", map_name, maps)
         path = self.folder / layout.MAPS / f"{map_name}.npz"
-        _check_hash(path, maps[map_name]["sha256"])
+        _check_hash(path, maps[map_name].sha256)
         return read_arrays(path)
 
     def split(self, name: str) -> SplitData:
         """`train`, `val` or `test`; may be empty."""
         if name not in SPLITS:
             raise UnknownNameError("split", name, SPLITS)
-        return SplitData(self.folder, tuple(each for each in self.manifest["shards"] if each["split"] == name))
+        return SplitData(self.folder, tuple(each for each in self.manifest.shards if each.split == name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,19 +78,19 @@ class SplitData:
     """The samples of one split, read shard by shard. Each shard's hash is checked when it is first read."""
 
     folder: Path
-    shards: tuple[dict[str, Any], ...]
+    shards: tuple[ShardRecord, ...]
     _checked: set[str] = field(default_factory=set[str], init=False, repr=False)
 
     def __len__(self) -> int:
-        return sum(each["samples"] for each in self.shards)
+        return sum(each.samples for each in self.shards)
 
     def shard(self, number: int, fields: Sequence[str] | None = None) -> Columns:
         """All samples of one shard; of ragged fields the offsets, too (`columns.ragged` takes them apart)."""
         about = self.shards[number]
-        path = self.folder / about["file"]
-        if about["file"] not in self._checked:
-            _check_hash(path, about["sha256"])
-            self._checked.add(about["file"])
+        path = self.folder / about.file
+        if about.file not in self._checked:
+            _check_hash(path, about.sha256)
+            self._checked.add(about.file)
         return read_arrays(path, _names(fields))
 
     def batches(

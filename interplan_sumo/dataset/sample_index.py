@@ -1,11 +1,11 @@
-"""Survey: what a drive has to offer: the samples of its ego and of its background cars, with what each shows."""
+"""Sample index: what a drive has to offer: the samples of its ego and of its background cars, with what each shows."""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from interplan_sumo.dataset.balance import balanced, spread
 from interplan_sumo.dataset.cars import CarDrive, Cars, way_of
 from interplan_sumo.dataset.labels import GraphWay
 from interplan_sumo.dataset.samples import sample_frames
-from interplan_sumo.dataset.scenario_tags import Situations
+from interplan_sumo.dataset.scenario_tags import ScenarioTags
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.features.schema import FUTURE_FRAMES, HISTORY_FRAMES, SITUATIONS
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
@@ -33,7 +33,7 @@ _STANDING: Final = SITUATIONS.index("standing")
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
+class IndexedSamples:
     """The samples that one ego of a drive has to offer."""
 
     car: str
@@ -46,28 +46,17 @@ class Offer:
     situations: tuple[int, ...]
     """What each frame shows."""
 
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self)
 
-    @classmethod
-    def of_json(cls, plain: dict[str, Any]) -> Offer:
-        """What `as_json` gave, also by way of a file."""
-        columns = {name: tuple(plain[name]) for name in ("route", "frames", "situations")}
-        return replace(
-            cls(**plain), start=LanePosition(**plain["start"]), goal=LanePosition(**plain["goal"]), **columns
-        )
-
-
-def survey(scenario: Scenario, roads: Roads, trace: Trace, every_frames: int) -> list[Offer]:
+def index_samples(scenario: Scenario, roads: Roads, trace: Trace, every_frames: int) -> list[IndexedSamples]:
     """What a drive has to offer, the ego first."""
-    own = Situations(scenario, roads, trace, GraphWay(roads, trace))
+    own = ScenarioTags(scenario, roads, trace, GraphWay(roads, trace))
     frames = np.array(sample_frames(trace, every_frames), dtype=np.int64)
     return [_offer("", scenario, frames, own), *_cars(scenario, roads, trace)]
 
 
-def _cars(host: Scenario, roads: Roads, trace: Trace) -> list[Offer]:
+def _cars(host: Scenario, roads: Roads, trace: Trace) -> list[IndexedSamples]:
     cars = Cars(trace)
-    offers: list[Offer] = []
+    offers: list[IndexedSamples] = []
     for drive in _eventful([cars.drive(token) for token in cars.tokens]):
         offer = _car_offer(drive, host, roads)
         if offer is not None:
@@ -89,13 +78,13 @@ def _turned_rad(drive: CarDrive) -> float:
     return float(np.abs(wrap_angle(np.diff(drive.trace.ego.heading_rad))).sum())
 
 
-def _car_offer(drive: CarDrive, host: Scenario, roads: Roads) -> Offer | None:
+def _car_offer(drive: CarDrive, host: Scenario, roads: Roads) -> IndexedSamples | None:
     """None where it does not follow the lanes, or has no frame that can be used."""
     try:
         scenario = way_of(drive, host, roads)
     except ScenarioError:
         return None
-    own = Situations(scenario, roads, drive.trace, GraphWay(roads, drive.trace))
+    own = ScenarioTags(scenario, roads, drive.trace, GraphWay(roads, drive.trace))
     astray = np.concatenate(([0], np.cumsum(~own.on_way)))
     frames = drive.samples[::CAR_EVERY_FRAMES]
     frames = frames[astray[frames + FUTURE_FRAMES + 1] == astray[frames - HISTORY_FRAMES + 1]]
@@ -104,18 +93,18 @@ def _car_offer(drive: CarDrive, host: Scenario, roads: Roads) -> Offer | None:
         return None
     rng = np.random.default_rng(zlib.crc32(f"{host.id} {drive.token}".encode()))
     kept = balanced(np.array(offer.situations), MOST_PER_CAR, rng)
-    return Offer(
+    return IndexedSamples(
         offer.car, offer.start, offer.start_speed_mps, offer.goal, offer.route,
         tuple(offer.frames[k] for k in kept), tuple(offer.situations[k] for k in kept),
     )  # fmt: skip
 
 
-def _offer(car: str, scenario: Scenario, frames: Ints, own: Situations) -> Offer:
+def _offer(car: str, scenario: Scenario, frames: Ints, own: ScenarioTags) -> IndexedSamples:
     """Some frames, of those that stand still only a few."""
     shown = np.array([own.at(frame) for frame in frames.tolist()], dtype=np.int64)
     still = np.flatnonzero(shown == _STANDING)
     kept = np.union1d(np.flatnonzero(shown != _STANDING), still[spread(still, MOST_STANDING)])
-    return Offer(
+    return IndexedSamples(
         car, scenario.start, scenario.start_speed_mps, scenario.goal, scenario.route,
         tuple(frames[kept].tolist()), tuple(shown[kept].tolist()),
     )  # fmt: skip

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 from interplan_sumo.dataset.columns import Columns, stacked
 from interplan_sumo.dataset.labels import Futures, GraphWay
-from interplan_sumo.dataset.observation_replay import SeenAgain
-from interplan_sumo.dataset.scenario_tags import Situations
+from interplan_sumo.dataset.observation_replay import ObservationReplay
+from interplan_sumo.dataset.scenario_tags import ScenarioTags
 from interplan_sumo.features.tracks import nearest_agents
 from interplan_sumo.features.view import EgoView
 from interplan_sumo.scenario.scenario import Scenario
@@ -29,10 +29,10 @@ def drive_samples(
     frames: Sequence[int] | None = None,
 ) -> Columns:  # fmt: skip
     """The samples of a drive, which has the number `drive`, in order of time; at `frames` only, if they are given."""
-    seen_again = SeenAgain(scenario, roads, trace)
+    seen_again = ObservationReplay(scenario, roads, trace)
     view = EgoView(seen_again.mission)
     futures, way = Futures(trace), GraphWay(roads, trace)
-    situations = Situations(scenario, roads, trace, way)
+    situations = ScenarioTags(scenario, roads, trace, way)
     samples: list[dict[str, Any]] = []
     for tick in sample_frames(trace, every_frames) if frames is None else frames:
         seen = seen_again.at(tick)

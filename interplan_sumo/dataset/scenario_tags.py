@@ -1,4 +1,4 @@
-"""Situations: what a sample shows, told from what the ego does next and what is ahead of it, to balance training by."""
+"""Scenario tags: what a sample shows, told from what the ego does next and what is ahead, to balance training by."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ALONG_RAD: Final = float(np.radians(45.0))
 _STOP: Final = (SignalStatus.RED, SignalStatus.YELLOW)
 
 
-class Situations:
+class ScenarioTags:
     """What happens in one drive."""
 
     def __init__(self, scenario: Scenario, roads: Roads, trace: Trace, way: GraphWay) -> None:

@@ -13,7 +13,7 @@ from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.dataset.cars import BEYOND_M, EGO, CarDrive, Cars, way_of
 from interplan_sumo.dataset.motion import body
-from interplan_sumo.dataset.observation_replay import SeenAgain
+from interplan_sumo.dataset.observation_replay import ObservationReplay
 from interplan_sumo.dataset.samples import drive_samples
 from interplan_sumo.features.schema import BY_NAME, SEEN
 from interplan_sumo.features.view import EgoView
@@ -186,7 +186,7 @@ def test_every_car_of_a_drive_stays_on_its_way(stored: StoredDrive) -> None:
         ego = made.trace.ego
         _, left_m = line.project(np.stack((ego.x_m, ego.y_m), axis=1))
         assert np.abs(left_m).max() < 4.5  # a lane change at most
-        seen = SeenAgain(found, stored.roads, made.trace).at(20)
-        arrays = EgoView(SeenAgain(found, stored.roads, made.trace).mission).arrays(seen)
+        seen = ObservationReplay(found, stored.roads, made.trace).at(20)
+        arrays = EgoView(ObservationReplay(found, stored.roads, made.trace).mission).arrays(seen)
         assert arrays["route_centerline_valid"][:40].all()
         assert abs(arrays["route_centerline"][0, 1]) < 2.0

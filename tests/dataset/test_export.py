@@ -17,7 +17,7 @@ from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.dataset.columns import ragged
 from interplan_sumo.dataset.drives import DriveSelection, _check_maps, chosen_drives
 from interplan_sumo.dataset.export import export
-from interplan_sumo.dataset.observation_replay import SeenAgain
+from interplan_sumo.dataset.observation_replay import ObservationReplay
 from interplan_sumo.dataset.reading import read_dataset
 from interplan_sumo.dataset.samples import sample_frames
 from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
@@ -35,12 +35,12 @@ def test_equal_drives_give_equal_files_whatever_the_workers(driven: Path, tmp_pa
     one = export(request(tmp_path / "a", driven), lambda _drive, done, drives: told.append((done, drives)))
     other = export(request(tmp_path / "b", driven, workers=1))
     assert files_of(tmp_path / "a") == files_of(tmp_path / "b")
-    assert one["hash"] == other["hash"]
+    assert one.hash == other.hash
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
 def test_another_spacing_is_another_dataset(driven: Path, tmp_path: Path) -> None:
-    hashes = {export(request(tmp_path / str(s), driven, every_s=s))["hash"] for s in (2.0, 3.0)}
+    hashes = {export(request(tmp_path / str(s), driven, every_s=s)).hash for s in (2.0, 3.0)}
     assert len(hashes) == 2
 
 
@@ -51,8 +51,8 @@ def test_samples_hold_what_the_planner_saw_and_what_came_of_it(driven: Path, tmp
     stored = StoredDrives(read_run(driven))
     row = next(k for k in range(len(batch["tick"])) if batch["tick"][k] > 0)
     about = dataset.drives[batch["drive"][row]]
-    drive = stored.read(stored.run.rows[(about["scenario_id"], about["planner"], about["seed"])])
-    again = SeenAgain(drive.scenario, drive.roads, drive.trace)
+    drive = stored.read(stored.run.rows[(about.scenario_id, about.planner, about.seed)])
+    again = ObservationReplay(drive.scenario, drive.roads, drive.trace)
     tick = int(batch["tick"][row])
     for name, values in EgoView(again.mission).arrays(again.at(tick)).items():
         assert values.tobytes() == batch[name][row].tobytes(), name
@@ -60,7 +60,7 @@ def test_samples_hold_what_the_planner_saw_and_what_came_of_it(driven: Path, tmp
     ahead_m = float(np.hypot(track.x_m[tick + 1] - track.x_m[tick], track.y_m[tick + 1] - track.y_m[tick]))
     assert batch["ego_future"][row, 0, 0] == pytest.approx(ahead_m, abs=0.01)
     nodes = batch["expert_nodes"][row]
-    graph = dataset.lane_graph(about["map"])
+    graph = dataset.lane_graph(about.map)
     assert str(graph["node_lane_ids"][nodes[0]]) in drive.roads
     edges = graph["edges"][ragged(batch, "expert_edges")[row]]
     assert (edges[1:, 0] == edges[:-1, 1]).all()  # a chain
@@ -69,7 +69,7 @@ def test_samples_hold_what_the_planner_saw_and_what_came_of_it(driven: Path, tmp
 def test_drives_carry_what_splits_and_audits_need(driven: Path, tmp_path: Path) -> None:
     manifest = export(request(tmp_path / "a", driven))
     dataset = read_dataset(tmp_path / "a")
-    found = [(d["scenario_id"], d["family"], d["map"], d["planner"], d["seed"], d["origin"]) for d in dataset.drives]
+    found = [(d.scenario_id, d.family, d.map, d.planner, d.seed, d.origin) for d in dataset.drives]
     assert found == [
         ("lane_change_mtd/5", "lane_change_mtd", "one_north", "idm", 0, "run"),
         ("lane_change_mtd/5", "lane_change_mtd", "one_north", "idm", 1, "run"),
@@ -77,12 +77,12 @@ def test_drives_carry_what_splits_and_audits_need(driven: Path, tmp_path: Path) 
         ("nudge/0", "nudge", "back_bay", "idm", 1, "run"),
     ]
     first = dataset.drives[0]
-    assert first["route"]
-    assert first["goal_lane"]
-    assert first["generator"]
-    assert sum(d["samples"] for d in dataset.drives) == manifest["counts"]["samples"] == len(dataset)
-    assert manifest["sources"][0]["name"] == "mine"
-    assert set(manifest["maps"]) == {d["map"] for d in dataset.drives}
+    assert first.route
+    assert first.goal_lane
+    assert first.generator
+    assert sum(d.samples for d in dataset.drives) == manifest.counts.samples == len(dataset)
+    assert manifest.sources[0].name == "mine"
+    assert set(manifest.maps) == {d.map for d in dataset.drives}
 
 
 def test_maps_and_seeds_are_held_out_whole(driven: Path, tmp_path: Path) -> None:
@@ -95,13 +95,13 @@ def test_maps_and_seeds_are_held_out_whole(driven: Path, tmp_path: Path) -> None
         ("test", {("nudge", 0), ("nudge", 1)}),
     ):
         rows = [int(n) for batch in dataset.split(split).batches(5, fields=("drive",)) for n in batch["drive"]]
-        assert {(dataset.drives[n]["family"], dataset.drives[n]["seed"]) for n in rows} == expected
-        assert {dataset.drives[n]["split"] for n in rows} == {split}
-        assert len(rows) == len(dataset.split(split)) == manifest["counts"]["by_split"][split]
+        assert {(dataset.drives[n].family, dataset.drives[n].seed) for n in rows} == expected
+        assert {dataset.drives[n].split for n in rows} == {split}
+        assert len(rows) == len(dataset.split(split)) == manifest.counts.by_split[split]
 
 
 def test_shards_are_full_but_for_the_last_of_a_split(driven: Path, tmp_path: Path) -> None:
-    sizes = [each["samples"] for each in export(request(tmp_path / "a", driven))["shards"]]
+    sizes = [each.samples for each in export(request(tmp_path / "a", driven)).shards]
     assert set(sizes[:-1]) == {4}
     assert 1 <= sizes[-1] <= 4
 
@@ -110,18 +110,18 @@ def test_low_scores_and_excluded_families_stay_out_and_are_counted(driven: Path,
     scores = sorted({drive.score or 0.0 for drive in chosen_drives([driven], (), ANY_SCORE).drives})
     exactly = export(request(tmp_path / "a", driven, choice=DriveSelection(min_score=scores[-1])))
     just_above = scores[0] + 1e-9
-    assert exactly["counts"]["drives"] >= 1
+    assert exactly.counts.drives >= 1
     above = export(request(tmp_path / "c", driven, choice=DriveSelection(min_score=just_above)))
-    assert above["counts"]["drives"] < 4
-    assert above["left_out"] == {f"score below {just_above:g}": 4 - above["counts"]["drives"]}
+    assert above.counts.drives < 4
+    assert above.left_out == {f"score below {just_above:g}": 4 - above.counts.drives}
     excluded = export(request(tmp_path / "b", driven, choice=replace(ANY_SCORE, exclude=("nudge",))))
-    assert excluded["left_out"] == {"family excluded": 2}
-    assert set(excluded["counts"]["by_family"]) == {"lane_change_mtd"}
+    assert excluded.left_out == {"family excluded": 2}
+    assert set(excluded.counts.by_family) == {"lane_change_mtd"}
 
 
 def test_a_run_given_twice_counts_once(driven: Path, tmp_path: Path) -> None:
     manifest = export(request(tmp_path / "a", driven, driven.parent / "." / "mine"))
-    assert manifest["counts"]["drives"] == 4
+    assert manifest.counts.drives == 4
 
 
 def test_certificates_are_replayed_with_their_traffic(tmp_path: Path) -> None:
@@ -129,10 +129,10 @@ def test_certificates_are_replayed_with_their_traffic(tmp_path: Path) -> None:
     manifest = export(request(tmp_path / "a", choice=choice, certificates=("smoke==1",)))
     dataset = read_dataset(tmp_path / "a")
     (drive,) = dataset.drives
-    assert (drive["origin"], drive["source"], drive["planner"], drive["seed"]) == (
+    assert (drive.origin, drive.source, drive.planner, drive.seed) == (
         "certificate", "smoke==1", "certificate", 0,
     )  # fmt: skip
-    assert manifest["sources"][0]["origin"] == "certificate"
+    assert manifest.sources[0].origin == "certificate"
     (batch,) = dataset.split("train").batches(1000, fields=("agents", "agent_futures"))
     assert batch["agents"][:, :, -1, -1].sum() > 10.0
     assert batch["agent_futures"][..., 3].sum() > 500.0

@@ -9,7 +9,7 @@ import numpy as np
 from worlds import rolling, straight_road
 
 from interplan_planners.straight_ahead import StraightAhead
-from interplan_sumo.dataset.observation_replay import SeenAgain
+from interplan_sumo.dataset.observation_replay import ObservationReplay
 from interplan_sumo.features.view import Arrays, EgoView
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.planner import Mission, Observation
@@ -49,7 +49,7 @@ def hold_against(witness: Witness, episode: Episode, scenario: Scenario, roads: 
     assert episode.trace is not None
     assert episode.fault is None
     episode.trace.write(folder)
-    again = SeenAgain(scenario, roads, Trace.read(folder))
+    again = ObservationReplay(scenario, roads, Trace.read(folder))
     view = EgoView(again.mission)
     assert len(witness.seen) == len(episode.trace)
     for k, (seen, arrays) in enumerate(zip(witness.seen, witness.arrays, strict=True)):

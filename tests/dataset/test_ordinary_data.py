@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import UNSET
 from typer.testing import CliRunner
 
 from interplan_sumo.cli.dataset import dataset_app
@@ -76,18 +77,19 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_a_dataset_of_ordinary_driving_says_what_it_holds(made: Path) -> None:
     dataset = read_dataset(made)
-    counts = dataset.manifest["counts"]
-    assert counts["by_split"] == {"train": 22, "val": 2}
-    assert counts["by_planner"]["sumo"] == 18
+    counts = dataset.manifest.counts
+    assert counts.by_split == {"train": 22, "val": 2}
+    assert counts.by_planner["sumo"] == 18
     for split in ("train", "val"):
         shown = np.concatenate([batch["situation"] for batch in dataset.split(split).batches(100)])
-        assert np.bincount(shown, minlength=8).tolist() == list(counts["by_situation"][split].values())
+        assert np.bincount(shown, minlength=8).tolist() == list(counts.by_situation[split].values())
     official = {scenario.id for suite in suites().values() for scenario in suite.scenarios}
-    assert not official & {drive["scenario_id"] for drive in dataset.drives}
-    seeds = {(drive["split"], drive["seed"] >= 100_000 + VAL_SEEDS) for drive in dataset.drives}
+    assert not official & {drive.scenario_id for drive in dataset.drives}
+    seeds = {(drive.split, drive.seed >= 100_000 + VAL_SEEDS) for drive in dataset.drives}
     assert seeds == {("train", False), ("val", True)}
-    about = dataset.manifest["ordinary"]
-    assert (about["first_seed"], about["samples_wanted"], about["maps"]) == (100_000, 24, [MAP])
+    about = dataset.manifest.ordinary
+    assert about is not UNSET
+    assert (about.first_seed, about.samples_wanted, about.maps) == (100_000, 24, [MAP])
 
 
 @pytest.mark.slow

@@ -132,7 +132,7 @@ def test_a_file_that_was_changed_is_found_out(folder: Path, tmp_path: Path) -> N
     with pytest.raises(InputError, match=r"train-00000\.npz is not the file that was exported"):
         next(dataset.split("train").batches(4))
     with pytest.raises(InputError, match="its hash differs"):
-        dataset.lane_graph(next(iter(dataset.manifest["maps"])))
+        dataset.lane_graph(next(iter(dataset.manifest.maps)))
     with pytest.raises(InputError, match=r"drives\.jsonl"):
         _ = dataset.drives
     (tmp_path / "shards" / "train-00001.npz").unlink()
@@ -160,7 +160,7 @@ def test_a_toy_planner_learns_from_one_batch_and_beats_constant_velocity(dataset
     fields = ("ego_history", "route_centerline", "speed_limit", "ego_future", "drive")
     (batch,) = dataset.split("train").batches(10_000, np.random.default_rng(0), fields)
     inputs, targets = inputs_and_targets(batch)
-    held = np.array([dataset.drives[d]["seed"] == 1 for d in batch["drive"]])
+    held = np.array([dataset.drives[d].seed == 1 for d in batch["drive"]])
     scale = np.abs(inputs[~held]).max(axis=0) + 1e-6
     known = inputs[~held] / scale
     weights = np.linalg.solve(known.T @ known + 0.1 * np.eye(known.shape[1]), known.T @ targets[~held])  # ridge

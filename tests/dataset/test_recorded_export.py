@@ -52,10 +52,10 @@ def test_a_log_gives_samples_of_the_car_that_measured(tmp_path: Path, maps: Path
     manifest = export(request(tmp_path / "a", maps, log))
     dataset = read_dataset(tmp_path / "a")
     (drive,) = dataset.drives
-    assert (drive["origin"], drive["source"], drive["planner"], drive["score"]) == (
+    assert (drive.origin, drive.source, drive.planner, drive.score) == (
         "recording", "drive.db", "recorded", None,
     )  # fmt: skip
-    assert (drive["map"], drive["route"][:3]) == (MAP, ["1", "13", "7"])
+    assert (drive.map, drive.route[:3]) == (MAP, ("1", "13", "7"))
     (batch,) = dataset.split("train").batches(1000)
     assert batch["tick"].tolist() == list(range(20, 121, 5))  # 2 s behind and 8 s ahead of each
     np.testing.assert_allclose(batch["origin"][0], (EGO.x_m + 16.0, EGO.y_m, 0.0), atol=0.02)
@@ -70,7 +70,7 @@ def test_a_log_gives_samples_of_the_car_that_measured(tmp_path: Path, maps: Path
     lights = batch["lanes"][..., channel_index("lanes", "light_red")]
     assert (lights.max(axis=(1, 2)) == 1.0).any()
     assert SITUATIONS[batch["situation"][0]] == "following"
-    assert manifest["counts"]["by_planner"] == {"recorded": 21}
+    assert manifest.counts.by_planner == {"recorded": 21}
     assert PACIFICA.length_m == 5.176  # whose rear axle the log tells
 
 
@@ -91,7 +91,7 @@ def test_logs_are_held_out_whole_by_their_number(tmp_path: Path, maps: Path) -> 
     logs = [write_log(tmp_path / f"{name}.db", ego, (LEADER,)) for name, ego in (("a", EGO), ("b", faster))]
     export(request(tmp_path / "data", maps, *logs, holdout_seeds=(1,)))
     drives = read_dataset(tmp_path / "data").drives
-    assert {(drive["source"], drive["split"]) for drive in drives} == {("a.db", "train"), ("b.db", "val")}
+    assert {(drive.source, drive.split) for drive in drives} == {("a.db", "train"), ("b.db", "val")}
     export(request(tmp_path / "same", maps, tmp_path))  # both, by their folder
     assert len(read_dataset(tmp_path / "same").drives) == 2
 
@@ -100,7 +100,7 @@ def test_a_car_that_leaves_the_lanes_is_left_out_and_counted(tmp_path: Path, map
     good = write_log(tmp_path / "a.db", EGO, (LEADER,))
     astray = write_log(tmp_path / "b.db", Goes(X_M + 20.0, Y_M + 60.0, 0.0, 8.0), (LEADER,))
     manifest = export(request(tmp_path / "data", maps, good, astray))
-    assert manifest["left_out"] == {"recorded off the lanes, or alone": 1}
+    assert manifest.left_out == {"recorded off the lanes, or alone": 1}
 
 
 def test_recordings_need_a_map_and_the_error_says_so(tmp_path: Path, maps: Path) -> None:

@@ -1,4 +1,4 @@
-"""Survey: what a drive offers, and that an offer keeps its promise."""
+"""The sample index: what a drive offers, and that an offer keeps its promise."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import convert, to_builtins
 
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.dataset.cars import Cars
 from interplan_sumo.dataset.drives import Drive
 from interplan_sumo.dataset.drives import driven as driven_again
-from interplan_sumo.dataset.sample_index import MOST_CARS, MOST_PER_CAR, MOST_STANDING, Offer, survey
+from interplan_sumo.dataset.sample_index import MOST_CARS, MOST_PER_CAR, MOST_STANDING, IndexedSamples, index_samples
 from interplan_sumo.dataset.samples import LEAST_FUTURE_FRAMES, drive_samples
 from interplan_sumo.features.schema import FUTURE_FRAMES, SITUATIONS
 from interplan_sumo.maps.store import find_map
@@ -30,11 +31,11 @@ def host(driven: Path) -> StoredDrive:
 
 
 @pytest.fixture(scope="session")
-def offers(host: StoredDrive) -> list[Offer]:
-    return survey(host.scenario, host.roads, host.trace, 5)
+def offers(host: StoredDrive) -> list[IndexedSamples]:
+    return index_samples(host.scenario, host.roads, host.trace, 5)
 
 
-def test_the_ego_comes_first_and_cars_follow(host: StoredDrive, offers: list[Offer]) -> None:
+def test_the_ego_comes_first_and_cars_follow(host: StoredDrive, offers: list[IndexedSamples]) -> None:
     own, *others = offers
     assert own.car == ""
     assert own.route == host.scenario.route
@@ -43,7 +44,7 @@ def test_the_ego_comes_first_and_cars_follow(host: StoredDrive, offers: list[Off
     assert {each.car for each in others} <= set(Cars(host.trace).tokens)
 
 
-def test_cars_offer_few_samples_with_all_of_past_and_future(host: StoredDrive, offers: list[Offer]) -> None:
+def test_cars_offer_few_samples_with_all_of_past_and_future(host: StoredDrive, offers: list[IndexedSamples]) -> None:
     for offer in offers[1:]:
         assert 1 <= len(offer.frames) <= MOST_PER_CAR
         made = Cars(host.trace).drive(offer.car)
@@ -55,11 +56,13 @@ def test_cars_offer_few_samples_with_all_of_past_and_future(host: StoredDrive, o
         assert (np.hypot(*np.diff(columns["ego_history"][..., :2], axis=1).T) < 3.0).all()
 
 
-def test_offers_come_back_from_plain_json(offers: list[Offer]) -> None:
-    assert [Offer.of_json(json.loads(json.dumps(each.as_json()))) for each in offers] == offers
+def test_offers_come_back_from_plain_json(offers: list[IndexedSamples]) -> None:
+    assert convert(json.loads(json.dumps(to_builtins(offers))), list[IndexedSamples]) == offers
 
 
-def test_what_is_offered_is_found_again_in_the_run_folder(driven: Path, host: StoredDrive, offers: list[Offer]) -> None:
+def test_what_is_offered_is_found_again_in_the_run_folder(
+    driven: Path, host: StoredDrive, offers: list[IndexedSamples]
+) -> None:
     offer = offers[1]
     drive = Drive(
         "run", "mine", replace(host.scenario, start=offer.start, goal=offer.goal, route=offer.route),
@@ -68,8 +71,8 @@ def test_what_is_offered_is_found_again_in_the_run_folder(driven: Path, host: St
     scenario, _, trace = driven_again(drive)
     assert scenario.route == offer.route
     assert trace.hash() == Cars(host.trace).drive(offer.car).trace.hash()
-    about = drive.as_json("train", 3)
-    assert (about["planner"], about["car"], about["goal_lane"]) == ("sumo", offer.car, offer.goal.lane)
+    about = drive.record("train", 3)
+    assert (about.planner, about.car, about.goal_lane) == ("sumo", offer.car, offer.goal.lane)
 
 
 def test_of_a_long_stand_only_a_few_samples_are_offered(host: StoredDrive) -> None:
@@ -82,7 +85,7 @@ def test_of_a_long_stand_only_a_few_samples_are_offered(host: StoredDrive) -> No
         **{name: np.zeros(len(first)) for name in ("vx_mps", "ax_mps2", "yaw_rate_radps")},
     )
     trace = Trace(ego, first.actors, first.signals, (), np.zeros(0))
-    own = survey(host.scenario, host.roads, trace, 5)[0]
+    own = index_samples(host.scenario, host.roads, trace, 5)[0]
     assert {SITUATIONS[code] for code in own.situations} == {"standing"}
     assert len(own.frames) == MOST_STANDING
     assert own.frames[-1] - own.frames[0] > FUTURE_FRAMES / 2

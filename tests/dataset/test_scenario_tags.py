@@ -9,7 +9,7 @@ import pytest
 from worlds import cars, drive, drive_along, junction, signals, straight_road
 
 from interplan_sumo.dataset.labels import GraphWay
-from interplan_sumo.dataset.scenario_tags import Situations
+from interplan_sumo.dataset.scenario_tags import ScenarioTags
 from interplan_sumo.features.schema import SITUATIONS
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.world.geometry import Polyline, Pose
@@ -19,7 +19,7 @@ from interplan_sumo.world.trace import Trace
 
 def shown(roads: Roads, route: tuple[str, ...], trace: Trace, frame: int = 0) -> str:
     scenario = Scenario("test/0", "test", roads.name, LanePosition("1", 0.0), 0.0, LanePosition("1", 1.0), route)
-    return SITUATIONS[Situations(scenario, roads, trace, GraphWay(roads, trace)).at(frame)]
+    return SITUATIONS[ScenarioTags(scenario, roads, trace, GraphWay(roads, trace)).at(frame)]
 
 
 def on_a_road(trace: Trace, frame: int = 0) -> str:
@@ -108,6 +108,6 @@ def test_off_the_route_is_not_on_the_way() -> None:
     roads = straight_road(lanes=1, length_m=100.0, cuts_m=((40.0, 60.0),))
     trace = drive(*(10.0,) * 80, start=start())
     scenario = Scenario("test/0", "test", "tiny", LanePosition("11", 0.0), 0.0, LanePosition("11", 1.0), ("1",))
-    own = Situations(scenario, roads, trace, GraphWay(roads, trace))
+    own = ScenarioTags(scenario, roads, trace, GraphWay(roads, trace))
     assert own.on_way[0]
     assert not own.on_way[60]

@@ -74,4 +74,4 @@ def test_on_plain_roads_most_drives_stay_on_the_road_for_fifteen_seconds(planner
 def _left_road_s(row: Row) -> float:
     """When the ego left the drivable area, as the reason says: "... at 4.2 s"; infinite if it never did."""
     found = row.metrics["drivable_area"]
-    return inf if found.score == 1.0 else float(found.reason.rsplit(" at ", 1)[1].removesuffix(" s"))
+    return inf if found.score == 1.0 else float((found.reason or "").rsplit(" at ", 1)[1].removesuffix(" s"))

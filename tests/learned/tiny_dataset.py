@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +11,18 @@ from interplan_sumo import tiny_worlds
 from interplan_sumo.dataset import folder as layout
 from interplan_sumo.dataset.columns import Columns, count_of, joined, write_arrays
 from interplan_sumo.dataset.drives import map_hash
+from interplan_sumo.dataset.records import (
+    CountsRecord,
+    DatasetManifest,
+    DriveRecord,
+    FeaturesRecord,
+    FileRecord,
+    MapRecord,
+    OptionsRecord,
+    ShardRecord,
+    Split,
+    text_of,
+)
 from interplan_sumo.dataset.samples import drive_samples, sample_frames
 from interplan_sumo.features import schema
 from interplan_sumo.features.lane_graph import lane_graph
@@ -63,44 +73,49 @@ def write_tiny_dataset(folder: Path) -> Path:
         _write_shard(folder, "train", [made[k] for k in range(len(plan)) if k not in held]),
         _write_shard(folder, "val", [made[k] for k in held]),
     ]
+    splits: list[Split] = ["val" if k in held else "train" for k in range(len(plan))]
     lines = [
-        json.dumps({"map": name, "split": "val" if k in held else "train", "route": ["1"], "goal_lane": "11"})
-        for k, (name, _, _) in enumerate(plan)
-    ]
+        text_of(
+            DriveRecord(
+                origin="run", source="tiny", scenario_id="test/0", family="test", map=name, seed=k, planner="idm",
+                car=None, score=1.0, route=("1",), goal_lane="11", split=split, samples=count_of(made[k]),
+                scenario_hash="", trace_hash="", generator="",
+            )
+        )
+        for k, ((name, _, _), split) in enumerate(zip(plan, splits, strict=True))
+    ]  # fmt: skip
     drives = folder / layout.DRIVES
     drives.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    maps = {name: _write_map(folder, name) for name in _BENDS}
-    manifest = {
-        "kind": layout.KIND,
-        "format": layout.FORMAT,
-        "hash": HASH,
-        "features": {"format": schema.FORMAT},
-        "counts": {
-            "drives": len(plan),
-            "samples": sum(each["samples"] for each in shards),
-            "by_split": {each["split"]: each["samples"] for each in shards},
-        },
-        "maps": maps,
-        "drives": {"sha256": file_hash(drives)},
-        "shards": shards,
-    }
-    (folder / layout.MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
+    samples = {each.split: each.samples for each in shards}
+    manifest = DatasetManifest(
+        kind=layout.KIND,
+        format=layout.FORMAT,
+        hash=HASH,
+        versions={},
+        features=FeaturesRecord(schema.FORMAT, "", "", schema.STEP_S, []),
+        options=OptionsRecord(0.5, 0.5, 0.0, [], [], []),
+        sources=[],
+        left_out={},
+        counts=CountsRecord(len(plan), sum(samples.values()), dict(samples), {}, {}, {}, {}),
+        maps={name: _write_map(folder, name) for name in _BENDS},
+        drives=FileRecord(layout.DRIVES, file_hash(drives)),
+        shards=shards,
+    )
+    (folder / layout.MANIFEST).write_text(text_of(manifest), encoding="utf-8")
     return folder
 
 
-def _write_shard(folder: Path, split: str, parts: Sequence[Columns]) -> dict[str, Any]:
+def _write_shard(folder: Path, split: Split, parts: Sequence[Columns]) -> ShardRecord:
     columns = joined(parts)
-    file = f"{layout.SHARDS}/{split}-00000.npz"
-    write_arrays(folder / file, columns, level=1)
-    return {
-        "file": file, "split": split, "samples": count_of(columns), "sha256": file_hash(folder / file),
-    }  # fmt: skip
+    path = folder / layout.SHARDS / f"{split}-00000.npz"
+    write_arrays(path, columns, level=1)
+    return ShardRecord(f"{layout.SHARDS}/{path.name}", split, count_of(columns), path.stat().st_size, file_hash(path))
 
 
-def _write_map(folder: Path, name: str) -> dict[str, str]:
+def _write_map(folder: Path, name: str) -> MapRecord:
     """The lane graph, and beside it the map itself, which is no shipped one."""
     roads = roads_of(name)
     path = folder / layout.MAPS / f"{name}.npz"
     write_arrays(path, lane_graph(roads).tables())
     write_map(roads, path.with_suffix("") / "1.0" / "map.gpkg")
-    return {"sha256": file_hash(path), "map_sha256": map_hash(find_map(name, path.parent))}
+    return MapRecord(roads.crs, roads.driving_side, map_hash(find_map(name, path.parent)), file_hash(path))

@@ -55,10 +55,10 @@ def closed_plans(columns: Columns, dataset: Dataset) -> NDArray[np.float32]:
     @cache
     def mission(drive: int) -> Mission:
         about = dataset.drives[drive]
-        roads = roads_of(about["map"])
+        roads = roads_of(about.map)
         # PDM-Closed does not look at the goal: the end of the goal's lane stands in for it
-        line = roads[about["goal_lane"]].centerline
-        return Mission(roads, tuple(about["route"]), line.pose_at(line.length_m))
+        line = roads[about.goal_lane].centerline
+        return Mission(roads, tuple(about.route), line.pose_at(line.length_m))
 
     planner = PdmClosedPlanner()
     plans: list[NDArray[np.float32]] = []
@@ -122,6 +122,6 @@ def _roads(dataset: Dataset, name: str) -> Roads:
             f"{dataset.folder} was made on the map {name!r}, which is none of the shipped ones; put its folder, "
             f"with a map.gpkg in it, into {beside}"
         ) from None
-    if map_hash(files) != dataset.manifest["maps"][name]["map_sha256"]:
+    if map_hash(files) != dataset.manifest.maps[name].map_sha256:
         raise InputError(f"{files.folder} is not the map that {dataset.folder} was made on; export the data again")
     return load_roads(name, beside)

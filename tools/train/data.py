@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from interplan_learned.kmeans import kmeans
 from interplan_sumo.dataset.columns import Columns, count_of, joined, picked
-from interplan_sumo.dataset.drives import Split
 from interplan_sumo.dataset.reading import Dataset
+from interplan_sumo.dataset.records import Split
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.geometry import Floats, Ints
 from tools.train.recipe import Recipe, fields_of

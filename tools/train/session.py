@@ -15,8 +15,8 @@ import torch
 import interplan_sumo
 from interplan_learned.card import Card
 from interplan_planners.common.extra import library
-from interplan_sumo.dataset.drives import SPLITS
 from interplan_sumo.dataset.reading import Dataset, read_dataset
+from interplan_sumo.dataset.records import SPLITS
 from interplan_sumo.features import schema
 from tools.train.data import held_out_split, read_samples
 from tools.train.loop import (
@@ -99,8 +99,8 @@ def train_planner(request: TrainRequest, on_epoch: Callable[[EpochDone], None]) 
 
 
 def _data(dataset: Dataset) -> dict[str, Any]:
-    counts = dataset.manifest["counts"]
-    return {"hash": dataset.hash, "drives": counts["drives"], "samples": dict(counts["by_split"])}
+    counts = dataset.manifest.counts
+    return {"hash": dataset.hash, "drives": counts.drives, "samples": dict(counts.by_split)}
 
 
 def _training(recipe: Recipe, trained: Trained, held_split: str, request: TrainRequest) -> dict[str, Any]:

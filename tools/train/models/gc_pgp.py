@@ -219,7 +219,7 @@ def keep(columns: Columns, dataset: Dataset, size: Dimensions) -> Columns:
     (S, M) which edge it takes out of each node, EDGES where it ends, NONE where
     it does not pass.
     """
-    names = [dataset.drives[drive]["map"] for drive in columns["drive"].tolist()]
+    names = [dataset.drives[drive].map for drive in columns["drive"].tolist()]
     nodes: dict[str, MapNodes] = {
         name: map_nodes(dataset.lane_graph(name), size.points) for name in dict.fromkeys(names)
     }
