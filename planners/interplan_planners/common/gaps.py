@@ -75,7 +75,7 @@ def best_gap(
     times = rules.step_s * np.arange(1, round(rules.longest_wait_s / rules.step_s) + 1)
     pushes = np.unique(np.append(np.linspace(-rules.hardest_braking_mps2, rules.acceleration_mps2, 9), 0.0))
     t, a = times[None, :], pushes[:, None]
-    # speeds stay between standing and the limit; whoever is faster already keeps his speed
+    # speeds stay between standing and the limit; whoever is faster already keeps its speed
     top = max(limit_mps, ego.speed_mps)
     until = np.where(a < 0.0, ego.speed_mps / np.maximum(-a, 1e-9), (top - ego.speed_mps) / np.maximum(a, 1e-9))
     pushed = np.minimum(t, np.where(a == 0.0, np.inf, until))

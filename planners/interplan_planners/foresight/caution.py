@@ -38,7 +38,7 @@ HIDING_M = 4.5
 STEP_OUT_MPS = 4.6
 """A speed from which the ego can stop for somebody who steps out: 0.3 s to react and 3.5 m/s2."""
 STEP_OUT_BEFORE_M, STEP_OUT_BEYOND_M = 9.0, 2.0
-"""Around the front of what hides him."""
+"""Around the front of what hides it."""
 
 
 def red_stops(scene: PlanningScene, base: Base, at_m: float) -> list[float]:

@@ -84,7 +84,7 @@ def _hits(
     """(n, K + 1, B) whether the ego's stretch of the course meets another's."""
     mine = (front[:, :, None] + ahead_m > stage.near_m.T) & (rear[:, :, None] - back_m < stage.far_m.T)
     mine &= stage.strip
-    # who comes from behind, once the ego is in the lane, keeps his distance himself
+    # who comes from behind, once the ego is in the lane, keeps its distance itself
     mid = 0.5 * (front + rear)
     from_behind = (stage.speed_mps.T > 0.5) & (np.nan_to_num(stage.center_m.T, nan=-np.inf) < mid[:, :, None])
     return mine & ~(from_behind & settled[:, :, None])

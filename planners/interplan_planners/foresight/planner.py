@@ -43,7 +43,7 @@ PATIENCE_S, WAITING_MPS = 4.0, 1.5
 RESTLESS_PER_S, MOST_RESTLESS = 0.5, 6.0
 """What it is worth to pass something, in points of progress, the longer the ego has waited: no wait is for ever."""
 ARRIVED_M = 2.0
-"""Who is farther than this beyond the goal, or beyond the end of his way along the route, stops."""
+"""Who is farther than this beyond the goal, or beyond the end of its way along the route, stops."""
 TAIL_M = 1.4
 """Who is no farther than this from the line of the ego's lane follows the ego."""
 

@@ -25,7 +25,7 @@ MOVING_MPS = 0.3
 CHAIN_M = 160.0
 """How far ahead a lane is followed."""
 LARGEST_TURN_RAD = 1.0
-"""Who is turned more than this to every lane under him keeps to none."""
+"""Who is turned more than this to every lane under it keeps to none."""
 FALLBACK_LIMIT_MPS = 14.0
 # How others are taken to drive: nuPlan's IDM.
 ACCELERATION_MPS2, BRAKING_MPS2, HEADWAY_S, MIN_GAP_M = 1.0, 2.0, 1.5, 1.0
@@ -39,7 +39,7 @@ BRAKING_FRAMES, PAST_STEP_S = 5, 0.1
 BRAKING_ON_S, NOTED_BRAKING_MPS2 = 2.0, -0.6
 """Who brakes harder than this goes on braking for some time."""
 TURNED_FOR_S = 1.6
-"""Who is turned to his lane goes on like that for so long, less and less."""
+"""Who is turned to its lane goes on like that for so long, less and less."""
 IN_LANE_M = 1.6
 """Who is farther from a lane's line leads nobody on it."""
 LEAD_WITHIN_M = 90.0
@@ -249,8 +249,8 @@ class _Queue:
     """What R drivers have ahead of them."""
 
     gap_m: Floats  # (R,) from bumper to bumper, or to a red light; infinite if there is nothing
-    lead: NDArray[np.int64]  # (R,) which of them leads; R for somebody else, who goes on at his speed
-    lead_mps: Floats  # (R,) his speed now
+    lead: NDArray[np.int64]  # (R,) which of them leads; R for somebody else, who goes on at its speed
+    lead_mps: Floats  # (R,) its speed now
     limit_mps: Floats  # (R,)
     bend_mps: Floats  # (R, S) what bends allow, for each metre of the driver's chain
 

@@ -1,4 +1,4 @@
-"""One step as the planner sees it: the ego, the others with their forecast, and who of them stays where he is."""
+"""One step as the planner sees it: the ego, the others with their forecast, and who of them stays where it is."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class PlanningScene:
     shape: EgoShape
     traffic: PredictedTraffic
     stays: NDArray[np.bool_]
-    """(A,) who is taken to stay where he is."""
+    """(A,) who is taken to stay where it is."""
 
     @property
     def ego(self) -> EgoState:

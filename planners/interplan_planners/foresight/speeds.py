@@ -24,7 +24,7 @@ COMFORT_BRAKING_MPS2, EMERGENCY_MPS2 = 3.6, 6.5
 MERGE_BRAKING_MPS2 = 2.5
 """To get behind somebody who is on another lane still."""
 FALL_BACK_MPS, CATCH_UP_MPS, CLOSE_UP_PER_S, SPEED_GAIN_PER_S = 3.0, 6.0, 0.35, 0.9
-"""How much slower or faster than he the ego drives meanwhile, how fast the gap is made good, and the speed."""
+"""How much slower or faster than it the ego drives meanwhile, how fast the gap is made good, and the speed."""
 JERK_UP_MPS3, JERK_DOWN_MPS3, JERK_FIRM_MPS3 = 2.5, 2.3, 4.0
 FIRM_MPS2 = -2.0
 """Caps harder than this set in with the larger jerk."""

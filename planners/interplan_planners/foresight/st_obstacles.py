@@ -1,4 +1,4 @@
-"""Stages: a course with everybody who will be on it, sorted by what the ego can do about him."""
+"""Obstacles over path and time: a candidate path with all who will be on it, by what can be done about each."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LANE_MARGIN_M = -0.25
 PEDESTRIAN_GAP_M = 1.5
 """Kept to people besides the usual gap."""
 ALONG_COS = 0.6
-"""Who moves along the course with at least this share of his speed is followed rather than let across."""
+"""Who moves along the course with at least this share of its speed is followed rather than let across."""
 ONCOMING_MPS = 1.0
 BEHIND_M = 45.0
 """Whoever is farther behind in a lane that the ego changes to does not matter."""
@@ -163,7 +163,7 @@ class _Moving:
     on: StripOccupancy
     present: NDArray[np.bool_]  # (B, K + 1)
     first: NDArray[np.int64]
-    """The instant at which he is there first."""
+    """The instant at which it is there first."""
     entering_mps: Floats
     """His speed along the course then."""
     along: NDArray[np.bool_]
@@ -200,7 +200,7 @@ def _crossing(moving: _Moving, course: CandidatePath, front_m: float) -> Iterato
     for b in np.flatnonzero(~moving.along & ~moving.still & present.any(axis=1)).tolist():
         wait_m = float(on.near_m[b].min())
         if course.oncoming and moving.entering_mps[b] < -ONCOMING_MPS:
-            # who noses into the oncoming lane stops those whom he waits for
+            # who noses into the oncoming lane stops those whom it waits for
             wait_m = min(wait_m, max(_entry_m(course), front_m + 0.3))
         if wait_m < front_m - 0.3:
             continue

@@ -19,9 +19,9 @@ from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.signals import SignalStatus
 
 ASKEW_RAD, ASIDE_M = 0.2, 0.8
-"""Who stands turned like this to his lane, or this far off its line, is in no queue."""
+"""Who stands turned like this to its lane, or this far off its line, is in no queue."""
 QUEUE_GAP_M = 14.0
-"""From centre to centre less half lengths: who is this near behind another one may be waiting for him."""
+"""From centre to centre less half lengths: who is this near behind another one may be waiting for it."""
 LIGHT_M, JUNCTION_M = 60.0, 20.0
 """A light that is not green, or a junction, this near ahead is a reason to wait."""
 PATIENCE_S = 12.0
