@@ -101,11 +101,16 @@ def test_the_quick_ways_to_place_the_ego_on_the_lanes_give_what_the_whole_way_gi
     road = Lane1((80.0, LANE_Y[1]))
     slow = EgoReactions(road.network, (0.0, 0.0), PACIFICA, road.registry, (1.0,), (), 0.1)
     for _ in range(100):
-        y_m = float(rng.choice(LANE_Y)) + float(rng.uniform(-0.9, 0.9))
-        ego = EgoState(0.0, float(rng.uniform(5.0, 800.0)), y_m, float(rng.normal(0.0, 0.05)), vx_mps=8.0, vy_mps=0.5)
+        lane, x_m = int(rng.integers(3)), float(rng.choice((0.0, 410.0)) + rng.uniform(5.0, 380.0))
+        y_m, turned = LANE_Y[lane] + float(rng.uniform(-0.9, 0.9)), float(rng.normal(0.0, 0.05))
+        ego = EgoState(0.0, x_m, y_m, turned, vx_mps=8.0, vy_mps=0.5)
         road.place(ego)
         (quick, _), (whole, _) = (each._locate(ego, road.anchor) for each in (road.reactions, slow))
-        assert (quick.centre_lanes, quick.straddles) == (whole.centre_lanes, whole.straddles)
+        assert quick.straddles == whole.straddles
+        assert quick.centre_lanes == whole.centre_lanes == {f"e{int(x_m > 400.0)}_{lane}"}
+        along_mps = 8.0 * np.cos(turned) - 0.5 * np.sin(turned)
+        for name, part in whole.coverage.items():
+            assert part.speed_mps == pytest.approx(along_mps * (-1.0 if name.startswith("w") else 1.0))
         assert quick.coverage.keys() == whole.coverage.keys()
         for (
             lane,

@@ -115,6 +115,17 @@ def test_where_a_road_lies_under_the_box_is_shapelys_too(
     assert_equal_overlaps(network(each), box_beside(each.line, *beside))
 
 
+def test_the_quick_way_for_a_box_inside_one_lane_gives_what_the_whole_way_gives() -> None:
+    each = lane(winding([0.05] * 10, [2.0] * 10), 4.5)
+    for share in (0.3, 0.5, 0.7):
+        area, here_m = box_beside(each.line, share, 0.2, 0.02), each.position_of(share * each.line.length_m)
+        quick = reactions.coverage_of_one_lane(each, here_m, area, (8.0, 1.0))
+        clip = ClipArea.of(area)
+        whole = reactions.lane_coverage(network(each).pieces_near(clip), clip, (8.0, 1.0))
+        assert quick is not None
+        assert tuple(quick[each.id]) == pytest.approx(tuple(whole[each.id]), abs=1e-9)
+
+
 @pytest.mark.parametrize("turn_rad", [2.2, 2.8, 3.1])
 def test_a_hairpin_whose_sides_cross_is_taken_as_its_hull(turn_rad: float) -> None:
     each = lane(winding([0.0, turn_rad, 0.0], [6.0, 1.0, 6.0]), 3.5)
