@@ -7,6 +7,7 @@ four edges. Lanes e0_0, e0_1, e0_2 (kerb to middle, centre lines at y = -8.75,
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,10 +15,12 @@ import numpy as np
 
 from interplan_sumo.maps.network import NetworkIds, SumoPiece
 from interplan_sumo.simulation.network import SumoNetwork, read_network
+from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.simulation.setup import opaque_ids
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
+from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
 
 NETWORK_FILE = Path(__file__).parent / "data" / "two_way_road.net.xml"
@@ -54,3 +57,12 @@ def traffic(behaviour: VehicleTypes, spawns: tuple[Spawn, ...], ego: EgoState, *
     tokens = opaque_ids(len(spawns), np.random.default_rng(0))
     setup = TrafficSetup(network, plain_ids(network), behaviour, ego, ("e0", "e1"), with_ego=with_ego)
     return SumoTraffic(replace(setup, spawns=spawns, tokens=tokens))
+
+
+def stepped(run: SumoTraffic | ReplayedTraffic, drive: Callable[[int], EgoState], steps: int) -> Iterator[Actors]:
+    """The actors at each step of an ego's drive; the traffic moves on once they have been looked at."""
+    for step in range(steps):
+        yield run.observe().actors
+        run.react(drive(step))
+        run.place_ego(drive(step + 1))
+        run.advance()

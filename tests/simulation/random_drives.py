@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from math import atan2, cos, hypot, sin, tan
 
 import numpy as np
+from networks import stepped
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads
@@ -181,11 +182,8 @@ def audited(scenario: Scenario, *, seed: int = 0, steps: int = 300, wild: bool =
     with open_traffic(scenario, roads, seed=seed) as traffic:
         before = traffic.observe().actors
         standing = frozenset(before.ids) - traffic.behaviours.keys()
-        for step in range(steps):
-            traffic.react(egos[step])
-            traffic.place_ego(egos[step + 1])
-            traffic.advance()
-            now, at = traffic.observe().actors, f"t={(step + 1) / 10:.1f}:"
+        for step, now in enumerate(stepped(traffic, lambda step: egos[min(step, steps)], steps + 1)):
+            at = f"t={step / 10:.1f}:"
             for column in (now.x_m, now.y_m, now.heading_rad, now.vx_mps, now.vy_mps):
                 digest.update(np.ascontiguousarray(column).tobytes())
             for a, b, depth in overlapping(now, standing):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import LANE_Y, ego_at, two_way_road, types
+from networks import LANE_Y, ego_at, stepped, two_way_road, types
 from random_drives import audited, random_scenario
 
 from interplan_planners.idm import IdmPlanner
@@ -103,19 +103,19 @@ def test_a_queue_draws_all_it_needs_beforehand_and_equal_draws_are_equal() -> No
     assert first != entries(inflow(seed=4), 300)
 
 
-def test_where_no_room_is_nobody_comes_until_there_is() -> None:
+def test_where_no_room_is_none_enters_until_there_is() -> None:
     queue = inflow()
     assert entries(queue, 100, others=registry([(BEGIN_X + 1.0, LANE_Y[0], 0.0)])) == []
     assert entries(queue, 100, others=registry([(BEGIN_X + 1.0, LANE_Y[1], 0.0)])) != []  # on the next lane
 
 
-def test_who_is_changing_into_the_lane_is_on_it() -> None:
+def test_a_car_that_is_changing_into_the_lane_is_on_it() -> None:
     here = registry([(BEGIN_X + 1.0, LANE_Y[1] - 0.3, 10.0)])
     here.kinematics.heading_rad = np.array([-0.1])
     assert entries(inflow(), 6, others=here) == []
 
 
-def test_who_comes_into_the_egos_reach_drives_in_before_it_could_see_him_appear() -> None:
+def test_a_car_that_the_ego_comes_near_enters_before_the_ego_could_see_it_appear() -> None:
     ego = ego_at(BEGIN_X - 10.0, LANE_Y[0], 0.0)  # where the filled lane begins, the ego would see everybody appear
     found = entries(inflow(), 300, ego)
     assert found
@@ -150,7 +150,7 @@ CAR = st.tuples(st.floats(120.0, 330.0), st.floats(0.0, 15.0))
 
 @settings(max_examples=150)
 @given(cars=st.lists(CAR, min_size=1, max_size=4), seed=st.integers(0, 100))
-def test_whoever_drives_in_starts_as_the_rules_of_the_start_demand(cars: list[tuple[float, float]], seed: int) -> None:
+def test_every_entry_starts_as_the_rules_of_the_start_demand(cars: list[tuple[float, float]], seed: int) -> None:
     found = entries(inflow(seed=seed), 30, others=registry([(x, LANE_Y[0], speed) for x, speed in cars]))
     if not found:
         return
@@ -185,15 +185,10 @@ def test_with_flow_the_start_is_the_same_and_more_come_with_ids_of_their_own() -
     with open_traffic(still, roads) as traffic:
         before = traffic.observe().actors
     with open_traffic(FLOWING, roads) as traffic:
-        first = traffic.observe().actors
-        assert first.ids == before.ids
-        assert np.array_equal(first.x_m, before.x_m)
-        for _ in range(200):
-            traffic.react(ego)
-            traffic.place_ego(ego)
-            traffic.advance()
+        first, *_, later = stepped(traffic, lambda _: ego, 200)
         known = traffic.behaviours
-        later = traffic.observe().actors
+    assert first.ids == before.ids
+    assert np.array_equal(first.x_m, before.x_m)
     came = sorted(set(known) - set(first.ids))
     assert len(came) >= 10
     assert set(later.ids) <= set(known)

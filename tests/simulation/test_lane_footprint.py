@@ -1,4 +1,4 @@
-"""Who stands in whose way: the passage of a lane, and cars that hang out of the lane they have moved to."""
+"""What stands in whose way: the footprint of a lane, and cars that hang out of the lane they have moved to."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_the_rear_of_a_car_that_came_slowly_from_the_next_lane_is_in_the_way_the
 
 
 @pytest.mark.parametrize(("turned_rad", "speed_mps"), [(0.003, 1.0), (0.01, 7.5), (2 * pi - 0.003, 1.0)])
-def test_who_hardly_turns_or_drives_fast_is_no_suspect(turned_rad: float, speed_mps: float) -> None:
+def test_a_car_that_hardly_turns_or_drives_fast_overhangs_nothing(turned_rad: float, speed_mps: float) -> None:
     assert LaneChangeOverhang(NETWORK, {"a": CAR}).candidates(driving(0.5, turned_rad, speed_mps)) == []
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import two_way_road, types
+from networks import stepped, two_way_road, types
 from random_drives import overlapping
 
 from interplan_sumo.errors import ScenarioError, VehicleTypeError
@@ -34,11 +34,8 @@ EMPTY = replace(LTD, id="test/placed", traffic=TrafficDemand("none"))
 def start(scenario: Scenario, *, steps: int = 0) -> Actors:
     with open_traffic(scenario, load_roads(LTD.map), vehicle_types=URBAN) as traffic:
         ego = start_state(scenario, load_roads(LTD.map))
-        for _ in range(steps):
-            traffic.react(ego)
-            traffic.place_ego(ego)
-            traffic.advance()
-        return traffic.observe().actors
+        *_, actors = stepped(traffic, lambda _: ego, steps + 1)
+        return actors
 
 
 def placed(*vehicles: PlacedVehicle, scenario: Scenario = EMPTY) -> Scenario:
@@ -83,11 +80,13 @@ def test_a_vehicle_may_start_faster_than_the_limit_and_then_keeps_it(over_mps: f
     limit_mps = load_roads(LTD.map)["402031"].speed_limit_mps
     assert limit_mps is not None
     scenario = placed(PlacedVehicle(LanePosition("402031", 60.0), limit_mps + over_mps))
-    speeds = [float(start(scenario, steps=k).speed_mps[0]) for k in (0, 1, 2, 60)]
+    ego = start_state(scenario, load_roads(LTD.map))
+    with open_traffic(scenario, load_roads(LTD.map), vehicle_types=URBAN) as traffic:
+        speeds = [float(actors.speed_mps[0]) for actors in stepped(traffic, lambda _: ego, 61)]
     assert speeds[0] == pytest.approx(limit_mps + over_mps, abs=1e-6)
     if over_mps > 0.0:
         assert speeds[0] > speeds[1] > speeds[2]
-    assert speeds[3] < limit_mps + 0.6 * max(0.0, over_mps)
+    assert speeds[60] < limit_mps + 0.6 * max(0.0, over_mps)
 
 
 def test_equal_seeds_give_equal_drivers() -> None:
@@ -136,7 +135,7 @@ FIXED = st.lists(
 
 @settings(max_examples=150)
 @given(seed=st.integers(0, 10_000), largest=st.sampled_from([33.0, 50.0, 100.0]), cars=FIXED)
-def test_drawn_traffic_leaves_room_around_those_who_are_placed(
+def test_drawn_traffic_leaves_room_around_placed_vehicles(
     seed: int, largest: float, cars: list[tuple[float, float, float]]
 ) -> None:
     driver = types("urban").members[0]
@@ -161,7 +160,7 @@ def test_drawn_traffic_leaves_room_around_those_who_are_placed(
     line.sort(key=lambda car: car[0])
     for follower, leader in pairwise(line):
         if not (follower[4] or leader[4]):
-            continue  # two who are placed are the scenario's affair
+            continue  # two that are placed are the scenario's affair
         gap_m = leader[0] - follower[1]
         assert gap_m > 0.4
         assert (follower[2] - leader[2]) * 3.0 <= gap_m

@@ -137,7 +137,7 @@ def test_an_imposed_speed_brakes_no_harder_than_the_emergency_deceleration() -> 
 
 
 @pytest.mark.parametrize(("position_m", "at_limit"), [(96.4, True), (88.0, False)])
-def test_who_would_have_to_brake_harder_than_he_can_is_known(position_m: float, at_limit: bool) -> None:
+def test_an_agent_that_would_have_to_brake_harder_than_it_can_is_known(position_m: float, at_limit: bool) -> None:
     """The rear of the ego is at 97.4 m and drives at 8 m/s."""
     merged = decision(follower(1.0, position_m=position_m), seen(LANE_Y[1], "e0_1"))
     assert (merged.mode, merged.at_limit) == (Mode.SUMO, at_limit)

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 import shapely
+from networks import stepped
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, maps
@@ -102,8 +103,7 @@ def drive(
     with SumoTraffic(setup) as traffic:
         green = [connector for connector, link in ids.links.items() if link in (ego_on.light, agent_on.light)]
         traffic.impose_signals(dict.fromkeys(green, SignalStatus.GREEN))
-        for step in range(220):
-            actors = traffic.observe().actors
+        for step, actors in enumerate(stepped(traffic, ego, 220)):
             if not len(actors):
                 break
             here_m = other.project_point(actors.x_m[0] - ids.origin_m[0], actors.y_m[0] - ids.origin_m[1])[0]
@@ -112,9 +112,6 @@ def drive(
             now = ego(step)
             box = box_corners(now.x_m, now.y_m, now.heading_rad, PACIFICA.length_m, PACIFICA.width_m)
             deepest = max(deepest, float(penetration_m(box, actors.corners)[0]))
-            traffic.react(now)
-            traffic.place_ego(ego(step + 1))
-            traffic.advance()
     return arrives_s, deepest
 
 

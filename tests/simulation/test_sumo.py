@@ -1,4 +1,4 @@
-"""The co-simulation on real SUMO: who stands where, who sees the ego and from when, and that equal runs are equal."""
+"""The co-simulation on real SUMO: which agents stand where, which see the ego and from when."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import libsumo
 import numpy as np
 import pytest
-from networks import LANE_Y, agent, ego_at, traffic, types
+from networks import LANE_Y, agent, ego_at, stepped, traffic, types
 
 from interplan_sumo.errors import InputError, TrafficError
 from interplan_sumo.simulation.spawning import Spawn
@@ -34,13 +34,7 @@ def merge(step: int, ego_mps: float = 8.0) -> EgoState:
 
 def speeds(run: SumoTraffic, drive: Drive, steps: int) -> list[float]:
     """Speed of the only agent at each step."""
-    found: list[float] = []
-    for step in range(steps):
-        found.append(float(run.observe().actors.speed_mps[0]))
-        run.react(drive(step))
-        run.place_ego(drive(step + 1))
-        run.advance()
-    return found
+    return [float(actors.speed_mps[0]) for actors in stepped(run, drive, steps)]
 
 
 def test_an_agent_that_is_past_the_ego_before_it_has_merged_drives_on() -> None:
@@ -115,23 +109,6 @@ def test_importing_libsumo_leaves_the_environment_of_proj_alone() -> None:
         assert ran.stdout.strip() == str(given)
 
 
-def oncoming(gap_m: float, against: Drive) -> tuple[list[float], list[float], list[float]]:
-    """Gaps, speeds and braking of a car that comes towards the ego at 12 m/s."""
-    cars = types("conservative")
-    front_m = 400.0 - (against(0).x_m + PACIFICA.length_m / 2 + gap_m)
-    gaps: list[float] = []
-    found: list[float] = []
-    with traffic(cars, (agent(cars, "w0_0", front_m, 12.0, ("w0",)),), against(0)) as run:
-        for step in range(200):
-            actors = run.observe().actors
-            found.append(float(actors.speed_mps[0]))
-            gaps.append(float(actors.x_m[0]) - 2.3 - against(step).x_m - PACIFICA.length_m / 2)
-            run.react(against(step))
-            run.place_ego(against(step + 1))
-            run.advance()
-    return gaps, found, (-np.diff(found) / 0.1).tolist()
-
-
 def test_an_oncoming_car_brakes_from_90_m_and_stands_before_an_ego_in_its_lane() -> None:
     def against(step: int) -> EgoState:
         """Steady at 8 m/s, and braking to a stand over the last of the way, as both must."""
@@ -141,7 +118,15 @@ def test_an_oncoming_car_brakes_from_90_m_and_stands_before_an_ego_in_its_lane()
             100.0 + 8.0 * min(time_s, 4.0) + 8.0 * braking_s - braking_s**2, 1.75, 8.0 - 2.0 * braking_s, time_s
         )
 
-    gaps, found, braking = oncoming(130.0, against)
+    cars = types("conservative")
+    front_m = 400.0 - (100.0 + PACIFICA.length_m / 2 + 130.0)
+    gaps: list[float] = []
+    found: list[float] = []
+    with traffic(cars, (agent(cars, "w0_0", front_m, 12.0, ("w0",)),), against(0)) as run:
+        for step, actors in enumerate(stepped(run, against, 200)):
+            found.append(float(actors.speed_mps[0]))
+            gaps.append(float(actors.x_m[0]) - 2.3 - against(step).x_m - PACIFICA.length_m / 2)
+    braking = (-np.diff(found) / 0.1).tolist()
     first = next(k for k, b in enumerate(braking) if b >= 0.1)
     assert gaps[first] >= 90.0
     assert min(gaps) > 0.5
@@ -149,11 +134,11 @@ def test_an_oncoming_car_brakes_from_90_m_and_stands_before_an_ego_in_its_lane()
     assert max(braking) <= 5.0
 
 
-def test_who_overlooks_the_ego_still_sees_the_car_beyond_it() -> None:
+def test_an_agent_that_overlooks_the_ego_still_sees_the_car_beyond_it() -> None:
     """The ego creeps up to a standing car, its centre just outside that car's lane, its front just inside.
 
     SUMO puts it into the lane, and knows only the nearest vehicle ahead: an
-    assertive driver who is told to overlook it would overlook the car, too.
+    assertive agent that is told to overlook it would overlook the car, too.
     """
     cars = types("assertive")
 
@@ -166,15 +151,11 @@ def test_who_overlooks_the_ego_still_sees_the_car_beyond_it() -> None:
         libsumo.vehicle.setLaneChangeMode("a1", 0)
         places: list[float] = []
         speeds: list[float] = []
-        for step in range(150):
-            actors = run.observe().actors
+        for step, actors in enumerate(stepped(run, beside, 150)):
             standing, coming = np.argsort(-actors.x_m)
             assert actors.x_m[standing] - actors.x_m[coming] > 4.6, step
             places.append(float(actors.x_m[coming]))
             speeds.append(float(actors.speed_mps[coming]))
-            run.react(beside(step))
-            run.place_ego(beside(step + 1))
-            run.advance()
     assert speeds[-1] < 0.3  # it stands behind the car, in the ego, which is none of its concern
     assert places[-1] > 119.0
     assert -np.diff(speeds).min() / 0.1 < 4.0
@@ -197,10 +178,6 @@ def test_every_shipped_vehicle_type_file_drives(behaviour: str) -> None:
     kinds = types(behaviour)
     spawns = tuple(Spawn("e0_1", 40.0 + 40.0 * i, 8.0, driver, ("e0", "e1")) for i, driver in enumerate(kinds.members))
     with traffic(kinds, spawns, merge(0)) as run:
-        for step in range(50):
-            run.react(merge(step))
-            run.place_ego(merge(step + 1))
-            run.advance()
-        actors = run.observe().actors
+        *_, actors = stepped(run, merge, 51)
     assert sorted(actors.length_m) == sorted(driver.length_m for driver in kinds.members)
     assert (actors.speed_mps > 0.0).all()
