@@ -37,7 +37,8 @@ def certified(entry: dict[str, Any]) -> dict[str, Any]:
 
     proved = certificate_of(entry["id"], entry["hash"])
     summary = None if proved is None else asdict(proved)
-    return {**entry, "certificate": summary, "hash": entry["hash"]}
+    shown = {name: value for name, value in entry.items() if name != "hash"}
+    return {**shown, "certificate": summary, "hash": entry["hash"]}
 
 
 def scenario_details(scenario: Scenario) -> dict[str, Any]:

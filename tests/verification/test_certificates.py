@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,17 +17,28 @@ from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.verification.certificates import certify, check_certificate, shortcomings
 
-NUDGE = find_scenario("nudge/2")
+
+@cache
+def nudge() -> Scenario:
+    return find_scenario("nudge/2")
 
 
 @pytest.fixture(scope="module")
 def proof() -> Certificate:
-    found = certify(NUDGE).certificate
+    found = certify(nudge()).certificate
     assert found is not None
     return found
 
 
-@pytest.mark.parametrize("scenario_id", ["accident/9", "jaywalker/5", "overtake/4", "lane_change_ltd/6"])
+@pytest.mark.parametrize(
+    "scenario_id",
+    [
+        pytest.param("accident/9", marks=pytest.mark.slow),
+        "jaywalker/5",
+        pytest.param("overtake/4", marks=pytest.mark.slow),
+        "lane_change_ltd/6",
+    ],
+)
 def test_a_scenario_of_each_kind_is_certified_and_its_proof_holds(scenario_id: str) -> None:
     scenario = find_scenario(scenario_id)
     verdict = certify(scenario)
@@ -41,16 +53,16 @@ def test_a_scenario_of_each_kind_is_certified_and_its_proof_holds(scenario_id: s
 
 
 def test_the_search_gives_the_same_drive_again(proof: Certificate) -> None:
-    again = certify(NUDGE).certificate
+    again = certify(nudge()).certificate
     assert again is not None
     assert again.as_json() == proof.as_json()
 
 
 def test_a_scenario_that_cannot_be_solved_has_no_certificate_but_a_reason() -> None:
-    lane = NUDGE.obstacles[0].place.lane
-    arc_m = NUDGE.obstacles[0].place.arc_m
+    lane = nudge().obstacles[0].place.lane
+    arc_m = nudge().obstacles[0].place.arc_m
     wall = tuple(Obstacle(LanePosition(lane, arc_m, left_m), "truck") for left_m in (-4.0, 0.0, 4.0, 8.0))
-    verdict = certify(replace(NUDGE, obstacles=wall), most_simulations=6)
+    verdict = certify(replace(nudge(), obstacles=wall), most_simulations=3)
     assert verdict.certificate is None
     assert verdict.reason is not None
     assert "obstacle" in verdict.reason
@@ -62,7 +74,7 @@ def test_where_no_drive_can_be_tried_at_all_there_is_a_reason_too() -> None:
     assert overtake.traffic.oncoming != "none"
     wall = tuple(Obstacle(replace(parked, left_m=left_m), "truck") for left_m in (-4.0, 0.0, 4.0, 8.0))
     late = replace(overtake, obstacles=wall, start=LanePosition(parked.lane, parked.arc_m - 9.0), start_speed_mps=13.0)
-    verdict = certify(late, most_simulations=6)
+    verdict = certify(late, most_simulations=3)
     assert verdict.certificate is None
     assert verdict.simulations == 1
     assert verdict.reason == "no drive was found that avoids everybody"
@@ -95,13 +107,13 @@ def _summed_up(certificate: Certificate, **changes: Any) -> Certificate:
 @pytest.mark.parametrize("what", sorted(TAMPERED))
 def test_a_certificate_that_was_tampered_with_is_refused(what: str, proof: Certificate) -> None:
     tamper, said = TAMPERED[what]
-    problems = check_certificate(NUDGE, tamper(proof))
+    problems = check_certificate(nudge(), tamper(proof))
     assert problems
     assert said in problems[0]
 
 
 def test_a_certificate_of_another_scenario_is_refused(proof: Certificate) -> None:
-    (problem,) = check_certificate(replace(NUDGE, start_speed_mps=5.0), proof)
+    (problem,) = check_certificate(replace(nudge(), start_speed_mps=5.0), proof)
     assert "another scenario" in problem
 
 
@@ -110,8 +122,8 @@ def test_a_certificate_of_another_scenario_is_refused(proof: Certificate) -> Non
 
 def judged(score: float = 1.0, family: str = "nudge", **changes: Any) -> list[str]:
     """The shortcomings of a drive that is faultless but for the changes."""
-    scenario: Scenario = replace(NUDGE, family=family)
-    summary = replace(Summary(NUDGE.id, NUDGE.hash(), score, 150.0, 150.0, True, "0" * 64), **changes)
+    scenario: Scenario = replace(nudge(), family=family)
+    summary = replace(Summary(nudge().id, nudge().hash(), score, 150.0, 150.0, True, "0" * 64), **changes)
     return shortcomings(scenario, sheet(score), summary)
 
 
@@ -149,8 +161,8 @@ def test_seven_tenths_of_the_reference_distance_are_asked_for_short_of_the_goal(
     "name", ["no_collision", "drivable_area", "making_progress", "obstacle_passed", "time_to_collision", "lane_changes"]
 )
 def test_every_gate_time_to_collision_and_the_goal_lane_are_asked_for(name: str) -> None:
-    summary = Summary(NUDGE.id, NUDGE.hash(), 0.95, 150.0, 150.0, True, "0" * 64)
-    (problem,) = shortcomings(NUDGE, sheet(0.95, **{name: 0.5}), summary)
+    summary = Summary(nudge().id, nudge().hash(), 0.95, 150.0, 150.0, True, "0" * 64)
+    (problem,) = shortcomings(nudge(), sheet(0.95, **{name: 0.5}), summary)
     assert name in problem
 
 
@@ -158,7 +170,7 @@ def test_nobody_may_touch_the_ego() -> None:
     touched = sheet(1.0)
     contact = {"track": "a1", "time_s": 3.0}
     touched.metrics["no_collision"].detail["contacts"] = [contact]  # type: ignore[index]
-    (problem,) = shortcomings(NUDGE, touched, Summary(NUDGE.id, NUDGE.hash(), 1.0, 150.0, 150.0, True, "0" * 64))
+    (problem,) = shortcomings(nudge(), touched, Summary(nudge().id, nudge().hash(), 1.0, 150.0, 150.0, True, "0" * 64))
     assert problem == "touched by a1 at 3.0 s"
 
 

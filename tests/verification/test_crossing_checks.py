@@ -6,7 +6,7 @@ from math import hypot
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from stages import ONE_LANE, family_problems, staged
 from worlds import straight_road
@@ -149,6 +149,7 @@ def simulated(scenario: Scenario, roads: Roads, ego_x: np.ndarray, speed_mps: np
     return np.array(places).transpose(1, 0, 2)
 
 
+@settings(max_examples=30)
 @given(
     speed_mps=st.floats(1.0, 13.9),
     ways=st.lists(

@@ -29,7 +29,7 @@ def test_without_a_limit_a_bend_is_driven_at_what_is_comfortable() -> None:
     assert cap_mps.min() == pytest.approx(np.sqrt(LATERAL_MPS2 * 20.0), rel=0.1)
 
 
-def test_a_course_may_begin_inside_a_junction() -> None:
+def test_a_corridor_may_begin_inside_a_junction() -> None:
     roads = junction()
     path = next(iter(roads.connectors.values()))
     route = roads.route_through((path.id, path.to_lane_id))
@@ -38,6 +38,7 @@ def test_a_course_may_begin_inside_a_junction() -> None:
     assert found.lane_paths[found.start_path].at_goal
 
 
+@pytest.mark.slow
 def test_a_drive_that_begins_beside_the_middle_of_its_lane_is_found() -> None:
     scenario = find_scenario("lane_change_ltd/0")
     aside = replace(scenario, start=replace(scenario.start, left_m=0.45), start_speed_mps=6.0)

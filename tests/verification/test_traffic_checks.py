@@ -114,7 +114,9 @@ def test_an_empty_road_needs_no_sumo() -> None:
     assert traffic_problems(staged(map="nowhere"), ONE_LANE) == []
 
 
-@pytest.mark.parametrize("name", sorted(maps()))
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name == "back_bay" else pytest.mark.slow) for name in sorted(maps())]
+)
 def test_dense_traffic_near_junctions_is_safe_at_the_start(name: str) -> None:
     """Every tenth lane that is long enough, oncoming lanes full, whatever the lights show."""
     roads = load_roads(name)
