@@ -49,9 +49,7 @@ def test_each_fault_is_told_and_the_end_is_summed_up(
     assert "mean score 50.0" in text
 
 
-def test_plain_progress_says_what_was_done_before() -> None:
-    assert "4 jobs, 1 of them done already" in spoken(PlainProgress, False)
-
-
-def test_plain_progress_has_no_control_characters() -> None:
-    assert "\x1b" not in spoken(PlainProgress, False)
+def test_plain_progress_says_what_was_done_before_without_control_characters() -> None:
+    said = spoken(PlainProgress, False)
+    assert "4 jobs, 1 of them done already" in said
+    assert "\x1b" not in said
