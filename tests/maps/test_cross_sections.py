@@ -1,4 +1,4 @@
-"""Ribbons: parallel lanes as cross-sections."""
+"""CrossSections: parallel lanes as cross-sections."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interplan_sumo.maps.importers.cross_sections import SPACING_M, Ribbon, bridge, cells, largest, sound
+from interplan_sumo.maps.importers.cross_sections import SPACING_M, CrossSections, bridge, cells, largest, sound
 from interplan_sumo.world.geometry import Floats
 
 lines = st.lists(st.tuples(st.floats(0.5, 30.0), st.floats(-0.4, 0.4)), min_size=2, max_size=8)
@@ -21,8 +21,8 @@ def boundary(steps: list[tuple[float, float]], left_m: float) -> Floats:
     return np.stack((x, y), axis=1)
 
 
-def straight(*left_m: float, length_m: float = 20.0) -> Ribbon:
-    return Ribbon.of([np.array([[0.0, y], [length_m, y]]) for y in left_m])
+def straight(*left_m: float, length_m: float = 20.0) -> CrossSections:
+    return CrossSections.of([np.array([[0.0, y], [length_m, y]]) for y in left_m])
 
 
 @given(lines, lines)
@@ -31,37 +31,39 @@ def test_every_vertex_of_a_boundary_stays_and_spacing_is_bounded(
 ) -> None:
     """Up to a centimetre: vertices that nearly coincide are one."""
     boundaries = boundary(left, 4.0), boundary(right, 0.0)
-    ribbon = Ribbon.of(boundaries)
+    band = CrossSections.of(boundaries)
     for k, line in enumerate(boundaries):
-        drawn = shapely.LineString(ribbon.across[:, k])
+        drawn = shapely.LineString(band.across[:, k])
         assert shapely.distance(drawn, shapely.points(line)).max() < 0.02
-        assert np.hypot(*np.diff(ribbon.across[:, k], axis=0).T).max() <= SPACING_M + 0.02
+        assert np.hypot(*np.diff(band.across[:, k], axis=0).T).max() <= SPACING_M + 0.02
 
 
 @given(lines, st.floats(0.05, 0.95))
 def test_a_ribbon_cut_in_two_covers_what_it_did(steps: list[tuple[float, float]], share: float) -> None:
-    ribbon = Ribbon.of((boundary(steps, 3.0), boundary(steps, 0.0)))
-    cut_m = share * ribbon.length_m
-    first, second = ribbon.cut(0.0, cut_m), ribbon.cut(cut_m, ribbon.length_m)
-    assert first.length_m + second.length_m == pytest.approx(ribbon.length_m, abs=0.03)
+    band = CrossSections.of((boundary(steps, 3.0), boundary(steps, 0.0)))
+    cut_m = share * band.length_m
+    first, second = band.cut(0.0, cut_m), band.cut(cut_m, band.length_m)
+    assert first.length_m + second.length_m == pytest.approx(band.length_m, abs=0.03)
     assert np.allclose(first.across[-1], second.across[0])
     area = first.polygon().area + second.polygon().area
-    assert area == pytest.approx(ribbon.polygon().area, rel=1e-3, abs=0.05)
+    assert area == pytest.approx(band.polygon().area, rel=1e-3, abs=0.05)
 
 
 def test_neighbours_share_their_boundary_exactly_wherever_they_are_cut() -> None:
     bend = np.linspace(0.0, 1.2, 30)
-    ribbon = Ribbon.of([np.stack((r * np.sin(bend), r * (1 - np.cos(bend)) - r), axis=1) for r in (20.0, 23.5, 27.0)])
-    piece = ribbon.cut(3.217, 17.9)
-    assert np.array_equal(piece.boundary(1).points, piece.lane(0).boundary(1).points)
-    assert np.array_equal(piece.lane(0).boundary(1).points, piece.lane(1).boundary(0).points)
-    assert shapely.area(shapely.intersection(piece.polygon(0), piece.polygon(1))) < 1e-9
+    band = CrossSections.of(
+        [np.stack((r * np.sin(bend), r * (1 - np.cos(bend)) - r), axis=1) for r in (20.0, 23.5, 27.0)]
+    )
+    segment = band.cut(3.217, 17.9)
+    assert np.array_equal(segment.boundary(1).points, segment.lane(0).boundary(1).points)
+    assert np.array_equal(segment.lane(0).boundary(1).points, segment.lane(1).boundary(0).points)
+    assert shapely.area(shapely.intersection(segment.polygon(0), segment.polygon(1))) < 1e-9
 
 
 @pytest.mark.parametrize("gap_m", [0.4, -0.4])
 def test_ends_that_nearly_meet_are_welded_half_way(gap_m: float) -> None:
     one = straight(1.5, -1.5)
-    both = one.joined(Ribbon(one.across + np.array((20.0 + gap_m, 0.0))))
+    both = one.joined(CrossSections(one.across + np.array((20.0 + gap_m, 0.0))))
     assert both.length_m == pytest.approx(40.0 + gap_m)
     assert (np.diff(both.across[:, 0, 0]) > 0.0).all()
     assert 20.0 + gap_m / 2.0 == pytest.approx(both.across[np.argmin(abs(both.across[:, 0, 0] - 20.0)), 0, 0], abs=0.01)
@@ -69,11 +71,11 @@ def test_ends_that_nearly_meet_are_welded_half_way(gap_m: float) -> None:
 
 def test_joined_ribbons_have_one_cross_section_at_the_seam() -> None:
     one = straight(1.5, -1.5)
-    two = Ribbon(one.across + np.array((20.0, 0.0)))
+    two = CrossSections(one.across + np.array((20.0, 0.0)))
     both = one.joined(two)
     assert len(both.across) == len(one.across) + len(two.across) - 1
     assert both.length_m == pytest.approx(40.0)
-    apart = one.joined(Ribbon(two.across + np.array((0.7, 0.0))))
+    apart = one.joined(CrossSections(two.across + np.array((0.7, 0.0))))
     assert len(apart.across) == len(one.across) + len(two.across)
 
 
@@ -85,7 +87,7 @@ def test_a_moved_ribbon_ends_where_it_shall_and_is_spread_between() -> None:
 
 
 def test_a_bridge_leaves_and_arrives_straight() -> None:
-    after = Ribbon(straight(1.0, -1.0).across + np.array((50.0, 6.0)))
+    after = CrossSections(straight(1.0, -1.0).across + np.array((50.0, 6.0)))
     curve = bridge(straight(1.5, -1.5), after)
     assert curve.middles[0, 0] == pytest.approx((20.0, 0.0))
     assert curve.middles[-1, 0] == pytest.approx((50.0, 6.0))
@@ -121,4 +123,4 @@ def test_a_surface_whose_boundaries_cross_keeps_its_largest_part() -> None:
 
 def test_a_line_without_length_is_refused() -> None:
     with pytest.raises(ValueError, match="two distinct points"):
-        Ribbon.of((np.zeros((3, 2)), np.array([[0.0, 0.0], [1.0, 0.0]])))
+        CrossSections.of((np.zeros((3, 2)), np.array([[0.0, 0.0], [1.0, 0.0]])))

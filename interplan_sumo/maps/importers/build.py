@@ -12,10 +12,10 @@ import shapely
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers import signs
 from interplan_sumo.maps.importers.areas import clipped, intersections, numbered, surface_of
-from interplan_sumo.maps.importers.connector_paths import ConnectorPath, SegmentLane, SegmentSurfaces, ways
-from interplan_sumo.maps.importers.cross_sections import Ribbon
+from interplan_sumo.maps.importers.connector_paths import ConnectorPath, SegmentLane, SegmentSurfaces, connector_paths
+from interplan_sumo.maps.importers.cross_sections import CrossSections
 from interplan_sumo.maps.importers.drop_invalid import drop_invalid
-from interplan_sumo.maps.importers.lane_segments import JOINT_M, links, pieces
+from interplan_sumo.maps.importers.lane_segments import JOINT_M, lane_segments, links
 from interplan_sumo.maps.importers.record import LaneOrigin
 from interplan_sumo.maps.importers.sections import SourceStretch, sections
 from interplan_sumo.maps.importers.smooth import FARTHEST_IN_JUNCTION_M, smoothed
@@ -46,7 +46,7 @@ class Built:
 def build(source: SourceMap) -> Built:
     """The map in nuPlan's terms; MapError if the file has no lane.
 
-    See `pieces` for what becomes a lane and what a connector. A roadblock is a
+    See `segments` for what becomes a lane and what a connector. A roadblock is a
     stretch of lanes side by side; a roadblock connector holds all connectors
     between the same two. Ids are new; `Built.origins` says what came from where.
     """
@@ -54,7 +54,9 @@ def build(source: SourceMap) -> Built:
         raise MapError(f"{source.name}: the file holds no lane for cars")
     parts = sections(source)
     joined = links(source.lanes, parts)
-    drawing = _Drawing(source, SegmentSurfaces(parts, pieces(source.lanes, parts, joined), joined, source.driving_side))
+    drawing = _Drawing(
+        source, SegmentSurfaces(parts, lane_segments(source.lanes, parts, joined), joined, source.driving_side)
+    )
     drawing.draw_lanes()
     drawing.draw_connectors()
     left_out: dict[str, list[str]] = defaultdict(list)
@@ -79,7 +81,7 @@ class _Drawing:
     roadblocks: dict[str, Roadblock] = field(default_factory=dict[str, Roadblock])
     origins: dict[str, tuple[LaneOrigin, ...]] = field(default_factory=dict[str, tuple[LaneOrigin, ...]])
     id_of: dict[SegmentLane, str] = field(default_factory=dict[SegmentLane, str])
-    ways: dict[str, ConnectorPath] = field(default_factory=dict[str, ConnectorPath])
+    paths: dict[str, ConnectorPath] = field(default_factory=dict[str, ConnectorPath])
     used: set[SegmentLane] = field(default_factory=set[SegmentLane])
 
     # --- lanes -----------------------------------------------------------------------------------
@@ -88,15 +90,15 @@ class _Drawing:
         surfaces: dict[str, shapely.Polygon] = {}
         grounds: dict[str, shapely.Polygon] = {}
         members: dict[str, list[str]] = {}
-        for s, section_pieces in enumerate(self.ground.pieces):
-            for p, piece in enumerate(section_pieces):
-                if not piece.is_lane:
+        for s, section_segments in enumerate(self.ground.segments):
+            for p, segment in enumerate(section_segments):
+                if not segment.is_lane:
                     continue
                 block = str(len(members) + 1)
                 members[block] = []
-                ribbon = self.ground.surface(s, p)
-                grounds[block] = ribbon.outline()
-                for i in range(ribbon.lanes):
+                band = self.ground.surface(s, p)
+                grounds[block] = band.outline()
+                for i in range(band.lanes):
                     if SegmentLane(s, p, i) in self.ground.twins:
                         self.used.add(SegmentLane(s, p, i))
                         continue
@@ -104,8 +106,8 @@ class _Drawing:
                     self.id_of[SegmentLane(s, p, i)] = id_
                     self.used.add(SegmentLane(s, p, i))
                     members[block].append(id_)
-                    surfaces[id_] = ribbon.polygon(i)
-                    self.lanes[id_] = self._lane(SegmentLane(s, p, i), id_, block, ribbon)
+                    surfaces[id_] = band.polygon(i)
+                    self.lanes[id_] = self._lane(SegmentLane(s, p, i), id_, block, band)
         for id_, polygon in clipped(surfaces).items():
             lane = self.lanes[id_]
             self.lanes[id_] = Lane(
@@ -115,8 +117,8 @@ class _Drawing:
         for block, polygon in clipped({block: grounds[block] for block, ids in members.items() if ids}).items():
             self.roadblocks[block] = Roadblock(block, polygon, tuple(members[block]))
 
-    def _lane(self, node: SegmentLane, id_: str, block: str, ribbon: Ribbon) -> Lane:
-        line = smoothed(ribbon.centerline(node.lane))
+    def _lane(self, node: SegmentLane, id_: str, block: str, band: CrossSections) -> Lane:
+        line = smoothed(band.centerline(node.lane))
         self.origins[id_] = self._origins((node,), (0.0, 0.0), line)
         first = self.ground.sections[node.section].columns[node.lane][0]
         return Lane(
@@ -124,9 +126,9 @@ class _Drawing:
             roadblock_id=block,
             index=node.lane,
             centerline=line,
-            polygon=ribbon.polygon(node.lane),
-            left_boundary=ribbon.boundary(node.lane),
-            right_boundary=ribbon.boundary(node.lane + 1),
+            polygon=band.polygon(node.lane),
+            left_boundary=band.boundary(node.lane),
+            right_boundary=band.boundary(node.lane + 1),
             speed_limit_mps=self.source.lanes[first].speed_limit_mps,
         )
 
@@ -134,57 +136,57 @@ class _Drawing:
 
     def draw_connectors(self) -> None:
         between: dict[tuple[str, str], list[ConnectorPath]] = defaultdict(list)
-        for way in ways(self.ground):
-            if way.ribbon.length_m < _SHORTEST_M:
+        for path in connector_paths(self.ground):
+            if path.band.length_m < _SHORTEST_M:
                 continue
-            ends = (self.lanes[self.id_of[node]].roadblock_id for node in (way.start, way.end))
-            between[next(ends), next(ends)].append(way)
-            self.used.update(way.parts)
+            ends = (self.lanes[self.id_of[node]].roadblock_id for node in (path.start, path.end))
+            between[next(ends), next(ends)].append(path)
+            self.used.update(path.parts)
         for number, ((start, end), found) in enumerate(sorted(between.items(), key=_by_blocks)):
             block = str(BLOCKS_BEFORE_WAYS + number + 1)
-            found.sort(key=lambda way: (way.start.lane, way.end.lane, way.start, way.end))
+            found.sort(key=lambda path: (path.start.lane, path.end.lane, path.start, path.end))
             ids = [str(int(block) * LANES_PER_BLOCK + k) for k in range(len(found))]
-            for id_, way in zip(ids, found, strict=True):
-                self.ways[id_] = way
-                self.connectors[id_] = self._connector(way, id_, block)
+            for id_, path in zip(ids, found, strict=True):
+                self.paths[id_] = path
+                self.connectors[id_] = self._connector(path, id_, block)
             shape = surface_of([self.connectors[id_].polygon for id_ in ids])
             self.roadblocks[block] = Roadblock(block, shape, tuple(ids), is_connector=True, from_id=start, to_id=end)
 
-    def _connector(self, way: ConnectorPath, id_: str, block: str) -> Connector:
-        ends = (self.lanes[self.id_of[node]].centerline for node in (way.start, way.end))
-        line = smoothed(way.ribbon.centerline(), *ends, farthest_m=FARTHEST_IN_JUNCTION_M)
-        self.origins[id_] = self._origins(way.parts, way.drawn_m, line)
-        polygon = way.ribbon.polygon()
+    def _connector(self, path: ConnectorPath, id_: str, block: str) -> Connector:
+        ends = (self.lanes[self.id_of[node]].centerline for node in (path.start, path.end))
+        line = smoothed(path.band.centerline(), *ends, farthest_m=FARTHEST_IN_JUNCTION_M)
+        self.origins[id_] = self._origins(path.parts, path.drawn_m, line)
+        polygon = path.band.polygon()
         if polygon.is_empty:
             polygon = shapely.buffer(line.linestring, 1.0, cap_style="flat")
         return Connector(
             id=id_,
             roadblock_id=block,
-            from_lane_id=self.id_of[way.start],
-            to_lane_id=self.id_of[way.end],
+            from_lane_id=self.id_of[path.start],
+            to_lane_id=self.id_of[path.end],
             centerline=line,
             polygon=polygon,
-            left_boundary=way.ribbon.boundary(0),
-            right_boundary=way.ribbon.boundary(1),
-            speed_limit_mps=self._limit_mps(way),
+            left_boundary=path.band.boundary(0),
+            right_boundary=path.band.boundary(1),
+            speed_limit_mps=self._limit_mps(path),
             turn=_turn(line),
         )
 
-    def _limit_mps(self, way: ConnectorPath) -> float | None:
+    def _limit_mps(self, path: ConnectorPath) -> float | None:
         """The lowest limit of the lanes of the file on the way; on a mere joint that of the lane before it."""
-        rows = [row for node in way.parts for row in self._stretches(node)]
+        rows = [row for node in path.parts for row in self._stretches(node)]
         own = [row for row in rows if row.length_m > 2.0 * JOINT_M or row.to_share - row.from_share > 0.99]
         limits = [self.source.lanes[row.source_id].speed_limit_mps for row in own]
         if not own:
-            return self.lanes[self.id_of[way.start]].speed_limit_mps
+            return self.lanes[self.id_of[path.start]].speed_limit_mps
         return min((limit for limit in limits if limit is not None), default=None)
 
     # --- where things come from ------------------------------------------------------------------
 
     def _stretches(self, node: SegmentLane) -> tuple[SourceStretch, ...]:
         """Lanes of the file along a node."""
-        piece = self.ground.piece(node)
-        return self.ground.sections[node.section].stretches(node.lane, piece.start_m, piece.end_m)
+        segment = self.ground.segment(node)
+        return self.ground.sections[node.section].stretches(node.lane, segment.start_m, segment.end_m)
 
     def _origins(
         self, nodes: Sequence[SegmentLane], drawn_m: Sequence[float], line: Polyline
@@ -223,7 +225,7 @@ class _Drawing:
     # --- the whole -------------------------------------------------------------------------------
 
     def roads(self) -> Roads:
-        controls = signs.controls(self.source, self.ground, self.ways)
+        controls = signs.controls(self.source, self.ground, self.paths)
         stop_lines, connectors = signs.place(self.source, controls, self.lanes, self.connectors)
         areas, roadblocks = intersections(self.lanes, connectors, self.roadblocks, controls)
         paved = [*self.source.drivable, *(item.polygon for item in self.source.left_out if item.polygon is not None)]

@@ -1,4 +1,4 @@
-"""Ways: every path from one lane to the next over the pieces between them, as connectors to be."""
+"""Ways: every path from one lane to the next over the segments between them, as connectors to be."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.importers.cross_sections import Ribbon, bridge
-from interplan_sumo.maps.importers.lane_segments import OVERLAP_SHARE, Links, Piece
+from interplan_sumo.maps.importers.cross_sections import CrossSections, bridge
+from interplan_sumo.maps.importers.lane_segments import OVERLAP_SHARE, LaneSegment, Links
 from interplan_sumo.maps.importers.sections import LaneSection
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import DrivingSide
@@ -22,14 +22,14 @@ FARTHEST_M = 80.0
 """No way is drawn over a wider gap: such a link is a fault of the file."""
 _ALONG_RAD = np.radians(45.0)
 MOST_PARTS = 24
-"""Pieces in one way; longer chains of overlaps do not occur on roads."""
+"""Segments in one way; longer chains of overlaps do not occur on roads."""
 
 
 class SegmentLane(NamedTuple):
-    """One lane of one piece of a section."""
+    """One lane of one segment of a section."""
 
     section: int
-    piece: int
+    segment: int
     lane: int
 
 
@@ -39,9 +39,9 @@ class ConnectorPath:
 
     start: SegmentLane
     parts: tuple[SegmentLane, ...]
-    """The pieces between; none where only a gap lies between the two."""
+    """The segments between; none where only a gap lies between the two."""
     end: SegmentLane
-    ribbon: Ribbon
+    band: CrossSections
     """Of one lane, from end to start exactly."""
     drawn_m: tuple[float, ...]
     """Length of the curve drawn over a gap before each part and before the end; 0 where both meet."""
@@ -49,10 +49,10 @@ class ConnectorPath:
 
 @dataclass(eq=False)
 class SegmentSurfaces:
-    """The pieces of a map, with the surface of each."""
+    """The segments of a map, with the surface of each."""
 
     sections: Sequence[LaneSection]
-    pieces: Sequence[Sequence[Piece]]
+    segments: Sequence[Sequence[LaneSegment]]
     links: Links
     side: DrivingSide = "right"
     torn: list[tuple[SegmentLane, SegmentLane, float]] = field(
@@ -62,7 +62,7 @@ class SegmentSurfaces:
     twins: dict[SegmentLane, SegmentLane] = field(init=False)
     """Lanes that lie on another one where both lead out of the map, or into it, with that other: they are one."""
     _twins_of: dict[SegmentLane, list[SegmentLane]] = field(init=False)
-    _ribbons: dict[tuple[int, int], Ribbon] = field(default_factory=dict[tuple[int, int], Ribbon])
+    _bands: dict[tuple[int, int], CrossSections] = field(default_factory=dict[tuple[int, int], CrossSections])
 
     def __post_init__(self) -> None:
         self.twins = {}
@@ -72,31 +72,31 @@ class SegmentSurfaces:
             self._twins_of.setdefault(twin, []).append(other)
         _part_opposed(self, self.side)
 
-    def piece(self, node: SegmentLane) -> Piece:
-        return self.pieces[node.section][node.piece]
+    def segment(self, node: SegmentLane) -> LaneSegment:
+        return self.segments[node.section][node.segment]
 
-    def surface(self, section: int, piece: int) -> Ribbon:
-        """The ribbon of a piece."""
-        key = section, piece
-        if key not in self._ribbons:
-            part = self.pieces[section][piece]
-            ribbon = self.sections[section].ribbon.cut(part.start_m, part.end_m)
-            self._ribbons[key] = ribbon.uncrossed() if ribbon.lanes == 1 else ribbon
-        return self._ribbons[key]
+    def surface(self, section: int, segment: int) -> CrossSections:
+        """The band of a segment."""
+        key = section, segment
+        if key not in self._bands:
+            part = self.segments[section][segment]
+            band = self.sections[section].band.cut(part.start_m, part.end_m)
+            self._bands[key] = band.uncrossed() if band.lanes == 1 else band
+        return self._bands[key]
 
     def narrow(self, node: SegmentLane, side: DrivingSide) -> None:
-        """Keep only the left or right half of a piece of one lane."""
-        across = self.surface(node.section, node.piece).across
+        """Keep only the left or right half of a segment of one lane."""
+        across = self.surface(node.section, node.segment).across
         middle = across.mean(axis=1)
         halves = (across[:, 0], middle) if side == "left" else (middle, across[:, 1])
-        self._ribbons[node.section, node.piece] = Ribbon(np.stack(halves, axis=1))
+        self._bands[node.section, node.segment] = CrossSections(np.stack(halves, axis=1))
 
-    def ribbon(self, node: SegmentLane) -> Ribbon:
-        """The ribbon of one lane of a piece."""
-        return self.surface(node.section, node.piece).lane(node.lane)
+    def band(self, node: SegmentLane) -> CrossSections:
+        """The band of one lane of a segment."""
+        return self.surface(node.section, node.segment).lane(node.lane)
 
     def nodes(self) -> Iterator[SegmentLane]:
-        for s, parts in enumerate(self.pieces):
+        for s, parts in enumerate(self.segments):
             for p in range(len(parts)):
                 for i in range(self.sections[s].lanes):
                     yield SegmentLane(s, p, i)
@@ -108,8 +108,8 @@ class SegmentSurfaces:
         return tuple(dict.fromkeys(found))
 
     def _ahead(self, node: SegmentLane) -> tuple[SegmentLane, ...]:
-        if node.piece + 1 < len(self.pieces[node.section]):
-            return (SegmentLane(node.section, node.piece + 1, node.lane),)
+        if node.segment + 1 < len(self.segments[node.section]):
+            return (SegmentLane(node.section, node.segment + 1, node.lane),)
         ahead = self.links.ahead.get((node.section, node.lane), ())
         return tuple(SegmentLane(s, 0, i) for s, i in ahead)
 
@@ -136,7 +136,7 @@ def _part_opposed(ground: SegmentSurfaces, side: DrivingSide) -> None:
 
 def _lying_on(ground: SegmentSurfaces, nodes: Sequence[SegmentLane]) -> list[tuple[SegmentLane, SegmentLane]]:
     """Pairs of lanes that share too much of the surface of one of them, the earlier first."""
-    shapes = np.array([ground.ribbon(node).polygon() for node in nodes], dtype=object)
+    shapes = np.array([ground.band(node).polygon() for node in nodes], dtype=object)
     if not len(shapes):
         return []
     one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
@@ -149,54 +149,54 @@ def _lying_on(ground: SegmentSurfaces, nodes: Sequence[SegmentLane]) -> list[tup
 
 def _turned_rad(ground: SegmentSurfaces, one: SegmentLane, other: SegmentLane) -> float:
     """The angle between the directions of two lanes."""
-    headings = [ground.ribbon(node).centerline().segment_heading_rad[0] for node in (one, other)]
+    headings = [ground.band(node).centerline().segment_heading_rad[0] for node in (one, other)]
     return abs(float(wrap_angle(headings[1] - headings[0])))
 
 
 def _is_loose(ground: SegmentSurfaces, node: SegmentLane, *, at_end: bool) -> bool:
     """Whether a lane begins (or ends) where the map does."""
-    parts = ground.pieces[node.section]
+    parts = ground.segments[node.section]
     links = ground.links.ahead if at_end else ground.links.behind
-    at_edge = node.piece == (len(parts) - 1 if at_end else 0)
-    return len(parts) > 1 and at_edge and parts[node.piece].is_lane and not links.get((node.section, node.lane))
+    at_edge = node.segment == (len(parts) - 1 if at_end else 0)
+    return len(parts) > 1 and at_edge and parts[node.segment].is_lane and not links.get((node.section, node.lane))
 
 
-def ways(ground: SegmentSurfaces) -> tuple[ConnectorPath, ...]:
+def connector_paths(ground: SegmentSurfaces) -> tuple[ConnectorPath, ...]:
     """All ways of a map; of several between the same two lanes the shortest, since SUMO knows one."""
     best: dict[tuple[SegmentLane, SegmentLane], ConnectorPath] = {}
     torn: dict[tuple[SegmentLane, SegmentLane], float] = {}
     for start in ground.nodes():
-        if not ground.piece(start).is_lane or start in ground.twins:
+        if not ground.segment(start).is_lane or start in ground.twins:
             continue
         for parts, end in _paths(ground, start):
-            way = _way(ground, (start, *parts, end), torn)
+            way = _connector_path(ground, (start, *parts, end), torn)
             known = best.get((start, end))
-            if way is not None and (known is None or way.ribbon.length_m < known.ribbon.length_m):
+            if way is not None and (known is None or way.band.length_m < known.band.length_m):
                 best[start, end] = way
     ground.torn.extend((a, b, gap_m) for (a, b), gap_m in torn.items())
     return tuple(best.values())
 
 
 def _paths(ground: SegmentSurfaces, start: SegmentLane) -> Iterator[tuple[tuple[SegmentLane, ...], SegmentLane]]:
-    """Every path from a lane to a lane: the pieces between, and where it ends."""
+    """Every path from a lane to a lane: the segments between, and where it ends."""
     stack: list[tuple[SegmentLane, ...]] = [(node,) for node in reversed(ground.following(start))]
     while stack:
         path = stack.pop()
-        if ground.piece(path[-1]).is_lane:
+        if ground.segment(path[-1]).is_lane:
             yield path[:-1], path[-1]
         elif len(path) <= MOST_PARTS:
             stack += [(*path, node) for node in reversed(ground.following(path[-1])) if node not in path]
 
 
-def _way(
+def _connector_path(
     ground: SegmentSurfaces, path: Sequence[SegmentLane], torn: dict[tuple[SegmentLane, SegmentLane], float]
 ) -> ConnectorPath | None:
     """What lies between the first and the last lane of a path; None where the path is torn."""
-    found: Ribbon | None = None
+    found: CrossSections | None = None
     drawn_m: list[float] = []
-    before = ground.ribbon(path[0])
+    before = ground.band(path[0])
     for here, there in pairwise(path):
-        after = ground.ribbon(there)
+        after = ground.band(there)
         gap_m = float(np.hypot(*(after.middles[0, 0] - before.middles[-1, 0])))
         if gap_m > FARTHEST_M:
             torn[here, there] = gap_m
@@ -208,8 +208,8 @@ def _way(
         if there != path[-1]:
             found = after if found is None else found.joined(after)
         before = after
-    if found is None:  # two lanes that meet, with nothing between: cannot be, joints give each a piece
+    if found is None:  # two lanes that meet, with nothing between: cannot be, joints give each a segment
         return None
-    start, end = ground.ribbon(path[0]).middles[-1, 0], ground.ribbon(path[-1]).middles[0, 0]
+    start, end = ground.band(path[0]).middles[-1, 0], ground.band(path[-1]).middles[0, 0]
     whole = found.moved(start - found.middles[0, 0], end - found.middles[-1, 0]).uncrossed()
     return ConnectorPath(path[0], tuple(path[1:-1]), path[-1], whole, tuple(drawn_m))

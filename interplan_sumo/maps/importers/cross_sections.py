@@ -1,4 +1,4 @@
-"""Ribbons: parallel lanes as cross-sections, so that neighbours share every vertex however they are cut."""
+"""CrossSections: parallel lanes as cross-sections, so that neighbours share every vertex however they are cut."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _SAME_M = 0.01  # vertices closer than this along a line are one
 
 
 @dataclass(frozen=True, eq=False)
-class Ribbon:
+class CrossSections:
     """A stretch of `n` parallel lanes: the points of their `n + 1` boundaries at K cross-sections."""
 
     across: Floats
     """(K, n + 1, 2) metres; boundaries from left to right, cross-sections in the direction of travel."""
 
     @classmethod
-    def of(cls, boundaries: Sequence[Floats]) -> Ribbon:
-        """The ribbon between lines of (N, 2) points each, from left to right.
+    def of(cls, boundaries: Sequence[Floats]) -> CrossSections:
+        """The band between lines of (N, 2) points each, from left to right.
 
         Lines are matched by their relative arc length, or vertex by vertex
         where that brings them closer; every vertex of each makes a
@@ -48,10 +48,10 @@ class Ribbon:
         beside = np.abs(grid[1:-1, None] - inner[None, :]).min(axis=1, initial=1.0) * longest_m < SPACING_M / 3.0
         shares = np.unique(np.concatenate((grid[:1], inner, grid[1:-1][~beside], grid[-1:])))
         arcs = [np.interp(shares, own, line.arc_m) for own, line in zip(knots, lines, strict=True)]
-        pieces = np.maximum(1, np.ceil(np.max([np.diff(arc) for arc in arcs], axis=0) / SPACING_M)).astype(np.int64)
-        starts = np.repeat(shares[:-1], pieces)
-        within = np.concatenate([np.arange(count) / count for count in pieces])
-        shares = np.append(starts + within * np.repeat(np.diff(shares), pieces), shares[-1])
+        segments = np.maximum(1, np.ceil(np.max([np.diff(arc) for arc in arcs], axis=0) / SPACING_M)).astype(np.int64)
+        starts = np.repeat(shares[:-1], segments)
+        within = np.concatenate([np.arange(count) / count for count in segments])
+        shares = np.append(starts + within * np.repeat(np.diff(shares), segments), shares[-1])
         arcs = [np.interp(shares, own, line.arc_m) for own, line in zip(knots, lines, strict=True)]
         return cls(np.stack([line.poses_at(arc)[:, :2] for line, arc in zip(lines, arcs, strict=True)], axis=1))
 
@@ -72,18 +72,18 @@ class Ribbon:
 
     @cached_property
     def station_m(self) -> Floats:
-        """(K,) distance along the ribbon, the mean of its lanes."""
+        """(K,) distance along the band, the mean of its lanes."""
         return self.arcs_m.mean(axis=1)
 
     @property
     def length_m(self) -> float:
         return float(self.station_m[-1])
 
-    def cut(self, start_m: float, end_m: float) -> Ribbon:
-        """The ribbon between two stations, `start_m` < `end_m`."""
+    def cut(self, start_m: float, end_m: float) -> CrossSections:
+        """The band between two stations, `start_m` < `end_m`."""
         at = self.station_m
         inside = self.across[(at > start_m + _SAME_M) & (at < end_m - _SAME_M)]
-        return Ribbon(np.concatenate((self._at(start_m)[None], inside, self._at(end_m)[None])))
+        return CrossSections(np.concatenate((self._at(start_m)[None], inside, self._at(end_m)[None])))
 
     def _at(self, station_m: float) -> Floats:
         """(n + 1, 2) the cross-section at a station."""
@@ -92,30 +92,30 @@ class Ribbon:
         share = min(1.0, max(0.0, (station_m - first) / (last - first))) if last > first else 0.0
         return (1.0 - share) * self.across[row] + share * self.across[row + 1]
 
-    def joined(self, other: Ribbon) -> Ribbon:
-        """This ribbon followed by another of as many lanes; where they nearly meet they are welded half-way.
+    def joined(self, other: CrossSections) -> CrossSections:
+        """This band followed by another of as many lanes; where they nearly meet they are welded half-way.
 
-        Ends further apart than `WELDED_M` are joined by a straight piece.
+        Ends further apart than `WELDED_M` are joined by a straight segment.
         """
         gap_m = float(np.hypot(*(other.across[0] - self.across[-1]).T).max())
         if gap_m > WELDED_M:
-            return Ribbon(np.concatenate((self.across, other.across)))
+            return CrossSections(np.concatenate((self.across, other.across)))
         before = self.across[:-1][self.station_m[:-1] < max(self.length_m - gap_m, _SAME_M)]
         after = other.across[1:][other.station_m[1:] > min(gap_m, other.length_m - _SAME_M)]
         seam = (self.across[-1:] + other.across[:1]) / 2.0
-        return Ribbon(np.concatenate((before, seam, after)))
+        return CrossSections(np.concatenate((before, seam, after)))
 
-    def lane(self, index: int) -> Ribbon:
+    def lane(self, index: int) -> CrossSections:
         """One lane of it."""
-        return Ribbon(self.across[:, index : index + 2])
+        return CrossSections(self.across[:, index : index + 2])
 
-    def moved(self, start: Floats, end: Floats) -> Ribbon:
-        """The ribbon with its ends moved by two vectors (2,), and what lies between in proportion."""
+    def moved(self, start: Floats, end: Floats) -> CrossSections:
+        """The band with its ends moved by two vectors (2,), and what lies between in proportion."""
         share = (self.station_m / max(self.length_m, 1e-9))[:, None, None]
-        return Ribbon(self.across + (1.0 - share) * start + share * end)
+        return CrossSections(self.across + (1.0 - share) * start + share * end)
 
-    def uncrossed(self) -> Ribbon:
-        """A ribbon of one lane, at even width around its middle where its boundaries change sides or turn back."""
+    def uncrossed(self) -> CrossSections:
+        """A band of one lane, at even width around its middle where its boundaries change sides or turn back."""
         (width_m,) = np.median(np.hypot(*np.moveaxis(np.diff(self.across, axis=1), -1, 0)), axis=0).tolist()
         ring = np.concatenate((self.across[:, 1], self.across[::-1, 0])) - self.across[0, 0]
         x, y = ring.T
@@ -128,7 +128,7 @@ class Ribbon:
         if line.length_m < 2.0 * width_m:  # too short to bend at this width
             heading = np.full_like(heading, np.arctan2(*(line.points[-1] - line.points[0])[::-1]))
         half = max(width_m, _NARROWEST_M) / 2.0 * np.stack((-np.sin(heading), np.cos(heading)), axis=1)
-        return Ribbon(np.stack((line.points + half, line.points - half), axis=1))
+        return CrossSections(np.stack((line.points + half, line.points - half), axis=1))
 
     # --- one lane as nuPlan wants it ---------------------------------------------------------------
 
@@ -166,8 +166,8 @@ def _matched(lines: Sequence[Polyline]) -> list[Floats]:
     return [common] * len(lines) if apart_m(by_vertex) <= apart_m(by_share) else own
 
 
-def bridge(before: Ribbon, after: Ribbon) -> Ribbon:
-    """A ribbon of one lane from the end of one to the start of another, on a curve that leaves and arrives straight."""
+def bridge(before: CrossSections, after: CrossSections) -> CrossSections:
+    """A band of one lane from the end of one to the start of another, on a curve that leaves and arrives straight."""
     start, end = before.middles[-1, 0], after.middles[0, 0]
     reach_m = float(np.hypot(*(end - start)))
     leave, arrive = _direction(before, -1) * reach_m, _direction(after, 0) * reach_m
@@ -182,12 +182,12 @@ def bridge(before: Ribbon, after: Ribbon) -> Ribbon:
     normal = np.stack((-ahead[:, 1], ahead[:, 0]), axis=1) / np.hypot(*ahead.T)[:, None]
     half = [float(np.hypot(*(r.across[k, 0] - r.across[k, 1]))) / 2.0 for r, k in ((before, -1), (after, 0))]
     width = (1.0 - share) * half[0] + share * half[1]
-    return Ribbon(np.stack((middle + width * normal, middle - width * normal), axis=1))
+    return CrossSections(np.stack((middle + width * normal, middle - width * normal), axis=1))
 
 
-def _direction(ribbon: Ribbon, at: int) -> Floats:
+def _direction(band: CrossSections, at: int) -> Floats:
     """(2,) unit vector of travel at the first (0) or last (-1) cross-section of a single lane."""
-    line = ribbon.centerline()
+    line = band.centerline()
     heading = line.segment_heading_rad[at]
     return np.array([np.cos(heading), np.sin(heading)])
 
@@ -209,19 +209,19 @@ def polygons_in(shape: shapely.Geometry) -> list[shapely.Polygon]:
     return [part for part in parts.tolist() if isinstance(part, shapely.Polygon) and not part.is_empty]
 
 
-def cells(ribbon: Ribbon, length_m: float) -> tuple[NDArray[np.object_], Floats]:
-    """A ribbon cut crosswise into cells of about `length_m`.
+def cells(band: CrossSections, length_m: float) -> tuple[NDArray[np.object_], Floats]:
+    """A band cut crosswise into cells of about `length_m`.
 
     Returns (C, n) polygons, one per cell and lane, and the (C + 1,) stations of the cuts.
     """
-    count = max(1, round(ribbon.length_m / length_m))
-    stations = np.linspace(0.0, ribbon.length_m, count + 1)
-    at = np.array([np.interp(stations, ribbon.station_m, column) for column in _columns(ribbon)])
-    points = at.reshape(ribbon.lanes + 1, 2, count + 1).transpose(2, 0, 1)
+    count = max(1, round(band.length_m / length_m))
+    stations = np.linspace(0.0, band.length_m, count + 1)
+    at = np.array([np.interp(stations, band.station_m, column) for column in _columns(band)])
+    points = at.reshape(band.lanes + 1, 2, count + 1).transpose(2, 0, 1)
     quads = np.stack((points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]), axis=2)
     return np.asarray(shapely.polygons(quads)), stations
 
 
-def _columns(ribbon: Ribbon) -> Floats:
-    """((n + 1) * 2, K) every coordinate along the ribbon."""
-    return ribbon.across.reshape(len(ribbon.across), -1).T
+def _columns(band: CrossSections) -> Floats:
+    """((n + 1) * 2, K) every coordinate along the band."""
+    return band.across.reshape(len(band.across), -1).T

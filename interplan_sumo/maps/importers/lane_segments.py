@@ -1,4 +1,4 @@
-"""Pieces: which stretches of the sections become lanes, and which connectors.
+"""Segments: which stretches of the sections become lanes, and which connectors.
 
 nuPlan wants lanes that never overlap, and a connector between any two. A
 stretch on which lanes overlap (where they fork, merge or cross), or which the
@@ -43,7 +43,7 @@ LaneEnd = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class LaneSegment:
     """A stretch of a section, all its lanes."""
 
     start_m: float
@@ -79,12 +79,12 @@ def links(lanes: Mapping[str, SourceLane], sections: Sequence[LaneSection]) -> L
     return Links({k: tuple(v) for k, v in ahead.items()}, {k: tuple(v) for k, v in behind.items()})
 
 
-def pieces(
+def lane_segments(
     lanes: Mapping[str, SourceLane], sections: Sequence[LaneSection], ways: Links
-) -> tuple[tuple[Piece, ...], ...]:
-    """The pieces of every section, one behind the other from its start to its end."""
+) -> tuple[tuple[LaneSegment, ...], ...]:
+    """The segments of every section, one behind the other from its start to its end."""
     apart = _stretches(lanes, sections, ways)
-    found: list[tuple[Piece, ...]] = []
+    found: list[tuple[LaneSegment, ...]] = []
     for s, section in enumerate(sections):
         first, last = apart[s][0].is_lane, apart[s][-1].is_lane
         ends = [(s, i) for i in range(section.lanes)]
@@ -94,27 +94,27 @@ def pieces(
     return tuple(found)
 
 
-def _with_joints(parts: Sequence[Piece], *, behind: bool, ahead: bool) -> tuple[Piece, ...]:
-    """The pieces with connectors at the ends where lanes would meet lanes directly."""
+def _with_joints(parts: Sequence[LaneSegment], *, behind: bool, ahead: bool) -> tuple[LaneSegment, ...]:
+    """The segments with connectors at the ends where lanes would meet lanes directly."""
     found = list(parts)
     if behind:
         lane = found[0]
         cut_m = lane.start_m + min(JOINT_M, lane.length_m / 4.0)
-        found[:1] = [Piece(lane.start_m, cut_m, False), Piece(cut_m, lane.end_m, True)]
+        found[:1] = [LaneSegment(lane.start_m, cut_m, False), LaneSegment(cut_m, lane.end_m, True)]
     if ahead:
         lane = found[-1]
         cut_m = lane.end_m - min(JOINT_M, lane.length_m / 4.0)
-        found[-1:] = [Piece(lane.start_m, cut_m, True), Piece(cut_m, lane.end_m, False)]
+        found[-1:] = [LaneSegment(lane.start_m, cut_m, True), LaneSegment(cut_m, lane.end_m, False)]
     return tuple(found)
 
 
 def _stretches(
     lanes: Mapping[str, SourceLane], sections: Sequence[LaneSection], ways: Links
-) -> tuple[tuple[Piece, ...], ...]:
+) -> tuple[tuple[LaneSegment, ...], ...]:
     """Free and overlapped stretches of every section, as lanes and connectors in turn."""
-    cut = [cells(section.ribbon, CELL_M) for section in sections]
+    cut = [cells(section.band, CELL_M) for section in sections]
     taken = _overlapped([polygons for polygons, _ in cut], ways)
-    found: list[tuple[Piece, ...]] = []
+    found: list[tuple[LaneSegment, ...]] = []
     for s, section in enumerate(sections):
         stations = cut[s][1]
         taken[s] |= _in_intersections(lanes, section, stations)
@@ -172,10 +172,10 @@ def _overlapped(polygons: Sequence[NDArray[np.object_]], ways: Links) -> list[ND
 
 def _turns(
     length_m: float, stations: Floats, taken: NDArray[np.bool_], *, open_start: bool, open_end: bool
-) -> tuple[Piece, ...]:
+) -> tuple[LaneSegment, ...]:
     """Lanes and connectors in turn along a section, from the cells that are taken."""
     if not taken.any():
-        return (Piece(0.0, length_m, length_m >= SHORTEST_WHOLE_M or open_start or open_end),)
+        return (LaneSegment(0.0, length_m, length_m >= SHORTEST_WHOLE_M or open_start or open_end),)
     if taken.mean() >= CROSSING_SHARE and length_m <= LONGEST_CROSSING_M:
         taken = np.ones_like(taken)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], taken, [False])).astype(np.int8)))
@@ -198,13 +198,13 @@ def _turns(
         merged[0][0] = stub_m
     if open_end and merged[-1][1] == length_m:
         merged[-1][1] = length_m - stub_m
-    found: list[Piece] = []
+    found: list[LaneSegment] = []
     at_m = 0.0
     for start_m, end_m in merged:
         if start_m > at_m:
-            found.append(Piece(at_m, start_m, True))
-        found.append(Piece(start_m, end_m, False))
+            found.append(LaneSegment(at_m, start_m, True))
+        found.append(LaneSegment(start_m, end_m, False))
         at_m = end_m
     if at_m < length_m:
-        found.append(Piece(at_m, length_m, True))
+        found.append(LaneSegment(at_m, length_m, True))
     return tuple(found)

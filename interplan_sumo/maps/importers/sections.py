@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.importers.cross_sections import WELDED_M, Ribbon
+from interplan_sumo.maps.importers.cross_sections import WELDED_M, CrossSections
 from interplan_sumo.maps.importers.source import SourceLane, SourceMap
 
 ADJOINING_M = WELDED_M
@@ -36,7 +36,7 @@ class LaneSection:
     """Rows that follow one another, every lane into the one ahead of it."""
 
     rows: tuple[Row, ...]
-    ribbon: Ribbon
+    band: CrossSections
     seams_m: tuple[float, ...]
     """Stations at which the rows begin, and the end of the last."""
 
@@ -46,7 +46,7 @@ class LaneSection:
 
     @property
     def length_m(self) -> float:
-        return self.ribbon.length_m
+        return self.band.length_m
 
     @cached_property
     def columns(self) -> tuple[tuple[str, ...], ...]:
@@ -59,7 +59,7 @@ class LaneSection:
         for row, (begin_m, stop_m) in zip(self.rows, pairwise(self.seams_m), strict=True):
             first, last = max(begin_m, start_m), min(stop_m, end_m)
             if last - first > 1e-6:
-                at = np.interp((begin_m, first, last, stop_m), self.ribbon.station_m, self.ribbon.arcs_m[:, lane])
+                at = np.interp((begin_m, first, last, stop_m), self.band.station_m, self.band.arcs_m[:, lane])
                 begin, start, end, stop = at.tolist()
                 whole_m = stop - begin
                 found.append(SourceStretch(row[lane], (start - begin) / whole_m, (end - begin) / whole_m, end - start))
@@ -152,11 +152,11 @@ def _meet(here: SourceLane, there: SourceLane) -> bool:
 
 def _section(lanes: Mapping[str, SourceLane], chain: Iterable[Row]) -> LaneSection:
     rows = tuple(chain)
-    ribbon: Ribbon | None = None
+    band: CrossSections | None = None
     seams_m = [0.0]
     for row in rows:
-        piece = Ribbon.of([lanes[row[0]].left, *(lanes[lane].right for lane in row)])
-        ribbon = piece if ribbon is None else ribbon.joined(piece)
-        seams_m.append(ribbon.length_m)
-    assert ribbon is not None
-    return LaneSection(rows, ribbon, tuple(seams_m))
+        segment = CrossSections.of([lanes[row[0]].left, *(lanes[lane].right for lane in row)])
+        band = segment if band is None else band.joined(segment)
+        seams_m.append(band.length_m)
+    assert band is not None
+    return LaneSection(rows, band, tuple(seams_m))

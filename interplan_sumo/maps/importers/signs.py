@@ -40,8 +40,8 @@ def controls(source: SourceMap, ground: SegmentSurfaces, ways: Mapping[str, Conn
                     signs_at_end.setdefault(lane, line.kind)
     lights: dict[str, tuple[str, ...]] = {}
     signs: dict[str, StopLineKind] = {}
-    for id_, way in ways.items():
-        left, entered = _ends_passed(ground, way)
+    for id_, path in ways.items():
+        left, entered = _ends_passed(ground, path)
         passed = [light for lane in left for light in source.lanes[lane].lights_at_end]
         passed += [light for lane in entered for light in source.lanes[lane].lights_at_start]
         if passed:
@@ -52,20 +52,20 @@ def controls(source: SourceMap, ground: SegmentSurfaces, ways: Mapping[str, Conn
     return ConnectorControls(lights, signs)
 
 
-def _ends_passed(ground: SegmentSurfaces, way: ConnectorPath) -> tuple[list[str], list[str]]:
+def _ends_passed(ground: SegmentSurfaces, path: ConnectorPath) -> tuple[list[str], list[str]]:
     """Lanes of the file whose end, and those whose start, lies on a way, its own ends included."""
     left: list[str] = []
     entered: list[str] = []
-    for node in (way.start, *way.parts, way.end):
-        section, piece = ground.sections[node.section], ground.piece(node)
+    for node in (path.start, *path.parts, path.end):
+        section, segment = ground.sections[node.section], ground.segment(node)
         column = section.columns[node.lane]
         for row, source_id in enumerate(column):
             begin_m, end_m = section.seams_m[row], section.seams_m[row + 1]
-            inside_end = piece.start_m < end_m <= piece.end_m + 1e-6
-            inside_start = piece.start_m - 1e-6 <= begin_m < piece.end_m
-            if inside_end and (node != way.start or end_m >= piece.end_m - 1e-6) and node != way.end:
+            inside_end = segment.start_m < end_m <= segment.end_m + 1e-6
+            inside_start = segment.start_m - 1e-6 <= begin_m < segment.end_m
+            if inside_end and (node != path.start or end_m >= segment.end_m - 1e-6) and node != path.end:
                 left.append(source_id)
-            if inside_start and (node != way.end or begin_m <= piece.start_m + 1e-6) and node != way.start:
+            if inside_start and (node != path.end or begin_m <= segment.start_m + 1e-6) and node != path.start:
                 entered.append(source_id)
     return left, entered
 

@@ -73,26 +73,26 @@ class _Found:
     """Lanes by stop line."""
 
 
-def is_in_intersection(course: TravelDirection) -> bool:
+def is_in_intersection(direction: TravelDirection) -> bool:
     """Autoware's editors say so with the turn that a lanelet makes, or the intersection that it lies in."""
-    tags = course.lanelet.tags
+    tags = direction.lanelet.tags
     return bool(tags.get("turn_direction")) or tags.get("intersection_area", "no").lower() not in ("", "no")
 
 
 def controls_of(
     file: OsmFile,
     points: dict[str, tuple[float, float]],
-    courses: Sequence[TravelDirection],
+    directions: Sequence[TravelDirection],
     followers: Mapping[str, Sequence[str]],
     predecessors: Mapping[str, Sequence[str]],
 ) -> LaneControls:
     """What the regulatory elements of a file, and the stop lines that none of them names, say about its lanes."""
     lines, unusable = _stop_lines(file, points)
     by_lanelet: defaultdict[str, list[TravelDirection]] = defaultdict(list)
-    for course in courses:
-        by_lanelet[course.lanelet.id].append(course)
+    for direction in directions:
+        by_lanelet[direction.lanelet.id].append(direction)
     found = _Found()
-    for rule in _rules(file, courses, lines):
+    for rule in _rules(file, directions, lines):
         for line in rule.lines:
             found.kinds[line].add(rule.kind)
         for lanelet in rule.lanelets:
@@ -125,11 +125,11 @@ def controls_of(
 # --- the rules of the file -----------------------------------------------------------------------------
 
 
-def _rules(file: OsmFile, courses: Sequence[TravelDirection], lines: Mapping[str, Floats]) -> Iterator[_Rule]:
+def _rules(file: OsmFile, directions: Sequence[TravelDirection], lines: Mapping[str, Floats]) -> Iterator[_Rule]:
     naming: defaultdict[str, dict[str, None]] = defaultdict(dict)
-    for course in courses:
-        for rule in course.lanelet.rules:
-            naming[rule][course.lanelet.id] = None
+    for direction in directions:
+        for rule in direction.lanelet.rules:
+            naming[rule][direction.lanelet.id] = None
     for relation in file.of_type("regulatory_element"):
         kind = _kind(file, relation)
         if kind is None:
@@ -197,19 +197,19 @@ def _stop_lines(file: OsmFile, points: dict[str, tuple[float, float]]) -> tuple[
 
 def _apply(
     rule: _Rule,
-    courses: Sequence[TravelDirection],
+    directions: Sequence[TravelDirection],
     lines: Mapping[str, Floats],
     predecessors: Mapping[str, Sequence[str]],
     found: _Found,
 ) -> None:
-    course, at_start, line = _place(rule, courses, lines)
-    before = predecessors[course.id] if at_start else (course.id,)
+    direction, at_start, line = _place(rule, directions, lines)
+    before = predecessors[direction.id] if at_start else (direction.id,)
     if line is not None:
-        waiting = before if before and not is_in_intersection(course) else (course.id,)
+        waiting = before if before and not is_in_intersection(direction) else (direction.id,)
         found.waiting[line].update(dict.fromkeys(waiting))
     if rule.kind is StopLineKind.TRAFFIC_LIGHT:
         lights = found.lights_at_start if at_start else found.lights_at_end
-        lights[course.id].update(dict.fromkeys(rule.lights))
+        lights[direction.id].update(dict.fromkeys(rule.lights))
     elif rule.kind in (StopLineKind.STOP_SIGN, StopLineKind.YIELD):
         for lane in before:
             if found.sign_at_end.get(lane) is not StopLineKind.STOP_SIGN:
@@ -217,7 +217,7 @@ def _apply(
 
 
 def _place(
-    rule: _Rule, courses: Sequence[TravelDirection], lines: Mapping[str, Floats]
+    rule: _Rule, directions: Sequence[TravelDirection], lines: Mapping[str, Floats]
 ) -> tuple[TravelDirection, bool, str | None]:
     """The lane of a lanelet on which a rule holds, whether it does so at its start, and the nearest of its lines.
 
@@ -226,11 +226,11 @@ def _place(
     inside an intersection. The start of a lanelet that is split for two
     directions is the end of its way back.
     """
-    course, *back = courses
-    left, right = course.lanelet.left.points, course.lanelet.right.points
+    direction, *back = directions
+    left, right = direction.lanelet.left.points, direction.lanelet.right.points
     start, end = (shapely.Point((left[vertex] + right[vertex]) / 2.0) for vertex in (0, -1))
     shapes = {way: shapely.LineString(lines[way]) for way in rule.lines}
     gaps = {way: (start.distance(shape), end.distance(shape)) for way, shape in shapes.items()}
     line = min(gaps, key=lambda way: min(gaps[way]), default=None)
-    at_start = is_in_intersection(course) if line is None else gaps[line][0] < gaps[line][1]
-    return (back[0], False, line) if at_start and back else (course, at_start, line)
+    at_start = is_in_intersection(direction) if line is None else gaps[line][0] < gaps[line][1]
+    return (back[0], False, line) if at_start and back else (direction, at_start, line)

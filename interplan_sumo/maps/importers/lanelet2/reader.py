@@ -17,12 +17,12 @@ from interplan_sumo.maps.importers.lanelet2.osm import OsmFile, read_osm
 from interplan_sumo.maps.importers.lanelet2.travel_directions import (
     TWO_WAY_WIDTH_M,
     TravelDirection,
-    courses_of,
     driving_side,
     followers,
     is_two_way,
     predecessors,
     right_neighbours,
+    travel_directions_of,
 )
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
 
@@ -47,16 +47,16 @@ def read_lanelet2(path: Path) -> SourceMap:
         file.fault(f"holds no lanelet for cars that can be used{f' ({reasons})' if reasons else ''}; check its tags")
     grounds.add_areas(file, frame.points)
     side, is_shown = driving_side(lanelets)
-    courses = courses_of(lanelets, side)
-    onward = followers(courses)
-    controls = controls_of(file, frame.points, courses, onward, predecessors(onward))
+    directions = travel_directions_of(lanelets, side)
+    onward = followers(directions)
+    controls = controls_of(file, frame.points, directions, onward, predecessors(onward))
     limits = _limits(file, lanelets)
     return SourceMap(
         name=_name(path),
         format=FORMAT,
         crs=frame.crs,
         driving_side=side,
-        lanes=_lanes(courses, onward, controls, limits),
+        lanes=_lanes(directions, onward, controls, limits),
         stop_lines=controls.stop_lines,
         crosswalks=tuple(grounds.crosswalks),
         walkways=tuple(grounds.walkways),
@@ -67,7 +67,7 @@ def read_lanelet2(path: Path) -> SourceMap:
             *frame.notes,
             *_side_notes(side, is_shown),
             *_limit_notes(limits.values()),
-            *_lane_notes(lanelets, courses, onward),
+            *_lane_notes(lanelets, directions, onward),
             *_control_notes(controls),
             *_unusable("stop lines", controls.unusable),
             *_area_notes(grounds),
@@ -99,30 +99,30 @@ def _car_lanelets(file: OsmFile, points: dict[str, tuple[float, float]], grounds
 
 
 def _lanes(
-    courses: Sequence[TravelDirection],
+    directions: Sequence[TravelDirection],
     onward: Mapping[str, tuple[str, ...]],
     controls: LaneControls,
     limits: Mapping[str, Limit],
 ) -> dict[str, SourceLane]:
     before = predecessors(onward)
-    to_right = right_neighbours(courses)
+    to_right = right_neighbours(directions)
     to_left = {right: left for left, right in to_right.items()}
     return {
-        course.id: SourceLane(
-            id=course.id,
-            left=course.left,
-            right=course.right,
-            successors=onward[course.id],
-            predecessors=before[course.id],
-            left_neighbour=to_left.get(course.id),
-            right_neighbour=to_right.get(course.id),
-            speed_limit_mps=limits[course.lanelet.id].mps,
-            in_intersection=is_in_intersection(course),
-            lights_at_start=controls.lights_at_start.get(course.id, ()),
-            lights_at_end=controls.lights_at_end.get(course.id, ()),
-            sign_at_end=controls.sign_at_end.get(course.id),
+        direction.id: SourceLane(
+            id=direction.id,
+            left=direction.left,
+            right=direction.right,
+            successors=onward[direction.id],
+            predecessors=before[direction.id],
+            left_neighbour=to_left.get(direction.id),
+            right_neighbour=to_right.get(direction.id),
+            speed_limit_mps=limits[direction.lanelet.id].mps,
+            in_intersection=is_in_intersection(direction),
+            lights_at_start=controls.lights_at_start.get(direction.id, ()),
+            lights_at_end=controls.lights_at_end.get(direction.id, ()),
+            sign_at_end=controls.sign_at_end.get(direction.id),
         )
-        for course in courses
+        for direction in directions
     }
 
 
@@ -160,10 +160,10 @@ def _limit_notes(limits: Iterable[Limit]) -> list[str]:
 
 
 def _lane_notes(
-    lanelets: Sequence[Lanelet], courses: Sequence[TravelDirection], onward: Mapping[str, Sequence[str]]
+    lanelets: Sequence[Lanelet], directions: Sequence[TravelDirection], onward: Mapping[str, Sequence[str]]
 ) -> list[str]:
     notes: list[str] = []
-    split = sum(course.is_back for course in courses)
+    split = sum(direction.is_back for direction in directions)
     narrow = sum(map(is_two_way, lanelets)) - split
     if split:
         notes.append(f"{split} lanelets for both directions are split into two lanes along their middle.")
@@ -172,7 +172,7 @@ def _lane_notes(
             f"{narrow} lanelets for both directions are narrower than {TWO_WAY_WIDTH_M:g} m: "
             "only their own direction is kept."
         )
-    if len(courses) > 1 and not any(onward.values()):
+    if len(directions) > 1 and not any(onward.values()):
         notes.append("No lanelet follows another: where they meet, they name different points.")
     return notes
 

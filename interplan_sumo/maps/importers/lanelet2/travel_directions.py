@@ -49,30 +49,34 @@ def is_two_way(lanelet: Lanelet) -> bool:
     return False
 
 
-def courses_of(lanelets: Iterable[Lanelet], side: DrivingSide) -> list[TravelDirection]:
-    """One course for each lanelet, two for one that is driven both ways and wide enough.
+def travel_directions_of(lanelets: Iterable[Lanelet], side: DrivingSide) -> list[TravelDirection]:
+    """One direction for each lanelet, two for one that is driven both ways and wide enough.
 
     A half that leads only to lanelets that are not split, or comes only from
     such, widens to the whole width there, so that no lane jumps aside at a joint.
     """
-    courses: list[TravelDirection] = []
+    directions: list[TravelDirection] = []
     for lanelet in lanelets:
-        courses.append(_course(lanelet.id, lanelet, lanelet.left, lanelet.right))
+        directions.append(_direction(lanelet.id, lanelet, lanelet.left, lanelet.right))
         if is_two_way(lanelet) and lanelet.mean_width_m >= TWO_WAY_WIDTH_M:
-            back = _course(f"{lanelet.id}:back", lanelet, lanelet.right.turned(), lanelet.left.turned())
-            courses.append(replace(back, is_back=True))
-    halves = {id_ for course in courses if course.is_back for id_ in (course.lanelet.id, course.id)}
-    onward = followers(courses)
+            back = _direction(f"{lanelet.id}:back", lanelet, lanelet.right.turned(), lanelet.left.turned())
+            directions.append(replace(back, is_back=True))
+    halves = {id_ for direction in directions if direction.is_back for id_ in (direction.lanelet.id, direction.id)}
+    onward = followers(directions)
     before = predecessors(onward)
     return [
-        _half(course, side, *(bool(ids) and halves.isdisjoint(ids) for ids in (before[course.id], onward[course.id])))
-        if course.id in halves
-        else course
-        for course in courses
+        _half(
+            direction,
+            side,
+            *(bool(ids) and halves.isdisjoint(ids) for ids in (before[direction.id], onward[direction.id])),
+        )
+        if direction.id in halves
+        else direction
+        for direction in directions
     ]
 
 
-def _course(id_: str, lanelet: Lanelet, left: Bound, right: Bound) -> TravelDirection:
+def _direction(id_: str, lanelet: Lanelet, left: Bound, right: Bound) -> TravelDirection:
     return TravelDirection(
         id=id_,
         lanelet=lanelet,
@@ -85,9 +89,9 @@ def _course(id_: str, lanelet: Lanelet, left: Bound, right: Bound) -> TravelDire
     )
 
 
-def _half(course: TravelDirection, side: DrivingSide, whole_at_start: bool, whole_at_end: bool) -> TravelDirection:
-    """The half of a course on its side of the road."""
-    reach = min(_WIDENING_M / course.lanelet.mean_length_m, 0.5)
+def _half(direction: TravelDirection, side: DrivingSide, whole_at_start: bool, whole_at_end: bool) -> TravelDirection:
+    """The half of a direction on its side of the road."""
+    reach = min(_WIDENING_M / direction.lanelet.mean_length_m, 0.5)
 
     def far_share(at: Floats) -> Floats:
         """How far the inner boundary lies towards the far side, at shares of the length."""
@@ -99,21 +103,21 @@ def _half(course: TravelDirection, side: DrivingSide, whole_at_start: bool, whol
         return 0.5 + 0.5 * ramps
 
     if side == "right":
-        inner = between(course.left, course.right, far_share, _INNER_SPACING_M)
-        return replace(course, left=inner, left_edge=None)
-    inner = between(course.right, course.left, far_share, _INNER_SPACING_M)
-    return replace(course, right=inner, right_edge=None)
+        inner = between(direction.left, direction.right, far_share, _INNER_SPACING_M)
+        return replace(direction, left=inner, left_edge=None)
+    inner = between(direction.right, direction.left, far_share, _INNER_SPACING_M)
+    return replace(direction, right=inner, right_edge=None)
 
 
-def followers(courses: Iterable[TravelDirection]) -> dict[str, tuple[str, ...]]:
-    """Ids of the courses that begin at the two nodes where a course ends, by id."""
-    courses = list(courses)
+def followers(directions: Iterable[TravelDirection]) -> dict[str, tuple[str, ...]]:
+    """Ids of the directions that begin at the two nodes where a direction ends, by id."""
+    directions = list(directions)
     beginning: defaultdict[tuple[str, str], list[TravelDirection]] = defaultdict(list)
-    for course in courses:
-        beginning[course.start].append(course)
+    for direction in directions:
+        beginning[direction.start].append(direction)
     return {
-        course.id: tuple(next_.id for next_ in beginning[course.end] if next_.lanelet.id != course.lanelet.id)
-        for course in courses
+        direction.id: tuple(next_.id for next_ in beginning[direction.end] if next_.lanelet.id != direction.lanelet.id)
+        for direction in directions
     }
 
 
@@ -126,21 +130,21 @@ def predecessors(onward: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ..
     return {id_: tuple(ids) for id_, ids in before.items()}
 
 
-def right_neighbours(courses: Sequence[TravelDirection]) -> dict[str, str]:
-    """By id, the course of the same direction on the other side of a course's right boundary.
+def right_neighbours(directions: Sequence[TravelDirection]) -> dict[str, str]:
+    """By id, the direction of the same direction on the other side of a direction's right boundary.
 
     Where several have that line as their left boundary, that one which
-    lies closest to the course, so that every course has one neighbour at most.
+    lies closest to the direction, so that every direction has one neighbour at most.
     """
     on_right_of: defaultdict[_Edge, list[TravelDirection]] = defaultdict(list)
-    for course in courses:
-        if course.left_edge is not None:
-            on_right_of[course.left_edge].append(course)
+    for direction in directions:
+        if direction.left_edge is not None:
+            on_right_of[direction.left_edge].append(direction)
     pairs = sorted(
-        (_apart_m(course, other), row, course.id, other.id)
-        for row, course in enumerate(courses)
-        if course.right_edge is not None
-        for other in on_right_of[course.right_edge]
+        (_apart_m(direction, other), row, direction.id, other.id)
+        for row, direction in enumerate(directions)
+        if direction.right_edge is not None
+        for other in on_right_of[direction.right_edge]
     )
     found: dict[str, str] = {}
     taken: set[str] = set()

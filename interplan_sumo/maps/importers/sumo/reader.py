@@ -41,7 +41,7 @@ _TOUCH_M = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Ribbon:
+class _DrawnLane:
     """A lane with its boundaries, in the frame of the map."""
 
     lane: FileLane
@@ -69,16 +69,22 @@ def read_sumo_network(path: Path) -> SourceMap:
     file = read_network_file(path)
     notes: list[str] = []
     frame = _frame(file, notes)
-    drawn = {id_: _ribbon(file, frame, lane) for id_, lane in file.lanes.items()}
-    ribbons = {id_: ribbon for id_, ribbon in drawn.items() if ribbon is not None and _CAR in ribbon.lane.classes}
-    if not ribbons:
+    drawn = {id_: _drawn_lane(file, frame, lane) for id_, lane in file.lanes.items()}
+    car_lanes = {
+        id_: drawn_lane
+        for id_, drawn_lane in drawn.items()
+        if drawn_lane is not None and _CAR in drawn_lane.lane.classes
+    }
+    if not car_lanes:
         raise MapError(f"{file.path}: no lane for passenger cars; give a network with roads")
     ways = [
-        way for way in file.connections if _CAR in way.classes and way.from_lane in ribbons and way.to_lane in ribbons
+        way
+        for way in file.connections
+        if _CAR in way.classes and way.from_lane in car_lanes and way.to_lane in car_lanes
     ]
     chains, closed = _through(file, frame, ways)
     ways = [way if way.via in chains else replace(way, via="") for way in ways if way.via not in closed]
-    lanes = _lanes(file, ribbons, ways)
+    lanes = _lanes(file, car_lanes, ways)
     lanes |= _connection_lanes(chains, ways)
     if ways and not chains:
         notes.append("The network has no lanes within junctions: lanes follow each other directly.")
@@ -92,9 +98,9 @@ def read_sumo_network(path: Path) -> SourceMap:
         lanes=lanes,
         crosswalks=tuple(_crossings(file, frame)),
         walkways=tuple(_walkways(file, frame, drawn)),
-        drivable=tuple(_junctions(file, frame, ribbons, chains)),
+        drivable=tuple(_junctions(file, frame, car_lanes, chains)),
         left_out=(
-            *_left_out(file, drawn, ribbons),
+            *_left_out(file, drawn, car_lanes),
             *(LeftOut(via, "way through a junction closed to cars") for via in sorted(closed)),
         ),
         notes=tuple(notes),
@@ -127,13 +133,13 @@ def _frame(file: NetworkFile, notes: list[str]) -> Frame:
 # --- lanes of edges ------------------------------------------------------------------------------------
 
 
-def _ribbon(file: NetworkFile, frame: Frame, lane: FileLane) -> _Ribbon | None:
+def _drawn_lane(file: NetworkFile, frame: Frame, lane: FileLane) -> _DrawnLane | None:
     """A lane with its boundaries; None for one without length."""
     middle = along(_placed(file, frame, f"lane {lane.id}", lane.shape))
     if len(middle) < 2:
         return None
     half_m = _half_width_m(frame, lane)
-    return _Ribbon(lane, middle, beside(middle, half_m), beside(middle, -half_m))
+    return _DrawnLane(lane, middle, beside(middle, half_m), beside(middle, -half_m))
 
 
 def _half_width_m(frame: Frame, lane: FileLane) -> float:
@@ -148,7 +154,9 @@ def _placed(file: NetworkFile, frame: Frame, what: str, points: Floats) -> Float
         raise file.fault(f"{what}: {error}") from error
 
 
-def _lanes(file: NetworkFile, ribbons: Mapping[str, _Ribbon], ways: Sequence[FileConnection]) -> dict[str, SourceLane]:
+def _lanes(
+    file: NetworkFile, car_lanes: Mapping[str, _DrawnLane], ways: Sequence[FileConnection]
+) -> dict[str, SourceLane]:
     lights: dict[str, dict[str, None]] = {}
     for way in ways:
         if not way.via and way.light:
@@ -162,28 +170,28 @@ def _lanes(file: NetworkFile, ribbons: Mapping[str, _Ribbon], ways: Sequence[Fil
     lanes = {
         id_: SourceLane(
             id=id_,
-            left=ribbon.left,
-            right=ribbon.right,
+            left=drawn_lane.left,
+            right=drawn_lane.right,
             successors=tuple(after.get(id_, ())),
             predecessors=tuple(before.get(id_, ())),
-            speed_limit_mps=_limit(ribbon.lane.speed_mps),
+            speed_limit_mps=_limit(drawn_lane.lane.speed_mps),
             lights_at_end=tuple(lights.get(id_, ())),
-            sign_at_end=signs.get(ribbon.lane.edge),
+            sign_at_end=signs.get(drawn_lane.lane.edge),
         )
-        for id_, ribbon in ribbons.items()
+        for id_, drawn_lane in car_lanes.items()
     }
     for ids in file.edges.values():
         # Index 0 is at the kerb: the rightmost lane where traffic keeps right.
         for one, other in pairwise(ids):
             left, right = (one, other) if file.left_hand else (other, one)
             if left in lanes and right in lanes:
-                shared = _shared(ribbons[left], ribbons[right])
+                shared = _shared(car_lanes[left], car_lanes[right])
                 lanes[left] = replace(lanes[left], right=shared[0], right_neighbour=right)
                 lanes[right] = replace(lanes[right], left=shared[1], left_neighbour=left)
     return lanes
 
 
-def _shared(left: _Ribbon, right: _Ribbon) -> tuple[Floats, Floats]:
+def _shared(left: _DrawnLane, right: _DrawnLane) -> tuple[Floats, Floats]:
     """The boundary between two lanes, for each of them: one line where both draw it alike."""
     if left.right.shape == right.left.shape and np.hypot(*(left.right - right.left).T).max() <= _TOUCH_M:
         middle = (left.right + right.left) / 2.0
@@ -213,9 +221,9 @@ def _signs(file: NetworkFile, ways: Sequence[FileConnection]) -> dict[str, StopL
 
 def _through(
     file: NetworkFile, frame: Frame, ways: Sequence[FileConnection]
-) -> tuple[dict[str, _Ribbon], frozenset[str]]:
+) -> tuple[dict[str, _DrawnLane], frozenset[str]]:
     """First internal lane -> the whole way as one lane, if it has a length; the internal lanes closed to cars."""
-    chains: dict[str, _Ribbon] = {}
+    chains: dict[str, _DrawnLane] = {}
     closed: set[str] = set()
     for way in ways:
         if way.via and way.via not in chains:
@@ -224,9 +232,9 @@ def _through(
                 closed.add(way.via)
                 continue
             shape = np.concatenate([part.shape for part in parts])
-            ribbon = _ribbon(file, frame, replace(parts[0], shape=shape, speed_mps=_lowest(parts)))
-            if ribbon is not None:
-                chains[way.via] = ribbon
+            drawn_lane = _drawn_lane(file, frame, replace(parts[0], shape=shape, speed_mps=_lowest(parts)))
+            if drawn_lane is not None:
+                chains[way.via] = drawn_lane
     return chains, frozenset(closed)
 
 
@@ -248,7 +256,7 @@ def _lowest(parts: Iterable[FileLane]) -> float | None:
     return min((part.speed_mps for part in parts if part.speed_mps is not None), default=None)
 
 
-def _connection_lanes(chains: Mapping[str, _Ribbon], ways: Sequence[FileConnection]) -> dict[str, SourceLane]:
+def _connection_lanes(chains: Mapping[str, _DrawnLane], ways: Sequence[FileConnection]) -> dict[str, SourceLane]:
     by_via: dict[str, list[FileConnection]] = {}
     for way in ways:
         if way.via:
@@ -272,18 +280,18 @@ def _connection_lanes(chains: Mapping[str, _Ribbon], ways: Sequence[FileConnecti
 
 
 def _left_out(
-    file: NetworkFile, drawn: Mapping[str, _Ribbon | None], ribbons: Mapping[str, _Ribbon]
+    file: NetworkFile, drawn: Mapping[str, _DrawnLane | None], car_lanes: Mapping[str, _DrawnLane]
 ) -> Iterable[LeftOut]:
     for edge in file.edges.values():
-        with_cars = any(id_ in ribbons for id_ in edge)
+        with_cars = any(id_ in car_lanes for id_ in edge)
         for id_ in edge:
-            ribbon = drawn[id_]
-            if ribbon is None:
+            drawn_lane = drawn[id_]
+            if drawn_lane is None:
                 yield LeftOut(id_, "lane without length")
-            elif id_ not in ribbons:
-                reason = _reason(ribbon.lane.classes)
+            elif id_ not in car_lanes:
+                reason = _reason(drawn_lane.lane.classes)
                 open_ground = reason not in _CLOSED_GROUND and (reason != "tram lane" or with_cars)
-                yield LeftOut(id_, reason, ribbon.polygon if open_ground else None)
+                yield LeftOut(id_, reason, drawn_lane.polygon if open_ground else None)
 
 
 def _reason(classes: frozenset[str]) -> str:
@@ -316,24 +324,24 @@ def _crossings(file: NetworkFile, frame: Frame) -> Iterable[shapely.Polygon]:
             yield shapely.LineString(middle).buffer(_half_width_m(frame, lane), cap_style="flat", join_style="mitre")
 
 
-def _walkways(file: NetworkFile, frame: Frame, drawn: Mapping[str, _Ribbon | None]) -> Iterable[shapely.Polygon]:
+def _walkways(file: NetworkFile, frame: Frame, drawn: Mapping[str, _DrawnLane | None]) -> Iterable[shapely.Polygon]:
     for lane in file.walking_areas:
         area = ring(_placed(file, frame, f"walking area {lane.id}", lane.shape))
         if area is not None:
             yield area
-    for ribbon in drawn.values():
-        if ribbon is not None and _reason(ribbon.lane.classes) == "sidewalk":
-            shape = ribbon.polygon
+    for drawn_lane in drawn.values():
+        if drawn_lane is not None and _reason(drawn_lane.lane.classes) == "sidewalk":
+            shape = drawn_lane.polygon
             if shape is not None:
                 yield shape
 
 
 def _junctions(
-    file: NetworkFile, frame: Frame, ribbons: Mapping[str, _Ribbon], chains: Mapping[str, _Ribbon]
+    file: NetworkFile, frame: Frame, car_lanes: Mapping[str, _DrawnLane], chains: Mapping[str, _DrawnLane]
 ) -> Iterable[shapely.Polygon]:
     """Outlines of junctions that cars come to."""
     for junction in file.junctions:
-        if any(lane in ribbons or lane in chains for lane in junction.lanes):
+        if any(lane in car_lanes or lane in chains for lane in junction.lanes):
             outline = ring(_placed(file, frame, f"junction {junction.id}", junction.shape))
             if outline is not None:
                 yield outline

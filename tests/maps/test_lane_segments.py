@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from interplan_sumo.maps.importers.lane_segments import JOINT_M, MARGIN_M, STUB_M, Piece, links, pieces
+from interplan_sumo.maps.importers.lane_segments import JOINT_M, MARGIN_M, STUB_M, LaneSegment, lane_segments, links
 from interplan_sumo.maps.importers.sections import LaneSection, sections
 from interplan_sumo.maps.importers.source import SourceMap
 from interplan_sumo.world.roads import StopLineKind
@@ -25,15 +25,15 @@ from tests.maps.source_worlds import (
 )
 
 
-def parts(source: SourceMap) -> dict[tuple[str, ...], tuple[Piece, ...]]:
-    """Pieces of each section, by the lanes of its first row."""
+def parts(source: SourceMap) -> dict[tuple[str, ...], tuple[LaneSegment, ...]]:
+    """Segments of each section, by the lanes of its first row."""
     found = sections(source)
-    made = pieces(source.lanes, found, links(source.lanes, found))
+    made = lane_segments(source.lanes, found, links(source.lanes, found))
     return {section.rows[0]: own for section, own in zip(found, made, strict=True)}
 
 
-def shape(found: tuple[Piece, ...]) -> str:
-    return "".join("L" if piece.is_lane else "C" for piece in found)
+def shape(found: tuple[LaneSegment, ...]) -> str:
+    return "".join("L" if segment.is_lane else "C" for segment in found)
 
 
 def only(source: SourceMap) -> LaneSection:
@@ -98,7 +98,7 @@ def test_direct_joins_get_half_a_metre_of_either_lane() -> None:
     found = parts(world(lanes))
     assert shape(found["a",]) == "LC"
     assert shape(found["b",]) == "CL"
-    assert found["a",][1] == Piece(50.0 - JOINT_M, 50.0, False)
+    assert found["a",][1] == LaneSegment(50.0 - JOINT_M, 50.0, False)
     assert found["b",][0].end_m == pytest.approx(JOINT_M)
 
 
