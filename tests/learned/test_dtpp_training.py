@@ -11,9 +11,7 @@ from few_steps import losses_of
 from untrained_card import write_untrained
 
 from interplan_learned.dtpp.inputs import BRANCH_CHANNELS, BRANCHES, SCENE
-from interplan_learned.dtpp.planner import DtppPlanner
 from interplan_sumo.dataset.reading import Dataset
-from interplan_sumo.testing import assert_planner_conforms
 from interplan_sumo.world.ego import PACIFICA
 from tools.train.data import read_samples
 from tools.train.recipe import Recipe, find_recipe
@@ -202,22 +200,3 @@ def untrained(learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp], tmp_path_factor
     """The card of the network with random weights; writing it holds ONNX against torch to 1e-4."""
     recipe, batch, model = learned
     return write_untrained(recipe, model, batch, tmp_path_factory.mktemp("dtpp"))
-
-
-def test_onnx_scores_as_torch_does(untrained: Path, learned: tuple[Recipe, dict[str, Any], dtpp.Dtpp]) -> None:
-    from interplan_learned.network import load_network
-
-    _, batch, model = learned
-    network = load_network("dtpp", str(untrained))
-    given = {name: values.numpy() for name, values in batch.items()}
-    encoded = network.run({name: given[name] for name in SCENE}, "encoder")
-    found = network.run({**encoded, **{name: given[name] for name in ("agents", *BRANCHES)}}, "decoder")
-    wanted = answers(model, batch)
-    np.testing.assert_allclose(found["scores"], wanted.scores.numpy(), rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(found["futures"], wanted.futures.numpy(), rtol=1e-4, atol=1e-4)
-
-
-def test_it_drives_tiny_worlds_with_whatever_weights(untrained: Path) -> None:
-    planner = DtppPlanner(weights=str(untrained))
-    assert_planner_conforms(planner)
-    assert planner.report()["steps"] > planner.report()["without_reference_path"]

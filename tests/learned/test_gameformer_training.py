@@ -197,20 +197,6 @@ def street(x_m: float = 30.0, y_m: float = 0.0) -> tuple[Observation, Mission]:
     return tiny_worlds.observation(ego, actors), tiny_worlds.mission(roads, ["11"])
 
 
-def test_onnx_gives_what_torch_gives_for_a_single_sample_too(weights: Path) -> None:
-    from interplan_learned.network import load_network
-
-    seen, where = street()
-    given = inputs({name: values[None] for name, values in EgoView(where).arrays(seen).items()}, "compact")
-    found = load_network("gameformer", str(weights)).run(given)
-    model = find_recipe("gameformer").make_model().eval()
-    model.load_state_dict(torch.load(weights.parent / "model.pt", weights_only=True))
-    with torch.no_grad():
-        plan, futures, scores = made.GameFormerPlan(model)(*(torch.from_numpy(given[name]) for name in made.INPUTS))
-    for name, wanted in (("plan", plan), ("futures", futures), ("scores", scores)):
-        np.testing.assert_allclose(found[name], wanted.numpy(), rtol=1e-4, atol=1e-4)
-
-
 def test_the_likeliest_future_of_each_agent_is_taken() -> None:
     futures = np.arange(2 * 3)[:, None, None].reshape(2, 3, 1, 1) + np.zeros((2, 3, 16, 2))
     chosen = likeliest(futures, np.array(((0.0, 2.0, 1.0), (3.0, 2.0, 1.0))))
@@ -242,13 +228,3 @@ def test_off_the_route_it_drives_the_plan_of_the_network(weights: Path) -> None:
     assert planner.report()["without_reference_path"] == 1
     planner.start(where)
     assert planner.report()["without_reference_path"] == 0
-
-
-def test_it_drives_at_a_junction_with_a_red_light_and_with_nobody_around(weights: Path) -> None:
-    roads = tiny_worlds.junction()
-    planner = GameFormerPlanner(weights=str(weights))
-    planner.start(tiny_worlds.mission(roads, ["1", "14", "8"]))
-    for lane, arc_m, red in (("1", 45.0, ["14", "13"]), ("14", 10.0, ["14"]), ("8", 59.0, [])):
-        ego = tiny_worlds.ego_on(roads, lane, arc_m, 5.0)
-        plan = planner.plan(tiny_worlds.observation(ego, signals=tiny_worlds.signals(red=red)))
-        assert np.isfinite(plan.x_m).all()
