@@ -1,0 +1,325 @@
+"""How scenes of ordinary driving are staged: at junctions, along the road, and through the town."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+
+from interplan_sumo.families import lane_change
+from interplan_sumo.scenario.scenario import (
+    Density,
+    Jaywalker,
+    LanePosition,
+    Obstacle,
+    PlacedVehicle,
+    Scenario,
+    TrafficDemand,
+    VehicleKind,
+)
+from interplan_sumo.scenario.sites import CENTIMETRES, IN_LANE_M, Site, UnsuitableError, edges_m, site_at, walk
+from interplan_sumo.world.geometry import wrap_angle
+from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Connector, Roads, Turn
+
+PARKING_M: Final = 2.0
+"""Width beside the lane in which a car can park without reaching into it."""
+PEOPLE_MPS: Final = 1.3
+"""People on a crosswalk walk at this speed."""
+TRIP_M: Final = (150.0, 350.0)
+"""Length of a trip; 30 s of driving at most of our limits."""
+CHANGE_ROOM_M: Final = 50.0
+"""A trip leaves as much room for each of its lane changes: almost 4 s at 50 km/h."""
+BESIDE_SHARE: Final = 0.7
+"""Of the trips with room for it end on the lane beside the one that they would come to."""
+STRAIGHT_SHARE: Final = 0.4
+"""Of the junctions at which a trip could also turn."""
+DRIVERS: Final = "urban"
+"""Vehicle types of ordinary driving."""
+LIGHT_TRAFFIC: Final = TrafficDemand("low", DRIVERS)
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A way to drive: from where to where, along which roadblocks."""
+
+    start: LanePosition
+    goal: LanePosition
+    route: tuple[str, ...]
+
+
+# --- at junctions ------------------------------------------------------------------------------
+
+
+def ways_out(turn: Turn, light: bool | None, roads: Roads, lane_id: str, _at_m: float) -> tuple[Connector, ...]:
+    """The ways that leave a lane with a turn, with or without a traffic light; None: either."""
+    ways = [roads.connectors[i] for i in roads.outgoing(lane_id)]
+    found = tuple(w for w in ways if w.turn is turn and _bends(w, turn) and light in (None, w.has_traffic_light))
+    if not found:
+        raise UnsuitableError(f"no way {turn.name.lower()} leaves the lane")
+    return found
+
+
+def cross(
+    share: float, before_m: tuple[float, float], id: str, roads: Roads, ways: tuple[Connector, ...],
+    rng: np.random.Generator,
+) -> Scenario:  # fmt: skip
+    """Comes to a junction and goes through it; `share` is the start speed as a share of the limit."""
+    way = ways[int(rng.integers(len(ways)))]
+    course = _through(roads, way, float(np.round(rng.uniform(*before_m), 1)), 60.0)
+    return _scenario(id, roads, course, share, TrafficDemand(_some(rng), DRIVERS, "low"))
+
+
+def _bends(way: Connector, turn: Turn) -> bool:
+    headings = way.centerline.segment_heading_rad
+    bend = abs(float(wrap_angle(headings[-1] - headings[0])))
+    return bend < np.radians(20.0) if turn is Turn.STRAIGHT else bend > np.radians(45.0)
+
+
+def _through(roads: Roads, way: Connector, before_m: float, after_m: float) -> Course:
+    length_m = roads[way.from_lane_id].centerline.length_m
+    behind, start = walk(roads, way.from_lane_id, length_m, -before_m)
+    ahead, goal = walk(roads, way.to_lane_id, 0.0, after_m)
+    chain = (*reversed(behind), way.from_lane_id, way.id, way.to_lane_id, *ahead)
+    return Course(start, goal, roads.route_through(chain))
+
+
+def light_ahead(roads: Roads, lane_id: str, _at_m: float) -> Connector:
+    ways = [roads.connectors[i] for i in roads.outgoing(lane_id)]
+    ways = [w for w in ways if w.turn is Turn.STRAIGHT and w.has_traffic_light]
+    if not ways:
+        raise UnsuitableError("no traffic light with a way straight on ends the lane")
+    return ways[0]
+
+
+def stand_in_queue(id: str, roads: Roads, way: Connector, rng: np.random.Generator) -> Scenario:
+    before_m = float(np.round(rng.uniform(14.0, 26.0), 1))
+    course = _through(roads, way, before_m, 60.0)
+    room_m = before_m - 2.6
+    cars = [
+        PlacedVehicle(_ahead_of(roads, course.start, 2.6 + 2.0 + 2.5 + i * 7.5), 0.0)
+        for i in range(int((room_m - 2.0) // 7.5))
+    ]
+    return _scenario(id, roads, course, 0.0, LIGHT_TRAFFIC, vehicles=cars)
+
+
+def stop_behind(id: str, roads: Roads, way: Connector, rng: np.random.Generator) -> Scenario:
+    course = _through(roads, way, float(np.round(rng.uniform(60.0, 90.0), 1)), 50.0)
+    limit_mps = _limit_mps(roads, course.start)
+    lead = PlacedVehicle(_ahead_of(roads, course.start, 2.6 + 2.5 + 0.9 * limit_mps), round(0.6 * limit_mps, 1))
+    return _scenario(id, roads, course, 0.6, LIGHT_TRAFFIC, vehicles=[lead])
+
+
+def crosswalk_ahead(roads: Roads, lane_id: str, _at_m: float) -> tuple[Connector, float]:
+    """The way straight on where no light holds the ego, and where a crosswalk crosses it."""
+    ways = [roads.connectors[i] for i in roads.outgoing(lane_id)]
+    ways = [w for w in ways if w.turn is Turn.STRAIGHT and not w.has_traffic_light]
+    if not ways:
+        raise UnsuitableError("no way straight on without a traffic light leaves the lane")
+    return ways[0], _crosswalk_m(roads, ways[0])
+
+
+def wait_for_pedestrian(id: str, roads: Roads, place: tuple[Connector, float], rng: np.random.Generator) -> Scenario:
+    way, crossing_m = place
+    course = _through(roads, way, float(np.round(rng.uniform(50.0, 70.0), 1)), 50.0)
+    lane = roads.lanes[way.from_lane_id]
+    left_m, right_m = edges_m(roads, lane, lane.centerline.length_m - 1.0)
+    from_left = bool(rng.random() < 0.5)
+    here_m, there_m = (left_m + 1.0, -right_m - 1.0) if from_left else (-right_m - 1.0, left_m + 1.0)
+    person = Jaywalker(
+        LanePosition(way.id, crossing_m, round(here_m, 2)),
+        LanePosition(way.id, crossing_m, round(there_m, 2)),
+        PEOPLE_MPS,
+    )
+    return _scenario(id, roads, course, 0.6, TrafficDemand("none", DRIVERS), jaywalkers=[person])
+
+
+def _crosswalk_m(roads: Roads, way: Connector) -> float:
+    """Where the first crosswalk crosses a connector, arc length."""
+    line = way.centerline
+    at_m = [
+        line.project_point(*shapely.get_coordinates(shapely.centroid(part))[0])[0]
+        for area in roads.crosswalks
+        if not (part := shapely.intersection(area.polygon, line.linestring)).is_empty
+    ]
+    if not at_m:
+        raise UnsuitableError("no crosswalk crosses the way on")
+    return round(min(at_m), 2)
+
+
+# --- along the road ----------------------------------------------------------------------------
+
+
+def bend(roads: Roads, lane_id: str, at_m: float) -> Site:
+    """A bend that is felt at the limit with at least 1.5 m/s2 to the side (nuPlan's bound for the type)."""
+    site = site_at(roads, lane_id, at_m, approach_m=70.0, beyond_m=60.0)
+    line = roads[lane_id].centerline
+    around_m = np.linspace(max(at_m - 8.0, 0.0), min(at_m + 8.0, line.length_m), 9)
+    headings = np.unwrap([line.pose_at(float(s)).heading_rad for s in around_m])
+    curvature = abs(float(headings[-1] - headings[0])) / float(around_m[-1] - around_m[0])
+    felt_mps2 = curvature * site.limit_mps**2
+    if not 1.5 <= felt_mps2 <= 3.5:
+        raise UnsuitableError(f"at the limit the bend is felt with {felt_mps2:.1f} m/s2, expected 1.5 to 3.5")
+    return site
+
+
+def fast_road(roads: Roads, lane_id: str, at_m: float) -> Site:
+    site = site_at(roads, lane_id, at_m, approach_m=30.0, beyond_m=300.0)
+    if site.limit_mps < 17.0:
+        raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, expected 17 or more")
+    return site
+
+
+def slow_street(roads: Roads, lane_id: str, at_m: float) -> Site:
+    site = site_at(roads, lane_id, at_m, approach_m=20.0, beyond_m=110.0)
+    if site.limit_mps > 11.5:
+        raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, expected 11.5 or less")
+    return site
+
+
+def wide_road(roads: Roads, lane_id: str, at_m: float) -> Site:
+    site = site_at(roads, lane_id, at_m, approach_m=30.0, beyond_m=180.0)
+    if len(site.beside_start) < 3:
+        raise UnsuitableError(f"{len(site.beside_start)} lanes, expected 3 or more")
+    return site
+
+
+def kerb_to_park(roads: Roads, lane_id: str, at_m: float) -> Site:
+    site = site_at(roads, lane_id, at_m, approach_m=70.0, beyond_m=80.0)
+    if site.lanes_near or _beside_m(site) < PARKING_M:
+        raise UnsuitableError(f"{_beside_m(site):.1f} m beside the lane at the kerb, expected {PARKING_M} or more")
+    return site
+
+
+def _beside_m(site: Site) -> float:
+    """Width beside the lane, towards the kerb."""
+    return site.near_edge_m - site.width_m / 2.0
+
+
+def drive_past(
+    share: float, traffic: TrafficDemand, id: str, roads: Roads, site: Site, _rng: np.random.Generator
+) -> Scenario:  # fmt: skip
+    """Drives past a site in traffic."""
+    return _scenario(id, roads, _past(site), share, traffic)
+
+
+def follow(
+    kind: VehicleKind, gap_s: float, share: float, id: str, roads: Roads, site: Site, _rng: np.random.Generator
+) -> Scenario:  # fmt: skip
+    """Follows a leader of a kind, `gap_s` ahead, at `share` of the limit."""
+    speed_mps = round(share * site.limit_mps, 1)
+    half_m = {"car": 2.5, "truck": 4.5, "bus": 6.5, "motorcycle": 1.2}[kind]
+    place = _ahead_of(roads, site.start, 2.6 + half_m + max(4.0, gap_s * speed_mps))
+    lead = PlacedVehicle(place, speed_mps, kind)
+    return _scenario(id, roads, _past(site), share, LIGHT_TRAFFIC, vehicles=[lead])
+
+
+def pass_parked(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+    across_m = site.width_m / 2.0 + _beside_m(site) - 1.0
+    parked = [Obstacle(site.place(ahead_m, across_m), "car") for ahead_m in (-9.0, 0.0, 7.5)[: int(rng.integers(1, 4))]]
+    return _scenario(id, roads, _past(site), 0.8, LIGHT_TRAFFIC, obstacles=parked)
+
+
+def change_lane(id: str, roads: Roads, site: Site, _rng: np.random.Generator) -> Scenario:
+    start = lane_change.starts(roads, site).get(1)
+    if start is None:
+        raise UnsuitableError("the goal's lane has no neighbour at the start")
+    return _scenario(id, roads, Course(start, site.goal, site.route), 0.7, LIGHT_TRAFFIC)
+
+
+# --- through the town --------------------------------------------------------------------------
+
+
+def anywhere(_roads: Roads, lane_id: str, at_m: float) -> LanePosition:
+    return LanePosition(lane_id, round(at_m, CENTIMETRES))
+
+
+def trip_through_town(id: str, roads: Roads, start: LanePosition, rng: np.random.Generator) -> Scenario:
+    """Goes some way through the town: straight on, off to the sides and from lane to lane, as drawn."""
+    share = float(np.round(rng.choice((0.0, 0.4, 0.7, 0.9)), 1))
+    length_m, left_m = roads[start.lane].centerline.length_m, float(rng.uniform(*TRIP_M))
+    if not IN_LANE_M <= start.arc_m <= length_m - IN_LANE_M:
+        raise UnsuitableError(f"an end of the lane is nearer than {IN_LANE_M:.0f} m")
+    here, room_m, chain = start.lane, length_m - start.arc_m, [start.lane]
+    while left_m > room_m - IN_LANE_M:
+        way = _way_on(roads, here, room_m, rng)
+        if roads[way.to_lane_id].roadblock_id in roads.route_through(chain):
+            raise UnsuitableError("the way drawn comes back to where it was")
+        left_m -= room_m + way.centerline.length_m
+        here, room_m = way.to_lane_id, roads[way.to_lane_id].centerline.length_m
+        chain += [way.from_lane_id, way.id, here]
+    begin_m = roads[here].centerline.length_m - room_m
+    goal = _beside(roads, LanePosition(here, round(begin_m + max(left_m, IN_LANE_M), CENTIMETRES)), begin_m, rng)
+    course = Course(start, goal, roads.route_through((*chain, goal.lane)))
+    return _scenario(id, roads, course, share, TrafficDemand(_some(rng), DRIVERS, _some(rng)))
+
+
+def _way_on(roads: Roads, lane_id: str, room_m: float, rng: np.random.Generator) -> Connector:
+    """A way out of the roadblock, from a lane that can be reached in time; turns and straight ways alike."""
+    siblings = roads.roadblocks[roads[lane_id].roadblock_id].lane_ids
+    here = siblings.index(lane_id)
+    near = [lane for i, lane in enumerate(siblings) if abs(i - here) * CHANGE_ROOM_M <= room_m]
+    ways = [roads.connectors[way] for lane in near for way in roads.outgoing(lane)]
+    turns = sorted({way.turn for way in ways} - {Turn.U_TURN})
+    if not turns:
+        raise UnsuitableError("the road ends on the way drawn")
+    straight = Turn.STRAIGHT in turns and (len(turns) == 1 or rng.random() < STRAIGHT_SHARE)
+    others = [turn for turn in turns if turn is not Turn.STRAIGHT]
+    turn = Turn.STRAIGHT if straight else others[int(rng.integers(len(others)))]
+    pool = [way for way in ways if way.turn is turn]
+    return pool[int(rng.integers(len(pool)))]
+
+
+def _beside(roads: Roads, place: LanePosition, begin_m: float, rng: np.random.Generator) -> LanePosition:
+    """A goal, or in most cases the one beside it on a neighbour lane, where there is room to change."""
+    neighbours = [lane for lane in (roads.left_of(place.lane), roads.right_of(place.lane)) if lane is not None]
+    if not neighbours or place.arc_m - begin_m < CHANGE_ROOM_M or rng.random() >= BESIDE_SHARE:
+        return place
+    lane = neighbours[int(rng.integers(len(neighbours)))]
+    there = place.pose(roads)
+    arc_m = round(lane.centerline.project_point(there.x_m, there.y_m)[0], CENTIMETRES)
+    return LanePosition(lane.id, min(arc_m, lane.centerline.length_m - IN_LANE_M))
+
+
+# --- parts -------------------------------------------------------------------------------------
+
+
+def _past(site: Site) -> Course:
+    return Course(site.start, site.goal, site.route)
+
+
+def _scenario(
+    id: str, roads: Roads, course: Course, share: float, traffic: TrafficDemand, *,
+    vehicles: Sequence[PlacedVehicle] = (), obstacles: Sequence[Obstacle] = (), jaywalkers: Sequence[Jaywalker] = (),
+) -> Scenario:  # fmt: skip
+    return Scenario(
+        id=id,
+        family=id.partition("/")[0].rpartition(".")[2],
+        map=roads.name,
+        start=course.start,
+        start_speed_mps=round(share * _limit_mps(roads, course.start), 1),
+        goal=course.goal,
+        route=course.route,
+        traffic=traffic,
+        obstacles=tuple(obstacles),
+        jaywalkers=tuple(jaywalkers),
+        vehicles=tuple(vehicles),
+    )
+
+
+def _limit_mps(roads: Roads, place: LanePosition) -> float:
+    return roads[place.lane].speed_limit_mps or USUAL_LIMIT_MPS
+
+
+def _some(rng: np.random.Generator) -> Density:
+    return ("low", "medium")[int(rng.integers(2))]
+
+
+def _ahead_of(roads: Roads, start: LanePosition, ahead_m: float) -> LanePosition:
+    """A place ahead of the start, on its lane; UnsuitableError where the lane ends before."""
+    arc_m = round(start.arc_m + ahead_m, 2)
+    if arc_m > roads[start.lane].centerline.length_m - 3.0:
+        raise UnsuitableError("the lane ends before the car ahead would stand")
+    return LanePosition(start.lane, arc_m)
