@@ -10,7 +10,7 @@ import msgspec
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.processes import Workers
-from interplan_sumo.batch.records import DriveAnswer, Fault, RecordError, decode
+from interplan_sumo.batch.records import DriveAnswer, Fault
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 
 
@@ -28,10 +28,9 @@ def drive_outcomes(
 
 def drive_answer(outcome: Outcome) -> tuple[DriveAnswer, Fault | None]:
     """What came of a drive; one whose score is no number between 0 and 1 is a fault of ours."""
-    traceback = outcome.value.get("traceback")
     try:
-        answer = decode(msgspec.json.encode({} if traceback else outcome.value), DriveAnswer)
-    except RecordError as error:
+        answer = msgspec.convert(outcome.value, DriveAnswer)
+    except msgspec.ValidationError as error:
         return DriveAnswer(), outcome.fault or Fault("harness", f"the worker's answer is none: {error}")
     if answer.sheet is None and outcome.fault is None:
         return answer, Fault("harness", "the worker's answer has no score")

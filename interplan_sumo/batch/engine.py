@@ -13,13 +13,12 @@ from collections import deque
 from collections.abc import Generator, Hashable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from interplan_sumo.batch.in_process import run_in_process
 from interplan_sumo.batch.processes import adopted_orphans, death, killed_from_outside
 from interplan_sumo.batch.shared_phase import PLANNER_PHASES
 from interplan_sumo.batch.tasks import TRAFFIC_RETRIES, Fault, Limits, OpenGroup, Outcome, Task
-from interplan_sumo.batch.worker_pool import Ending, ProcessCrew, Report, Worker, WorkerPool
+from interplan_sumo.batch.worker_pool import Ending, ProcessPool, Report, Worker, WorkerPool
 from interplan_sumo.errors import InputError, PlannerLoadError
 
 OUTSIDE_KILLS_FORGIVEN = 2
@@ -40,33 +39,33 @@ def run_tasks(tasks: Sequence[Task], open_group: OpenGroup, *, workers: int, lim
         yield from run_in_process(tasks, open_group, limits)
         return
     with tempfile.TemporaryDirectory(prefix="interplan-sumo-") as folder, adopted_orphans():
-        crew = ProcessCrew(open_group, limits, Path(folder))
+        pool = ProcessPool(open_group, limits, Path(folder))
         try:
-            yield from run_with(crew, tasks, workers)
-            crew.leave()
+            yield from run_with(pool, tasks, workers)
+            pool.close()
         finally:
-            crew.disband()
+            pool.stop_all()
 
 
-def run_with(crew: WorkerPool, tasks: Sequence[Task], workers: int) -> Generator[Outcome]:
-    """Have a crew of up to `workers` do the tasks; outcomes and errors as in `run_tasks`.
+def run_with(pool: WorkerPool, tasks: Sequence[Task], workers: int) -> Generator[Outcome]:
+    """Have a pool of up to `workers` do the tasks; outcomes and errors as in `run_tasks`.
 
-    The crew outlives it: who is still there when it ends is the caller's to send home.
+    The pool outlives it: who is still there when it ends is the caller's to stop.
     """
-    books = _Books()
+    state = _Bookkeeping()
     for task in tasks:
-        books.waiting.setdefault(task.group, deque()).append(task)
-    _try_groups(list(books.waiting), crew, workers)
-    while any(books.waiting.values()) or any(w.task for w in crew.workers):
-        _staff(books.waiting, crew, workers)
-        for report in crew.reports():
-            outcome = _settle(report, crew, books)
+        state.waiting.setdefault(task.group, deque()).append(task)
+    _try_groups(list(state.waiting), pool, workers)
+    while any(state.waiting.values()) or any(w.task for w in pool.workers):
+        _staff(state.waiting, pool, workers)
+        for report in pool.reports():
+            outcome = _settle(report, pool, state)
             if outcome is not None:
                 yield outcome
 
 
 @dataclass(slots=True)
-class _Books:
+class _Bookkeeping:
     """What is still to be done and what went wrong on the way."""
 
     waiting: dict[str, deque[Task]] = field(default_factory=dict)
@@ -86,85 +85,84 @@ class _Books:
         return True
 
 
-def _settle(report: Report, crew: WorkerPool, books: _Books) -> Outcome | None:
+def _settle(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | None:
     """Book what was heard from a worker; the outcome of its task, if that ended for good."""
     worker, answer = report.worker, report.answer
-    if "ready" in answer:
+    if answer.ready:
         worker.ready, worker.task_since_s = True, time.monotonic()
-        books.failed_openings.pop(worker.group, None)
+        state.failed_openings.pop(worker.group, None)
         return None
-    if "input_error" in answer:
-        raise InputError(str(answer["input_error"]))
+    if answer.input_error is not None:
+        raise InputError(answer.input_error)
     task, worker.task = worker.task, None
     if task is None:  # it died while idle, or while opening what had opened before
         if not worker.ready:
-            failures = books.failed_openings[worker.group] = books.failed_openings.get(worker.group, 0) + 1
+            failures = state.failed_openings[worker.group] = state.failed_openings.get(worker.group, 0) + 1
             if failures > OUTSIDE_KILLS_FORGIVEN:
                 raise PlannerLoadError(_did_not_open(report))
         return None
     wall_s = time.monotonic() - worker.task_since_s
-    value: dict[str, Any] = answer.get("value", {})
-    fault = Fault(*answer["fault"]) if answer.get("fault") else None
+    fault = answer.fault
     if report.ending is not None:
-        if _from_outside(report.ending) and books.again(task, books.outside_kills, OUTSIDE_KILLS_FORGIVEN):
+        if _from_outside(report.ending) and state.again(task, state.outside_kills, OUTSIDE_KILLS_FORGIVEN):
             return None
         fault = _blame(report.ending)
     if fault is None:
-        return Outcome(task, value, None, wall_s)
-    if worker in crew.workers:
-        crew.bury(worker)  # after a fault nobody knows what state a process is in
-    if fault.kind == "traffic" and books.again(task, books.traffic_faults, TRAFFIC_RETRIES):
+        return Outcome(task, answer.value, None, wall_s)
+    if worker in pool.workers:
+        pool.stop(worker)  # after a fault nobody knows what state a process is in
+    if fault.kind == "traffic" and state.again(task, state.traffic_faults, TRAFFIC_RETRIES):
         return None
-    return Outcome(task, value, fault, wall_s, report.printed)
+    return Outcome(task, answer.value, fault, wall_s, answer.traceback, report.printed)
 
 
-def _try_groups(groups: list[str], crew: WorkerPool, workers: int) -> None:
+def _try_groups(groups: list[str], pool: WorkerPool, workers: int) -> None:
     """Open every group once before the first task, so that a planner that cannot be built ends the run at once."""
     if len(groups) == 1:
         return  # its first worker will tell
     opened: list[Worker] = []
     for first in range(0, len(groups), workers):
         for worker in opened:
-            crew.dismiss(worker)
-        opened = _opened([crew.hire(group) for group in groups[first : first + workers]], crew)
+            pool.release(worker)
+        opened = _opened([pool.start(group) for group in groups[first : first + workers]], pool)
 
 
-def _opened(hired: list[Worker], crew: WorkerPool) -> list[Worker]:
+def _opened(started: list[Worker], pool: WorkerPool) -> list[Worker]:
     """These workers, or others in their place, once all have opened their groups."""
     failures: dict[str, int] = {}
-    while not all(worker.ready for worker in hired):
-        for report in crew.reports():
+    while not all(worker.ready for worker in started):
+        for report in pool.reports():
             worker = report.worker
-            if "input_error" in report.answer:
-                raise InputError(str(report.answer["input_error"]))
+            if report.answer.input_error is not None:
+                raise InputError(report.answer.input_error)
             if report.ending is None:
                 worker.ready, worker.task_since_s = True, time.monotonic()
                 continue
-            if worker not in hired:
+            if worker not in started:
                 continue  # one of those who had opened theirs before
             failures[worker.group] = failures.get(worker.group, 0) + 1
             if failures[worker.group] > OUTSIDE_KILLS_FORGIVEN or not _from_outside(report.ending):
                 raise PlannerLoadError(_did_not_open(report))
-            hired[hired.index(worker)] = crew.hire(worker.group)
-    return hired
+            started[started.index(worker)] = pool.start(worker.group)
+    return started
 
 
-def _staff(waiting: dict[str, deque[Task]], crew: WorkerPool, workers: int) -> None:
-    """Give idle workers tasks, let those go whose group is done, hire up to `workers`."""
-    for worker in list(crew.workers):
+def _staff(waiting: dict[str, deque[Task]], pool: WorkerPool, workers: int) -> None:
+    """Give idle workers tasks, let those go whose group is done, start up to `workers`."""
+    for worker in list(pool.workers):
         if worker.ready and worker.task is None:
             if not waiting[worker.group]:
-                crew.dismiss(worker)
-            elif crew.give(worker, waiting[worker.group][0]):
+                pool.release(worker)
+            elif pool.give(worker, waiting[worker.group][0]):
                 waiting[worker.group].popleft()
-    while len(crew.workers) < workers:
+    while len(pool.workers) < workers:
         # The group with most tasks for each worker it already has.
-        opening = {g: sum(w.group == g and w.task is None for w in crew.workers) for g in waiting}
-        serving = {g: sum(w.group == g for w in crew.workers) for g in waiting}
+        opening = {g: sum(w.group == g and w.task is None for w in pool.workers) for g in waiting}
+        serving = {g: sum(w.group == g for w in pool.workers) for g in waiting}
         short = [g for g in waiting if len(waiting[g]) > opening[g]]
         if not short:
             return
-        crew.hire(max(short, key=lambda g: len(waiting[g]) / (serving[g] + 1)))
+        pool.start(max(short, key=lambda g: len(waiting[g]) / (serving[g] + 1)))
 
 
 def _from_outside(ending: Ending) -> bool:

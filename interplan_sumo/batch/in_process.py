@@ -27,14 +27,14 @@ def run_in_process(tasks: Sequence[Task], open_group: OpenGroup, limits: Limits)
     Limits are kept by an alarm signal, where there is one and this is the main
     thread; they rest while a debugger is at work. A crash is not survived.
     """
-    board = SharedPhase([0, 0])
+    phases = SharedPhase([0, 0])
     home = os.getpid()
     with _Alarm(limits) as alarm, _Interrupts() as interrupts:
 
         def publish(phase: str) -> None:
             if os.getpid() != home:  # a planner forked, and its copy came back from plan()
                 os._exit(0)
-            board.publish(phase)
+            phases.publish(phase)
             alarm.phase(phase)
 
         works: dict[str, Any] = {}
@@ -46,20 +46,20 @@ def run_in_process(tasks: Sequence[Task], open_group: OpenGroup, limits: Limits)
                 began_s = time.monotonic()
                 alarm.begin()
                 publish("setup")
-                reply = attempt(works[task.group], task.payload, board)
+                reply = attempt(works[task.group], task.payload, phases)
                 publish("idle")
                 if interrupts.seen:
                     raise KeyboardInterrupt
-                if "input_error" in reply:
-                    raise InputError(reply["input_error"])
-                fault = Fault(*reply["fault"]) if reply["fault"] else None
+                if reply.input_error is not None:
+                    raise InputError(reply.input_error)
+                fault = reply.fault
                 if alarm.overrun is not None:
                     phase, reason = alarm.overrun
                     fault = Fault("planner", reason) if phase == "plan" else Fault("timeout", f"{reason} ({phase})")
                 if fault is None or fault.kind != "traffic" or not retries_left:
                     break
                 retries_left -= 1
-            yield Outcome(task, reply["value"], fault, time.monotonic() - began_s)
+            yield Outcome(task, reply.value, fault, time.monotonic() - began_s, reply.traceback)
             if fault is not None:  # what a fault leaves behind must not reach the next task
                 works[task.group] = open_group(task.group, publish)
 

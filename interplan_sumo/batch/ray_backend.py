@@ -21,6 +21,7 @@ from typing import Any
 
 from interplan_sumo.batch.engine import run_with
 from interplan_sumo.batch.processes import available_cores, environment
+from interplan_sumo.batch.records import WorkerAnswer
 from interplan_sumo.batch.remote_jobs import Portable
 from interplan_sumo.batch.remote_worker import HostInfo, RemoteWorker, WorkerReply
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
@@ -46,23 +47,23 @@ def run_on_ray(tasks: Sequence[Task], jobs: Portable, *, address: str, limits: L
     if not tasks:
         return
     with connected(address) as cpus:
-        crew = RayCrew(_ray(), jobs, limits)
+        pool = RayPool(_ray(), jobs, limits)
         try:
-            yield from run_with(crew, tasks, cpus)
+            yield from run_with(pool, tasks, cpus)
         finally:
-            crew.disband()
+            pool.stop_all()
 
 
-class RayCrew:
+class RayPool:
     """Workers that Ray actors keep; an actor whose worker ended takes the next one."""
 
     def __init__(self, ray: Any, jobs: Portable, limits: Limits) -> None:
         self._ray = ray
         self._jobs = jobs
         self._limits = limits
-        self._site = _remote_site(ray)
-        self._luggage = ray.put(jobs.luggage())
-        self._home = HostInfo(tuple(sys.path), os.getcwd())
+        self._actor = _actor_class(ray)
+        self._staged = ray.put(jobs.stage_in())
+        self._host = HostInfo(tuple(sys.path), os.getcwd())
         self._versions = versions()
         self._actors: dict[Worker, Any] = {}
         self._idle: list[Any] = []
@@ -73,7 +74,7 @@ class RayCrew:
     def workers(self) -> list[Worker]:
         return list(self._actors)
 
-    def hire(self, group: str) -> Worker:
+    def start(self, group: str) -> Worker:
         actor = self._idle.pop() if self._idle else self._new_actor()
         worker = Worker(group, time.monotonic())
         self._actors[worker] = actor
@@ -85,12 +86,12 @@ class RayCrew:
         worker.task, worker.task_since_s = task, time.monotonic()
         return True
 
-    def dismiss(self, worker: Worker) -> None:
+    def release(self, worker: Worker) -> None:
         actor = self._actors.pop(worker)
         actor.close.remote()
         self._idle.append(actor)
 
-    def bury(self, worker: Worker) -> None:
+    def stop(self, worker: Worker) -> None:
         """Take its actor back: the next worker that it opens ends this one."""
         self._idle.append(self._actors.pop(worker))
 
@@ -101,21 +102,21 @@ class RayCrew:
         there, _ = self._ray.wait(list(self._awaited), num_returns=len(self._awaited), timeout=0)
         return [self._report(reference, self._awaited.pop(reference)) for reference in there]
 
-    def disband(self) -> None:
+    def stop_all(self) -> None:
         """End all workers; what their actors have written over there is cleared away."""
         actors = [*self._actors.values(), *self._idle]
         self._actors, self._idle, self._awaited = {}, [], {}
         with contextlib.suppress(self._ray.exceptions.RayError, ConnectionError):
             for actor in actors:
                 actor.stop.remote()
-            gone = [actor.leave.remote() for actor in actors]
+            gone = [actor.clear.remote() for actor in actors]
             if gone:
                 self._ray.wait(gone, num_returns=len(gone), timeout=PATIENCE_S)
             for actor in actors:
                 self._ray.kill(actor)
 
     def _new_actor(self) -> Any:
-        return self._site.remote(self._jobs, self._luggage, self._limits, self._home)
+        return self._actor.remote(self._jobs, self._staged, self._limits, self._host)
 
     def _report(self, reference: Any, worker: Worker) -> Report:
         try:
@@ -123,12 +124,12 @@ class RayCrew:
         except self._ray.exceptions.RayError as error:
             with contextlib.suppress(self._ray.exceptions.RayError):
                 self._ray.kill(self._actors.pop(worker))
-            return Report(worker, {}, Ending(None, "idle", lost=_lost(error)))
+            return Report(worker, WorkerAnswer(), Ending(None, "idle", lost=_lost(error)))
         if said.versions:
             self._check_versions(said.versions)
-        self._jobs.bring(said.files)
+        self._jobs.stage_out(said.files)
         if said.ending is not None:
-            self.bury(worker)
+            self.stop(worker)
         return Report(worker, said.answer, said.ending, said.printed)
 
     def _check_versions(self, there: dict[str, str]) -> None:
@@ -140,15 +141,15 @@ class RayCrew:
                 )
 
 
-def _remote_site(ray: Any) -> Any:
+def _actor_class(ray: Any) -> Any:
     """`RemoteWorker` as a class of actors that hear `stop` while they are at work."""
 
-    class RemoteSite(RemoteWorker):
+    class RemoteActor(RemoteWorker):
         @ray.method(concurrency_group="control")
         def stop(self) -> None:
             super().stop()
 
-    return ray.remote(num_cpus=1, max_restarts=0, concurrency_groups={"control": 1})(RemoteSite)
+    return ray.remote(num_cpus=1, max_restarts=0, concurrency_groups={"control": 1})(RemoteActor)
 
 
 def _lost(error: Exception) -> str:

@@ -6,6 +6,7 @@ Numbers are finite: the encoder writes null for one that is not, and the decoder
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
@@ -14,13 +15,15 @@ from msgspec import Meta, Struct, structs
 
 from interplan_sumo.batch.options import MOST_SEEDS
 from interplan_sumo.errors import InterplanError
-from interplan_sumo.metrics.metric import plain
 
 if TYPE_CHECKING:
     from interplan_sumo.metrics.score import ScoreSheet
 
 FORMAT = 1
 """Of manifests."""
+MOST_TEXT = 4000
+"""Characters of a message, a traceback or a text that are kept."""
+
 T = TypeVar("T")
 
 Score = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -92,6 +95,8 @@ class ScoreRecord(Struct, frozen=True):
 
     @classmethod
     def of(cls, sheet: ScoreSheet) -> Self:
+        from interplan_sumo.metrics.metric import plain  # not for every worker that starts
+
         return cls(
             plain(sheet.score),
             sheet.profile,
@@ -103,6 +108,19 @@ class ScoreRecord(Struct, frozen=True):
                 for name, each in sheet.metrics.items()
             },
         )
+
+
+class WorkerAnswer(Struct, frozen=True, omit_defaults=True):
+    """What a worker says to its parent: that it is ready, that it cannot go on, or how a task ended."""
+
+    ready: bool = False
+    input_error: str | None = None
+    """Why its group cannot be opened or a task not be done, whoever tries."""
+    value: dict[str, Any] = {}
+    """What the task gave."""
+    fault: Fault | None = None
+    traceback: str = ""
+    """Of a fault of ours."""
 
 
 class DriveAnswer(Struct, frozen=True, kw_only=True):
@@ -339,5 +357,23 @@ def _decoded(decoder: msgspec.json.Decoder[T], text: bytes) -> T:
 
 
 def encode(record: Struct) -> bytes:
-    """A record as one line of JSON, without the line's end."""
-    return msgspec.json.encode(record)
+    """A record as one line of JSON, without the line's end; numpy's scalars and arrays become numbers and lists."""
+    return msgspec.json.encode(record, enc_hook=_as_plain)
+
+
+def _as_plain(value: Any) -> Any:
+    """numpy scalars and arrays as JSON."""
+    for method in ("item", "tolist"):
+        if hasattr(value, method):
+            with contextlib.suppress(ValueError):
+                return getattr(value, method)()
+    return readable(str(value))
+
+
+def readable(text: str) -> str:
+    """Text of others that can be stored and printed: no lone surrogates, no control characters, MOST_TEXT at most."""
+    shown = "".join(
+        each if each.isprintable() or each in "\n\t" else each.encode("unicode_escape").decode()
+        for each in text[:MOST_TEXT]
+    )
+    return shown if len(text) <= MOST_TEXT else f"{shown}..."

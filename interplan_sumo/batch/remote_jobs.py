@@ -1,4 +1,4 @@
-"""Away: drives on machines that do not see the run folder: what they need is sent there, what they write comes back."""
+"""Remote jobs: drives on machines that do not see the run folder: what they need is sent, what they write fetched."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Files = dict[str, bytes]
 class Portable(Protocol):
     """Tasks that can be done on another machine, in a folder that stands for the one at home. Picklable."""
 
-    def luggage(self) -> Files:
+    def stage_in(self) -> Files:
         """At home: what must lie in the folder before the first task."""
         ...
 
@@ -37,7 +37,7 @@ class Portable(Protocol):
         """There, after each task: what is to come home; it is cleared away or is not collected twice."""
         ...
 
-    def bring(self, files: Files) -> None:
+    def stage_out(self, files: Files) -> None:
         """At home: put what was collected in its place; InputError if that cannot be written."""
         ...
 
@@ -50,7 +50,7 @@ class RemoteJobs:
     _known: set[str] = field(default_factory=set[str], init=False)
     """The experts that home has."""
 
-    def luggage(self) -> Files:
+    def stage_in(self) -> Files:
         folder = self.settings.folder
         maps = self.settings.maps_beside or folder / MAPS
         files = {path: _read(folder / path) for path in _below(folder, custom_references.FOLDER)}
@@ -73,7 +73,7 @@ class RemoteJobs:
         shutil.rmtree(folder / TRACES, ignore_errors=True)
         return files
 
-    def bring(self, files: Files) -> None:
+    def stage_out(self, files: Files) -> None:
         traces: dict[str, Files] = {}
         for path, content in files.items():
             place = PurePosixPath(path)

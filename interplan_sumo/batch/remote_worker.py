@@ -1,7 +1,7 @@
-"""Site: keeps one worker process on a machine of a cluster, with the limits and the care that workers at home get.
+"""Remote worker: keeps one worker process on a machine of a cluster, with the limits that local workers have.
 
 It knows nothing of the cluster's software: the parent calls its methods over there and gets what happened as data.
-The planner runs in a process of its own, so the site outlives whatever it does and can tell in which phase it did it.
+The planner runs in a process of its own, so this one outlives whatever it does and can tell in which phase it did it.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from interplan_sumo.batch.processes import adopted_orphans
+from interplan_sumo.batch.records import WorkerAnswer
 from interplan_sumo.batch.remote_jobs import Files, Portable, write_files
 from interplan_sumo.batch.tasks import Limits, Task
 from interplan_sumo.batch.versions import versions
-from interplan_sumo.batch.worker_pool import Ending, ProcessCrew, Worker
+from interplan_sumo.batch.worker_pool import Ending, ProcessPool, Worker
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,9 @@ class HostInfo:
 
 @dataclass(frozen=True, slots=True)
 class WorkerReply:
-    """What happened at a site: as `crew.Report`, without the worker."""
+    """What happened there: as `pool.Report`, without the worker."""
 
-    answer: dict[str, Any] = field(default_factory=dict)
+    answer: WorkerAnswer = field(default_factory=WorkerAnswer)
     ending: Ending | None = None
     printed: str = ""
     files: Files = field(default_factory=dict)
@@ -48,12 +48,12 @@ class WorkerReply:
 
 
 class RemoteWorker:
-    """One worker away from home. Its methods are called one after the other, but `stop`: at any time."""
+    """One worker on another machine. Its methods are called one after the other, but `stop`: at any time."""
 
-    def __init__(self, jobs: Portable, luggage: Files, limits: Limits, home: HostInfo) -> None:
-        sys.path.extend(place for place in home.path if place not in sys.path)
+    def __init__(self, jobs: Portable, stage_in: Files, limits: Limits, host: HostInfo) -> None:
+        sys.path.extend(place for place in host.path if place not in sys.path)
         with contextlib.suppress(OSError):  # another machine may not have it
-            os.chdir(home.folder)
+            os.chdir(host.folder)
         # Worker processes import the main module of who starts them: the cluster's own is none of their business.
         vars(sys.modules["__main__"]).pop("__file__", None)
         self._stopped = threading.Event()
@@ -63,21 +63,21 @@ class RemoteWorker:
         self._folder = self._place / "run"
         self._printed.mkdir()
         self._folder.mkdir()
-        write_files(self._folder, luggage)
+        write_files(self._folder, stage_in)
         self._orphans = contextlib.ExitStack()
         self._orphans.enter_context(adopted_orphans())
-        self._crew = ProcessCrew(jobs.open_in(self._folder), limits, self._printed)
+        self._pool = ProcessPool(jobs.open_in(self._folder), limits, self._printed)
         self._worker: Worker | None = None
 
     def open(self, group: str) -> WorkerReply:
         """Start a worker for a group, in place of the one before."""
-        self._crew.disband()
-        self._worker = self._crew.hire(group)
+        self._pool.stop_all()
+        self._worker = self._pool.start(group)
         return self._listen()
 
     def do(self, task: Task) -> WorkerReply:
         """Have the worker do a task."""
-        if self._worker is None or not self._crew.give(self._worker, task):
+        if self._worker is None or not self._pool.give(self._worker, task):
             return WorkerReply(ending=Ending(None, "idle", lost="its worker died between two tasks"))
         said = self._listen()
         self._worker.task = None
@@ -85,25 +85,25 @@ class RemoteWorker:
 
     def close(self) -> None:
         """Let the worker end by itself."""
-        self._crew.leave()
+        self._pool.close()
         self._worker = None
 
     def stop(self) -> None:
         """End what is being done now."""
         self._stopped.set()
 
-    def leave(self) -> None:
-        """End the worker and clear away what the site has written."""
-        self._crew.disband()
+    def clear(self) -> None:
+        """End the worker and clear away what it has written."""
+        self._pool.stop_all()
         self._orphans.close()
         shutil.rmtree(self._place, ignore_errors=True)
 
     def _listen(self) -> WorkerReply:
         while not self._stopped.is_set():
-            for report in self._crew.reports():
-                if "ready" in report.answer:
+            for report in self._pool.reports():
+                if report.answer.ready:
                     report.worker.ready = True
                     return WorkerReply(report.answer, versions=versions())
                 return WorkerReply(report.answer, report.ending, report.printed, self._jobs.collect(self._folder))
-        self._crew.disband()
+        self._pool.stop_all()
         return WorkerReply(ending=Ending(None, "idle", lost="it was stopped"))

@@ -167,7 +167,7 @@ def _row(outcome: Outcome, site: str, scenario_hash: str, manifest: Manifest, *,
         scenario_hash=scenario_hash,
         trace=answer.trace,
         planner_report=answer.planner_report,
-        traceback=outcome.value.get("traceback", ""),
+        traceback=outcome.traceback,
         printed=outcome.printed,
     )
 

@@ -1,4 +1,4 @@
-"""Phases: which part of a job a worker is in, published so that a death can be told from outside."""
+"""Shared phase: which part of a job a worker is in, published so that a death can be told from outside."""
 
 from __future__ import annotations
 

@@ -45,6 +45,8 @@ class Outcome:
     """Plain JSON data that the task gave; empty if it never answered."""
     fault: Fault | None
     wall_s: float
+    traceback: str = ""
+    """Of a fault of ours."""
     printed: str = ""
     """The end of what its process printed, if it ended in a fault."""
 

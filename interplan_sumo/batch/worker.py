@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
-import json
 import os
 import sys
 import threading
@@ -14,29 +13,34 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from interplan_sumo.batch.processes import become_worker
+from interplan_sumo.batch.records import Fault, WorkerAnswer, decode, encode, readable
 from interplan_sumo.batch.shared_phase import PLANNER_PHASES, Shared, SharedPhase
 from interplan_sumo.batch.tasks import OpenGroup, Work
 from interplan_sumo.errors import InputError, TrafficError
 
 
-def attempt(work: Work, task: Any, board: SharedPhase) -> dict[str, Any]:
+def attempt(work: Work, task: Any, phases: SharedPhase) -> WorkerAnswer:
     """Do one task; whatever escapes becomes a fault by the phase in which it was raised.
 
-    SystemExit and KeyboardInterrupt included: in a worker nobody but the task raises them.
+    SystemExit and KeyboardInterrupt included: in a worker nobody but the task
+    raises them. What is said can be stored: numbers that are not finite are
+    null, texts are readable.
     """
     try:
         value, fault = work(task)
+        said = None if fault is None else Fault(fault.kind, readable(fault.message))
+        return decode(encode(WorkerAnswer(value=value, fault=said)), WorkerAnswer)
     except BaseException as error:
-        phase = board.phase
-        text = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        phase = phases.phase
+        text = readable(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
         if phase in PLANNER_PHASES:
-            return {"value": {}, "fault": ["planner", f"raised {text}"]}
+            return WorkerAnswer(fault=Fault("planner", f"raised {text}"))
         if isinstance(error, InputError):
-            return {"input_error": str(error)}
+            return WorkerAnswer(input_error=readable(str(error)))
         if isinstance(error, TrafficError):
-            return {"value": {}, "fault": ["traffic", str(error)]}
-        return {"value": {"traceback": traceback.format_exc()}, "fault": ["harness", f"{text} (in phase {phase})"]}
-    return {"value": value, "fault": [fault.kind, fault.message] if fault else None}
+            return WorkerAnswer(fault=Fault("traffic", readable(str(error))))
+        fault = Fault("harness", f"{text} (in phase {phase})")
+        return WorkerAnswer(fault=fault, traceback=readable(traceback.format_exc()))
 
 
 def serve(
@@ -56,24 +60,25 @@ def serve(
     if hasattr(os, "register_at_fork"):
         # A copy of this process must not answer in its name, nor keep the line open when it has died.
         os.register_at_fork(after_in_child=line.close)
-    board = SharedPhase(shared)
+    phases = SharedPhase(shared)
 
     def publish(phase: str) -> None:
         if os.getpid() != home:  # a planner forked, and its copy came back from plan()
             os._exit(0)
-        board.publish(phase)
+        phases.publish(phase)
 
     publish("load")
     try:
         work = open_group(group, publish)
     except InputError as error:
-        _answer(line, {"input_error": str(error)})
+        _answer(line, WorkerAnswer(input_error=readable(str(error))))
         return
     except BaseException as error:
-        _answer(line, {"input_error": f"planner {group!r} could not be built: {type(error).__name__}: {error}"})
+        why = f"planner {group!r} could not be built: {type(error).__name__}: {error}"
+        _answer(line, WorkerAnswer(input_error=readable(why)))
         return
     publish("idle")
-    _answer(line, {"ready": True})
+    _answer(line, WorkerAnswer(ready=True))
     while True:
         try:
             task = line.recv()
@@ -84,23 +89,14 @@ def serve(
         with contextlib.suppress(OSError):
             os.ftruncate(1, 0)
         publish("setup")
-        reply = attempt(work, task, board)
+        reply = attempt(work, task, phases)
         publish("idle")
         _flush()
         _answer(line, reply)
 
 
-def _answer(line: Connection, reply: dict[str, Any]) -> None:
-    line.send_bytes(json.dumps(reply, default=_plain).encode())
-
-
-def _plain(value: object) -> object:
-    """numpy scalars and arrays as JSON."""
-    for method in ("item", "tolist"):
-        if hasattr(value, method):
-            with contextlib.suppress(ValueError):
-                return getattr(value, method)()
-    return str(value)
+def _answer(line: Connection, answer: WorkerAnswer) -> None:
+    line.send_bytes(encode(answer))
 
 
 def _print_to(output: str) -> None:

@@ -1,4 +1,4 @@
-"""Crew: worker processes on this machine: each has its own line to the parent and at most one task in hand.
+"""Worker pool: processes on this machine, each with its own line to the parent and at most one task in hand.
 
 What ends a worker that hangs, crashes or is killed, and in which phase it was, is found out here; what that means
 for its task is the engine's to say.
@@ -7,7 +7,6 @@ for its task is the engine's to say.
 from __future__ import annotations
 
 import contextlib
-import json
 import multiprocessing
 import time
 from collections.abc import Sequence
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from interplan_sumo.batch.processes import SINGLE_THREAD, environment, interrupts_held, kill_group
+from interplan_sumo.batch.records import RecordError, WorkerAnswer, decode
 from interplan_sumo.batch.shared_phase import SharedPhase
 from interplan_sumo.batch.tasks import Limits, OpenGroup, Task
 from interplan_sumo.batch.worker import serve
@@ -26,6 +26,8 @@ from interplan_sumo.batch.worker import serve
 POLL_S = 0.1
 PATIENCE_S = 5.0
 """How long a worker that was told to leave may take before it is ended."""
+MOST_BYTES = 1 << 28
+"""Of an answer; more is none."""
 OUTPUT_KEPT = 2000
 """Characters of what a worker printed that are kept with a fault."""
 
@@ -56,11 +58,11 @@ class Ending:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a crew has heard from a worker: an answer, or how it ended."""
+    """What a pool has heard from a worker: an answer, or how it ended."""
 
     worker: Worker
-    answer: dict[str, Any]
-    """`ready`, `input_error`, or `value` and `fault`; empty if it ended."""
+    answer: WorkerAnswer
+    """Nothing said if it ended."""
     ending: Ending | None = None
     printed: str = ""
     """The end of what it printed, if it failed."""
@@ -74,7 +76,7 @@ class WorkerPool(Protocol):
         """Those that may be given tasks, or will be once they are ready."""
         ...
 
-    def hire(self, group: str) -> Worker:
+    def start(self, group: str) -> Worker:
         """A new worker; it reports as soon as it has opened its group."""
         ...
 
@@ -86,11 +88,11 @@ class WorkerPool(Protocol):
         """What there is to hear, after waiting a moment; those who ended or ran over a limit are no longer of it."""
         ...
 
-    def dismiss(self, worker: Worker) -> None:
+    def release(self, worker: Worker) -> None:
         """Let an idle worker end by itself, so that what it opened is closed in order."""
         ...
 
-    def bury(self, worker: Worker) -> None:
+    def stop(self, worker: Worker) -> None:
         """End a worker and everything it started, at once."""
         ...
 
@@ -101,7 +103,7 @@ class _Process:
 
     process: BaseProcess
     line: Connection
-    board: SharedPhase
+    phases: SharedPhase
     output: Path
     phase_since_s: float
     phase_changes: int = -1
@@ -109,14 +111,14 @@ class _Process:
     """Phase and limit, if it was killed for one."""
 
 
-class ProcessCrew:
+class ProcessPool:
     """Workers that are processes of this machine, and the folder in which they keep what they print."""
 
     def __init__(self, open_group: OpenGroup, limits: Limits, folder: Path) -> None:
         self._open_group = open_group
         self._limits = limits
         self._folder = folder
-        self._hired = 0
+        self._started = 0
         self._present: dict[Worker, _Process] = {}
         self._leaving: dict[Worker, _Process] = {}
 
@@ -124,18 +126,18 @@ class ProcessCrew:
     def workers(self) -> list[Worker]:
         return list(self._present)
 
-    def hire(self, group: str) -> Worker:
+    def start(self, group: str) -> Worker:
         context = multiprocessing.get_context("spawn")
         ends: tuple[Any, Any] = context.Pipe(duplex=True)
         here, there = ends
         shared = context.RawArray("q", 2)
-        self._hired += 1
-        output = self._folder / f"worker-{self._hired}.txt"
+        self._started += 1
+        output = self._folder / f"worker-{self._started}.txt"
         process = context.Process(
             target=serve,
             args=(there, shared, group, self._open_group, str(output), self._limits.memory_bytes),
             daemon=False,
-            name=f"interplan-sumo worker {self._hired}",
+            name=f"interplan-sumo worker {self._started}",
         )
         # Set iteration order, too, must not differ from worker to worker.
         with environment({**SINGLE_THREAD, "PYTHONHASHSEED": "0"}), interrupts_held():
@@ -156,13 +158,13 @@ class ProcessCrew:
         worker.task_since_s = own.phase_since_s = time.monotonic()
         return True
 
-    def dismiss(self, worker: Worker) -> None:
+    def release(self, worker: Worker) -> None:
         own = self._leaving[worker] = self._present.pop(worker)
         with contextlib.suppress(OSError):
             own.line.send(None)
         worker.task_since_s = time.monotonic()
 
-    def bury(self, worker: Worker) -> None:
+    def stop(self, worker: Worker) -> None:
         for place in (self._present, self._leaving):
             own = place.pop(worker, None)
             if own is not None:
@@ -173,21 +175,21 @@ class ProcessCrew:
     def reports(self) -> list[Report]:
         found = [report for worker in self._heard() if (report := self._listen(worker)) is not None]
         self._enforce()
-        self._see_off()
+        self._reap()
         return found
 
-    def leave(self) -> None:
-        """Dismiss all workers and wait until they are gone."""
+    def close(self) -> None:
+        """Release all workers and wait until they are gone."""
         for worker in self.workers:
-            self.dismiss(worker)
+            self.release(worker)
         while self._leaving:
-            self._see_off()
+            self._reap()
             connection.wait([own.process.sentinel for own in self._leaving.values()], timeout=POLL_S)
 
-    def disband(self) -> None:
-        """Bury all workers."""
+    def stop_all(self) -> None:
+        """Stop all workers."""
         for worker in [*self._present, *self._leaving]:
-            self.bury(worker)
+            self.stop(worker)
 
     def _heard(self) -> list[Worker]:
         """The workers with something to say, or dead; waits a moment for one."""
@@ -196,38 +198,36 @@ class ProcessCrew:
         return [w for w, own in self._present.items() if own.line in ready or own.process.sentinel in ready]
 
     def _listen(self, worker: Worker) -> Report | None:
-        """The worker's answer, or how it ended; None if there is nothing yet. A worker that ended is buried."""
+        """The worker's answer, or how it ended; None if there is nothing yet. A worker that ended is let go of."""
         own = self._present[worker]
         broken = False
         try:
             if own.line.poll():
-                answer = json.loads(own.line.recv_bytes())
-                if isinstance(answer, dict):
-                    return Report(worker, answer, printed=_end_of(own.output) if answer.get("fault") else "")
-                broken = True
-        except (EOFError, OSError, ValueError):
+                answer = decode(own.line.recv_bytes(MOST_BYTES), WorkerAnswer)
+                return Report(worker, answer, printed=_end_of(own.output) if answer.fault else "")
+        except (EOFError, OSError, RecordError):
             broken = True
         if not broken and own.process.is_alive():
             return None
-        phase = own.board.phase
+        phase = own.phases.phase
         own.process.join(timeout=0.5 if broken else None)  # a closed line: most often it is just about to end
         exit_code = own.process.exitcode
         ending = Ending(exit_code, phase) if own.over is None else Ending(exit_code, own.over.phase, own.over.limit)
         printed = _end_of(own.output)
-        self.bury(worker)
-        return Report(worker, {}, ending, printed)
+        self.stop(worker)
+        return Report(worker, WorkerAnswer(), ending, printed)
 
     def _enforce(self) -> None:
         """Kill workers that are over a limit; the next `_listen` finds them dead."""
         now_s = time.monotonic()
         limits = self._limits
         for worker, own in self._present.items():
-            changes = own.board.changes
+            changes = own.phases.changes
             if changes != own.phase_changes:
                 own.phase_changes, own.phase_since_s = changes, now_s
             if own.over is not None or (worker.ready and worker.task is None):
                 continue
-            phase = own.board.phase
+            phase = own.phases.phase
             in_phase_s, in_task_s = now_s - own.phase_since_s, now_s - worker.task_since_s
             if not worker.ready:
                 if in_task_s > limits.load_s:
@@ -239,11 +239,11 @@ class ProcessCrew:
             if own.over is not None:
                 own.process.kill()
 
-    def _see_off(self) -> None:
-        """Bury those who left, and those who do not leave in time."""
+    def _reap(self) -> None:
+        """Let go of those that left, and stop those that do not leave in time."""
         for worker, own in list(self._leaving.items()):
             if not own.process.is_alive() or time.monotonic() - worker.task_since_s > PATIENCE_S:
-                self.bury(worker)
+                self.stop(worker)
 
 
 def _end_of(output: Path) -> str:

@@ -7,11 +7,15 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from interplan_sumo.batch.engine import run_tasks, run_with
-from interplan_sumo.batch.tasks import Limits, Outcome, Task
-from interplan_sumo.batch.worker_pool import ProcessCrew, Worker
+from interplan_sumo.batch.records import Fault
+from interplan_sumo.batch.shared_phase import SharedPhase
+from interplan_sumo.batch.tasks import Answer, Limits, Outcome, Task
+from interplan_sumo.batch.worker import attempt
+from interplan_sumo.batch.worker_pool import ProcessPool, Worker
 from interplan_sumo.errors import InputError, PlannerLoadError
 from tests.batch.toys import open_toy
 
@@ -195,18 +199,18 @@ def test_a_planner_that_cannot_be_built_ends_the_run_before_any_task(group: str,
 def test_more_groups_than_workers_are_tried_a_few_at_a_time(tmp_path: Path) -> None:
     most = 0
 
-    class Counted(ProcessCrew):
-        def hire(self, group: str) -> Worker:
+    class Counted(ProcessPool):
+        def start(self, group: str) -> Worker:
             nonlocal most
-            worker = super().hire(group)
+            worker = super().start(group)
             most = max(most, len(self.workers))
             return worker
 
-    crew = Counted(open_toy, QUICK, tmp_path)
+    pool = Counted(open_toy, QUICK, tmp_path)
     try:
-        assert len(list(run_with(crew, [Task(g, g, (0, str(tmp_path))) for g in "abc"], 2))) == 3
+        assert len(list(run_with(pool, [Task(g, g, (0, str(tmp_path))) for g in "abc"], 2))) == 3
     finally:
-        crew.disband()
+        pool.stop_all()
     assert most == 2
 
 
@@ -233,3 +237,20 @@ def test_closing_the_run_early_leaves_no_process(tmp_path: Path) -> None:
 def test_nothing_to_do_starts_no_process() -> None:
     assert list(run_tasks([], open_toy, workers=2, limits=QUICK)) == []
     assert children() == []
+
+
+def test_whatever_a_task_gives_or_raises_can_be_stored_and_printed() -> None:
+    phases = SharedPhase([0, 0])
+    found = attempt(lambda _: ({"inf": float("inf"), "two": np.float64(2.0)}, Fault("planner", "\x1b[2J")), 0, phases)
+    assert (found.value, found.fault) == ({"inf": None, "two": 2.0}, Fault("planner", "\\x1b[2J"))
+    odd = attempt(lambda _: ({"text": "\ud800"}, None), 0, phases)
+    assert odd.fault is not None
+    assert (odd.value, odd.fault.kind) == ({}, "harness")
+
+    def raises(_: object) -> Answer:
+        raise ValueError("\ud800" + "x" * 1_000_000)
+
+    fault = attempt(raises, 0, phases).fault
+    assert fault is not None
+    assert fault.message.startswith("ValueError: \\ud800xxx")
+    assert len(fault.message) < 5000

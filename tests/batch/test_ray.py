@@ -14,7 +14,7 @@ import pytest
 from interplan_sumo.batch import ray_backend
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.processes import environment
-from interplan_sumo.batch.ray_backend import RayCrew, run_on_ray
+from interplan_sumo.batch.ray_backend import RayPool, run_on_ray
 from interplan_sumo.batch.records import Brief, JobKey, Row
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
@@ -109,7 +109,7 @@ def test_a_traffic_fault_is_retried_once_and_a_kill_from_outside_forgiven(
     assert (folder / "losses").read_text() == (folder / "kills").read_text() == "xx"
 
 
-class Killing(RayCrew):
+class Killing(RayPool):
     """Loses the actor that has task 1 in hand, so often."""
 
     times = 1
@@ -126,7 +126,7 @@ def test_a_task_that_loses_its_actor_is_done_again(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     del cluster
-    monkeypatch.setattr(ray_backend, "RayCrew", Killing)
+    monkeypatch.setattr(ray_backend, "RayPool", Killing)
     assert [o.fault for o in outcomes("works", folder=tmp_path).values()] == [None] * 3
 
 
@@ -134,7 +134,7 @@ def test_a_task_that_loses_three_actors_is_a_timeout_that_says_so(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     del cluster
-    monkeypatch.setattr(ray_backend, "RayCrew", Killing)
+    monkeypatch.setattr(ray_backend, "RayPool", Killing)
     monkeypatch.setattr(Killing, "times", 100)
     found = outcomes("hangs in simulate", folder=tmp_path)
     fault = found["hangs in simulate", 1].fault

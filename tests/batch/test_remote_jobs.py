@@ -35,13 +35,13 @@ def test_luggage_is_what_drives_read_of_the_run_folder_and_no_results(tmp_path: 
     needed = {"maps/mine/1.0/map.gpkg": b"map", "experts/a.parquet": b"drive"}
     home = folder(tmp_path / "home", {**needed, "results.jsonl": b"", f"{PLACE}/ego.parquet": b"old"})
     (tmp_path / "rude.xml").write_bytes(b"<routes/>")
-    assert drives(home, tmp_path / "rude.xml").luggage() == {**needed, "traffic/rude.xml": b"<routes/>"}
-    assert drives(folder(tmp_path / "empty", {})).luggage() == {}
+    assert drives(home, tmp_path / "rude.xml").stage_in() == {**needed, "traffic/rude.xml": b"<routes/>"}
+    assert drives(folder(tmp_path / "empty", {})).stage_in() == {}
 
 
 def test_a_vehicle_type_file_that_is_gone_is_named(tmp_path: Path) -> None:
     with pytest.raises(RunFolderError, match=r"cannot read .*gone\.xml: No such file"):
-        drives(tmp_path, tmp_path / "gone.xml").luggage()
+        drives(tmp_path, tmp_path / "gone.xml").stage_in()
 
 
 def test_what_drives_leave_comes_home_once(tmp_path: Path) -> None:
@@ -59,7 +59,9 @@ def test_what_drives_leave_comes_home_once(tmp_path: Path) -> None:
 
 def test_what_comes_home_lies_in_its_place_over_what_was_there(tmp_path: Path) -> None:
     home = folder(tmp_path / "home", {f"{PLACE}/stale.parquet": b"old"})
-    drives(home).bring({f"{PLACE}/ego.parquet": b"ego", f"{PLACE}/plans.parquet": b"p", "experts/b.parquet": b"new"})
+    drives(home).stage_out(
+        {f"{PLACE}/ego.parquet": b"ego", f"{PLACE}/plans.parquet": b"p", "experts/b.parquet": b"new"}
+    )
     assert below(home) == ["experts/b.parquet", f"{PLACE}/ego.parquet", f"{PLACE}/plans.parquet"]
     assert (home / PLACE / "ego.parquet").read_bytes() == b"ego"
 
@@ -68,5 +70,5 @@ def test_what_cannot_be_written_at_home_ends_the_run_in_one_line(tmp_path: Path)
     home = folder(tmp_path / "home", {"experts": b"a file in its place", "traces": b"too"})
     for path in ("experts/b.parquet", f"{PLACE}/ego.parquet"):
         with pytest.raises(RunFolderError, match="cannot write") as caught:
-            drives(home).bring({path: b""})
+            drives(home).stage_out({path: b""})
         assert "\n" not in str(caught.value)

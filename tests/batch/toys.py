@@ -50,7 +50,7 @@ class ToysAway:
 
     home: Path
 
-    def luggage(self) -> Files:
+    def stage_in(self) -> Files:
         return {"deep/needed": b"here"}
 
     def open_in(self, folder: Path) -> OpenGroup:
@@ -60,7 +60,7 @@ class ToysAway:
     def collect(self, folder: Path) -> Files:
         return {path.name: path.read_bytes() for path in folder.glob("fresh")}
 
-    def bring(self, files: Files) -> None:
+    def stage_out(self, files: Files) -> None:
         for name, content in files.items():
             (self.home / name).write_bytes(content)
 
