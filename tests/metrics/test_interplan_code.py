@@ -51,13 +51,13 @@ def test_a_start_beside_the_route_gives_the_constant_of_the_published_code():
     assert result.score == 0.2607
 
 
-CAR = Obstacle(LanePosition("11", 100.0))
-BLOCKED = replace(scenario_on(ROAD, ("11", 20.0), ("31", 150.0)), obstacles=(CAR,))
+CARS = Obstacle(LanePosition("11", 60.0)), Obstacle(LanePosition("11", 100.0))
+BLOCKED = replace(scenario_on(ROAD, ("11", 20.0), ("31", 150.0)), obstacles=CARS)
 
 
 @pytest.mark.parametrize(("ego_m", "score"), [(79.9, 0.0), (80.1, 1.0)])
 def test_an_obstacle_is_passed_by_the_share_of_the_experts_way(ego_m: float, score: float):
-    # the box centre, 80 m into the expert's 200 m, is what counts
+    # the box centre of the last one, 80 m into the expert's 200 m, is what counts
     expert = drive_at(np.linspace(20.0, 220.0, 50)).ego
     facts = facts_of(drive_at([20.0, 20.0 + ego_m]), ROAD, expert, BLOCKED)
     assert published_obstacle_passed(facts).score == score

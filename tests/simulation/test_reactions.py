@@ -204,3 +204,13 @@ def test_sumo_overlooks_an_ego_beside_the_agent_and_one_wholly_behind_it_needs_n
     """The agent's rear is at 55.4 m, its front at 60 m; for SUMO, the ego is a car in its lane."""
     beside = EgoOnNetwork({}, frozenset(), "e0_1", front_m, 8.0, straddles=True)
     assert decision(follower(0.0), beside).mode is mode
+
+
+@pytest.mark.parametrize(("standing_gap_m", "speed_mps"), [(60.0, 9.980), (45.0, 9.950)])
+def test_of_two_cars_ahead_the_one_counts_for_which_idm_brakes_harder(standing_gap_m: float, speed_mps: float) -> None:
+    """At 10 m/s it wishes 16 m to a car as fast as itself, which is there, and 51.4 m to one that stands."""
+    agent = follower(0.0)
+    fast = ("b", LaneCoverage(0.0, 60.0 + 16.0, 80.0, 10.0))
+    standing = ("c", LaneCoverage(0.0, 60.0 + standing_gap_m, 125.0, 0.0))
+    told = reactions.yield_to([agent], {"e0_1": [fast, standing]}, {}, 0.1)["a"]
+    assert told.speed_mps == pytest.approx(speed_mps, abs=2e-3)
