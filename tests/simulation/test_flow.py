@@ -16,6 +16,7 @@ from interplan_planners.idm import IdmPlanner
 from interplan_sumo.maps.store import load_roads, maps
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, SMALLEST_GAP_M, Scenario
 from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.simulation import flow
 from interplan_sumo.simulation.agent_registry import AgentRegistry
 from interplan_sumo.simulation.episode import drive
 from interplan_sumo.simulation.flow import (
@@ -143,6 +144,11 @@ def test_a_queue_comes_at_the_limit_of_the_lane_where_it_drives_in() -> None:
     slow = replace(lane, chain=[first, *lane.chain[1:]])
     _, speed_mps = draw_arrivals(slow, types("conservative"), 30.0, np.random.default_rng(0))
     assert 7.5 < speed_mps <= 8.0
+
+
+@pytest.mark.parametrize(("gap_m", "may"), [(5.1, True), (4.9, False)])
+def test_a_vehicle_enters_at_least_five_metres_ahead_of_the_next_one_behind(gap_m: float, may: bool) -> None:
+    assert flow._may_follow(None, 5.0, 15.0, gap_m, 5.0) == may
 
 
 CAR = st.tuples(st.floats(120.0, 330.0), st.floats(0.0, 15.0))
