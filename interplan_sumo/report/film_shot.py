@@ -31,7 +31,7 @@ AHEAD_M: Final = 14.0
 CALM_S: Final = 1.2
 """Standard deviation of the Gaussian that smooths the camera's way."""
 NEAR_M: Final = 10.0
-"""Who is so far outside the view may still reach into it."""
+"""What is so far outside the view may still reach into it."""
 PEOPLE: Final = "pedestrian"
 PAINT: Final = {**STOP_COLOURS, StopLineKind.TRAFFIC_LIGHT: drawing.MARKING}
 """Colours of stop lines; what a light shows is drawn upon its own."""

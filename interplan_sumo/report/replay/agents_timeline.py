@@ -1,4 +1,4 @@
-"""Cast: everybody who moves or stands in a drive, frame by frame."""
+"""Agents timeline: everything that moves or stands in a drive, frame by frame."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
 
 SIGHT_M: Final = 130.0
-"""Who never comes nearer to the ego is left out; planners see 100 m."""
+"""What never comes nearer to the ego is left out; planners see 100 m."""
 PLAN_STEP_S: Final = 0.5
 """Between the points of a plan that are shown."""
 MOVING_MPS: Final = 0.05

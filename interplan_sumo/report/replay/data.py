@@ -116,8 +116,8 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
 
     `planner`, `seed`, `profile`, `score` (0 to 100, or None), `fault` (a sentence or
     None), `end` (how it ended, in words), `frames`, `metrics`, `events`,
-    `deciding` (frame, metric and reason), `charts`, the cast (`ego`, `agents`,
-    `plans`, `triggers`) and `signals` (`lights.signal_changes`).
+    `deciding` (frame, metric and reason), `charts`, what is around (`ego`, `agents`,
+    `plans`, `triggers`) and `signals` (`road_markings.signal_changes`).
     """
     facts = Facts(drive.trace, drive.roads, drive.expert, drive.scenario)
     sheet = score_facts(facts, drive.profile)

@@ -22,7 +22,7 @@ ARROW_EVERY_M: Final = 30.0
 
 def area_around(tracks: Iterable[Floats]) -> shapely.Geometry:
     """The area within about `REACH_M` of points (N, 2) of the map that lie close together."""
-    # who stands trembles, and a trembling line takes seconds to widen
+    # an ego that stands trembles, and a trembling line takes seconds to widen
     shapes = [shapely.simplify(shapely.LineString(np.repeat(track, 2, axis=0)), 1.0) for track in tracks]
     return shapely.simplify(shapely.buffer(shapely.union_all(shapes), REACH_M), 1.0)
 
