@@ -117,16 +117,6 @@ def test_a_file_cut_anywhere_gives_its_whole_rows_and_goes_on(cut: int) -> None:
         assert (path / "results.jsonl").read_bytes() == whole
 
 
-def test_a_damaged_line_in_the_middle_is_named(tmp_path: Path) -> None:
-    with opened(tmp_path) as folder:
-        folder.append(row("a/0"))
-        folder.append(row("a/1"))
-    lines = (tmp_path / "results.jsonl").read_text().splitlines()
-    (tmp_path / "results.jsonl").write_text(f"{lines[0][:20]}\n{lines[1]}\n")
-    with pytest.raises(RunFolderError, match=r"results\.jsonl, line 1 is damaged"):
-        read_run(tmp_path)
-
-
 @pytest.mark.parametrize("content", ["{", "[]", '{"format": 1}', '{"format": 1, "requests": [{}]}'])
 def test_a_damaged_manifest_is_named(content: str, tmp_path: Path) -> None:
     (tmp_path / "manifest.json").write_text(content)

@@ -114,8 +114,7 @@ def test_the_engine_keeps_nothing_of_an_outcome() -> None:
     outcomes.close()
 
 
-@pytest.mark.parametrize("line", ["[]", "7", '{"score": 1}', "{}, {}", "", '{"score": 1, "fault": null}'])
-@pytest.mark.parametrize("number", [1, 4, 5])
+@pytest.mark.parametrize(("line", "number"), [("[]", 1), ("{}, {}", 4), ('{"score": 1, "fault": null}', 5)])
 def test_a_line_that_is_no_row_is_named_wherever_it_stands(
     line: str, number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
