@@ -9,7 +9,7 @@ no more; its scenario tab would need Python objects of nuPlan, which are not wri
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -149,14 +149,6 @@ EXPORTED: Final[tuple[NuBoardMetric, ...]] = (
     ), has_score=False, category="Dynamics"),
 )
 # fmt: on
-
-
-def exported_metrics(drives: Iterable[_Drive]) -> tuple[NuBoardMetric, ...]:
-    """Those of nuPlan and interPlan, then every other metric with a score that a drive has, under its own name."""
-    known = {metric.source for metric in EXPORTED}
-    scored = {name for drive in drives for name, found in drive.metrics.items() if found.score is not None}
-    others = sorted(scored - known)
-    return (*EXPORTED, *(NuBoardMetric(name, name, (Statistic(name, "VALUE", "value", _score),)) for name in others))
 
 
 def write_nuboard(runs: Sequence[StoredRun], folder: Path) -> Path:

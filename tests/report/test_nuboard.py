@@ -98,14 +98,6 @@ def test_figures_of_the_detail_become_statistics(tmp_path: Path) -> None:
     assert not (tmp_path / METRICS / "ego_yaw_rate.parquet").exists()
 
 
-def test_a_metric_that_nuplan_does_not_know_stands_under_its_own_name(tmp_path: Path) -> None:
-    row = drive("nudge/0", 0.8)
-    calm = structs.replace(row, metrics={**row.metrics, "calm": MetricRecord(0.5, {}, None)})
-    write_nuboard([stored(calm, drive("nudge/1", 0.8))], tmp_path)
-    assert metric(tmp_path, "calm")["metric_score"].tolist() == [0.5]
-    assert aggregated(tmp_path).set_index("scenario").loc[FINAL, "calm"] == 0.5
-
-
 def test_a_figure_that_one_drive_lacks_is_left_out_for_all(tmp_path: Path) -> None:
     details: list[dict[str, Any]] = [{"ratio": 0.5, "ego_m": 10.0}, {"ratio": 0.5}]
     rows = [drive(f"nudge/{n}", 0.8, progress_detail=detail) for n, detail in enumerate(details)]
