@@ -214,5 +214,5 @@ def test_a_truncated_network_is_one_clear_line_and_no_crash(tmp_path: Path, monk
     monkeypatch.setattr(setup, "find_map", lambda name, _beside: MapFiles(name, "1.0", folder))
     path = folder / "map.net.xml.gz"
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 3])
-    with pytest.raises(MapError, match=r"map\.net\.xml\.gz .*maps convert"):
+    with pytest.raises(MapError, match=r"map\.net\.xml\.gz: .*damaged.*maps convert"):
         drive(LTD, StraightAhead())
