@@ -7,6 +7,8 @@ WORKERS ?= 2
 
 # BLAS threads would fight with the worker processes.
 export OPENBLAS_NUM_THREADS = 1
+# Without bytecode on disk every process of pytest rewrites all tests anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 DATA ?= data/ordinary
 

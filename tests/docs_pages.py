@@ -135,10 +135,17 @@ def drive_page(blocks: list[Block], folder: Path) -> subprocess.CompletedProcess
         f'exec "{sys.executable}" -c "import sys; from interplan_sumo.cli import main; sys.exit(main())" "$@"\n'
     )
     command.chmod(0o755)
+    installed = folder / ".installed"
+    pip = places / "pip"  # what a page installs is there for this page only
+    pip.write_text(
+        f'#!/bin/sh\n[ "$1" = install ] && shift\nexec "{sys.executable}" -m pip install --quiet --no-deps '
+        f'--no-build-isolation --disable-pip-version-check --target "{installed}" "$@"\n'
+    )
+    pip.chmod(0o755)
     environment = {
         **os.environ,
         "PATH": f"{places}:{Path(sys.executable).parent}:{os.environ['PATH']}",
-        "PYTHONPATH": ":".join(filter(None, sys.path)),
+        "PYTHONPATH": ":".join(filter(None, [str(installed), *sys.path])),
     }
     return subprocess.run(
         [sys.executable, "-c", "from docs_pages import main; main()"],
@@ -160,6 +167,7 @@ def main() -> None:
         block = Block(**each)
         print(f"{block.page}, line {block.line}", flush=True)
         if block.file is not None:
+            Path(block.file).parent.mkdir(parents=True, exist_ok=True)
             Path(block.file).write_text(block.text, encoding="utf-8")
         elif block.language == "python":
             # the lines before it, empty, so that a traceback names the line of the page
