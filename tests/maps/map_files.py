@@ -6,16 +6,17 @@ import os
 import shutil
 import sqlite3
 import struct
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
 
-from interplan_sumo.world.geometry import Polyline
-from interplan_sumo.world.roads import LaneLike, Roads
+from interplan_sumo.world.geometry import Floats, Polyline
+from interplan_sumo.world.roads import Roads
 
 GOLDEN = Path(os.environ.get("INTERPLAN_GOLDEN", Path(__file__).parents[1] / "golden"))
 GOLDEN_MAPS = GOLDEN / "nuplan_metrics" / "maps"
@@ -24,48 +25,30 @@ GOLDEN_MAPS = GOLDEN / "nuplan_metrics" / "maps"
 def assert_same_roads(one: Roads, other: Roads, tolerance_m: float = 1e-6) -> None:
     """Same ids, links, codes and limits; vertices no further apart than the tolerance."""
     assert (one.crs, one.driving_side) == (other.crs, other.driving_side)
-    assert one.lanes.keys() == other.lanes.keys()
-    assert one.connectors.keys() == other.connectors.keys()
-    assert one.roadblocks.keys() == other.roadblocks.keys()
-    assert one.stop_lines.keys() == other.stop_lines.keys()
-    for id_ in (*one.lanes, *one.connectors):
-        _assert_same_lane(one[id_], other[id_], tolerance_m)
-        assert set(one.outgoing(id_)) == set(other.outgoing(id_))
-        assert set(one.incoming(id_)) == set(other.incoming(id_))
-        assert (one.left_of(id_) is None) == (other.left_of(id_) is None)
-    for id_, block in one.roadblocks.items():
-        twin = other.roadblocks[id_]
-        links = ("is_connector", "from_id", "to_id", "intersection_id")
-        assert [getattr(block, n) for n in links] == [getattr(twin, n) for n in links]
-        members = sorted if block.is_connector else tuple
-        assert members(block.lane_ids) == members(twin.lane_ids)
-        assert _apart_m(block.polygon, twin.polygon) <= tolerance_m
-    for id_, stop in one.stop_lines.items():
-        assert stop.kind == other.stop_lines[id_].kind
-        assert _apart_m(stop.polygon, other.stop_lines[id_].polygon) <= tolerance_m
-    for name in ("intersections", "crosswalks", "walkways", "carparks", "road_segments", "generic_drivable_areas"):
-        areas = {area.id: area for area in getattr(one, name)}
-        twins = {area.id: area for area in getattr(other, name)}
-        assert areas.keys() == twins.keys()
-        for id_, area in areas.items():
-            assert getattr(area, "kind", None) == getattr(twins[id_], "kind", None)
-            assert _apart_m(area.polygon, twins[id_].polygon) <= tolerance_m
+    for layer in ("lanes", "connectors", "roadblocks", "stop_lines"):
+        _assert_same(getattr(one, layer), getattr(other, layer), tolerance_m)
+    for layer in ("intersections", "crosswalks", "walkways", "carparks", "road_segments", "generic_drivable_areas"):
+        areas, twins = ({area.id: area for area in getattr(roads, layer)} for roads in (one, other))
+        _assert_same(areas, twins, tolerance_m)
 
 
-def _assert_same_lane(one: LaneLike, other: LaneLike, tolerance_m: float) -> None:
-    plain = ("roadblock_id", "index", "speed_limit_mps", "from_lane_id", "to_lane_id", "turn", "stop_line_ids")
-    assert [getattr(one, n, None) for n in plain] == [getattr(other, n, None) for n in plain]
-    assert _apart_m(one.polygon, other.polygon) <= tolerance_m
-    for name in ("centerline", "left_boundary", "right_boundary"):
-        a: Polyline = getattr(one, name)
-        b: Polyline = getattr(other, name)
-        assert a.points.shape == b.points.shape
-        assert np.abs(a.points - b.points).max() <= tolerance_m
+def _assert_same(things: Mapping[str, Any], twins: Mapping[str, Any], tolerance_m: float) -> None:
+    assert things.keys() == twins.keys()
+    for id_, thing in things.items():
+        for name in (each.name for each in fields(thing)):
+            mine, other = getattr(thing, name), getattr(twins[id_], name)
+            if name == "lane_ids" and thing.is_connector:
+                assert sorted(mine) == sorted(other)
+            elif isinstance(mine, Polyline):
+                assert _apart_m(mine.points, other.points) <= tolerance_m, (id_, name)
+            elif isinstance(mine, shapely.Geometry):
+                assert _apart_m(*map(shapely.get_coordinates, (mine, other))) <= tolerance_m, (id_, name)
+            else:
+                assert mine == other, (id_, name)
 
 
-def _apart_m(one: shapely.Geometry, other: shapely.Geometry) -> float:
-    a, b = shapely.get_coordinates(one), shapely.get_coordinates(other)
-    return float(np.abs(a - b).max()) if a.shape == b.shape else float("inf")
+def _apart_m(one: Floats, other: Floats) -> float:
+    return float(np.abs(one - other).max()) if one.shape == other.shape else float("inf")
 
 
 @contextmanager
@@ -79,14 +62,11 @@ def edited(path: Path) -> Generator[sqlite3.Connection]:
         connection.close()
 
 
-def altered_copy(source: Path, target: Path, *statements: str, values: tuple[Any, ...] = ()) -> Path:
-    """A copy of a map file after some SQL; `values` go to the last statement."""
-    target.parent.mkdir(parents=True, exist_ok=True)
+def altered_copy(source: Path, target: Path, statements: str) -> Path:
+    """A copy of a map file after some SQL."""
     shutil.copyfile(source, target)
     with edited(target) as tables:
-        for statement in statements[:-1]:
-            tables.execute(statement)
-        tables.execute(statements[-1], values)
+        tables.executescript(statements)
     return target
 
 
