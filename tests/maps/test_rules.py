@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 import shapely
 
-from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.maps.rules import MAX_OVERLAP_M, MAX_SPACING_M, overlapping, schema_problems
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Roads
-from tests.maps.map_files import GOLDEN_MAPS
 from tests.maps.road_worlds import GridPlan, grid_city
 
 CITY = grid_city(GridPlan(columns=2, rows=2, lanes=2, spacing_m=60.0))
@@ -27,11 +25,6 @@ GROUP = CITY.roadblocks[WAY.roadblock_id]
 def test_a_sound_city_breaks_no_rule() -> None:
     assert schema_problems(CITY) == []
     assert schema_problems(grid_city(GridPlan(columns=1, rows=3, lanes=3, side="left", rotation_rad=2.0))) == []
-
-
-@pytest.mark.parametrize("name", ["gs-boulevard", "gs-cross", "gs-curve", "gs-merge-lht"])
-def test_golden_maps_break_no_rule(name: str) -> None:
-    assert schema_problems(read_map(GOLDEN_MAPS / name / "1.0" / "map.gpkg")) == []
 
 
 def lane(**changes: object) -> Roads:

@@ -9,7 +9,6 @@ import pytest
 import shapely
 
 from interplan_sumo.maps.check import check_map
-from interplan_sumo.maps.rules import schema_problems
 from interplan_sumo.maps.store import find_map, load_roads, maps
 from interplan_sumo.maps.to_sumo import convert
 from interplan_sumo.verification.lock import roads_hash
@@ -45,7 +44,7 @@ def test_the_shipped_network_is_made_from_the_shipped_map_byte_for_byte(name: st
 def test_the_shipped_network_is_faithful_and_small(name: str) -> None:
     files = find_map(name)
     report = check_map(files, load_roads(name))
-    assert report.ok, report.problems
+    assert report.ok, report.problems  # nuPlan's rules among them
     assert report.lane_deviation_m.max < 0.01
     assert report.connector_deviation_m.max < 0.01
     assert files.network.stat().st_size + files.ids.stat().st_size < SMALL_BYTES
@@ -100,11 +99,6 @@ def oncoming_lane(roads: Roads, lane_id: str) -> str | None:
         if abs(wrap_angle(heading - pose.heading_rad)) > 2.5:
             return other
     return None
-
-
-@every_map
-def test_a_map_obeys_every_rule_of_the_schema(name: str) -> None:
-    assert schema_problems(load_roads(name)) == []
 
 
 @every_map
