@@ -296,7 +296,7 @@ def test_tables_that_only_their_own_queries_need_may_be_missing(file: Path, tmp_
     assert roads.carparks
 
 
-def reshaped(file: Path, folder: Path, change: Callable[[Any], Any], rows: str = "TRUE", *layers: str) -> Path:
+def reshaped(file: Path, folder: Path, change: Callable[[Any], Any], *layers: str, rows: str = "TRUE") -> Path:
     """A copy of a map file with other geometries in some rows of layers."""
     path = shutil.copyfile(file, folder / "map.gpkg")
     with edited(path) as tables:
@@ -311,20 +311,19 @@ def test_coordinates_may_be_stored_in_metres(city: Roads, file: Path, tmp_path: 
     """A map whose layers are in the projected system already: exact, no longitudes in between."""
     project = pyproj.Transformer.from_crs(4326, city.crs, always_xy=True).transform
     drawn = [name for name, layer in schema.LAYERS.items() if layer.geometry]
-    path = reshaped(file, tmp_path, lambda one: shapely.transform(one, project, interleaved=False), "TRUE", *drawn)
+    path = reshaped(file, tmp_path, lambda one: shapely.transform(one, lambda xy: np.stack(project(*xy.T), 1)), *drawn)
     system = "INSERT OR REPLACE INTO gpkg_spatial_ref_sys VALUES ('UTM', 32611, 'EPSG', 32611, 'undefined', '')"
     columns = "UPDATE gpkg_geometry_columns SET srs_id = 32611"
     assert_same_roads(city, read_map(altered_copy(path, tmp_path / "metres.gpkg", f"{system}; {columns}")))
 
 
 def test_boundaries_run_with_the_traffic_whatever_the_file_says(city: Roads, file: Path, tmp_path: Path) -> None:
-    assert_same_roads(city, read_map(reshaped(file, tmp_path, shapely.reverse, "fid % 2 = 0", "boundaries")))
+    assert_same_roads(city, read_map(reshaped(file, tmp_path, shapely.reverse, "boundaries", rows="fid % 2 = 0")))
 
 
 def test_a_third_dimension_is_dropped(city: Roads, file: Path, tmp_path: Path) -> None:
-    assert_same_roads(
-        city, read_map(reshaped(file, tmp_path, "lanes_polygons", lambda flat: shapely.force_3d(flat, 12.0)))
-    )
+    path = reshaped(file, tmp_path, lambda flat: shapely.force_3d(flat, 12.0), "lanes_polygons")
+    assert_same_roads(city, read_map(path))
 
 
 def test_a_small_fold_is_cut_off_with_a_line_in_the_log(
@@ -338,7 +337,7 @@ def test_a_small_fold_is_cut_off_with_a_line_in_the_log(
 
     lane = next(iter(city.lanes.values()))
     with caplog.at_level(logging.WARNING, logger="interplan_sumo"):
-        roads = read_map(reshaped(file, tmp_path, folded, f"fid = {lane.id}", "lanes_polygons"))
+        roads = read_map(reshaped(file, tmp_path, folded, "lanes_polygons", rows=f"fid = {lane.id}"))
     assert f"lanes_polygons {lane.id}: cut off a fold" in caplog.text
     healed = roads.lanes[lane.id].polygon
     assert healed.is_valid
@@ -349,7 +348,7 @@ def test_an_area_of_several_parts_becomes_several_areas(city: Roads, file: Path,
     lot = city.carparks[0]
     twice = reshaped(
         file, tmp_path, lambda here: shapely.MultiPolygon([here, shapely.transform(here, lambda xy: xy + 1e-3)]),
-        "TRUE", "carpark_areas",
+        "carpark_areas",
     )  # fmt: skip
     areas = read_map(twice).carparks
     assert [area.id for area in areas] == [lot.id, str(int(lot.id) + 1)]
