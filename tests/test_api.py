@@ -177,11 +177,6 @@ def test_an_unchanged_official_scenario_is_official_and_a_changed_one_is_not() -
     assert ips.load_scenario(file).duration_s == 2.0
 
 
-def test_the_traffic_can_be_changed_and_rows_say_so(tmp_path: Path) -> None:
-    found = ips.run("straight_ahead", scenarios=SCENE, workers=0, behaviour="assertive", out=tmp_path / "run")
-    assert not found["official"].any()
-
-
 class Counting:
     """A watch that a notebook could have."""
 

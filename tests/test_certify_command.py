@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from interplan_sumo.cli import main
-from interplan_sumo.scenario.certificates import FILE, Certificate, read_certificates, write_certificates
+from interplan_sumo.scenario.certificates import FILE, read_certificates
 from interplan_sumo.scenario.suite import Suite
 
 COMMAND = ("scenarios", "certify", "--suite", "smoke==1", "--scenarios", "nudge/*", "--workers", "0", "--json")
@@ -29,18 +28,9 @@ def test_proofs_are_found_stored_and_checked(folder: Path, capsys: pytest.Captur
     assert said["ok"]
     assert row["id"] == "nudge/0"
     assert row["certificate"]["score"] >= 0.9
-    stored = read_certificates(folder / FILE)
-    assert list(stored) == ["nudge/0"]
-
+    assert list(read_certificates(folder / FILE)) == ["nudge/0"]
     assert main([*COMMAND, "--check"]) == 0
     assert json.loads(capsys.readouterr().out)["ok"]
-
-    worse = Certificate(replace(stored["nudge/0"].summary, score=0.95), stored["nudge/0"].track)
-    write_certificates(folder / FILE, [worse])
-    assert main([*COMMAND, "--check"]) == 1
-    (row,) = json.loads(capsys.readouterr().out)["scenarios"]
-    assert row["certificate"] is None
-    assert "score" in row["problems"][0]
 
 
 def test_what_has_no_proof_fails_the_check_and_leaves_the_folder_alone(

@@ -13,7 +13,6 @@ from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.run import run
 from interplan_sumo.cli.export import export
 from interplan_sumo.dataset.reading import read_dataset
-from interplan_sumo.errors import InputError
 
 APP = typer.Typer()
 APP.command()(export)
@@ -62,13 +61,3 @@ def test_what_was_left_out_is_told(tmp_path: Path, capsys: pytest.CaptureFixture
     excluded = [text for family in (*families, "lane_change_htd") for text in ("--exclude", family)]
     assert called(*arguments, *excluded) == 0
     assert "left out: 7 family excluded" in capsys.readouterr().out
-
-
-def test_without_anything_to_export_it_names_the_way_out(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nothing to export: give run folders, such as runs/mine, or --certificates"):
-        called("--out", tmp_path / "data")
-
-
-def test_a_folder_that_is_no_run_is_told_so(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is not a run folder"):
-        called(tmp_path, "--out", tmp_path / "data")

@@ -1,8 +1,7 @@
-"""What must not change an episode: where the map lies, who is far away, and what the actors are called."""
+"""What must not change an episode: where the map lies and who is far away."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,13 +12,11 @@ from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import MapFiles, load_roads
 from interplan_sumo.maps.to_sumo import convert
 from interplan_sumo.metrics.score import score
-from interplan_sumo.planner import Mission, Observation, Past, Planner, load_planner
+from interplan_sumo.planner import load_planner
 from interplan_sumo.scenario.scenario import LanePosition, PlacedVehicle, Scenario
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_scenario, find_suite
 from interplan_sumo.simulation.episode import Episode, drive
 from interplan_sumo.verification.replay import reference_drive
-from interplan_sumo.world.actors import Actors
-from interplan_sumo.world.trajectory import Trajectory
 from tests.metrics.staging import moved_roads
 
 SHORT_S = 12.0
@@ -68,36 +65,3 @@ def _apart_m(scenario: Scenario, vehicle: PlacedVehicle) -> float:
     roads = load_roads(scenario.map)
     a, b = scenario.start.pose(roads), vehicle.place.pose(roads)
     return float(np.hypot(a.x_m - b.x_m, a.y_m - b.y_m))
-
-
-class Renaming:
-    """A planner that sees everything under other names, and so in another order."""
-
-    def __init__(self, planner: Planner) -> None:
-        self.planner = planner
-
-    def start(self, mission: Mission) -> None:
-        self.names: dict[str, str] = {}
-        self.fresh: Iterator[int] = iter(np.random.default_rng(5).permutation(10_000).tolist())
-        self.planner.start(mission)
-
-    def plan(self, observation: Observation) -> Trajectory:
-        past = Past(observation.past.egos, tuple(self.renamed(actors) for actors in observation.past.actors))
-        return self.planner.plan(replace(observation, actors=self.renamed(observation.actors), past=past))
-
-    def renamed(self, actors: Actors) -> Actors:
-        for name in actors.ids:
-            if name not in self.names:
-                self.names[name] = f"{next(self.fresh):05d}"
-        ids = [self.names[name] for name in actors.ids]
-        order = np.argsort(ids)
-        columns = ("kind", "x_m", "y_m", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps")
-        return Actors(tuple(ids[i] for i in order), *(getattr(actors, name)[order] for name in columns))
-
-
-@pytest.mark.parametrize("family", ["accident", "jaywalker", "lane_change_htd", "nudge"])
-def test_renaming_the_actors_does_not_change_how_idm_drives(family: str) -> None:
-    scenario = replace(find_scenario(f"{family}/0"), duration_s=SHORT_S)
-    plain = drive(scenario, load_planner("idm"))
-    renamed = drive(scenario, Renaming(load_planner("idm")))
-    np.testing.assert_allclose(ego_path(plain), ego_path(renamed), rtol=0.0, atol=1e-9)

@@ -13,22 +13,20 @@ from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import Floats, Polyline
-from interplan_sumo.world.roads import Area, Connector, Lane, Roadblock, Roads
+from interplan_sumo.world.roads import Area, Connector, Lane, Roadblock, Roads, StopLine
 from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
 from tests.worlds import LANE_WIDTH_M, drive_through
 
 AnyLane = TypeVar("AnyLane", Lane, Connector)
+AnyShape = TypeVar("AnyShape", Lane, Connector, Roadblock, StopLine, Area)
+LINES = ("centerline", "left_boundary", "right_boundary")
+AREAS = ("intersections", "crosswalks", "walkways", "carparks", "road_segments", "generic_drivable_areas")
 
 NOBODY = EgoTrack.of([])
 """An expert that never was."""
 
 
-def facts_of(
-    trace: Trace,
-    roads: Roads,
-    expert: EgoTrack = NOBODY,
-    scenario: Scenario | None = None,
-) -> Facts:
+def facts_of(trace: Trace, roads: Roads, expert: EgoTrack = NOBODY, scenario: Scenario | None = None) -> Facts:
     return Facts(trace, roads, expert, scenario)
 
 
@@ -83,59 +81,24 @@ def rotation(angle_rad: float, shift_m: tuple[float, float]) -> Move:
     return move
 
 
-def mirror(xy: Floats) -> Floats:
-    return xy * (1.0, -1.0)
+def moved_roads(roads: Roads, move: Move) -> Roads:
+    """The same map elsewhere."""
 
+    def at(old: AnyShape) -> AnyShape:
+        return replace(old, polygon=shapely.transform(old.polygon, move))
 
-def moved_roads(roads: Roads, move: Move, *, mirrored: bool = False) -> Roads:
-    """The same map elsewhere; a mirrored one has left and right exchanged and the other driving side."""
+    def along(old: AnyLane) -> AnyLane:
+        lines = {name: Polyline(move(getattr(old, name).points)) for name in LINES}
+        return replace(at(old), **lines)
 
-    def line(old: Polyline) -> Polyline:
-        return Polyline(move(old.points))
-
-    def polygon(old: shapely.Polygon) -> shapely.Polygon:
-        return shapely.transform(old, move)
-
-    def lane_like(old: AnyLane) -> AnyLane:
-        left, right = line(old.left_boundary), line(old.right_boundary)
-        if mirrored:
-            left, right = right, left
-        return replace(
-            old,
-            centerline=line(old.centerline),
-            polygon=polygon(old.polygon),
-            left_boundary=left,
-            right_boundary=right,
-        )
-
-    def lane(old: Lane) -> Lane:
-        count = len(roads.roadblocks[old.roadblock_id].lane_ids)
-        return replace(lane_like(old), index=count - 1 - old.index if mirrored else old.index)
-
-    def block(old: Roadblock) -> Roadblock:
-        ids = old.lane_ids[::-1] if mirrored and not old.is_connector else old.lane_ids
-        return replace(old, polygon=polygon(old.polygon), lane_ids=ids)
-
-    def areas(old: tuple[Area, ...]) -> tuple[Area, ...]:
-        return tuple(replace(area, polygon=polygon(area.polygon)) for area in old)
-
-    def connector(old: Connector) -> Connector:
-        return lane_like(old)
-
-    side = {"left": "right", "right": "left"}[roads.driving_side] if mirrored else roads.driving_side
+    areas = {name: tuple(map(at, getattr(roads, name))) for name in AREAS}
     return replace(
         roads,
-        driving_side=side,
-        lanes={k: lane(v) for k, v in roads.lanes.items()},
-        connectors={k: connector(v) for k, v in roads.connectors.items()},
-        roadblocks={k: block(v) for k, v in roads.roadblocks.items()},
-        intersections=tuple(replace(area, polygon=polygon(area.polygon)) for area in roads.intersections),
-        stop_lines={k: replace(v, polygon=polygon(v.polygon)) for k, v in roads.stop_lines.items()},
-        crosswalks=areas(roads.crosswalks),
-        walkways=areas(roads.walkways),
-        carparks=areas(roads.carparks),
-        road_segments=areas(roads.road_segments),
-        generic_drivable_areas=areas(roads.generic_drivable_areas),
+        lanes={k: along(v) for k, v in roads.lanes.items()},
+        connectors={k: along(v) for k, v in roads.connectors.items()},
+        roadblocks={k: at(v) for k, v in roads.roadblocks.items()},
+        stop_lines={k: at(v) for k, v in roads.stop_lines.items()},
+        **areas,
     )
 
 
@@ -145,19 +108,9 @@ def _turned(heading_rad: Floats, move: Move) -> Floats:
     return np.arctan2(ahead[:, 1], ahead[:, 0])
 
 
-def moved_track(track: EgoTrack, move: Move, *, mirrored: bool = False) -> EgoTrack:
+def moved_track(track: EgoTrack, move: Move) -> EgoTrack:
     x, y = move(np.column_stack((track.x_m, track.y_m))).T
-    side = -1.0 if mirrored else 1.0
-    return replace(
-        track,
-        x_m=x,
-        y_m=y,
-        heading_rad=_turned(track.heading_rad, move),
-        vy_mps=side * track.vy_mps,
-        ay_mps2=side * track.ay_mps2,
-        yaw_rate_radps=side * track.yaw_rate_radps,
-        yaw_acceleration_radps2=side * track.yaw_acceleration_radps2,
-    )
+    return replace(track, x_m=x, y_m=y, heading_rad=_turned(track.heading_rad, move))
 
 
 def moved_actors(actors: ActorTable, move: Move) -> ActorTable:
@@ -167,5 +120,5 @@ def moved_actors(actors: ActorTable, move: Move) -> ActorTable:
     return replace(actors, x_m=x, y_m=y, heading_rad=_turned(actors.heading_rad, move), vx_mps=vx, vy_mps=vy)
 
 
-def moved_trace(trace: Trace, move: Move, *, mirrored: bool = False) -> Trace:
-    return replace(trace, ego=moved_track(trace.ego, move, mirrored=mirrored), actors=moved_actors(trace.actors, move))
+def moved_trace(trace: Trace, move: Move) -> Trace:
+    return replace(trace, ego=moved_track(trace.ego, move), actors=moved_actors(trace.actors, move))

@@ -10,11 +10,9 @@ from interplan_sumo.metrics.association import (
     Place,
     body_lanes,
     centre_places,
-    corner_places,
     shared_lanes,
 )
 from interplan_sumo.world.roads import Roads
-from tests.metrics.staging import lane_y_m
 from tests.worlds import junction, straight_road
 
 CROSSING = junction()
@@ -26,12 +24,6 @@ def along(roads: Roads, *points: tuple[float, float]) -> tuple[Place, ...]:
     return centre_places(roads, Containment.of(roads, xy), xy)
 
 
-def corners_along(roads: Roads, *frames: tuple[tuple[float, float], ...]) -> list[tuple[Place, ...]]:
-    xy = np.array(frames, dtype=np.float64).reshape(-1, 2)
-    rows = np.arange(len(xy)).reshape(-1, 4).tolist()
-    return list(corner_places(roads, Containment.of(roads, xy), rows))
-
-
 def test_a_point_on_an_edge_is_in_no_lane():
     on_the_line, just_left, just_right = (10.0, -1.75), (10.0, -1.7499), (10.0, -1.7501)
     assert along(TWO_LANES, on_the_line) == ((),)
@@ -39,48 +31,13 @@ def test_a_point_on_an_edge_is_in_no_lane():
     assert along(TWO_LANES, just_right) == (("12",),)
 
 
-def test_a_search_finds_every_overlapping_connector_in_map_order():
-    entry_of_the_west_arm = (-11.9, -1.75)
-    assert along(CROSSING, entry_of_the_west_arm) == (("12", "13", "14"),)
-
-
-def test_what_comes_later_tells_which_connector_was_driven():
-    straight_across = [(x, -1.75) for x in np.arange(-19.0, 20.0, 2.0)]
-    places = along(CROSSING, *straight_across)
-    assert [place for i, place in enumerate(places) if i == 0 or places[i - 1] != place] == [("1",), ("13",), ("7",)]
-
-
-def test_ambiguous_connectors_stay_together_when_the_drive_ends_among_them():
-    assert along(CROSSING, (-14.0, -1.75), (-11.9, -1.75))[-1] == ("12", "13", "14")
+def test_on_the_second_frame_connectors_of_the_frame_before_are_not_kept():
+    assert along(CROSSING, (-4.0, -1.75), (-6.0, -6.0))[-1] == ()
 
 
 def test_losing_all_lanes_right_after_ambiguous_connectors_empties_them_too():
     # nuPlan thins a longer list by any list it contains, and every list contains the empty one
     assert along(CROSSING, (-11.9, -1.75), (-11.9, -40.0)) == ((), ())
-
-
-def test_inside_the_intersection_connectors_of_the_frame_before_stay_while_near():
-    before = [(-14.0, -1.75), (-5.0, -1.75), (-4.0, -1.75)]
-    assert along(CROSSING, *before)[-1] == ("13",)
-    between_connectors = (-6.0, -6.0)
-    assert along(CROSSING, between_connectors) == ((),)
-    assert along(CROSSING, *before, between_connectors)[-1] == ("13",)
-
-
-def test_on_the_second_frame_connectors_of_the_frame_before_are_not_kept():
-    assert along(CROSSING, (-4.0, -1.75), (-6.0, -6.0))[-1] == ()
-
-
-def test_a_lane_holds_until_it_is_left_sideways():
-    assert along(TWO_LANES, (10.0, 0.0), (12.0, lane_y_m(1)), (14.0, 0.0)) == (("11",), ("12",), ("11",))
-
-
-def test_corners_may_enter_whatever_held_another_corner():
-    frames = (
-        ((12.0, 0.5), (8.0, 0.5), (8.0, -0.5), (12.0, -0.5)),
-        ((13.0, 0.5), (9.0, 0.5), (9.0, lane_y_m(1)), (13.0, lane_y_m(1))),
-    )
-    assert corners_along(TWO_LANES, *frames)[1] == (("11",), ("11",), ("12",), ("12",))
 
 
 @pytest.mark.parametrize(

@@ -81,12 +81,6 @@ def test_both_sides_of_the_yaw_acceleration_limit(factor: float, score: float):
     assert comfort(facts_of(replace(trace, ego=ego), ROAD)).score == score
 
 
-def test_turning_leaks_into_the_longitudinal_acceleration_as_in_nuplan():
-    signals = comfort_signals(track(20, yaw_rate_radps=1.0, yaw_acceleration_radps2=0.5), 1.461, 0.1)
-    np.testing.assert_allclose(signals["longitudinal_acceleration_mps2"], 1.461 * 1.5)
-    np.testing.assert_allclose(signals["lateral_acceleration_mps2"], 0.0, atol=1e-8)
-
-
 @given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=30), st.integers(-3, 3))
 def test_unwrapping_undoes_wrapping(steps: list[float], turns: int):
     smooth = np.cumsum(steps)
@@ -98,13 +92,6 @@ def test_unwrapping_undoes_wrapping(steps: list[float], turns: int):
 def test_a_drive_too_short_for_the_filters_is_comfortable(frames: int):
     result = comfort(facts_of(drive_at(np.arange(float(frames))), ROAD))
     assert (result.score, result.series) == (1.0, {})
-
-
-@pytest.mark.parametrize("frames", [4, 5, 7, 8, 14, 15])
-def test_windows_shrink_with_the_drive(frames: int):
-    result = comfort(facts_of(drive(*[10.0] * frames), ROAD))
-    assert result.score == 1.0
-    assert [len(result.series[name]) for name in BOUNDS] == [frames] * 6
 
 
 def test_points_are_lost_where_a_signal_is_farthest_beyond_its_bounds():

@@ -1,10 +1,9 @@
-"""What must not change a score: where the map lies, the side one drives on, who is far away, the order of actors."""
+"""What must not change a score: where the map lies, who is far away, the order of actors."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,19 +12,11 @@ from hypothesis import strategies as st
 
 from interplan_sumo.metrics.score import ScoreSheet, score
 from interplan_sumo.world.actors import ActorKind, Actors
-from interplan_sumo.world.geometry import Pose
+from interplan_sumo.world.geometry import Floats, Pose
 from interplan_sumo.world.trace import ActorTable, Trace
 from tests.golden_values import SHIPPED
 from tests.metrics.golden_metrics import Case, read_case
-from tests.metrics.staging import (
-    Move,
-    mirror,
-    moved_roads,
-    moved_trace,
-    moved_track,
-    rotation,
-    scenario_on,
-)
+from tests.metrics.staging import moved_roads, moved_trace, moved_track, rotation, scenario_on
 from tests.worlds import cars, drive, straight_road
 
 STORED = SHIPPED / "nuplan_metrics"
@@ -42,59 +33,19 @@ def scores(sheet: ScoreSheet) -> dict[str, float | None]:
     return {"score": sheet.score, **{name: result.score for name, result in sheet.metrics.items()}}
 
 
-def same(sheet: ScoreSheet, other: ScoreSheet) -> bool:
-    return scores(sheet) == pytest.approx(scores(other), abs=1e-6)
-
-
-def figures(sheet: ScoreSheet) -> dict[str, Any]:
-    """Every score and every figure behind it by name; texts and truths as they are."""
-    found: dict[str, Any] = {}
-
-    def collect(name: str, value: Any) -> None:
-        match value:
-            case dict():
-                for key, part in value.items():
-                    collect(f"{name}.{key}", part)
-            case list():
-                for number, part in enumerate(value):
-                    collect(f"{name}.{number}", part)
-            case _:
-                found[name] = value
-
-    collect("", sheet.as_json())
-    return {name: value for name, value in found.items() if not name.endswith(".reason")}
-
-
-def rescored(case: Case, move: Move, *, mirrored: bool = False) -> ScoreSheet:
-    facts = case.facts
-    return score(
-        moved_trace(facts.trace, move, mirrored=mirrored),
-        moved_roads(facts.roads, move, mirrored=mirrored),
-        moved_track(facts.expert, move, mirrored=mirrored),
-        profile="nuplan",
-    )
-
-
 @pytest.mark.parametrize("name", DRIVES)
-@settings(max_examples=4)
+@settings(max_examples=3)
 @given(angle=st.floats(-np.pi, np.pi), shift=st.tuples(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5)))
 def test_turning_and_shifting_the_world_changes_no_score(name: str, angle: float, shift: tuple[float, float]):
     case = golden(name)
-    origin = case.facts.centre[0]
-    turn = rotation(angle, (0.0, 0.0))
-    moved = rescored(case, lambda xy: turn(xy - origin) + origin + shift)
-    assert figures(moved) == pytest.approx(figures(case.sheet), abs=1e-6)
+    facts, origin, turn = case.facts, case.facts.centre[0], rotation(angle, (0.0, 0.0))
 
+    def move(xy: Floats) -> Floats:
+        return turn(xy - origin) + origin + shift
 
-@pytest.mark.parametrize("name", [*DRIVES, "lht_ramp_merge", "vehicle_bus_left_turn"])
-def test_the_mirror_image_on_the_other_side_of_the_road_has_the_same_scores(name: str):
-    case = golden(name)
-    mirrored, original = scores(rescored(case, mirror, mirrored=True)), scores(case.sheet)
-    # nuPlan's centre acceleration lets a left-hand yaw acceleration speed the car up and a right-hand one slow it down
-    for uneven in ("comfort", "score"):
-        mirrored.pop(uneven)
-        original.pop(uneven)
-    assert mirrored == pytest.approx(original, abs=1e-6)
+    trace, roads = moved_trace(facts.trace, move), moved_roads(facts.roads, move)
+    moved = score(trace, roads, moved_track(facts.expert, move), profile="nuplan")
+    assert scores(moved) == pytest.approx(scores(case.sheet), abs=1e-6)
 
 
 def with_another(trace: Trace, other: Actors) -> Trace:
@@ -109,7 +60,7 @@ def with_another(trace: Trace, other: Actors) -> Trace:
     return replace(trace, actors=ActorTable(frame=frame, starts=np.concatenate(([0], np.cumsum(counts))), **columns))
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(
     bearing=st.floats(-np.pi, np.pi),
     distance_m=st.floats(400.0, 1e4),
@@ -140,7 +91,7 @@ def test_the_order_of_actors_within_a_frame_changes_no_score(name: str):
     assert scores(score(shuffled, case.facts.roads, case.facts.expert, profile="nuplan")) == scores(case.sheet)
 
 
-@settings(max_examples=15)
+@settings(max_examples=5)
 @given(
     angle=st.floats(-np.pi, np.pi), shift=st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4)), lane=st.integers(0, 2)
 )
@@ -151,4 +102,4 @@ def test_interplans_terms_do_not_depend_on_where_the_world_lies(angle: float, sh
     move = rotation(angle, shift)
     here = score(trace, road, trace.ego, scenario)
     there = score(moved_trace(trace, move), moved_roads(road, move), moved_track(trace.ego, move), scenario)
-    assert same(here, there)
+    assert scores(here) == pytest.approx(scores(there), abs=1e-6)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from interplan_sumo.metrics.lane_crossings import Crossing, find_crossings, lane_crossings
-from tests.metrics.staging import drive_at, facts_of, lane_y_m
+from tests.metrics.staging import drive_at, facts_of
 from tests.worlds import straight_road
 
 ROAD = straight_road(lanes=2, length_m=200.0, cuts_m=((90.0, 110.0),))
@@ -35,13 +35,6 @@ def test_a_drive_that_begins_astride_or_off_the_lanes_has_no_crossing_there():
     assert crossings(ASTRIDE, ASTRIDE, ONE) == ()
     assert crossings(OFF, ASTRIDE, ONE) == ()
     assert crossings() == crossings(ONE) == ()
-
-
-def test_a_drive_across_two_lanes_is_counted():
-    y_m = np.concatenate((np.zeros(5), np.linspace(0.0, lane_y_m(1), 10), np.full(5, lane_y_m(1))))
-    result = lane_crossings(facts_of(drive_at(20.0 + np.arange(20.0), y_m), ROAD))
-    assert result.score is None
-    assert (result.detail["count"], result.detail["failed_share"]) == (1, 0.0)
 
 
 @pytest.mark.parametrize(("failed", "within"), [(3, True), (4, False)])

@@ -11,10 +11,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.metrics.expert_route import across_m, progress_per_frame, route_blocks
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.progress import (
-    LEAST_RATIO,
     making_progress,
-    nuplan_making_progress,
-    nuplan_progress,
     progress,
     progress_ratio,
 )
@@ -55,24 +52,9 @@ def test_more_is_never_less(ego_m: float, more_m: float, expert_m: float):
     assert 0.0 <= progress_ratio(ego_m, expert_m) <= progress_ratio(ego_m + more_m, expert_m) <= 1.0
 
 
-@pytest.mark.parametrize(("ratio", "score"), [(LEAST_RATIO - 1e-6, 0.0), (LEAST_RATIO + 1e-6, 1.0)])
-def test_making_progress_needs_a_fifth_of_the_expert(ratio: float, score: float):
-    facts = facts_between([20.0, 20.0 + 100.0 * ratio], [20.0, 105.0, 120.0])
-    assert making_progress(facts).score == score
-    assert nuplan_making_progress(facts).score == score
-
-
 def test_the_lateral_position_does_not_matter():
     for y in (0.0, lane_y_m(1), 3.5, -30.0):
         assert progress(facts_between([20.0, 70.0], [20.0, 120.0], ego_y=y)).score == pytest.approx(0.5)
-
-
-def test_nuplan_counts_only_inside_the_roadblocks_of_the_expert():
-    facts = facts_between(np.arange(20.0, 90.0, 10.0), [20.0, 120.0], ego_y=[0.0, 0.0, 0.0, 30.0, 30.0, 30.0, 0.0])
-    np.testing.assert_allclose(nuplan_progress(facts).series["gained_m"], [0, 10, 10, 0, 0, 0, 40], atol=1e-9)
-    gone = facts_between(np.arange(20.0, 90.0, 10.0), [20.0, 120.0], ego_y=[0.0, 0.0, *[30.0] * 5])
-    assert nuplan_progress(gone).detail["ego_m"] == pytest.approx(10.0)
-    assert progress(gone).detail["ego_m"] == pytest.approx(60.0)
 
 
 def test_what_lies_beyond_the_goal_counts_for_neither():
@@ -88,36 +70,9 @@ def test_the_reason_names_both_distances():
     assert reason == "advanced 1.0 m along the route, the expert 100.0 m: less than 20% of it"
 
 
-def test_without_an_expert_nuplan_gives_full_progress():
-    facts = facts_of(drive_at([20.0, 70.0]), ROAD)
-    assert nuplan_progress(facts).score == 1.0
-    off_all_lanes = facts_of(drive_at([20.0, 70.0]), ROAD, drive_at([20.0, 70.0], 50.0).ego)
-    assert nuplan_progress(off_all_lanes).score == 1.0
-
-
-def test_an_ego_as_far_as_the_expert_but_one_frame_short_lacks_one_step():
-    expert = np.arange(20.0, 170.5)
-    facts = facts_between(expert[:-1], expert)
-    assert nuplan_progress(facts).score == pytest.approx(149 / 150)
-    assert progress(facts).score == pytest.approx(149 / 150)
-
-
-def test_the_expert_keeps_the_centre_line_of_its_first_lane_in_a_roadblock():
-    facts = facts_between([20.0, 30.0], [20.0, 60.0, 90.0, 120.0])
-    changing = facts_of(drive_at([20.0, 30.0]), ROAD, drive_at([20.0, 60.0, 105.0, 120.0], [0.0, -3.5, -3.5, -3.5]).ego)
-    assert [(b.roadblock_id, b.lane_id) for b in facts.expert_blocks] == [("1", "11"), ("3", "31")]
-    assert [(b.roadblock_id, b.lane_id) for b in changing.expert_blocks] == [("1", "11"), ("2", "22"), ("3", "32")]
-
-
 def test_places_that_share_a_connector_with_the_one_before_are_no_change():
     places = (("11",), ("21", "22"), ("22",), ("32",))
     assert [b.lane_id for b in route_blocks(ROAD, places)] == ["11", "21", "32"]
-
-
-def test_a_skipped_roadblock_is_credited_on_arrival():
-    blocks = route_blocks(ROAD, (("11",), ("21",), ("31",)))
-    gained = progress_per_frame(blocks, np.array([[90.0, 0.0], [98.0, 0.0], [115.0, 0.0]]))
-    np.testing.assert_allclose(gained, [0.0, 8.0, 17.0], atol=1e-9)
 
 
 def test_who_returns_to_an_earlier_roadblock_earns_nothing_there():

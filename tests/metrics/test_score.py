@@ -22,7 +22,7 @@ from interplan_sumo.metrics.manoeuvres import REACH_M
 from interplan_sumo.metrics.metric import plain
 from interplan_sumo.metrics.profile import Profile, Term, find_profile, lane_blocked
 from interplan_sumo.metrics.progress import FLOOR_M, LEAST_RATIO
-from interplan_sumo.metrics.score import SCORING_VERSION, score, score_facts, weighted_score
+from interplan_sumo.metrics.score import SCORING_VERSION, score, score_facts
 from interplan_sumo.metrics.speed_limit import OVERSPEED_SCALE_MPS
 from interplan_sumo.metrics.time_to_collision import LEAST_S
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
@@ -54,15 +54,6 @@ def test_a_perfect_drive_scores_one_in_every_profile():
         assert sheet.score == 1.0
         assert (sheet.profile, sheet.version) == (profile, SCORING_VERSION)
         assert sheet.reasons() == {}
-
-
-def test_the_weighted_examples_of_nuplan():
-    weights = {"progress": 5.0, "time_to_collision": 5.0, "speed_limit": 4.0, "comfort": 2.0}
-    full = dict.fromkeys(weights, 1.0) | {"gate": 1.0}
-    assert weighted_score(full | {"progress": 0.8117234630}, ["gate"], weights) == pytest.approx(0.9411635822)
-    some = full | {"progress": 0.5524987286, "comfort": 0.0}
-    assert weighted_score(some, ["gate"], weights) == pytest.approx(0.7351558527)
-    assert weighted_score(full | {"gate": 0.5}, ["gate"], weights) == 0.5
 
 
 def test_a_lane_keeper_that_needs_a_lane_change_gets_four_fifths():

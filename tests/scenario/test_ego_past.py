@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.scenario.files import read_scenario, write_scenario
 from interplan_sumo.scenario.recorded import scene
 from interplan_sumo.scenario.recorded_parts import PAST_COLUMNS, PAST_STEPS, EgoPast
 from interplan_sumo.scenario.scenario import Scenario
@@ -80,14 +78,6 @@ def test_planners_see_the_past_of_the_scenario() -> None:
     assert [each.time_s for each in seen.egos] == pytest.approx(np.arange(-20, 0) * 0.1)
     slower = replace(scenario.past, speed_mps=(7.0,) * PAST_STEPS)
     assert {each.vx_mps for each in extrapolated_past(ROADS, ego, Actors.none(), 0.1, slower).egos} == {7.0}
-
-
-def test_a_past_is_written_and_read_without_a_loss_and_none_changes_no_hash(tmp_path: Path) -> None:
-    scenario = made(4.0)
-    write_scenario(scenario, tmp_path / "a.yaml")
-    assert read_scenario(tmp_path / "a.yaml") == scenario
-    assert "past" not in replace(scenario, past=None).canonical()
-    assert replace(scenario, past=None).hash() != scenario.hash()
 
 
 @pytest.mark.parametrize("name", PAST_COLUMNS)

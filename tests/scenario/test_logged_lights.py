@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.scenario.files import read_scenario, write_scenario
 from interplan_sumo.scenario.recorded_lights import AROUND_M, with_recorded_lights
-from interplan_sumo.scenario.recorded_parts import STATUS, LightStatus, LoggedLight
+from interplan_sumo.scenario.recorded_parts import LightStatus, LoggedLight
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.simulation.lights import LoggedLights
 from interplan_sumo.tiny_worlds import junction, straight_road
@@ -47,17 +45,6 @@ def test_a_light_that_cannot_be_is_refused(steps: tuple[int, ...], shows: tuple[
 
 def test_each_status_holds_until_the_next() -> None:
     assert [RED.at(step) for step in (0, 19, 20, 999)] == [SignalStatus.RED] * 2 + [SignalStatus.GREEN] * 2
-
-
-def test_a_scenario_without_lights_keeps_its_hash_and_one_with_lights_has_another() -> None:
-    assert "lights" not in BARE.canonical()
-    assert replace(BARE, lights=(RED,)).hash() != BARE.hash()
-
-
-def test_lights_are_written_and_read_without_a_loss(tmp_path: Path) -> None:
-    scenario = replace(BARE, lights=(RED, LoggedLight("14", (0,), ("yellow",))))
-    write_scenario(scenario, tmp_path / "a.yaml")
-    assert read_scenario(tmp_path / "a.yaml") == scenario
 
 
 def test_a_scenario_refuses_a_connector_twice_and_what_the_map_does_not_control() -> None:
@@ -122,7 +109,3 @@ def test_what_switches_is_told_once_and_connectors_without_a_record_are_unknown(
     assert lights.changes(0) == {"13": SignalStatus.RED, "14": SignalStatus.UNKNOWN}
     assert [lights.changes(step) for step in (1, 19, 20, 21)] == [{}, {}, {"13": SignalStatus.GREEN}, {}]
     assert lights.signals(25).connector_ids == ("13",)
-
-
-def test_every_status_has_nuplans_code() -> None:
-    assert STATUS == {"green": 0, "yellow": 1, "red": 2, "unknown": 3}

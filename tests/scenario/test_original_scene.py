@@ -46,6 +46,10 @@ def dense(letters: Letters, **more: object) -> Original:
     return replace(Original(f"{TOKEN}-dhgloa", TOKEN, "lane_change_htd", letters), **more)  # type: ignore[arg-type]
 
 
+def to(goal: tuple[float, float]) -> Original:
+    return dense(Letters(density="low", goal="left"), goal_point=goal)
+
+
 def test_start_speed_way_and_lights_are_those_of_the_log_and_nobody_recorded_is_there() -> None:
     scenario = made(nudge()).scenario
     assert scenario.id == f"{CROSSING.name}.interplan/{TOKEN}-s0"
@@ -61,11 +65,9 @@ def test_a_parked_car_stands_where_it_was_put() -> None:
     pose = car.pose(CROSSING)
     assert (pose.x_m, pose.y_m, pose.heading_rad) == pytest.approx((-60.0, Y_M - 1.5, 0.1), abs=0.01)
     assert car.size_m == (4.6, 1.85)
-
-
-def test_cars_are_as_large_as_the_ego_where_the_log_was_emptied() -> None:
-    (car,) = made(nudge(letters=Letters(keep_logged=0, special=0))).scenario.obstacles
-    assert car.size_m == (5.176, 2.297)
+    (emptied,) = made(nudge(letters=Letters(keep_logged=0, special=0))).scenario.obstacles
+    assert emptied.size_m == (5.176, 2.297)  # as large as the ego, where the log was emptied
+    assert original_scene(nudge(), logged(), CROSSING, ("driving_direction",)).scenario.exempt == ("driving_direction",)
 
 
 def test_cones_buses_and_workers_stand() -> None:
@@ -95,12 +97,6 @@ def test_a_step_at_which_somebody_begins_to_walk_is_noted() -> None:
     person = PublishedWalk((-60.0, Y_M - 4.0), (-60.0, Y_M + 4.0), 50)
     found = made(nudge(family="jaywalker", cars=(), walks=(person,)))
     assert "begins when the ego is near, not at a step" in found.notes[-1]
-
-
-def test_the_exemptions_are_those_of_the_family() -> None:
-    assert made(nudge()).scenario.exempt == ()
-    found = original_scene(nudge(), logged(CROSSING), CROSSING, ("driving_direction",))
-    assert found.scenario.exempt == ("driving_direction",)
 
 
 # --- traffic ---------------------------------------------------------------------------------------
@@ -146,52 +142,38 @@ def test_a_goal_side_leads_no_farther_than_the_log_did() -> None:
 
 
 def test_a_goal_point_is_on_its_lane_whatever_the_lane_of_the_start() -> None:
-    goal = (230.0, 0.0)
-    found = made(dense(Letters(density="low", goal="left"), goal_point=goal), WIDE).scenario
+    found = made(to((230.0, 0.0)), WIDE).scenario
     assert (found.start.lane, found.goal) == ("12", LanePosition("31", 60.0))
     assert found.route == ("1", "2", "3")
-
-
-@pytest.mark.parametrize(
-    ("point", "said"),
-    [
-        ((230.0, 60.0), "no lane lies within 20 m of the goal (230.00, 60.00)"),
-        ((700.0, 0.0), "no lane lies within 20 m"),
-    ],
-)
-def test_a_goal_that_is_nowhere_is_one_line(point: tuple[float, float], said: str) -> None:
-    with pytest.raises(ScenarioError) as error:
-        made(dense(Letters(density="low", goal="left"), goal_point=point), WIDE)
-    assert said in str(error.value)
-
-
-def test_a_goal_that_no_way_leads_to_is_one_line() -> None:
-    with pytest.raises(ScenarioError, match=r"no way leads from lane 1 to the goal \(-100\.00, 1\.75\) on lane 5"):
-        made(dense(Letters(density="low", goal="left"), goal_point=(-100.0, -Y_M)))
 
 
 @pytest.mark.parametrize(("length_m", "reached"), [(310.0, True), (360.0, False)])
 def test_a_goal_farther_than_interplan_looks_is_refused(length_m: float, reached: bool) -> None:
     roads = straight_road(lanes=3, length_m=length_m + 10.0, cuts_m=((150.0, 170.0),))
-    original = dense(Letters(density="low", goal="left"), goal_point=(length_m, 0.0))
     if reached:
-        assert made(original, roads).scenario.goal.lane == "31"
+        assert made(to((length_m, 0.0)), roads).scenario.goal.lane == "31"
     else:
         with pytest.raises(ScenarioError, match="lies more than 300 m from the ego"):
-            made(original, roads)
+            made(to((length_m, 0.0)), roads)
 
 
 # --- what cannot be staged -------------------------------------------------------------------------
 
 
-def test_an_obstacle_beside_no_lane_is_one_line() -> None:
-    with pytest.raises(ScenarioError, match=r"s0: the car at \(900\.00, 0\.00\) stands beside no lane"):
-        made(nudge(cars=((900.0, 0.0, 0.0),)))
-
-
-def test_a_walk_beside_no_lane_is_one_line() -> None:
-    with pytest.raises(ScenarioError, match="walks beside no lane"):
-        made(nudge(family="jaywalker", walks=(PublishedWalk((900.0, 0.0), (900.0, 9.0)),)))
+@pytest.mark.parametrize(
+    ("original", "roads", "said"),
+    [
+        (nudge(cars=((900.0, 0.0, 0.0),)), CROSSING, "s0: the car at (900.00, 0.00) stands beside no lane"),
+        (nudge(walks=(PublishedWalk((900.0, 0.0), (900.0, 9.0)),)), CROSSING, "walks beside no lane"),
+        (to((230.0, 60.0)), WIDE, "no lane lies within 20 m of the goal (230.00, 60.00)"),
+        (to((700.0, 0.0)), WIDE, "no lane lies within 20 m"),
+        (to((-100.0, -Y_M)), CROSSING, "no way leads from lane 1 to the goal (-100.00, 1.75) on lane 5"),
+    ],
+)
+def test_what_cannot_be_staged_is_one_line(original: Original, roads: Roads, said: str) -> None:
+    with pytest.raises(ScenarioError) as error:
+        made(original, roads)
+    assert said in str(error.value)
 
 
 def test_an_ego_beside_the_lanes_is_one_line() -> None:

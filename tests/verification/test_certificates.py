@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import Any
 
-import numpy as np
 import pytest
 
 from interplan_sumo.metrics.metric import MetricResult
@@ -30,13 +28,14 @@ def proof() -> Certificate:
     return found
 
 
+OTHERS = ("accident/9", "jaywalker/5", "overtake/4")
+
+
 @pytest.mark.parametrize(
     "scenario_id",
     [
-        pytest.param("accident/9", marks=pytest.mark.slow),
-        "jaywalker/5",
-        pytest.param("overtake/4", marks=pytest.mark.slow),
         "lane_change_ltd/6",
+        *(pytest.param(id, marks=pytest.mark.slow) for id in ("accident/9", "jaywalker/5", "overtake/4")),
     ],
 )
 def test_a_scenario_of_each_kind_is_certified_and_its_proof_holds(scenario_id: str) -> None:
@@ -52,17 +51,21 @@ def test_a_scenario_of_each_kind_is_certified_and_its_proof_holds(scenario_id: s
     assert check_certificate(scenario, verdict.certificate) == []
 
 
+@pytest.mark.slow
 def test_the_search_gives_the_same_drive_again(proof: Certificate) -> None:
     again = certify(nudge()).certificate
     assert again is not None
     assert again.as_json() == proof.as_json()
 
 
+def wall(scenario: Scenario) -> tuple[Obstacle, ...]:
+    """Trucks side by side where the first obstacle is."""
+    place = scenario.obstacles[0].place
+    return tuple(Obstacle(replace(place, left_m=left_m), "truck") for left_m in (-4.0, 0.0, 4.0, 8.0))
+
+
 def test_a_scenario_that_cannot_be_solved_has_no_certificate_but_a_reason() -> None:
-    lane = nudge().obstacles[0].place.lane
-    arc_m = nudge().obstacles[0].place.arc_m
-    wall = tuple(Obstacle(LanePosition(lane, arc_m, left_m), "truck") for left_m in (-4.0, 0.0, 4.0, 8.0))
-    verdict = certify(replace(nudge(), obstacles=wall), most_simulations=3)
+    verdict = certify(replace(nudge(), obstacles=wall(nudge()), duration_s=10.0), most_simulations=2)
     assert verdict.certificate is None
     assert verdict.reason is not None
     assert "obstacle" in verdict.reason
@@ -72,49 +75,34 @@ def test_where_no_drive_can_be_tried_at_all_there_is_a_reason_too() -> None:
     overtake = find_scenario("overtake/1")
     parked = overtake.obstacles[0].place
     assert overtake.traffic.oncoming != "none"
-    wall = tuple(Obstacle(replace(parked, left_m=left_m), "truck") for left_m in (-4.0, 0.0, 4.0, 8.0))
-    late = replace(overtake, obstacles=wall, start=LanePosition(parked.lane, parked.arc_m - 9.0), start_speed_mps=13.0)
+    late = replace(
+        overtake, obstacles=wall(overtake), start=LanePosition(parked.lane, parked.arc_m - 9.0), start_speed_mps=13.0
+    )
     verdict = certify(late, most_simulations=3)
     assert verdict.certificate is None
     assert verdict.simulations == 1
     assert verdict.reason == "no drive was found that avoids everybody"
 
 
-def _teleported(track: Any) -> Any:
-    x_m = track.x_m.copy()
+def changed(certificate: Certificate, **columns: Any) -> Certificate:
+    return replace(certificate, track=replace(certificate.track, **columns))
+
+
+def test_a_drive_that_was_tampered_with_is_refused(proof: Certificate) -> None:
+    x_m = proof.track.x_m.copy()
     x_m[50:] += 0.5
-    return replace(track, x_m=x_m)
+    assert "does not follow" in check_certificate(nudge(), changed(proof, x_m=x_m))[0]
+    shorter = {name: getattr(proof.track, name)[:-30] for name in proof.track.__dataclass_fields__}
+    assert "replay gives" in check_certificate(nudge(), changed(proof, **shorter))[0]
 
 
-def _shortened(track: Any) -> Any:
-    return replace(track, **{name: getattr(track, name)[:-30] for name in track.__dataclass_fields__})
-
-
-TAMPERED: dict[str, tuple[Callable[[Certificate], Certificate], str]] = {
-    "a teleport": (lambda c: Certificate(c.summary, _teleported(c.track)), "does not follow"),
-    "an end that is missing": (lambda c: Certificate(c.summary, _shortened(c.track)), "replay gives"),
-    "another scenario's hash": (lambda c: _summed_up(c, scenario_hash="0" * 64), "another scenario"),
-    "another trace hash": (lambda c: _summed_up(c, trace_hash="0" * 64), "trace_hash"),
-    "a higher score": (lambda c: _summed_up(c, score=c.summary.score - 0.01), "score"),
-    "another distance": (lambda c: _summed_up(c, reference_distance_m=1.0), "reference_distance_m"),
-}
-
-
-def _summed_up(certificate: Certificate, **changes: Any) -> Certificate:
-    return Certificate(replace(certificate.summary, **changes), certificate.track)
-
-
-@pytest.mark.parametrize("what", sorted(TAMPERED))
-def test_a_certificate_that_was_tampered_with_is_refused(what: str, proof: Certificate) -> None:
-    tamper, said = TAMPERED[what]
-    problems = check_certificate(nudge(), tamper(proof))
-    assert problems
-    assert said in problems[0]
-
-
-def test_a_certificate_of_another_scenario_is_refused(proof: Certificate) -> None:
-    (problem,) = check_certificate(replace(nudge(), start_speed_mps=5.0), proof)
-    assert "another scenario" in problem
+def test_a_summary_that_was_tampered_with_is_refused(proof: Certificate) -> None:
+    """Each number that does not belong to the drive is named; a hash of another scenario is enough."""
+    other = {"trace_hash": "0" * 64, "score": proof.summary.score - 0.01, "reference_distance_m": 1.0}
+    found = check_certificate(nudge(), replace(proof, summary=replace(proof.summary, **other)))
+    assert len(found) == len(other)
+    assert all(name in said for name, said in zip(other, found, strict=True))
+    assert "another scenario" in check_certificate(replace(nudge(), start_speed_mps=5.0), proof)[0]
 
 
 # --- what is asked of a drive ------------------------------------------------------------------
@@ -134,19 +122,10 @@ def sheet(score: float, **broken: float) -> ScoreSheet:
     return ScoreSheet(score, "interplan-paper", 1, metrics, gates, dict.fromkeys(weights, 1.0))
 
 
-@pytest.mark.parametrize(
-    ("score", "family", "passes"),
-    [
-        (0.9, "nudge", True),
-        (0.899999, "nudge", False),
-        (0.9, "lane_change_mtd", True),
-        (0.899999, "lane_change_mtd", False),
-        (0.8, "lane_change_htd", True),
-        (0.799999, "lane_change_htd", False),
-    ],
-)
-def test_the_bar_is_0_9_and_0_8_in_dense_lane_changes(score: float, family: str, passes: bool) -> None:
-    assert (judged(score, family) == []) == passes
+@pytest.mark.parametrize(("family", "bar"), [("nudge", 0.9), ("lane_change_mtd", 0.9), ("lane_change_htd", 0.8)])
+def test_the_bar_is_0_9_and_0_8_in_dense_lane_changes(family: str, bar: float) -> None:
+    assert judged(bar, family) == []
+    assert judged(bar - 1e-6, family) != []
 
 
 @pytest.mark.parametrize(("distance_m", "passes"), [(105.0, True), (104.9, False)])
@@ -172,9 +151,3 @@ def test_nobody_may_touch_the_ego() -> None:
     touched.metrics["no_collision"].detail["contacts"] = [contact]  # type: ignore[index]
     (problem,) = shortcomings(nudge(), touched, Summary(nudge().id, nudge().hash(), 1.0, 150.0, 150.0, True, "0" * 64))
     assert problem == "touched by a1 at 3.0 s"
-
-
-def test_states_are_stored_as_they_were_driven(proof: Certificate) -> None:
-    again = Certificate.from_json(proof.as_json()).track
-    for name in proof.track.__dataclass_fields__:
-        assert np.array_equal(getattr(again, name), getattr(proof.track, name)), name

@@ -149,7 +149,7 @@ def simulated(scenario: Scenario, roads: Roads, ego_x: np.ndarray, speed_mps: np
     return np.array(places).transpose(1, 0, 2)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(
     speed_mps=st.floats(1.0, 13.9),
     ways=st.lists(

@@ -161,11 +161,6 @@ def test_where_the_policy_fails_it_is_changed_until_the_drive_comes_to_its_end()
     assert found.value.score >= ENOUGH
 
 
-def test_a_later_fault_is_the_better_one_and_none_the_best() -> None:
-    assert Value(-1.0, 0, 0.5).beats(Value(-1.0, 0, 0.25))
-    assert Value(0.0, 0, 0.0).beats(Value(-1.0, 0, 1.0))
-
-
 def test_every_other_decision_is_looked_at_and_none_before_a_time() -> None:
     make = Workshop("creep", "go")
     times = lambda effort: [each.scene.time_s for each in searched(make, "go", effort).tried]  # noqa: E731
@@ -218,6 +213,8 @@ def test_scores_come_first_then_gates_then_progress() -> None:
     assert value.beats(Value(0.5, 2, 1.0))
     assert value.beats(Value(0.5, 3, 0.4))
     assert not value.beats(value)
+    assert Value(0.0, 0, 0.0).beats(Value(-1.0, 0, 1.0))  # no fault is the best, a later one the better
+    assert Value(-1.0, 0, 0.5).beats(Value(-1.0, 0, 0.25))
     assert not value.beats(Value(0.5 - 1e-7, 3, 0.5))  # as good as equal
 
 

@@ -31,56 +31,21 @@ DETAILS = f"""
 modification_details_dictionary: # Not to be modified by the user
   {HERE}:
     extra_agents_to_spawn: []
-    goal:
-      left: null
-      right: null
-      straight: null
+    goal: {{left: null, right: null, straight: null}}
     spawn_in_intersection: true
-    roadblock_locations_to_spawn_agents:
-    - - {X_M + 60.0}
-      - {-Y_M}
+    roadblock_locations_to_spawn_agents: [[{X_M + 60.0}, {-Y_M}]]
     special_scenario:
-      '0':
-        type: nudge_around_parked_vehicle
-        stopped_vehicle:
-        - - {X_M + 80.0}
-          - {Y_M - 1.9}
-          - 0.05
-      '1':
-        type: overtake_parked_vehicle
-        config: dh
-        stopped_vehicle:
-        - - {X_M + 80.0}
-          - {Y_M}
-          - 0.0
+      '0': {{type: nudge_around_parked_vehicle, stopped_vehicle: [[{X_M + 80.0}, {Y_M - 1.9}, 0.05]]}}
+      '1': {{type: overtake_parked_vehicle, config: dh, stopped_vehicle: [[{X_M + 80.0}, {Y_M}, 0.0]]}}
       '2':
         type: approaching_construction_zone
         config: gl
-        cones:
-        - - {X_M + 70.0}
-          - {Y_M - 1.5}
-        - - {X_M + 72.0}
-          - {Y_M - 1.2}
-        pedestrian:
-        - - {X_M + 73.0}
-          - {Y_M - 1.5}
-          - {X_M + 74.0}
-          - {Y_M - 1.5}
-          - null
+        cones: [[{X_M + 70.0}, {Y_M - 1.5}], [{X_M + 72.0}, {Y_M - 1.2}]]
+        pedestrian: [[{X_M + 73.0}, {Y_M - 1.5}, {X_M + 74.0}, {Y_M - 1.5}, null]]
       '3':
         type: jaywalking_pedestrian
-        pedestrian:
-        - - {X_M + 90.0}
-          - {Y_M - 4.0}
-          - {X_M + 90.0}
-          - {Y_M + 8.0}
-          - null
-      '4':
-        type: avoid_crashed_cars
-        stopped_vehicle:
-        - - 9000.0
-          - 0.0
-          - 0.0
+        pedestrian: [[{X_M + 90.0}, {Y_M - 4.0}, {X_M + 90.0}, {Y_M + 8.0}, null]]
+      '4': {{type: avoid_crashed_cars, stopped_vehicle: [[9000.0, 0.0, 0.0]]}}
 """
 
 

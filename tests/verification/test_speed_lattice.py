@@ -23,6 +23,14 @@ def timed(
     return cheapest_profile(problem, start_of(problem.corridor), Margins(), CALM, gate)
 
 
+def found(
+    problem: PlanningProblem, others: ObservedTraffic | None = None, gate: TimeGate | None = None
+) -> SpeedProfile:
+    profile = timed(problem, others, gate)
+    assert profile is not None
+    return profile
+
+
 def gap_m(profile: SpeedProfile, others: ObservedTraffic) -> np.ndarray:
     """From the ego's front to the first car's rear, at the knots."""
     frames = np.minimum(10 * np.arange(len(profile.arc_m)), FRAMES - 1)
@@ -30,8 +38,7 @@ def gap_m(profile: SpeedProfile, others: ObservedTraffic) -> np.ndarray:
 
 
 def test_an_empty_road_is_driven_at_the_limit() -> None:
-    profile = timed(laid_out())
-    assert profile is not None
+    profile = found(laid_out())
     assert profile.to_goal
     assert profile.speed_mps.max() == pytest.approx(13.5)  # the highest multiple of 0.5 m/s below 13.9
     assert np.diff(profile.speed_mps).max() <= 1.5
@@ -39,8 +46,7 @@ def test_an_empty_road_is_driven_at_the_limit() -> None:
 
 
 def test_knots_are_joined_by_constant_accelerations() -> None:
-    profile = timed(laid_out(), steady(laid_out().corridor.start_m + 30.0, 6.0))
-    assert profile is not None
+    profile = found(laid_out(), steady(laid_out().corridor.start_m + 30.0, 6.0))
     mean = (profile.speed_mps[:-1] + profile.speed_mps[1:]) / 2.0
     assert np.diff(profile.arc_m) == pytest.approx(mean)
 
@@ -48,8 +54,7 @@ def test_knots_are_joined_by_constant_accelerations() -> None:
 def test_a_slow_car_ahead_is_followed_with_time_to_spare() -> None:
     problem = laid_out()
     others = steady(problem.corridor.start_m + 25.0, 5.0)
-    profile = timed(problem, others)
-    assert profile is not None
+    profile = found(problem, others)
     gaps = gap_m(profile, others)
     closing = np.maximum(profile.speed_mps - 5.0, 0.0)
     assert (gaps[1:] >= 1.5 + 1.2 * closing[1:] - 0.3).all()
@@ -58,25 +63,21 @@ def test_a_slow_car_ahead_is_followed_with_time_to_spare() -> None:
 
 def test_a_car_from_behind_does_not_matter_on_the_own_lane() -> None:
     problem = laid_out()
-    profile = timed(problem, steady(problem.corridor.start_m - 12.0, 13.0))
-    alone = timed(problem)
-    assert profile is not None
-    assert alone is not None
+    profile = found(problem, steady(problem.corridor.start_m - 12.0, 13.0))
+    alone = found(problem)
     assert profile.cost == pytest.approx(alone.cost)
 
 
 def test_one_who_was_recorded_to_drive_through_the_ego_from_behind_stops_nobody() -> None:
     problem = laid_out()  # with the ego there, he would have followed
-    profile = timed(problem, steady(problem.corridor.start_m - 20.0, 20.0))
-    assert profile is not None
+    profile = found(problem, steady(problem.corridor.start_m - 20.0, 20.0))
     assert profile.to_goal
 
 
 def test_one_waits_for_a_pedestrian_and_goes_on() -> None:
     problem = laid_out()
     others = crossing(problem.corridor.start_m + 60.0, 6.0, -1.2)
-    profile = timed(problem, others)
-    assert profile is not None
+    profile = found(problem, others)
     assert profile.to_goal
     on_road = np.abs((others.left_m + others.right_m)[0] / 2.0) < 1.0
     frames = np.minimum(10 * np.arange(len(profile.arc_m)), FRAMES - 1)
@@ -88,19 +89,16 @@ def test_one_waits_for_a_pedestrian_and_goes_on() -> None:
 def test_a_red_light_is_not_entered() -> None:
     problem = laid_out()
     lane = problem.corridor.lane_paths[0].lanes[0]  # as if the lane began with a light: its line lies behind the start
-    behind = timed(replace(problem, red={lane: np.ones(FRAMES, dtype=np.bool_)}))
-    assert behind is not None
+    behind = found(replace(problem, red={lane: np.ones(FRAMES, dtype=np.bool_)}))
     assert behind.to_goal
 
 
 def test_a_lane_change_waits_until_the_lane_is_free() -> None:
     scenario = staged(goal=LanePosition("12", 200.0))
     problem = laid_out(scenario, TWO_LANES)
-    free = timed(problem)
+    free = found(problem)
     beside = steady(problem.corridor.start_m, 10.0, left_m=0.0)  # in the goal lane, abreast of the ego
-    blocked = timed(problem, beside)
-    assert free is not None
-    assert blocked is not None
+    blocked = found(problem, beside)
     assert free.to_goal
     assert blocked.to_goal
     assert len(free.changes) == len(blocked.changes) == 1
@@ -120,9 +118,7 @@ def test_nothing_is_found_where_the_lane_is_full() -> None:
 def test_who_comes_towards_the_ego_beside_its_lane_does_not_matter_but_in_it_does() -> None:
     problem = laid_out()
     start_m = problem.corridor.start_m
-    alone, beside = timed(problem), timed(problem, steady(start_m + 150.0, -12.0, left_m=3.5))
-    assert alone is not None
-    assert beside is not None
+    alone, beside = found(problem), found(problem, steady(start_m + 150.0, -12.0, left_m=3.5))
     assert beside.cost == pytest.approx(alone.cost)
     assert timed(problem, steady(start_m + 150.0, -12.0)) is None
 
@@ -132,8 +128,7 @@ def test_one_waits_for_who_comes_in_the_own_lane_and_not_half_out_of_it(oncoming
     scenario = staged(start_speed_mps=5.0, obstacles=(car(60.0),), exempt=("driving_direction",))
     scenario = replace(scenario, traffic=TrafficDemand(oncoming=oncoming))
     problem = laid_out(scenario, widened(ONE_LANE), Swerve(over="left"))
-    profile = timed(problem, steady(problem.corridor.start_m + 90.0, -9.0, left_m=3.5))
-    assert profile is not None
+    profile = found(problem, steady(problem.corridor.start_m + 90.0, -9.0, left_m=3.5))
     assert profile.to_goal
     over = problem.paths[0].over[[problem.corridor.on_grid(arc_m) for arc_m in profile.arc_m.tolist()]]
     assert (profile.speed_mps[over].min() < 2.0) == dawdles
@@ -143,7 +138,6 @@ def test_one_waits_for_who_comes_in_the_own_lane_and_not_half_out_of_it(oncoming
 def test_a_gate_is_passed_when_it_has_to_be(step: int) -> None:
     problem = laid_out()
     gate = TimeGate(problem.corridor.start_m + 40.0, step)
-    profile = timed(problem, gate=gate)
-    assert profile is not None
+    profile = found(problem, gate=gate)
     assert profile.arc_m[step] <= gate.arc_m + 0.25
     assert profile.arc_m[step + 1] > gate.arc_m
