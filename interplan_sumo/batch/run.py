@@ -105,8 +105,7 @@ def run(
         if not source.official:
             folder.keep_scenarios(source.scenarios, own_maps(source.scenarios))
             keep_certified(source.scenarios, selection.files, options.out)
-        if options.profile not in (None, profile.name):  # that of a file
-            folder.keep_profile(Path(options.profile))
+        folder.keep_profile(profile)
         if options.traffic is not None:
             folder.keep_vehicle_types(options.traffic)
         tasks = [Task(job.key, job.planner, job) for job in left]

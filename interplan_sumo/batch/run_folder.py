@@ -56,6 +56,7 @@ from interplan_sumo.batch.results import (
 from interplan_sumo.batch.shards import keep_shards
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import MapFiles, copy_map
+from interplan_sumo.metrics.profile import Profile, keep_profile
 from interplan_sumo.scenario.files import MAPS, scenario_text
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.files import PART, replacing
@@ -65,7 +66,6 @@ BENCHMARK = ("suite", "suite_hash", "profile", "overrides", "versions")
 """What all rows of a folder share, by its name in the manifest."""
 OWN_SCENARIOS = "scenarios.yaml"
 TRAFFIC = "traffic"
-PROFILE = "profile"
 """Holds a vehicle-type file; so it does beside the run folders of a sweep."""
 
 
@@ -183,17 +183,16 @@ class RunFolder:
         except OSError as error:
             raise _unwritable(self.path, error) from None
 
-    def keep_profile(self, path: Path) -> None:
-        """Keep a profile's file of the user's, so that drives can be scored by it again without that."""
-        self._keep(path, PROFILE)  # under its name: the profile's begins with it
+    def keep_profile(self, profile: Profile) -> None:
+        """Keep a profile of the user's, so that drives can be scored by it again without its file."""
+        try:
+            keep_profile(profile, self.path)
+        except OSError as error:
+            raise _unwritable(self.path, error) from None
 
     def keep_vehicle_types(self, path: Path) -> None:
         """Keep the user's vehicle-type file, so that the drives can be made again without it."""
-        self._keep(path, TRAFFIC)  # under its name: what drivers are called begins with it
-
-    def _keep(self, path: Path, part: str) -> None:
-        """Copy a file of the user's into a folder of the run."""
-        place = self.path / part / path.name
+        place = self.path / TRAFFIC / path.name  # under its name: what drivers are called begins with it
         try:
             place.parent.mkdir(exist_ok=True)
             with replacing(place) as fresh:

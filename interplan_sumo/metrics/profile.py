@@ -30,6 +30,7 @@ from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.families import find_family
 from interplan_sumo.metrics.metric import METRICS
 from interplan_sumo.registry import Registry
+from interplan_sumo.world.files import replacing
 
 if TYPE_CHECKING:
     from interplan_sumo.metrics.facts import Facts
@@ -132,11 +133,15 @@ KEPT: Final = "profile.yaml"
 
 
 def keep_profile(profile: Profile, folder: Path) -> None:
-    """Write a file's profile into a run folder, so that `stored_profile` finds it; registered ones need none."""
+    """Write a file's profile into a run folder, so that `stored_profile` finds it; registered ones need none.
+
+    OSError if it cannot be written.
+    """
     if "@" not in profile.name:
         return
     said = msgspec.to_builtins(msgspec.structs.replace(profile, name=""))
-    (folder / KEPT).write_text(yaml.safe_dump(said, sort_keys=False, default_flow_style=None), encoding="utf-8")
+    with replacing(folder / KEPT) as fresh:
+        fresh.write_text(yaml.safe_dump(said, sort_keys=False, default_flow_style=None), encoding="utf-8")
 
 
 def stored_profile(name: str, folder: Path) -> Profile:

@@ -262,7 +262,7 @@ def test_a_truncated_network_is_one_error_before_anything_is_driven(tmp_path: Pa
     check_inputs([replace(FIRST, map=str(folder))], None)
     network = gzip.decompress((folder / "map.net.xml.gz").read_bytes())
     (folder / "map.net.xml.gz").write_bytes(gzip.compress(network[: len(network) // 2]))
-    with pytest.raises(MapError, match=r"map\.net\.xml\.gz is damaged"):
+    with pytest.raises(MapError, match=r"map\.net\.xml\.gz: the file is damaged"):
         check_inputs([replace(FIRST, map=str(folder))], None)
     (folder / "map.net.xml.gz").unlink()
     with pytest.raises(MapError, match="no SUMO network"):
