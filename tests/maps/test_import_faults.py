@@ -59,13 +59,13 @@ def outcome(tile: dict[str, Any], seed: int, folder: Path) -> list[object] | Non
 
 
 def test_a_damaged_street_keeps_the_rules_or_is_refused(tmp_path: Path) -> None:
-    found = [outcome(street(), seed, tmp_path) for seed in range(80)]
+    found = [outcome(street(), seed, tmp_path) for seed in range(40)]
     assert [seed for seed, problems in enumerate(found) if problems] == []
-    assert sum(problems is not None for problems in found) > 40
+    assert sum(problems is not None for problems in found) > 20
 
 
 @pytest.mark.slow
 def test_a_damaged_real_map_keeps_the_rules_or_is_refused(tmp_path: Path) -> None:
     (file,) = real("argoverse2", "austin_0a1e6f0a").glob("log_map_archive_*.json")
     tile = json.loads(file.read_text())
-    assert [seed for seed in range(300) if outcome(tile, seed, tmp_path)] == []
+    assert [seed for seed in range(60) if outcome(tile, seed, tmp_path)] == []
