@@ -2,15 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from interplan_planners.common.forecast import Forecast, constant_velocity
 from interplan_sumo.dynamics.batch import SimulatedDrives, follow_all
-from interplan_sumo.tiny_worlds import ego
+from interplan_sumo.dynamics.lqr import follow
+from interplan_sumo.plan_check import check_plan
+from interplan_sumo.planner import Past, Planner
+from interplan_sumo.tiny_worlds import ego, observation
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Polyline, box_polygons
+from interplan_sumo.world.signals import Signals
+
+
+def moved(actors: Actors, time_s: float) -> Actors:
+    """Everybody some time later, each going on at its velocity."""
+    x_m, y_m = actors.x_m + time_s * actors.vx_mps, actors.y_m + time_s * actors.vy_mps
+    return replace(actors, x_m=x_m, y_m=y_m)
+
+
+def driven(
+    planner: Planner,
+    start: EgoState,
+    steps: int,
+    actors: Actors | Callable[[float], Actors] | None = None,
+    lights: Signals | None = None,
+    *,
+    may_touch: bool = False,
+) -> list[EgoState]:
+    """The states of a drive of a planner that has started; every plan is checked, and nobody is touched.
+
+    Others keep their velocity, or are where `actors` says by time in seconds.
+    """
+
+    def others_at(time_s: float) -> Actors:
+        return actors(time_s) if callable(actors) else moved(actors or Actors.none(), time_s)
+
+    states = [start]
+    before = [others_at(start.time_s - 0.1 * ago) for ago in range(20, 0, -1)]
+    for _ in range(steps):
+        state = states[-1]
+        others = others_at(state.time_s)
+        assert may_touch or not shapely.intersects(others.polygons, state.polygon(PACIFICA)).any(), state
+        past = Past((state,) * 20, tuple(before))
+        plan = planner.plan(observation(state, others, lights, past))
+        check_plan(plan, state, state.time_s)
+        states.append(follow(state, plan, 0.1, PACIFICA))
+        before = [*before[1:], others]
+    return states
 
 
 def wavy_line(length_m: float = 160.0, sway_m: float = 12.0) -> Polyline:

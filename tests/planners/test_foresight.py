@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from worlds import cars, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road, together
 
 from interplan_planners.foresight import ForesightPlanner
-from interplan_sumo.dynamics.lqr import follow
-from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Mission, Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
-from interplan_sumo.world.geometry import Polyline, Pose
-from interplan_sumo.world.roads import Area, Lane, Roadblock, Roads
-from interplan_sumo.world.signals import Signals, SignalStatus
+from interplan_sumo.world.roads import DrivingSide, Roads
+from interplan_sumo.world.signals import Signals
+from tests.planners.staging_planners import driven, moved
 
 WIDTH_M = 3.5
 TWO = straight_road(lanes=2, length_m=400.0, limit_mps=12.0)
@@ -27,65 +25,28 @@ THREE = straight_road(lanes=3, length_m=400.0, limit_mps=12.0)
 CROSSING = junction(arm_m=100.0)
 
 
-def two_way(driving_side: str = "right") -> Roads:
-    """A road along the x axis with one lane per direction; lane "1" leads towards +x, the other one is beside it."""
-    lanes: dict[str, Lane] = {}
-    for lane_id, side, ends in (("1", 0.0, (0.0, 300.0)), ("2", 1.0, (300.0, 0.0))):
-        y = side * WIDTH_M * (1.0 if driving_side == "right" else -1.0)
-        line = Polyline(np.array(((ends[0], y), (ends[1], y)))).resampled(1.0)
-        left = 0.5 * WIDTH_M * (1.0 if ends[1] > 0.0 else -1.0)
-        borders = [Polyline(line.points + np.array((0.0, offset))) for offset in (left, -left)]
-        ring = np.vstack((borders[0].points, borders[1].points[::-1]))
-        lanes[lane_id] = Lane(lane_id, lane_id, 0, line, shapely.Polygon(ring), borders[0], borders[1], 10.0)
-    blocks = {i: Roadblock(i, lane.polygon, (i,)) for i, lane in lanes.items()}
-    areas = tuple(Area(i, lane.polygon) for i, lane in lanes.items())
-    side = "right" if driving_side == "right" else "left"
-    return Roads("two_way", "EPSG:32632", side, lanes, {}, blocks, road_segments=areas)
-
-
-def moved(actors: Actors, time_s: float) -> Actors:
-    names = ("kind", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps")
-    columns = {name: getattr(actors, name) for name in names}
-    return Actors(
-        actors.ids,
-        x_m=actors.x_m + time_s * actors.vx_mps,
-        y_m=actors.y_m + time_s * actors.vy_mps,
-        **columns,
-    )
+def two_way(driving_side: DrivingSide = "right") -> Roads:
+    """A road with one lane per direction: along lane "1" x grows from -312 m, lane "5" is beside it."""
+    return junction(arm_m=300.0, limit_mps=10.0, driving_side=driving_side)
 
 
 def drive(
     task: Mission,
     start: EgoState,
-    actors: Actors | Callable[[float, EgoState], Actors] | None = None,
+    actors: Actors | Callable[[float], Actors] | None = None,
     lights: Signals | None = None,
     seconds: float = 10.0,
 ) -> list[EgoState]:
-    """The states of a drive; every plan is checked and the ego never touches anybody."""
     planner = ForesightPlanner()
     planner.start(task)
-    state, states, before = start, [start], list[Actors]()
-    for k in range(round(10 * seconds)):
-        time_s = 0.1 * k
-        if callable(actors):
-            others = actors(time_s, state)
-        else:
-            others = Actors.none() if actors is None else moved(actors, time_s)
-        assert not shapely.intersects(others.polygons, state.polygon(PACIFICA)).any() if len(others) else True
-        past = before or [moved(others, -0.1 * ago) for ago in range(20, 0, -1)]
-        plan = planner.plan(observation(state, others, lights, Past((state,) * len(past), tuple(past[-20:]))))
-        check_plan(plan, state, state.time_s)
-        state = follow(state, plan, 0.1, PACIFICA)
-        states.append(state)
-        before = [*past, others][-20:]
-    return states
+    return driven(planner, start, round(10 * seconds), actors, lights)
 
 
 # --- alone ---------------------------------------------------------------------------------------
 
 
 def test_on_an_empty_road_it_reaches_the_limit_and_does_not_exceed_it() -> None:
-    states = drive(mission(TWO, ("11",)), ego(20.0, 0.0, 5.0), seconds=14.0)
+    states = drive(mission(TWO, ("11",)), ego(20.0, 0.0, 5.0), seconds=12.0)
     speeds = [state.vx_mps for state in states]
     assert max(speeds) <= 12.05
     assert speeds[-1] > 11.0
@@ -109,7 +70,7 @@ def test_at_yellow_it_stops_only_if_it_can(away_m: float, goes: bool) -> None:
 
 
 def test_beyond_its_goal_it_stops() -> None:
-    states = drive(mission(TWO, ("11",), goal_arc_m=60.0), ego(40.0, 0.0, 10.0), seconds=12.0)
+    states = drive(mission(TWO, ("11",), goal_arc_m=60.0), ego(40.0, 0.0, 10.0), seconds=9.0)
     assert states[-1].vx_mps < 0.3
     assert states[-1].x_m > 60.0
 
@@ -118,7 +79,7 @@ def test_beyond_its_goal_it_stops() -> None:
 
 
 def test_it_changes_to_the_goal_lane_on_a_free_road() -> None:
-    states = drive(mission(THREE, ("13",)), ego(20.0, 0.0, 10.0), seconds=14.0)
+    states = drive(mission(THREE, ("13",)), ego(20.0, 0.0, 10.0), seconds=12.0)
     assert states[-1].y_m == pytest.approx(-2 * WIDTH_M, abs=0.3)
 
 
@@ -141,8 +102,8 @@ def test_it_does_not_cut_in_before_a_faster_car() -> None:
 
 
 def test_it_stays_where_it_is_while_the_goal_lane_is_full() -> None:
-    row = cars(*((x, -WIDTH_M, 8.0) for x in np.arange(-100.0, 260.0, 8.0).tolist()))
-    states = drive(mission(TWO, ("12",), goal_arc_m=380.0), ego(20.0, 0.0, 8.0), row, seconds=10.0)
+    row = cars(*((x, -WIDTH_M, 8.0) for x in np.arange(-60.0, 140.0, 8.0).tolist()))
+    states = drive(mission(TWO, ("12",), goal_arc_m=380.0), ego(20.0, 0.0, 8.0), row, seconds=5.0)
     assert max(abs(state.y_m) for state in states) < 0.7
 
 
@@ -154,29 +115,32 @@ def test_it_passes_a_parked_car_and_comes_back(driving_side: str) -> None:
     """On the own side of a two-way road: the centre does not leave the lane."""
     sign = 1.0 if driving_side == "right" else -1.0
     task = mission(two_way(driving_side), ("1",), goal_arc_m=200.0)
-    parked = cars((90.0, -1.6 * sign))
-    states = drive(task, ego(30.0, 0.0, 9.0), parked, seconds=18.0)
-    assert states[-1].x_m > 110.0
-    assert states[-1].y_m == pytest.approx(0.0, abs=0.4)
-    assert 0.4 < max(sign * state.y_m for state in states) < WIDTH_M / 2
+    middle_m = -sign * WIDTH_M / 2
+    parked = cars((90.0 - 312.0, middle_m - 1.6 * sign))
+    states = drive(task, ego_on(task.roads, "1", 45.0, 9.0), parked, seconds=13.0)
+    assert states[-1].x_m > 110.0 - 312.0
+    assert states[-1].y_m == pytest.approx(middle_m, abs=0.4)
+    assert 0.4 < max(sign * (state.y_m - middle_m) for state in states) < WIDTH_M / 2
 
 
 def test_it_waits_for_an_oncoming_car_before_it_uses_its_lane() -> None:
     task = mission(two_way(), ("1",), goal_arc_m=250.0)
-    others = together(cars((90.0, 0.0)), cars((170.0, WIDTH_M, 10.0, np.pi), prefix="oncoming"))
-    states = drive(task, ego(30.0, 0.0, 9.0), others, seconds=24.0)
-    assert states[-1].x_m > 110.0
-    out = next(k for k, state in enumerate(states) if state.y_m > 1.0)
-    assert 170.0 - out * 0.1 * 10.0 < states[out].x_m
+    oncoming = cars((170.0 - 312.0, WIDTH_M / 2, 10.0, np.pi), prefix="oncoming")
+    others = together(cars((90.0 - 312.0, -WIDTH_M / 2)), oncoming)
+    states = drive(task, ego_on(task.roads, "1", 40.0, 9.0), others, seconds=21.0)
+    assert states[-1].x_m > 110.0 - 312.0
+    out = next(k for k, state in enumerate(states) if state.y_m > 1.0 - WIDTH_M / 2)
+    assert 170.0 - 312.0 - out * 0.1 * 10.0 < states[out].x_m
 
 
 def test_the_longer_it_waits_the_more_it_is_worth_to_pass() -> None:
     """It is held where it is; somebody might come all the time, and nobody does."""
-    planner, parked = ForesightPlanner(), cars((150.0, 0.0), length_m=9.0)
-    planner.start(mission(two_way(), ("1",), goal_arc_m=250.0))
+    planner, parked = ForesightPlanner(), cars((150.0 - 312.0, -WIDTH_M / 2), length_m=9.0)
+    task = mission(two_way(), ("1",), goal_arc_m=250.0)
+    planner.start(task)
     costs: list[float] = []
-    for k in range(31):
-        held = ego(110.0, 0.0, time_s=0.2 * k)
+    for k in range(16):
+        held = ego_on(task.roads, "1", 110.0, time_s=0.4 * k)
         planner.plan(observation(held, parked, None, Past((held,) * 20, (parked,) * 20)))
         assert planner.decision is not None
         costs.append(min(cost for name, cost in planner.decision.options if name.startswith("pass")))
@@ -188,9 +152,8 @@ def test_the_longer_it_waits_the_more_it_is_worth_to_pass() -> None:
 
 def test_it_waits_behind_a_car_that_waits_at_a_light() -> None:
     waiting = cars((-16.0, -WIDTH_M / 2))
-    states = drive(
-        mission(CROSSING, ("1", "13", "7")), ego_on(CROSSING, "1", 40.0, 9.0), waiting, signals(red=("13",)), 16.0
-    )
+    task = mission(CROSSING, ("1", "13", "7"))
+    states = drive(task, ego_on(CROSSING, "1", 50.0, 9.0), waiting, signals(red=("13",)), 13.0)
     assert states[-1].vx_mps == pytest.approx(0.0, abs=0.1)
     assert max(abs(state.y_m + WIDTH_M / 2) for state in states) < 0.3
 
@@ -199,7 +162,7 @@ def test_it_leaves_a_lane_that_cones_close_and_returns_for_the_goal() -> None:
     cones = cars(
         *((90.0 + 3.0 * i, -1.2 + 0.4 * i) for i in range(6)), kind=ActorKind.TRAFFIC_CONE, length_m=0.5, width_m=0.5
     )
-    states = drive(mission(TWO, ("11",), goal_arc_m=250.0), ego(20.0, 0.0, 10.0), cones, seconds=24.0)
+    states = drive(mission(TWO, ("11",), goal_arc_m=250.0), ego(40.0, 0.0, 10.0), cones, seconds=21.0)
     assert states[-1].x_m > 200.0
     assert min(state.y_m for state in states) < -1.5 or max(state.y_m for state in states) > 0.5
     assert states[-1].y_m == pytest.approx(0.0, abs=0.5)
@@ -207,7 +170,7 @@ def test_it_leaves_a_lane_that_cones_close_and_returns_for_the_goal() -> None:
 
 def test_a_blocked_road_is_waited_at() -> None:
     wall = cars((90.0, 0.0), (90.0, -WIDTH_M), (91.0, 2.5), (91.0, -6.0))
-    states = drive(mission(TWO, ("11",)), ego(30.0, 0.0, 10.0), wall, seconds=12.0)
+    states = drive(mission(TWO, ("11",)), ego(50.0, 0.0, 10.0), wall, seconds=9.0)
     assert states[-1].vx_mps < 0.2
 
 
@@ -215,19 +178,18 @@ def test_a_blocked_road_is_waited_at() -> None:
 
 
 def test_it_lets_somebody_cross_and_goes_on() -> None:
-    def crossing(time_s: float, state: EgoState) -> Actors:
-        del state
+    def crossing(time_s: float) -> Actors:
         y = min(-6.0 + 1.4 * time_s, 8.0)
         return pedestrians((75.0, y, 1.4 if y < 8.0 else 0.0, np.pi / 2))
 
-    states = drive(mission(TWO, ("11",)), ego(30.0, 0.0, 11.0), crossing, seconds=16.0)
+    states = drive(mission(TWO, ("11",)), ego(30.0, 0.0, 11.0), crossing, seconds=14.0)
     assert min(state.vx_mps for state in states) < 9.0
     assert states[-1].x_m > 100.0
 
 
 def test_it_is_slow_where_a_bus_hides_people() -> None:
     bus = cars((80.0, -WIDTH_M, 0.0), length_m=12.0, width_m=2.55)
-    speeds = {round(s.x_m): s.vx_mps for s in drive(mission(TWO, ("11",)), ego(20.0, 0.0, 11.0), bus, seconds=16.0)}
+    speeds = {round(s.x_m): s.vx_mps for s in drive(mission(TWO, ("11",)), ego(30.0, 0.0, 11.0), bus, seconds=11.0)}
     assert max(v for x, v in speeds.items() if 79 <= x <= 83) < 5.5
     assert max(speeds.values()) > 9.0
 
@@ -235,19 +197,10 @@ def test_it_is_slow_where_a_bus_hides_people() -> None:
 # --- laws ----------------------------------------------------------------------------------------
 
 
-def mirrored(actors: Actors, axis_y_m: float) -> Actors:
-    return Actors(
-        actors.ids, actors.kind, actors.x_m, 2.0 * axis_y_m - actors.y_m, -actors.heading_rad, actors.length_m,
-        actors.width_m, actors.vx_mps, -actors.vy_mps,
-    )  # fmt: skip
-
-
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(
-    seed=st.integers(0, 2**31),
-    speed=st.floats(0.0, 12.0),
-    left_m=st.floats(-0.5, 0.5),
-)
+    seed=st.integers(0, 2**31), speed=st.floats(0.0, 12.0), left_m=st.floats(-0.5, 0.5),
+)  # fmt: skip
 def test_a_mirrored_world_gives_a_mirrored_plan(seed: int, speed: float, left_m: float) -> None:
     rng = np.random.default_rng(seed)
     axis_m = -WIDTH_M  # the middle lane
@@ -259,26 +212,14 @@ def test_a_mirrored_world_gives_a_mirrored_plan(seed: int, speed: float, left_m:
     others = cars(*(tuple(row) for row in rows.tolist()))
     plans = []
     for flip, lane in ((1.0, "11"), (-1.0, "13")):
-        world = others if flip > 0 else mirrored(others, axis_m)
+        flipped = {"y_m": 2.0 * axis_m - others.y_m, "heading_rad": -others.heading_rad, "vy_mps": -others.vy_mps}
+        world = others if flip > 0 else replace(others, **flipped)
         planner = ForesightPlanner()
         planner.start(mission(THREE, (lane,), goal_arc_m=300.0))
         past = Past((), tuple(moved(world, -0.1 * ago) for ago in range(20, 0, -1)))
         plans.append(planner.plan(observation(ego(60.0, axis_m + flip * left_m, speed), world, past=past)))
     assert plans[0].x_m == pytest.approx(plans[1].x_m, abs=1e-6)
     assert plans[0].y_m - axis_m == pytest.approx(axis_m - plans[1].y_m, abs=1e-6)
-
-
-def test_an_episode_leaves_nothing_for_the_next() -> None:
-    planner = ForesightPlanner()
-    task = mission(TWO, ("12",))
-    others = cars((40.0, -WIDTH_M, 5.0), (60.0, 0.0, 0.0))
-    planner.start(task)
-    first = planner.plan(observation(ego(20.0, 0.0, 9.0), others))
-    planner.plan(observation(ego(25.0, -0.5, 9.0, time_s=0.5), others))
-    planner.start(task)
-    again = planner.plan(observation(ego(20.0, 0.0, 9.0), others))
-    assert first.x_m == pytest.approx(again.x_m, abs=0.0)
-    assert first.y_m == pytest.approx(again.y_m, abs=0.0)
 
 
 def test_the_decision_tells_what_was_weighed() -> None:
@@ -298,17 +239,3 @@ def test_the_decision_tells_what_was_weighed() -> None:
 def test_options_that_cannot_be_are_refused(option: str) -> None:
     with pytest.raises(ValueError, match=option):
         ForesightPlanner(**{option: 0.0})
-
-
-def test_lights_of_other_ways_do_not_matter() -> None:
-    shown = Signals(
-        ("12", "13", "14"), np.array([SignalStatus.RED, SignalStatus.GREEN, SignalStatus.RED], dtype=np.int8)
-    )
-    states = drive(mission(CROSSING, ("1", "13", "7")), ego_on(CROSSING, "1", 60.0, 9.0), lights=shown, seconds=7.0)
-    assert states[-1].x_m > 0.0
-
-
-def test_without_a_road_ahead_it_still_has_a_plan() -> None:
-    task = Mission(TWO, ("1",), Pose(395.0, 0.0, 0.0))
-    states = drive(task, ego(392.0, 0.0, 8.0), seconds=8.0)
-    assert states[-1].vx_mps < 1.0

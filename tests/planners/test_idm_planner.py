@@ -13,14 +13,13 @@ from interplan_planners.common.frozen_world import IdmDecision
 from interplan_planners.idm import IdmPlanner
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.maps.geopackage import read_map
-from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.signals import Signals, SignalStatus
 from interplan_sumo.world.trace import ActorTable, EgoTrack
-from interplan_sumo.world.trajectory import Trajectory
+from tests.planners.staging_planners import driven
 
 GOLDEN = Path(os.environ.get("INTERPLAN_GOLDEN", Path(__file__).parents[1] / "golden")) / "nuplan_metrics"
 ROAD = straight_road(lanes=2, length_m=400.0, limit_mps=13.4, cuts_m=((100.0, 110.0),))
@@ -40,16 +39,6 @@ def decide(state: EgoState, actors: Actors | None = None, lights: Signals | None
     planner.plan(observation(state, actors, lights))
     assert planner.decision is not None
     return planner.decision
-
-
-def driven(
-    planner: IdmPlanner, state: EgoState, steps: int, actors: Actors | None = None, lights: Signals | None = None
-) -> EgoState:
-    for _ in range(steps):
-        plan = planner.plan(observation(state, actors, lights))
-        check_plan(plan, state, state.time_s)
-        state = follow(state, plan, 0.1)
-    return state
 
 
 # --- against nuPlan ------------------------------------------------------------------------------
@@ -113,21 +102,11 @@ def test_senseless_options_are_refused_by_name(name: str) -> None:
 # --- target speed --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("limit", "speed", "target"), [(13.4, 5.0, 13.4), (13.4, 15.0, 15.0), (None, 5.0, 10.0)])
+@pytest.mark.parametrize(("limit", "speed", "target"), [(13.4, 12.0, 13.4), (13.4, 15.0, 15.0), (None, 9.0, 10.0)])
 def test_the_target_is_the_limit_or_the_higher_start_speed(limit: float | None, speed: float, target: float) -> None:
     road = straight_road(length_m=3000.0, limit_mps=limit)
-    state = driven(started(mission(road, ("11",))), ego(20.0, 0.0, speed), 400)
+    state = driven(started(mission(road, ("11",))), ego(20.0, 0.0, speed), 100)[-1]
     assert state.vx_mps == pytest.approx(target, rel=0.03)
-
-
-def test_a_new_episode_forgets_path_and_target_speed() -> None:
-    planner = started()
-    planner.plan(observation(ego(20.0, 0.0, 18.0)))
-    planner.start(mission(ROAD, ("12", "22", "32")))
-    again = planner.plan(observation(ego(20.0, -3.5, 5.0)))
-    fresh = started(mission(ROAD, ("12", "22", "32"))).plan(observation(ego(20.0, -3.5, 5.0)))
-    assert (again.x_m == fresh.x_m).all()
-    assert (again.y_m == -3.5).all()
 
 
 # --- leads ---------------------------------------------------------------------------------------
@@ -139,35 +118,33 @@ def test_with_nothing_ahead_the_end_of_the_path_is_the_lead() -> None:
     assert decision.gap_m == pytest.approx(399.0 - 20.0 - PACIFICA.length_m / 2)  # the last vertex is dropped
 
 
-def test_the_nearest_thing_in_the_corridor_is_the_lead() -> None:
+@pytest.mark.parametrize(
+    ("ego_m", "car_m", "left_m", "seen"),
+    [
+        (20.0, 59.9, 0.0, True),  # up to forty metres
+        (20.0, 60.1, 0.0, False),
+        (20.0, 14.5, 0.0, False),  # right behind
+        (20.0, 45.0, 2.1, True),  # reaches into the width of the ego
+        (20.0, 45.0, 2.2, False),
+        (380.0, 399.0 + 1.1 + 2.4, 0.0, True),  # half the ego's width and half a car beyond the end of the path
+        (380.0, 399.0 + 1.2 + 2.4, 0.0, False),
+    ],
+)
+def test_where_a_car_is_the_lead(ego_m: float, car_m: float, left_m: float, seen: bool) -> None:
+    assert (decide(ego(ego_m), cars((car_m, left_m))).lead_id == "car00") is seen
+
+
+def test_the_nearest_thing_is_the_lead_with_its_speed_along_the_path() -> None:
     decision = decide(ego(20.0), cars((55.0, 0.0, 3.0), (40.0, 0.5, 4.0, 0.5)))
     assert decision.lead_id == "car01"
     assert decision.lead_speed_mps == pytest.approx(4.0 * np.cos(0.5))
-
-
-@pytest.mark.parametrize(("beyond_m", "seen"), [(1.1, True), (1.2, False)])
-def test_a_car_counts_up_to_half_the_ego_width_beyond_the_end_of_the_path(beyond_m: float, seen: bool) -> None:
-    end_m, half_a_car_m = 399.0, 2.4
-    decision = decide(ego(380.0), cars((end_m + beyond_m + half_a_car_m, 0.0)))
-    assert (decision.lead_id == "car00") is seen
-
-
-def test_an_oncoming_lead_has_a_negative_speed() -> None:
     assert decide(ego(20.0), cars((50.0, 0.0, 6.0, np.pi))).lead_speed_mps == pytest.approx(-6.0)
 
 
-@pytest.mark.parametrize(("y_m", "seen"), [(2.1, True), (2.2, False)])
-def test_a_car_beside_the_path_counts_if_it_reaches_into_the_ego_width(y_m: float, seen: bool) -> None:
-    assert (decide(ego(20.0), cars((45.0, y_m))).lead_id == "car00") is seen
-
-
-@pytest.mark.parametrize(("x_m", "seen"), [(59.9, True), (60.1, False)])
-def test_actors_count_up_to_forty_metres(x_m: float, seen: bool) -> None:
-    assert (decide(ego(20.0), cars((x_m, 0.0))).lead_id == "car00") is seen
-
-
-def test_a_car_right_behind_is_no_lead() -> None:
-    assert decide(ego(20.0), cars((14.5, 0.0))).lead_id is None
+@pytest.mark.parametrize("kind", list(ActorKind))
+def test_every_class_of_actor_can_be_the_lead_and_static_ones_stand(kind: ActorKind) -> None:
+    decision = decide(ego(20.0), cars((45.0, 0.0, 5.0), kind=kind, length_m=1.0, width_m=1.0))
+    assert (decision.lead_id, decision.lead_speed_mps) == ("car00", 0.0 if kind >= ActorKind.TRAFFIC_CONE else 5.0)
 
 
 def test_something_that_overlaps_the_ego_is_the_lead_with_no_gap() -> None:
@@ -175,23 +152,9 @@ def test_something_that_overlaps_the_ego_is_the_lead_with_no_gap() -> None:
     assert (decision.lead_id, decision.gap_m) == ("ped00", 0.0)
 
 
-@pytest.mark.parametrize("kind", list(ActorKind))
-def test_every_class_of_actor_stops_the_ego(kind: ActorKind) -> None:
-    state = driven(started(), ego(20.0, 0.0, 8.0), 120, cars((55.0, 0.0), kind=kind, length_m=1.0, width_m=1.0))
-    assert state.vx_mps < 0.2
-    assert state.x_m + PACIFICA.length_m / 2 < 54.5
-
-
-def test_static_classes_stand_whatever_their_velocity_says() -> None:
-    assert decide(ego(20.0), cars((45.0, 0.0, 5.0), kind=ActorKind.BARRIER)).lead_speed_mps == 0.0
-
-
 def test_it_follows_a_slower_car_and_keeps_its_lane() -> None:
-    planner, state, lead_x = started(), ego(20.0, 0.0, 10.0), 45.0
-    for k in range(250):
-        lead_x = 45.0 + 0.6 * k
-        state = follow(state, planner.plan(observation(state, cars((lead_x, 0.0, 6.0)))), 0.1)
-    gap_m = lead_x + 0.6 - 2.4 - state.x_m - PACIFICA.length_m / 2
+    state = driven(started(), ego(30.0, 0.0, 8.0), 150, cars((50.0, 0.0, 6.0)))[-1]
+    gap_m = 50.0 + 15.0 * 6.0 - 2.4 - state.x_m - PACIFICA.length_m / 2
     assert state.vx_mps == pytest.approx(6.0, abs=0.3)
     # In a steady flow IDM keeps (s0 + v T) / sqrt(1 - (v / v0)^4) = 10.2 m; a lead frozen in the plan adds some.
     assert 10.2 < gap_m < 13.0
@@ -202,14 +165,14 @@ def test_it_follows_a_slower_car_and_keeps_its_lane() -> None:
 
 
 def test_it_stops_before_a_red_connector_of_its_route() -> None:
-    state = driven(started(LEFT_TURN), ego_on(CROSSING, "1", 20.0, 8.0), 150, lights=signals(red=("12", "13", "14")))
+    state = driven(started(LEFT_TURN), ego_on(CROSSING, "1", 30.0, 8.0), 120, None, signals(red=("12", "13", "14")))[-1]
     assert state.vx_mps < 0.1
     assert -14.0 < state.x_m + PACIFICA.length_m / 2 < -12.0
 
 
 @pytest.mark.parametrize("lights", [signals(red=("24", "42")), signals(green=("14",)), signals(yellow=("14",))])
 def test_it_passes_other_lights(lights: Signals) -> None:
-    state = driven(started(LEFT_TURN), ego_on(CROSSING, "1", 20.0, 8.0), 100, lights=lights)
+    state = driven(started(LEFT_TURN), ego_on(CROSSING, "1", 30.0, 8.0), 80, None, lights)[-1]
     assert state.y_m > 15.0
 
 
@@ -218,14 +181,14 @@ def test_it_passes_other_lights(lights: Signals) -> None:
 
 def test_where_its_lane_leaves_the_route_it_stops_at_the_end() -> None:
     job = Mission(CROSSING, ("1", "14", "7"), Pose(60.0, -1.75, 0.0))
-    state = driven(started(job), ego_on(CROSSING, "1", 20.0, 8.0), 250)
+    state = driven(started(job), ego_on(CROSSING, "1", 40.0, 8.0), 120)[-1]
     assert state.vx_mps < 0.2
     assert 8.0 < state.y_m < 12.0
 
 
 def test_past_the_end_of_the_path_it_brakes_straight_on() -> None:
     planner = started()
-    state = driven(planner, ego(398.0, 0.0, 8.0), 60)
+    state = driven(planner, ego(398.0, 0.0, 8.0), 60)[-1]
     assert planner.decision is None
     assert state.vx_mps == pytest.approx(0.0, abs=0.05)
     assert 405.0 < state.x_m < 425.0
@@ -241,16 +204,7 @@ def test_two_metres_beside_the_path_it_is_lost(y_m: float, lost: bool) -> None:
 
 def test_on_a_bend_it_stays_on_the_centre_line() -> None:
     road = curved_road(radius_m=60.0, run_in_m=60.0, limit_mps=8.0)
-    state = driven(started(mission(road, ("11",))), ego_on(road, "11", 10.0, 7.0), 150)
+    state = driven(started(mission(road, ("11",))), ego_on(road, "11", 10.0, 7.0), 150)[-1]
     arc_m, left_m = road["11"].centerline.project_point(state.x_m, state.y_m)
     assert arc_m > 80.0
     assert abs(left_m) < 0.3
-
-
-def test_equal_scenes_give_equal_plans() -> None:
-    def planned() -> Trajectory:
-        rng = np.random.default_rng(5)
-        crowd = cars(*(tuple(row) for row in rng.uniform((-20, -8, 0, -3), (80, 8, 10, 3), (40, 4)).tolist()))
-        return started().plan(observation(ego(30.0, 0.4, 9.0), crowd))
-
-    assert (planned().x_m == planned().x_m).all()

@@ -66,7 +66,7 @@ def test_the_nearest_of_each_class_are_kept() -> None:
 # --- occupancy -----------------------------------------------------------------------------------
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 2**31))
 def test_a_box_occupies_the_path_where_shapely_says_so(seed: int) -> None:
     forecast = crowd(np.random.default_rng(seed), 40, LINE)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from worlds import curved_road, ego
+from worlds import curved_road
 
 from interplan_planners.common.lane_change import lane_change_path, largest_turn_rad, quintic_offset
 from interplan_planners.common.paths import DrivingPath, center_poses, rear_axle_plan, shifted
@@ -119,8 +119,3 @@ def test_on_a_bend_the_change_stays_between_the_lanes() -> None:
     offsets = lane.project(lane_change_path(lane, start, 30.0).points)[1]
     assert offsets.max() < 3.55
     assert offsets.min() > -0.05
-
-
-def test_a_plan_for_a_standing_ego_is_possible() -> None:
-    state = ego(5.0, -3.5)
-    assert lane_change_path(STRAIGHT, state.pose, 12.0).project_point(5.0, -3.5)[1] == pytest.approx(0.0, abs=1e-6)

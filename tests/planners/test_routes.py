@@ -12,6 +12,7 @@ from interplan_planners.common.route_search import LaneFinder, lane_chain, lane_
 from interplan_planners.mobil_published import lane_costs
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Pose
+from interplan_sumo.world.roads import Roads
 
 CROSSING = junction()
 WIDE = straight_road(lanes=3, length_m=300.0, limit_mps=13.9, cuts_m=((120.0, 135.0),))
@@ -64,28 +65,21 @@ def test_published_costs_know_the_goal_only_on_the_last_block() -> None:
 # --- corrected routes ----------------------------------------------------------------------------
 
 
-def test_a_good_route_stays() -> None:
-    assert corrected_route(WIDE, ROUTE, Pose(50.0, 0.0, 0.0)) == ROUTE
-
-
-def test_blocks_before_the_route_are_put_in_front() -> None:
-    assert corrected_route(WIDE, ("3",), Pose(50.0, -3.5, 0.0)) == ("1", "2", "3")
-
-
-def test_missing_blocks_are_filled_in() -> None:
-    assert corrected_route(CROSSING, ("1", "8"), Pose(-40.0, -1.75, 0.0)) == ("1", "14", "8")
-
-
-def test_a_route_that_begins_behind_the_ego_is_left_for_it() -> None:
-    assert corrected_route(WIDE, ROUTE, Pose(200.0, 0.0, 0.0)) == ROUTE
-
-
-def test_a_circle_that_comes_back_to_the_ego_is_cut() -> None:
-    assert corrected_route(WIDE, ("1", "2", "3", "1", "2", "3"), Pose(50.0, 0.0, 0.0)) == ROUTE
-
-
-def test_a_route_that_cannot_be_reached_stays() -> None:
-    assert corrected_route(CROSSING, ("6",), Pose(60.0, -1.75, 0.0)) == ("6",)
+@pytest.mark.parametrize(
+    ("roads", "route", "x_m", "y_m", "corrected"),
+    [
+        (WIDE, ROUTE, 50.0, 0.0, ROUTE),
+        (WIDE, ("3",), 50.0, -3.5, ROUTE),  # blocks are put in front
+        (CROSSING, ("1", "8"), -40.0, -1.75, ("1", "14", "8")),  # one is missing
+        (WIDE, ROUTE, 200.0, 0.0, ROUTE),  # begins behind the ego
+        (WIDE, (*ROUTE, *ROUTE), 50.0, 0.0, ROUTE),  # a circle
+        (CROSSING, ("6",), 60.0, -1.75, ("6",)),  # cannot be reached
+    ],
+)
+def test_a_route_is_corrected_to_lead_from_the_ego(
+    roads: Roads, route: tuple[str, ...], x_m: float, y_m: float, corrected: tuple[str, ...]
+) -> None:
+    assert corrected_route(roads, route, Pose(x_m, y_m, 0.0)) == corrected
 
 
 def test_the_ego_is_on_the_block_that_heads_its_way() -> None:
@@ -128,11 +122,8 @@ def test_speed_limits_slow_for_bends_and_in_time() -> None:
     assert way.limit_mps[110] == pytest.approx(np.sqrt(3.0 * 12.0), rel=0.05)
     before = np.diff(way.limit_mps[60:98] ** 2)
     assert before.min() >= -2.0 * 1.5 - 1e-6
-
-
-def test_a_map_without_limits_takes_the_fallback() -> None:
-    road = straight_road(limit_mps=None)
-    assert Ways(mission(road, ("11",)), ("1",), 9.0).from_lane(0, "11").limit_mps == pytest.approx(9.0)
+    unknown = mission(straight_road(limit_mps=None), ("11",))
+    assert Ways(unknown, ("1",), 9.0).from_lane(0, "11").limit_mps == pytest.approx(9.0)
 
 
 # --- red lights ----------------------------------------------------------------------------------

@@ -35,7 +35,7 @@ def scored(drives: SimulatedDrives, actors: Actors | None = None, weights: Weigh
 # --- contacts ------------------------------------------------------------------------------------
 
 
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(seed=st.integers(0, 2**31))
 def test_contacts_are_where_shapely_finds_boxes_that_meet(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -82,7 +82,7 @@ def wild_drives(rng: np.random.Generator, count: int, states: int) -> SimulatedD
     )  # fmt: skip
 
 
-@settings(max_examples=12)
+@settings(max_examples=5)
 @given(seed=st.integers(0, 2**31), states=st.sampled_from([4, 6, 9, 16, 41, 81]), ahead=st.sampled_from([0.0, 1.461]))
 def test_comfort_is_judged_by_the_signals_of_the_metric(seed: int, states: int, ahead: float) -> None:
     """The benchmark's own filters, drive by drive."""

@@ -10,6 +10,7 @@ from interplan_planners.common.paths import braking_plan, centerline, plan_along
 from interplan_planners.common.route_search import lane_chain, lanes_of_route, starting_lane
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Polyline
+from interplan_sumo.world.roads import Roads
 
 ROAD = straight_road(lanes=2, length_m=200.0, cuts_m=((90.0, 100.0),))
 ROUTE = ("1", "2", "3")
@@ -20,37 +21,37 @@ CROSSING = junction()
 
 
 @pytest.mark.parametrize(
-    ("x_m", "y_m", "place"),
-    [(10.0, 0.0, (0, "11")), (10.0, -3.0, (0, "12")), (95.0, 0.5, (1, "21")), (150.0, -4.0, (2, "32"))],
+    ("route", "x_m", "y_m", "place"),
+    [
+        (ROUTE, 10.0, 0.0, (0, "11")),
+        (ROUTE, 10.0, -3.0, (0, "12")),
+        (ROUTE, 95.0, 0.5, (1, "21")),
+        (ROUTE, 150.0, -4.0, (2, "32")),
+        (ROUTE, 150.0, 9.0, (2, "31")),  # beside the road
+        (("3",), 10.0, 0.0, (0, "31")),  # off the route
+    ],
 )
-def test_the_ego_starts_on_the_lane_that_holds_its_centre(x_m: float, y_m: float, place: tuple[int, str]) -> None:
-    assert starting_lane(ROAD, ROUTE, ego(x_m, y_m), PACIFICA) == place
+def test_the_ego_starts_on_the_nearest_lane_of_its_route(
+    route: tuple[str, ...], x_m: float, y_m: float, place: tuple[int, str]
+) -> None:
+    assert starting_lane(ROAD, route, ego(x_m, y_m), PACIFICA) == place
 
 
-def test_an_ego_beside_the_road_starts_on_the_nearest_lane() -> None:
-    assert starting_lane(ROAD, ROUTE, ego(150.0, 9.0), PACIFICA) == (2, "31")
-
-
-def test_lanes_off_the_route_are_not_considered() -> None:
-    assert starting_lane(ROAD, ("3",), ego(10.0, 0.0), PACIFICA) == (0, "31")
-
-
-def test_the_chain_follows_the_route_through_a_junction() -> None:
-    assert lane_chain(CROSSING, ("1", "14", "8"), 0, "1") == ("1", "14", "8")
-    assert lane_chain(CROSSING, ("1", "12", "6"), 0, "1") == ("1", "12", "6")
-
-
-def test_the_chain_starts_where_the_ego_does() -> None:
-    assert lane_chain(ROAD, ROUTE, 1, "22") == ("22", "32")
-
-
-def test_a_route_that_the_lane_leaves_early_gives_the_longest_way() -> None:
-    assert lane_chain(CROSSING, ("1", "14", "7"), 0, "1") == ("1", "14")
-    assert lane_chain(CROSSING, ("1", "99"), 0, "1") == ("1",)
-
-
-def test_a_route_may_pass_a_block_twice() -> None:
-    assert lane_chain(ROAD, ("1", "2", "3", "1"), 0, "11") == ("11", "21", "31")
+@pytest.mark.parametrize(
+    ("roads", "route", "first", "lane", "chain"),
+    [
+        (CROSSING, ("1", "14", "8"), 0, "1", ("1", "14", "8")),
+        (CROSSING, ("1", "12", "6"), 0, "1", ("1", "12", "6")),
+        (ROAD, ROUTE, 1, "22", ("22", "32")),
+        (CROSSING, ("1", "14", "7"), 0, "1", ("1", "14")),  # the lane leaves the route early
+        (CROSSING, ("1", "99"), 0, "1", ("1",)),
+        (ROAD, ("1", "2", "3", "1"), 0, "11", ("11", "21", "31")),  # a block twice
+    ],
+)
+def test_the_chain_follows_the_route_as_far_as_it_can(
+    roads: Roads, route: tuple[str, ...], first: int, lane: str, chain: tuple[str, ...]
+) -> None:
+    assert lane_chain(roads, route, first, lane) == chain
 
 
 def test_the_lanes_of_a_route_are_all_lanes_of_its_blocks() -> None:
@@ -89,10 +90,13 @@ def test_a_braking_plan_of_a_standing_or_backing_ego_stays() -> None:
 # --- corridor ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("y_m", "inside"), [(0.0, True), (1.9, True), (2.1, False), (-2.1, False)])
-def test_a_car_is_in_the_corridor_when_its_side_reaches_in(y_m: float, inside: bool) -> None:
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "inside"),
+    [(50.0, 0.0, True), (50.0, 1.9, True), (50.0, 2.1, False), (50.0, -2.1, False), (-2.5, 0.0, False)],
+)
+def test_a_car_is_in_the_corridor_when_its_side_reaches_in(x_m: float, y_m: float, inside: bool) -> None:
     corridor = Corridor(ROAD["11"].centerline, half_width_m=1.0)
-    assert bool(corridor.occupied_m(cars((50.0, y_m)).polygons)) is inside
+    assert bool(corridor.occupied_m(cars((x_m, y_m)).polygons)) is inside
 
 
 def test_the_corridor_says_how_far_along_the_path_something_stands() -> None:
@@ -117,11 +121,6 @@ def test_the_corridor_ends_half_its_width_beyond_the_path(heading_rad: float, ga
     x_m, y_m = along_m * np.cos(heading_rad), along_m * np.sin(heading_rad)
     occupied = Corridor(line, half_width_m=1.0).occupied_m(cars((x_m, y_m, 0.0, heading_rad)).polygons)
     assert occupied == ({0: ((10.0, 20.0),)} if inside else {})
-
-
-def test_the_corridor_begins_with_the_path() -> None:
-    corridor = Corridor(ROAD["11"].centerline, half_width_m=1.0)
-    assert not corridor.occupied_m(cars((-2.5, 0.0)).polygons)
 
 
 def test_what_stands_where_the_path_comes_by_twice_occupies_two_stretches() -> None:
