@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from textwrap import dedent
 
@@ -26,40 +25,35 @@ class Planner:
     """Only its name matters."""
 
 
-def a_function() -> None:
-    """No class."""
+def written(folder: Path, text: str) -> Path:
+    path = folder / "planner.yaml"
+    path.write_text(dedent(text))
+    return path
 
 
-Write = Callable[[str], Path]
+@pytest.mark.parametrize(
+    ("text", "made"),
+    [
+        ("offsets: [-1.0, 1.0]\nradius: 50\nname: null", {"offsets": [-1.0, 1.0], "radius": 50, "name": None}),
+        (f"_target_: {PLANNER}\nradius: 50", {"radius": 50}),
+        ("a: 1e-4\nb: -2.5E+3\nc: 1.0e-4\nd: 1e", {"a": 1e-4, "b": -2500.0, "c": 1e-4, "d": "1e"}),  # as hydra does
+    ],
+)
+def test_plain_arguments_are_themselves(tmp_path: Path, text: str, made: dict[str, object]) -> None:
+    assert arguments(written(tmp_path, text), PLANNER) == made
 
 
-@pytest.fixture
-def written(tmp_path: Path) -> Write:
-    """Writes a file of arguments."""
-
-    def write(text: str) -> Path:
-        path = tmp_path / "planner.yaml"
-        path.write_text(dedent(text))
-        return path
-
-    return write
+def test_a_single_argument_that_is_an_object_is_an_argument_and_made_at_every_reading(tmp_path: Path) -> None:
+    path = written(tmp_path, f"sampling: {{_target_: {THIS}.Sampling, num_poses: 3}}")
+    one, other = (arguments(path, PLANNER)["sampling"] for _ in range(2))
+    assert one.num_poses == other.num_poses == 3
+    assert one is not other
 
 
-def test_plain_arguments_are_themselves(written: Write) -> None:
-    assert arguments(written("offsets: [-1.0, 1.0]\nradius: 50\nname: null"), PLANNER) == {
-        "offsets": [-1.0, 1.0],
-        "radius": 50,
-        "name": None,
-    }
-
-
-@pytest.mark.parametrize(("text", "value"), [("1e-4", 1e-4), ("-2.5E+3", -2500.0), ("1.0e-4", 1e-4), ("1e", "1e")])
-def test_numbers_are_those_that_hydra_reads(written: Write, text: str, value: object) -> None:
-    assert arguments(written(f"a: {text}"), PLANNER) == {"a": value}
-
-
-def test_nuplans_own_form_is_read_as_it_is(written: Write) -> None:
-    path = written(f"""
+def test_nuplans_own_form_is_read_as_it_is(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        f"""
         my_planner:
           _target_: {PLANNER}
           _convert_: 'all'
@@ -68,25 +62,12 @@ def test_nuplans_own_form_is_read_as_it_is(written: Write) -> None:
             _convert_: 'all'
             num_poses: 80
           lists: [{{_target_: {THIS}.Sampling, num_poses: 3}}]
-    """)
+    """,
+    )
     got = arguments(path, PLANNER)
     assert set(got) == {"sampling", "lists"}
     assert (got["sampling"].num_poses, got["sampling"].interval_length) == (80, 0.1)
     assert got["lists"][0].num_poses == 3
-
-
-def test_the_target_of_the_planner_may_stand_at_the_top(written: Write) -> None:
-    assert arguments(written(f"_target_: {PLANNER}\nradius: 50"), PLANNER) == {"radius": 50}
-
-
-def test_a_single_argument_that_is_an_object_is_an_argument(written: Write) -> None:
-    got = arguments(written(f"sampling: {{_target_: {THIS}.Sampling, num_poses: 3}}"), PLANNER)
-    assert got["sampling"].num_poses == 3
-
-
-def test_every_reading_makes_objects_of_its_own(written: Write) -> None:
-    path = written(f"sampling: {{_target_: {THIS}.Sampling, num_poses: 3}}")
-    assert arguments(path, PLANNER)["sampling"] is not arguments(path, PLANNER)["sampling"]
 
 
 @pytest.mark.parametrize(
@@ -95,7 +76,7 @@ def test_every_reading_makes_objects_of_its_own(written: Write) -> None:
         ("_target_: nuplan.other.Planner\nradius: 50", r"planner\.yaml: is for nuplan\.other\.Planner, not for"),
         ("a: {_target_: os.system, command: ls}", r"a: 'os\.system' is not a class of nuplan, tuplan_garage, "),
         ("a: {_target_: Sampling}", "'Sampling' is not a class of"),
-        (f"a: {{_target_: {THIS}.a_function}}", "is not a class"),
+        (f"a: {{_target_: {THIS}.dedent}}", "is not a class"),
         (f"a: {{_target_: {THIS}.Nothing}}", "cannot import"),
         (f"a: {{_target_: {THIS}.Sampling, num_poses: 0}}", "cannot be built: ValueError: num_poses must be positive"),
         (f"a: {{_target_: {THIS}.Sampling, poses: 1}}", "cannot be built: TypeError"),
@@ -106,12 +87,9 @@ def test_every_reading_makes_objects_of_its_own(written: Write) -> None:
         ("a: !!python/object/apply:os.getcwd []", "is not YAML"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_said_in_one_line(written: Write, text: str, complaint: str) -> None:
+def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path: Path, text: str, complaint: str) -> None:
     with pytest.raises(PlannerLoadError, match=complaint) as caught:
-        arguments(written(text), PLANNER)
+        arguments(written(tmp_path, text), PLANNER)
     assert "\n" not in str(caught.value)
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(PlannerLoadError, match=r"cannot read .*absent\.yaml: No such file"):
         arguments(tmp_path / "absent.yaml", PLANNER)

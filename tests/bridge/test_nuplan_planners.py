@@ -115,19 +115,12 @@ def test_a_planner_is_told_route_goal_and_map(bridge: Any) -> None:
     assert told.map_api.map_name == ROADS.name
 
 
-def test_a_route_of_one_block_is_given_twice(bridge: Any) -> None:
+def test_every_episode_has_a_planner_of_its_own_and_a_route_of_one_block_is_given_twice(bridge: Any) -> None:
     planner, made = started(bridge)
     planner.start(mission(ROADS, ("11",)))
-    assert made[-1].told.route_roadblock_ids == [ROADS["11"].roadblock_id] * 2
-
-
-def test_every_episode_has_a_planner_of_its_own(bridge: Any) -> None:
-    planner, made = started(bridge)
-    assert len(made) == 1
-    planner.start(MISSION)
-    assert len(made) == 2
     planner.plan(observed(0))
     assert [len(each.asked) for each in made] == [0, 1]
+    assert made[-1].told.route_roadblock_ids == [ROADS["11"].roadblock_id] * 2
 
 
 def test_the_history_is_a_ring_of_22_samples_that_ends_now(bridge: Any) -> None:
@@ -142,14 +135,8 @@ def test_the_history_is_a_ring_of_22_samples_that_ends_now(bridge: Any) -> None:
         assert current.iteration.index == step
         assert current.history.sample_interval == 0.1
     assert len({id(current.history) for current, _ in made[0].asked}) == 1
-
-
-def test_after_a_jump_in_time_the_history_is_that_of_the_observation(bridge: Any) -> None:
-    planner, made = started(bridge)
-    planner.plan(observed(0))
-    planner.plan(observed(7))
-    times = [state.time_us for state in made[0].asked[-1][1]]
-    assert set(np.diff(times)) == {100_000}
+    planner.plan(observed(37))  # a jump in time: the history is that of the observation
+    assert set(np.diff([state.time_us for state in made[0].asked[-1][1]])) == {100_000}
 
 
 def test_a_plan_is_that_of_the_box_centre_at_our_times(bridge: Any) -> None:
@@ -159,12 +146,7 @@ def test_a_plan_is_that_of_the_box_centre_at_our_times(bridge: Any) -> None:
     assert plan.time_s[0] == pytest.approx(seen.time_s)
     assert (plan.x_m[0], plan.y_m[0]) == pytest.approx((seen.ego.x_m, seen.ego.y_m), abs=1e-9)
     assert plan.x_m[-1] == pytest.approx(seen.ego.x_m + 8.0)
-
-
-def test_a_planner_that_switches_garbage_collection_off_does_so_for_itself_only(bridge: Any) -> None:
-    planner, _ = started(bridge)
-    planner.plan(observed(0))
-    assert gc.isenabled()
+    assert gc.isenabled()  # the planner switches it off, for itself only
 
 
 @pytest.mark.parametrize(
@@ -180,11 +162,7 @@ def test_what_asks_for_more_than_tracks_is_refused(bridge: Any, changes: dict[st
     ("module", "name", "options"),
     [
         ("simple_planner", "SimplePlanner", {"horizon_seconds": 10.0, "sampling_time": 0.25, "acceleration": [0, 0]}),
-        (
-            "idm_planner",
-            "IDMPlanner",
-            IDM,
-        ),
+        ("idm_planner", "IDMPlanner", IDM),
     ],
 )
 def test_planners_of_the_devkit_conform(module: str, name: str, options: dict[str, Any]) -> None:
@@ -205,9 +183,6 @@ def test_what_stands_in_a_file_is_overruled_by_options(tmp_path: Path) -> None:
     plan = planner.plan(observed(0))
     assert plan.time_s[-1] == pytest.approx(4.0)
     assert planner._planner.sampling_time.time_us == 250_000
-
-
-# --- the other way round -------------------------------------------------------------------------
 
 
 def driven(

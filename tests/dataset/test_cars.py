@@ -50,9 +50,6 @@ def stored(driven: Path) -> StoredDrive:
     return runs.read(runs.run.rows["lane_change_mtd/5", "idm", 0])
 
 
-# --- which cars ----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("frames", "found"), [(LEAST, 1), (LEAST - 1, 0)])
 def test_a_car_must_live_for_its_past_and_its_future(frames: int, found: int) -> None:
     trace = Cars(traffic(frames + 7, first=7))
@@ -71,9 +68,6 @@ def test_only_vehicles_of_a_cars_size_stand_in_for_the_ego(length_m: float, is_c
 def test_people_and_the_ego_itself_do_not_stand_in_for_it() -> None:
     trace = drive(*(5.0,) * 120, actors=pedestrians((30.0, 4.0)))
     assert Cars(trace).tokens == ()
-
-
-# --- which of their frames -------------------------------------------------------------------------
 
 
 def test_samples_have_nothing_but_good_frames_from_2_s_before_to_8_s_after() -> None:
@@ -100,9 +94,6 @@ def test_a_car_that_hops_to_the_next_lane_is_not_used_there() -> None:
     assert not made.good[150]
     assert not set(made.samples.tolist()) & set(range(150 - 80, 150 + 20))
     assert set(made.samples.tolist()) >= set(range(20, 60))
-
-
-# --- what they see -------------------------------------------------------------------------------
 
 
 def test_the_former_ego_is_one_of_the_others() -> None:
@@ -158,9 +149,6 @@ def test_a_car_that_moves_as_an_ego_did_gives_the_samples_of_that_ego(stored: St
     np.testing.assert_allclose(
         one["ego_history"][..., : len(motion)], other["ego_history"][..., : len(motion)], atol=0.03
     )
-
-
-# --- their way -----------------------------------------------------------------------------------
 
 
 def test_the_way_of_a_car_follows_its_lanes_and_goes_on_beyond_its_last_place() -> None:

@@ -65,7 +65,7 @@ def test_joining_and_picking_keep_ragged_fields_with_their_samples() -> None:
     assert edges_of(picked(both, np.array((2,)))) == [[]]
 
 
-@settings(max_examples=30)
+@settings(max_examples=8)
 @given(st.lists(st.lists(EDGES, min_size=1, max_size=4), min_size=1, max_size=3), st.data())
 def test_whatever_is_joined_and_picked_is_what_was_put_in(parts: list[list[list[int]]], data: st.DataObject) -> None:
     whole = joined([columns(*part) for part in parts])

@@ -23,30 +23,32 @@ from interplan_sumo.dataset.samples import sample_frames
 from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
 from interplan_sumo.features import schema
 from interplan_sumo.features.view import EgoView
+from interplan_sumo.scenario.suite import find_suite
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
+@pytest.fixture(scope="module")
+def exported(driven: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The dataset of the run, which is given twice and counts once; nobody changes it."""
+    folder = tmp_path_factory.mktemp("exported") / "a"
+    export(request(folder, driven, driven.parent / "." / "mine"))
+    return folder
+
+
 @pytest.mark.slow
-def test_equal_drives_give_equal_files_whatever_the_workers(driven: Path, tmp_path: Path) -> None:
+def test_equal_drives_give_equal_files_whatever_the_workers(driven: Path, exported: Path, tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
-    one = export(request(tmp_path / "a", driven), lambda _drive, done, drives: told.append((done, drives)))
-    other = export(request(tmp_path / "b", driven, workers=1))
-    assert files_of(tmp_path / "a") == files_of(tmp_path / "b")
-    assert one.hash == other.hash
+    one = export(request(tmp_path / "b", driven, workers=1), lambda _drive, done, drives: told.append((done, drives)))
+    assert files_of(tmp_path / "b") == files_of(exported)
+    assert one.hash == read_dataset(exported).manifest.hash
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
-def test_another_spacing_is_another_dataset(driven: Path, tmp_path: Path) -> None:
-    hashes = {export(request(tmp_path / str(s), driven, every_s=s)).hash for s in (2.0, 3.0)}
-    assert len(hashes) == 2
-
-
-def test_samples_hold_what_the_planner_saw_and_what_came_of_it(driven: Path, tmp_path: Path) -> None:
-    export(request(tmp_path / "a", driven))
-    dataset = read_dataset(tmp_path / "a")
+def test_samples_hold_what_the_planner_saw_and_what_came_of_it(driven: Path, exported: Path) -> None:
+    dataset = read_dataset(exported)
     (batch,) = dataset.split("train").batches(10_000)
     stored = StoredDrives(read_run(driven))
     row = next(k for k in range(len(batch["tick"])) if batch["tick"][k] > 0)
@@ -66,9 +68,9 @@ def test_samples_hold_what_the_planner_saw_and_what_came_of_it(driven: Path, tmp
     assert (edges[1:, 0] == edges[:-1, 1]).all()  # a chain
 
 
-def test_drives_carry_what_splits_and_audits_need(driven: Path, tmp_path: Path) -> None:
-    manifest = export(request(tmp_path / "a", driven))
-    dataset = read_dataset(tmp_path / "a")
+def test_drives_carry_what_splits_and_audits_need(exported: Path) -> None:
+    dataset = read_dataset(exported)
+    manifest = dataset.manifest
     found = [(d.scenario_id, d.family, d.map, d.planner, d.seed, d.origin) for d in dataset.drives]
     assert found == [
         ("lane_change_mtd/5", "lane_change_mtd", "one_north", "idm", 0, "run"),
@@ -100,8 +102,8 @@ def test_maps_and_seeds_are_held_out_whole(driven: Path, tmp_path: Path) -> None
         assert len(rows) == len(dataset.split(split)) == manifest.counts.by_split[split]
 
 
-def test_shards_are_full_but_for_the_last_of_a_split(driven: Path, tmp_path: Path) -> None:
-    sizes = [each.samples for each in export(request(tmp_path / "a", driven)).shards]
+def test_shards_are_full_but_for_the_last_of_a_split(exported: Path) -> None:
+    sizes = [each.samples for each in read_dataset(exported).manifest.shards]
     assert set(sizes[:-1]) == {4}
     assert 1 <= sizes[-1] <= 4
 
@@ -119,32 +121,18 @@ def test_low_scores_and_excluded_families_stay_out_and_are_counted(driven: Path,
     assert set(excluded.counts.by_family) == {"lane_change_mtd"}
 
 
-def test_a_run_given_twice_counts_once(driven: Path, tmp_path: Path) -> None:
-    manifest = export(request(tmp_path / "a", driven, driven.parent / "." / "mine"))
-    assert manifest.counts.drives == 4
-
-
 def test_certificates_are_replayed_with_their_traffic(tmp_path: Path) -> None:
-    choice = DriveSelection(exclude=tuple(f for f in SMOKE_FAMILIES if f != "lane_change_mtd"))
+    families = {scenario.family for scenario in find_suite("smoke==1").scenarios}
+    choice = DriveSelection(exclude=tuple(sorted(families - {"lane_change_mtd"})))
     manifest = export(request(tmp_path / "a", choice=choice, certificates=("smoke==1",)))
     dataset = read_dataset(tmp_path / "a")
     (drive,) = dataset.drives
-    assert (drive.origin, drive.source, drive.planner, drive.seed) == (
-        "certificate", "smoke==1", "certificate", 0,
-    )  # fmt: skip
+    found = (drive.origin, drive.source, drive.planner, drive.seed)
+    assert found == ("certificate", "smoke==1", "certificate", 0)
     assert manifest.sources[0].origin == "certificate"
     (batch,) = dataset.split("train").batches(1000, fields=("agents", "agent_futures"))
     assert batch["agents"][:, :, -1, -1].sum() > 10.0
     assert batch["agent_futures"][..., 3].sum() > 500.0
-
-
-SMOKE_FAMILIES = (
-    "construction", "accident", "jaywalker", "nudge", "overtake", "lane_change_ltd", "lane_change_mtd",
-    "lane_change_htd",
-)  # fmt: skip
-
-
-# --- what is refused -----------------------------------------------------------------------------
 
 
 def test_nothing_to_export_is_refused_with_the_way_out(tmp_path: Path) -> None:
@@ -189,11 +177,13 @@ def test_a_strangers_folder_is_left_alone(driven: Path, tmp_path: Path) -> None:
         export(request(tmp_path / "thesis.txt", driven))
 
 
-def test_an_older_dataset_is_replaced(driven: Path, tmp_path: Path) -> None:
-    export(request(tmp_path / "a", driven, shard_samples=1, every_s=5.0))
+def test_another_spacing_is_another_dataset_and_an_older_one_is_replaced(
+    driven: Path, exported: Path, tmp_path: Path
+) -> None:
+    other = export(request(tmp_path / "a", driven, shard_samples=1, every_s=5.0))
+    assert other.hash != read_dataset(exported).manifest.hash
     export(request(tmp_path / "a", driven))
-    export(request(tmp_path / "b", driven))
-    assert files_of(tmp_path / "a") == files_of(tmp_path / "b")
+    assert files_of(tmp_path / "a") == files_of(exported)
 
 
 def test_half_a_dataset_is_known_as_such_and_is_replaced(driven: Path, tmp_path: Path) -> None:

@@ -17,9 +17,6 @@ from interplan_sumo.world.geometry import Polyline, Pose
 REAR_M = 1.461  # PACIFICA's rear axle behind its centre
 
 
-# --- futures -------------------------------------------------------------------------------------
-
-
 def test_the_future_of_the_ego_begins_a_step_ahead_in_its_present_frame() -> None:
     trace = drive(*(5.0,) * 100, start=Pose(10.0, 20.0, pi / 2))
     future = Futures(trace).ego(10, EgoFrame.of(trace.ego.state(10)))
@@ -53,9 +50,6 @@ def test_agents_are_followed_by_name_also_where_they_are_gone_for_a_while() -> N
     np.testing.assert_allclose(table[0, [0, 2], 0], (21.0 + REAR_M, 23.0 + REAR_M))
     np.testing.assert_allclose(table[1, :3, :3], ((10.0 + REAR_M, 3.0, 0.0),) * 3, atol=1e-12)
     assert (table[2:] == 0.0).all()
-
-
-# --- the way through the graph -------------------------------------------------------------------
 
 
 def test_a_straight_drive_visits_the_nodes_of_its_lane_in_order() -> None:

@@ -93,15 +93,11 @@ def test_a_dataset_of_ordinary_driving_says_what_it_holds(made: Path) -> None:
 
 
 @pytest.mark.slow
-def test_equal_requests_give_equal_files_whatever_the_workers(made: Path, tmp_path: Path) -> None:
-    make_ordinary(asked(tmp_path / "b", 1))
-    assert files_of(tmp_path / "b") == files_of(made)
-
-
-@pytest.mark.slow
-def test_what_is_driven_is_not_driven_again(made: Path, tmp_path: Path) -> None:
+def test_what_is_driven_is_not_driven_again_and_gives_equal_files_whatever_the_workers(
+    made: Path, tmp_path: Path
+) -> None:
     shutil.copytree(made, tmp_path / "a")
     lines: list[str] = []
-    make_ordinary(asked(tmp_path / "a", 0), lines.append)
+    make_ordinary(asked(tmp_path / "a", 1), lines.append)
     assert not [line for line in lines if line.startswith("[")]
     assert files_of(tmp_path / "a") == files_of(made)

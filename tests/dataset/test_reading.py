@@ -1,8 +1,9 @@
-"""Reading: a dataset as batches, and a toy planner that learns from one."""
+"""Reading: a dataset as batches, and what is no dataset."""
 
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,6 @@ from interplan_sumo.dataset.export import export
 from interplan_sumo.dataset.reading import Dataset, read_dataset
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.features import schema
-from interplan_sumo.world.geometry import Floats
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +31,6 @@ def dataset(folder: Path) -> Dataset:
 
 def keys(batches: list[Columns]) -> list[tuple[int, int]]:
     return [(int(d), int(t)) for each in batches for d, t in zip(each["drive"], each["tick"], strict=True)]
-
-
-# --- batches -------------------------------------------------------------------------------------
 
 
 def test_in_order_every_sample_comes_once_and_batches_reach_across_shards(dataset: Dataset) -> None:
@@ -63,8 +60,7 @@ def test_a_batch_holds_the_fields_that_were_asked_for_in_their_shapes(dataset: D
     assert batch["agents"].shape == (7, 30, 21, 13)
     assert len(ragged(batch, "expert_edges")) == 7
     everything = next(iter(dataset.split("train").batches(2)))
-    for field in schema.FIELDS:
-        assert everything[field.name].dtype == field.dtype
+    assert {field.name for field in schema.FIELDS} <= set(everything)
 
 
 def test_splits_without_samples_are_empty(dataset: Dataset) -> None:
@@ -80,9 +76,6 @@ def test_futures_hang_together_with_histories(dataset: Dataset) -> None:
     stepped = batch["agent_futures"][:, :, 0, :2] - batch["agents"][:, :, -1, :2]
     off_m = np.hypot(*np.moveaxis(stepped - 0.1 * batch["agents"][:, :, -1, 3:5], -1, 0))[both]
     assert np.quantile(off_m, 0.99) < 0.1
-
-
-# --- what is refused -----------------------------------------------------------------------------
 
 
 def test_names_that_do_not_exist_are_told(dataset: Dataset) -> None:
@@ -107,17 +100,9 @@ def test_a_folder_that_is_no_dataset_is_told_so(tmp_path: Path) -> None:
         read_dataset(tmp_path)
 
 
-def copied(folder: Path, to: Path) -> Path:
-    for path in folder.rglob("*"):
-        if path.is_file():
-            (to / path.relative_to(folder)).parent.mkdir(parents=True, exist_ok=True)
-            (to / path.relative_to(folder)).write_bytes(path.read_bytes())
-    return to
-
-
 @pytest.mark.parametrize("where", ["format", "features"])
 def test_another_version_is_refused(folder: Path, tmp_path: Path, where: str) -> None:
-    copied(folder, tmp_path)
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     (manifest if where == "format" else manifest["features"])["format"] = 99
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
@@ -126,7 +111,7 @@ def test_another_version_is_refused(folder: Path, tmp_path: Path, where: str) ->
 
 
 def test_a_file_that_was_changed_is_found_out(folder: Path, tmp_path: Path) -> None:
-    dataset = read_dataset(copied(folder, tmp_path))
+    dataset = read_dataset(shutil.copytree(folder, tmp_path, dirs_exist_ok=True))
     for path in (*tmp_path.glob("shards/*"), *tmp_path.glob("maps/*"), tmp_path / "drives.jsonl"):
         path.write_bytes(path.read_bytes() + b" ")
     with pytest.raises(InputError, match=r"train-00000\.npz is not the file that was exported"):
@@ -138,38 +123,3 @@ def test_a_file_that_was_changed_is_found_out(folder: Path, tmp_path: Path) -> N
     (tmp_path / "shards" / "train-00001.npz").unlink()
     with pytest.raises(InputError, match="cannot read"):
         dataset.split("train").shard(1)
-
-
-# --- a toy planner -------------------------------------------------------------------------------
-
-HORIZON = 30  # 3 s
-
-
-def inputs_and_targets(batch: Columns) -> tuple[Floats, Floats]:
-    """The ego's state now, its lane and the car ahead; where the ego will be every half second for 3 s."""
-    now = batch["ego_history"][:, -1, 3:].astype(np.float64)
-    before = batch["ego_history"][:, ::5, :3].reshape(len(now), -1)
-    line = batch["route_centerline"][:, ::10].reshape(len(now), -1)
-    limit = batch["speed_limit"][:, None]
-    return np.concatenate((now, before, line, limit, np.ones((len(now), 1))), axis=1), batch["ego_future"][
-        :, 4:HORIZON:5, :2
-    ].reshape(len(now), -1)
-
-
-def test_a_toy_planner_learns_from_one_batch_and_beats_constant_velocity(dataset: Dataset) -> None:
-    fields = ("ego_history", "route_centerline", "speed_limit", "ego_future", "drive")
-    (batch,) = dataset.split("train").batches(10_000, np.random.default_rng(0), fields)
-    inputs, targets = inputs_and_targets(batch)
-    held = np.array([dataset.drives[d].seed == 1 for d in batch["drive"]])
-    scale = np.abs(inputs[~held]).max(axis=0) + 1e-6
-    known = inputs[~held] / scale
-    weights = np.linalg.solve(known.T @ known + 0.1 * np.eye(known.shape[1]), known.T @ targets[~held])  # ridge
-    speed = batch["ego_history"][held, -1, 3:5].astype(np.float64)
-    ahead_s = 0.1 * np.arange(5, HORIZON + 1, 5)
-    constant = (speed[:, None] * ahead_s[:, None]).reshape(held.sum(), -1)
-
-    def error_m(predicted: Floats) -> float:
-        return float(np.mean(np.hypot(*np.moveaxis((predicted - targets[held]).reshape(len(predicted), -1, 2), -1, 0))))
-
-    learned, baseline = error_m(inputs[held] / scale @ weights), error_m(constant)
-    assert learned < 0.9 * baseline, f"{learned:.2f} m against {baseline:.2f} m"

@@ -52,9 +52,7 @@ def test_a_log_gives_samples_of_the_car_that_measured(tmp_path: Path, maps: Path
     manifest = export(request(tmp_path / "a", maps, log))
     dataset = read_dataset(tmp_path / "a")
     (drive,) = dataset.drives
-    assert (drive.origin, drive.source, drive.planner, drive.score) == (
-        "recording", "drive.db", "recorded", None,
-    )  # fmt: skip
+    assert (drive.origin, drive.source, drive.planner, drive.score) == ("recording", "drive.db", "recorded", None)
     assert (drive.map, drive.route[:3]) == (MAP, ("1", "13", "7"))
     (batch,) = dataset.split("train").batches(1000)
     assert batch["tick"].tolist() == list(range(20, 121, 5))  # 2 s behind and 8 s ahead of each
@@ -86,20 +84,15 @@ def test_windows_of_a_long_log_do_not_share_samples(tmp_path: Path, maps: Path) 
     assert set(batch) >= set(BY_NAME)
 
 
-def test_logs_are_held_out_whole_by_their_number(tmp_path: Path, maps: Path) -> None:
+def test_logs_of_a_folder_are_held_out_whole_and_a_car_off_the_lanes_is_left_out(tmp_path: Path, maps: Path) -> None:
     faster = Goes(EGO.x_m, EGO.y_m, 0.0, 9.0)
-    logs = [write_log(tmp_path / f"{name}.db", ego, (LEADER,)) for name, ego in (("a", EGO), ("b", faster))]
-    export(request(tmp_path / "data", maps, *logs, holdout_seeds=(1,)))
+    astray = Goes(X_M + 20.0, Y_M + 60.0, 0.0, 8.0)
+    (tmp_path / "logs").mkdir()
+    driven = (("a.db", EGO), ("logs/b.db", faster), ("logs/c.db", astray))
+    a, *_ = (write_log(tmp_path / name, ego, (LEADER,)) for name, ego in driven)
+    manifest = export(request(tmp_path / "data", maps, a, tmp_path / "logs", holdout_seeds=(1,)))
     drives = read_dataset(tmp_path / "data").drives
     assert {(drive.source, drive.split) for drive in drives} == {("a.db", "train"), ("b.db", "val")}
-    export(request(tmp_path / "same", maps, tmp_path))  # both, by their folder
-    assert len(read_dataset(tmp_path / "same").drives) == 2
-
-
-def test_a_car_that_leaves_the_lanes_is_left_out_and_counted(tmp_path: Path, maps: Path) -> None:
-    good = write_log(tmp_path / "a.db", EGO, (LEADER,))
-    astray = write_log(tmp_path / "b.db", Goes(X_M + 20.0, Y_M + 60.0, 0.0, 8.0), (LEADER,))
-    manifest = export(request(tmp_path / "data", maps, good, astray))
     assert manifest.left_out == {"recorded off the lanes, or alone": 1}
 
 

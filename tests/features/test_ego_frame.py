@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from worlds import ego
 
@@ -33,6 +33,7 @@ def test_dead_against_the_ego_is_plus_pi_however_it_was_rounded(wobble_rad: floa
     assert EgoFrame(0.0, 0.0, 0.3).yaws(np.array([0.3 + pi + wobble_rad]))[0] == pytest.approx(pi)
 
 
+@settings(max_examples=30)
 @given(METRES, METRES, RADIANS, METRES, METRES, RADIANS)
 def test_into_the_frame_and_back_is_where_it_was(
     x: float, y: float, heading: float, px: float, py: float, turn: float

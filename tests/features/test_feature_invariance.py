@@ -52,7 +52,7 @@ SEEN = {name: EgoView(asked).arrays(seen) for name, (asked, seen) in WORLDS.item
 
 
 @pytest.mark.parametrize("world", WORLDS)
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(move=MOVES)
 def test_turning_and_shifting_the_whole_world_changes_nothing(world: str, move: Move) -> None:
     asked, seen = WORLDS[world]
@@ -60,16 +60,9 @@ def test_turning_and_shifting_the_whole_world_changes_nothing(world: str, move: 
 
 
 @pytest.mark.parametrize("world", WORLDS)
-def test_a_view_gives_the_same_bits_again(world: str) -> None:
+def test_a_view_gives_the_same_bits_again_whatever_it_saw_before(world: str) -> None:
     asked, seen = WORLDS[world]
-    again = EgoView(asked).arrays(seen)
-    for name, values in SEEN[world].items():
-        assert values.tobytes() == again[name].tobytes(), name
-
-
-def test_a_view_keeps_nothing_of_what_it_saw_before() -> None:
-    asked, seen = WORLDS["right"]
     view = EgoView(asked)
     view.arrays(observation(ego(0.0, 0.0, 3.0, 1.0), cars((3.0, 3.0))))
     for name, values in view.arrays(seen).items():
-        assert values.tobytes() == SEEN["right"][name].tobytes(), name
+        assert values.tobytes() == SEEN[world][name].tobytes(), name

@@ -42,11 +42,6 @@ def test_names_are_unique_and_channels_fill_the_last_axis() -> None:
             assert len({channel.name for channel in field.channels}) == len(field.channels), field.name
 
 
-def test_a_channel_is_found_by_name() -> None:
-    assert schema.channel_index("lanes", "light_green") == 5
-    assert schema.channel_index("agents", "valid") == 12
-
-
 def test_the_schema_is_plain_data_and_a_table() -> None:
     assert json.loads(json.dumps(schema.as_json()))[1]["name"] == "ego_history"
     table = schema.as_markdown()

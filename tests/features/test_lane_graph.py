@@ -72,7 +72,3 @@ def test_node_lines_are_the_pieces_of_the_centre_lines() -> None:
     graph = lane_graph(ROAD)
     for line, stretch in zip(node_lines(ROAD, graph), graph.node_stretches_m, strict=True):
         assert line.length_m == pytest.approx(stretch[1] - stretch[0])
-
-
-def test_tables_hold_every_array() -> None:
-    assert {"lane_ids", "successors", "edges", "edge_kinds", "points"} <= set(lane_graph(ROAD).tables())

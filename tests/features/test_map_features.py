@@ -39,9 +39,6 @@ def rows_of(arrays: dict[str, Any], lane: int) -> list[int]:
     return np.flatnonzero(arrays["lane_ids"] == lane).tolist()
 
 
-# --- lanes ---------------------------------------------------------------------------------------
-
-
 def test_lanes_come_in_pieces_of_fifty_metres_the_nearest_first() -> None:
     arrays = two_lanes()
     # The rear axle is at 48.539 m: in the first piece of lane 12, 1.461 m before the second. The fourth ones are
@@ -49,6 +46,8 @@ def test_lanes_come_in_pieces_of_fifty_metres_the_nearest_first() -> None:
     assert arrays["lane_ids"][:7].tolist() == [12, 12, 11, 11, 12, 11, 0]
     assert arrays["lane_starts"][:7].tolist() == [0.0, 50.0, 0.0, 50.0, 100.0, 100.0, 0.0]
     assert arrays["lanes_valid"].tolist() == [True] * 6 + [False] * 54
+    assert not arrays["stop_lines_valid"].any()  # this map has no areas
+    assert not arrays["crosswalks_valid"].any()
     assert (arrays["lanes"][6:] == 0.0).all()
 
 
@@ -90,19 +89,13 @@ def test_lanes_off_the_route_say_so() -> None:
 
 
 @pytest.mark.parametrize(("side", "oncoming_y"), [("right", 3.5), ("left", -3.5)])
-def test_oncoming_lanes_are_dead_against_and_on_the_side_that_the_country_has(
+def test_oncoming_lanes_are_dead_against_and_turning_left_is_a_positive_yaw_wherever_one_drives(
     side: DrivingSide, oncoming_y: float
 ) -> None:
-    roads = junction(driving_side=side)
-    arrays = at_crossing(roads)
-    lane = arrays["lanes"][rows_of(arrays, 5)[0]]
-    np.testing.assert_allclose(lane[:, 1], oncoming_y, atol=1e-4)
-    np.testing.assert_allclose(lane[:, 2], pi, atol=1e-4)
-
-
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_turning_left_is_a_positive_yaw_wherever_one_drives(side: DrivingSide) -> None:
     arrays = at_crossing(junction(driving_side=side))
+    oncoming = arrays["lanes"][rows_of(arrays, 5)[0]]
+    np.testing.assert_allclose(oncoming[:, 1], oncoming_y, atol=1e-4)
+    np.testing.assert_allclose(oncoming[:, 2], pi, atol=1e-4)
     for connector, yaw in ((14, pi / 2), (12, -pi / 2), (13, 0.0)):
         assert arrays["lanes"][rows_of(arrays, connector)[0], -1, 2] == pytest.approx(yaw, abs=0.05), connector
 
@@ -124,9 +117,6 @@ def test_equally_near_pieces_go_by_id() -> None:
     assert [lane for lane in arrays["lane_ids"].tolist() if lane in (12, 13, 14)] == [12, 13, 14]
 
 
-# --- areas ---------------------------------------------------------------------------------------
-
-
 def test_a_stop_line_is_its_outline_counter_clockwise() -> None:
     arrays = at_crossing()
     outline = arrays["stop_lines"][0]
@@ -140,20 +130,10 @@ def test_a_stop_line_is_its_outline_counter_clockwise() -> None:
 
 
 def test_crosswalks_within_a_hundred_metres_are_there() -> None:
-    walks = (
-        Area("1", shapely.box(-10.0, -3.0, -8.0, 3.0)),
-        Area("2", shapely.box(-22.0, 99.0, -20.0, 105.0)),
-    )
+    walks = (Area("1", shapely.box(-10.0, -3.0, -8.0, 3.0)), Area("2", shapely.box(-22.0, 99.0, -20.0, 105.0)))
     arrays = at_crossing(replace(CROSSING, crosswalks=walks))
     assert arrays["crosswalks_valid"].tolist() == [True] + [False] * 19
     x, y = arrays["crosswalks"][0].T
     assert 12.0 + REAR_M - 1e-4 <= x.min() < x.max() <= 14.0 + REAR_M + 1e-4
     assert -3.0 + 1.75 - 1e-4 <= y.min() < y.max() <= 3.0 + 1.75 + 1e-4
     assert (arrays["crosswalks"][1:] == 0.0).all()
-
-
-def test_a_map_without_areas_has_empty_rows() -> None:
-    arrays = two_lanes()
-    assert not arrays["stop_lines_valid"].any()
-    assert not arrays["crosswalks_valid"].any()
-    assert (arrays["stop_lines"] == 0.0).all()

@@ -29,9 +29,6 @@ def ahead(asked: Mission) -> RouteAhead:
     return RouteAhead(asked, map_lines(asked.roads))
 
 
-# --- the line to follow --------------------------------------------------------------------------
-
-
 def test_the_line_begins_beside_the_rear_axle_and_has_a_point_every_metre() -> None:
     found = arrays(mission(THREE_LANES, ("12", "22", "32")), ego(20.0, -3.0))
     line = found["route_centerline"]
@@ -84,9 +81,6 @@ def test_of_lanes_on_top_of_each_other_the_one_along_the_ego_counts() -> None:
     assert ahead(asked).lane_under(north) == "24"
 
 
-# --- the route's lanes ---------------------------------------------------------------------------
-
-
 def test_route_lanes_are_the_pieces_of_the_route_the_nearest_first() -> None:
     roads = junction()
     found = arrays(mission(roads, ("1", "13", "7")), ego_on(roads, "1", 50.0 + REAR_M))
@@ -94,9 +88,6 @@ def test_route_lanes_are_the_pieces_of_the_route_the_nearest_first() -> None:
     assert found["route_lanes_valid"].tolist() == [True] * 5 + [False] * 5
     np.testing.assert_allclose(found["route_lanes"][:5, 0, 0], (-20.0, 10.0, -50.0, 34.0, 64.0), atol=1e-4)
     np.testing.assert_allclose(found["route_lanes"][:5, :, 1], 0.0, atol=1e-4)
-
-
-# --- lane changes --------------------------------------------------------------------------------
 
 
 def test_each_lane_between_here_and_the_goal_is_a_change() -> None:

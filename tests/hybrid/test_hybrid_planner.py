@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from worlds import cars, ego, mission, observation, straight_road
+from worlds import cars, ego, mission, straight_road
 
 from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.choosers import RandomChooser
 from interplan_llm.hybrid.planner import HybridPlanner
 from interplan_llm.hybrid.scene import DecisionScene
-from interplan_sumo.dynamics.lqr import follow
-from interplan_sumo.plan_check import check_plan
-from interplan_sumo.planner import Mission, Past
+from interplan_sumo.planner import Mission
 from interplan_sumo.world.actors import Actors
-from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.ego import EgoState
+from tests.planners.staging_planners import driven
 
 WIDE = straight_road(lanes=2, length_m=600.0, limit_mps=12.0)
 TO_THE_LEFT = mission(WIDE, ("11",), goal_arc_m=400.0)
@@ -48,7 +47,11 @@ def always(behaviour: Behaviour) -> Scripted:
     return Scripted(lambda _, options: behaviour if behaviour in options else options[0])
 
 
-def driven(
+def late_merge(scene: DecisionScene, options: tuple[Behaviour, ...]) -> Behaviour:
+    return Behaviour.MERGE_LEFT if scene.time_s > 0.5 and Behaviour.MERGE_LEFT in options else options[0]
+
+
+def drive(
     chooser: Scripted | RandomChooser,
     seconds: float,
     job: Mission = TO_THE_LEFT,
@@ -57,26 +60,17 @@ def driven(
 ) -> tuple[list[EgoState], HybridPlanner]:
     planner = HybridPlanner(chooser)
     planner.start(job)
-    state = start or ego(50.0, -3.5, 8.0)
-    others = Actors.none() if actors is None else actors
-    states = [state]
-    for _ in range(round(seconds * 10)):
-        assert not any(state.polygon(PACIFICA).intersects(other) for other in others.polygons), state
-        plan = planner.plan(observation(state, others, None, Past((state,) * 20, (others,) * 20)))
-        check_plan(plan, state, state.time_s)
-        state = follow(state, plan, 0.1)
-        states.append(state)
-    return states, planner
+    return driven(planner, start or ego(50.0, -3.5, 8.0), round(10 * seconds), actors), planner
 
 
 def test_following_keeps_the_lane_and_reaches_the_limit() -> None:
-    states, _ = driven(always(Behaviour.FOLLOW), 8.0)
+    states, _ = drive(always(Behaviour.FOLLOW), 6.0)
     assert max(abs(s.y_m + 3.5) for s in states) < 0.1
     assert states[-1].vx_mps == pytest.approx(12.0, abs=0.5)
 
 
 def test_a_merge_arrives_on_the_other_lane_and_stays_there() -> None:
-    states, planner = driven(always(Behaviour.MERGE_LEFT), 10.0)
+    states, planner = drive(always(Behaviour.MERGE_LEFT), 10.0)
     assert states[-1].y_m == pytest.approx(0.0, abs=0.15)
     assert max(s.y_m for s in states) < 0.4
     assert planner.decisions[-1].behaviour is Behaviour.FOLLOW
@@ -86,71 +80,59 @@ def test_a_merge_that_is_called_off_goes_back() -> None:
     def rule(scene: DecisionScene, options: tuple[Behaviour, ...]) -> Behaviour:
         return Behaviour.MERGE_LEFT if scene.time_s < 0.5 and Behaviour.MERGE_LEFT in options else options[0]
 
-    states, _ = driven(Scripted(rule), 9.0)
+    states, _ = drive(Scripted(rule), 9.0)
     assert -3.4 < max(s.y_m for s in states) < -2.0
     assert states[-1].y_m == pytest.approx(-3.5, abs=0.15)
 
 
 def test_waiting_brings_the_car_to_a_stand() -> None:
-    states, _ = driven(always(Behaviour.STOP), 11.0, actors=cars((120.0, -3.5)))
+    states, _ = drive(always(Behaviour.STOP), 7.0, start=ego(85.0, -3.5, 6.0), actors=cars((120.0, -3.5)))
     assert states[-1].vx_mps < 0.3
 
 
 def test_what_leaves_room_is_passed_and_the_lane_taken_up_again() -> None:
     aside = cars((130.0, -1.75), width_m=1.5)  # 1 m into a lane of 3.5 m beside an open verge
-    roomy = straight_road(lanes=2, length_m=600.0, limit_mps=12.0)
-    states, _ = driven(
-        Scripted(lambda _, options: Behaviour.OVERTAKE if Behaviour.OVERTAKE in options else options[0]),
-        16.0,
-        mission(roomy, ("11",)),
-        ego(60.0, 0.0, 8.0),
-        aside,
-    )
+    start = ego(80.0, 0.0, 8.0)
+    states, _ = drive(always(Behaviour.OVERTAKE), 12.0, mission(WIDE, ("11",)), start, aside)
     assert states[-1].x_m > 150.0
     assert states[-1].y_m == pytest.approx(0.0, abs=0.2)
 
 
 def test_one_is_asked_once_a_second_and_only_where_there_is_a_choice() -> None:
     chooser = always(Behaviour.FOLLOW)
-    driven(chooser, 3.2)
+    drive(chooser, 3.1)
     assert chooser.asked_at_s == [0.0, 1.0, 2.0, 3.0]
     alone = always(Behaviour.FOLLOW)
-    _, planner = driven(alone, 3.2, BROAD, ego(50.0, 0.0, 8.0))
+    _, planner = drive(alone, 3.1, BROAD, ego(50.0, 0.0, 8.0))
     assert alone.asked_at_s == []
     assert [d.behaviour for d in planner.decisions] == [Behaviour.FOLLOW] * 4
 
 
 def test_an_answer_takes_effect_when_it_is_known() -> None:
-    def rule(scene: DecisionScene, options: tuple[Behaviour, ...]) -> Behaviour:
-        return Behaviour.MERGE_LEFT if scene.time_s > 0.5 and Behaviour.MERGE_LEFT in options else options[0]
-
-    at_once, _ = driven(Scripted(rule), 3.0)
-    late, _ = driven(Scripted(rule, delay_s=0.8), 3.0)
+    at_once, _ = drive(Scripted(late_merge), 3.0)
+    late, _ = drive(Scripted(late_merge, delay_s=0.8), 3.0)
     began = [next(s.time_s for s in states if s.y_m > -3.45) for states in (at_once, late)]
     assert began[1] - began[0] == pytest.approx(0.8, abs=0.15)
 
 
 def test_nobody_is_asked_again_before_the_answer_is_known_and_a_slow_answer_is_not_lost() -> None:
-    def rule(scene: DecisionScene, options: tuple[Behaviour, ...]) -> Behaviour:
-        return Behaviour.MERGE_LEFT if scene.time_s > 0.5 and Behaviour.MERGE_LEFT in options else options[0]
-
-    slow = Scripted(rule, delay_s=1.6)
-    states, _ = driven(slow, 5.0)
+    slow = Scripted(late_merge, delay_s=1.6)
+    states, _ = drive(slow, 4.4)
     assert slow.asked_at_s == [0.0, 1.0, 2.6, 4.2]  # the first decision is waited for
     assert 2.6 < next(s.time_s for s in states if s.y_m > -3.45) < 3.6
 
 
 def test_what_is_no_longer_offered_is_not_done() -> None:
     chooser = Scripted(lambda _, options: options[-1])
-    states, planner = driven(chooser, 12.0, start=ego(50.0, 0.0, 8.0))
+    states, planner = drive(chooser, 9.0, start=ego(50.0, 0.0, 8.0))
     assert all(d.behaviour in d.options for d in planner.decisions)
     assert abs(states[-1].y_m) < 0.2
 
 
 def test_the_same_coin_gives_the_same_drive_every_time() -> None:
     chooser = RandomChooser(seed=3)
-    once, planner = driven(chooser, 6.0)
-    again, same = driven(chooser, 6.0)
+    once, planner = drive(chooser, 3.5)
+    again, same = drive(chooser, 3.5)
     assert once == again
     assert planner.decisions == same.decisions
     assert {d.behaviour for d in planner.decisions} > {Behaviour.FOLLOW}

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from worlds import cars, ego, junction, mission, observation, pedestrians, signals, straight_road
+from worlds import cars, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road
 
 from interplan_llm.hybrid.behaviours import Behaviour, offered
-from interplan_llm.hybrid.scene import CLEARANCE_M, DecisionScene, SceneObserver
+from interplan_llm.hybrid.scene import CLEARANCE_M, BlockedLane, DecisionScene, SceneObserver
 from interplan_sumo.planner import Mission, Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
@@ -36,11 +36,13 @@ def seen(
     return SceneObserver(job, 15.0).scene(observation(state, everyone, lights, Past((state,) * 20, (everyone,) * 20)))
 
 
+def blockage(scene: DecisionScene) -> BlockedLane:
+    assert scene.current.blocked is not None
+    return scene.current.blocked
+
+
 def cones(*places: tuple[float, float]) -> Actors:
     return cars(*places, kind=ActorKind.TRAFFIC_CONE, length_m=0.4, width_m=0.4, prefix="cone")
-
-
-# --- lanes and others ------------------------------------------------------------------------------
 
 
 def test_an_empty_road_has_three_free_lanes() -> None:
@@ -50,9 +52,6 @@ def test_an_empty_road_has_three_free_lanes() -> None:
     assert scene.current.ahead is scene.current.behind is scene.current.blocked is None
     assert scene.limit_mps == pytest.approx(12.0)
     assert scene.goal_m == pytest.approx(100.0)
-
-
-def test_the_outer_lanes_have_one_neighbour() -> None:
     assert seen(y_m=0.0).left is None
     assert seen(y_m=-7.0).right is None
 
@@ -85,15 +84,11 @@ def test_who_reaches_within_a_metre_of_the_centre_line_is_on_the_lane(y_m: float
     assert (seen(cars((130.0, y_m, 6.0))).current.ahead is not None) is there
 
 
-# --- what blocks -----------------------------------------------------------------------------------
-
-
 def test_a_car_that_stands_blocks_and_is_nobody_to_follow() -> None:
     scene = seen(cars((130.0, OWN_Y)))
     assert scene.current.ahead is None
-    assert scene.current.blocked is not None
-    assert scene.current.blocked.kind == "stopped vehicle"
-    assert scene.current.blocked.gap_m == pytest.approx(30.0 - HALF_M - 2.4)
+    assert blockage(scene).kind == "stopped vehicle"
+    assert blockage(scene).gap_m == pytest.approx(30.0 - HALF_M - 2.4)
 
 
 def test_a_car_that_has_just_stopped_does_not_block_yet() -> None:
@@ -105,38 +100,28 @@ def test_a_car_that_has_just_stopped_does_not_block_yet() -> None:
 
 
 def test_cones_near_one_another_are_one_blockage() -> None:
-    scene = seen(cones((130.0, OWN_Y), (138.0, OWN_Y + 1.0), (146.0, OWN_Y - 1.0)))
-    assert scene.current.blocked is not None
-    assert scene.current.blocked.kind == "cones"
-    assert scene.current.blocked.start_m == pytest.approx(129.8)
-    assert scene.current.blocked.end_m == pytest.approx(146.2)
+    found = blockage(seen(cones((130.0, OWN_Y), (138.0, OWN_Y + 1.0), (146.0, OWN_Y - 1.0))))
+    assert found.kind == "cones"
+    assert found.start_m == pytest.approx(129.8)
+    assert found.end_m == pytest.approx(146.2)
 
 
 def test_cones_far_behind_the_first_are_another_blockage() -> None:
-    scene = seen(cones((130.0, OWN_Y), (146.0, OWN_Y)))
-    assert scene.current.blocked is not None
-    assert scene.current.blocked.end_m == pytest.approx(130.2)
+    assert blockage(seen(cones((130.0, OWN_Y), (146.0, OWN_Y)))).end_m == pytest.approx(130.2)
 
 
 def test_passing_keeps_clear_of_the_obstacle_and_takes_the_smaller_shift() -> None:
-    scene = seen(cones((130.0, OWN_Y - 0.5)))
-    assert scene.current.blocked is not None
-    (side, offset_m), (other, other_m) = scene.current.blocked.passes
+    found = blockage(seen(cones((130.0, OWN_Y - 0.5))))
+    (side, offset_m), (other, other_m) = found.passes
     assert (side, other) == ("left", "right")
     assert offset_m == pytest.approx(-0.5 + 0.2 + PACIFICA.width_m / 2 + CLEARANCE_M)
     assert other_m == pytest.approx(-0.5 - 0.2 - PACIFICA.width_m / 2 - CLEARANCE_M)
 
 
-def test_beyond_the_edge_of_the_road_there_is_no_passing() -> None:
-    scene = seen(cars((130.0, 0.0)), job=ALONE, y_m=0.0)
-    assert scene.current.blocked is not None
-    assert scene.current.blocked.passes == ()
-
-
-def test_where_something_else_stands_there_is_no_passing() -> None:
-    scene = seen(cars((130.0, OWN_Y), (131.0, 0.0), (131.0, -7.0)))
-    assert scene.current.blocked is not None
-    assert scene.current.blocked.passes == ()
+def test_beyond_the_edge_of_the_road_and_where_something_else_stands_there_is_no_passing() -> None:
+    assert blockage(seen(cars((130.0, 0.0)), job=ALONE, y_m=0.0)).passes == ()
+    found = blockage(seen(cars((130.0, OWN_Y), (131.0, 0.0), (131.0, -7.0))))
+    assert found.passes == ()
 
 
 def test_what_is_beside_the_ego_blocks_until_it_is_past() -> None:
@@ -147,32 +132,22 @@ def test_what_is_beside_the_ego_blocks_until_it_is_past() -> None:
 
 def test_what_lies_behind_the_ego_leaves_room_beside_what_it_is_passing() -> None:
     behind, beside = (93.8, OWN_Y + 0.8), (96.5, OWN_Y - 1.3)  # the first ends 1.2 m behind the ego and sticks out
-    scene = seen(cars(behind, beside), y_m=OWN_Y + 1.3)
-    assert scene.current.blocked is not None
-    assert scene.current.blocked.passes[0] == ("left", pytest.approx(-0.3 + PACIFICA.width_m / 2 + CLEARANCE_M))
-
-
-# --- lights, oncoming traffic, people ----------------------------------------------------------------
+    found = blockage(seen(cars(behind, beside), y_m=OWN_Y + 1.3))
+    assert found.passes[0] == ("left", pytest.approx(-0.3 + PACIFICA.width_m / 2 + CLEARANCE_M))
 
 
 def test_cars_that_wait_for_a_light_do_not_block() -> None:
-    crossing = junction()
-    lanes = crossing.route_through
-    west = next(c for c in crossing.connectors.values() if c.turn.name == "STRAIGHT")
-    job = mission(crossing, (west.from_lane_id, west.id, west.to_lane_id))
-    assert lanes  # the map knows its ways
-    line = crossing[west.from_lane_id].centerline
-    start, end = line.pose_at(line.length_m - 40.0), line.pose_at(line.length_m - 4.0)
-    waiting = cars((end.x_m, end.y_m, 0.0, end.heading_rad))
-    state = ego(start.x_m, start.y_m, 5.0, start.heading_rad)
+    job = mission(junction(), ("1", "13", "7"))
+    state = ego_on(job.roads, "1", 20.0, 5.0)
+    waiting = cars((-16.0, -1.75))
     past = Past((state,) * 20, (waiting,) * 20)
-    red = SceneObserver(job, 15.0).scene(observation(state, waiting, signals(red=[west.id]), past))
-    green = SceneObserver(job, 15.0).scene(observation(state, waiting, signals(green=[west.id]), past))
+    red, green = (
+        SceneObserver(job, 15.0).scene(observation(state, waiting, lights, past))
+        for lights in (signals(red=["13"]), signals(green=["13"]))
+    )
     assert red.current.blocked is None
     assert red.current.ahead is not None
-    assert red.light is not None
-    assert red.light[0] == "red"
-    assert red.light[1] == pytest.approx(40.0 - HALF_M, abs=0.5)
+    assert red.light == ("red", pytest.approx(40.0 - HALF_M, abs=0.5))
     assert green.current.blocked is not None
     assert green.light is None
 
@@ -211,9 +186,6 @@ def test_a_bus_that_stands_beside_the_lane_hides_people() -> None:
     bus = cars((130.0, -7.0), length_m=12.0, width_m=2.5, prefix="bus")
     assert [(c.side, pytest.approx(c.ahead_m)) for c in seen(bus).covers] == [("right", 36.0 - HALF_M)]
     assert seen(cars((130.0, -7.0))).covers == ()
-
-
-# --- options -----------------------------------------------------------------------------------------
 
 
 def test_a_free_lane_that_leads_to_the_goal_is_followed() -> None:

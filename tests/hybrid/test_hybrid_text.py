@@ -88,9 +88,6 @@ def test_thoughts_ask_for_a_marked_answer() -> None:
     assert "<<" not in messages(scene, offered(scene))[0].text
 
 
-# --- choosing --------------------------------------------------------------------------------------
-
-
 def test_an_answer_is_taken() -> None:
     chooser = ModelChooser(always("merge_left"))
     chooser.start(JOB)

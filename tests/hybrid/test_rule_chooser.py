@@ -48,9 +48,6 @@ def left_behind(gap_m: float, speed_mps: float = 8.0) -> Actors:
     return cars((100.0 - HALF_M - gap_m - CAR_HALF_M, LEFT_Y, speed_mps), prefix="behind")
 
 
-# --- merging ---------------------------------------------------------------------------------------
-
-
 def test_without_anybody_the_goal_lane_is_taken() -> None:
     assert chosen(seen()) is Behaviour.MERGE_LEFT
 
@@ -96,9 +93,6 @@ def test_a_blocked_lane_without_a_gap_beside_it_is_waited_in() -> None:
     assert chosen(seen(cars((125.0, OWN_Y)), beside)) is Behaviour.STOP
 
 
-# --- passing ---------------------------------------------------------------------------------------
-
-
 def blocked(gap_m: float, against_traffic: bool, meets_in_s: float | None = None) -> DecisionScene:
     """5 m of obstacle ahead in the own lane, and somebody who comes at 10 m/s; the ego drives 8 m/s."""
     scene = seen()
@@ -123,9 +117,6 @@ def test_a_pass_is_called_off_before_the_obstacle_and_not_beside_it() -> None:
     assert chosen(blocked(1.0, True, 1.0), PASSING, Behaviour.OVERTAKE) is Behaviour.STOP
     assert chosen(blocked(-1.0, True, 1.0), PASSING, Behaviour.OVERTAKE) is Behaviour.OVERTAKE
     assert chosen(blocked(-1.0, True, 1.0), PASSING, Behaviour.STOP) is Behaviour.STOP
-
-
-# --- people ----------------------------------------------------------------------------------------
 
 
 def walker(ahead_m: float, aside_m: float, speed_mps: float = 1.0, heading_rad: float = UPWARDS) -> Actors:

@@ -42,9 +42,6 @@ def drive(
     return driven(planner, start, round(10 * seconds), actors, lights)
 
 
-# --- alone ---------------------------------------------------------------------------------------
-
-
 def test_on_an_empty_road_it_reaches_the_limit_and_does_not_exceed_it() -> None:
     states = drive(mission(TWO, ("11",)), ego(20.0, 0.0, 5.0), seconds=12.0)
     speeds = [state.vx_mps for state in states]
@@ -73,9 +70,6 @@ def test_beyond_its_goal_it_stops() -> None:
     states = drive(mission(TWO, ("11",), goal_arc_m=60.0), ego(40.0, 0.0, 10.0), seconds=9.0)
     assert states[-1].vx_mps < 0.3
     assert states[-1].x_m > 60.0
-
-
-# --- lane changes --------------------------------------------------------------------------------
 
 
 def test_it_changes_to_the_goal_lane_on_a_free_road() -> None:
@@ -107,11 +101,8 @@ def test_it_stays_where_it_is_while_the_goal_lane_is_full() -> None:
     assert max(abs(state.y_m) for state in states) < 0.7
 
 
-# --- what stands in the way ----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("driving_side", ["right", "left"])
-def test_it_passes_a_parked_car_and_comes_back(driving_side: str) -> None:
+def test_it_passes_a_parked_car_and_comes_back(driving_side: DrivingSide) -> None:
     """On the own side of a two-way road: the centre does not leave the lane."""
     sign = 1.0 if driving_side == "right" else -1.0
     task = mission(two_way(driving_side), ("1",), goal_arc_m=200.0)
@@ -174,9 +165,6 @@ def test_a_blocked_road_is_waited_at() -> None:
     assert states[-1].vx_mps < 0.2
 
 
-# --- people --------------------------------------------------------------------------------------
-
-
 def test_it_lets_somebody_cross_and_goes_on() -> None:
     def crossing(time_s: float) -> Actors:
         y = min(-6.0 + 1.4 * time_s, 8.0)
@@ -192,9 +180,6 @@ def test_it_is_slow_where_a_bus_hides_people() -> None:
     speeds = {round(s.x_m): s.vx_mps for s in drive(mission(TWO, ("11",)), ego(30.0, 0.0, 11.0), bus, seconds=11.0)}
     assert max(v for x, v in speeds.items() if 79 <= x <= 83) < 5.5
     assert max(speeds.values()) > 9.0
-
-
-# --- laws ----------------------------------------------------------------------------------------
 
 
 @settings(max_examples=6)

@@ -31,9 +31,6 @@ def stream(spacing_m: float) -> Actors:
     return cars(*((x_m, 0.0, 10.0) for x_m in np.arange(-200.0, 300.0, spacing_m).tolist()))
 
 
-# --- keeping the lane ----------------------------------------------------------------------------
-
-
 def test_on_a_free_road_it_keeps_its_lane_and_the_limit() -> None:
     state = driven(started(), ego(20.0, -3.5, 10.0), 120)[-1]
     assert state.vx_mps == pytest.approx(13.9, abs=0.5)
@@ -52,9 +49,6 @@ def test_it_stops_at_red() -> None:
     states = driven(started(job), ego_on(CROSSING, "1", 30.0, 8.0), 120, lights=signals(red=("12", "13", "14")))
     assert states[-1].vx_mps < 0.1
     assert -16.0 < states[-1].x_m + PACIFICA.length_m / 2 < -12.0
-
-
-# --- changing towards the goal -------------------------------------------------------------------
 
 
 def test_it_changes_lane_after_lane_to_the_goal() -> None:
@@ -109,9 +103,6 @@ def test_it_gives_up_when_the_gap_closes() -> None:
     assert y_m[-1] == pytest.approx(-3.5, abs=0.6)
 
 
-# --- changing round something --------------------------------------------------------------------
-
-
 def test_it_goes_round_what_stands_in_its_lane_and_comes_back() -> None:
     states = driven(started(), ego(110.0, -3.5, 12.0), 220, cars((200.0, -3.5)))
     assert states[-1].x_m > 260.0
@@ -123,16 +114,10 @@ def test_behind_a_slow_car_it_changes_only_where_that_costs_nothing() -> None:
     assert max(abs(s.y_m + 3.5) for s in kept) < 0.1
 
 
-# --- options, episodes ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ["safe_deceleration_mps2", "change_time_s", "change_headway_s", "horizon_s"])
 def test_senseless_options_are_refused_by_name(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name} is 0, expected more than 0"):
         IdmMobilSettings(**{name: 0})  # pyright: ignore[reportArgumentType]
-
-
-# --- the published variant -----------------------------------------------------------------------
 
 
 def test_published_it_swerves() -> None:

@@ -41,9 +41,6 @@ def decide(state: EgoState, actors: Actors | None = None, lights: Signals | None
     return planner.decision
 
 
-# --- against nuPlan ------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     "name", ["run_boulevard_idm_reactive", "run_cross_straight_idm_reactive", "run_lht_merge_idm_reactive"]
 )
@@ -78,9 +75,6 @@ def test_a_whole_drive_agrees_with_nuplan(name: str) -> None:
         assert state.vx_mps == pytest.approx(then.vx_mps, abs=1e-5), frame
 
 
-# --- the plan ------------------------------------------------------------------------------------
-
-
 def test_a_plan_is_now_and_sixteen_samples_of_half_a_second_on_the_path() -> None:
     plan = started().plan(observation(ego(20.0, 0.3, 10.0, time_s=2.0)))
     assert plan.time_s == pytest.approx(np.linspace(2.0, 10.0, 17))
@@ -99,17 +93,11 @@ def test_senseless_options_are_refused_by_name(name: str) -> None:
         IdmPlanner(**{name: 0})
 
 
-# --- target speed --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("limit", "speed", "target"), [(13.4, 12.0, 13.4), (13.4, 15.0, 15.0), (None, 9.0, 10.0)])
 def test_the_target_is_the_limit_or_the_higher_start_speed(limit: float | None, speed: float, target: float) -> None:
     road = straight_road(length_m=3000.0, limit_mps=limit)
     state = driven(started(mission(road, ("11",))), ego(20.0, 0.0, speed), 100)[-1]
     assert state.vx_mps == pytest.approx(target, rel=0.03)
-
-
-# --- leads ---------------------------------------------------------------------------------------
 
 
 def test_with_nothing_ahead_the_end_of_the_path_is_the_lead() -> None:
@@ -161,9 +149,6 @@ def test_it_follows_a_slower_car_and_keeps_its_lane() -> None:
     assert state.y_m == pytest.approx(0.0, abs=1e-6)
 
 
-# --- lights --------------------------------------------------------------------------------------
-
-
 def test_it_stops_before_a_red_connector_of_its_route() -> None:
     state = driven(started(LEFT_TURN), ego_on(CROSSING, "1", 30.0, 8.0), 120, None, signals(red=("12", "13", "14")))[-1]
     assert state.vx_mps < 0.1
@@ -174,9 +159,6 @@ def test_it_stops_before_a_red_connector_of_its_route() -> None:
 def test_it_passes_other_lights(lights: Signals) -> None:
     state = driven(started(LEFT_TURN), ego_on(CROSSING, "1", 30.0, 8.0), 80, None, lights)[-1]
     assert state.y_m > 15.0
-
-
-# --- odd places ----------------------------------------------------------------------------------
 
 
 def test_where_its_lane_leaves_the_route_it_stops_at_the_end() -> None:

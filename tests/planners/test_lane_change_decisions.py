@@ -29,9 +29,6 @@ def gap_in(
     return best_gap(Ego(100.0, speed, 5.0), queue(*places), RULES, 15.0, lead, room_m)
 
 
-# --- gaps ----------------------------------------------------------------------------------------
-
-
 def test_an_empty_lane_is_one_gap_at_once() -> None:
     found = gap_in()
     assert found is not None
@@ -96,9 +93,6 @@ def test_a_chosen_gap_is_one_when_it_is_reached(seed: int) -> None:
         assert rears[found.index] - at - 2.5 >= RULES.min_gap_m
     if found.index > 0:
         assert at - 2.5 - fronts[found.index - 1] >= RULES.min_gap_m
-
-
-# --- MOBIL ---------------------------------------------------------------------------------------
 
 
 def verdict(here: Side, there: Side, speed: float = 10.0):

@@ -22,9 +22,6 @@ LINE = wavy_line()
 LANE = DrivingPath(straight_road(length_m=300.0)["11"].centerline)
 
 
-# --- forecasts -----------------------------------------------------------------------------------
-
-
 def test_agents_go_on_along_their_heading_and_cones_stay() -> None:
     cone = cars((5.0, 0.0, 3.0), kind=ActorKind.TRAFFIC_CONE, prefix="cone")
     forecast = constant_velocity(together(cars((10.0, 2.0, 5.0, 0.5)), cone), 1.0)
@@ -61,9 +58,6 @@ def test_the_nearest_of_each_class_are_kept() -> None:
     assert (kept.kind == ActorKind.VEHICLE).sum() == 50
     assert (kept.kind == ActorKind.PEDESTRIAN).sum() == 25
     assert kept.x_m[kept.kind == ActorKind.VEHICLE].max() == 149.0
-
-
-# --- occupancy -----------------------------------------------------------------------------------
 
 
 @settings(max_examples=8)
@@ -136,9 +130,6 @@ def test_occupancies_can_be_joined_and_moved() -> None:
     both = joined(found, moved(found, 10.0))
     assert both.near_m[:, 0] == pytest.approx([47.6, 57.6])
     assert both.rows.tolist() == [0, 0]
-
-
-# --- neighbours ----------------------------------------------------------------------------------
 
 
 def test_a_queue_is_sorted_from_back_to_front() -> None:

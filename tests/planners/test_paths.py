@@ -17,9 +17,6 @@ PATH = DrivingPath(LINE)
 STRAIGHT = Polyline(np.array(((0.0, 0.0), (200.0, 0.0)))).resampled(1.0)
 
 
-# --- projections ---------------------------------------------------------------------------------
-
-
 @given(seed=st.integers(0, 2**31))
 def test_the_quick_projection_is_the_exact_one_near_the_line(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -43,9 +40,6 @@ def test_a_path_of_two_points_can_be_projected_on() -> None:
     assert (arc_m[0], left_m[0]) == pytest.approx((4.0, 2.0))
 
 
-# --- parallel lines ------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("left_m", [-3.5, -1.0, 1.0, 3.5])
 def test_a_shifted_line_keeps_its_distance(left_m: float) -> None:
     _, found = LINE.project(shifted(LINE, left_m).points[1:-1])
@@ -63,9 +57,6 @@ def test_offsets_may_differ_from_vertex_to_vertex() -> None:
     assert line.points[-1] == pytest.approx((200.0, 2.0), abs=0.1)
 
 
-# --- plans with the rear axle on the path ---------------------------------------------------------
-
-
 def test_a_rear_axle_plan_puts_the_box_ahead_of_the_path() -> None:
     plan = rear_axle_plan(STRAIGHT, [0.0, 1.0], [10.0, 20.0], [10.0, 10.0], PACIFICA)
     assert plan.x_m == pytest.approx([11.461, 21.461])
@@ -75,9 +66,6 @@ def test_a_rear_axle_plan_puts_the_box_ahead_of_the_path() -> None:
     assert (x_m[0] == plan.x_m).all()
     assert (y_m[0] == plan.y_m).all()
     assert (heading_rad[0] == plan.heading_rad).all()
-
-
-# --- lane changes --------------------------------------------------------------------------------
 
 
 def test_a_lane_change_starts_at_the_ego_and_arrives_along_the_lane() -> None:

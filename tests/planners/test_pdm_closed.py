@@ -40,9 +40,6 @@ def rear_axle(plan: Trajectory) -> Floats:
     return np.stack((plan.x_m - d * np.cos(plan.heading_rad), plan.y_m - d * np.sin(plan.heading_rad)), axis=1)
 
 
-# --- proposals -----------------------------------------------------------------------------------
-
-
 def test_fifteen_proposals_of_four_seconds_make_a_plan_of_eight() -> None:
     planner = started()
     plan = planner.plan(observation(ego(50.0, 0.0, 8.0, time_s=3.0)))
@@ -87,9 +84,6 @@ def test_offsets_and_fractions_are_options() -> None:
 def test_senseless_options_are_refused(option: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         PdmClosedPlanner(PdmClosedSettings(**option))  # pyright: ignore[reportArgumentType]
-
-
-# --- what it does --------------------------------------------------------------------------------
 
 
 def test_it_nudges_around_what_leaves_a_metre_to_spare() -> None:
@@ -159,9 +153,6 @@ def test_static_objects_count_half() -> None:
     decision = decide(ego(50.0, 0.0, 12.0), cars((64.0, 0.0), kind=ActorKind.BARRIER))
     assert set(decision.scores.no_collision.tolist()) <= {0.5, 1.0}
     assert 0.5 in decision.scores.no_collision
-
-
-# --- episodes ------------------------------------------------------------------------------------
 
 
 def test_paths_are_fixed_at_the_start_unless_they_are_to_be_rebuilt() -> None:

@@ -19,9 +19,6 @@ WIDE = straight_road(lanes=3, length_m=300.0, limit_mps=13.9, cuts_m=((120.0, 13
 ROUTE = ("1", "2", "3")
 
 
-# --- lanes ---------------------------------------------------------------------------------------
-
-
 def test_the_finder_takes_the_lane_that_holds_the_point() -> None:
     finder = LaneFinder(WIDE, ROUTE)
     assert finder.at(50.0, -3.0, 0.0) == (0, "12")
@@ -62,9 +59,6 @@ def test_published_costs_know_the_goal_only_on_the_last_block() -> None:
     assert set(lane_costs(WIDE, ROUTE, Pose(250.0, 50.0, 0.0)).values()) == {0}  # a goal off every lane: all are good
 
 
-# --- corrected routes ----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("roads", "route", "x_m", "y_m", "corrected"),
     [
@@ -86,9 +80,6 @@ def test_the_ego_is_on_the_block_that_heads_its_way() -> None:
     assert block_at(CROSSING, (), Pose(-40.0, -1.75, 0.0)) == "1"
     assert block_at(CROSSING, (), Pose(-40.0, 0.0, np.pi)) == "5"
     assert block_at(CROSSING, (), Pose(300.0, 300.0, 0.0)) in {"8", "4", "7", "3"}
-
-
-# --- ways ----------------------------------------------------------------------------------------
 
 
 def test_a_way_runs_from_its_lane_as_far_as_the_route() -> None:
@@ -124,9 +115,6 @@ def test_speed_limits_slow_for_bends_and_in_time() -> None:
     assert before.min() >= -2.0 * 1.5 - 1e-6
     unknown = mission(straight_road(limit_mps=None), ("11",))
     assert Ways(unknown, ("1",), 9.0).from_lane(0, "11").limit_mps == pytest.approx(9.0)
-
-
-# --- red lights ----------------------------------------------------------------------------------
 
 
 def test_red_connectors_of_the_route_close_the_path() -> None:

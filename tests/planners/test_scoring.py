@@ -32,9 +32,6 @@ def scored(drives: SimulatedDrives, actors: Actors | None = None, weights: Weigh
     return score(drives, forecast, GROUND, LANE, weights=weights or Weights())
 
 
-# --- contacts ------------------------------------------------------------------------------------
-
-
 @settings(max_examples=6)
 @given(seed=st.integers(0, 2**31))
 def test_contacts_are_where_shapely_finds_boxes_that_meet(seed: int) -> None:
@@ -67,9 +64,6 @@ def test_actors_to_ignore_are_not_met() -> None:
 def test_what_touches_the_ego_now_is_known() -> None:
     forecast = constant_velocity(cars((4.0, 0.0), (5.1, 0.0), (0.0, 2.1)), 1.0)
     assert touched_now(ego(), forecast, PACIFICA).tolist() == [True, False, True]
-
-
-# --- comfort -------------------------------------------------------------------------------------
 
 
 def wild_drives(rng: np.random.Generator, count: int, states: int) -> SimulatedDrives:
@@ -109,9 +103,6 @@ def test_too_short_a_drive_is_comfortable() -> None:
     assert comfortable(straight_drives(8.0, steps=2)).tolist() == [True]
 
 
-# --- where the ego is -----------------------------------------------------------------------------
-
-
 def test_places_of_a_drive_that_leaves_its_lane_and_the_road() -> None:
     drives = drives_along(LANE.line, ego(20.0, 0.0, 10.0), [10.0] * 3, [0.0, -1.75, 3.0], 60)
     where = places(drives, GROUND)
@@ -126,9 +117,6 @@ def test_the_rear_axle_decides_what_is_in_an_intersection() -> None:
     where = places(drives, GROUND)
     axle_m = drives.x_m[0] - PACIFICA.rear_axle_to_center_m
     assert (where.in_intersection[0] == ((axle_m > 200.0) & (axle_m < 215.0))).all()
-
-
-# --- the score ------------------------------------------------------------------------------------
 
 
 def test_without_anything_around_the_farthest_drive_is_best() -> None:

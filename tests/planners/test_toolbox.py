@@ -17,9 +17,6 @@ ROUTE = ("1", "2", "3")
 CROSSING = junction()
 
 
-# --- route search --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("route", "x_m", "y_m", "place"),
     [
@@ -58,9 +55,6 @@ def test_the_lanes_of_a_route_are_all_lanes_of_its_blocks() -> None:
     assert lanes_of_route(ROAD, ("1", "2")) == {"11", "12", "21", "22"}
 
 
-# --- paths ---------------------------------------------------------------------------------------
-
-
 def test_a_centre_line_runs_through_all_lanes() -> None:
     line = centerline(CROSSING, ("1", "14", "8"))
     assert line.length_m == pytest.approx(60.0 + 13.75 * np.pi / 2 + 60.0, abs=0.02)
@@ -85,9 +79,6 @@ def test_a_braking_plan_stops_where_physics_says() -> None:
 def test_a_braking_plan_of_a_standing_or_backing_ego_stays() -> None:
     for speed in (0.0, -0.4):
         assert (braking_plan(ego(speed_mps=speed), 3.0, 8.0, 0.5).x_m == 0.0).all()
-
-
-# --- corridor ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

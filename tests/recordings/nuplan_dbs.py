@@ -22,10 +22,6 @@ TABLES = {
     "ego_pose": "token BLOB PRIMARY KEY, timestamp INTEGER, x FLOAT, y FLOAT, z FLOAT, qw FLOAT, qx FLOAT, qy FLOAT, "
     "qz FLOAT, vx FLOAT, vy FLOAT, vz FLOAT, acceleration_x FLOAT, acceleration_y FLOAT, acceleration_z FLOAT, "
     "angular_rate_x FLOAT, angular_rate_y FLOAT, angular_rate_z FLOAT, epsg INTEGER, log_token BLOB",
-    "camera": "token BLOB PRIMARY KEY, log_token BLOB, channel VARCHAR, model VARCHAR, translation BLOB, "
-    "rotation BLOB, intrinsic BLOB, distortion BLOB, width INTEGER, height INTEGER",
-    "image": "token BLOB PRIMARY KEY, next_token BLOB, prev_token BLOB, ego_pose_token BLOB, camera_token BLOB, "
-    "filename_jpg VARCHAR, timestamp INTEGER",
     "lidar": "token BLOB PRIMARY KEY, log_token BLOB, channel VARCHAR, model VARCHAR, translation BLOB, rotation BLOB",
     "lidar_pc": "token BLOB PRIMARY KEY, next_token BLOB, prev_token BLOB, ego_pose_token BLOB, lidar_token BLOB, "
     "scene_token BLOB, filename VARCHAR, timestamp INTEGER",

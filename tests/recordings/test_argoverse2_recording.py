@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -27,6 +27,8 @@ from interplan_sumo.world.recording import Recording
 from tests.realdata import real
 
 NAME = "scenario_0123abcd-0000-4000-8000-000000000000.parquet"
+
+THINGS = ("riderless_bicycle", "static", "background", "construction", "unknown")
 
 Columns = dict[str, list[Any]]
 
@@ -63,9 +65,6 @@ def read(columns: Columns, folder: Path) -> Recording:
     return read_argoverse2_recording(written(columns, folder))
 
 
-# --- tracks ----------------------------------------------------------------------------------------
-
-
 def test_a_road_user_becomes_a_track_in_the_frame_of_the_city(tmp_path: Path) -> None:
     found = read(drive("7", range(3, 9)), tmp_path)
     (track,) = found.tracks
@@ -93,11 +92,7 @@ def test_tracks_are_sorted_by_id_and_step_whatever_the_order_of_the_rows(tmp_pat
         ("motorcyclist", ActorKind.VEHICLE, "motorcycle"),
         ("cyclist", ActorKind.BICYCLE, "car"),
         ("pedestrian", ActorKind.PEDESTRIAN, "car"),
-        ("riderless_bicycle", ActorKind.GENERIC_OBJECT, "car"),
-        ("static", ActorKind.GENERIC_OBJECT, "car"),
-        ("background", ActorKind.GENERIC_OBJECT, "car"),
-        ("construction", ActorKind.GENERIC_OBJECT, "car"),
-        ("unknown", ActorKind.GENERIC_OBJECT, "car"),
+        *((thing, ActorKind.GENERIC_OBJECT, "car") for thing in THINGS),
     ],
 )
 def test_each_type_has_its_kind_and_size(type_: str, kind: ActorKind, model: str, tmp_path: Path) -> None:
@@ -144,6 +139,7 @@ def test_positions_that_lag_behind_the_velocity_at_the_ends_are_noted(
     assert (f"advance by {share:.0%} of" in notes[-1]) is noted
 
 
+@settings(max_examples=20)
 @given(seen=st.sets(st.integers(0, 60), min_size=1))
 def test_every_step_that_was_seen_is_in_one_track(seen: set[int], tmp_path_factory: pytest.TempPathFactory) -> None:
     found = read(drive("7", sorted(seen)), tmp_path_factory.mktemp("scenario"))
@@ -151,11 +147,6 @@ def test_every_step_that_was_seen_is_in_one_track(seen: set[int], tmp_path_facto
     assert len(covered) == len(set(covered))
     assert seen <= set(covered)
     assert {track.first_step for track in found.tracks} <= seen
-    gaps = set(range(min(seen), max(seen))) - set(covered)
-    assert all(step in gaps or step in covered for step in range(min(seen), max(seen)))
-
-
-# --- files that cannot be used ---------------------------------------------------------------------
 
 
 def refusal(path: Path) -> str:
@@ -168,11 +159,8 @@ def refusal(path: Path) -> str:
     return message.replace(str(path), "FILE")
 
 
-def test_a_file_that_is_not_there(tmp_path: Path) -> None:
-    assert refusal(tmp_path / "scenario_1.parquet").startswith("no recording at FILE")
-
-
 def test_a_folder_stands_for_the_one_scenario_in_it(tmp_path: Path) -> None:
+    assert refusal(tmp_path / "scenario_1.parquet").startswith("no recording at FILE")
     assert refusal(tmp_path).startswith("FILE: holds no files scenario_*.parquet")
     written(drive("7", range(4)), tmp_path)
     assert len(read_argoverse2_recording(tmp_path).tracks) == 1
@@ -188,25 +176,19 @@ def test_a_file_of_another_kind(content: bytes, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("column", [*argoverse2.TEXTS, *argoverse2.NUMBERS])
-def test_a_missing_column(column: str, tmp_path: Path) -> None:
+def test_a_column_of_another_type_or_none_is_named(column: str, tmp_path: Path) -> None:
     columns = drive("7", range(4))
+    is_text = column in argoverse2.TEXTS
+    path = written(columns | {column: [1, 2, 3, 4] if is_text else ["1", "2", "3", "4"]}, tmp_path)
+    held = "int64, expected text" if is_text else "string, expected numbers"
+    assert refusal(path) == f"FILE: column {column} holds {held}"
     del columns[column]
     assert refusal(written(columns, tmp_path)).startswith(f"FILE: column {column} is missing")
 
 
-@pytest.mark.parametrize("column", argoverse2.TEXTS)
-def test_a_text_that_is_a_number(column: str, tmp_path: Path) -> None:
-    path = written(drive("7", range(4)) | {column: [1, 2, 3, 4]}, tmp_path)
-    assert refusal(path) == f"FILE: column {column} holds int64, expected text"
-
-
-@pytest.mark.parametrize("column", argoverse2.NUMBERS)
-def test_a_number_that_is_a_text(column: str, tmp_path: Path) -> None:
-    path = written(drive("7", range(4)) | {column: ["1", "2", "3", "4"]}, tmp_path)
-    assert refusal(path) == f"FILE: column {column} holds string, expected numbers"
-
-
-def test_a_scenario_without_rows(tmp_path: Path) -> None:
+def test_a_scenario_without_rows_or_of_a_city_that_argoverse_does_not_cover(tmp_path: Path) -> None:
+    path = written(drive("7", range(4)) | {"city": ["gotham"] * 4}, tmp_path)
+    assert refusal(path).startswith("FILE: column city: no Argoverse city named 'gotham'.")
     table = pa.table(drive("7", range(4))).slice(0, 0)
     assert refusal(written(table, tmp_path)).startswith("FILE: has 0 rows, expected 1 to ")
 
@@ -259,16 +241,11 @@ def test_rows_that_cannot_be_are_named(name: str, tmp_path: Path) -> None:
     assert refusal(written(columns, tmp_path)) == f"FILE: {message}"
 
 
-def test_a_city_that_argoverse_does_not_cover(tmp_path: Path) -> None:
-    path = written(drive("7", range(4)) | {"city": ["gotham"] * 4}, tmp_path)
-    assert refusal(path).startswith("FILE: column city: no Argoverse city named 'gotham'.")
-
-
 def test_damaged_files_are_read_or_refused_and_nothing_else(tmp_path: Path) -> None:
     path = written(scene(drive("AV", range(20)), drive("7", range(5, 25), "bus")), tmp_path)
     whole = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     refused = 0
-    for seed in range(150):
+    for seed in range(60):
         rng = np.random.default_rng(seed)
         content = whole.copy()
         places = rng.integers(len(content), size=int(rng.integers(1, 6)))
@@ -283,10 +260,7 @@ def test_damaged_files_are_read_or_refused_and_nothing_else(tmp_path: Path) -> N
         if isinstance(found, InputError):
             refused += 1
             assert "\n" not in str(found), seed
-    assert 20 < refused < 150
-
-
-# --- a real scenario -------------------------------------------------------------------------------
+    assert 10 < refused < 60
 
 
 @pytest.fixture(scope="module")

@@ -49,9 +49,6 @@ def local(recording: Recording, track: int = 0) -> np.ndarray:
     return recording.tracks[track].poses - (*UNPLACED_ORIGIN_M, 0.0)
 
 
-# --- states ------------------------------------------------------------------------------------------
-
-
 def test_initial_state_and_trajectory_make_one_track(tmp_path: Path) -> None:
     recording = read(tmp_path, moving(7, state(2, 0, 1, 0.5, 4.0), state(3, 1, 2, 0.6, 5.0)))
     (track,) = recording.tracks
@@ -71,18 +68,12 @@ def test_obstacles_of_2018b_tell_their_role_in_an_element(tmp_path: Path) -> Non
     assert [track.velocity_mps.tolist() for track in recording.tracks] == [[[10.0, 0.0]], [[0.0, 0.0]]]
 
 
-def test_an_interval_stands_for_its_middle(tmp_path: Path) -> None:
-    text = state(0, 0, 0, 0.0, 10.0).replace(
-        "<orientation><exact>0.0</exact></orientation>",
-        "<orientation><intervalStart>0.2</intervalStart><intervalEnd>0.4</intervalEnd></orientation>",
-    )
-    assert local(read(tmp_path, moving(1, text)))[0, 2] == pytest.approx(0.3)
-
-
-def test_a_place_may_be_the_centre_of_a_rectangle(tmp_path: Path) -> None:
+def test_an_interval_stands_for_its_middle_and_a_rectangle_for_its_centre(tmp_path: Path) -> None:
     center = "<rectangle><length>1</length><width>1</width><center><x>5.0</x><y>6.0</y></center></rectangle>"
-    text = state(0, 0, 0).replace(points([(0, 0)]), center)
-    np.testing.assert_allclose(local(read(tmp_path, moving(1, text)))[0, :2], (5, 6))
+    between = "<intervalStart>0.2</intervalStart><intervalEnd>0.4</intervalEnd>"
+    text = state(0, 0, 0, 0.0, 10.0).replace("<orientation><exact>0.0</exact>", f"<orientation>{between}")
+    text = text.replace(points([(0, 0)]), center)
+    np.testing.assert_allclose(local(read(tmp_path, moving(1, text)))[0], (5.0, 6.0, 0.3))
 
 
 def test_what_has_no_heading_heads_where_it_moves(tmp_path: Path) -> None:
@@ -122,10 +113,7 @@ def test_a_static_obstacle_stands_through_the_whole_recording(tmp_path: Path) ->
     assert not recording.tracks[1].velocity_mps.any()
 
 
-# --- bodies ------------------------------------------------------------------------------------------
-
-
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(st.floats(-3.0, 3.0), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-1.0, 1.0))
 def test_a_box_that_lies_beside_its_reference_point_is_where_its_shape_is(
     heading: float, ahead: float, left: float, turn: float
@@ -143,24 +131,32 @@ def test_a_box_that_lies_beside_its_reference_point_is_where_its_shape_is(
     assert found.symmetric_difference(there).area < 1e-6
 
 
-def test_the_origin_may_lie_ahead_of_the_middle(tmp_path: Path) -> None:
-    """originXShift -1.5 puts it on the rear axle: the middle lies 1.5 m ahead of it."""
-    shape = rectangle(inner="<originXShift>-1.5</originXShift>")
+TWO_BOXES = "".join(
+    f"<rectangle><length>2</length><width>2</width><center><x>{x}</x><y>0</y></center></rectangle>" for x in (2, 5)
+)
+
+
+@pytest.mark.parametrize(
+    ("shape", "ahead_m", "size_m"),
+    [
+        (f"<shape><polygon>{points([(-1, -1), (3, 0), (-1, 1)])}</polygon></shape>", 1.0, (4.0, 2.0)),
+        (f"<shape>{TWO_BOXES}</shape>", 3.5, (5.0, 2.0)),
+        (rectangle(inner="<originXShift>-1.5</originXShift>"), 1.5, (4.5, 1.8)),  # the rear axle
+    ],
+    ids=["polygon", "two boxes", "shifted origin"],
+)
+def test_what_moves_has_a_box_along_its_heading(
+    shape: str, ahead_m: float, size_m: tuple[float, float], tmp_path: Path
+) -> None:
     recording = read(tmp_path, moving(1, state(0, 0, 0, math.pi / 2), shape=shape))
-    np.testing.assert_allclose(local(recording)[0], (0.0, 1.5, math.pi / 2), atol=1e-9)
+    np.testing.assert_allclose(local(recording)[0], (0.0, ahead_m, math.pi / 2), atol=1e-9)
+    assert (recording.tracks[0].length_m, recording.tracks[0].width_m) == pytest.approx(size_m)
 
 
 def test_a_circle_is_as_long_as_it_is_wide(tmp_path: Path) -> None:
     shape = "<shape><circle><radius>0.4</radius></circle></shape>"
     track = read(tmp_path, moving(1, state(0, 0, 0), kind="pedestrian", shape=shape)).tracks[0]
     assert (track.kind, track.length_m, track.width_m) == (ActorKind.PEDESTRIAN, 0.8, 0.8)
-
-
-def test_a_polygon_that_moves_gets_the_box_along_its_heading(tmp_path: Path) -> None:
-    shape = f"<shape><polygon>{points([(-1, -1), (3, 0), (-1, 1)])}</polygon></shape>"
-    recording = read(tmp_path, moving(1, state(0, 0, 0, 0.0), shape=shape))
-    assert (recording.tracks[0].length_m, recording.tracks[0].width_m) == (4.0, 2.0)
-    np.testing.assert_allclose(local(recording)[0], (1.0, 0.0, 0.0), atol=1e-9)
 
 
 def test_a_polygon_that_stands_gets_the_smallest_box(tmp_path: Path) -> None:
@@ -172,13 +168,6 @@ def test_a_polygon_that_stands_gets_the_smallest_box(tmp_path: Path) -> None:
     assert (track.length_m, track.width_m) == (pytest.approx(10.0), pytest.approx(1.0))
     assert wrap_angle(2.0 * (local(recording)[0, 2] - math.pi / 4)) == pytest.approx(0.0, abs=1e-6)
     assert track.kind == ActorKind.BARRIER
-
-
-def test_several_shapes_share_one_box(tmp_path: Path) -> None:
-    one = "<rectangle><length>2</length><width>2</width><center><x>{}</x><y>0</y></center></rectangle>"
-    recording = read(tmp_path, moving(1, state(0, 0, 0), shape=f"<shape>{one.format(2)}{one.format(5)}</shape>"))
-    np.testing.assert_allclose(local(recording)[0, :2], (3.5, 0.0), atol=1e-9)
-    assert (recording.tracks[0].length_m, recording.tracks[0].width_m) == (5.0, 2.0)
 
 
 @pytest.mark.parametrize(
@@ -198,9 +187,6 @@ def test_a_type_tells_kind_and_model(type_: str, kind: ActorKind, model: str, tm
     assert (track.kind, track.model) == (kind, model)
 
 
-# --- the frame ---------------------------------------------------------------------------------------
-
-
 def test_tracks_and_lanes_lie_in_one_frame(tmp_path: Path) -> None:
     """A car on the middle of a lanelet stays on it in a frame of stretched metres."""
     to_mercator = pyproj.Transformer.from_crs("EPSG:4326", MERCATOR, always_xy=True)
@@ -215,9 +201,6 @@ def test_tracks_and_lanes_lie_in_one_frame(tmp_path: Path) -> None:
     along = np.diff(track.poses[:, :2], axis=0)
     np.testing.assert_allclose(along / recording.step_s, track.velocity_mps[:-1], rtol=1e-4)
     np.testing.assert_allclose(np.arctan2(along[:, 1], along[:, 0]), track.poses[:-1, 2], atol=1e-5)
-
-
-# --- what makes no track -----------------------------------------------------------------------------
 
 
 def test_what_makes_no_track_is_noted(tmp_path: Path) -> None:
@@ -260,9 +243,6 @@ def test_an_obstacle_that_cannot_be_is_named(parts: str, message: str, tmp_path:
 def test_a_time_step_that_cannot_be_is_named(step_s: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="timeStepSize is"):
         read(tmp_path, moving(1, state(0, 0, 0)), step_s=step_s)
-
-
-# --- the real scenario -------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import sqlite3
+from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,16 +28,18 @@ EAST = Goes(100.0, 5.0, 0.0, 8.0)
 EGO = Goes(0.0, 0.0, 0.0, 10.0)
 
 
+def short_log(path: Path, ego: Goes, others: Iterable[Goes] = (), **more: Any) -> Path:
+    """Of 10.5 s."""
+    return write_log(path, ego, others, frames=211, **more)
+
+
 def read(path: Path, at: int = 0, duration_s: float = 5.0) -> Recording:
     with NuplanLog(path) as log:
         return log.recording(log.moment(sweep(at)), duration_s)
 
 
-# --- tracks ----------------------------------------------------------------------------------------
-
-
 def test_a_recording_begins_at_its_sweep_and_has_ten_steps_a_second(tmp_path: Path) -> None:
-    found = read(write_log(tmp_path / "a.db", EGO, (EAST,)), at=40, duration_s=3.0)
+    found = read(short_log(tmp_path / "a.db", EGO, (EAST,)), at=40, duration_s=3.0)
     assert (found.name, found.crs, found.step_s, found.start_step, found.steps) == ("a", f"EPSG:{EPSG}", 0.1, 20, 51)
     assert found.ego_id == sweep(40)
     (car,) = (track for track in found.tracks if track.id != found.ego_id)
@@ -48,7 +52,7 @@ def test_a_recording_begins_at_its_sweep_and_has_ten_steps_a_second(tmp_path: Pa
 def test_two_seconds_of_the_ego_come_before_the_moment_where_the_log_has_them(
     at: int, start: int, tmp_path: Path
 ) -> None:
-    found = read(write_log(tmp_path / "a.db", EGO, (EAST,)), at=at)
+    found = read(short_log(tmp_path / "a.db", EGO, (EAST,)), at=at)
     ego = next(track for track in found.tracks if track.id == found.ego_id)
     assert (found.start_step, ego.first_step) == (start, 0)
     ahead_m = PACIFICA.rear_axle_to_center_m
@@ -57,7 +61,7 @@ def test_two_seconds_of_the_ego_come_before_the_moment_where_the_log_has_them(
 
 
 def test_a_hole_before_the_moment_costs_the_past_only(tmp_path: Path) -> None:
-    found = read(write_log(tmp_path / "a.db", EGO, missing=range(50, 70)), at=80)
+    found = read(short_log(tmp_path / "a.db", EGO, missing=range(50, 70)), at=80)
     (ego,) = found.tracks
     assert (ego.first_step, ego.end_step, found.notes) == (15, 71, ())
 
@@ -66,7 +70,7 @@ def test_a_hole_before_the_moment_costs_the_past_only(tmp_path: Path) -> None:
 def test_the_ego_is_moved_from_its_rear_axle_to_its_box_and_its_velocity_turned(
     heading_rad: float, tmp_path: Path
 ) -> None:
-    found = read(write_log(tmp_path / "a.db", Goes(50.0, 20.0, heading_rad, 6.0)))
+    found = read(short_log(tmp_path / "a.db", Goes(50.0, 20.0, heading_rad, 6.0)))
     (ego,) = found.tracks
     ahead_m = PACIFICA.rear_axle_to_center_m
     along = np.array((math.cos(heading_rad), math.sin(heading_rad)))
@@ -75,28 +79,23 @@ def test_the_ego_is_moved_from_its_rear_axle_to_its_box_and_its_velocity_turned(
     assert (ego.length_m, ego.width_m) == (PACIFICA.length_m, PACIFICA.width_m)
 
 
-@pytest.mark.parametrize("category", CATEGORIES)
-def test_each_category_has_its_kind(category: str, tmp_path: Path) -> None:
-    found = read(write_log(tmp_path / "a.db", EGO, (Goes(30.0, 4.0, category=category),)))
-    assert found.tracks[1].kind is nuplan_db.KINDS[category]
+def test_each_category_has_its_kind(tmp_path: Path) -> None:
+    others = [Goes(30.0 + 9.0 * k, 4.0, category=category) for k, category in enumerate(CATEGORIES)]
+    found = read(short_log(tmp_path / "a.db", EGO, others))
+    assert [track.kind for track in found.tracks[1:]] == [nuplan_db.KINDS[category] for category in CATEGORIES]
     assert found.notes == ()
 
 
-@pytest.mark.parametrize(
-    ("size_m", "model"),
-    [
-        ((6.49, 2.0), "car"), ((6.5, 2.0), "truck"), ((9.99, 2.5), "truck"), ((10.0, 2.5), "bus"),
-        ((2.79, 1.19), "motorcycle"), ((2.79, 1.2), "car"), ((2.8, 1.19), "car"),
-    ],
-)  # fmt: skip
-def test_vehicles_are_told_apart_by_their_size(size_m: tuple[float, float], model: str, tmp_path: Path) -> None:
-    found = read(write_log(tmp_path / "a.db", EGO, (Goes(30.0, 4.0, size_m=size_m),)))
-    assert found.tracks[1].model == model
+def test_vehicles_are_told_apart_by_their_size(tmp_path: Path) -> None:
+    sizes_m = ((6.49, 2.0), (6.5, 2.0), (9.99, 2.5), (10.0, 2.5), (2.79, 1.19), (2.79, 1.2), (2.8, 1.19))
+    others = [Goes(30.0 + 20.0 * k, 4.0, size_m=size_m) for k, size_m in enumerate(sizes_m)]
+    found = read(short_log(tmp_path / "a.db", EGO, others))
+    assert [track.model for track in found.tracks[1:]] == ["car", "truck", "truck", "bus", "motorcycle", "car", "car"]
 
 
 def test_an_unknown_category_is_a_thing_with_a_note(tmp_path: Path) -> None:
     change = "UPDATE category SET name = 'tram' WHERE name = 'vehicle'"
-    found = read(write_log(tmp_path / "a.db", EGO, (EAST,), change=(change,)))
+    found = read(short_log(tmp_path / "a.db", EGO, (EAST,), change=(change,)))
     assert found.tracks[1].kind is ActorKind.GENERIC_OBJECT
     assert "unknown category tram" in found.notes[0]
 
@@ -113,52 +112,47 @@ def test_short_gaps_are_filled_and_long_ones_cut_the_track(missing: int, parts: 
 
 
 def test_a_log_with_a_long_hole_ends_there_and_says_so(tmp_path: Path) -> None:
-    found = read(write_log(tmp_path / "a.db", EGO, missing=range(41, 60)))
+    found = read(short_log(tmp_path / "a.db", EGO, missing=range(41, 60)))
     (ego,) = found.tracks
     assert ego.end_step == 21
     assert found.notes == ("The log has a hole after 2.0 s; the recording ends there.",)
 
 
 def test_single_missing_sweeps_change_nothing(tmp_path: Path) -> None:
-    whole = read(write_log(tmp_path / "a.db", EGO, (EAST,)))
-    thinned = read(write_log(tmp_path / "b.db", EGO, (EAST,), missing=range(1, 101, 2)))
+    whole = read(short_log(tmp_path / "a.db", EGO, (EAST,)))
+    thinned = read(short_log(tmp_path / "b.db", EGO, (EAST,), missing=range(1, 101, 2)))
     for one, other in zip(whole.tracks, thinned.tracks, strict=True):
         assert_allclose(one.poses, other.poses)
 
 
-def test_missing_velocities_are_taken_from_the_positions(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "a.db", EGO, (EAST,), change=("UPDATE lidar_box SET vx = NULL, vy = NULL",))
-    found = read(path)
+def test_missing_velocities_are_taken_from_the_positions_and_things_stand_whatever_theirs_do(tmp_path: Path) -> None:
+    cone = Goes(30.0, 4.0, 0.0, 1.0, "traffic_cone", (0.4, 0.4))
+    change = "UPDATE lidar_box SET vx = NULL, vy = NULL"
+    found = read(short_log(tmp_path / "a.db", EGO, (EAST, cone), change=(change,)))
     assert_allclose(found.tracks[1].velocity_mps, [(8.0, 0.0)] * 51, atol=1e-9)
+    assert_allclose(found.tracks[2].velocity_mps, 0.0)
     assert "51 boxes have no velocity" in found.notes[0]
 
 
-def test_things_stand_still_whatever_their_positions_do(tmp_path: Path) -> None:
-    cone = Goes(30.0, 4.0, 0.0, 1.0, "traffic_cone", (0.4, 0.4))
-    found = read(write_log(tmp_path / "a.db", EGO, (cone,), change=("UPDATE lidar_box SET vx = NULL, vy = NULL",)))
-    assert_allclose(found.tracks[1].velocity_mps, 0.0)
-    assert found.notes == ()
-
-
 def test_sizes_that_change_from_sweep_to_sweep_are_replaced_by_their_median(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "a.db", EGO, (EAST,), change=("UPDATE lidar_box SET length = 9.9 WHERE x < 108",))
+    path = short_log(tmp_path / "a.db", EGO, (EAST,), change=("UPDATE lidar_box SET length = 9.9 WHERE x < 108",))
     assert read(path).tracks[1].length_m == 4.6
 
 
 def test_chains_of_tokens_that_run_in_circles_are_not_followed(tmp_path: Path) -> None:
     circles = ("UPDATE lidar_pc SET next_token = token, prev_token = token", "UPDATE lidar_box SET next_token = token")
-    spoiled = read(write_log(tmp_path / "a.db", EGO, (EAST,), change=circles))
-    assert_allclose(spoiled.tracks[1].poses, read(write_log(tmp_path / "b.db", EGO, (EAST,))).tracks[1].poses)
+    spoiled = read(short_log(tmp_path / "a.db", EGO, (EAST,), change=circles))
+    assert_allclose(spoiled.tracks[1].poses, read(short_log(tmp_path / "b.db", EGO, (EAST,))).tracks[1].poses)
 
 
 def test_the_system_of_a_known_city_counts_whatever_the_log_says(tmp_path: Path) -> None:
-    found = read(write_log(tmp_path / "a.db", EGO, map_name="us-nv-las-vegas-strip"))
+    found = read(short_log(tmp_path / "a.db", EGO, map_name="us-nv-las-vegas-strip"))
     assert found.crs == "EPSG:32611"
     assert "The log says that its poses are in EPSG:32632" in found.notes[0]
 
 
 @given(speed_mps=st.floats(0.0, 30.0), heading_rad=st.floats(-3.1, 3.1), at=st.integers(0, 60))
-@settings(max_examples=15)
+@settings(max_examples=5)
 def test_poses_agree_with_velocities_whatever_the_course(
     speed_mps: float, heading_rad: float, at: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -167,12 +161,9 @@ def test_poses_agree_with_velocities_whatever_the_course(
     assert_allclose(np.diff(ego.poses[:, :2], axis=0) / 0.1, ego.velocity_mps[1:], atol=1e-6)
 
 
-# --- lights ----------------------------------------------------------------------------------------
-
-
 def test_lights_are_known_where_they_were_listed_and_unknown_elsewhere(tmp_path: Path) -> None:
     listed = {frame: "red" if frame < 50 else "green" for frame in range(20, 80)}
-    found = read(write_log(tmp_path / "a.db", EGO, lights={13: listed, 24: {0: "unknown"}}))
+    found = read(short_log(tmp_path / "a.db", EGO, lights={13: listed, 24: {0: "unknown"}}))
     assert list(found.lights) == ["13", "24"]
     shown = [SignalStatus(code).name for code in found.lights["13"]]
     assert shown == ["UNKNOWN"] * 10 + ["RED"] * 15 + ["GREEN"] * 15 + ["UNKNOWN"] * 11
@@ -181,16 +172,13 @@ def test_lights_are_known_where_they_were_listed_and_unknown_elsewhere(tmp_path:
 
 def test_a_step_without_a_sweep_shows_what_the_one_before_did(tmp_path: Path) -> None:
     listed = dict.fromkeys(range(101), "red")
-    found = read(write_log(tmp_path / "a.db", EGO, lights={13: listed}, missing=(39, 40, 41), change=(
+    found = read(short_log(tmp_path / "a.db", EGO, lights={13: listed}, missing=(39, 40, 41), change=(
         "DELETE FROM traffic_light_status WHERE lidar_pc_token NOT IN (SELECT token FROM lidar_pc)",)))  # fmt: skip
     assert (found.lights["13"] == SignalStatus.RED).all()
 
 
-# --- moments ---------------------------------------------------------------------------------------
-
-
 def test_moments_are_found_by_token_tag_and_time(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "a.db", EGO, tags={60: "near_multiple_vehicles", 20: "near_multiple_vehicles"})
+    path = short_log(tmp_path / "a.db", EGO, tags={60: "near_multiple_vehicles", 20: "near_multiple_vehicles"})
     with NuplanLog(path) as log:
         assert [m.token for m in log.moments_tagged("near_multiple_vehicles")] == [sweep(20), sweep(60)]
         assert log.moment(sweep(20).upper()).at_s == pytest.approx(1.0, abs=1e-3)
@@ -199,7 +187,7 @@ def test_moments_are_found_by_token_tag_and_time(tmp_path: Path) -> None:
 
 
 def test_moments_that_are_not_there_are_one_line(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "a.db", EGO, tags={20: "near_multiple_vehicles"})
+    path = short_log(tmp_path / "a.db", EGO, tags={20: "near_multiple_vehicles"})
     with NuplanLog(path) as log:
         with pytest.raises(InputError, match="there is no lidar_pc 0000000000000000; the token belongs to another log"):
             log.moment("00" * 8)
@@ -207,13 +195,10 @@ def test_moments_that_are_not_there_are_one_line(tmp_path: Path) -> None:
             log.moment("2d62-s0")
         with pytest.raises(UnknownNameError, match="Did you mean 'near_multiple_vehicles'"):
             log.moments_tagged("near_multiple_vehicle")
-        with pytest.raises(InputError, match=r"the log lasts from 0 to 20\.0 s, there is nothing at 21 s"):
+        with pytest.raises(InputError, match=r"the log lasts from 0 to 10\.5 s, there is nothing at 21 s"):
             log.moment_at(21.0)
         with pytest.raises(InputError, match="duration is 0 s"):
             log.recording(log.moment(sweep(0)), 0.0)
-
-
-# --- files that cannot be used ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("content", [b"", b"SQLite", b"PAR1" * 9])
@@ -226,40 +211,20 @@ def test_what_is_no_database_is_one_line(content: bytes, tmp_path: Path) -> None
         NuplanLog(tmp_path / "nowhere.db")
 
 
-def test_a_torn_database_is_one_line(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "a.db", EGO, (EAST,))
-    data = path.read_bytes()
-    path.write_bytes(data[:200] + b"\0" * (len(data) - 200))
-    with pytest.raises(InputError) as error:
-        NuplanLog(path)
-    assert "\n" not in str(error.value)
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         ("DROP TABLE traffic_light_status", "there is no table traffic_light_status; it is no log of nuPlan"),
+        ("DROP TABLE category; CREATE VIEW category AS SELECT token, 'vehicle' AS name FROM track",
+         "there is no table category"),
         ("ALTER TABLE lidar_box DROP COLUMN yaw", "table lidar_box has no column yaw"),
         ("DELETE FROM log", "log has 0 rows, expected one"),
         ("DELETE FROM lidar_pc", "lidar_pc is empty"),
         ("UPDATE log SET map_version = '../../etc'", "map_version is '../../etc', expected a name"),
         ("UPDATE log SET map_version = NULL", "log: map_version of row 1 is NULL, expected text"),
         ("UPDATE lidar_pc SET token = x'0102' WHERE timestamp = (SELECT MAX(timestamp) FROM lidar_pc)",
-         "lidar_pc: token of row 401 is a blob of 2 bytes, expected a blob of 8 bytes"),
+         "lidar_pc: token of row 101 is a blob of 2 bytes, expected a blob of 8 bytes"),
         ("UPDATE lidar_pc SET timestamp = 'now'", "timestamp of row 1 is 'now', expected a whole number"),
-    ],
-)  # fmt: skip
-def test_what_is_no_log_of_nuplan_is_refused_when_it_is_opened(change: str, said: str, tmp_path: Path) -> None:
-    path = write_log(tmp_path / "a.db", EGO, (EAST,), change=(change,))
-    with pytest.raises(InputError) as error:
-        NuplanLog(path)
-    assert said in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
         ("UPDATE ego_pose SET x = NULL", "ego_pose: x of row 1 is NULL, expected a number"),
         ("UPDATE ego_pose SET qw = 0, qz = 0", "are no rotation"),
         ("UPDATE ego_pose SET epsg = 32633 WHERE x > 10", "epsg is both 32632 and 32633"),
@@ -279,25 +244,18 @@ def test_what_is_no_log_of_nuplan_is_refused_when_it_is_opened(change: str, said
          "lane_connector_id of row 1 is 'x', expected a whole number"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_is_refused_when_it_is_read(change: str, said: str, tmp_path: Path) -> None:
-    path = write_log(tmp_path / "a.db", EGO, (EAST,), change=(change,))
+def test_what_is_no_log_or_cannot_be_is_refused(change: str, said: str, tmp_path: Path) -> None:
+    path = write_log(tmp_path / "a.db", EGO, (EAST,), frames=101, change=change.split(";"))
     with pytest.raises(InputError) as error:
         read(path)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_a_view_in_place_of_a_table_is_refused(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "a.db", EGO, change=(
-        "DROP TABLE category", "CREATE VIEW category AS SELECT token, 'vehicle' AS name FROM track"))  # fmt: skip
-    with pytest.raises(InputError, match="there is no table category"):
-        NuplanLog(path)
-
-
 @pytest.mark.parametrize(("most", "fits"), [(51, True), (50, False)])
 def test_a_flood_of_boxes_is_refused(most: int, fits: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(nuplan_db, "MOST_BOXES", most)
-    path = write_log(tmp_path / "a.db", EGO, (EAST,))
+    path = short_log(tmp_path / "a.db", EGO, (EAST,))
     if fits:
         assert len(read(path).tracks) == 2
     else:
@@ -306,7 +264,7 @@ def test_a_flood_of_boxes_is_refused(most: int, fits: bool, tmp_path: Path, monk
 
 
 def test_a_log_is_read_without_touching_its_folder(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "a.db", EGO, (EAST,))
+    path = short_log(tmp_path / "a.db", EGO, (EAST,))
     before = path.read_bytes()
     tmp_path.chmod(0o500)
     try:
@@ -317,29 +275,27 @@ def test_a_log_is_read_without_touching_its_folder(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["a.db"]
 
 
-def said_of(path: Path) -> str:
-    """Why a log cannot be read; nothing if it can."""
-    try:
-        read(path, duration_s=1.0)
-    except InputError as error:
-        return str(error)
-    return ""
-
-
 def test_no_file_with_flipped_bytes_ends_in_anything_but_one_line(tmp_path: Path) -> None:
-    whole = write_log(tmp_path / "a.db", EGO, (EAST,), frames=41).read_bytes()
+    path = write_log(tmp_path / "a.db", EGO, (EAST,), frames=41)
+    whole = path.read_bytes()
     rng = np.random.default_rng(0)
-    for attempt in range(40):
+    for attempt in range(20):
         data = bytearray(whole)
         for place in rng.integers(16, len(data), 60):
             data[int(place)] = int(rng.integers(256))
         path = tmp_path / f"{attempt}.db"
-        path.write_bytes(data)
-        assert "\n" not in said_of(path)
+        path.write_bytes(data if attempt else data[:200] + bytes(len(data) - 200))
+        said = ""
+        try:
+            read(path, duration_s=1.0)
+        except InputError as error:
+            said = str(error)
+        assert "\n" not in said
+        assert said or attempt  # the first one is torn
 
 
 def test_an_attached_journal_is_not_replayed(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "a.db", EGO, (EAST,))
+    path = short_log(tmp_path / "a.db", EGO, (EAST,))
     (tmp_path / "a.db-journal").write_bytes(b"junk")
     with closing(sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)):
         assert len(read(path).tracks) == 2

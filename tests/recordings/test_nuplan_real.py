@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from interplan_sumo.recordings.nuplan_db import KINDS, NuplanLog
+from interplan_sumo.world.recording import Recording
 from interplan_sumo.world.signals import SignalStatus
 from tests.realdata import real
 from tests.recordings.nuplan_dbs import CATEGORIES, LIDAR, LOG, SCENE, insert, new_log, sweep, token
@@ -62,10 +63,19 @@ def as_database(name: str, path: Path) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Recording]:
+    folder = tmp_path_factory.mktemp("scenes")
+    found: dict[str, Recording] = {}
+    for name in SCENES:
+        with NuplanLog(as_database(name, folder / f"{name}.db")) as log:
+            found[name] = log.recording(log.moment(sweep(0)))
+    return found
+
+
 @pytest.mark.parametrize("name", SCENES)
-def test_a_real_scene_comes_through_with_everyone_in_it(name: str, tmp_path: Path) -> None:
-    with NuplanLog(as_database(name, tmp_path / f"{name}.db")) as log:
-        found = log.recording(log.moment(sweep(0)))
+def test_a_real_scene_comes_through_with_everyone_in_it_and_its_lights(name: str, scenes: dict[str, Recording]) -> None:
+    found = scenes[name]
     recorded = rows(name, "tracks")
     assert (found.crs, found.ego_id) == ("EPSG:32611", sweep(0))
     others = [track for track in found.tracks if track.id != found.ego_id]
@@ -77,21 +87,15 @@ def test_a_real_scene_comes_through_with_everyone_in_it(name: str, tmp_path: Pat
     assert all(0.99 * seen[kind] <= kept[kind] for kind in seen)  # two sweeps of one scene have one time
     assert kept.total() <= 1.05 * seen.total()  # short gaps are filled
     assert 148 <= found.steps <= 151
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_real_lights_are_what_was_listed(name: str, tmp_path: Path) -> None:
-    with NuplanLog(as_database(name, tmp_path / f"{name}.db")) as log:
-        found = log.recording(log.moment(sweep(0)))
-    listed = [row for row in rows(name, "tl") if int(row["it"]) < found.steps]
-    assert set(found.lights) == {row["lane_connector_id"] for row in rows(name, "tl")}
+    listed = rows(name, "tl")
+    assert set(found.lights) == {row["lane_connector_id"] for row in listed}
     known = sum(int((status != SignalStatus.UNKNOWN).sum()) for status in found.lights.values())
-    assert known == pytest.approx(sum(row["status"] in ("RED", "GREEN") for row in listed), abs=30)
+    told = sum(row["status"] in ("RED", "GREEN") for row in listed if int(row["it"]) < found.steps)
+    assert known == pytest.approx(told, abs=30)
 
 
-def test_real_positions_and_velocities_tell_the_same_story(tmp_path: Path) -> None:
-    with NuplanLog(as_database(SCENES[1], tmp_path / "real.db")) as log:
-        found = log.recording(log.moment(sweep(0)))
+def test_real_positions_and_velocities_tell_the_same_story(scenes: dict[str, Recording]) -> None:
+    found = scenes[SCENES[1]]
     (ego,) = (track for track in found.tracks if track.id == found.ego_id)
     moved_mps, told_mps = np.diff(ego.poses[:, :2], axis=0) / found.step_s, ego.velocity_mps[1:]
     apart = np.hypot(*(moved_mps - told_mps).T) / np.hypot(*told_mps.T)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from worlds import ego
 
@@ -74,13 +74,14 @@ def test_headings_follow_the_way_and_stay_where_the_car_stands_or_backs() -> Non
     assert plan.heading_rad[-1] == pytest.approx(np.pi / 4)
 
 
+@settings(max_examples=25)
 @given(st.lists(st.tuples(st.floats(-20, 20), st.floats(-20, 20)), min_size=POINTS, max_size=POINTS))
 def test_every_answer_that_is_accepted_can_be_followed_however_little_a_car_can_do_of_it(
     steps: list[tuple[float, float]],
 ) -> None:
     state = ego(10.0, -4.0, 8.0, heading_rad=2.0)
     plan = trajectory(waypoints(said(np.cumsum(np.array(steps), axis=0).tolist())), state)
-    for _ in range(30):
+    for _ in range(15):
         plan = kept_up_with(plan, state)
         check_plan(plan, state, state.time_s)
         state = follow(state, plan, 0.1)
@@ -95,6 +96,7 @@ def test_a_plan_is_moved_only_as_far_as_it_must_be(off_m: float, moved_m: float)
     assert (moved is plan) == (moved_m == 0.0)
 
 
+@settings(max_examples=40)
 @given(
     st.recursive(
         st.none() | st.booleans() | st.floats() | st.text(), lambda s: st.lists(s) | st.dictionaries(st.text(), s)

@@ -30,9 +30,6 @@ def said(places: Floats, speed_mps: float = 10.0, actors: Actors | None = None) 
     return thoughts(observation(ego(0.0, 0.0, speed_mps), actors), places)
 
 
-# --- notable objects ---
-
-
 @pytest.mark.parametrize(("gap_m", "near"), [(2.9, True), (3.1, False)])
 def test_a_car_is_notable_whose_forecast_comes_within_three_metres_ahead(gap_m: float, near: bool) -> None:
     ahead = cars((HALF_LENGTH_M + 2.4 + gap_m, 0.0, 10.0))
@@ -77,9 +74,6 @@ def test_objects_are_named_with_where_they_are_now() -> None:
     assert said(future(10.0)) == "Nothing comes near. Keep speed, forward."
 
 
-# --- what is done ---
-
-
 @pytest.mark.parametrize(
     ("now_mps", "then_mps", "action"),
     [
@@ -121,16 +115,10 @@ def test_who_ends_up_turned_turns_however_little_to_the_side() -> None:
 
 
 def test_the_longest_thoughts_fit_into_an_answer() -> None:
+    kinds = (ActorKind.BICYCLE, ActorKind.PEDESTRIAN, ActorKind.BARRIER, ActorKind.CZONE_SIGN)
     walls = [
-        cars((8.0 + k, y), kind=kind, length_m=0.5, width_m=0.5, prefix=f"{kind.name}{k}")
-        for k, (kind, y) in enumerate(
-            [
-                (ActorKind.BICYCLE, 0.0),
-                (ActorKind.PEDESTRIAN, 2.1),
-                (ActorKind.BARRIER, -2.1),
-                (ActorKind.CZONE_SIGN, 0.0),
-            ]
-        )
+        cars((8.0 + k, y), kind=kind, length_m=0.5, width_m=0.5, prefix=kind.name)
+        for k, (kind, y) in enumerate(zip(kinds, (0.0, 2.1, -2.1, 0.0), strict=True))
     ]
     places = future(20.0, 6.0, aside_m=-3.0)
     text = thoughts(observation(ego(0.0, 0.0, 13.0), together(*walls)), places)

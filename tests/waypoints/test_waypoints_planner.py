@@ -15,9 +15,9 @@ from interplan_llm.waypoints.form import POINTS
 from interplan_llm.waypoints.planner import KEPT_S, LlmWaypointsPlanner
 from interplan_llm.waypoints.prompt import NEAREST
 from interplan_sumo.dynamics.lqr import follow
-from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Past
 from interplan_sumo.world.actors import ActorKind, Actors
+from tests.planners.staging_planners import driven
 
 ROAD = straight_road(lanes=2, length_m=600.0, limit_mps=12.0)
 TO_THE_LEFT = mission(ROAD, ("11",), goal_arc_m=400.0)
@@ -39,9 +39,6 @@ def asked(actors: Actors | None = None, *, centerline: bool = True, y_m: float =
     state = ego(100.0, y_m, 8.0)
     past = tuple(ego(100.0 - 0.8 * k, y_m, 8.0) for k in range(20, 0, -1))
     return made.request(observation(state, actors, None, Past(past, ()))).messages[1].text
-
-
-# --- the question ----------------------------------------------------------------------------------
 
 
 def test_places_are_told_in_the_cars_frame_with_their_motion() -> None:
@@ -74,29 +71,16 @@ def test_the_lanes_line_is_told_unless_it_is_switched_off() -> None:
     assert "Lane ahead" not in asked(centerline=False)
 
 
-# --- the answer ------------------------------------------------------------------------------------
-
-
 def test_a_plan_holds_for_a_second_and_is_followed() -> None:
     made = planner(*[answer(8.0)] * 10)
-    state = ego(100.0, -3.5, 8.0)
-    for _ in range(35):
-        plan = made.plan(observation(state))
-        check_plan(plan, state, state.time_s)
-        state = follow(state, plan, 0.1)
+    end = driven(made, ego(100.0, -3.5, 8.0), 35)[-1]
     assert made.ledger.queries == 4
-    assert state.x_m == pytest.approx(128.0, abs=0.5)
+    assert end.x_m == pytest.approx(128.0, abs=0.5)
 
 
 def test_without_an_answer_the_last_plan_is_driven_on_and_then_the_car_brakes() -> None:
     made = planner(answer(8.0), *[ModelFailure("timeout", "slow")] * 30)
-    state = ego(100.0, -3.5, 8.0)
-    speeds = [state.vx_mps]
-    for _ in range(90):
-        plan = made.plan(observation(state))
-        check_plan(plan, state, state.time_s)
-        state = follow(state, plan, 0.1)
-        speeds.append(state.vx_mps)
+    speeds = [state.vx_mps for state in driven(made, ego(100.0, -3.5, 8.0), 90)]
     assert min(speeds[: round(10 * KEPT_S)]) > 7.5
     assert speeds[-1] < 0.5
     assert made.ledger.fallbacks["timeout"] == 8
@@ -128,11 +112,7 @@ def test_in_real_time_an_answer_counts_when_it_has_come_and_no_question_before_t
 def test_what_no_car_can_do_is_driven_as_far_as_it_can_be() -> None:
     leap = json.dumps({"thoughts": "on", "waypoints": [[20.0, 3.0], *[[30.0, 3.0], [10.0, 0.0]] * 7, [30.0, 0.0]]})
     made = planner(*[leap] * 6)
-    state = ego(100.0, -3.5, 8.0)
-    for _ in range(50):
-        plan = made.plan(observation(state))
-        check_plan(plan, state, state.time_s)
-        state = follow(state, plan, 0.1)
+    driven(made, ego(100.0, -3.5, 8.0), 50)
     assert made.ledger.fallbacks.total() == 0
 
 
@@ -144,18 +124,10 @@ def test_nonsense_is_counted_and_not_driven() -> None:
 
 
 def test_every_question_asks_for_json_of_a_closed_form() -> None:
-    seen: list[Request] = []
-
-    def record(request: Request) -> str:
-        seen.append(request)
-        return answer(8.0)
-
-    made = planner()
-    made.model = ScriptedModel(record)
-    made.plan(observation(ego(100.0, -3.5, 8.0)))
-    assert seen[0].schema is not None
-    assert seen[0].schema["additionalProperties"] is False
-    assert seen[0].grammar is not None
+    request = planner().request(observation(ego(100.0, -3.5, 8.0)))
+    assert request.schema is not None
+    assert request.schema["additionalProperties"] is False
+    assert request.grammar is not None
 
 
 def test_an_example_for_fine_tuning_is_the_question_with_an_answer_that_can_be_read_back() -> None:
