@@ -31,24 +31,14 @@ def facts_with(**columns: object) -> Facts:
     return facts_of(replace(trace, ego=track(40, **columns)), ROAD)
 
 
-@pytest.mark.parametrize(
-    ("column", "signal", "side"),
-    [
-        ("ax_mps2", "longitudinal_acceleration_mps2", 0),
-        ("ax_mps2", "longitudinal_acceleration_mps2", 1),
-        ("ay_mps2", "lateral_acceleration_mps2", 0),
-        ("ay_mps2", "lateral_acceleration_mps2", 1),
-    ],
-)
-def test_accelerations_must_stay_strictly_inside(column: str, signal: str, side: int):
-    limit = BOUNDS[signal][side]
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("signal", ["longitudinal_acceleration_mps2", "lateral_acceleration_mps2"])
+def test_accelerations_must_stay_strictly_inside(signal: str, side: int):
+    limit, column = BOUNDS[signal][side], "ax_mps2" if signal.startswith("long") else "ay_mps2"
+    assert comfort(facts_with(**{column: limit * (1 - 1e-6)})).score == 1.0
     at_limit = comfort(facts_with(**{column: limit}))
     assert at_limit.score == 0.0
-    inside = comfort(facts_with(**{column: limit * (1 - 1e-6)}))
-    assert inside.score == 1.0
-    beyond = comfort(facts_with(**{column: limit * (1 + 1e-6)}))
-    assert beyond.score == 0.0
-    assert [name for name in BOUNDS if not beyond.detail[name]["within"]] == [signal]
+    assert [name for name in BOUNDS if not at_limit.detail[name]["within"]] == [signal]
 
 
 @pytest.mark.parametrize(("factor", "score"), [(0.999, 1.0), (1.001, 0.0)])

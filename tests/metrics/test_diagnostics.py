@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interplan_sumo.metrics.diagnostics import (
@@ -35,6 +35,7 @@ def test_the_nearest_approach_is_between_boxes():
     assert found["track"] == "car01"
 
 
+@settings(max_examples=30)
 @given(
     st.lists(
         st.tuples(st.floats(0.0, 100.0), st.floats(-30.0, 30.0), st.floats(0.0, 9.0), st.floats(-3.2, 3.2)),
@@ -58,25 +59,16 @@ def test_time_to_collision_at_true_velocities_has_no_steps_and_no_horizon():
     reversing = cars((50.0 + CONTACT_M + 10.0, 0.0, -10.0))
     assert detail(reversing)["time_to_collision_s"]["least"] == pytest.approx(0.5)
     assert detail(cars((50.0 + CONTACT_M + 10.0, 0.0, 11.0)))["time_to_collision_s"] is None
-
-
-def test_a_rear_end_ahead_of_time_is_seen():
     faster_behind = cars((50.0 - CONTACT_M - 6.0, 0.0, 12.0))
     assert detail(faster_behind)["time_to_collision_s"]["least"] == pytest.approx(3.0)
 
 
-def test_waiting_counts_the_steps_that_end_at_rest():
-    waited = detail(None, x_m=np.full(31, 50.0), speed_mps=[*[5.0] * 11, *[0.05] * 20])["waiting"]
-    assert waited["total_s"] == pytest.approx(2.0)
-    assert waited["longest"] == pytest.approx({"duration_s": 2.0, "time_s": 1.0})
-    assert detail(None, x_m=np.full(31, 50.0), speed_mps=0.0501)["waiting"] == {"total_s": 0.0, "longest": None}
-
-
-def test_the_longest_of_several_waits_is_named():
-    speeds = [*[0.0] * 5, *[3.0] * 5, *[0.0] * 8, *[3.0] * 3]
+def test_waiting_counts_the_steps_that_end_at_rest_and_names_the_longest():
+    speeds = [*[0.05] * 5, *[3.0] * 5, *[0.0] * 8, *[3.0] * 3]
     waited = detail(None, x_m=np.full(21, 50.0), speed_mps=speeds)["waiting"]
     assert waited["total_s"] == pytest.approx(1.2)
     assert waited["longest"] == pytest.approx({"duration_s": 0.8, "time_s": 0.9})
+    assert detail(None, x_m=np.full(31, 50.0), speed_mps=0.0501)["waiting"] == {"total_s": 0.0, "longest": None}
 
 
 def test_planner_times_are_summed_up():
@@ -109,23 +101,21 @@ def test_the_hardest_braking_of_a_follower_is_named():
     assert found["gap_m"] == pytest.approx(20.0 - CONTACT_M)
 
 
-@pytest.mark.parametrize(("gap_m", "follows"), [(LONGEST_GAP_M - 0.1, True), (LONGEST_GAP_M + 0.1, False)])
-def test_a_follower_is_near(gap_m: float, follows: bool):
-    x_m = 50.0 - CONTACT_M - gap_m
-    assert (braking([cars((x_m, 0.0, speed)) for speed in (10.0, 9.0)]) is not None) == follows
+TURNED = {off: LARGEST_ANGLE_RAD + off for off in (-0.01, 0.01)}
 
 
-@pytest.mark.parametrize(("off_rad", "follows"), [(-0.01, True), (0.01, False)])
-def test_a_follower_drives_in_the_direction_of_the_ego(off_rad: float, follows: bool):
-    turned = LARGEST_ANGLE_RAD + off_rad
-    place = (50.0 - 15.0 * np.cos(turned), -15.0 * np.sin(turned))
-    assert (braking([cars((*place, speed, turned)) for speed in (10.0, 9.0)]) is not None) == follows
-
-
-@pytest.mark.parametrize(("more_m", "follows"), [(-0.01, True), (0.01, False)])
-def test_a_follower_has_some_of_the_ego_in_its_way(more_m: float, follows: bool):
-    y_m = (2.297 + 2.0) / 2 + more_m
-    assert (braking(behind(10.0, 9.0, y_m=y_m)) is not None) == follows
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "heading_rad", "follows"),
+    [
+        *((50.0 - CONTACT_M - LONGEST_GAP_M - off, 0.0, 0.0, off < 0.0) for off in TURNED),  # it is near,
+        *((50.0 - 15.0 * np.cos(a), -15.0 * np.sin(a), a, off < 0.0) for off, a in TURNED.items()),  # drives our way,
+        *((30.0, (2.297 + 2.0) / 2 + off, 0.0, off < 0.0) for off in TURNED),  # and has some of the ego in its way
+    ],
+)
+def test_a_follower_is_near_drives_our_way_and_has_the_ego_in_its_way(
+    x_m: float, y_m: float, heading_rad: float, follows: bool
+):
+    assert (braking([cars((x_m, y_m, speed, heading_rad)) for speed in (10.0, 9.0)]) is not None) == follows
 
 
 def test_only_a_follower_counts():

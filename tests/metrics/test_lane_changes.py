@@ -21,26 +21,21 @@ def ending(x_m: float, y_m: float, *, start: str = "11", goal: tuple[str, float]
     return facts_of(drive_at([20.0, x_m], [lane_y_m(int(start[1]) - 1), y_m]), ROAD, NOBODY, scenario)
 
 
-@pytest.mark.parametrize(("lane", "score"), [(0, 0.0), (1, 1 / 3), (2, 2 / 3), (3, 1.0)])
-def test_each_change_made_earns_its_share(lane: int, score: float):
-    result = lane_changes(ending(250.0, lane_y_m(lane)))
+@pytest.mark.parametrize(
+    ("x_m", "start", "goal", "lane", "score"),
+    [
+        *((250.0, "11", "34", lane, lane / 3) for lane in range(4)),
+        (60.0, "11", "34", 3, 1.0),  # it counts wherever on the route the drive ends
+        (110.0, "11", "34", 2, 2 / 3),
+        (250.0, "12", "34", 0, 0.0),  # moving away from the goal lane is no less than zero
+        *((250.0, "12", "32", lane, float(lane == 1)) for lane in range(3)),  # leaving a lane that is right costs all
+    ],
+)
+def test_each_change_made_earns_its_share(x_m: float, start: str, goal: str, lane: int, score: float):
+    result = lane_changes(ending(x_m, lane_y_m(lane), start=start, goal=(goal, 150.0)))
     assert result.score == pytest.approx(score)
-    assert result.detail["initial"] == 3
-    assert result.detail["goal"] is (lane == 3)
-
-
-def test_it_counts_wherever_on_the_route_the_drive_ends():
-    assert lane_changes(ending(60.0, lane_y_m(3))).score == 1.0
-    assert lane_changes(ending(110.0, lane_y_m(2))).score == pytest.approx(2 / 3)
-
-
-def test_moving_away_from_the_goal_lane_is_no_less_than_zero():
-    assert lane_changes(ending(250.0, lane_y_m(0), start="12")).score == 0.0
-
-
-@pytest.mark.parametrize(("lane", "score"), [(1, 1.0), (0, 0.0), (2, 0.0)])
-def test_where_nothing_is_needed_leaving_the_lane_costs_all(lane: int, score: float):
-    assert lane_changes(ending(250.0, lane_y_m(lane), start="12", goal=("32", 150.0))).score == score
+    assert result.detail["initial"] == int(goal[1]) - int(start[1])
+    assert result.detail["goal"] is (score == 1.0)
 
 
 def test_off_the_route_at_the_end_scores_nothing():

@@ -35,32 +35,19 @@ def passing(x_m: object, *staged: Obstacle | Jaywalker) -> MetricResult:
     return obstacle_passed(facts_with(x_m, *staged))
 
 
-@pytest.mark.parametrize(("beyond_m", "score"), [(-1e-6, 0.0), (1e-6, 1.0)])
-def test_the_rear_bumper_must_be_beyond_the_last_corner(beyond_m: float, score: float):
-    assert passing([50.0, 102.4 + REAR_M + beyond_m], CAR).score == score
+CONE = Obstacle(LanePosition("11", 110.0), "cone")
+BUS = Obstacle(LanePosition("11", 150.0, -3.0), "bus")
+ACROSS = Obstacle(LanePosition("11", 100.0), turned_rad=np.pi / 2, length_m=4.8, width_m=2.0)
 
 
-def test_every_obstacle_must_be_passed():
-    cone = Obstacle(LanePosition("11", 110.0), "cone")
-    assert passing([50.0, 106.0], CAR).score == 1.0
-    assert passing([50.0, 106.0], CAR, cone).score == 0.0
-    assert passing([50.0, 113.0], CAR, cone).score == 1.0
-
-
-def test_of_a_way_across_the_farther_end_counts():
-    assert passing([50.0, 122.9 + REAR_M], CROSSING).score == 0.0
-    assert passing([50.0, 123.1 + REAR_M], CROSSING).score == 1.0
-
-
-def test_where_pedestrians_cross_the_bus_beside_them_is_scenery():
-    bus = Obstacle(LanePosition("11", 150.0, -3.0), "bus")
-    assert passing([50.0, 130.0], CROSSING, bus).score == 1.0
-
-
-def test_an_obstacle_turned_in_its_lane_reaches_as_far_as_its_corners():
-    across = Obstacle(LanePosition("11", 100.0), turned_rad=np.pi / 2, length_m=4.8, width_m=2.0)
-    assert passing([50.0, 100.9 + REAR_M], across).score == 0.0
-    assert passing([50.0, 101.1 + REAR_M], across).score == 1.0
+@pytest.mark.parametrize(
+    ("staged", "passed_m"),
+    [((CAR,), 102.4), ((CAR, CONE), 110.25), ((CROSSING,), 123.0), ((CROSSING, BUS), 123.0), ((ACROSS,), 101.0)],
+    ids=["a car", "the last of two", "the farther end of a way", "a bus there is scenery", "a car across the lane"],
+)
+def test_the_rear_bumper_must_be_beyond_the_last_corner(staged: tuple[Obstacle | Jaywalker, ...], passed_m: float):
+    assert passing([50.0, passed_m + REAR_M - 1e-6], *staged).score == 0.0
+    assert passing([50.0, passed_m + REAR_M + 1e-6], *staged).score == 1.0
 
 
 def test_one_frame_beyond_is_enough_and_its_time_is_kept():

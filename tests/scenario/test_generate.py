@@ -7,7 +7,6 @@ from itertools import islice
 import pytest
 from worlds import straight_road
 
-from interplan_sumo.errors import UnknownNameError
 from interplan_sumo.families import names
 from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import load_roads
@@ -53,8 +52,3 @@ def test_more_scenarios_than_sites_come_from_places_beside_them() -> None:
     made = list(islice(Search(roads, "construction", 0), 30))
     assert len(made) == 30
     assert len({s.id for s in made}) == 30
-
-
-def test_an_unknown_family_is_refused_with_the_nearest_name() -> None:
-    with pytest.raises(UnknownNameError, match="nudge"):
-        Search(load_roads("strip"), "nuge", 0)

@@ -12,7 +12,6 @@ from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
 from interplan_sumo.verification.audit import asks, classes, noisy_objects, unsafe_agents
 from interplan_sumo.world.actors import Actors
-from interplan_sumo.world.trace import Trace
 
 CLASS_OF = {"jaywalker": "jaywalkers"} | dict.fromkeys(
     ("lane_change_ltd", "lane_change_mtd", "lane_change_htd"), "lane changes"
@@ -36,34 +35,28 @@ def test_the_classes_are_each_named_once() -> None:
     assert len(set(classes())) == len(classes()) == 7
 
 
-def trace_of(frames: list[Actors]) -> Trace:
-    return drive(*[0.0] * len(frames), actors=frames)
+def at(x_m: float, heading_rad: float = 0.0, speed_mps: float = 0.0) -> Actors:
+    return cars((x_m, 3.5, speed_mps, heading_rad))
 
 
-def moving(x_m: float) -> Actors:
-    return cars((x_m, 3.5, 10.0))
-
-
-def test_an_object_that_moves_as_fast_as_it_says_is_quiet() -> None:
-    assert noisy_objects(trace_of([moving(20.0), moving(21.0), moving(22.0)])) == ()
-
-
-@pytest.mark.parametrize(("step_m", "noisy"), [(1.49, False), (1.51, True), (0.51, False), (0.49, True)])
-def test_an_object_that_moves_half_a_metre_more_or_less_jumps(step_m: float, noisy: bool) -> None:
-    assert bool(noisy_objects(trace_of([moving(20.0), moving(20.0 + step_m)]))) is noisy
-
-
-@pytest.mark.parametrize(("turn_rad", "noisy"), [(0.49, False), (0.51, True)])
-def test_an_object_that_turns_by_half_a_radian_spins(turn_rad: float, noisy: bool) -> None:
-    frames = [cars((20.0, 3.5, 0.0, 0.0)), cars((20.0, 3.5, 0.0, turn_rad))]
-    assert bool(noisy_objects(trace_of(frames))) is noisy
-
-
-@pytest.mark.parametrize(("x_m", "noisy"), [(45.0, True), (60.0, False)])
-def test_an_object_that_comes_from_nowhere_beside_the_ego_is_noisy(x_m: float, noisy: bool) -> None:
-    nobody = cars()
-    assert bool(noisy_objects(trace_of([nobody, cars((x_m, 0.0, 0.0, 0.0))]))) is noisy
-    assert bool(noisy_objects(trace_of([cars((x_m, 0.0, 0.0, 0.0)), nobody]))) is noisy
+@pytest.mark.parametrize(
+    ("before", "after", "noisy"),
+    [
+        (at(20.0, 0.0, 10.0), at(21.0, 0.0, 10.0), False),  # as fast as it says
+        (at(20.0, 0.0, 10.0), at(21.49, 0.0, 10.0), False),  # half a metre more
+        (at(20.0, 0.0, 10.0), at(21.51, 0.0, 10.0), True),
+        (at(20.0, 0.0, 10.0), at(20.51, 0.0, 10.0), False),  # or less
+        (at(20.0, 0.0, 10.0), at(20.49, 0.0, 10.0), True),
+        (at(20.0), at(20.0, 0.49), False),  # half a radian
+        (at(20.0), at(20.0, 0.51), True),
+        (cars(), cars((45.0, 0.0)), True),  # from nowhere beside the ego, or into nowhere
+        (cars(), cars((60.0, 0.0)), False),
+        (cars((45.0, 0.0)), cars(), True),
+        (cars((60.0, 0.0)), cars(), False),
+    ],
+)
+def test_an_object_that_jumps_spins_or_comes_from_nowhere_is_noisy(before: Actors, after: Actors, noisy: bool) -> None:
+    assert bool(noisy_objects(drive(0.0, 0.0, actors=[before, after]))) is noisy
 
 
 def test_only_contacts_that_are_not_the_egos_fault_are_unsafe_agents() -> None:

@@ -87,23 +87,6 @@ def test_recorded_lights_are_what_everyone_sees_at_every_step(form: int, tmp_pat
             traffic.advance()
 
 
-def test_sumo_stops_at_a_recorded_red_light_and_goes_at_green(tmp_path: Path) -> None:
-    scenario = imported(tmp_path, "--agents", "sumo", "--at", "4")[0]
-    roads = load_roads(scenario.map, scenario.maps_beside)
-    stop_m = roads["1"].centerline.points[-1][0]
-    with open_traffic(scenario, roads) as traffic:
-        state = start_state(scenario, roads)
-        fronts: list[float] = []
-        for _ in range(150):
-            actors = traffic.observe().actors
-            car = actors.kind == 0
-            fronts.append(float((actors.x_m + actors.length_m / 2.0)[car].max(initial=-1e9)))
-            traffic.react(state)
-            traffic.place_ego(state)
-            traffic.advance()
-    assert fronts[59] < stop_m < fronts[-1]
-
-
 def test_the_command_names_the_log_and_the_way_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     root, source = maps_root(tmp_path), log(tmp_path, map_name="us-nv-las-vegas-strip")
     command = ["scenarios", "import", str(source), "--map", str(root), "--out", str(tmp_path / "out"), "--no-certify"]
@@ -113,6 +96,9 @@ def test_the_command_names_the_log_and_the_way_out(tmp_path: Path, capsys: pytes
     assert "is in EPSG:32611, map tiny-town in EPSG:32632" in capsys.readouterr().err
     assert main([*command, "--logs", str(source)]) == 2
     assert "is a log of nuPlan, which takes no --logs; it takes --at, --token" in capsys.readouterr().err
+    (tmp_path / "a.xml").write_text("<commonRoad/>")
+    assert main([*command[:2], str(tmp_path / "a.xml"), *command[3:], "--tag", "x"]) == 2
+    assert "a.xml is a scenario of CommonRoad, which takes no --tag; it takes --at, --ego" in capsys.readouterr().err
 
 
 def test_two_moments_with_one_other_car_as_the_ego_are_refused(
@@ -123,13 +109,6 @@ def test_two_moments_with_one_other_car_as_the_ego_are_refused(
     assert main([*command, "--at", "2"]) == 2
     assert "name one moment at a time with --ego" in capsys.readouterr().err
     assert main(command) == 0
-
-
-def test_tokens_and_tags_of_other_formats_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "a.xml"
-    file.write_text("<commonRoad/>")
-    assert main(["scenarios", "import", str(file), "--map", "strip", "--out", str(tmp_path), "--tag", "x"]) == 2
-    assert "a.xml is a scenario of CommonRoad, which takes no --tag; it takes --at, --ego" in capsys.readouterr().err
 
 
 def test_the_map_of_a_log_is_found_in_a_root_in_a_folder_or_by_name(tmp_path: Path) -> None:

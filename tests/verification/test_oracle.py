@@ -121,14 +121,6 @@ def test_it_finds_the_better_option_where_the_policy_takes_the_worse() -> None:
     assert worse == alone.value
 
 
-def test_a_good_policy_is_left_alone() -> None:
-    make = Workshop("creep", "go")
-    found = searched(make, "go", Effort(enough=inf))
-    assert [each.best for each in found.tried] == ["go"] * SECONDS
-    assert found.value == searched(make, "go").value
-    assert found.drives == 1 + SECONDS
-
-
 def test_of_options_that_are_as_good_the_one_that_was_held_stays() -> None:
     found = searched(Workshop("also_go", "go"), "go", Effort(enough=inf))
     assert {each.values[0] for each in found.tried} == {found.value}
@@ -216,23 +208,3 @@ def test_scores_come_first_then_gates_then_progress() -> None:
     assert Value(0.0, 0, 0.0).beats(Value(-1.0, 0, 1.0))  # no fault is the best, a later one the better
     assert Value(-1.0, 0, 0.5).beats(Value(-1.0, 0, 0.25))
     assert not value.beats(Value(0.5 - 1e-7, 3, 0.5))  # as good as equal
-
-
-@pytest.mark.slow
-def test_the_oracle_of_the_hybrid_is_worth_no_less_than_its_coin() -> None:
-    from interplan_llm.hybrid.choosers import RandomChooser
-    from interplan_llm.hybrid.planner import HybridPlanner
-    from interplan_sumo.scenario.suite import expert, find_scenario
-
-    scenario = find_scenario("construction/2")
-    coin, oracle = (
-        oracle_drive(
-            scenario, expert(scenario), lambda chooser, plans: HybridPlanner(chooser, recorded=plans), RandomChooser(),
-            effort=Effort(every=2, hold=3, enough=inf, most_drives=most),
-        )
-        for most in (1, 6)
-    )  # fmt: skip
-    assert not coin.value.beats(oracle.value)
-    assert oracle.drives >= 6
-    assert oracle.tried[0].held == coin.choices[0].taken
-    assert all(each.best in each.options for each in oracle.tried)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import radians
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from interplan_sumo.errors import InputError
 from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.scenario.scenario import LanePosition, Scenario
+from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_suite, suites
 from interplan_sumo.verification.ordinary_scenes import FIRST_SEED, KINDS, NEAR_M, is_official, ordinary_scenes
 from interplan_sumo.verification.start_checks import start_problems
@@ -61,21 +60,11 @@ def test_seeds_that_may_have_made_suites_are_refused() -> None:
         ordinary_scenes(load_roads(MAP), FIRST_SEED - 1)
 
 
-def moved(scenario: Scenario, ahead_m: float) -> Scenario:
-    return replace(scenario, id="mine/0", start=replace(scenario.start, arc_m=scenario.start.arc_m + ahead_m))
-
-
 @pytest.mark.parametrize(("ahead_m", "found"), [(0.0, True), (NEAR_M - 0.1, True), (NEAR_M + 0.1, False)])
 def test_a_start_within_5_m_of_an_official_one_with_its_route_is_that_one(ahead_m: float, found: bool) -> None:
     official = find_suite("interplan==1").scenarios[0]
-    roads = load_roads(official.map)
-    straight = abs(ahead_m) < 1.0 or np.allclose(
-        roads[official.start.lane].centerline.pose_at(official.start.arc_m).heading_rad,
-        roads[official.start.lane].centerline.pose_at(official.start.arc_m + ahead_m).heading_rad,
-        atol=radians(5.0),
-    )
-    assert straight
-    assert is_official(moved(official, ahead_m), roads) == found
+    start = replace(official.start, arc_m=official.start.arc_m + ahead_m)
+    assert is_official(replace(official, id="mine/0", start=start), load_roads(official.map)) == found
 
 
 def test_another_route_from_the_same_place_is_another_scene() -> None:
@@ -83,19 +72,6 @@ def test_another_route_from_the_same_place_is_another_scene() -> None:
     roads = load_roads(official.map)
     assert is_official(official, roads)
     assert not is_official(replace(official, route=official.route[:1]), roads)
-
-
-def test_a_lane_beside_at_another_angle_is_another_scene() -> None:
-    official = find_suite("interplan==1").scenarios[0]
-    roads = load_roads(official.map)
-    here = official.start.pose(roads)
-    crossing = [
-        lane.id
-        for lane in roads.lanes.values()
-        if abs(np.cos(lane.centerline.pose_at(lane.centerline.length_m / 2.0).heading_rad - here.heading_rad)) < 0.5
-    ]
-    lane = roads[crossing[0]].centerline
-    assert not is_official(replace(official, start=LanePosition(crossing[0], lane.length_m / 2.0)), roads)
 
 
 def test_trips_turn_and_change_lane() -> None:
