@@ -17,7 +17,7 @@ import numpy as np
 
 from interplan_sumo.dataset.columns import Columns, count_of, joined, write_arrays
 from interplan_sumo.dataset.drives import DriveSelection, chosen_drives, driven
-from interplan_sumo.dataset.observation_replay import SeenAgain
+from interplan_sumo.dataset.observation_replay import ObservationReplay
 from interplan_sumo.dataset.samples import drive_samples
 from interplan_sumo.features.lane_graph import lane_graph
 from interplan_sumo.features.map_lines import map_lines
@@ -50,12 +50,12 @@ def main() -> None:
         began = time.perf_counter()
         lane_graph(roads)
         graph_s = seconds_since(began)
-        seen_again = SeenAgain(scenario, roads, trace)
-        view = EgoView(seen_again.mission)
+        replayed = ObservationReplay(scenario, roads, trace)
+        view = EgoView(replayed.mission)
         here: list[float] = []
         actors, lanes = [], []
         for frame in range(len(trace)):
-            seen = seen_again.at(frame)
+            seen = replayed.at(frame)
             began = time.perf_counter()
             arrays = view.arrays(seen)
             here.append(1e3 * seconds_since(began))

@@ -157,3 +157,14 @@ def test_a_public_class_has_a_name_of_its_own() -> None:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
     assert not {name: found for name, found in places.items() if len(found) > 1}
+
+
+def test_no_modules_import_one_another_in_a_circle() -> None:
+    names = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in MODULES if path.stem != "__init__"
+    }
+    left = {name: {each for each in imported(path) if each in names} - {name} for name, path in names.items()}
+    while ground := [name for name, needs in left.items() if not needs & left.keys()]:
+        for name in ground:
+            del left[name]
+    assert not left, f"these need one another: {sorted(left)}"

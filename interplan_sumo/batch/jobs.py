@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Literal
 
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import AppliedOverrides, JobKey
+from interplan_sumo.batch.overrides import Overrides
+from interplan_sumo.batch.records import JobKey
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.maps.store import MapFiles, find_map
 from interplan_sumo.scenario.files import is_scenario_file, read_scenarios
-from interplan_sumo.scenario.scenario import Density, Scenario
+from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, Suite, find_suite
-from interplan_sumo.world.files import file_hash
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,54 +99,6 @@ class Selection:
         files, globs = split_files(options.scenarios)
         source = ScenarioSource.of(options.suite, files)
         return cls(source, files, chosen(source.scenarios, globs, options.limit))
-
-
-@dataclass(frozen=True, slots=True)
-class Overrides:
-    """What the user changed in the official scenarios; nothing by default."""
-
-    density: Literal["low", "medium", "high"] | None = None
-    behaviour: str | None = None
-    vehicle_types: Path | None = None
-    """A vehicle-type file of the user's instead of the scenario's."""
-
-    def __bool__(self) -> bool:
-        return self != Overrides()
-
-    def canonical(self) -> AppliedOverrides:
-        """For manifests and rows: equal where and only where the runs mean the same.
-
-        A vehicle-type file counts by name and content, wherever it lies.
-        """
-        traffic = None
-        if self.vehicle_types is not None:
-            try:
-                digest = file_hash(self.vehicle_types)
-            except OSError as error:
-                raise InputError(f"cannot read the vehicle-type file {self.vehicle_types}: {error.strerror}") from None
-            traffic = f"{self.vehicle_types.name} sha256:{digest[:16]}"
-        return AppliedOverrides(self.density, self.behaviour, traffic)
-
-    def applied(self, scenario: Scenario) -> Scenario:
-        """The scenario with them; one without moving traffic stays as it is."""
-        traffic = scenario.traffic
-        if traffic.density == "none" and traffic.oncoming == "none":
-            return scenario
-        density = self.density
-
-        def changed(before: Density) -> Density:
-            return before if density is None or before == "none" else density
-
-        behaviour = traffic.behaviour if self.behaviour is None else self.behaviour
-        return replace(
-            scenario,
-            traffic=replace(
-                traffic,
-                density=changed(traffic.density),
-                oncoming=changed(traffic.oncoming),
-                behaviour=behaviour,  # type: ignore[arg-type]  # any file in routes/
-            ),
-        )
 
 
 def chosen(scenarios: Sequence[Scenario], globs: Sequence[str], limit: int | None = None) -> tuple[Scenario, ...]:

@@ -14,13 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from interplan_sumo.batch.processes import Workers
+from interplan_sumo.batch.records import MOST_SEEDS
 from interplan_sumo.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
-    from interplan_sumo.batch.jobs import Overrides
+    from interplan_sumo.batch.overrides import Overrides
     from interplan_sumo.batch.tasks import Limits
-
-MOST_SEEDS: Final = 10_000
 
 
 def _about(help: str, **about: Any) -> dict[str, Any]:
@@ -122,7 +121,7 @@ class RunOptions:
     @property
     def overrides(self) -> Overrides:
         """What is changed in the scenarios."""
-        from interplan_sumo.batch.jobs import Overrides
+        from interplan_sumo.batch.overrides import Overrides
 
         return Overrides(vehicle_types=self.traffic, **{name: getattr(self, name) for name in SETTINGS})
 

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, Self, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct, structs
 
-from interplan_sumo.batch.options import MOST_SEEDS
 from interplan_sumo.errors import InterplanError
 
 if TYPE_CHECKING:
@@ -27,6 +26,8 @@ MOST_TEXT = 4000
 T = TypeVar("T")
 
 Score = Annotated[float, Meta(ge=0.0, le=1.0)]
+MOST_SEEDS: Final = 10_000
+"""Of one request."""
 Seed = Annotated[int, Meta(ge=0, lt=MOST_SEEDS)]
 Count = Annotated[int, Meta(ge=0, lt=2**53)]
 Seconds = Annotated[float, Meta(ge=0.0, le=1e9)]

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 from interplan_sumo.batch.custom_references import own_expert
-from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import OWN_SCENARIOS, StoredRun
 from interplan_sumo.errors import InputError

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from defusedxml.ElementTree import parse, tostring
 
-from interplan_sumo.batch.jobs import Overrides
+from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import Manifest
 from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.errors import InputError, UnknownNameError, VehicleTypeError

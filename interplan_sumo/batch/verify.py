@@ -17,8 +17,9 @@ from msgspec import structs
 from interplan_sumo.batch import custom_references
 from interplan_sumo.batch.backend import drive_answer, drive_outcomes
 from interplan_sumo.batch.drive_job import DriveSettings
-from interplan_sumo.batch.jobs import Job, Overrides
+from interplan_sumo.batch.jobs import Job
 from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import DriveAnswer, Fault, JobKey, Row
 from interplan_sumo.batch.run import RunProgress, here
 from interplan_sumo.batch.run_folder import StoredRun

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
 
-from interplan_sumo import __version__
 from interplan_sumo.batch.records import JobKey
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
+from interplan_sumo.batch.versions import versions
 from interplan_sumo.dataset.cars import Cars
 from interplan_sumo.dataset.recorded import RECORDED, Window, maps_beside, window_drive, windows
 from interplan_sumo.dataset.records import DriveRecord, Origin, Split
@@ -198,7 +198,7 @@ def _of_suite(suite: Suite, left_out: Counter[str]) -> Iterable[Drive]:
             continue
         yield Drive(
             "certificate", suite.key, scenario, find_map(scenario.map, scenario.maps_beside), CERTIFICATE, 0,
-            certificate.summary.score, certificate.summary.trace_hash, __version__,
+            certificate.summary.score, certificate.summary.trace_hash, versions()["interplan_sumo"],
         )  # fmt: skip
 
 
@@ -211,8 +211,8 @@ def _of_recording(source: Path, map: str, number: int, left_out: Counter[str]) -
             continue
         scenario = replace(made, maps_beside=maps_beside(window))
         yield Drive(
-            "recording", window.path.name, scenario, window.map, RECORDED, number, None, trace.hash(), __version__,
-            window=window,
+            "recording", window.path.name, scenario, window.map, RECORDED, number, None, trace.hash(),
+            versions()["interplan_sumo"], window=window,
         )  # fmt: skip
 
 

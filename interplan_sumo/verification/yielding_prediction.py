@@ -1,7 +1,7 @@
 """Courtesy: how those who come towards the ego will take it that it enters their lane.
 
-A cautious driver brakes as soon as the ego's box touches his lane; those
-behind him have to wait as well. A plan that counts on it is a guess: the
+A cautious driver brakes as soon as the ego's box touches its lane; those
+behind it have to wait as well. A plan that counts on it is a guess: the
 simulator has the last word.
 """
 
@@ -30,7 +30,7 @@ from interplan_sumo.verification.speed_lattice import cheapest_profile
 from interplan_sumo.world.geometry import Floats
 
 CAUTIOUS_OVERLAP = 0.2
-"""Whoever reacts from this share of the ego's box in his lane on, or from less, is cautious."""
+"""Whoever reacts from this share of the ego's box in its lane on, or from less, is cautious."""
 COMING_MPS = -1.0
 """Whoever drives along the line more slowly than this comes towards the ego."""
 QUEUE_GAP_M = 1.0

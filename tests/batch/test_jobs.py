@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.batch.jobs import Overrides, chosen, jobs_for
+from interplan_sumo.batch.jobs import chosen, jobs_for
+from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import AppliedOverrides, keys_of
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from interplan_sumo.batch.options import MOST_SEEDS, RunOptions, settings_of
+from interplan_sumo.batch.options import RunOptions, settings_of
+from interplan_sumo.batch.records import MOST_SEEDS
 from interplan_sumo.errors import InputError, UnknownNameError
 
 

@@ -13,8 +13,8 @@ from defusedxml.ElementTree import parse
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interplan_sumo.batch.jobs import Overrides
 from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.batch.sweep import (

@@ -184,7 +184,7 @@ def test_the_quick_way_for_straight_plans_gives_what_the_whole_fit_gives() -> No
 
 
 def test_a_plan_that_bends_after_a_straight_is_steered_into_ahead_of_the_bend() -> None:
-    heading = np.concatenate((np.zeros(5), 0.05 * np.arange(1, 40)))
+    heading = np.concatenate((np.zeros(5), 0.05 * np.arange(1.0, 40.0)))
     x, y = (np.concatenate(([0.0], np.cumsum(0.8 * turn(heading[:-1])))) for turn in (np.cos, np.sin))
     plan = through_rear_axle(every(0.1, len(heading)), x, y, heading)
     assert target(ego_with_rear_axle(0.0, 0.0, 0.0, vx_mps=8.0), plan).curvature_per_m[9] == pytest.approx(

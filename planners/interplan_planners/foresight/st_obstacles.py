@@ -72,7 +72,7 @@ class _Contender:
     """Somebody to whom the ego may give way."""
 
     when_s: float
-    """He matters from then on: orders contenders."""
+    """It matters from then on: orders contenders."""
     near_m: Floats  # (K + 1,)
     speed_mps: Floats  # (K + 1,)
     merges: bool
@@ -165,7 +165,7 @@ class _Moving:
     first: NDArray[np.int64]
     """The instant at which it is there first."""
     entering_mps: Floats
-    """His speed along the course then."""
+    """Its speed along the course then."""
     along: NDArray[np.bool_]
     still: NDArray[np.bool_]
     people: NDArray[np.bool_]
