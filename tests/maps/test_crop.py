@@ -25,7 +25,7 @@ def city() -> Roads:
     return grid_city(PLAN)
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(x_m=st.floats(0.0, 240.0), y_m=st.floats(0.0, 180.0), radius_m=st.floats(60.0, 150.0))
 def test_a_crop_is_whole_and_consistent(x_m: float, y_m: float, radius_m: float) -> None:
     part = crop(city(), X_M + x_m, Y_M + y_m, radius_m)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interplan_sumo.maps.importers.cross_sections import SPACING_M, CrossSections, bridge, cells, largest, sound
@@ -25,6 +25,7 @@ def straight(*left_m: float, length_m: float = 20.0) -> CrossSections:
     return CrossSections.of([np.array([[0.0, y], [length_m, y]]) for y in left_m])
 
 
+@settings(max_examples=30)
 @given(lines, lines)
 def test_every_vertex_of_a_boundary_stays_and_spacing_is_bounded(
     left: list[tuple[float, float]], right: list[tuple[float, float]]
@@ -38,6 +39,7 @@ def test_every_vertex_of_a_boundary_stays_and_spacing_is_bounded(
         assert np.hypot(*np.diff(band.across[:, k], axis=0).T).max() <= SPACING_M + 0.02
 
 
+@settings(max_examples=30)
 @given(lines, st.floats(0.05, 0.95))
 def test_a_ribbon_cut_in_two_covers_what_it_did(steps: list[tuple[float, float]], share: float) -> None:
     band = CrossSections.of((boundary(steps, 3.0), boundary(steps, 0.0)))

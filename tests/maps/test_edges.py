@@ -106,7 +106,7 @@ def test_a_lane_group_from_a_node_to_itself_is_cut_in_the_middle() -> None:
         assert_whole(roads, found)
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(
     st.integers(1, 5),
     st.floats(5.0, 200.0),

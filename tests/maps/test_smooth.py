@@ -51,7 +51,7 @@ def test_a_way_leaves_and_arrives_in_the_direction_of_its_neighbours() -> None:
 
 
 @given(st.lists(st.floats(-60.0, 60.0), min_size=1, max_size=6))
-@settings(max_examples=50)
+@settings(max_examples=20)
 def test_ends_stay_and_nothing_moves_far(turns_deg: list[float]) -> None:
     points, heading = [np.zeros(2)], 0.0
     for turn in turns_deg:
