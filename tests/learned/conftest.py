@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +21,14 @@ def tiny_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def tiny_data(tiny_folder: Path) -> Dataset:
     return read_dataset(tiny_folder)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def modules_that_need_torch(request: pytest.FixtureRequest) -> None:
+    """What a test module names in NEEDS_TORCH: imported when its tests run, since collection must not take seconds."""
+    for name, module in getattr(request.module, "NEEDS_TORCH", {}).items():
+        pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
+        setattr(request.module, name, importlib.import_module(module))
 
 
 @pytest.fixture(autouse=True)

@@ -52,9 +52,6 @@ def start(*paths: Floats, speed_mps: float = 0.0, push_mps2: float = 0.0, limit_
     )  # fmt: skip
 
 
-# --- speeds --------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("speed_mps", "limit_mps", "least", "most"),
     [
@@ -86,9 +83,6 @@ def test_profiles_that_would_go_backwards_stand_instead() -> None:
     speeds = cubic_speeds(np.array(0.5), np.array(-4.0), np.array(0.0), 30)
     assert speeds.min() == 0.0
     assert speeds[-1] == 0.0
-
-
-# --- leaves --------------------------------------------------------------------------------------
 
 
 def test_a_standing_ego_reaches_its_speeds_along_the_path() -> None:
@@ -138,9 +132,6 @@ def test_a_sample_among_others_has_the_same_leaves() -> None:
     both = TreeStart(**{name: np.concatenate((getattr(one, name), getattr(other, name))) for name in names})
     for row, alone in enumerate((one, other)):
         np.testing.assert_array_equal(first_stage(both, WIDE).motion[row], first_stage(alone, WIDE).motion[0])
-
-
-# --- parents and children ------------------------------------------------------------------------
 
 
 def test_the_best_leaves_become_parents() -> None:

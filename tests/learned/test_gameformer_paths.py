@@ -44,9 +44,6 @@ def found(where: Mission, observation: Observation) -> ReferencePath:
     return path
 
 
-# --- candidates ----------------------------------------------------------------------------------
-
-
 def test_a_join_leaves_along_the_ego_and_arrives_along_the_way() -> None:
     way = tiny_worlds.straight_road().lanes["11"].centerline
     line = Polyline(joined(Pose(20.0, 2.0, 0.3), way, 20.0, 10.0))
@@ -94,9 +91,6 @@ def test_ways_stay_on_the_route_at_a_junction() -> None:
     assert {each.lanes for each in paths.of(start, *under)} == {("1", "14", "8")}
 
 
-# --- choice --------------------------------------------------------------------------------------
-
-
 def test_without_anything_in_the_way_it_stays_in_its_lane() -> None:
     path = found(mission(lanes=3), at(30.0, -BESIDE_M)).path
     assert path.length_m == pytest.approx(120.0, abs=0.1)
@@ -133,9 +127,6 @@ def test_near_a_traffic_light_it_does_not_go_around(x_m: float, stays: bool) -> 
     where = tiny_worlds.mission(lit, ["11", "21", "31"])
     path = found(where, at(x_m, actors=tiny_worlds.cars((x_m + 20.0, 0.0)))).path
     assert (abs(path.line.pose_at(60.0).y_m) < 0.1) is stays
-
-
-# --- shape and speed -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

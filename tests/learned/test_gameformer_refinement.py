@@ -41,9 +41,6 @@ def one_step(what: SpeedTask) -> tuple[float, float]:
     return speed, (speed - what.speed_mps) / PLAN_STEP_S
 
 
-# --- speeds --------------------------------------------------------------------------------------
-
-
 def test_at_the_cap_on_a_free_road_nothing_is_to_be_done() -> None:
     np.testing.assert_allclose(refined_speeds(task(13.0 * AHEAD_S, speed_mps=13.0)), 13.0, atol=1e-6)
 
@@ -106,9 +103,6 @@ def test_what_the_plan_has_passed_by_then_does_not_hold_it_up() -> None:
         < 26.2
         < np.cumsum(free)[29] * PLAN_STEP_S + PACIFICA.front_m
     )
-
-
-# --- what is taken -------------------------------------------------------------------------------
 
 
 def agent(x_m: float, y_m: float, length_m: float = 5.0) -> tuple[np.ndarray, np.ndarray]:

@@ -53,9 +53,6 @@ def named_edges(found: Arrays, node: int) -> dict[int, int]:
     return {rows[target]: kind for target, kind in pairs if target != NONE}
 
 
-# --- the graph -----------------------------------------------------------------------------------
-
-
 def test_nodes_come_by_the_edges_it_takes_to_get_there() -> None:
     found = held(two_lanes(), ["11"], rear_at(30.0, 0.0))
     # 1 is under the ego; 6 beside it, 2 ahead; 7, 3; 8, 4; 9; behind and out of reach: 0, 5
@@ -110,9 +107,6 @@ def test_traversals_start_within_3_m_and_45_degrees(left_m: float, turned_rad: f
 def test_without_nodes_there_is_no_start() -> None:
     assert not start_nodes(np.full(3, np.inf), np.zeros(3)).any()
     assert start_nodes(np.zeros(0), np.zeros(0)).shape == (0,)
-
-
-# --- what the network is given -------------------------------------------------------------------
 
 
 def test_points_of_nodes_are_in_the_ego_frame() -> None:

@@ -34,9 +34,6 @@ def draws(count: int = 200, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).random((1, count, PATH_NODES))
 
 
-# --- traversals ----------------------------------------------------------------------------------
-
-
 def test_chances_are_those_of_the_edges_that_there_are() -> None:
     found = chances(scores(np.log(3.0), 0.0, 0.0), OPEN)
     np.testing.assert_allclose(found[0, 0], (0.6, 0.2, 0.2))
@@ -99,9 +96,6 @@ def test_every_step_is_an_open_edge(seed: int) -> None:
             assert ahead in edges[0, here][allowed[0, here]]
 
 
-# --- clusters ------------------------------------------------------------------------------------
-
-
 def straight(*ends_m: tuple[float, float]) -> np.ndarray:
     """(1, T, 16, 2) trajectories to some ends."""
     return np.linspace(0.0, 1.0, 17)[1:, None] * np.array(ends_m)[None, :, None]
@@ -136,9 +130,6 @@ def test_the_mode_ranked_first_is_the_plan() -> None:
 
 def test_all_alike_is_no_trouble() -> None:
     np.testing.assert_allclose(chosen(straight(*[(10.0, 1.0)] * 7), 6)[0, -1], (10.0, 1.0))
-
-
-# --- headings ------------------------------------------------------------------------------------
 
 
 def test_headings_follow_the_points_and_left_is_positive() -> None:

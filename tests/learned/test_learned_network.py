@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from interplan_learned.card import Card, Graph, Port, read_card
-from interplan_learned.network import SHIPPED, OnnxNetwork, load_network
+from interplan_learned.network import OnnxNetwork, load_network
 from interplan_sumo.errors import InputError
 from interplan_sumo.features import schema
 from interplan_sumo.world.files import file_hash
@@ -134,13 +134,3 @@ def test_a_card_that_cannot_be_used_is_one_clear_line(
     with pytest.raises(InputError, match=message) as error:
         read_card(path)
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.json")), ids=lambda path: path.stem)
-def test_shipped_weights_are_small_and_whole(path: Path) -> None:
-    shipped = read_card(path)
-    for graph in shipped.graphs.values():
-        assert file_hash(path.parent / graph.file) == graph.sha256
-        assert (path.parent / graph.file).stat().st_size < 4 << 20
-    for errors in shipped.errors.values():
-        assert errors["network"]["ade"] < errors["constant_velocity"]["ade"]

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from interplan_learned.driving import POSES
+from interplan_learned.dtpp import sizes as dtpp_sizes
+from interplan_learned.gameformer import inputs as gameformer_inputs
+from interplan_learned.gc_pgp import sizes as gc_pgp_sizes
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.errors import InputError
 from tools.train.data import read_samples
 from tools.train.recipe import Recipe, fields_of, find_recipe, recipe_names
 
-torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
+if TYPE_CHECKING:
+    import torch
+
+NEEDS_TORCH = {"torch": "torch"}
 
 
 @pytest.fixture(params=recipe_names())
@@ -41,22 +47,29 @@ def test_inputs_are_finite_and_of_one_sample_as_of_many(recipe: Recipe, tiny_dat
         np.testing.assert_allclose(alone[name][0], values[3], atol=1e-6, err_msg=name)
 
 
-def test_a_step_of_training_moves_every_weight_that_it_should(recipe: Recipe, tiny_data: Dataset) -> None:
+def test_steps_of_training_reach_the_weights_and_lower_the_loss(recipe: Recipe, tiny_data: Dataset) -> None:
     from tools.train.loop import batch_of
 
     samples = read_samples(tiny_data, "train", recipe)
     rows = recipe.augmented(samples.picked(np.arange(0, len(samples), 7)), np.random.default_rng(0))
     torch.manual_seed(0)
-    model = recipe.make_model()
-    loss = recipe.loss(model, batch_of(recipe, rows), 0.0)
-    loss.backward()
-    assert torch.isfinite(loss)
-    grown = [name for name, weights in model.named_parameters() if weights.grad is not None]
-    assert all(torch.isfinite(weights.grad).all() for weights in model.parameters() if weights.grad is not None)
-    assert len(grown) > len(list(model.parameters())) / 2
+    model, batch, losses = recipe.make_model(), batch_of(recipe, rows), list[float]()
+    rule = torch.optim.AdamW(model.parameters(), lr=3e-3)
+    for _ in range(6):
+        rule.zero_grad()
+        loss = recipe.loss(model, batch, 0.0)
+        loss.backward()
+        gradients = [weights.grad for weights in model.parameters() if weights.grad is not None]
+        assert all(torch.isfinite(each).all() for each in gradients)
+        assert len(gradients) > len(list(model.parameters())) / 2
+        rule.step()
+        losses.append(float(loss.detach()))
+    assert losses[-1] < losses[0]
 
 
-def test_the_plan_has_sixteen_poses_and_onnx_gives_the_same(recipe: Recipe, tiny_data: Dataset, tmp_path: Path) -> None:
+def test_plans_have_sixteen_poses_alone_as_among_others_and_onnx_gives_the_same(
+    recipe: Recipe, tiny_data: Dataset, tmp_path: Path
+) -> None:
     pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
     from tools.train.loop import batch_of
@@ -68,7 +81,10 @@ def test_the_plan_has_sixteen_poses_and_onnx_gives_the_same(recipe: Recipe, tiny
     round_to_half(model)
     batch = batch_of(recipe, samples.picked(np.arange(4)))
     with torch.no_grad():
-        assert recipe.poses(model, batch).shape == (4, POSES, 3)
+        plans = recipe.poses(model, batch)
+        alone = recipe.poses(model, {name: values[2:3] for name, values in batch.items()})
+        assert plans.shape == (4, POSES, 3)
+        torch.testing.assert_close(alone[0], plans[2], rtol=1e-3, atol=1e-3)
         graphs = export_graphs(recipe.graphs(model, batch), tmp_path, recipe.planner)  # holds ONNX against torch
     assert sum((tmp_path / each.file).stat().st_size for each in graphs.values()) < 4 << 20
 
@@ -80,6 +96,28 @@ def test_equal_seeds_give_equal_augmented_samples(recipe: Recipe, tiny_data: Dat
     for name in columns:
         np.testing.assert_array_equal(one[name], other[name])
         np.testing.assert_array_equal(columns[name], before[name])  # what is kept in memory is not touched
+
+
+def test_published_sizes_have_the_published_numbers() -> None:
+    from tools.train.models.dtpp import NETWORKS
+
+    made = {name: find_recipe(name, "published") for name in ("dtpp", "gameformer", "gc_pgp", "urban_driver")}
+    assert {each.size for each in made.values()} == {"published"}
+    tree, graph = dtpp_sizes.SIZES["published"].tree, gc_pgp_sizes.SIZES["published"]
+    assert (tree.branches, tree.first_speeds, tree.second_speeds, tree.parents) == (30, 10, 5, 5)
+    assert NETWORKS["published"].encoder.width == 256
+    assert (gameformer_inputs.SIZES["published"].scene.agents, gameformer_inputs.SIZES["published"].predicted) == (
+        20,
+        10,
+    )
+    assert made["gameformer"].settings.epochs == 20
+    assert (graph.train_traversals, graph.heads, graph.attention, graph.clusters) == (1000, 32, 128, 10)
+    network, settings = made["urban_driver"].make_model(), made["urban_driver"].settings
+    assert network.width == 256
+    assert torch.bincount(network.kinds).tolist() == [1, 30, 30, 30, 30, 20, 20, 30]  # type: ignore[arg-type]
+    widths = [each.out_features for each in network.head if isinstance(each, torch.nn.Linear)]  # type: ignore[union-attr]
+    assert widths == [1024, 1024, 48]
+    assert (settings.epochs, settings.batch, settings.learning_rate) == (100, 64, 1e-4)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -15,9 +15,13 @@ from interplan_sumo.errors import InputError
 from tools.train.data import Balanced, held_out_split, read_samples
 from tools.train.recipe import find_recipe
 
-torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
+if TYPE_CHECKING:
+    import torch
 
-from tools.train.loop import EpochDone, Trained, constant_velocity_errors, train  # noqa: E402
+    from tools.train import loop
+    from tools.train.loop import EpochDone, Trained
+
+NEEDS_TORCH = {"torch": "torch", "loop": "tools.train.loop"}
 
 
 def trained(
@@ -27,7 +31,7 @@ def trained(
     recipe = replace(recipe, settings=replace(recipe.settings, epochs=epochs, seed=seed, batch=32))
     told: list[EpochDone] = []
     samples, held = read_samples(data, "train", recipe), read_samples(data, "val", recipe)
-    done = train(recipe, samples, held, checkpoint=checkpoint, on_epoch=told.append, **more)
+    done = loop.train(recipe, samples, held, checkpoint=checkpoint, on_epoch=told.append, **more)
     return done, told
 
 
@@ -42,7 +46,7 @@ def test_the_loss_falls_and_the_plans_beat_constant_velocity(tiny_data: Dataset,
     assert told[done.best_epoch - 1].held_out_m == told[-1].best_m
     assert done.stopped == "epochs"
     held = read_samples(tiny_data, "val", find_recipe("pdm_open"))
-    assert told[-1].best_m < constant_velocity_errors(held)["ade"]
+    assert told[-1].best_m < loop.constant_velocity_errors(held)["ade"]
 
 
 def test_equal_seeds_give_equal_weights_and_others_do_not(tiny_data: Dataset, tmp_path: Path) -> None:
@@ -66,7 +70,7 @@ def test_a_training_that_was_interrupted_comes_to_the_same_weights(tiny_data: Da
     recipe = replace(recipe, settings=replace(recipe.settings, epochs=4, batch=32))
     samples, held = read_samples(tiny_data, "train", recipe), read_samples(tiny_data, "val", recipe)
     with pytest.raises(BrokenOffError):
-        train(recipe, samples, held, checkpoint=tmp_path / "broken.pt", on_epoch=interrupt)
+        loop.train(recipe, samples, held, checkpoint=tmp_path / "broken.pt", on_epoch=interrupt)
     resumed, told = trained(tiny_data, tmp_path / "broken.pt", resume=True)
     assert [each.epoch for each in told] == [3, 4]
     np.testing.assert_array_equal(weights(whole), weights(resumed))
@@ -78,7 +82,7 @@ def test_it_stops_in_time_and_where_nothing_gets_better(tiny_data: Dataset, tmp_
     recipe = find_recipe("pdm_open")
     recipe = replace(recipe, settings=replace(recipe.settings, epochs=9, patience=2, learning_rate=1e-12))
     samples = read_samples(tiny_data, "val", recipe)
-    done = train(recipe, samples, samples, checkpoint=tmp_path / "patient.pt")
+    done = loop.train(recipe, samples, samples, checkpoint=tmp_path / "patient.pt")
     assert done.stopped == "patience"
     assert done.epochs == done.best_epoch + 2
 

@@ -10,9 +10,9 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from untrained_card import write_untrained
 
 from interplan_learned import pdm_open
-from interplan_learned.card import Card
 from interplan_learned.driving import POSES, STEP_S
 from interplan_learned.pdm_hybrid import CLOSED_PLAN, PdmHybridPlanner, closed_poses, corrected, inputs
 from interplan_planners.pdm_closed import PdmClosedPlanner
@@ -22,7 +22,6 @@ from interplan_sumo.dataset.reading import Dataset, read_dataset
 from interplan_sumo.dynamics import lqr, perfect
 from interplan_sumo.dynamics.rear_axle import center_of
 from interplan_sumo.errors import InputError
-from interplan_sumo.features import schema
 from interplan_sumo.features.frame import EgoFrame
 from interplan_sumo.features.view import EgoView
 from interplan_sumo.planner import Mission, Observation, Past
@@ -33,6 +32,7 @@ from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
 from tools.train.closed_plans import FIELDS, closed_plans, observation
+from tools.train.recipe import find_recipe
 
 NORTH = EgoFrame(100.0, 50.0, np.pi / 2)
 AHEAD_S: Floats = np.round(0.1 * np.arange(81, dtype=np.float64), 6)
@@ -42,9 +42,6 @@ def plan_north(speed_mps: float = 4.0, now_s: float = 3.0) -> Trajectory:
     """From the origin of `NORTH` straight ahead, every 0.1 s for 8 s."""
     y_m = NORTH.y_m + speed_mps * AHEAD_S + PACIFICA.rear_axle_to_center_m
     return Trajectory(now_s + AHEAD_S, np.full(81, NORTH.x_m), y_m, np.full(81, np.pi / 2), np.full(81, speed_mps))
-
-
-# --- the third input -----------------------------------------------------------------------------
 
 
 def test_the_closed_plan_is_given_as_poses_of_the_rear_axle_every_half_second_in_the_ego_frame() -> None:
@@ -79,9 +76,6 @@ def test_the_other_inputs_are_those_of_pdm_open() -> None:
         np.testing.assert_array_equal(found[name], values)
 
 
-# --- the correction ------------------------------------------------------------------------------
-
-
 def test_up_to_two_seconds_the_plan_is_pdm_closeds_and_from_two_and_a_half_on_it_is_corrected_whole() -> None:
     plan = plan_north()
     found = corrected(plan, np.tile((2.0, 0.5, 0.0), (POSES, 1)), NORTH, PACIFICA)
@@ -113,9 +107,6 @@ def test_a_correction_of_nothing_gives_the_same_plan_whenever_it_begins() -> Non
         found = corrected(plan, np.zeros((POSES, 3)), NORTH, PACIFICA)
         for name in ("x_m", "y_m", "heading_rad"):
             np.testing.assert_allclose(getattr(found, name), getattr(plan, name), atol=1e-9)
-
-
-# --- PDM-Closed's plans for training ---------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -205,9 +196,6 @@ def test_a_map_that_is_missing_or_another_one_is_one_clear_line(
     assert "\n" not in str(error.value)
 
 
-# --- training ------------------------------------------------------------------------------------
-
-
 def test_the_loss_corrects_all_of_the_plan_and_the_held_out_error_only_what_is_driven() -> None:
     torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
     from tools.train.models.pdm_offset import loss, poses
@@ -227,30 +215,14 @@ def test_the_loss_corrects_all_of_the_plan_and_the_held_out_error_only_what_is_d
     assert not found[:, 1:].any()
 
 
-# --- driving -------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def untrained(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The card of a network that knows nothing: its corrections are of some metres, and noise."""
     torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
-    pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
-    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
-    from tools.train.models.pdm_offset import recipe
-    from tools.train.onnx_export import export_graphs
-
     torch.manual_seed(0)
-    made = recipe()
-    model = made.make_model()
+    made = find_recipe("pdm_offset")
     batch = {"ego": torch.ones(2, 99), "centerline": torch.ones(2, 360), CLOSED_PLAN: torch.ones(2, POSES, 3)}
-    folder = tmp_path_factory.mktemp("untrained")
-    card = Card(
-        planner=made.planner, what=made.what, size=made.size, parameters=0, options=made.options,
-        features_format=schema.FORMAT, graphs=export_graphs(made.graphs(model, batch), folder, "pdm_hybrid"), data={},
-        training={}, errors={}, versions={},
-    )  # fmt: skip
-    card.write(folder / "pdm_hybrid.json")
-    return str(folder / "pdm_hybrid.json")
+    return str(write_untrained(made, made.make_model(), batch, tmp_path_factory.mktemp("untrained")))
 
 
 def test_its_plan_is_pdm_closeds_plus_what_its_network_says(untrained: str) -> None:

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from untrained_card import write_untrained
 
+from interplan_learned.network import load_network
 from interplan_learned.urban_driver import SIZES
 from interplan_sumo.dataset.reading import Dataset
 from tools.train.data import read_samples
 from tools.train.recipe import find_recipe
 
-torch = pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
+if TYPE_CHECKING:
+    import torch
 
-from tools.train.loop import batch_of  # noqa: E402
-from tools.train.models import urban_driver as made  # noqa: E402
+    from tools.train.models import urban_driver as made
 
+NEEDS_TORCH = {"torch": "torch", "made": "tools.train.models.urban_driver"}
 Tensors = dict[str, Any]
-KINDS = ("ego", "vehicles", *(name for name, _ in SIZES["compact"].lines))
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +56,6 @@ def poses(model: made.UrbanDriver, scene: Tensors) -> Any:
 
 def same(one: Any, other: Any) -> bool:
     return torch.allclose(one, other, rtol=1e-4, atol=1e-4)
-
-
-# --- what plans depend on ------------------------------------------------------------------------
 
 
 def test_the_order_of_vehicles_and_of_lines_of_a_kind_does_not_matter(model: made.UrbanDriver, scene: Tensors) -> None:
@@ -105,17 +103,7 @@ def test_the_same_line_as_another_kind_is_something_else(model: made.UrbanDriver
         found.append(poses(model, {**scene, "lines": lines, "lines_valid": valid}))
     assert not same(*found)
     assert torch.bincount(model.kinds).tolist() == [1, 16, *(count for _, count in SIZES["compact"].lines)]
-    assert len(KINDS) == model.kind.num_embeddings
-
-
-def test_samples_of_a_batch_do_not_know_of_each_other(model: made.UrbanDriver, scene: Tensors) -> None:
-    alone = poses(model, {name: values[1:] for name, values in scene.items()})
-    assert same(alone[0], poses(model, scene)[1])
-
-
-def test_an_ego_in_an_empty_world_gets_a_plan(model: made.UrbanDriver, scene: Tensors) -> None:
-    empty = {**scene, **{name: torch.zeros_like(scene[name]) for name in ("vehicles_valid", "lines_valid")}}
-    assert torch.isfinite(poses(model, empty)).all()
+    assert model.kind.num_embeddings == 2 + len(SIZES["compact"].lines)
 
 
 def test_tokens_have_equal_length_and_the_ego_alone_asks(model: made.UrbanDriver, scene: Tensors) -> None:
@@ -139,9 +127,6 @@ def test_points_are_numbered_by_sines_and_cosines() -> None:
     assert table[0].tolist() == [0.0, 1.0] * 32
     np.testing.assert_allclose(table[3, :2], (np.sin(3.0), np.cos(3.0)), rtol=1e-6)
     np.testing.assert_allclose(table[19, -2], np.sin(19.0 * 1e4 ** (-62 / 64)), rtol=1e-5)
-
-
-# --- learning ------------------------------------------------------------------------------------
 
 
 def test_the_loss_is_the_mean_absolute_error_of_the_poses_there_are() -> None:
@@ -169,36 +154,13 @@ def test_perturbed_starts_and_lost_vehicles_reach_the_network(tiny_data: Dataset
     assert 0.3 < seen / before["vehicles_valid"][..., 0].sum() < 0.7
 
 
-def test_the_published_size_has_the_published_numbers() -> None:
-    recipe = find_recipe("urban_driver", "published")
-    network = recipe.make_model()
-    assert isinstance(network, made.UrbanDriver)
-    assert network.width == 256
-    assert torch.bincount(network.kinds).tolist() == [1, 30, 30, 30, 30, 20, 20, 30]
-    assert [each.out_features for each in network.head if isinstance(each, torch.nn.Linear)] == [1024, 1024, 48]
-    assert (recipe.settings.epochs, recipe.settings.batch, recipe.settings.learning_rate) == (100, 64, 1e-4)
-
-
-# --- at the wheel --------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def untrained(tiny_data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The card of a network with random weights."""
-    recipe = find_recipe("urban_driver")
-    torch.manual_seed(0)
-    network = recipe.make_model().eval()
-    batch = batch_of(recipe, read_samples(tiny_data, "val", recipe).picked(np.arange(6)))
-    return write_untrained(recipe, network, batch, tmp_path_factory.mktemp("urban_driver"))
-
-
 def test_onnx_gives_what_torch_gives_also_of_one_sample_and_of_an_empty_world(
-    untrained: Path, model: made.UrbanDriver, scene: Tensors
+    model: made.UrbanDriver, scene: Tensors, tmp_path: Path
 ) -> None:
-    from interplan_learned.network import load_network
-
-    network = load_network("urban_driver", str(untrained))
+    card = write_untrained(find_recipe("urban_driver"), model, scene, tmp_path)
+    network = load_network("urban_driver", str(card))
     nothing = {**scene, **{name: torch.zeros_like(scene[name]) for name in ("vehicles_valid", "lines_valid")}}
     for given in (scene, {name: values[:1] for name, values in scene.items()}, nothing):
+        assert torch.isfinite(poses(model, given)).all()
         found = network.run({name: values.numpy() for name, values in given.items()})["poses"]
         np.testing.assert_allclose(found, poses(model, given).numpy(), atol=1e-4, rtol=1e-4)

@@ -72,9 +72,6 @@ def test_the_question_is_sent_as_it_was_put(server: ChatServer) -> None:
     assert (sent["model"], sent["max_tokens"], sent["temperature"], sent["seed"]) == ("toy", 7, 0.5, 3)
 
 
-# --- what the server can do ---
-
-
 @pytest.mark.parametrize(
     ("understood", "capability"),
     [("structured_outputs", "choice"), ("grammar", "grammar"), ("response_format", "json_schema")],
@@ -142,9 +139,6 @@ def test_json_is_asked_for_by_schema_and_read(server: ChatServer) -> None:
         reply = model_of(server).ask(question(choices=None, schema=schema))
         assert reply.data == {"x": 2.5}
         assert server.bodies[-1]["response_format"]["json_schema"]["schema"] == schema
-
-
-# --- what can go wrong ---
 
 
 @pytest.mark.parametrize(
@@ -263,9 +257,6 @@ def test_every_failure_is_counted_under_its_cause(server: ChatServer) -> None:
     told = ledger.as_json()
     assert {cause: count for cause, count in told["fallbacks"].items() if count} == {"refused": 1, "not_offered": 1}
     assert (told["queries"], told["prompt_tokens"]) == (3, 600)
-
-
-# --- the key ---
 
 
 def test_the_key_goes_to_the_server_and_nowhere_else(

@@ -135,9 +135,6 @@ def test_a_model_that_another_one_put_out_is_loaded_again(shared: EmbeddedModel,
     assert said(shared, "Which?") == before
 
 
-# --- what can go wrong ---
-
-
 def test_an_answer_past_its_deadline_is_cut_off_and_the_next_one_comes(shared: EmbeddedModel) -> None:
     before = said(shared, "Which?")
     with pytest.raises(ModelFailure) as failed:
@@ -258,9 +255,6 @@ def test_another_thread_is_told_that_it_cannot_open_it(tiny: Path) -> None:
 def test_an_odd_number_of_threads_is_refused(tiny: Path, threads: int) -> None:
     with pytest.raises(InputError, match="give 1 to 64"):
         EmbeddedModel(tiny, threads=threads)
-
-
-# --- the library's own server ---
 
 
 @pytest.fixture

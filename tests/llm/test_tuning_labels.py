@@ -86,9 +86,6 @@ def lines(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
-# --- one example ---------------------------------------------------------------------------------
-
-
 def test_an_example_is_the_question_of_a_model_and_the_best_option_as_its_answer() -> None:
     made = tried_example(tried(0.2, 0.8), training())
     request = ModelChooser(always("x")).request(scene(), offered(scene())[:2])
@@ -137,9 +134,6 @@ def test_a_scene_where_nothing_helps_is_given_up(worst: float, wanted: bool) -> 
     assert Curiosity(every=1).wants(scene(), offered(scene()), [tried(0.0, 0.0)] * (HOPELESS - 1))
 
 
-# --- who drives ----------------------------------------------------------------------------------
-
-
 def test_most_scenes_begin_with_the_rules_and_some_go_astray_for_seconds() -> None:
     scenes = [training(number) for number in range(6)]
     assert [each.strays for each in scenes] == [False, False, True, False, False, True]
@@ -164,9 +158,6 @@ def test_in_rollouts_a_plan_is_followed_for_half_a_second() -> None:
         planner.start(job)
         plans = [planner.plan(observation(replace(ego(50.0 + k, -3.5, 10.0), time_s=k / 10), None)) for k in range(11)]
         assert [k for k in range(1, 11) if plans[k] is not plans[k - 1]] == [STEPS_PER_PLAN, 2 * STEPS_PER_PLAN]
-
-
-# --- scenes --------------------------------------------------------------------------------------
 
 
 def test_whole_rounds_of_scenes_are_held_out_so_that_no_scene_is_in_both_splits() -> None:
@@ -229,9 +220,6 @@ def test_generated_scenes_go_round_families_and_maps_and_more_of_them_begin_alik
     assert len({each.scenario.map for each in more}) == 4
     assert len({each.seed for each in more}) == len(more) == 3 * len(names(ordinary=False))
     assert all(near_official(each.scenario) is None and each.seed >= FIRST_SEED for each in more)
-
-
-# --- files ---------------------------------------------------------------------------------------
 
 
 def test_of_what_decides_nothing_no_more_is_kept_than_of_what_does_in_each_split() -> None:

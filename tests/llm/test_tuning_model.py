@@ -83,9 +83,6 @@ def largest_difference(found: Any, wanted: dict[int, float]) -> float:
     return max(abs(float(found[token]) - theirs) for token, theirs in wanted.items())
 
 
-# --- tokens ---
-
-
 def test_pairs_are_joined_in_the_order_of_the_merges_and_each_digit_stands_alone(chat: ChatTokens) -> None:
     assert [chat.numbers[chat.letters(piece)] for piece in ("stop", " ", "merg", "e")] == chat.plain("stop merge")
     assert chat.plain("12") == chat.plain("1") + chat.plain("2")
@@ -113,9 +110,6 @@ def test_prompts_are_those_of_the_library_and_any_text_is_cut_as_there(tiny: Pat
             assert chat.prompt(messages) == library.tokens(chat.prompt_text(messages))
 
         is_cut_alike()
-
-
-# --- next tokens ---
 
 
 @pytest.mark.parametrize("adapted", [False, True])
@@ -195,9 +189,6 @@ def test_the_loss_counts_answers_and_the_ends_of_their_turns_only(chat: ChatToke
     first = log_probabilities(changed, list(sample.prompt))[sample.answer[0]]
     second = log_probabilities(changed, [*sample.prompt, sample.answer[0]])[sample.answer[1]]
     assert mean_loss(changed, [sample]) == pytest.approx(-float(first + second) / 2.0, abs=1e-5)
-
-
-# --- files that cannot be used ---
 
 
 @pytest.mark.parametrize("content", [None, b"a text", b"GGUF" + bytes(40)])

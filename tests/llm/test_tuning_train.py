@@ -81,9 +81,6 @@ class _Stopped(Exception):  # noqa: N818 - an interruption
     pass
 
 
-# --- learning ---
-
-
 def test_the_loss_falls_and_what_is_always_right_is_learned(
     tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -190,9 +187,6 @@ def test_a_checkpoint_of_something_else_is_refused(tiny: Path, examples: Path, t
         fitting(tiny, examples, tmp_path).resume()
 
 
-# --- examples ---
-
-
 def test_lines_without_a_split_are_held_out_by_their_own_hash(tmp_path: Path) -> None:
     lines = [line(number) for number in range(300)]
     lines = [each.replace("Sign", f"Sign {number}") for number, each in enumerate(lines)]
@@ -264,9 +258,6 @@ def test_a_missing_library_is_one_line_with_the_way_out(
     assert command.main([str(tmp_path / "examples.jsonl"), "--out", str(tmp_path / "sign.gguf")]) == command.BAD_INPUT
     error = capsys.readouterr().err
     assert error == "error: tuning needs torch, which is not installed. Run: pip install --editable '.[train]'\n"
-
-
-# --- figures ---
 
 
 def test_an_interval_holds_its_share_and_shrinks_with_numbers() -> None:
