@@ -74,10 +74,13 @@ def test_lanes_nearer_than_four_metres_are_ways(beside_m: float, found: int) -> 
     assert len(paths_of(arrays(lane((-25.0, 24.0), (beside_m, beside_m))))) == found
 
 
-def test_oncoming_lanes_and_lanes_off_the_route_are_no_ways() -> None:
+def test_oncoming_lanes_lanes_off_the_route_and_those_that_soon_end_beside_longer_ones_are_no_ways() -> None:
     assert len(paths_of(arrays(lane((80.0, -20.0), (0.0, 0.0))))) == 0
     assert len(paths_of(arrays(lane((-20.0, 80.0), (0.0, 0.0), on_route=False)))) == 0
     assert len(paths_of(arrays())) == 0
+    dead_end = lane((-20.0, 20.0), (3.5, 3.5))
+    assert len(paths_of(arrays(*AHEAD, dead_end))) == 1
+    assert len(paths_of(arrays(dead_end))) == 1
 
 
 def test_where_the_lane_forks_there_is_a_path_for_each_branch() -> None:
@@ -93,12 +96,6 @@ def test_pieces_follow_each_other_where_ends_are_nearer_than_half_a_metre(gap_m:
     assert path[50, 1] == pytest.approx(reach_y_m, abs=0.5)
 
 
-def test_a_way_that_soon_ends_is_left_out_where_a_longer_one_leads_on() -> None:
-    dead_end = lane((-20.0, 20.0), (3.5, 3.5))
-    assert len(paths_of(arrays(*AHEAD, dead_end))) == 1
-    assert len(paths_of(arrays(dead_end))) == 1
-
-
 def test_a_standing_car_or_a_cone_puts_a_path_behind_the_others_and_a_moving_car_does_not() -> None:
     for blocked in ({"car": (30.0, 0.0, 0.0)}, {"cone": (30.0, 0.0)}):
         first, second = paths_of(arrays(*AHEAD, *LEFT, **blocked))
@@ -107,16 +104,13 @@ def test_a_standing_car_or_a_cone_puts_a_path_behind_the_others_and_a_moving_car
     assert paths_of(arrays(*AHEAD, *LEFT, car=(30.0, 0.0, 2.0)))[0, 40, 1] == pytest.approx(0.0, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("box", "cost"),
-    [
-        ((30.0, HALF_WIDTH_M + 0.99, 0.0, 4.0, 2.0), 12.0),
-        ((30.0, -HALF_WIDTH_M - 0.99, 0.0, 4.0, 2.0), 12.0),
-        ((30.0, HALF_WIDTH_M + 1.01, 0.0, 4.0, 2.0), 2.0),
-        ((30.0, HALF_WIDTH_M + 1.01, np.pi / 2, 4.0, 2.0), 12.0),  # across the road it reaches further
-        ((LOOKED_AT_M + 5.0, 0.0, 0.0, 4.0, 2.0), 2.0),
-    ],
-)
+@pytest.mark.parametrize(("box", "cost"), [
+    ((30.0, HALF_WIDTH_M + 0.99, 0.0, 4.0, 2.0), 12.0),
+    ((30.0, -HALF_WIDTH_M - 0.99, 0.0, 4.0, 2.0), 12.0),
+    ((30.0, HALF_WIDTH_M + 1.01, 0.0, 4.0, 2.0), 2.0),
+    ((30.0, HALF_WIDTH_M + 1.01, np.pi / 2, 4.0, 2.0), 12.0),  # across the road it reaches further
+    ((LOOKED_AT_M + 5.0, 0.0, 0.0, 4.0, 2.0), 2.0),
+])  # fmt: skip
 def test_a_path_costs_ten_for_what_stands_on_it_and_one_per_metre_beside_it(
     box: tuple[float, ...], cost: float
 ) -> None:

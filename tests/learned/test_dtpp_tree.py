@@ -52,15 +52,12 @@ def start(*paths: Floats, speed_mps: float = 0.0, push_mps2: float = 0.0, limit_
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("speed_mps", "limit_mps", "least", "most"),
-    [
-        (20.0, 40.0, 8.0, 27.2),  # 4 m/s2 of braking, 2.4 m/s2 of pushing
-        (10.0, 40.0, 0.0, 17.2),  # nobody drives backwards
-        (10.0, 13.0, 0.0, 13.0),
-        (30.0, 13.0, 18.0, 18.0),  # much too fast: nothing but braking
-    ],
-)
+@pytest.mark.parametrize(("speed_mps", "limit_mps", "least", "most"), [
+    (20.0, 40.0, 8.0, 27.2),  # 4 m/s2 of braking, 2.4 m/s2 of pushing
+    (10.0, 40.0, 0.0, 17.2),  # nobody drives backwards
+    (10.0, 13.0, 0.0, 13.0),
+    (30.0, 13.0, 18.0, 18.0),  # much too fast: nothing but braking
+])  # fmt: skip
 def test_the_grid_lies_between_braking_and_the_limit(
     speed_mps: float, limit_mps: float, least: float, most: float
 ) -> None:
@@ -69,7 +66,7 @@ def test_the_grid_lies_between_braking_and_the_limit(
     np.testing.assert_allclose(grid[0], np.linspace(least, most, 10))
 
 
-def test_profiles_begin_as_it_drives_and_end_at_their_speed_without_acceleration() -> None:
+def test_profiles_end_at_their_speed_without_acceleration_and_stand_rather_than_go_backwards() -> None:
     speeds = cubic_speeds(np.array(6.0), np.array(1.5), np.array(10.0), 300)
     rate = np.diff(speeds, prepend=6.0) / STEP_S
     assert rate[0] == pytest.approx(1.5, abs=0.01)
@@ -77,15 +74,12 @@ def test_profiles_begin_as_it_drives_and_end_at_their_speed_without_acceleration
     assert rate[-1] == pytest.approx(0.0, abs=0.01)
     half = cubic_speeds(np.array(0.0), np.array(0.0), np.array(8.0), 30)[14]
     assert half == pytest.approx(4.0)
-
-
-def test_profiles_that_would_go_backwards_stand_instead() -> None:
     speeds = cubic_speeds(np.array(0.5), np.array(-4.0), np.array(0.0), 30)
     assert speeds.min() == 0.0
     assert speeds[-1] == 0.0
 
 
-def test_a_standing_ego_reaches_its_speeds_along_the_path() -> None:
+def test_leaves_reach_their_speeds_along_the_path_and_go_straight_on_beyond_it() -> None:
     leaves = first_stage(start(road()), WIDE)
     assert leaves.valid[0].tolist() == [True] * 10 + [False] * 30
     ends = leaves.motion[0, :10, -1]
@@ -93,6 +87,8 @@ def test_a_standing_ego_reaches_its_speeds_along_the_path() -> None:
     np.testing.assert_allclose(ends[:, 0], 1.5 * ends[:, SPEED], atol=0.02)  # half of speed times 3 s
     np.testing.assert_allclose(ends[:, 1], 0.0)
     assert not leaves.motion[0, 10:].any()
+    leaves = first_stage(start(road(), speed_mps=50.0, limit_mps=50.0), WIDE)
+    assert leaves.motion[0, 9, -1, 0] == pytest.approx(150.0)
 
 
 @pytest.mark.parametrize("radius_m", [50.0, -50.0])
@@ -104,11 +100,6 @@ def test_leaves_turn_with_their_path(radius_m: float) -> None:
     assert yaw == pytest.approx(angle, abs=0.01)
     assert (x, y) == pytest.approx((radius_m * np.sin(angle), radius_m * (1.0 - np.cos(angle))), abs=0.1)
     assert leaves.motion[0, 9, -1, CURVATURE] == pytest.approx(1.0 / radius_m, rel=0.05)
-
-
-def test_beyond_its_last_point_a_path_goes_straight_on() -> None:
-    leaves = first_stage(start(road(), speed_mps=50.0, limit_mps=50.0), WIDE)
-    assert leaves.motion[0, 9, -1, 0] == pytest.approx(150.0)
 
 
 @pytest.mark.parametrize(("apart_m", "count"), [(0.49, 10), (0.51, 20)])
@@ -124,14 +115,6 @@ def test_too_many_leaves_are_thinned_evenly() -> None:
     assert np.bincount(leaves.path[0]).tolist() in ([7, 8], [8, 7])
     ends = leaves.motion[0, :, -1, SPEED]
     assert (ends[0], ends[-1]) == pytest.approx((0.0, 7.2))
-
-
-def test_a_sample_among_others_has_the_same_leaves() -> None:
-    one, other = start(road(), speed_mps=5.0), start(road(), road(3.5), speed_mps=9.0, push_mps2=-1.0)
-    names = ("paths", "paths_valid", "speed_mps", "acceleration_mps2", "limit_mps")
-    both = TreeStart(**{name: np.concatenate((getattr(one, name), getattr(other, name))) for name in names})
-    for row, alone in enumerate((one, other)):
-        np.testing.assert_array_equal(first_stage(both, WIDE).motion[row], first_stage(alone, WIDE).motion[0])
 
 
 def test_the_best_leaves_become_parents() -> None:

@@ -41,11 +41,8 @@ def one_step(what: SpeedTask) -> tuple[float, float]:
     return speed, (speed - what.speed_mps) / PLAN_STEP_S
 
 
-def test_at_the_cap_on_a_free_road_nothing_is_to_be_done() -> None:
+def test_on_a_free_road_it_reaches_the_cap_smoothly_and_stays_there() -> None:
     np.testing.assert_allclose(refined_speeds(task(13.0 * AHEAD_S, speed_mps=13.0)), 13.0, atol=1e-6)
-
-
-def test_on_a_free_road_it_reaches_the_cap_smoothly() -> None:
     speed_mps, push_mps2, gained = 8.0, 0.0, []
     for _ in range(150):
         planned = np.cumsum(np.minimum(speed_mps + AHEAD_S, 13.0)) * PLAN_STEP_S
@@ -55,15 +52,11 @@ def test_on_a_free_road_it_reaches_the_cap_smoothly() -> None:
     assert -0.5 < min(gained) < max(gained) < 1.5
 
 
-def test_a_lower_cap_makes_it_slower_than_the_network_wants() -> None:
+def test_a_lower_cap_is_slower_and_it_ends_near_where_the_network_wants_to_be() -> None:
     slower = refined_speeds(task(8.0 * AHEAD_S, cap_mps=3.0))
-    faster = refined_speeds(task(8.0 * AHEAD_S, cap_mps=13.0))
+    faster = refined_speeds(task(8.0 * AHEAD_S, cap_mps=15.0))
     assert slower.sum() < 80 * 8.0 < faster.sum()
-
-
-def test_it_ends_within_three_metres_of_where_the_network_wants_to_be() -> None:
-    for cap_mps in (3.0, 15.0):
-        speeds = refined_speeds(task(8.0 * AHEAD_S, cap_mps=cap_mps))
+    for speeds in (slower, faster):
         assert abs(speeds.sum() * PLAN_STEP_S - 64.0) < 3.5
 
 
@@ -75,10 +68,10 @@ def test_plans_that_rush_or_brake_too_hard_are_held_to_the_limits() -> None:
     assert stopped.min() >= 0.0
 
 
-@pytest.mark.parametrize(("speed_mps", "rear_m"), [(8.0, 60.0), (5.0, 20.0), (3.0, 12.0)])
+@pytest.mark.parametrize(("speed_mps", "rear_m"), [(8.0, 40.0), (3.0, 12.0)])
 def test_it_stops_three_to_four_metres_behind_a_standing_car(speed_mps: float, rear_m: float) -> None:
     at_m, push_mps2, gained = 0.0, 0.0, []
-    for _ in range(200):
+    for _ in range(120):
         cells = NOBODY.copy()
         cells[:, max(int(rear_m - at_m - 3.0), 0) : int(np.ceil(rear_m - at_m + 4.8))] = True
         planned = max(speed_mps, 1.0) * AHEAD_S  # the network would drive on
@@ -98,11 +91,8 @@ def test_what_the_plan_has_passed_by_then_does_not_hold_it_up() -> None:
     ahead = NOBODY.copy()
     ahead[20:, 26:] = True
     held = refined_speeds(task(8.0 * AHEAD_S, cells=ahead))
-    assert (
-        np.cumsum(held)[29] * PLAN_STEP_S + PACIFICA.front_m
-        < 26.2
-        < np.cumsum(free)[29] * PLAN_STEP_S + PACIFICA.front_m
-    )
+    held_m, free_m = (float(speeds[:30].sum()) * PLAN_STEP_S + PACIFICA.front_m for speeds in (held, free))
+    assert held_m < 26.2 < free_m
 
 
 def agent(x_m: float, y_m: float, length_m: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
@@ -132,9 +122,11 @@ def test_a_car_beside_the_path_is_in_the_way_up_to_thirty_centimetres_from_the_e
     assert not cells_of(*agent(30.0, side * (reach_m + 0.01))).any()
 
 
-def test_who_is_behind_the_ego_is_left_out_and_so_are_empty_rows() -> None:
+def test_who_is_behind_the_ego_is_left_out_as_are_empty_rows_and_beyond_its_end_the_path_is_taken() -> None:
     assert not cells_of(*agent(-1.0, 0.0)).any()
     assert not cells_of(*agent(30.0, 0.0, length_m=0.0)).any()
+    cells = cells_of(*agent(-1.0, 0.0), path=road(39.7))
+    np.testing.assert_array_equal(np.flatnonzero(cells[0]), np.arange(40, 120))
 
 
 def test_a_car_that_crosses_is_in_the_way_only_when_it_is_there() -> None:
@@ -153,11 +145,6 @@ def test_futures_at_ten_hertz_are_taken_as_they_are() -> None:
     often[0, :, 0] += 6.0 * AHEAD_S
     futures[0, :, 0] += 3.0 * np.arange(1, 17)
     np.testing.assert_array_equal(cells_of(row, often), cells_of(row, futures))
-
-
-def test_beyond_its_end_the_path_is_taken() -> None:
-    cells = cells_of(*agent(-1.0, 0.0), path=road(39.7))
-    np.testing.assert_array_equal(np.flatnonzero(cells[0]), np.arange(40, 120))
 
 
 def test_a_red_light_takes_its_connector_unless_the_rear_axle_is_on_it() -> None:

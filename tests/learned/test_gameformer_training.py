@@ -53,14 +53,11 @@ def test_only_the_mode_nearest_to_the_truth_is_judged_and_each_road_user_has_its
     assert float(right) < float(confused) < float(wrong)
 
 
-def test_the_likelihood_is_that_of_a_gaussian() -> None:
+def test_the_likelihood_is_a_gaussians_of_what_is_known() -> None:
     truth = standing((1.0, 2.0))
     one_off = level(truth[:, None] + 1.0, log_sigma=0.5)
     found = made.level_loss(one_off, truth[None], torch.ones(1, 1, STEPS, dtype=torch.bool))
     assert float(found) == pytest.approx(2 * (0.5 + 0.5 * np.exp(-1.0)), abs=1e-4)
-
-
-def test_steps_and_road_users_that_are_not_known_do_not_count() -> None:
     truth = standing((0.0, 0.0), (0.0, 0.0))
     means = truth[:, None].repeat(1, 2, 1, 1)
     means[0, :, 8:] += 100.0
@@ -89,10 +86,13 @@ def driven(acceleration: float, curvature: float, speed_mps: float = 8.0) -> np.
     return made.driven(controls, ego)[0].numpy()
 
 
-def test_without_controls_it_goes_straight_on() -> None:
+def test_controls_are_bounded_without_them_it_goes_straight_on_and_nobody_drives_backwards() -> None:
     poses = driven(0.0, 0.0)
     np.testing.assert_allclose(poses[:, 0], 0.8 * np.arange(1, 81), rtol=1e-5)
     np.testing.assert_array_equal(poses[:, 1:], 0.0)
+    np.testing.assert_allclose(np.diff(driven(1.0, 0.0)[:, 0], 2), 0.05, atol=1e-3)  # 5 m/s2
+    stopped = driven(-1.0, 0.5)
+    np.testing.assert_allclose(stopped[20:], np.broadcast_to(stopped[20], (60, 3)), atol=1e-4)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -100,12 +100,6 @@ def test_positive_curvature_turns_left(side: float) -> None:
     poses = driven(0.0, 0.1 * side)  # a radius of 20 m
     assert side * poses[9, 1] > 0.0
     np.testing.assert_allclose(poses[:, 2], side * 0.05 * 0.8 * np.arange(1, 81), rtol=1e-4)
-
-
-def test_controls_are_bounded_and_nobody_drives_backwards() -> None:
-    np.testing.assert_allclose(np.diff(driven(1.0, 0.0)[:, 0], 2), 0.05, atol=1e-3)  # 5 m/s2
-    stopped = driven(-1.0, 0.5)
-    np.testing.assert_allclose(stopped[20:], np.broadcast_to(stopped[20], (60, 3)), atol=1e-4)
 
 
 def test_a_level_answers_to_what_the_others_were_going_to_do() -> None:

@@ -53,22 +53,23 @@ def named_edges(found: Arrays, node: int) -> dict[int, int]:
     return {rows[target]: kind for target, kind in pairs if target != NONE}
 
 
-def test_nodes_come_by_the_edges_it_takes_to_get_there() -> None:
+def test_nodes_come_by_the_edges_it_takes_to_get_there_on_and_to_the_lane_beside() -> None:
     found = held(two_lanes(), ["11"], rear_at(30.0, 0.0))
     # 1 is under the ego; 6 beside it, 2 ahead; 7, 3; 8, 4; 9; behind and out of reach: 0, 5
     assert rows_of(found) == [1, 6, 2, 7, 3, 8, 4, 9, 0, 5]
     assert not found["node_valid"][0, 10:].any()
     assert (found["edges"][0, 10:] == NONE).all()
-
-
-def test_edges_lead_on_and_to_the_lane_beside() -> None:
-    found = held(two_lanes(), ["11"], rear_at(30.0, 0.0))
     assert named_edges(found, 1) == {2: SUCCESSOR, 6: PROXIMAL}
     assert named_edges(found, 7) == {8: SUCCESSOR, 2: PROXIMAL}
     assert named_edges(found, 4) == {9: PROXIMAL}  # the road ends
+    adjacent = inputs(found)["adjacent"][0]
+    rows = rows_of(found)
+    one = rows.index(1)
+    assert {rows[row] for row in np.flatnonzero(adjacent[one])} == {0, 1, 2, 6}
+    np.testing.assert_array_equal(adjacent, adjacent.T)
 
 
-def test_where_there_is_no_room_nodes_that_can_be_reached_stay_and_edges_to_others_go() -> None:
+def test_where_there_is_no_room_lanes_of_the_route_and_nodes_that_can_be_reached_stay() -> None:
     roads = two_lanes()
     graph = local_graph(
         nodes_of(roads, 10), EgoFrame(30.0, 0.0, 0.0), np.array([11, 12]), np.array([11, 12]), count=3
@@ -76,10 +77,6 @@ def test_where_there_is_no_room_nodes_that_can_be_reached_stay_and_edges_to_othe
     assert graph.rows.tolist() == [1, 6, 2]
     assert graph.targets[0, :2].tolist() == [2, 1]
     assert (graph.targets[1, :2] == [NONE, 0]).all()  # on to 7, which is gone; back to 1
-
-
-def test_lanes_of_the_route_come_before_others() -> None:
-    roads = two_lanes()
     graph = local_graph(nodes_of(roads, 10), EgoFrame(30.0, 0.0, 0.0), np.array([11, 12]), np.array([12]), count=4)
     assert graph.rows.tolist() == [6, 7, 8, 9]
 
@@ -104,21 +101,13 @@ def test_traversals_start_within_3_m_and_45_degrees(left_m: float, turned_rad: f
     assert start_nodes(off_m, turned).tolist() == [False, True]  # the nearest one where none is close enough
 
 
-def test_without_nodes_there_is_no_start() -> None:
-    assert not start_nodes(np.full(3, np.inf), np.zeros(3)).any()
-    assert start_nodes(np.zeros(0), np.zeros(0)).shape == (0,)
-
-
-def test_points_of_nodes_are_in_the_ego_frame() -> None:
+def test_points_of_nodes_are_in_the_ego_frame_also_when_it_starts_elsewhere() -> None:
     found = inputs(held(two_lanes(), ["11"], rear_at(30.0, 0.0)))["nodes"][0]
     np.testing.assert_allclose(found[0, (0, -1), :3], ((-10.0, 0.0, 0.0), (10.0, 0.0, 0.0)), atol=1e-5)
     np.testing.assert_allclose(found[1, 0, :3], (-10.0, -3.5, 0.0), atol=1e-5)
     turned = inputs(held(two_lanes(), ["11"], rear_at(30.0, 0.0, heading_rad=pi / 2)))["nodes"][0]
     under = np.abs(turned[:, 0, :2] - (0.0, 10.0)).sum(axis=1).argmin()  # node 1 begins to the left
     np.testing.assert_allclose(turned[under, -1, :3], (0.0, -10.0, -pi / 2), atol=1e-5)
-
-
-def test_a_start_elsewhere_moves_the_nodes_into_the_new_frame() -> None:
     roads = tiny_worlds.curved_road(radius_m=50.0)
     nodes = nodes_of(roads, COMPACT.points)
     found = held(roads, ["11"], rear_at(30.0, 0.0, heading_rad=0.2))
@@ -194,15 +183,6 @@ def test_agents_tell_speed_and_acceleration_and_who_walks() -> None:
     assert near[4] == near[3] == []  # 22 m away; the pedestrian 20 m beside
 
 
-def test_neighbours_share_an_edge_either_way_round() -> None:
-    found = held(two_lanes(), ["11"], rear_at(30.0, 0.0))
-    adjacent = inputs(found)["adjacent"][0]
-    rows = rows_of(found)
-    one = rows.index(1)
-    assert {rows[row] for row in np.flatnonzero(adjacent[one])} == {0, 1, 2, 6}
-    np.testing.assert_array_equal(adjacent, adjacent.T)
-
-
 def test_off_every_road_all_is_empty_but_finite() -> None:
     found = held(two_lanes(), ["11"], rear_at(900.0, 900.0))
     given = inputs(found)
@@ -210,3 +190,5 @@ def test_off_every_road_all_is_empty_but_finite() -> None:
     assert not given["starts"].any()
     assert all(np.isfinite(given[name].astype(np.float64)).all() for name in POLICY_INPUTS)
     assert given["edges"].shape == (1, COMPACT.nodes, EDGES)
+    assert not start_nodes(np.full(3, np.inf), np.zeros(3)).any()
+    assert start_nodes(np.zeros(0), np.zeros(0)).shape == (0,)

@@ -99,16 +99,13 @@ def test_a_standing_ego_is_not_moved() -> None:
     np.testing.assert_array_equal(moved(0.0, 1.0, 0.0, columns=standing)["ego_history"], standing["ego_history"])
 
 
-def test_agents_are_lost_with_their_futures() -> None:
+def test_agents_are_lost_with_their_futures_and_a_lost_past_leaves_the_present() -> None:
     lost = without_agents(STRAIGHT, np.random.default_rng(0), share=1.0, rate=1.0)
     assert not lost["agents"].any()
     assert not lost["agent_futures"].any()
     assert STRAIGHT["agents"].any()
     kept = without_agents(STRAIGHT, np.random.default_rng(0), share=0.0)
     np.testing.assert_array_equal(kept["agents"], STRAIGHT["agents"])
-
-
-def test_a_lost_past_leaves_the_present() -> None:
     lost = without_past(STRAIGHT, np.random.default_rng(0), share=1.0)
     np.testing.assert_array_equal(lost["ego_history"][:, -1], STRAIGHT["ego_history"][:, -1])
     assert not lost["ego_history"][:, :-1].any()

@@ -16,13 +16,10 @@ def future(frames: int = 80) -> np.ndarray:
     return table
 
 
-def test_a_plan_is_held_against_every_fifth_frame() -> None:
+def test_plans_and_constant_velocity_are_held_against_every_fifth_frame() -> None:
     wanted, valid = wanted_poses(future())
     np.testing.assert_array_equal(wanted[0, :, 0], np.arange(5.0, 81.0, 5.0))
     assert valid.all()
-
-
-def test_constant_velocity_goes_on_as_it_goes_now() -> None:
     history = np.zeros((1, 21, 10))
     history[0, -1, 3:5] = (10.0, 0.2)
     plans = constant_velocity(history)
@@ -30,7 +27,7 @@ def test_constant_velocity_goes_on_as_it_goes_now() -> None:
     assert plan_errors(plans, future())["fde_8_s"] == pytest.approx(1.6)
 
 
-def test_errors_grow_with_the_horizon_and_headings_turn_the_short_way() -> None:
+def test_errors_grow_with_the_horizon_headings_turn_the_short_way_and_undriven_steps_do_not_count() -> None:
     plans = wanted_poses(future())[0].astype(np.float64)
     plans[0, :, 1] += np.arange(1, 17)  # half a metre per second... per pose a metre
     plans[0, :, 2] += 2.0 * np.pi - 0.1
@@ -39,9 +36,6 @@ def test_errors_grow_with_the_horizon_and_headings_turn_the_short_way() -> None:
     assert errors["ade_3_s"] == pytest.approx(3.5)
     assert errors["fde_8_s"] == pytest.approx(16.0)
     assert errors["heading_5_s"] == pytest.approx(0.1)
-
-
-def test_steps_that_nobody_drove_do_not_count() -> None:
     plans = wanted_poses(future())[0].astype(np.float64)
     plans[0, 6:] += 100.0
     errors = plan_errors(plans, future(frames=30))

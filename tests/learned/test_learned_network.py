@@ -83,48 +83,41 @@ def test_a_missing_runtime_names_the_extra(tmp_path: Path, monkeypatch: pytest.M
     )
 
 
-def test_another_planners_weights_are_refused(doubling: Path) -> None:
-    with pytest.raises(InputError, match=r"was trained for planner 'tiny', not for 'other'"):
-        load_network("other", str(doubling))
+def resealed(weights: Path) -> None:
+    """No network, but the file that the card names."""
+    weights.write_bytes(b"no network")
+    card(weights).write(weights.with_suffix(".json"))
 
 
-def test_weights_that_were_changed_or_lost_are_refused(doubling: Path) -> None:
-    weights = doubling.with_suffix(".onnx")
-    weights.write_bytes(weights.read_bytes() + b" ")
-    with pytest.raises(InputError, match=r"tiny\.onnx is not the file that tiny\.json describes"):
-        load_network("tiny", str(doubling))
-    weights.unlink()
-    with pytest.raises(InputError, match=r"cannot read the weights .*tiny\.onnx, which tiny\.json names"):
-        load_network("tiny", str(doubling))
-
-
-def test_weights_that_are_no_network_are_refused(tmp_path: Path) -> None:
-    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
-    (tmp_path / "tiny.onnx").write_bytes(b"no network")
-    card(tmp_path / "tiny.onnx").write(tmp_path / "tiny.json")
-    with pytest.raises(InputError, match=r"onnxruntime cannot load .*tiny\.onnx") as error:
-        load_network("tiny", str(tmp_path / "tiny.json"))
+@pytest.mark.parametrize(("spoil", "planner", "message"), [
+    (lambda _weights: None, "other", r"was trained for planner 'tiny', not for 'other'"),
+    (lambda file: file.write_bytes(b"other"), "tiny", r"tiny\.onnx is not the file that tiny\.json describes"),
+    (lambda file: file.unlink(), "tiny", r"cannot read the weights .*tiny\.onnx, which tiny\.json names"),
+    (resealed, "tiny", r"onnxruntime cannot load .*tiny\.onnx"),
+])  # fmt: skip
+def test_weights_that_cannot_be_used_are_one_clear_line(
+    doubling: Path, spoil: Callable[[Path], object], planner: str, message: str
+) -> None:
+    spoil(doubling.with_suffix(".onnx"))
+    with pytest.raises(InputError, match=message) as error:
+        load_network(planner, str(doubling))
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("spoil", "message"),
-    [
-        (lambda _text: "{", "is damaged"),
-        (lambda _text: "[]", "is no model card"),
-        (lambda _text: '{"kind": "other"}', "is no model card"),
-        (lambda text: text.replace('"dtype"', '"type"'), "is damaged: KeyError"),
-        (lambda text: text.replace('"parameters"', '"weights"'), "is damaged: TypeError"),
-        (
-            lambda _text: json.dumps(asdict(replace(card(), features_format=0))),
-            f"was trained with features of format 0, this version makes {schema.FORMAT}; train again",
-        ),
-        (
-            lambda _text: json.dumps(asdict(replace(card(), format=99))),
-            "was trained with cards of format 99, this version makes 1; train again",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("spoil", "message"), [
+    (lambda _text: "{", "is damaged"), (lambda _text: "[]", "is no model card"),
+    (lambda _text: '{"kind": "other"}', "is no model card"),
+    (lambda text: text.replace('"dtype"', '"type"'), "is damaged: KeyError"),
+    (lambda text: text.replace('"parameters"', '"weights"'), "is damaged: TypeError"),
+    (
+        lambda _text: json.dumps(asdict(replace(card(), features_format=0))),
+        f"was trained with features of format 0, this version makes {schema.FORMAT}; train again",
+    ),
+    (
+        lambda _text: json.dumps(asdict(replace(card(), format=99))),
+        "was trained with cards of format 99, this version makes 1; train again",
+    ),
+])  # fmt: skip
 def test_a_card_that_cannot_be_used_is_one_clear_line(
     tmp_path: Path, spoil: Callable[[str], str], message: str
 ) -> None:

@@ -1,23 +1,21 @@
-"""PDM-Open's inputs, by hand: signs, units, frames."""
+"""PDM-Open's inputs by hand: signs, units, frames; and from any network's poses to a plan."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given as any_of
+from hypothesis import strategies as st
+from tiny_dataset import empty_sample
 
-from interplan_learned.driving import plan_through
+from interplan_learned.driving import MOST_MPS, plan_through, without_leaps
 from interplan_learned.pdm_open import inputs
 from interplan_sumo import tiny_worlds
 from interplan_sumo.features.view import Arrays, EgoView
 
 
 def arrays() -> Arrays:
-    """One sample without anything in it."""
-    return {
-        "ego_history": np.zeros((1, 21, 10), dtype=np.float32),
-        "route_centerline": np.zeros((1, 120, 3), dtype=np.float32),
-        "route_centerline_valid": np.zeros((1, 120), dtype=np.bool_),
-    }
+    return empty_sample("ego_history", "route_centerline", "route_centerline_valid")
 
 
 def ego_rows(given: Arrays, history_s: float = 2.0) -> np.ndarray:
@@ -58,16 +56,13 @@ def test_less_past_leaves_older_rows_empty() -> None:
     assert present[10, 8] == 0.0  # a difference would tell of the past
 
 
-def test_the_line_stays_at_its_last_pose_where_it_has_ended() -> None:
+def test_the_line_stays_at_its_last_pose_where_it_has_ended_and_is_empty_without_a_route() -> None:
     given = arrays()
     given["route_centerline"][0, :3] = ((0.5, 1.0, 0.1), (1.5, 1.1, 0.1), (2.5, 1.2, 0.2))
     given["route_centerline_valid"][0, :3] = True
     line = inputs(given)["centerline"].reshape(120, 3)
     np.testing.assert_allclose(line[:3], given["route_centerline"][0, :3])
     np.testing.assert_allclose(line[3:], np.tile((2.5, 1.2, 0.2), (117, 1)), rtol=1e-6)
-
-
-def test_without_a_route_the_line_is_empty() -> None:
     assert not inputs(arrays())["centerline"].any()
 
 
@@ -81,3 +76,19 @@ def test_poses_in_the_ego_frame_become_a_plan_of_the_box_centre_in_the_map() -> 
     np.testing.assert_allclose(plan.x_m, (30.0, 30.0, 28.0 - ahead_m), atol=1e-9)
     np.testing.assert_allclose(plan.y_m, (1.0, 4.0, 7.0 - ahead_m), atol=1e-9)
     assert plan.heading_rad[-1] == pytest.approx(-np.pi)
+
+
+def test_a_path_without_leaps_stays_as_it_is_and_after_a_shortened_one_all_moves_along() -> None:
+    path = np.array([[0.0, 0.0, 0.0], [0.5 * MOST_MPS, 0.0, 0.1], [0.5 * MOST_MPS, 3.0, 0.2]])
+    assert without_leaps(path, 0.5) is path
+    path = np.array([[0.0, 0.0, 0.0], [0.0, 100.0, 0.1], [1.0, 102.0, 0.2]])
+    found = without_leaps(path, 0.5)
+    np.testing.assert_allclose(found, [[0.0, 0.0, 0.0], [0.0, 22.5, 0.1], [1.0, 24.5, 0.2]])
+
+
+@any_of(st.integers(0, 2**32 - 1), st.sampled_from((0.1, 0.5)))
+def test_whatever_a_network_says_no_step_is_faster_than_allowed(seed: int, step_s: float) -> None:
+    path = np.random.default_rng(seed).normal(0.0, 40.0, (17, 3))
+    found = without_leaps(path, step_s)
+    assert np.hypot(*np.diff(found[:, :2], axis=0).T).max() < MOST_MPS * step_s + 1e-9
+    np.testing.assert_array_equal(found[:, 2], path[:, 2])

@@ -120,14 +120,11 @@ def test_published_sizes_have_the_published_numbers() -> None:
     assert (settings.epochs, settings.batch, settings.learning_rate) == (100, 64, 1e-4)
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"planner": "pdm_opn"}, "no planner to train named 'pdm_opn'. Did you mean 'pdm_open'?"),
-        ({"planner": "pdm_open", "size": "compct"}, "no size named 'compct'. Did you mean 'compact'?"),
-        ({"planner": "pdm_open", "options": {"history": 1}}, "no option of pdm_open's training named 'history'"),
-    ],
-)
+@pytest.mark.parametrize(("given", "message"), [
+    ({"planner": "pdm_opn"}, "no planner to train named 'pdm_opn'. Did you mean 'pdm_open'?"),
+    ({"planner": "pdm_open", "size": "compct"}, "no size named 'compct'. Did you mean 'compact'?"),
+    ({"planner": "pdm_open", "options": {"history": 1}}, "no option of pdm_open's training named 'history'"),
+])  # fmt: skip
 def test_what_there_is_not_is_named(given: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message.replace("?", r"\?")):
         find_recipe(**given)

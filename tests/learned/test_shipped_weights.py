@@ -30,34 +30,23 @@ def card(request: pytest.FixtureRequest) -> Card:
     return read_card(SHIPPED / f"{request.param}.json")
 
 
-def test_only_these_are_shipped() -> None:
-    assert sorted(path.stem for path in SHIPPED.glob("*.json")) == sorted(CARDS)
-
-
-def test_the_files_are_those_of_the_card_and_small(card: Card) -> None:
+def test_the_files_are_those_of_the_card_small_in_the_present_schema_and_called_what_they_are(card: Card) -> None:
     for graph in card.graphs.values():
         assert file_hash(SHIPPED / graph.file) == graph.sha256
     assert sum((SHIPPED / graph.file).stat().st_size for graph in card.graphs.values()) < LARGEST_BYTES
-
-
-def test_what_is_smaller_than_published_is_called_compact(card: Card) -> None:
+    assert card.features_format == schema.FORMAT
     assert card.size == ("published" if card.planner in AS_PUBLISHED else "compact")
 
 
-def test_it_learned_from_thousands_of_samples_and_beats_constant_velocity_on_new_traffic_and_on_a_new_map(
-    card: Card,
-) -> None:
+def test_all_learned_from_the_same_samples_and_beat_constant_velocity_on_new_traffic_and_a_new_map(card: Card) -> None:
+    assert sorted(path.stem for path in SHIPPED.glob("*.json")) == sorted(CARDS)
+    assert card.data["hash"] == read_card(SHIPPED / "pdm_open.json").data["hash"]
     assert card.data["samples"]["train"] >= 20_000
     for split in ("val", "test"):
         errors = card.errors[split]
         assert errors["samples"] > 500
         for error in ("ade", "fde_3_s", "fde_8_s"):
             assert errors["network"][error] < 0.8 * errors["constant_velocity"][error], (split, error)
-
-
-def test_all_learned_from_the_same_data_in_the_present_schema(card: Card) -> None:
-    assert card.data["hash"] == read_card(SHIPPED / "pdm_open.json").data["hash"]
-    assert card.features_format == schema.FORMAT
 
 
 @pytest.mark.slow

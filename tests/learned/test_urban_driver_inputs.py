@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tiny_dataset import samples_of
+from tiny_dataset import empty_sample, samples_of
 
+from interplan_learned.card import Size
 from interplan_learned.urban_driver import FIELDS, POINTS, SIZES, VEHICLE_CHANNELS, inputs, thinned
 from interplan_sumo import tiny_worlds
-from interplan_sumo.features.schema import BY_NAME, channel_index
+from interplan_sumo.features.schema import channel_index
 from interplan_sumo.features.view import Arrays, EgoView
 
 COMPACT = SIZES["compact"]
@@ -18,9 +19,7 @@ FIRST = {name: sum(n for _, n in COMPACT.lines[:k]) for k, (name, _) in enumerat
 
 def arrays() -> Arrays:
     """One sample without anything in it but an ego that stands."""
-    made = {
-        name: np.zeros((1, *(size or 0 for size in BY_NAME[name].shape)), dtype=BY_NAME[name].dtype) for name in FIELDS
-    }
+    made = empty_sample(*FIELDS)
     made["ego_history_valid"][:] = True
     return made
 
@@ -51,16 +50,13 @@ def lines_of(given: Arrays, kind: str) -> np.ndarray:
     return found["lines"][0, rows][found["lines_valid"][0, rows]]
 
 
-def test_the_past_is_five_poses_the_present_first() -> None:
+def test_the_past_is_five_poses_the_present_first_and_what_is_not_known_is_masked() -> None:
     given = arrays()
     given["ego_history"][0, :, 0] = np.arange(-20, 1)  # a metre per frame
     given["ego_history"][0, :, 1], given["ego_history"][0, :, 2] = 0.5, -0.1
     given["ego_history"][0, :, 3:] = 9.0  # velocities and the like are not looked at
     ego = inputs(given, "compact")["ego"][0]
     np.testing.assert_allclose(ego, [(x, 0.5, -0.1) for x in (0, -4, -8, -12, -16)], rtol=1e-6)
-
-
-def test_a_past_that_is_not_known_is_masked() -> None:
     given = arrays()
     given["ego_history"][0, :, 0] = 7.0
     given["ego_history_valid"][0, :12] = False
@@ -94,7 +90,7 @@ def test_only_vehicles_are_seen_and_no_more_than_there_is_room_for() -> None:
     assert inputs(given, "compact")["vehicles"][0, -1, 0, 0] == 32.0
 
 
-def test_a_lane_has_twenty_points_from_end_to_end_and_its_light() -> None:
+def test_a_lane_has_twenty_points_and_its_light_and_boundaries_beside_it_without_one() -> None:
     given = arrays()
     lane(given, 0, -3.0, light="light_red")
     (piece,) = lines_of(given, "lanes")
@@ -102,9 +98,6 @@ def test_a_lane_has_twenty_points_from_end_to_end_and_its_light() -> None:
     assert (piece[0, 0], piece[-1, 0]) == (0.0, 49.0)
     assert np.diff(piece[:, 0]).max() <= 3.0
     assert np.unique(piece[:, 1:], axis=0).tolist() == [[-3.0, 0.0, 0.0, 1.0, 0.0]]  # y, green, yellow, red, none
-
-
-def test_boundaries_lie_on_their_sides_and_have_no_light() -> None:
     given = arrays()
     lane(given, 0, 2.0)
     for kind, y_m in (("left_boundaries", 3.5), ("right_boundaries", 0.5)):
@@ -145,36 +138,27 @@ def test_of_more_lines_than_there_is_room_for_the_nearest_are_kept() -> None:
 
 def test_empty_rows_are_zero_whatever_they_held() -> None:
     given = arrays()
-    given["lanes"][:], given["left_boundaries"][:], given["stop_lines"][:], given["agents"][..., :8] = (
-        1.0,
-        1.0,
-        1.0,
-        1.0,
-    )
+    given["agents"][..., :8] = 1.0
+    for name in ("lanes", "left_boundaries", "stop_lines"):
+        given[name][:] = 1.0
     found = inputs(given, "compact")
     assert not found["lines"].any()
     assert not found["lines_valid"].any()
     assert not found["vehicles"].any()
 
 
-@pytest.mark.parametrize("size", ["compact", "published"])
-def test_thinned_samples_give_the_same_inputs_and_stay_as_they_are(size: str) -> None:
+@pytest.mark.parametrize(("size", "rows", "vehicles"), [("compact", 62, 16), ("published", 160, 30)])
+def test_sizes_have_as_many_rows_as_they_say_and_thinned_samples_give_the_same(
+    size: Size, rows: int, vehicles: int
+) -> None:
     samples = samples_of("left", 8.0)
-    less = thinned(samples, size)  # type: ignore[arg-type]
-    again = thinned(less, size)  # type: ignore[arg-type]
-    for name, values in inputs(samples, size).items():  # type: ignore[arg-type]
-        np.testing.assert_array_equal(values, inputs(less, size)[name])  # type: ignore[arg-type]
+    less, found = thinned(samples, size), inputs(samples, size)
+    assert found["lines"].shape[1:] == (rows, POINTS, 6)
+    assert found["vehicles"].shape[1:] == (vehicles, 5, 8)
+    for name, values in inputs(less, size).items():
+        np.testing.assert_array_equal(values, found[name])
     for name, values in less.items():
-        np.testing.assert_array_equal(values, again[name])
         assert not np.shares_memory(values, samples[name]) or values.nbytes == samples[name].nbytes
-
-
-def test_sizes_have_as_many_rows_as_they_say() -> None:
-    samples = samples_of("left", 8.0)
-    for size, rows, vehicles in (("compact", 62, 16), ("published", 160, 30)):
-        found = inputs(samples, size)  # type: ignore[arg-type]
-        assert found["lines"].shape[1:] == (rows, POINTS, 6)
-        assert found["vehicles"].shape[1:] == (vehicles, 5, 8)
 
 
 def test_in_a_world_left_is_positive_and_the_light_is_that_of_its_connector() -> None:

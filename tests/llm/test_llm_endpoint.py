@@ -17,17 +17,12 @@ from interplan_sumo.errors import InputError
 BOTH = {"INTERPLAN_LLM_KEY": "ours", "OPENAI_API_KEY": "theirs"}
 
 
-@pytest.mark.parametrize(
-    ("url", "key"),
-    [
-        ("https://api.openai.com/v1", "theirs"),
-        ("https://eu.api.openai.com/v1", "theirs"),
-        ("http://api.openai.com/v1", None),
-        ("https://api.openai.com.example/v1", None),
-        ("https://notopenai.com/v1", None),
-        ("http://localhost:8000/v1", None),
-    ],
-)
+@pytest.mark.parametrize(("url", "key"), [
+    ("https://api.openai.com/v1", "theirs"), ("https://eu.api.openai.com/v1", "theirs"),
+    ("http://api.openai.com/v1", None),
+    ("https://api.openai.com.example/v1", None),
+    ("https://notopenai.com/v1", None), ("http://localhost:8000/v1", None),
+])  # fmt: skip
 def test_openais_key_goes_to_openai_over_https_only(url: str, key: str | None) -> None:
     assert key_for(address(url), {"OPENAI_API_KEY": "theirs"}) == key
 
@@ -38,17 +33,10 @@ def test_the_key_of_interplan_goes_where_the_user_says_and_comes_first() -> None
     assert key_for(address("http://localhost:8000/v1"), {}) is None
 
 
-@pytest.mark.parametrize(
-    ("url", "loopback"),
-    [
-        ("http://localhost:1/v1", True),
-        ("http://127.0.0.1/v1", True),
-        ("http://127.8.9.1/v1", True),
-        ("http://[::1]:8000/v1", True),
-        ("http://10.0.0.1/v1", False),
-        ("https://localhost.example/v1", False),
-    ],
-)
+@pytest.mark.parametrize(("url", "loopback"), [
+    ("http://localhost:1/v1", True), ("http://127.0.0.1/v1", True), ("http://127.8.9.1/v1", True),
+    ("http://[::1]:8000/v1", True), ("http://10.0.0.1/v1", False), ("https://localhost.example/v1", False),
+])  # fmt: skip
 def test_this_machine_is_recognized(url: str, loopback: bool) -> None:
     assert address(url).loopback is loopback
 
@@ -69,13 +57,10 @@ def test_importing_the_models_imports_none_of_the_extra_libraries() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_a_call_within_its_time_returns_or_raises_what_it_does() -> None:
+def test_a_call_returns_or_raises_what_it_does_within_its_time_and_is_left_behind_past_it() -> None:
     assert within(5.0, lambda: 7) == 7
     with pytest.raises(ZeroDivisionError):
         within(5.0, lambda: 1 // 0)
-
-
-def test_a_call_past_its_time_is_left_behind() -> None:
     go_on = threading.Event()
     with pytest.raises(TimeoutError):
         within(0.02, lambda: go_on.wait(5.0))

@@ -18,39 +18,22 @@ from tests.llm.questions import CHOICES, question
 VOCABULARY = (*CHOICES, "merge_right")
 
 
-@pytest.mark.parametrize(
-    ("text", "choice"),
-    [
-        ("merge_left", "merge_left"),
-        ("  Merge Left.\n", "merge_left"),
-        ("**MERGE-LEFT**", "merge_left"),
-        ('{"choice": "merge_left"}', "merge_left"),
-        ("I could <<stop>>, but no: <<merge_left>>", "merge_left"),
-        ("We should merge left now, there is room.", "merge_left"),
-        ("stop, stop, stop!", "stop"),
-    ],
-)
+@pytest.mark.parametrize(("text", "choice"), [
+    ("merge_left", "merge_left"), ("  Merge Left.\n", "merge_left"), ("**MERGE-LEFT**", "merge_left"),
+    ('{"choice": "merge_left"}', "merge_left"),
+    ("I could <<stop>>, but no: <<merge_left>>", "merge_left"),
+    ("We should merge left now, there is room.", "merge_left"),
+    ("stop, stop, stop!", "stop"),
+])  # fmt: skip
 def test_a_choice_is_found_bare_in_json_marked_or_as_the_only_one_that_is_named(text: str, choice: str) -> None:
     assert read_choice(text, CHOICES, VOCABULARY) == choice
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "accelerate",
-        "follow or stop?",
-        "following",
-        "<<accelerate>> rather than follow",
-        "<<choice>> follow",
-        '{"choice": "fly"}',
-        '{"choice": ["stop"]}',
-        '{"lane": "stop"}',
-        '{"choice": "stop", "choice": "follow"}',
-        "{stop",
-        "follow, never merge right",
-    ],
-)
+@pytest.mark.parametrize("text", [
+    "", "accelerate", "follow or stop?", "following", "<<accelerate>> rather than follow", "<<choice>> follow",
+    '{"choice": "fly"}', '{"choice": ["stop"]}', '{"lane": "stop"}', '{"choice": "stop", "choice": "follow"}', "{stop",
+    "follow, never merge right",
+])  # fmt: skip
 def test_text_that_says_no_word_or_several_or_a_foreign_one_is_no_answer(text: str) -> None:
     with pytest.raises(ModelFailure) as failed:
         read_choice(text, CHOICES, VOCABULARY)
@@ -94,12 +77,14 @@ def test_whatever_the_choices_are_each_is_found_bare_and_marked(words: list[str]
             assert read_choice(f"{before}!<<{word}>>", request.choices) == word
 
 
-def test_text_of_the_limit_is_read_and_a_character_more_is_too_long() -> None:
+def test_text_and_json_at_the_limits_are_read_and_a_character_more_is_too_long() -> None:
     assert read_choice("stop".ljust(MAX_TEXT_BYTES), CHOICES) == "stop"
     for read in (lambda text: read_choice(text, CHOICES), read_json):
         with pytest.raises(ModelFailure) as failed:
             read("stop".ljust(MAX_TEXT_BYTES + 1))
         assert failed.value.cause == "too_long"
+    assert read_json("[" * MAX_JSON_DEPTH + "]" * MAX_JSON_DEPTH)
+    assert len(read_json(json.dumps([0] * (MAX_JSON_VALUES - 1)))) == MAX_JSON_VALUES - 1
 
 
 @given(st.recursive(st.none() | st.booleans() | st.integers(-(10**9), 10**9) | st.text(max_size=5), st.lists))
@@ -115,34 +100,16 @@ def test_json_in_a_fence_is_read_and_the_last_fence_counts() -> None:
     assert read_json('First ```json\n{"x": 1}\n``` no:\n```\n[2]\n```') == [2]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "NaN",
-        "[Infinity]",
-        "[1e999]",
-        f"[1{'0' * 400}]",
-        "1" * 5000,
-        '{"a": 1, "a": 2}',
-        "__import__('os')",
-        "(1, 2)",
-        "[" * 50_000,
-        '{"a":' * 15_000,
-        "[" * (MAX_JSON_DEPTH + 1) + "]" * (MAX_JSON_DEPTH + 1),
-        json.dumps([0] * MAX_JSON_VALUES),
-    ],
-    ids=range(13),
-)
+@pytest.mark.parametrize("text", [
+    "", "NaN", "[Infinity]", "[1e999]", f"[1{'0' * 400}]", "1" * 5000, '{"a": 1, "a": 2}', "__import__('os')", "(1, 2)",
+    "[" * 50_000, '{"a":' * 15_000,
+    "[" * (MAX_JSON_DEPTH + 1) + "]" * (MAX_JSON_DEPTH + 1),
+    json.dumps([0] * MAX_JSON_VALUES),
+], ids=range(13))  # fmt: skip
 def test_json_that_is_broken_not_finite_too_deep_or_too_large_is_no_answer(text: str) -> None:
     with pytest.raises(ModelFailure) as failed:
         read_json(text)
     assert failed.value.cause == "parse"
-
-
-def test_json_at_the_limits_of_depth_and_count_is_read() -> None:
-    assert read_json("[" * MAX_JSON_DEPTH + "]" * MAX_JSON_DEPTH)
-    assert len(read_json(json.dumps([0] * (MAX_JSON_VALUES - 1)))) == MAX_JSON_VALUES - 1
 
 
 @given(st.text(alphabet='[]{}",:0123456789.eE-+ nulltruefalse\\\n`', max_size=200))
@@ -151,36 +118,22 @@ def test_arbitrary_text_gives_json_or_a_model_failure(text: str) -> None:
         read_json(text)
 
 
-def test_a_failure_carries_the_reply_that_could_not_be_used() -> None:
+def test_a_failure_carries_its_reply_and_free_text_is_an_answer_as_it_is() -> None:
     reply = Reply("perhaps", prompt_tokens=7, latency_s=1.5)
     with pytest.raises(ModelFailure) as failed:
         answered(question(), reply)
     assert failed.value.reply == reply
     assert failed.value.latency_s == 1.5
-
-
-def test_free_text_is_an_answer_as_it_is() -> None:
     assert answered(question(choices=None), Reply("anything")) == Reply("anything")
 
 
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"choices": ()},
-        {"choices": ("a", "A")},
-        {"choices": ("merge_left", "merge left")},
-        {"choices": ("a<b",)},
-        {"choices": ('"',)},
-        {"choices": ("\n",)},
-        {"choices": ("_",)},
-        {"schema": {"type": "object"}},
-        {"choices": None, "schema": {"maximum": float("inf")}},
-        {"choices": None, "grammar": 'root ::= "yes"'},
-        {"max_tokens": 0},
-        {"temperature": -0.1},
-        {"timeout_s": 0.0},
-    ],
-)
+@pytest.mark.parametrize("fields", [
+    {"choices": ()}, {"choices": ("a", "A")}, {"choices": ("merge_left", "merge left")}, {"choices": ("a<b",)},
+    {"choices": ('"',)}, {"choices": ("\n",)}, {"choices": ("_",)}, {"schema": {"type": "object"}},
+    {"choices": None, "schema": {"maximum": float("inf")}},
+    {"choices": None, "grammar": 'root ::= "yes"'},
+    {"max_tokens": 0}, {"temperature": -0.1}, {"timeout_s": 0.0},
+])  # fmt: skip
 def test_a_question_that_cannot_be_answered_as_asked_is_refused(fields: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"."):
         question(**fields)

@@ -7,16 +7,29 @@ from pathlib import Path
 
 import pytest
 
-from interplan_llm.models.protocol import LanguageModel, ModelFailure
+from interplan_llm.models.protocol import ModelFailure
 from interplan_llm.models.spec import open_model
+from interplan_llm.models.store import AnswerStore, StoredModel
 from interplan_sumo.errors import InputError, UnknownNameError
-from interplan_sumo.planner import load_planner
-from tests.llm.option_holder import OptionHolder
+from interplan_sumo.planner import Mission, Observation, load_planner
+from interplan_sumo.world.trajectory import Trajectory
 from tests.llm.questions import question
 
 needs_http = pytest.mark.skipif(
     importlib.util.find_spec("httpx2") is None, reason="needs the extra: pip install 'interplan-sumo[llm]'"
 )
+
+
+class OptionHolder:
+    """A planner that only holds its options."""
+
+    def __init__(self, model: str = "", store: str = "") -> None:
+        self.model, self.store = model, store
+
+    def start(self, mission: Mission) -> None: ...
+
+    def plan(self, observation: Observation) -> Trajectory:
+        raise NotImplementedError
 
 
 def test_scripted_texts_are_said_in_turn() -> None:
@@ -25,13 +38,10 @@ def test_scripted_texts_are_said_in_turn() -> None:
 
 
 @needs_http
-@pytest.mark.parametrize(
-    ("spec", "name"),
-    [
-        ("http://localhost:11434/v1#smollm2:135m", "http://localhost:11434/v1#smollm2:135m"),
-        ("https://host/v1/#org/model%26more", "https://host/v1#org/model&more"),
-    ],
-)
+@pytest.mark.parametrize(("spec", "name"), [
+    ("http://localhost:11434/v1#smollm2:135m", "http://localhost:11434/v1#smollm2:135m"),
+    ("https://host/v1/#org/model%26more", "https://host/v1#org/model&more"),
+])  # fmt: skip
 def test_a_url_and_the_model_behind_it(spec: str, name: str) -> None:
     model = open_model(spec)
     assert model.name == name
@@ -51,17 +61,10 @@ def test_a_replay_opens_neither_file_nor_connection(tmp_path: Path) -> None:
     path = tmp_path / "answers.jsonl"
     for spec, name in (("scripted:stop", "http://nowhere.invalid/v1#toy"), ("scripted:follow", "embedded:abc")):
         inner = open_model(spec)
-        inner.name = name  # type: ignore[misc]
-        _record(path, inner)
+        StoredModel(name, AnswerStore(path), "record", inner).ask(question())
     chat = open_model("http://nowhere.invalid/v1#toy", store=path, mode="replay")
     assert chat.ask(question()).choice == "stop"
     assert open_model("embedded:/no/such.gguf", store=path, mode="replay").ask(question()).choice == "follow"
-
-
-def _record(path: Path, model: LanguageModel) -> None:
-    from interplan_llm.models.store import AnswerStore, StoredModel
-
-    StoredModel(model.name, AnswerStore(path), "record", model).ask(question())
 
 
 def test_a_replay_of_several_models_wants_one_named(tmp_path: Path) -> None:
@@ -75,56 +78,32 @@ def test_a_replay_of_several_models_wants_one_named(tmp_path: Path) -> None:
         open_model(f"replay:{path}#other")
 
 
-@pytest.mark.parametrize(
-    "spec",
-    [
-        "",
-        "nonsense",
-        "scripted",
-        "scripted:",
-        "replay",
-        "replay:",
-        "replay:/no/such/file.jsonl",
-        "http://localhost/v1",
-        "http:#model",
-        "embedded:",
-        "embedded:/no/such.gguf",
-        "embedded:/no/such.gguf+lora:",
-    ],
-)
+@pytest.mark.parametrize("spec", [
+    "", "nonsense", "scripted", "scripted:", "replay", "replay:", "replay:/no/such/file.jsonl", "http://localhost/v1",
+    "http:#model", "embedded:", "embedded:/no/such.gguf", "embedded:/no/such.gguf+lora:",
+])  # fmt: skip
 def test_a_text_that_names_no_model_is_refused_in_one_line(spec: str) -> None:
     with pytest.raises(InputError) as refused:
         open_model(spec)
     assert "\n" not in str(refused.value)
 
 
-def test_an_unknown_kind_or_mode_suggests_a_near_one() -> None:
+def test_an_unknown_kind_or_mode_suggests_a_near_one_and_a_replay_needs_no_store(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'embedded'"):
         open_model("embeded")
     with pytest.raises(UnknownNameError, match="Did you mean 'replay'"):
         open_model("scripted:x", mode="repla")  # type: ignore[arg-type]
-
-
-def test_a_replay_beside_a_store_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="needs no store"):
         open_model("replay:a.jsonl", store=tmp_path / "b.jsonl")
 
 
-@pytest.mark.parametrize(
-    "spec",
-    [
-        "embedded",
-        "embedded:/models/a.gguf",
-        "embedded:models/a%20b%26c.gguf+lora:adapter.gguf@0.5",
-        "http://localhost:11434/v1#smollm2:135m",
-        "https://api.openai.com/v1#gpt-4o-mini",
-        "http://[::1]:8000/v1?a=b#m",
-        "replay:runs/answers.jsonl#http://localhost:11434/v1#smollm2:135m",
-        "scripted:follow,stop",
-    ],
-)
+@pytest.mark.parametrize("spec", [
+    "embedded", "embedded:/models/a.gguf", "embedded:models/a%20b%26c.gguf+lora:adapter.gguf@0.5",
+    "http://localhost:11434/v1#smollm2:135m", "https://api.openai.com/v1#gpt-4o-mini", "http://[::1]:8000/v1?a=b#m",
+    "replay:runs/answers.jsonl#http://localhost:11434/v1#smollm2:135m", "scripted:follow,stop",
+])  # fmt: skip
 def test_a_spec_goes_unchanged_through_the_options_of_a_planner(spec: str) -> None:
-    planner = load_planner(f"tests.llm.option_holder:OptionHolder?model={spec}&store=out/answers.jsonl")
+    planner = load_planner(f"{__name__}:OptionHolder?model={spec}&store=out/answers.jsonl")
     assert isinstance(planner, OptionHolder)
     assert planner.model == spec
     assert planner.store == "out/answers.jsonl"

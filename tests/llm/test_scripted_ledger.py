@@ -10,7 +10,7 @@ from interplan_llm.models.usage_stats import Ledger
 from tests.llm.questions import question
 
 
-def test_a_list_is_said_in_turn_and_then_nothing() -> None:
+def test_scripted_texts_are_said_in_turn_over_and_over_or_by_a_function() -> None:
     model = ScriptedModel(["follow", ModelFailure("timeout", "late"), "stop"])
     assert model.ask(question()).choice == "follow"
     with pytest.raises(ModelFailure, match="late"):
@@ -19,18 +19,12 @@ def test_a_list_is_said_in_turn_and_then_nothing() -> None:
     with pytest.raises(ModelFailure) as failed:
         model.ask(question())
     assert failed.value.cause == "missing"
-
-
-def test_a_function_sees_the_request() -> None:
+    model = always("follow", "stop")
+    assert [model.ask(question()).choice for _ in range(5)] == ["follow", "stop", "follow", "stop", "follow"]
     model = ScriptedModel(lambda request: (request.choices or ("",))[-1])
     assert model.ask(question()).choice == "stop"
     assert isinstance(model, LanguageModel)
     model.close()
-
-
-def test_texts_can_be_said_over_and_over() -> None:
-    model = always("follow", "stop")
-    assert [model.ask(question()).choice for _ in range(5)] == ["follow", "stop", "follow", "stop", "follow"]
 
 
 def test_a_ledger_counts_queries_fallbacks_tokens_and_time() -> None:
@@ -56,7 +50,4 @@ def test_ledgers_add_up() -> None:
     other.failed(ModelFailure("parse", "", latency_s=1.0))
     total.add(other)
     assert (total.queries, total.fallbacks["parse"], total.latency_sum_s, total.latency_max_s) == (2, 1, 3.0, 2.0)
-
-
-def test_an_empty_ledger_has_no_share_of_fallbacks() -> None:
     assert Ledger().fallback_share == 0.0

@@ -294,17 +294,14 @@ def test_files_of_other_options_and_damaged_ones_are_refused(tmp_path: Path) -> 
         Parts(out, QUICK)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--every", "0"], "error: every is 0, expected 1 or more"),
-        (["--others", "-1"], "error: others is -1.0, expected 0 or more"),
-        (["--workers", "-1"], "error: workers is -1, expected 0 (in this process) or more"),
-        (["--per-family", "0"], "error: per-family is 0, expected 1 or more"),
-        (["--seeds-from", "0"], "error: seeds-from is 0, expected 100000 or more"),
-        (["--scenes", "nowhere.yaml"], "error: "),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["--every", "0"], "error: every is 0, expected 1 or more"),
+    (["--others", "-1"], "error: others is -1.0, expected 0 or more"),
+    (["--workers", "-1"], "error: workers is -1, expected 0 (in this process) or more"),
+    (["--per-family", "0"], "error: per-family is 0, expected 1 or more"),
+    (["--seeds-from", "0"], "error: seeds-from is 0, expected 100000 or more"),
+    (["--scenes", "nowhere.yaml"], "error: "),
+])  # fmt: skip
 def test_the_command_refuses_what_cannot_be_in_one_line(
     arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

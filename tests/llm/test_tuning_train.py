@@ -204,16 +204,13 @@ def test_batches_hold_every_example_once(tiny: Path, examples: Path) -> None:
     assert first == same != other
 
 
-@pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        ({"messages": "none"}, "no JSON object with messages"),
-        ({"messages": [{"role": "user", "content": "a"}]}, "roles system, user, assistant"),
-        ({"choices": ["follow"]}, "the answer 'merge_left' is not among"),
-        ({"choices": "follow"}, "not a list of texts"),
-        ({"about": {"split": "test"}}, "expected train or val"),
-    ],
-)
+@pytest.mark.parametrize(("change", "named"), [
+    ({"messages": "none"}, "no JSON object with messages"),
+    ({"messages": [{"role": "user", "content": "a"}]}, "roles system, user, assistant"),
+    ({"choices": ["follow"]}, "the answer 'merge_left' is not among"),
+    ({"choices": "follow"}, "not a list of texts"),
+    ({"about": {"split": "test"}}, "expected train or val"),
+])  # fmt: skip
 def test_a_line_that_cannot_be_used_is_named(tmp_path: Path, change: dict[str, Any], named: str) -> None:
     told = {**json.loads(line(1)), **change}
     (tmp_path / "bad.jsonl").write_text(f"{line(0)}\n{json.dumps(told)}\n", encoding="utf-8")
@@ -230,16 +227,13 @@ def test_nothing_to_learn_from_and_too_long_are_refused(tiny: Path, tmp_path: Pa
         samples_of(tiny, tmp_path / "long.jsonl")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["--targets", "attn_x"], "no target 'attn_x'"),
-        (["--rank", "0"], "--rank is 0"),
-        (["--max-minutes", "-1"], "--max-minutes is -1"),
-        (["--out", "nowhere/sign.gguf"], "in a folder that is there"),
-        (["--out", "sign.bin"], r"expected NAME\.gguf"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "named"), [
+    (["--targets", "attn_x"], "no target 'attn_x'"),
+    (["--rank", "0"], "--rank is 0"),
+    (["--max-minutes", "-1"], "--max-minutes is -1"),
+    (["--out", "nowhere/sign.gguf"], "in a folder that is there"),
+    (["--out", "sign.bin"], r"expected NAME\.gguf"),
+])  # fmt: skip
 def test_what_the_command_cannot_do_is_one_line(
     tiny: Path, examples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], named: str
 ) -> None:

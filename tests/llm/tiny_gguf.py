@@ -1,4 +1,4 @@
-"""A language model of 20 000 random weights as a GGUF file, and a LoRA adapter for it: real files in a blink.
+"""A language model of 30 000 random weights as a GGUF file, and a LoRA adapter for it: real files in a blink.
 
 Layout after the GGUF specification, version 3: header, metadata, tensor
 table, then the tensors at multiples of 32 bytes.
@@ -7,61 +7,58 @@ table, then the tensors at multiples of 32 bytes.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-WIDTH, HEADS, FEED_FORWARD, CONTEXT = 32, 2, 64, 4096
+LAYERS, WIDTH, HEADS, KV_HEADS, FEED_FORWARD = 2, 32, 4, 2, 64
 ALIGNMENT = 32
 FLOAT32 = 0
-
 TEMPLATE = (
-    "{% for message in messages %}[{{ message.role }}]{{ message.content }}\n{% endfor %}"
-    "{% if add_generation_prompt %}[assistant]{% endif %}"
+    "{% for message in messages %}<|begin|>{{ message.role }}\n{{ message.content }}<|end|>\n{% endfor %}"
+    "{% if add_generation_prompt %}<|begin|>assistant\n{% endif %}"
 )
 """Without a question of its own, so that a system message alone is a prompt."""
 
 Tensors = Mapping[str, NDArray[np.float32]]
 
 
-def write_model(path: Path, seed: int = 0, *, template: str = TEMPLATE) -> Path:
-    """A Llama of one layer that knows the bytes and one end token."""
-    tokens = [*_byte_letters(), "<end>"]
-    kinds = [1] * 256 + [3]  # normal, control
+def write_model(
+    path: Path, seed: int = 0, *, template: str = TEMPLATE, merges: Sequence[str] = ("never merged",),
+    splitting: str = "gpt-2", architecture: str = "llama", without: str = "",
+) -> Path:  # fmt: skip
+    """A Llama with shared keys that knows the bytes, what is merged of them, and the begin and the end of a turn."""
+    tokens = [*_byte_letters(), *(merge.replace(" ", "") for merge in merges), "<|begin|>", "<|end|>"]
+    shape = {
+        "context_length": 4096, "embedding_length": WIDTH, "block_count": LAYERS, "feed_forward_length": FEED_FORWARD,
+        "attention.head_count": HEADS, "attention.head_count_kv": KV_HEADS, "attention.layer_norm_rms_epsilon": 1e-5,
+        "rope.dimension_count": WIDTH // HEADS,
+    }  # fmt: skip
+    words = {
+        "model": "gpt2", "pre": splitting, "tokens": tokens, "token_type": [1] * (len(tokens) - 2) + [3, 3],
+        "merges": list(merges), "eos_token_id": len(tokens) - 1,
+    }  # fmt: skip
     metadata = {
-        "general.architecture": "llama",
+        "general.architecture": architecture,
         "general.name": "tiny",
-        "llama.context_length": CONTEXT,
-        "llama.embedding_length": WIDTH,
-        "llama.block_count": 1,
-        "llama.feed_forward_length": FEED_FORWARD,
-        "llama.attention.head_count": HEADS,
-        "llama.attention.layer_norm_rms_epsilon": 1e-5,
-        "llama.rope.dimension_count": WIDTH // HEADS,
-        "tokenizer.ggml.model": "gpt2",
-        "tokenizer.ggml.pre": "gpt-2",
-        "tokenizer.ggml.tokens": tokens,
-        "tokenizer.ggml.token_type": kinds,
-        "tokenizer.ggml.merges": ["never merged"],
-        "tokenizer.ggml.eos_token_id": 256,
+        **{f"{architecture}.{name}": value for name, value in shape.items()},
+        **{f"tokenizer.ggml.{name}": value for name, value in words.items()},
         "tokenizer.chat_template": template,
     }
-    rng = np.random.default_rng(seed)
-    square = (WIDTH, WIDTH)
-    shapes = {
-        "token_embd.weight": (len(tokens), WIDTH),
-        "output.weight": (len(tokens), WIDTH),
-        **{f"blk.0.attn_{part}.weight": square for part in ("q", "k", "v", "output")},
-        "blk.0.ffn_gate.weight": (FEED_FORWARD, WIDTH),
-        "blk.0.ffn_up.weight": (FEED_FORWARD, WIDTH),
-        "blk.0.ffn_down.weight": (WIDTH, FEED_FORWARD),
-    }
-    tensors = {name: rng.normal(0.0, 0.3, shape).astype(np.float32) for name, shape in shapes.items()}
-    norms = ("output_norm.weight", "blk.0.attn_norm.weight", "blk.0.ffn_norm.weight")
-    return _write(path, metadata, {**tensors, **{name: np.ones(WIDTH, np.float32) for name in norms}})
+    rng, keys = np.random.default_rng(seed), WIDTH // HEADS * KV_HEADS
+    inside = {
+        "attn_q": (WIDTH, WIDTH), "attn_k": (keys, WIDTH), "attn_v": (keys, WIDTH), "attn_output": (WIDTH, WIDTH),
+        "ffn_gate": (FEED_FORWARD, WIDTH), "ffn_up": (FEED_FORWARD, WIDTH), "ffn_down": (WIDTH, FEED_FORWARD),
+    }  # fmt: skip
+    shapes = {f"blk.{layer}.{name}": size for layer in range(LAYERS) for name, size in inside.items()}
+    shapes["token_embd"] = (len(tokens), WIDTH)
+    tensors = {name: rng.normal(0.0, 0.3, size) for name, size in shapes.items() if name != without}
+    for name in ("output_norm", *(f"blk.{n}.{name}" for n in range(LAYERS) for name in ("attn_norm", "ffn_norm"))):
+        tensors[name] = rng.uniform(0.5, 1.5, WIDTH)
+    return _write(path, metadata, {f"{name}.weight": values.astype(np.float32) for name, values in tensors.items()})
 
 
 def write_adapter(path: Path, seed: int = 1, rank: int = 4) -> Path:
