@@ -170,12 +170,6 @@ class Counting:
         self.said.append(row.scenario_id)
 
 
-def test_a_watch_of_ones_own_is_told_of_every_drive() -> None:
-    watch = Counting()
-    ips.run(Creeping(), scenarios=MINE, workers=0, progress=watch)
-    assert watch.said == [1, "mine/0"]
-
-
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
@@ -247,7 +241,7 @@ def test_two_runs_are_compared_pair_by_pair(drives: pd.DataFrame) -> None:
     assert found.overall.drives == 1
 
 
-def test_scenarios_are_listed_by_suite_and_by_file(tmp_path: Path) -> None:
+def test_scenarios_are_listed_by_suite_and_by_file_and_a_watch_is_told_of_every_drive(tmp_path: Path) -> None:
     from interplan_sumo.scenario.files import write_scenarios
 
     assert len(ips.scenarios()) == 80
@@ -255,5 +249,7 @@ def test_scenarios_are_listed_by_suite_and_by_file(tmp_path: Path) -> None:
     write_scenarios((MINE,), tmp_path / "mine.yaml")
     assert ips.scenarios(str(tmp_path / "mine.yaml")) == (MINE,)
     assert ips.load_scenario(tmp_path / "mine.yaml") == MINE
-    found = ips.run(Creeping(), scenarios=tmp_path / "mine.yaml", workers=0)
+    watch = Counting()
+    found = ips.run(Creeping(), scenarios=tmp_path / "mine.yaml", workers=0, progress=watch)
     assert found["scenario_id"].tolist() == ["mine/0"]
+    assert watch.said == [1, "mine/0"]

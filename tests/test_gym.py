@@ -131,21 +131,19 @@ def test_the_environment_that_was_reset_last_has_the_traffic() -> None:
     second.step(creeping(seen))
     first.reset(seed=0)
     first.step(creeping(seen))
+    made().reset(seed=0)  # one that is forgotten is in nobody's way
+    first.reset(seed=0)
+    first.close()
     first.close()
 
 
-def test_an_environment_that_was_forgotten_is_in_nobodys_way() -> None:
-    made().reset(seed=0)
-    env = made()
-    env.reset(seed=0)
-    env.close()
-    env.close()
-
-
-def test_there_is_no_step_before_the_first_reset_nor_after_the_end() -> None:
+def test_there_is_no_step_before_the_first_reset_nor_after_the_end_nor_of_another_shape() -> None:
     env = made()
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(creeping(None))
+    env.reset(seed=0)
+    with pytest.raises(ips.InputError, match=r"shape \(3,\), acceleration_steering has \(2,\)"):
+        env.step(np.zeros(3, dtype=np.float32))
     driven(env, hurrying)
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(creeping(None))
@@ -261,14 +259,6 @@ def test_an_action_that_cannot_be_followed_ends_the_episode_with_a_score_of_zero
         _, reward, terminated, _, told = env.step(bad.astype(np.float32))
         assert (reward, terminated, told["score"]) == (FAILED, True, 0.0)
         assert message in told["fault"]
-
-
-def test_an_action_of_another_shape_is_the_callers_mistake() -> None:
-    env = made()
-    env.reset(seed=0)
-    with pytest.raises(ips.InputError, match=r"shape \(3,\), acceleration_steering has \(2,\)"):
-        env.step(np.zeros(3, dtype=np.float32))
-    env.close()
 
 
 # --- actions and observations --------------------------------------------------------------------

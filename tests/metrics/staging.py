@@ -31,20 +31,13 @@ def facts_of(trace: Trace, roads: Roads, expert: EgoTrack = NOBODY, scenario: Sc
 
 
 def scenario_on(
-    roads: Roads,
-    start: tuple[str, float],
-    goal: tuple[str, float],
-    *,
-    family: str = "lane_change_ltd",
-    exempt: tuple[str, ...] = (),
-    obstacles: tuple[Obstacle, ...] = (),
+    roads: Roads, start: tuple[str, float], goal: tuple[str, float], obstacles: tuple[Obstacle, ...] = (),
     jaywalkers: tuple[Jaywalker, ...] = (),
-) -> Scenario:
+) -> Scenario:  # fmt: skip
     """A scenario through all roadblocks of a tiny road, in order."""
-    route = tuple(sorted(roads.roadblocks, key=int))
     return Scenario(
-        f"{family}/0", family, roads.name, LanePosition(*start), 10.0, LanePosition(*goal), route,
-        obstacles=obstacles, jaywalkers=jaywalkers, exempt=exempt,
+        "lane_change_ltd/0", "lane_change_ltd", roads.name, LanePosition(*start), 10.0, LanePosition(*goal),
+        tuple(sorted(roads.roadblocks, key=int)), obstacles=obstacles, jaywalkers=jaywalkers,
     )  # fmt: skip
 
 

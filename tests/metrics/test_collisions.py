@@ -38,17 +38,6 @@ def test_a_static_object_counts_as_standing_whatever_its_velocity():
     assert only(collisions(cone)).contact is Contact.STOPPED_TRACK
 
 
-def test_the_bearing_decides_between_rear_and_flank():
-    # the rear axle is 1.461 m behind the centre; a box centre at exactly 150 degrees is not behind yet
-    rear_axle_m = 50.0 - 1.461
-    across = 2.0
-    back = across / np.tan(np.deg2rad(30.0))
-    flank = only(collisions(cars((rear_axle_m - back + 0.01, -across, 12.0))))
-    rear = only(collisions(cars((rear_axle_m - back - 0.01, -across, 12.0))))
-    assert (flank.contact, rear.contact) == (Contact.LATERAL, Contact.REAR)
-    assert not rear.at_fault
-
-
 def test_a_contact_with_the_front_edge_is_a_front_collision_even_from_the_side():
     beside_the_nose = 50.0 + FRONT_M + CAR_HALF_M - 0.01
     assert only(collisions(cars((beside_the_nose, -2.0, 5.0)))).contact is Contact.FRONT

@@ -49,15 +49,13 @@ def test_turning_and_shifting_the_world_changes_no_score(name: str, angle: float
 
 
 def with_another(trace: Trace, other: Actors) -> Trace:
-    """The trace with more actors in every frame."""
-    frames = [trace.actors.rows(k) for k in range(len(trace))]
-    names = ("ids", "kind", "x_m", "y_m", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps", "behaviour")
-    extra = ActorTable.of([other] * len(trace))
-    parts = [(table, table.rows(k)) for k in range(len(frames)) for table in (trace.actors, extra)]
-    columns = {name: np.concatenate([getattr(table, name)[rows] for table, rows in parts]) for name in names}
-    counts = np.diff(trace.actors.starts) + len(other)
-    frame = np.repeat(np.arange(len(trace)), counts)
-    return replace(trace, actors=ActorTable(frame=frame, starts=np.concatenate(([0], np.cumsum(counts))), **columns))
+    """The trace with one more actor at the end of every frame, whose actors are not sorted."""
+    actors, extra = trace.actors, ActorTable.of([other])
+    names = [name for name in ActorTable.__dataclass_fields__ if name not in ("frame", "starts")]
+    columns = {name: np.insert(getattr(actors, name), actors.starts[1:], getattr(extra, name)) for name in names}
+    frame = np.repeat(np.arange(len(trace)), np.diff(actors.starts) + 1)
+    starts = actors.starts + np.arange(len(trace) + 1)
+    return replace(trace, actors=replace(actors, frame=frame, starts=starts, **columns))
 
 
 @settings(max_examples=6)

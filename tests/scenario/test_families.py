@@ -95,19 +95,13 @@ def narrow() -> Site:
     return site_at(load_roads("back_bay"), "301020", 100.0, approach_m=80.0, beyond_m=80.0)
 
 
-def test_a_nudge_beyond_1_4_m_is_an_overtake() -> None:
+def test_a_nudge_ends_at_1_4_m_and_an_overtake_begins_where_a_nudge_does_not_do() -> None:
     assert nudge.nudge("nudge/x", site=narrow(), offset_m=1.4).family == "nudge"
+    assert overtake.overtake("overtake/x", site=narrow(), offset_m=1.6).family == "overtake"
     with pytest.raises(ScenarioError, match=r"use overtake\(\)"):
         nudge.nudge("nudge/x", site=narrow(), offset_m=1.41)
-
-
-def test_an_overtake_that_fits_on_the_own_side_is_a_nudge() -> None:
     with pytest.raises(ScenarioError, match=r"use nudge\(\)"):
         overtake.overtake("overtake/x", site=narrow(), offset_m=1.5)
-    assert overtake.overtake("overtake/x", site=narrow(), offset_m=1.6).family == "overtake"
-
-
-def test_an_overtake_needs_room_on_the_oncoming_lane() -> None:
     with pytest.raises(ScenarioError, match=r"the road has 4\.65 m"):
         overtake.overtake("overtake/x", site=narrow(), offset_m=3.5)
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interplan_sumo.scenario.matching import REACH_M, matched_path, matches
@@ -87,6 +87,7 @@ def test_every_turn_of_a_junction_is_told_apart_from_the_others(connector: str) 
     assert path.chain == (way.from_lane_id, connector, way.to_lane_id)
 
 
+@settings(max_examples=40)
 @given(
     connector=st.sampled_from(sorted(CROSSING.connectors)),
     off_m=st.floats(-1.2, 1.2),

@@ -28,9 +28,6 @@ def proof() -> Certificate:
     return found
 
 
-OTHERS = ("accident/9", "jaywalker/5", "overtake/4")
-
-
 @pytest.mark.parametrize(
     "scenario_id",
     [
@@ -56,6 +53,14 @@ def test_the_search_gives_the_same_drive_again(proof: Certificate) -> None:
     again = certify(nudge()).certificate
     assert again is not None
     assert again.as_json() == proof.as_json()
+
+
+@pytest.mark.slow
+def test_a_drive_that_begins_beside_the_middle_of_its_lane_is_found() -> None:
+    scenario = find_scenario("lane_change_ltd/0")
+    verdict = certify(replace(scenario, start=replace(scenario.start, left_m=0.45), start_speed_mps=6.0))
+    assert verdict.certificate is not None, verdict.reason
+    assert verdict.certificate.summary.score == pytest.approx(1.0, abs=0.02)
 
 
 def wall(scenario: Scenario) -> tuple[Obstacle, ...]:

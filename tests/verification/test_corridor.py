@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from stages import ONE_LANE, TWO_LANES, car, staged
-from worlds import LANE_WIDTH_M, curved_road, road_along, straight_road
+from worlds import LANE_WIDTH_M, curved_road, junction, road_along, straight_road
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.scenario import LanePosition
@@ -84,6 +84,16 @@ def test_tracks_side_by_side_are_neighbours_and_know_the_goal() -> None:
     inside = np.isfinite(own.left_m) & np.isfinite(goal.left_m)
     assert unrolled.neighbours(0, 1)[inside].all()
     assert own.left_m[inside] == pytest.approx(LANE_WIDTH_M)
+
+
+def test_a_corridor_may_begin_inside_a_junction() -> None:
+    roads = junction()
+    path = next(iter(roads.connectors.values()))
+    start, goal = LanePosition(path.id, 3.0), LanePosition(path.to_lane_id, 40.0)
+    route = roads.route_through((path.id, path.to_lane_id))
+    found = frenet_corridor(staged(start=start, goal=goal, route=route), roads)
+    assert found.lane_paths[found.start_path].lanes == (path.id, path.to_lane_id)
+    assert found.lane_paths[found.start_path].at_goal
 
 
 def test_a_goal_behind_the_start_is_refused() -> None:

@@ -11,11 +11,12 @@ from stages import ONE_LANE, TWO_LANES, car, cone, narrowed, staged, widened
 from worlds import LANE_WIDTH_M, curved_road
 
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle
-from interplan_sumo.verification.corridor import frenet_corridor
+from interplan_sumo.verification.corridor import WITHOUT_LIMIT_MPS, frenet_corridor
 from interplan_sumo.verification.drivable_paths import (
     FIRST_BRAKING_MPS2,
     FIRST_S,
     HALF_WIDTH_M,
+    LATERAL_MPS2,
     NUDGE_M,
     Swerve,
     blocked_by,
@@ -77,6 +78,15 @@ def test_more_than_a_nudge_is_over_the_lane_from_the_first_step_aside(left_m: fl
     aside_m = np.nan_to_num(passing.left_m)
     assert passing.over.tolist() == (over & (aside_m > 0.1)).tolist()
     assert passing.over[unrolled.on_grid(unrolled.start_m + 80.0)] == over
+
+
+def test_without_a_limit_a_bend_is_driven_at_what_is_comfortable() -> None:
+    roads = curved_road(radius_m=20.0, limit_mps=None)
+    goal = LanePosition("11", roads["11"].centerline.length_m - 5.0)
+    found = frenet_corridor(staged(start=LanePosition("11", 3.0), start_speed_mps=3.0, goal=goal), roads)
+    cap_mps = drivable_path(found, found.lane_paths[0], Swerve()).cap_mps
+    assert cap_mps.max() == WITHOUT_LIMIT_MPS
+    assert cap_mps.min() == pytest.approx(np.sqrt(LATERAL_MPS2 * 20.0), rel=0.1)
 
 
 def test_a_car_parked_in_a_bend_is_passed_with_more_room_than_on_a_straight_road() -> None:
