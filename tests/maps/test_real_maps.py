@@ -85,6 +85,7 @@ def test_random_traffic_drives_a_minute_without_teleports_or_overlaps(
     assert [overlap for overlap in run.overlaps if not overlap.askew] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["pittsburgh", "karlsruhe"])
 def test_at_least_five_families_find_sites(root: Path, name: str) -> None:
     files, _ = imported(root, name)

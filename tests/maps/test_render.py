@@ -20,7 +20,7 @@ def pixels(path: Path) -> np.ndarray:
 
 
 def test_the_whole_map_fills_the_picture(tmp_path: Path) -> None:
-    render_map(load_roads("hazelwood"), tmp_path / "map.png")
+    render_map(load_roads("strip"), tmp_path / "map.png")
     picture = pixels(tmp_path / "map.png")
     assert max(picture.shape[:2]) == 1500
     paper = picture[0, 0]

@@ -28,7 +28,7 @@ def test_every_plan_is_shipped_and_nothing_else() -> None:
     assert [name for name in PLANS if load_roads(name).driving_side == "left"] == ["one_north"]
 
 
-@every_map
+@pytest.mark.parametrize("name", ["strip", *(pytest.param(n, marks=pytest.mark.slow) for n in PLANS if n != "strip")])
 def test_the_shipped_map_is_the_drawn_one(name: str) -> None:
     assert roads_hash(load_roads(name)) == roads_hash(draw_plan(PLANS[name]))
 
