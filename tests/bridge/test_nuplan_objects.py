@@ -55,6 +55,7 @@ def test_every_kind_of_actor_comes_back_as_it_was_and_static_ones_stand(objects:
     moving = together(cars((1.0, 2.0, 3.0, 0.5), (9.0, 9.0)), pedestrians((5.0, -2.0, 1.0)))
     static = together(*(cars((k, 0.0), kind=ActorKind(k), prefix=f"thing{k}") for k in range(3, 7)))
     actors = together(moving, static)
+    assert len(objects.our_actors(objects.nuplan_tracks(Actors.none(), START_US, {}))) == 0
     tracks = objects.nuplan_tracks(actors, START_US, {})
     kinds = [each.tracked_object_type.value for each in tracks.tracked_objects]
     assert kinds == sorted(actors.kind.tolist())
@@ -64,10 +65,6 @@ def test_every_kind_of_actor_comes_back_as_it_was_and_static_ones_stand(objects:
     assert back.ids == actors.ids
     for name in ("kind", "x_m", "y_m", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps"):
         np.testing.assert_array_equal(getattr(back, name), getattr(actors, name), err_msg=name)
-
-
-def test_an_empty_scene_stays_empty(objects: Any) -> None:
-    assert len(objects.our_actors(objects.nuplan_tracks(Actors.none(), START_US, {}))) == 0
 
 
 def test_a_track_keeps_its_token_and_number_and_no_two_samples_share_a_token(objects: Any) -> None:

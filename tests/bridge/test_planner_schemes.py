@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,21 @@ class Kept:
     def start(self, mission: object) -> None: ...
 
     def plan(self, observation: object) -> None: ...
+
+
+@dataclass(frozen=True)
+class TunedSettings:
+    gain: int = 2
+    ahead_s: float = 0.5
+
+
+class Tuned(Kept):
+    """Keeps its options in a dataclass."""
+
+    Settings = TunedSettings
+
+    def __init__(self, settings: TunedSettings) -> None:
+        self.settings = settings
 
 
 class ToyScheme:
@@ -140,3 +156,15 @@ def test_options_are_numbers_where_people_write_numbers(text: str, value: object
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     found = load_planner(f"test_planner_schemes:Kept?x={text}")
     assert found.options == {"x": value}  # type: ignore[attr-defined]
+
+
+def test_options_of_a_planner_with_settings_are_their_fields(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = EntryPoints([EntryPoint("tuned", f"{__name__}:Tuned", planners.PLANNERS.group)])
+    monkeypatch.setattr(registry, "entry_points", lambda group: points)  # noqa: ARG005
+    monkeypatch.setattr(planners, "PLANNERS", registry.Registry(planners.PLANNERS.group, "planner"))
+    assert [(info.name, info.parameters) for info in planners.planners()] == [("tuned", {"gain": 2, "ahead_s": 0.5})]
+    made = load_planner("tuned?gain=3")
+    assert isinstance(made, Tuned)
+    assert made.settings == TunedSettings(gain=3, ahead_s=0.5)
+    with pytest.raises(UnknownNameError, match=r"no option of planner 'tuned' named 'gian'\. Did you mean 'gain'\?"):
+        load_planner("tuned?gian=3")

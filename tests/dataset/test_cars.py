@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from worlds import cars, drive, pedestrians, straight_road, together
 
-from interplan_sumo.batch.run_folder import read_run
-from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
+from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.dataset.cars import BEYOND_M, EGO, CarDrive, Cars, way_of
 from interplan_sumo.dataset.motion import body
 from interplan_sumo.dataset.observation_replay import ObservationReplay
@@ -41,13 +39,6 @@ def traffic(frames: int, *, speed_mps: float = 10.0, y_m: float = 0.0, first: in
         for k in range(frames)
     ]
     return drive(*(0.0,) * frames, actors=car)
-
-
-@pytest.fixture(scope="session")
-def stored(driven: Path) -> StoredDrive:
-    """A drive of the IDM planner through SUMO's traffic."""
-    runs = StoredDrives(read_run(driven))
-    return runs.read(runs.run.rows["lane_change_mtd/5", "idm", 0])
 
 
 @pytest.mark.parametrize(("frames", "found"), [(LEAST, 1), (LEAST - 1, 0)])

@@ -31,34 +31,27 @@ def told(scene: DecisionScene, past: tuple[tuple[float, Behaviour], ...] = ()) -
     return messages(scene, offered(scene), past)[1].text
 
 
-def test_speed_goal_and_lanes_are_told() -> None:
-    text = told(seen())
-    assert "Own speed 8.0, limit 12.0." in text
-    assert "The goal is 1 lane to the left, 100 ahead." in text
-    assert "Own lane: free." in text
+AROUND = "Driving around it is possible on the left, with room, 2.5 beside the lane's middle."
 
 
-def test_two_lanes_are_two_and_none_is_none() -> None:
-    text = told(seen(y_m=-7.0))
-    assert "The goal is 2 lanes to the left" in text
-    assert "Right lane: none." in text
-    assert "The own lane leads to the goal, 100 ahead." in told(seen(y_m=0.0))
-
-
-def test_others_are_told_with_gap_and_speed() -> None:
-    text = told(seen(cars((140.0, -3.5, 6.0), (80.0, 0.0, 11.0))))
-    assert "Own lane: vehicle 35 ahead at 6.0." in text
-    assert "Left lane: vehicle 15 behind at 11.0." in text
-
-
-def test_a_car_beside_is_said_to_be_beside() -> None:
-    assert "Left lane: vehicle right beside you at 8.0." in told(seen(cars((100.5, 0.0, 8.0))))
-
-
-def test_a_blockage_is_told_with_the_way_round_it() -> None:
-    text = told(seen(cars((130.0, -3.5))))
-    assert "Own lane: blocked by a stopped vehicle 25 ahead." in text
-    assert "Driving around it is possible on the left, with room, 2.5 beside the lane's middle." in text
+@pytest.mark.parametrize(
+    ("actors", "y_m", "sentences"),
+    [
+        (None, -3.5, ("Own speed 8.0, limit 12.0.", "The goal is 1 lane to the left, 100 ahead.", "Own lane: free.")),
+        (None, -7.0, ("The goal is 2 lanes to the left", "Right lane: none.")),
+        (None, 0.0, ("The own lane leads to the goal, 100 ahead.",)),
+        (cars((140.0, -3.5, 6.0)), -3.5, ("Own lane: vehicle 35 ahead at 6.0.",)),
+        (cars((80.0, 0.0, 11.0)), -3.5, ("Left lane: vehicle 15 behind at 11.0.",)),
+        (cars((100.5, 0.0, 8.0)), -3.5, ("Left lane: vehicle right beside you at 8.0.",)),
+        (cars((130.0, -3.5)), -3.5, ("Own lane: blocked by a stopped vehicle 25 ahead.", AROUND)),
+    ],
+)
+def test_speed_goal_lanes_and_others_are_told(actors: Actors | None, y_m: float, sentences: tuple[str, ...]) -> None:
+    text = told(seen(actors, y_m))
+    assert [sentence for sentence in sentences if sentence not in text] == []
+    assert "- follow_current_lane: " in text or actors
+    assert ("- merge_left: " in text) is (y_m < 0.0)
+    assert "overtake" not in text or actors
 
 
 def test_who_comes_and_who_may_step_out_is_told() -> None:
@@ -66,13 +59,6 @@ def test_who_comes_and_who_may_step_out_is_told() -> None:
     text = told(scene)
     assert "Oncoming: vehicle 60 ahead at 10.0, you meet in 3.3 s." in text
     assert "A pedestrian 27 ahead, 4 to the right, walks towards your lane at 1.4." in text
-
-
-def test_options_are_listed_with_their_meaning_and_nothing_else_is() -> None:
-    text = told(seen())
-    assert "- follow_current_lane: " in text
-    assert "- merge_left: " in text
-    assert "overtake" not in text
 
 
 def test_memory_tells_the_last_five_decisions() -> None:

@@ -29,16 +29,12 @@ def gap_in(
     return best_gap(Ego(100.0, speed, 5.0), queue(*places), RULES, 15.0, lead, room_m)
 
 
-def test_an_empty_lane_is_one_gap_at_once() -> None:
-    found = gap_in()
+@pytest.mark.parametrize(("places", "index"), [((), 0), (((75.0, 10.0), (125.0, 10.0)), 1)], ids=["empty", "two cars"])
+def test_the_gap_beside_the_ego_is_taken_at_once(places: tuple[tuple[float, float], ...], index: int) -> None:
+    found = gap_in(*places)
     assert found is not None
-    assert (found.index, found.acceleration_mps2, found.wait_s) == (0, 0.0, RULES.step_s)
-
-
-def test_the_gap_beside_the_ego_is_taken_as_it_is() -> None:
-    found = gap_in((75.0, 10.0), (125.0, 10.0))
-    assert found is not None
-    assert (found.index, found.acceleration_mps2) == (1, 0.0)
+    assert (found.index, found.acceleration_mps2, found.wait_s) == (index, 0.0, RULES.step_s)
+    assert gap_in(*places, room_m=3.0) is None
 
 
 def test_beside_a_car_one_drops_back_or_passes() -> None:
@@ -54,10 +50,6 @@ def test_beside_a_car_one_drops_back_or_passes() -> None:
 def test_gaps_too_small_are_passed_over() -> None:
     found = gap_in(*((60.0 + 14.0 * i, 10.0) for i in range(8)))
     assert found is None or found.index in (0, 8)
-
-
-def test_without_room_there_is_no_gap() -> None:
-    assert gap_in((100.0, 10.0), room_m=3.0) is None
 
 
 def test_the_own_lead_bars_the_way_past() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from worlds import cars, ego, observation, pedestrians, straight_road, together
 
 from interplan_planners.common.forecast import STEP_S, constant_velocity, nearest
-from interplan_planners.common.neighbours import LaneQueue, moved, queue_on, stands_for_good
+from interplan_planners.common.neighbours import moved, queue_on, stands_for_good
 from interplan_planners.common.neighbours import together as joined
 from interplan_planners.common.occupancy import occupancy
 from interplan_planners.common.paths import DrivingPath
@@ -94,15 +94,11 @@ def test_distances_and_speeds_on_a_straight_lane() -> None:
     assert found.speed_mps[:, 0] == pytest.approx([5.0, -4.0])
 
 
-@pytest.mark.parametrize(("y_m", "seen"), [(1.99, True), (2.01, False)])
-def test_both_sides_of_the_strip(y_m: float, seen: bool) -> None:
-    found = occupancy(LANE, 1.0, constant_velocity(cars((50.0, y_m)), 1.0), (0.0, 200.0))
-    assert (len(found.rows) == 1) is seen
-
-
-@pytest.mark.parametrize(("x_m", "seen"), [(122.3, True), (122.5, False)])
-def test_both_ends_of_the_stretch(x_m: float, seen: bool) -> None:
-    found = occupancy(LANE, 1.0, constant_velocity(cars((x_m, 0.0)), 1.0), (20.0, 120.0))
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "seen"), [(50.0, 1.99, True), (50.0, 2.01, False), (122.3, 0.0, True), (122.5, 0.0, False)]
+)
+def test_both_sides_of_the_strip_and_of_its_end(x_m: float, y_m: float, seen: bool) -> None:
+    found = occupancy(LANE, 1.0, constant_velocity(cars((x_m, y_m)), 1.0), (20.0, 120.0))
     assert (len(found.rows) == 1) is seen
 
 
@@ -141,11 +137,7 @@ def test_a_queue_is_sorted_from_back_to_front() -> None:
     assert queue.speed_mps == pytest.approx([7.0, 3.0])
     assert [queue.ahead_of(arc_m) for arc_m in (10.0, 19.9, 20.1, 90.0)] == [0, 0, 1, 2]
     assert len(queue.only(np.array([False, True]))) == 1
-
-
-def test_an_empty_queue_has_nobody_ahead() -> None:
-    nobody = np.zeros(0)
-    assert LaneQueue(np.zeros(0, dtype=np.int64), nobody, nobody, nobody).ahead_of(5.0) == 0
+    assert queue.only(np.array([False, False])).ahead_of(5.0) == 0
 
 
 def test_what_has_not_moved_for_two_seconds_stands_for_good() -> None:
@@ -155,8 +147,5 @@ def test_what_has_not_moved_for_two_seconds_stands_for_good() -> None:
     before = together(cars(stands, rolls), cone)
     past = Past((ego(),) * 20, (now,) * 12 + (before,) * 6 + (now,) * 2)
     assert stands_for_good(observation(ego(), now, past=past)).tolist() == [True, False, True]
-    assert stands_for_good(observation(ego(), before, past=replace(past, actors=(now,) * 20))).tolist() == [
-        True,
-        False,
-        True,
-    ]
+    seen = observation(ego(), before, past=replace(past, actors=(now,) * 20))
+    assert stands_for_good(seen).tolist() == [True, False, True]

@@ -136,8 +136,9 @@ def test_hitting_something_ahead_is_at_fault(kind: ActorKind, score_left: float)
     assert found.danger_s[0] == pytest.approx(1.2, abs=0.15)  # 0.9 s before
 
 
-def test_being_hit_from_behind_is_not() -> None:
-    found = scored(straight_drives(5.0), cars((5.0, 0.0, 12.0)))
+@pytest.mark.parametrize("behind", [(5.0, 0.0, 12.0), (12.0, 0.0, 30.0)], ids=["stays behind", "is ahead later"])
+def test_being_hit_from_behind_is_not_and_only_the_first_contact_is_judged(behind: tuple[float, ...]) -> None:
+    found = scored(straight_drives(5.0), cars(behind))
     assert found.no_collision.tolist() == [1.0]
     assert found.time_to_collision.tolist() == [1.0]
 
@@ -155,13 +156,6 @@ def test_contact_from_the_side_is_at_fault_between_lanes_only(left_m: float, at_
     crossing = cars((20.0 + 25.0, left_m + 14.0, 4.6, -np.pi / 2), width_m=1.5, length_m=3.0)
     found = scored(drives, crossing)
     assert bool(found.no_collision[0] == 0.0) is at_fault
-
-
-def test_only_the_first_contact_with_an_actor_is_judged() -> None:
-    """One that comes from behind and is touched there stays excused, though it is ahead later."""
-    found = scored(straight_drives(6.0), cars((12.0, 0.0, 30.0)))
-    assert found.no_collision.tolist() == [1.0]
-    assert found.time_to_collision.tolist() == [1.0]
 
 
 def test_leaving_the_drivable_area_costs_everything() -> None:
