@@ -30,8 +30,7 @@ OFFICIAL = [scenario.id for scenario in find_suite("interplan==1").scenarios[::4
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(
-    ("scenario_id", "planner"),
-    [("nudge/0", "idm"), ("nudge/0", "pdm_closed"), ("lane_change_htd/3", "straight_ahead")],
+    ("scenario_id", "planner"), [("nudge/0", "idm"), ("nudge/0", "pdm_closed"), ("lane_change_htd/3", "straight_ahead")]
 )
 def test_every_score_statistic_and_series_is_the_same(scenario_id: str, planner: str) -> None:
     _compare(scenario_id, planner)

@@ -10,11 +10,11 @@ import pytest
 from devkit import devkit
 
 from interplan_sumo.bridge.nuplan.frames import START_US, STEP_US
-from interplan_sumo.dynamics.lqr import follow
-from interplan_sumo.planner import Observation, load_planner
-from interplan_sumo.tiny_worlds import cars, ego_on, mission, signals, straight_road
+from interplan_sumo.planner import load_planner
+from interplan_sumo.tiny_worlds import cars, ego_on, mission, straight_road
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats
+from tests.planners.staging_planners import driven
 
 ROADS = straight_road(lanes=2, length_m=300.0, cuts_m=((100.0, 120.0),))
 MISSION = mission(ROADS, ("11", "21", "31"))
@@ -85,13 +85,10 @@ def simulated(planner: Any) -> Floats:
 
 def here(name: str) -> Floats:
     """The same with our loop."""
-    planner, ego = load_planner(name), START
+    planner = load_planner(name)
     planner.start(MISSION)
-    rows: list[tuple[float, ...]] = []
-    for _ in range(ITERATIONS - 1):
-        rows.append((ego.x_m, ego.y_m, ego.heading_rad, ego.vx_mps))
-        ego = follow(ego, planner.plan(Observation(ego.time_s, ego, PARKED, signals())), 0.1)
-    return np.array(rows)
+    states = driven(planner, START, ITERATIONS - 1, PARKED, may_touch=True)[:-1]
+    return np.array([(state.x_m, state.y_m, state.heading_rad, state.vx_mps) for state in states])
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -14,12 +14,6 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
-def test_rare_groups_give_all_and_the_others_fill_up_alike() -> None:
-    groups = np.repeat((0, 1, 2), (1000, 500, 5))
-    taken = balanced(groups, 105, rng())
-    assert np.bincount(groups[taken]).tolist() == [50, 50, 5]
-
-
 def test_the_choice_is_drawn_and_equal_seeds_draw_alike() -> None:
     groups = np.zeros(100, dtype=np.int64)
     one, same, other = (balanced(groups, 10, np.random.default_rng(seed)) for seed in (1, 1, 2))

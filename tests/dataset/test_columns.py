@@ -10,16 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from interplan_sumo.dataset.columns import (
-    Columns,
-    count_of,
-    joined,
-    picked,
-    ragged,
-    read_arrays,
-    stacked,
-    write_arrays,
-)
+from interplan_sumo.dataset.columns import Columns, count_of, joined, picked, ragged, read_arrays, stacked, write_arrays
 from interplan_sumo.errors import InputError
 from interplan_sumo.features import schema
 
@@ -54,15 +45,6 @@ def test_types_and_shapes_are_those_of_the_schema_also_of_no_samples() -> None:
             assert found[field.name].dtype == field.dtype, field.name
             if None not in field.shape:
                 assert found[field.name].shape[1:] == field.shape, field.name
-
-
-def test_joining_and_picking_keep_ragged_fields_with_their_samples() -> None:
-    both = joined((columns([1], [2, 3]), columns([], [4])))
-    assert edges_of(both) == [[1], [2, 3], [], [4]]
-    some = picked(both, np.array((3, 1, 1)))
-    assert edges_of(some) == [[4], [2, 3], [2, 3]]
-    assert some["tick"].tolist() == [1, 1, 1]
-    assert edges_of(picked(both, np.array((2,)))) == [[]]
 
 
 @settings(max_examples=8)

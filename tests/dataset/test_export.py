@@ -20,7 +20,7 @@ from interplan_sumo.dataset.export import export
 from interplan_sumo.dataset.observation_replay import ObservationReplay
 from interplan_sumo.dataset.reading import read_dataset
 from interplan_sumo.dataset.samples import sample_frames
-from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
+from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.features import schema
 from interplan_sumo.features.view import EgoView
 from interplan_sumo.scenario.suite import find_suite
@@ -146,6 +146,7 @@ def test_nothing_to_export_is_refused_with_the_way_out(tmp_path: Path) -> None:
     [
         ({"every_s": 0.25}, "every is 0.25 s, expected a positive multiple of 0.1 s"),
         ({"every_s": 0.0}, "every is 0 s"),
+        ({"certificates": ("smoke==9",)}, "no suite named"),
         ({"workers": -1}, "workers is -1"),
         ({"shard_samples": 0}, "shard_samples is 0"),
         ({"choice": DriveSelection(min_score=90.0)}, "min-score is 90, expected 0 to 1"),
@@ -161,11 +162,6 @@ def test_what_cannot_be_is_named_before_anything_is_written(
     with pytest.raises(InputError, match=message):
         export(request(tmp_path / "a", driven, **options))
     assert not (tmp_path / "a").exists()
-
-
-def test_an_unknown_suite_is_named(tmp_path: Path) -> None:
-    with pytest.raises(UnknownNameError, match="no suite named"):
-        export(request(tmp_path / "a", certificates=("smoke==9",)))
 
 
 def test_a_strangers_folder_is_left_alone(driven: Path, tmp_path: Path) -> None:

@@ -89,16 +89,14 @@ def test_where_connectors_lie_on_each_other_the_one_that_leads_on_is_taken(
     assert list(dict.fromkeys(lanes.tolist())) == [1, connector, int(chain[-1])]
 
 
-@pytest.mark.parametrize(("left_m", "found"), [(1.99, True), (2.01, False)])
-def test_two_metres_off_a_node_is_off_it(left_m: float, found: bool) -> None:
-    trace = drive(*(0.0,) * 3, start=Pose(50.0, left_m, 0.0))
+@pytest.mark.parametrize(
+    ("left_m", "turned_rad", "found"),
+    [(1.99, 0.0, True), (2.01, 0.0, False), (0.0, pi / 8 - 0.01, True), (0.0, pi / 8 + 0.01, False)],
+)
+def test_two_metres_or_an_eighth_of_a_half_turn_off_a_node_is_off_it(
+    left_m: float, turned_rad: float, found: bool
+) -> None:
+    trace = drive(*(0.0,) * 3, start=Pose(50.0, left_m + REAR_M * np.sin(turned_rad), turned_rad))
     nodes, edges = GraphWay(straight_road(length_m=100.0), trace).at(0)
     assert (nodes[0] >= 0) == found
     assert not len(edges)
-
-
-@pytest.mark.parametrize(("turned_rad", "found"), [(pi / 8 - 0.01, True), (pi / 8 + 0.01, False)])
-def test_an_eighth_of_a_half_turn_off_a_node_is_off_it(turned_rad: float, found: bool) -> None:
-    trace = drive(*(0.0,) * 3, start=Pose(50.0, REAR_M * np.sin(turned_rad), turned_rad))
-    nodes, _ = GraphWay(straight_road(length_m=100.0), trace).at(0)
-    assert (nodes[0] >= 0) == found

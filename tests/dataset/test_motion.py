@@ -5,15 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from interplan_sumo.dataset.motion import (
-    MOST_MOVED_M,
-    SMOOTHED_FRAMES,
-    body,
-    ego_track,
-    roadworthy,
-    rolled,
-    smoothed,
-)
+from interplan_sumo.dataset.motion import MOST_MOVED_M, SMOOTHED_FRAMES, body, ego_track, roadworthy, rolled, smoothed
 from interplan_sumo.dynamics.bicycle import step
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats

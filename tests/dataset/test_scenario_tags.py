@@ -31,33 +31,31 @@ def start(left_m: float = 0.0) -> Pose:
     return Pose(10.0, left_m, 0.0)
 
 
-def test_nobody_ahead_is_free() -> None:
-    assert on_a_road(drive(*(10.0,) * 100, start=start())) == "free"
+LEADER_M = 10.0 + 2.588 + 2.4
+"""Half the ego's and half the car's length ahead of the start."""
 
 
-@pytest.mark.parametrize(("gap_m", "found"), [(39.9, "following"), (40.1, "free")])
-def test_a_leader_is_nearer_than_40_m(gap_m: float, found: str) -> None:
-    ahead_m = 10.0 + gap_m + 2.588 + 2.4  # half the ego's and half the car's length
-    assert on_a_road(drive(*(10.0,) * 100, start=start(), actors=cars((ahead_m, 0.0, 10.0)))) == found
+@pytest.mark.parametrize(
+    ("car", "found"),
+    [
+        ((), "free"),
+        (((LEADER_M + 39.9, 0.0, 10.0),), "following"),
+        (((LEADER_M + 40.1, 0.0, 10.0),), "free"),  # too far
+        (((40.0, 1.9, 10.0),), "following"),
+        (((40.0, 2.1, 10.0),), "free"),  # not in the way
+        (((40.0, 0.0, 10.0, np.pi / 2),), "free"),  # crosses
+    ],
+)
+def test_a_leader_is_in_the_way_and_nearer_than_40_m(car: tuple[tuple[float, ...], ...], found: str) -> None:
+    assert on_a_road(drive(*(10.0,) * 100, start=start(), actors=cars(*car))) == found
 
 
-@pytest.mark.parametrize(("left_m", "found"), [(1.9, "following"), (2.1, "free")])
-def test_a_leader_is_in_the_way(left_m: float, found: str) -> None:
-    assert on_a_road(drive(*(10.0,) * 100, start=start(), actors=cars((40.0, left_m, 10.0)))) == found
-
-
-def test_who_crosses_leads_nobody() -> None:
-    assert on_a_road(drive(*(10.0,) * 100, start=start(), actors=cars((40.0, 0.0, 10.0, np.pi / 2)))) == "free"
-
-
-@pytest.mark.parametrize(("speed_mps", "found"), [(0.49, "stopping"), (0.51, "free")])
-def test_stopping_ends_below_half_a_metre_a_second(speed_mps: float, found: str) -> None:
-    assert on_a_road(drive(*(10.0,) * 40, *(speed_mps,) * 60, start=start())) == found
-
-
-@pytest.mark.parametrize(("later_mps", "found"), [(1.9, "standing"), (2.1, "starting")])
-def test_who_stands_starts_or_stays(later_mps: float, found: str) -> None:
-    assert on_a_road(drive(*(0.0,) * 40, *(later_mps,) * 60, start=start())) == found
+@pytest.mark.parametrize(
+    ("now_mps", "later_mps", "found"),
+    [(10.0, 0.49, "stopping"), (10.0, 0.51, "free"), (0.0, 1.9, "standing"), (0.0, 2.1, "starting")],
+)
+def test_who_stops_and_who_stands_starts_or_stays(now_mps: float, later_mps: float, found: str) -> None:
+    assert on_a_road(drive(*(now_mps,) * 40, *(later_mps,) * 60, start=start())) == found
 
 
 @pytest.mark.parametrize(("frame", "found"), [(0, "free"), (15, "lane_change"), (60, "lane_change"), (85, "free")])

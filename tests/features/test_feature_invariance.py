@@ -55,19 +55,13 @@ class Move:
         return replace(actors, x_m=x, y_m=y, heading_rad=heading, vx_mps=vx, vy_mps=vy)
 
     def roads(self, roads: Roads) -> Roads:
-        return replace(
-            roads,
-            lanes=self._all(roads.lanes),
-            connectors=self._all(roads.connectors),
-            roadblocks=self._all(roads.roadblocks),
-            stop_lines=self._all(roads.stop_lines),
-            crosswalks=tuple(map(self._moved, roads.crosswalks)),
-            intersections=tuple(map(self._moved, roads.intersections)),
-            road_segments=tuple(map(self._moved, roads.road_segments)),
-        )
-
-    def _all(self, table: Any) -> Any:
-        return {name: self._moved(each) for name, each in table.items()}
+        tables = ("lanes", "connectors", "roadblocks", "stop_lines")
+        changed: dict[str, Any] = {
+            name: {id_: self._moved(each) for id_, each in getattr(roads, name).items()} for name in tables
+        }
+        for name in ("crosswalks", "intersections", "road_segments"):
+            changed[name] = tuple(map(self._moved, getattr(roads, name)))
+        return replace(roads, **changed)
 
     def _moved(self, thing: Any) -> Any:
         changed: dict[str, Any] = {"polygon": shapely.transform(thing.polygon, self.points)}

@@ -49,13 +49,6 @@ def test_the_past_is_turned_into_the_frame_of_the_present() -> None:
     assert valid.tolist() == [False] * 19 + [True, True]
 
 
-def test_positions_and_velocities_of_the_ego_tell_the_same() -> None:
-    egos = tuple(ego(0.8 * (k - NOW), 0.0, 8.0) for k in range(NOW))
-    history, valid = ego_history(observation(HERE, past=Past(egos, (Actors.none(),) * NOW)), FRAME, PACIFICA)
-    assert valid.all()
-    np.testing.assert_allclose(np.diff(history[:, 0]) / DT_S, history[:-1, 3])
-
-
 def test_of_a_longer_past_the_last_two_seconds_count() -> None:
     egos = tuple(ego(float(k), 0.0) for k in range(25))
     history, _ = ego_history(observation(HERE, past=Past(egos, (Actors.none(),) * 25)), FRAME, PACIFICA)

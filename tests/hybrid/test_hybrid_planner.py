@@ -108,13 +108,6 @@ def test_one_is_asked_once_a_second_and_only_where_there_is_a_choice() -> None:
     assert [d.behaviour for d in planner.decisions] == [Behaviour.FOLLOW] * 4
 
 
-def test_an_answer_takes_effect_when_it_is_known() -> None:
-    at_once, _ = drive(Scripted(late_merge), 3.0)
-    late, _ = drive(Scripted(late_merge, delay_s=0.8), 3.0)
-    began = [next(s.time_s for s in states if s.y_m > -3.45) for states in (at_once, late)]
-    assert began[1] - began[0] == pytest.approx(0.8, abs=0.15)
-
-
 def test_nobody_is_asked_again_before_the_answer_is_known_and_a_slow_answer_is_not_lost() -> None:
     slow = Scripted(late_merge, delay_s=1.6)
     states, _ = drive(slow, 4.4)

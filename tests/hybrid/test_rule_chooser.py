@@ -123,26 +123,23 @@ def walker(ahead_m: float, aside_m: float, speed_mps: float = 1.0, heading_rad: 
     return pedestrians((100.0 + HALF_M + ahead_m, OWN_Y + aside_m, speed_mps, heading_rad))
 
 
-# The ego is there in 2 s, the spare time is 2 s, and the way to the lane's middle is walked at 1 m/s.
-@pytest.mark.parametrize(("aside_m", "waits"), [(-3.9, True), (-4.1, False)])
-def test_who_is_on_the_lane_when_the_ego_is_there_is_waited_for(aside_m: float, waits: bool) -> None:
-    assert (chosen(seen(walker(16.0, aside_m))) is Behaviour.STOP) is waits
-
-
-def test_who_walks_away_or_stands_aside_is_not_waited_for() -> None:
-    assert chosen(seen(walker(16.0, -3.9, heading_rad=-UPWARDS))) is Behaviour.MERGE_LEFT
-    assert chosen(seen(walker(16.0, -3.9, speed_mps=0.0))) is Behaviour.MERGE_LEFT
-
-
-@pytest.mark.parametrize(("aside_m", "waits"), [(-1.9, True), (-2.1, False)])
-def test_who_is_on_the_lane_already_is_waited_for_even_if_walking_away(aside_m: float, waits: bool) -> None:
-    assert (chosen(seen(walker(16.0, aside_m, heading_rad=-UPWARDS))) is Behaviour.STOP) is waits
-
-
-# The ego cares for who is met within 2 s and half its speed in m/s, which makes 6 s: 48 m at 8 m/s.
-@pytest.mark.parametrize(("ahead_m", "waits"), [(47.5, True), (48.5, False)])
-def test_who_is_still_far_is_not_waited_for(ahead_m: float, waits: bool) -> None:
-    assert (chosen(seen(walker(ahead_m, 0.0))) is Behaviour.STOP) is waits
+@pytest.mark.parametrize(
+    ("person", "waits"),
+    [
+        # The ego is there in 2 s, the spare time is 2 s, and the way to the lane's middle is walked at 1 m/s.
+        (walker(16.0, -3.9), True),
+        (walker(16.0, -4.1), False),
+        (walker(16.0, -3.9, heading_rad=-UPWARDS), False),  # walks away
+        (walker(16.0, -3.9, speed_mps=0.0), False),
+        (walker(16.0, -1.9, heading_rad=-UPWARDS), True),  # still on the lane
+        (walker(16.0, -2.1, heading_rad=-UPWARDS), False),
+        # The ego cares for who is met within 2 s and half its speed in m/s, which makes 6 s: 48 m at 8 m/s.
+        (walker(47.5, 0.0), True),
+        (walker(48.5, 0.0), False),
+    ],
+)
+def test_who_is_on_the_lane_when_the_ego_is_there_is_waited_for(person: Actors, waits: bool) -> None:
+    assert chosen(seen(person)) is (Behaviour.STOP if waits else Behaviour.MERGE_LEFT)
 
 
 def test_who_works_among_the_cones_is_passed_with_them() -> None:
@@ -154,15 +151,11 @@ def test_who_works_among_the_cones_is_passed_with_them() -> None:
 
 
 # From 8 to 4.5 m/s at 2 m/s^2 are 10.9 m, and the next decision is 8 m away.
-@pytest.mark.parametrize(("ahead_m", "slows"), [(18.5, True), (19.5, False)])
-def test_before_a_bus_that_hides_people_the_ego_slows_down(ahead_m: float, slows: bool) -> None:
+@pytest.mark.parametrize(
+    ("ahead_m", "speed_mps", "slows"),
+    [(18.5, 8.0, True), (19.5, 8.0, False), (4.0 - HALF_M, 4.6, True), (4.0 - HALF_M, 4.4, False)],
+)
+def test_before_a_bus_that_hides_people_the_ego_slows_down(ahead_m: float, speed_mps: float, slows: bool) -> None:
     bus = cars((100.0 + HALF_M + ahead_m - 6.0, 2 * OWN_Y), length_m=12.0, width_m=2.5, prefix="bus")
-    options = (Behaviour.FOLLOW, Behaviour.STOP)
-    assert (chosen(seen(bus), options) is Behaviour.STOP) is slows
-
-
-@pytest.mark.parametrize(("speed_mps", "slows"), [(4.6, True), (4.4, False)])
-def test_who_drives_slowly_past_a_bus_need_not_stop(speed_mps: float, slows: bool) -> None:
-    bus = cars((98.0, 2 * OWN_Y), length_m=12.0, width_m=2.5, prefix="bus")
     options = (Behaviour.FOLLOW, Behaviour.STOP)
     assert (chosen(seen(bus, speed_mps=speed_mps), options) is Behaviour.STOP) is slows

@@ -10,17 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from worlds import (
-    cars,
-    curved_road,
-    ego,
-    ego_on,
-    junction,
-    mission,
-    observation,
-    signals,
-    straight_road,
-)
+from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, signals, straight_road
 
 from interplan_sumo.planner import Mission, load_planner
 from interplan_sumo.testing import assert_planner_conforms

@@ -26,7 +26,9 @@ def on_lane(*places: tuple[float, ...]) -> StripOccupancy:
     return occupancy(LANE, 1.1, constant_velocity(actors, 8.0), (0.0, 300.0))
 
 
-def rolled(track: ProposalPath, speed_mps: float, targets: list[float], **options: Floats) -> tuple[Floats, Floats]:
+def rolled(
+    track: ProposalPath, speed_mps: float, targets: list[float] | Floats, **options: Floats
+) -> tuple[Floats, Floats]:
     count = len(targets)
     start = RolloutStart(np.zeros(count, dtype=np.int64), np.full(count, 20.0), speed_mps)
     found = roll_out([track], start, np.array(targets), DRIVER, (FRONT_M, REAR_M), RolloutClock(INSTANTS), **options)
@@ -92,10 +94,8 @@ def test_accelerations_can_be_capped() -> None:
 
 def test_target_speeds_may_change_over_time() -> None:
     targets = np.where(np.arange(STEPS) < 20, 12.0, 2.0)[None, :]
-    start = RolloutStart(np.zeros(1, dtype=np.int64), np.array([20.0]), 8.0)
-    track = ProposalPath(300.0, on_lane())
-    found = roll_out([track], start, targets, DRIVER, (FRONT_M, REAR_M), RolloutClock(INSTANTS))
-    assert found.speed_mps[0, 20] > 8.0 > found.speed_mps[0, -1]
+    _, speed = rolled(ProposalPath(300.0, on_lane()), 8.0, targets)
+    assert speed[0, 20] > 8.0 > speed[0, -1]
 
 
 def test_each_proposal_minds_its_own_track() -> None:
