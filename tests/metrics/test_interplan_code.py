@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from interplan_sumo.metrics.interplan_code import published_lane_changes, published_obstacle_passed
-from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario
 from tests.metrics.staging import NOBODY, drive_at, facts_of, lane_y_m, scenario_on
 from tests.worlds import straight_road
 
@@ -55,20 +55,16 @@ CARS = Obstacle(LanePosition("11", 60.0)), Obstacle(LanePosition("11", 100.0))
 BLOCKED = replace(scenario_on(ROAD, ("11", 20.0), ("31", 150.0)), obstacles=CARS)
 
 
-@pytest.mark.parametrize(("ego_m", "score"), [(79.9, 0.0), (80.1, 1.0)])
-def test_an_obstacle_is_passed_by_the_share_of_the_experts_way(ego_m: float, score: float):
-    # the box centre of the last one, 80 m into the expert's 200 m, is what counts
-    expert = drive_at(np.linspace(20.0, 220.0, 50)).ego
-    facts = facts_of(drive_at([20.0, 20.0 + ego_m]), ROAD, expert, BLOCKED)
-    assert published_obstacle_passed(facts).score == score
+WALKED = replace(BLOCKED, jaywalkers=(Jaywalker(LanePosition("11", 90.0, 5.0), LanePosition("11", 99.0, -5.0), 1.4),))
 
 
-@pytest.mark.parametrize(("ego_m", "score"), [(78.9, 0.0), (79.1, 1.0)])
-def test_of_a_pedestrian_the_end_of_the_way_counts(ego_m: float, score: float):
-    walker = Jaywalker(LanePosition("11", 90.0, 5.0), LanePosition("11", 99.0, -5.0), 1.4)
+@pytest.mark.parametrize(("scenario", "way_m"), [(BLOCKED, 80.0), (WALKED, 79.0)], ids=["a car", "a pedestrian"])
+def test_an_obstacle_is_passed_by_the_share_of_the_experts_way(scenario: Scenario, way_m: float):
+    # the box centre of the last one, 80 m into the expert's 200 m, is what counts; of a pedestrian the end of the way
     expert = drive_at(np.linspace(20.0, 220.0, 50)).ego
-    facts = facts_of(drive_at([20.0, 20.0 + ego_m]), ROAD, expert, replace(BLOCKED, jaywalkers=(walker,)))
-    assert published_obstacle_passed(facts).score == score
+    short, far = (facts_of(drive_at([20.0, 20.0 + way_m + m]), ROAD, expert, scenario) for m in (-0.1, 0.1))
+    assert published_obstacle_passed(short).score == 0.0
+    assert published_obstacle_passed(far).score == 1.0
 
 
 def test_an_expert_that_stays_passes_nothing():

@@ -68,11 +68,6 @@ def test_a_standing_follower_needs_no_time_and_pedestrians_do_not_follow():
     assert found["follower"] is not None
 
 
-def test_a_drive_along_its_lane_changes_nothing():
-    detail = diagnostics(facts_of(drive_at(X_M, 0.0), ROAD)).detail
-    assert detail["accepted_gaps"] == detail["aborted_lane_changes"] == []
-
-
 def there_and_back(reach_m: float, lane: int = 0) -> Facts:
     out = np.concatenate((np.zeros(5), np.linspace(0.0, reach_m, 15), np.linspace(reach_m, 0.0, 15), np.zeros(6)))
     return facts_of(drive_at(X_M, lane_y_m(lane) + out), ROAD)
@@ -86,10 +81,10 @@ def test_reaching_into_the_next_lane_and_back_is_an_aborted_change():
     assert diagnostics(there_and_back(-(spare_m - 0.01))).detail["aborted_lane_changes"] == []
 
 
-def test_leaving_the_road_and_coming_back_is_none():
-    detail = diagnostics(there_and_back(2.5)).detail
-    assert detail["aborted_lane_changes"] == []
-    assert detail["accepted_gaps"] == []
+@pytest.mark.parametrize("reach_m", [0.0, 2.5])
+def test_keeping_the_lane_or_leaving_the_road_and_coming_back_is_none(reach_m: float):
+    detail = diagnostics(there_and_back(reach_m)).detail
+    assert detail["accepted_gaps"] == detail["aborted_lane_changes"] == []
 
 
 def test_lanes_around_a_place_know_how_far_they_are():

@@ -86,15 +86,12 @@ def test_a_file_that_cannot_be_used_is_told_in_one_line(tmp_path: Path, said: st
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_is_not_there_or_no_text_is_told(tmp_path: Path):
+def test_a_file_that_is_not_there_or_no_text_and_an_unknown_profile_are_told(tmp_path: Path):
     with pytest.raises(InputError, match=r"none\.yaml: No such file"):
         find_profile(str(tmp_path / "none.yaml"))
     (tmp_path / "bytes.yml").write_bytes(b"\xff\xfe")
     with pytest.raises(InputError, match=r"bytes\.yml: 'utf-8' codec"):
         find_profile(tmp_path / "bytes.yml")
-
-
-def test_an_unknown_profile_names_the_nearest():
     with pytest.raises(UnknownNameError, match="Did you mean 'nuplan'"):
         find_profile("nuplann")
 

@@ -30,20 +30,16 @@ def made(at_s: float, *, y_m: float = 0.0, step_s: float = 0.1, start_step: int 
     return scene(log, ROADS, at_s=at_s).scenario
 
 
-@pytest.mark.parametrize(("at_s", "known"), [(1.9, False), (2.0, True), (4.0, True)])
-def test_a_scenario_has_a_past_where_the_track_has_two_seconds(at_s: float, known: bool) -> None:
-    past = made(at_s).past
+@pytest.mark.parametrize(
+    ("at_s", "step_s", "known"), [(1.9, 0.1, False), (2.0, 0.1, True), (4.0, 0.1, True), (4.0, 0.2, True)]
+)
+def test_a_scenario_has_a_past_where_the_track_has_two_seconds(at_s: float, step_s: float, known: bool) -> None:
+    past = made(at_s, step_s=step_s).past
     assert (past is not None) is known
     if past is not None:
         ends_m = 20.0 + 10.0 * at_s
         assert_allclose(past.x_m, ends_m + 1.0 * np.arange(-20, 0), atol=1e-3)
         assert past.speed_mps == (10.0,) * PAST_STEPS
-
-
-def test_recordings_with_other_steps_are_interpolated() -> None:
-    past = made(4.0, step_s=0.2).past
-    assert past is not None
-    assert_allclose(np.diff(past.x_m), 1.0, atol=1e-3)
 
 
 def test_scenes_begin_where_the_recording_says_and_are_named_after_the_time_since() -> None:

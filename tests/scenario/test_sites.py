@@ -17,7 +17,7 @@ def near(roads: Roads, lane: str, at_m: float) -> Site:
     return site_at(roads, lane, at_m, approach_m=60.0, beyond_m=70.0)
 
 
-def test_a_site_knows_its_lane_its_neighbours_and_the_edges_of_the_road() -> None:
+def test_a_site_knows_its_lane_its_neighbours_the_edges_of_the_road_and_start_and_goal_as_wished() -> None:
     site = near(LONG, "12", 150.0)
     assert (site.lanes_left, site.lanes_right) == (1, 1)
     assert site.width_m == pytest.approx(3.5)
@@ -25,10 +25,6 @@ def test_a_site_knows_its_lane_its_neighbours_and_the_edges_of_the_road() -> Non
     assert site.right_edge_m == pytest.approx(1.5 * 3.5)
     assert site.oncoming_m == 0.0
     assert site.beside_start == ("11", "12", "13")
-
-
-def test_start_and_goal_lie_at_the_wished_distances() -> None:
-    site = near(LONG, "12", 150.0)
     assert (site.start.lane, site.start.arc_m) == ("12", 90.0)
     assert (site.goal.lane, site.goal.arc_m) == ("12", 220.0)
     assert site.route == ("1",)

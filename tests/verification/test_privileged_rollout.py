@@ -49,28 +49,17 @@ SCENES = {
 
 
 @pytest.mark.parametrize("scene", sorted(SCENES))
-def test_the_driver_keeps_to_its_timing_and_to_comfort(scene: str) -> None:
+def test_the_driver_keeps_to_its_timing_to_comfort_and_to_the_bicycle_model(scene: str) -> None:
+    corridor = SCENES[scene].corridor
     track, wanted, driven_m = drive(SCENES[scene])
     assert np.abs(wanted - driven_m).max() < 1.2
     assert worst_discomfort(track) < 1.0
-
-
-@pytest.mark.parametrize("scene", sorted(SCENES))
-def test_what_it_drives_follows_from_the_bicycle_model(scene: str) -> None:
-    corridor = SCENES[scene].corridor
-    track, _, _ = drive(SCENES[scene])
     assert unreachable(start_state(corridor.scenario, corridor.roads), track) == []
-
-
-def test_a_lane_change_ends_in_the_middle_of_the_new_lane() -> None:
-    track, _, _ = drive(SCENES["lane change"])
-    assert track.y_m[-1] == pytest.approx(-3.5, abs=0.1)
-    assert track.y_m.min() > -3.7
-
-
-def test_the_drive_ends_with_the_first_state_beyond_the_goal_line() -> None:
-    track, _, _ = drive(SCENES["free"])
-    assert track.x_m[-2] <= 200.0 < track.x_m[-1]
+    if scene == "lane change":  # it ends in the middle of the new lane
+        assert track.y_m[-1] == pytest.approx(-3.5, abs=0.1)
+        assert track.y_m.min() > -3.7
+    if scene == "free":  # it ends with the first state beyond the goal line
+        assert track.x_m[-2] <= 200.0 < track.x_m[-1]
 
 
 def test_rounded_states_have_six_decimals_and_no_negative_zero() -> None:
