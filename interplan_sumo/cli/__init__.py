@@ -50,6 +50,9 @@ app.add_typer(llm_app, name="llm")
 _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 
+LONGEST_LINE = 1500
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code. The one place where errors become a line on stderr."""
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -78,7 +81,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _failed(message: str, code: int) -> int:
-    print(f"error: {' '.join(message.split())}", file=sys.stderr)
+    """One line, however long a file's own words in it are: their middle goes, the way out at the end stays."""
+    line = " ".join(message.split())
+    if len(line) > LONGEST_LINE:
+        line = f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 :]}"
+    print(f"error: {line}", file=sys.stderr)
     return code
 
 
