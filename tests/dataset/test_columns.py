@@ -36,7 +36,9 @@ def test_a_ragged_field_is_its_numbers_and_where_each_sample_begins() -> None:
     assert found["expert_edges"].tolist() == [7, 8, 9]
     assert found["expert_edges_offsets"].tolist() == [0, 2, 2, 3]
     assert edges_of(found) == [[7, 8], [], [9]]
-    assert count_of(found) == 3
+    alone = {name: found[name] for name in ("expert_edges", "expert_edges_offsets")}
+    assert count_of(found) == count_of(alone) == 3
+    assert count_of(picked(alone, np.array((1,)))) == 1
 
 
 def test_types_and_shapes_are_those_of_the_schema_also_of_no_samples() -> None:
@@ -55,13 +57,6 @@ def test_whatever_is_joined_and_picked_is_what_was_put_in(parts: list[list[list[
     assert edges_of(whole) == put_in
     rows = data.draw(st.lists(st.integers(0, len(put_in) - 1), max_size=5))
     assert edges_of(picked(whole, np.array(rows, dtype=np.int64))) == [put_in[row] for row in rows]
-
-
-def test_a_ragged_field_alone_can_be_counted() -> None:
-    found = columns([1], [2, 3])
-    alone = {name: found[name] for name in ("expert_edges", "expert_edges_offsets")}
-    assert count_of(alone) == 2
-    assert count_of(picked(alone, np.array((1,)))) == 1
 
 
 def test_equal_columns_give_equal_bytes_and_are_read_as_they_were(tmp_path: Path) -> None:

@@ -73,14 +73,12 @@ def at_the_junction(chain: tuple[str, ...], start_m: float, light: str = "", spe
     return shown(roads, chain, trace)
 
 
-@pytest.mark.parametrize("chain", [("1", "14", "8"), ("1", "12", "6")])
-def test_a_turn_is_told_5_s_ahead(chain: tuple[str, ...]) -> None:
-    assert at_the_junction(chain, 35.0) == "turning"
+@pytest.mark.parametrize(
+    ("chain", "found"), [(("1", "14", "8"), "turning"), (("1", "12", "6"), "turning"), (("1", "13", "7"), "free")]
+)
+def test_a_turn_is_told_5_s_ahead(chain: tuple[str, ...], found: str) -> None:
+    assert at_the_junction(chain, 35.0) == found
     assert at_the_junction(chain, 3.0, speeds=(5.0,) * 100) == "free"  # 11 s before
-
-
-def test_straight_on_is_no_turn() -> None:
-    assert at_the_junction(("1", "13", "7"), 35.0) == "free"
 
 
 @pytest.mark.parametrize(

@@ -25,11 +25,7 @@ def test_lanes_are_listed_by_id_with_their_neighbours_and_successors() -> None:
     assert graph.successors.tolist() == [[11, 21], [12, 22], [21, 31], [22, 32]]
     np.testing.assert_allclose(graph.length_m, (40.0, 40.0, 20.0, 20.0, 40.0, 40.0))
     assert np.isnan(graph.limit_mps).all()
-
-
-def test_centre_lines_are_kept_in_the_map_frame() -> None:
-    graph = lane_graph(ROAD)
-    second = graph.points[graph.point_starts[1] : graph.point_starts[2]]
+    second = graph.points[graph.point_starts[1] : graph.point_starts[2]]  # in the frame of the map
     np.testing.assert_allclose(second[[0, -1]], ((0.0, -3.5), (40.0, -3.5)), atol=1e-9)
 
 
@@ -61,10 +57,6 @@ def test_oncoming_and_crossing_lanes_are_not_proximal() -> None:
     assert (13, 24) not in pairs
     assert (13, 14) in pairs  # they part slowly from one another
     assert (12, 14) not in pairs  # a right and a left turn
-
-
-def test_lights_are_those_of_connectors() -> None:
-    graph = lane_graph(junction())
     assert (graph.has_light == graph.is_connector).all()
 
 

@@ -36,11 +36,11 @@ def test_the_line_begins_beside_the_rear_axle_and_has_a_point_every_metre() -> N
     np.testing.assert_allclose(line[:, 0], np.arange(120.0), atol=1e-4)
     np.testing.assert_allclose(line[:, 1], -0.5, atol=1e-4)  # half a metre to the right
     np.testing.assert_allclose(line[:, 2], 0.0, atol=1e-5)
-
-
-def test_it_begins_beside_the_rear_axle_also_where_the_centre_is_on_the_next_lane_already() -> None:
+    # also where the centre is on the next lane already, and where the ego is on another lane than the goal
     line = arrays(mission(THREE_LANES, ("12", "22", "32")), ego(140.7, -3.5))["route_centerline"]
     np.testing.assert_allclose(line[:3, 0], (0.0, 1.0, 2.0), atol=1e-4)
+    line = arrays(mission(THREE_LANES, ("11", "21", "31")), ego(20.0, -7.0))["route_centerline"]
+    np.testing.assert_allclose(line[:, 1], 0.0, atol=1e-4)
 
 
 def test_beyond_the_end_of_the_route_it_is_empty() -> None:
@@ -54,17 +54,9 @@ def test_it_bends_left_with_a_positive_yaw() -> None:
     line = arrays(mission(road, ("11",)), ego(REAR_M, 0.0))["route_centerline"]
     assert line[102, 2] == pytest.approx(0.0 + pi / 2, abs=0.05)  # 40 m straight, 63 m of bend
     assert line[60, 1] > 4.0
-
-
-def test_it_does_not_change_lane_even_if_the_goal_lies_elsewhere() -> None:
-    found = arrays(mission(THREE_LANES, ("11", "21", "31")), ego(20.0, -7.0))
-    np.testing.assert_allclose(found["route_centerline"][:, 1], 0.0, atol=1e-4)
-
-
-def test_at_a_junction_it_turns_with_the_route() -> None:
     roads = junction()
-    found = arrays(mission(roads, ("1", "14", "8")), ego_on(roads, "1", 55.0))
-    assert found["route_centerline"][found["route_centerline_valid"]][-1, 2] == pytest.approx(pi / 2, abs=0.01)
+    turn = arrays(mission(roads, ("1", "14", "8")), ego_on(roads, "1", 55.0))
+    assert turn["route_centerline"][turn["route_centerline_valid"]][-1, 2] == pytest.approx(pi / 2, abs=0.01)
 
 
 def test_off_all_lanes_the_nearest_lane_of_the_route_counts() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 from worlds import cars, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road
 
@@ -188,26 +190,26 @@ def test_a_bus_that_stands_beside_the_lane_hides_people() -> None:
     assert seen(cars((130.0, -7.0))).covers == ()
 
 
-def test_a_free_lane_that_leads_to_the_goal_is_followed() -> None:
-    assert offered(seen()) == (Behaviour.FOLLOW,)
+MERGE_LEFT, MERGE_RIGHT, FOLLOW, STOP = Behaviour.MERGE_LEFT, Behaviour.MERGE_RIGHT, Behaviour.FOLLOW, Behaviour.STOP
 
 
-def test_a_merge_is_offered_towards_the_goal_only() -> None:
-    assert offered(seen(job=TO_THE_LEFT)) == (Behaviour.FOLLOW, Behaviour.MERGE_LEFT)
-    assert offered(seen(job=TO_THE_LEFT, y_m=0.0)) == (Behaviour.FOLLOW,)
-
-
-def test_a_merge_into_a_blocked_lane_is_not_offered() -> None:
-    assert offered(seen(cars((150.0, 0.0)), job=TO_THE_LEFT)) == (Behaviour.FOLLOW,)
-
-
-def test_a_lane_blocked_near_is_not_followed_and_both_neighbours_are_ways_round() -> None:
-    options = offered(seen(cars((130.0, OWN_Y)), speed_mps=10.0))
-    assert options == (Behaviour.MERGE_LEFT, Behaviour.MERGE_RIGHT, Behaviour.STOP)
+@pytest.mark.parametrize(
+    ("scene", "options"),
+    [
+        (lambda: seen(), (FOLLOW,)),
+        (lambda: seen(job=TO_THE_LEFT), (FOLLOW, MERGE_LEFT)),
+        (lambda: seen(job=TO_THE_LEFT, y_m=0.0), (FOLLOW,)),  # is there already
+        (lambda: seen(cars((150.0, 0.0)), job=TO_THE_LEFT), (FOLLOW,)),  # into a blocked lane
+        (lambda: seen(cars((130.0, OWN_Y)), speed_mps=10.0), (MERGE_LEFT, MERGE_RIGHT, STOP)),  # round what is near
+        (lambda: seen(pedestrians((130.0, -8.0))), (FOLLOW, STOP)),  # who might step out
+    ],
+)
+def test_what_is_offered(scene: Callable[[], DecisionScene], options: tuple[Behaviour, ...]) -> None:
+    assert offered(scene()) == options
 
 
 def test_a_lane_blocked_far_ahead_may_be_followed_for_now() -> None:
-    assert offered(seen(cars((170.0, OWN_Y)), speed_mps=5.0))[0] is Behaviour.FOLLOW
+    assert offered(seen(cars((170.0, OWN_Y)), speed_mps=5.0))[0] is FOLLOW
 
 
 def test_without_another_lane_one_passes_or_waits() -> None:
@@ -218,7 +220,3 @@ def test_without_another_lane_one_passes_or_waits() -> None:
     assert options[-1] is Behaviour.STOP
     in_the_way = offered(seen(cars((125.0, 0.0)), job=mission(wide, ("11",)), y_m=0.0))
     assert in_the_way == (Behaviour.STOP,)
-
-
-def test_one_may_wait_where_somebody_might_step_out() -> None:
-    assert offered(seen(pedestrians((130.0, -8.0)))) == (Behaviour.FOLLOW, Behaviour.STOP)

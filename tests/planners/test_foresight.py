@@ -72,7 +72,14 @@ def test_beyond_its_goal_it_stops() -> None:
     assert states[-1].x_m > 60.0
 
 
-def test_it_changes_to_the_goal_lane_on_a_free_road() -> None:
+def test_it_changes_to_the_goal_lane_on_a_free_road_and_tells_what_was_weighed() -> None:
+    planner = ForesightPlanner()
+    planner.start(mission(TWO, ("12",)))
+    planner.plan(observation(ego(20.0, 0.0, 9.0)))
+    assert planner.decision is not None
+    assert (planner.decision.manoeuvre, planner.decision.waits_for_gap) == ("change", True)
+    costs = [cost for _, cost in planner.decision.options]
+    assert [planner.decision.cost, *costs] == sorted([*costs, costs[0]])
     states = drive(mission(THREE, ("13",)), ego(20.0, 0.0, 10.0), seconds=12.0)
     assert states[-1].y_m == pytest.approx(-2 * WIDTH_M, abs=0.3)
 
@@ -205,19 +212,6 @@ def test_a_mirrored_world_gives_a_mirrored_plan(seed: int, speed: float, left_m:
         plans.append(planner.plan(observation(ego(60.0, axis_m + flip * left_m, speed), world, past=past)))
     assert plans[0].x_m == pytest.approx(plans[1].x_m, abs=1e-6)
     assert plans[0].y_m - axis_m == pytest.approx(axis_m - plans[1].y_m, abs=1e-6)
-
-
-def test_the_decision_tells_what_was_weighed() -> None:
-    planner = ForesightPlanner()
-    planner.start(mission(TWO, ("12",)))
-    planner.plan(observation(ego(20.0, 0.0, 9.0)))
-    decision = planner.decision
-    assert decision is not None
-    assert decision.manoeuvre == "change"
-    assert decision.waits_for_gap
-    costs = [cost for _, cost in decision.options]
-    assert costs == sorted(costs)
-    assert decision.cost == costs[0]
 
 
 @pytest.mark.parametrize("option", ["replan_s", "fallback_limit_mps", "change_time_s", "horizon_s"])

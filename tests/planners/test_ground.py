@@ -35,6 +35,8 @@ def check(roads: Roads, route: tuple[str, ...], ground: Ground, x_m: Floats, y_m
 def test_answers_are_those_of_the_polygons(roads: Roads, route: tuple[str, ...], seed: int) -> None:
     rng = np.random.default_rng(seed)
     ground = Ground(roads, lanes_of_route(roads, route))
+    assert ground.under(np.zeros((4, 3, 2)), np.zeros((4, 3, 2))).drivable.shape == (4, 3, 2)
+    assert ground.under(np.zeros((0, 3, 2)), np.zeros((0, 3, 2))).drivable.shape == (0, 3, 2)
     for middle in rng.uniform(-40.0, 40.0, (3, 2)):  # the same instance, in places it knows and in new ones
         x_m, y_m = (middle[:, None] + rng.normal(0.0, 15.0, (2, 60))).tolist()
         check(roads, route, ground, np.array(x_m), np.array(y_m))
@@ -48,12 +50,6 @@ def test_the_window_follows_the_points_and_need_not_hold_them_all() -> None:
     ground = Ground(road, ["11"])
     for x_m in np.arange(5.0, 1995.0, 95.0).tolist():
         assert ground.under(np.array((x_m, x_m)), np.array((0.0, 1.8))).on_lane.tolist() == [True, False]
-
-
-def test_shapes_of_points_are_kept() -> None:
-    x_m = np.zeros((4, 3, 2))
-    assert Ground(CROSSING, ()).under(x_m, x_m).drivable.shape == (4, 3, 2)
-    assert Ground(CROSSING, ()).under(x_m[:0], x_m[:0]).drivable.shape == (0, 3, 2)
 
 
 @pytest.mark.parametrize(

@@ -28,16 +28,11 @@ def test_the_quick_projection_is_the_exact_one_near_the_line(seed: int) -> None:
 
 
 def test_beyond_the_ends_a_projection_stops_there() -> None:
-    arc_m, left_m = DrivingPath(STRAIGHT).project(np.array((-3.0, 204.0)), np.array((4.0, -3.0)))
-    assert arc_m == pytest.approx([0.0, 200.0])
-    assert left_m == pytest.approx([5.0, -5.0])
-
-
-def test_a_path_of_two_points_can_be_projected_on() -> None:
-    arc_m, left_m = DrivingPath(Polyline(np.array(((0.0, 0.0), (10.0, 0.0))))).project(
-        np.array((4.0,)), np.array((2.0,))
-    )
-    assert (arc_m[0], left_m[0]) == pytest.approx((4.0, 2.0))
+    line = Polyline(np.array(((0.0, 0.0), (200.0, 0.0))))
+    for path in (DrivingPath(STRAIGHT), DrivingPath(line)):
+        arc_m, left_m = path.project(np.array((-3.0, 4.0, 204.0)), np.array((4.0, 2.0, -3.0)))
+        assert arc_m == pytest.approx([0.0, 4.0, 200.0])
+        assert left_m == pytest.approx([5.0, 2.0, -5.0])
 
 
 @pytest.mark.parametrize("left_m", [-3.5, -1.0, 1.0, 3.5])
@@ -77,10 +72,6 @@ def test_a_lane_change_starts_at_the_ego_and_arrives_along_the_lane() -> None:
     assert crossing == pytest.approx(-1.75, abs=0.15)
     after = path.points[path.points[:, 0] > 90.0][:, 1]
     assert after == pytest.approx(0.0, abs=1e-9)
-
-
-def test_its_steepest_angle_is_as_announced() -> None:
-    path = lane_change_path(STRAIGHT, Pose(50.0, -3.5, 0.0), 40.0)
     assert np.abs(path.vertex_heading_rad).max() == pytest.approx(largest_turn_rad(3.5, 40.0), rel=0.02)
 
 

@@ -16,9 +16,6 @@ def test_heading_and_speed_are_held_whatever_stands_ahead() -> None:
     assert (plan.time_s[0], plan.time_s[-1]) == pytest.approx((2.0, 10.0))
     end = plan.at(10.0)
     assert (end.x_m, end.y_m, end.heading_rad) == pytest.approx((5.0 + 76.4269, 1.0 + 23.6416, 0.3), abs=1e-3)
-
-
-def test_the_horizon_is_an_option() -> None:
-    planner = StraightAhead(horizon_s=2.0)
-    planner.start(mission(ROAD, ("11",)))
-    assert planner.plan(observation(ego())).time_s[-1] == pytest.approx(2.0)
+    short = StraightAhead(horizon_s=2.0)
+    short.start(mission(ROAD, ("11",)))
+    assert short.plan(observation(ego())).time_s[-1] == pytest.approx(2.0)

@@ -74,10 +74,7 @@ def test_a_braking_plan_stops_where_physics_says() -> None:
     assert plan.x_m[-1] == pytest.approx(13.5)
     assert plan.speed_mps is not None
     assert plan.speed_mps[[0, 2, 6, 16]] == pytest.approx([9.0, 6.0, 0.0, 0.0])
-
-
-def test_a_braking_plan_of_a_standing_or_backing_ego_stays() -> None:
-    for speed in (0.0, -0.4):
+    for speed in (0.0, -0.4):  # who stands or backs stays
         assert (braking_plan(ego(speed_mps=speed), 3.0, 8.0, 0.5).x_m == 0.0).all()
 
 

@@ -42,22 +42,19 @@ def test_a_thing_is_notable_that_is_passed_within_a_metre(gap_m: float, near: bo
     assert found(cone) == ([0] if near else [])
 
 
-def test_a_slower_car_ahead_is_notable_because_it_is_caught_up_with() -> None:
-    assert found(cars((40.0, 0.0, 5.0))) == [0]
-    assert found(cars((40.0, 0.0, 10.0))) == []
-
-
-def test_what_comes_near_first_comes_first() -> None:
-    assert found(cars((45.0, 0.0), (25.0, 0.0))) == [1, 0]
-
-
-def test_what_is_not_told_of_is_not_notable() -> None:
-    assert found(cars((55.0, 0.0))) == []
-
-
-def test_boxes_count_as_they_are_turned() -> None:
-    assert found(cars((30.0, 5.0, 0.0, np.pi / 2), length_m=12.0, width_m=2.5)) == [0]
-    assert found(cars((30.0, 5.0, 0.0, 0.0), length_m=12.0, width_m=2.5)) == []
+@pytest.mark.parametrize(
+    ("actors", "notable_rows"),
+    [
+        (cars((40.0, 0.0, 5.0)), [0]),  # is caught up with
+        (cars((40.0, 0.0, 10.0)), []),
+        (cars((45.0, 0.0), (25.0, 0.0)), [1, 0]),  # what comes near first comes first
+        (cars((55.0, 0.0)), []),  # is not told of
+        (cars((30.0, 5.0, 0.0, np.pi / 2), length_m=12.0, width_m=2.5), [0]),  # boxes count as they are turned
+        (cars((30.0, 5.0, 0.0, 0.0), length_m=12.0, width_m=2.5), []),
+    ],
+)
+def test_what_is_notable(actors: Actors, notable_rows: list[int]) -> None:
+    assert found(actors) == notable_rows
 
 
 def test_frames_of_the_map_do_not_matter() -> None:

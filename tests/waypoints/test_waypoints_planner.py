@@ -138,9 +138,5 @@ def test_an_example_for_fine_tuning_is_the_question_with_an_answer_that_can_be_r
     assert (system, user) == made.request(seen).messages
     assert assistant.role == "assistant"
     assert json.loads(assistant.text) == {"thoughts": "keep going", "waypoints": places.tolist()}
-
-
-def test_an_example_without_thoughts_gets_them_by_rules() -> None:
-    places = np.array([[4.0 * k, 0.0] for k in range(1, POINTS + 1)])
-    told = planner().example(observation(ego(100.0, -3.5, 8.0), cars((120.0, -3.5))), places)[2]
+    told = made.example(seen, places)[2]  # without thoughts it gets them by rules
     assert json.loads(told.text)["thoughts"] == "Mind vehicle ahead. Keep speed, forward."
