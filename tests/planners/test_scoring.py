@@ -133,7 +133,8 @@ def test_hitting_something_ahead_is_at_fault(kind: ActorKind, score_left: float)
     found = scored(straight_drives(10.0), cars((45.0, 0.0), kind=kind))
     assert found.no_collision.tolist() == [score_left]
     assert found.collision_s[0] == pytest.approx(2.05, abs=0.1)  # 20.01 m from bumper to bumper
-    assert found.danger_s[0] == pytest.approx(1.2, abs=0.15)  # 0.9 s before
+    assert found.danger_s[0] == pytest.approx(1.2, abs=0.15)  # 0.9 s before, the last of PDM's looks ahead
+    assert LOOK_AHEAD_S == (0.0, 0.3, 0.6, 0.9)
 
 
 @pytest.mark.parametrize("behind", [(5.0, 0.0, 12.0), (12.0, 0.0, 30.0)], ids=["stays behind", "is ahead later"])
@@ -189,8 +190,7 @@ def test_progress_is_relative_to_the_best_drive_that_is_allowed() -> None:
 
 
 def test_weights_are_options() -> None:
-    drives = straight_drives(10.0, 4.0)
-    found = scored(drives, weights=Weights(progress=1.0, time_to_collision=0.0, comfort=0.0))
+    found = scored(straight_drives(10.0, 4.0), weights=Weights(progress=1.0, time_to_collision=0.0, comfort=0.0))
     assert found.total == pytest.approx(found.progress)
 
 
@@ -208,7 +208,3 @@ def test_looking_at_every_fourth_state_finds_the_same_collision_up_to_that() -> 
     assert some.no_collision.tolist() == all_of_them.no_collision.tolist()
     assert 0.0 <= some.collision_s[0] - all_of_them.collision_s[0] < 0.4
     assert some.progress_m.tolist() == all_of_them.progress_m.tolist()
-
-
-def test_the_look_ahead_is_pdms() -> None:
-    assert LOOK_AHEAD_S == (0.0, 0.3, 0.6, 0.9)
