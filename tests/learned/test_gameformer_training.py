@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from untrained_card import write_untrained
+from tiny_dataset import write_untrained
 
 from interplan_learned.gameformer.inputs import MODES, inputs
 from interplan_learned.gameformer.planner import GameFormerPlanner, likeliest

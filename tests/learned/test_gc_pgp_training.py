@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from untrained_card import write_untrained
+from tiny_dataset import write_untrained
 
 from interplan_learned.gc_pgp.inputs import POLICY_INPUTS
 from interplan_learned.gc_pgp.local_graph import NONE

@@ -1,4 +1,4 @@
-"""Weights and their cards: what is missing, damaged or of another version is one clear line."""
+"""Weights and their cards: what is wrong with them in one clear line, and how those of the package do."""
 
 from __future__ import annotations
 
@@ -6,13 +6,18 @@ import json
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from math import inf
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from interplan_learned.card import Card, Graph, Port, read_card
-from interplan_learned.network import OnnxNetwork, load_network
+from interplan_learned.network import SHIPPED, OnnxNetwork, load_network
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.records import Row
+from interplan_sumo.batch.run import run
+from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.errors import InputError
 from interplan_sumo.features import schema
 from interplan_sumo.world.files import file_hash
@@ -127,3 +132,55 @@ def test_a_card_that_cannot_be_used_is_one_clear_line(
     with pytest.raises(InputError, match=message) as error:
         read_card(path)
     assert "\n" not in str(error.value)
+
+
+PLANNERS = ("dtpp", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
+CARDS = ("dtpp", "gameformer", "gc_pgp", "pdm_offset", "pdm_open", "urban_driver")
+AS_PUBLISHED = ("pdm_offset", "pdm_open")
+LARGEST_BYTES = 3_000_000
+PLAIN = ("following_lane_with_lead/*", "high_magnitude_speed/*", "behind_long_vehicle/*", "changing_lane/*")
+"""Sixteen scenes on roads where nothing but driving is asked for."""
+PLAIN_S = 15.0
+
+
+@pytest.fixture(params=CARDS)
+def shipped(request: pytest.FixtureRequest) -> Card:
+    return read_card(SHIPPED / f"{request.param}.json")
+
+
+def test_the_files_are_those_of_the_card_small_in_the_present_schema_and_called_what_they_are(shipped: Card) -> None:
+    for graph in shipped.graphs.values():
+        assert file_hash(SHIPPED / graph.file) == graph.sha256
+    assert sum((SHIPPED / graph.file).stat().st_size for graph in shipped.graphs.values()) < LARGEST_BYTES
+    assert shipped.features_format == schema.FORMAT
+    assert shipped.size == ("published" if shipped.planner in AS_PUBLISHED else "compact")
+
+
+def test_all_learned_from_the_same_samples_and_beat_constant_velocity_on_new_roads(
+    shipped: Card,
+) -> None:
+    assert sorted(path.stem for path in SHIPPED.glob("*.json")) == sorted(CARDS)
+    assert shipped.data["hash"] == read_card(SHIPPED / "pdm_open.json").data["hash"]
+    assert shipped.data["samples"]["train"] >= 20_000
+    for split in ("val", "test"):
+        errors = shipped.errors[split]
+        assert errors["samples"] > 500
+        for error in ("ade", "fde_3_s", "fde_8_s"):
+            assert errors["network"][error] < 0.8 * errors["constant_velocity"][error], (split, error)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_on_plain_roads_most_drives_stay_on_the_road_for_fifteen_seconds(planner: str, tmp_path: Path) -> None:
+    pytest.importorskip("onnxruntime", reason="needs onnxruntime: the extra [learned]")
+    run(RunOptions((planner,), tmp_path / "run", suite="common==1", scenarios=PLAIN, workers=0))
+    rows = read_run(tmp_path / "run").rows.values()
+    assert len(rows) == 16
+    assert all(row.fault is None for row in rows)
+    assert sum(_left_road_s(row) > PLAIN_S for row in rows) > len(rows) / 2
+
+
+def _left_road_s(row: Row) -> float:
+    """When the ego left the drivable area, as the reason says: "... at 4.2 s"; infinite if it never did."""
+    found = row.metrics["drivable_area"]
+    return inf if found.score == 1.0 else float((found.reason or "").rsplit(" at ", 1)[1].removesuffix(" s"))

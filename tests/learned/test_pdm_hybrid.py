@@ -10,7 +10,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from untrained_card import write_untrained
+from tiny_dataset import write_untrained
 
 from interplan_learned import pdm_open
 from interplan_learned.driving import POSES, STEP_S

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from untrained_card import write_untrained
+from tiny_dataset import write_untrained
 
 from interplan_learned.network import load_network
 from interplan_learned.urban_driver import SIZES

@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
+from interplan_learned.card import Card
 from interplan_sumo import tiny_worlds
 from interplan_sumo.dataset import folder as layout
+from interplan_sumo.dataset import records
 from interplan_sumo.dataset.columns import Columns, count_of, joined, write_arrays
 from interplan_sumo.dataset.drives import map_hash
-from interplan_sumo.dataset.records import (
-    CountsRecord,
-    DatasetManifest,
-    DriveRecord,
-    FeaturesRecord,
-    FileRecord,
-    MapRecord,
-    OptionsRecord,
-    ShardRecord,
-    Split,
-    text_of,
-)
 from interplan_sumo.dataset.samples import drive_samples, sample_frames
 from interplan_sumo.features import schema
 from interplan_sumo.features.lane_graph import lane_graph
@@ -34,6 +26,7 @@ from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.world.files import file_hash
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Roads
+from tools.train.recipe import Batch, Recipe
 
 FRAMES = 91
 HASH = "tiny"
@@ -81,10 +74,10 @@ def write_tiny_dataset(folder: Path) -> Path:
         _write_shard(folder, "train", [made[k] for k in range(len(plan)) if k not in held]),
         _write_shard(folder, "val", [made[k] for k in held]),
     ]
-    splits: list[Split] = ["val" if k in held else "train" for k in range(len(plan))]
+    splits: list[records.Split] = ["val" if k in held else "train" for k in range(len(plan))]
     lines = [
-        text_of(
-            DriveRecord(
+        records.text_of(
+            records.DriveRecord(
                 origin="run", source="tiny", scenario_id="test/0", family="test", map=name, seed=k, planner="idm",
                 car=None, score=1.0, route=("1",), goal_lane="11", split=split, samples=count_of(made[k]),
                 scenario_hash="", trace_hash="", generator="",
@@ -95,35 +88,47 @@ def write_tiny_dataset(folder: Path) -> Path:
     drives = folder / layout.DRIVES
     drives.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
     samples = {each.split: each.samples for each in shards}
-    manifest = DatasetManifest(
-        kind=layout.KIND,
-        format=layout.FORMAT,
-        hash=HASH,
-        versions={},
-        features=FeaturesRecord(schema.FORMAT, "", "", schema.STEP_S, []),
-        options=OptionsRecord(0.5, 0.5, 0.0, [], [], []),
-        sources=[],
-        left_out={},
-        counts=CountsRecord(len(plan), sum(samples.values()), dict(samples), {}, {}, {}, {}),
+    manifest = records.DatasetManifest(
+        kind=layout.KIND, format=layout.FORMAT, hash=HASH, versions={}, sources=[], left_out={},
+        features=records.FeaturesRecord(schema.FORMAT, "", "", schema.STEP_S, []),
+        options=records.OptionsRecord(0.5, 0.5, 0.0, [], [], []),
+        counts=records.CountsRecord(len(plan), sum(samples.values()), dict(samples), {}, {}, {}, {}),
         maps={name: _write_map(folder, name) for name in _BENDS},
-        drives=FileRecord(layout.DRIVES, file_hash(drives)),
+        drives=records.FileRecord(layout.DRIVES, file_hash(drives)),
         shards=shards,
-    )
-    (folder / layout.MANIFEST).write_text(text_of(manifest), encoding="utf-8")
+    )  # fmt: skip
+    (folder / layout.MANIFEST).write_text(records.text_of(manifest), encoding="utf-8")
     return folder
 
 
-def _write_shard(folder: Path, split: Split, parts: Sequence[Columns]) -> ShardRecord:
+def _write_shard(folder: Path, split: records.Split, parts: Sequence[Columns]) -> records.ShardRecord:
     columns = joined(parts)
     path = folder / layout.SHARDS / f"{split}-00000.npz"
     write_arrays(path, columns, level=1)
-    return ShardRecord(f"{layout.SHARDS}/{path.name}", split, count_of(columns), path.stat().st_size, file_hash(path))
+    return records.ShardRecord(
+        f"{layout.SHARDS}/{path.name}", split, count_of(columns), path.stat().st_size, file_hash(path)
+    )
 
 
-def _write_map(folder: Path, name: str) -> MapRecord:
+def _write_map(folder: Path, name: str) -> records.MapRecord:
     """The lane graph, and beside it the map itself, which is no shipped one."""
     roads = roads_of(name)
     path = folder / layout.MAPS / f"{name}.npz"
     write_arrays(path, lane_graph(roads).tables())
     write_map(roads, path.with_suffix("") / "1.0" / "map.gpkg")
-    return MapRecord(roads.crs, roads.driving_side, map_hash(find_map(name, path.parent)), file_hash(path))
+    return records.MapRecord(roads.crs, roads.driving_side, map_hash(find_map(name, path.parent)), file_hash(path))
+
+
+def write_untrained(recipe: Recipe, model: Any, batch: Batch, folder: Path) -> Path:
+    """The card of a network, written beside its graphs, which holds ONNX against torch; skips without the extras."""
+    pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
+    pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
+    from tools.train.onnx_export import export_graphs
+
+    card = Card(
+        planner=recipe.planner, what=recipe.what, size=recipe.size, parameters=1, options=recipe.options,
+        features_format=schema.FORMAT, graphs=export_graphs(recipe.graphs(model, batch), folder, recipe.planner),
+        data={}, training={}, errors={}, versions={},
+    )  # fmt: skip
+    card.write(folder / f"{recipe.planner}.json")
+    return folder / f"{recipe.planner}.json"

@@ -35,8 +35,8 @@ class Native:
     def log_probabilities(self, tokens: Sequence[int], count: int = 20) -> dict[int, float]:
         """Of the likeliest next tokens."""
         asked = {"prompt": list(tokens), "n_predict": 1, "n_probs": count, "temperature": 0.0, "cache_prompt": False}
-        asked["grammar"] = "root ::= [a-z]"  # of an end, or of half a letter, it tells nothing
-        (first,) = self._said("/completion", asked)["completion_probabilities"]
+        letters = {"grammar": "root ::= [a-z]"}  # of an end, or of half a letter, it tells nothing
+        (first,) = self._said("/completion", {**asked, **letters})["completion_probabilities"]
         return {each["id"]: each["logprob"] for each in first["top_logprobs"]}
 
     def _said(self, where: str, body: dict[str, Any]) -> dict[str, Any]:

@@ -170,10 +170,13 @@ def test_whole_rounds_of_scenes_are_held_out_so_that_no_scene_is_in_both_splits(
     assert [k % HELD_OUT[0] for k, each in enumerate(rounds) if each == {"val"}] == [HELD_OUT[1]] * 3
 
 
-def test_no_scene_of_a_suite_may_be_trained_on() -> None:
+def test_no_scene_of_a_suite_may_be_trained_on_nor_its_site_wherever_one_starts() -> None:
     everything = [scenario for suite in suites().values() for scenario in suite.scenarios]
     assert len(everything) > 80
     assert all(near_official(scenario) is not None for scenario in everything[::16])
+    official = find_scenario("overtake/0")
+    moved = replace(official, id="mine/0", start=replace(official.start, arc_m=official.start.arc_m - 12.0))
+    assert near_official(moved) is not None
 
 
 @pytest.mark.parametrize(("ahead_m", "near"), [(START_APART_M - 0.1, True), (START_APART_M + 0.1, False)])
@@ -186,12 +189,6 @@ def test_a_start_near_one_of_a_suite_is_too_near_and_one_beyond_is_not(ahead_m: 
     assert moved.site(roads) != official.site(roads)
     found = near_official(moved)
     assert (found is not None and found.id == official.id) is near
-
-
-def test_the_site_of_a_suite_is_no_place_to_train_wherever_one_starts() -> None:
-    official = find_scenario("overtake/0")
-    moved = replace(official, id="mine/0", start=replace(official.start, arc_m=official.start.arc_m - 12.0))
-    assert near_official(moved) is not None
 
 
 def test_files_are_taken_in_their_order_but_not_with_scenes_of_a_suite_or_twice(tmp_path: Path) -> None:
@@ -271,14 +268,11 @@ def test_workers_make_the_same_file(tmp_path: Path) -> None:
     assert lines(tmp_path / "0.jsonl")
 
 
-def test_a_scene_that_cannot_be_driven_is_done_and_says_why() -> None:
+def test_a_scene_that_cannot_be_driven_says_why_and_after_its_time_none_is_waited_for(tmp_path: Path) -> None:
     nowhere = replace(training(), scenario=replace(short_scenes()[0], goal=replace(short_scenes()[0].goal, arc_m=1e6)))
     found = labelled(nowhere, every=1, hold=1, most_drives=1)
     assert found.examples == ()
     assert "there is no place at 1000000.0 m" in (found.reason or "")
-
-
-def test_after_its_time_no_scene_is_waited_for(tmp_path: Path) -> None:
     card = make_labels(tmp_path / "a.jsonl", [training(0), training(1)], QUICK, workers=0, minutes=0.0)
     assert card["scenes"]["done"] == 1
 

@@ -83,13 +83,7 @@ def largest_difference(found: Any, wanted: dict[int, float]) -> float:
     return max(abs(float(found[token]) - theirs) for token, theirs in wanted.items())
 
 
-def test_pairs_are_joined_in_the_order_of_the_merges_and_each_digit_stands_alone(chat: ChatTokens) -> None:
-    assert [chat.numbers[chat.letters(piece)] for piece in ("stop", " ", "merg", "e")] == chat.plain("stop merge")
-    assert chat.plain("12") == chat.plain("1") + chat.plain("2")
-
-
 def test_a_prompt_ends_where_the_answer_begins(chat: ChatTokens) -> None:
-    assert chat.prompt_text(conversation("Which?")).endswith("Which?<|end|>\n<|begin|>assistant\n")
     begin = chat.prompt([Message("user", "a")])[0]
     assert chat.prompt(conversation("Which?")).count(begin) == 3
     assert chat.prompt(conversation("<|begin|>")).count(begin) == 4
@@ -201,16 +195,13 @@ def test_a_file_that_is_no_model_is_one_line(tmp_path: Path, content: bytes | No
     assert "\n" not in str(refused.value)
 
 
-def test_what_is_unknown_is_named(tmp_path: Path) -> None:
+def test_what_is_unknown_or_refused_by_a_template_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="splits text as 'tekken'"):
         chat_of(write_llama(tmp_path / "other.gguf", splitting="tekken"))
     with pytest.raises(InputError, match="'qwen2'"):
         changed_at_random(write_llama(tmp_path / "family.gguf", architecture="qwen2"), "attn_q")
     with pytest.raises(InputError, match=r"no tensor for .*down_proj"):
         changed_at_random(write_llama(tmp_path / "part.gguf", without="blk.1.ffn_down"), "attn_q")
-
-
-def test_a_template_that_refuses_is_one_line(tmp_path: Path) -> None:
     strict = write_llama(tmp_path / "strict.gguf", template="{{ raise_exception('no system') }}")
     with pytest.raises(InputError, match="no system"):
         chat_of(strict).prompt(conversation("Which?"))

@@ -22,11 +22,10 @@ from tools.tune_llm.examples import TokenSample, as_samples, divided, read_examp
 if TYPE_CHECKING:
     from tools.tune_llm.fitting import Fitting
 
-needs_train = pytest.mark.skipif(
-    any(importlib.util.find_spec(name) is None for name in NEEDED),
-    reason="needs the extra: pip install 'interplan-sumo[train]'",
-)
-pytestmark = needs_train
+pytestmark = [
+    pytest.mark.skipif(importlib.util.find_spec(name) is None, reason=f"needs {name}: 'interplan-sumo[train]'")
+    for name in NEEDED
+]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -71,10 +70,6 @@ def tuned(tiny: Path, examples: Path, out: Path, *more: str) -> dict[str, Any]:
     fast = "--epochs 2 --lr 0.02 --rank 4 --batch 4 --threads 1 --precision float32".split()
     assert command.main([str(examples), "--out", str(out), "--base", str(tiny), *fast, *more]) == 0
     return json.loads(out.with_suffix(".json").read_text(encoding="utf-8"))
-
-
-def silent(_: Fitting) -> None:
-    pass
 
 
 class _Stopped(Exception):  # noqa: N818 - an interruption
@@ -134,7 +129,7 @@ def test_an_interrupted_run_ends_as_if_nothing_had_happened(
             raise _Stopped
 
     undisturbed = fitting(tiny, examples, tmp_path)
-    whole = undisturbed.run(math.inf, silent)
+    whole = undisturbed.run(math.inf, lambda _: None)
     (tmp_path / "checkpoint.pt").unlink()
     interrupted = fitting(tiny, examples, tmp_path)
     with pytest.raises(_Stopped):
@@ -142,7 +137,7 @@ def test_an_interrupted_run_ends_as_if_nothing_had_happened(
     resumed = fitting(tiny, examples, tmp_path)
     if stopped_at >= 2:  # the first look has left a checkpoint
         assert 0 < resumed.resume() <= stopped_at
-    assert resumed.run(math.inf, silent).progress.losses == whole.progress.losses
+    assert resumed.run(math.inf, lambda _: None).progress.losses == whole.progress.losses
     undisturbed.model.write_adapter(tmp_path / "whole.gguf", "a")
     resumed.model.write_adapter(tmp_path / "resumed.gguf", "a")
     assert (tmp_path / "whole.gguf").read_bytes() == (tmp_path / "resumed.gguf").read_bytes()
@@ -168,7 +163,7 @@ def test_it_ends_when_held_out_examples_no_longer_gain(tiny: Path, tmp_path: Pat
     for told in wrong:
         told["messages"][2]["content"] = "merge_left" if told["messages"][2]["content"] != "merge_left" else "stop"
     (tmp_path / "odd.jsonl").write_text("\n".join(json.dumps(told) for told in (*lines, *wrong)), encoding="utf-8")
-    fitted = fitting(tiny, tmp_path / "odd.jsonl", tmp_path, epochs=60).run(math.inf, silent)
+    fitted = fitting(tiny, tmp_path / "odd.jsonl", tmp_path, epochs=60).run(math.inf, lambda _: None)
     assert fitted.ending == "no longer better"
     looks = [look[2] or 0.0 for look in fitted.progress.losses]
     assert looks.index(min(looks)) == len(looks) - 1 - PATIENCE
@@ -178,7 +173,7 @@ def test_it_ends_when_held_out_examples_no_longer_gain(tiny: Path, tmp_path: Pat
 def test_a_checkpoint_of_something_else_is_refused(tiny: Path, examples: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nothing to resume"):
         fitting(tiny, examples, tmp_path).resume()
-    fitting(tiny, examples, tmp_path).run(0.0, silent)
+    fitting(tiny, examples, tmp_path).run(0.0, lambda _: None)
     other = fitting(tiny, examples, tmp_path, seed=9)
     with pytest.raises(InputError, match="other examples or settings"):
         other.resume()
@@ -265,7 +260,7 @@ def test_an_interval_holds_its_share_and_shrinks_with_numbers() -> None:
     assert wider[0] < narrower[0] < 0.8 < narrower[1] < wider[1]
 
 
-def test_chance_and_the_first_option_are_counted_where_there_are_choices(tiny: Path, tmp_path: Path) -> None:
+def test_chance_the_first_option_and_what_is_decisive_are_counted_if_known(tiny: Path, tmp_path: Path) -> None:
     from tools.tune_llm.heldout import Ratio, chance, first_offered
 
     told = [json.loads(line(number, "train")) for number in range(3)]
@@ -277,11 +272,6 @@ def test_chance_and_the_first_option_are_counted_where_there_are_choices(tiny: P
     assert first_offered(samples) == (Ratio(1, 2), None)
     assert chance(samples[2:]) is None
     assert first_offered(samples[2:]) == (None, None)
-
-
-def test_what_is_decisive_is_counted_by_itself_where_it_is_known(tiny: Path, tmp_path: Path) -> None:
-    from tools.tune_llm.heldout import Ratio, first_offered
-
     told = [json.loads(line(0, "val")) for _ in range(3)]
     for each, decisive in zip(told, (True, False, True), strict=True):
         each["about"]["decisive"] = decisive
