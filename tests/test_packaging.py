@@ -71,7 +71,7 @@ def test_the_sdist_holds_the_tests_with_the_pages_that_they_read_and_no_leftover
     assert "tests/test_packaging.py" in names
     top = {name.split("/")[0] for name in names}
     documents = {"pyproject.toml", "README.md", "CHANGELOG.md", "LICENSE", "PKG-INFO", ".gitignore"}
-    assert top <= documents | {"docs", "interplan_sumo", "planners", "nets", "routes", "tests"}
+    assert top <= documents | {"docs", "interplan_sumo", "planners", "nets", "routes", "tests", "tools"}
 
 
 def test_a_fresh_environment_runs_and_scores_a_scenario_outside_the_checkout(built: Path, tmp_path: Path) -> None:
