@@ -16,7 +16,7 @@ DATA ?= data/ordinary
 
 help:
 	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
-	@echo "make test        everything but the slow tests, real SUMO included (5 to 7 minutes on two cores; WORKERS=8 on eight)"
+	@echo "make test        everything but the slow tests, real SUMO included (3 minutes on two cores; WORKERS=8 on eight)"
 	@echo "make test-all    the slow tests, too"
 	@echo "make check       lint, format and types"
 	@echo "make golden      only the comparison with nuPlan's own values"
