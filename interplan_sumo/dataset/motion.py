@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from interplan_sumo.features.schema import STEP_S
 from interplan_sumo.metrics.comfort import BOUNDS
@@ -38,6 +37,8 @@ def smoothed(places: Floats) -> Floats:
     """(F, 2) places without the kinks that no car drives; as they are where there are fewer than 1.5 s."""
     if len(places) < SMOOTHED_FRAMES:
         return places
+    from scipy.signal import savgol_filter  # half a second that only those who read recordings should wait
+
     return np.asarray(savgol_filter(places, SMOOTHED_FRAMES, SMOOTHED_ORDER, axis=0))
 
 
