@@ -35,6 +35,13 @@ def test_on_the_second_frame_connectors_of_the_frame_before_are_not_kept():
     assert along(CROSSING, (-4.0, -1.75), (-6.0, -6.0))[-1] == ()
 
 
+@pytest.mark.parametrize(("beside", "place"), [((-5.5, -11.7), ("12",)), ((-5.5, -12.3), ())])
+def test_a_connector_that_was_left_is_kept_while_the_point_is_in_the_intersection(
+    beside: tuple[float, float], place: Place
+):
+    assert along(CROSSING, (-4.0, -8.0), (-3.5, -9.0), beside)[-1] == place
+
+
 def test_losing_all_lanes_right_after_ambiguous_connectors_empties_them_too():
     # nuPlan thins a longer list by any list it contains, and every list contains the empty one
     assert along(CROSSING, (-11.9, -1.75), (-11.9, -40.0)) == ((), ())
