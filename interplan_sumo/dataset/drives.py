@@ -190,7 +190,7 @@ def _of_run(folder: Path, left_out: Counter[str]) -> Iterable[Drive]:
 
 
 def _of_suite(suite: Suite, left_out: Counter[str]) -> Iterable[Drive]:
-    stored = _certificates(suite)
+    stored, package = _certificates(suite), versions()["interplan_sumo"]
     for scenario in suite.scenarios:
         certificate = stored.get(scenario.id)
         if certificate is None or certificate.summary.scenario_hash != scenario.hash():
@@ -198,11 +198,12 @@ def _of_suite(suite: Suite, left_out: Counter[str]) -> Iterable[Drive]:
             continue
         yield Drive(
             "certificate", suite.key, scenario, find_map(scenario.map, scenario.maps_beside), CERTIFICATE, 0,
-            certificate.summary.score, certificate.summary.trace_hash, versions()["interplan_sumo"],
+            certificate.summary.score, certificate.summary.trace_hash, package,
         )  # fmt: skip
 
 
 def _of_recording(source: Path, map: str, number: int, left_out: Counter[str]) -> Iterable[Drive]:
+    package = versions()["interplan_sumo"]
     for window in windows(source, map):
         try:
             made, _, trace = window_drive(window)
@@ -211,8 +212,8 @@ def _of_recording(source: Path, map: str, number: int, left_out: Counter[str]) -
             continue
         scenario = replace(made, maps_beside=maps_beside(window))
         yield Drive(
-            "recording", window.path.name, scenario, window.map, RECORDED, number, None, trace.hash(),
-            versions()["interplan_sumo"], window=window,
+            "recording", window.path.name, scenario, window.map, RECORDED, number, None, trace.hash(), package,
+            window=window,
         )  # fmt: skip
 
 
