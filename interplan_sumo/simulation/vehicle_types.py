@@ -42,6 +42,9 @@ PREFIXES: Final = ("lc", "jm", "cf")
 PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
     "interplan.reactOverlap": (0.0, 1.0),
     "interplan.anticipation": (0.0, 3.0),
+    "interplan.reactionTime": (0.0, 2.0),
+    "interplan.courtesy": (0.0, 1.0),
+    "interplan.relaxation": (0.0, 30.0),
 }
 
 
@@ -86,6 +89,14 @@ class VehicleType:
     """Also reacts to the ego's box swept ahead at constant velocity for this long."""
     swerve: bool = False
     """Whether the driver may change lane because of an ego that straddles two lanes."""
+    reaction_time_s: float = 0.0
+    """From the condition to the first response to the ego, 0 to 2."""
+    courtesy: float = 0.0
+    """Probability, per encounter, to open a gap for an ego that moves towards the driver's lane, 0 to 1."""
+    relaxation_s: float = 0.0
+    """Time constant with which the headway, short after somebody cut in, returns to `tau_s`, 0 to 30; 0: at once."""
+    car_following_model: str = "Krauss"
+    """SUMO's name."""
 
 
 @dataclass(frozen=True)
@@ -221,6 +232,8 @@ class _Reader(ContentHandler):
                 guess = f"; did you mean {near[0]!r}?" if near else ""
                 raise self._error(f"vType {type_id!r} has an unknown attribute {key!r}{guess}")
         numbers["vClass"] = values.get("vClass", "passenger")
+        if "carFollowModel" in values:
+            numbers["carFollowModel"] = values["carFollowModel"]
         self._types[type_id] = numbers
         self._open_type = type_id
         if self._open_distribution is not None:
@@ -283,6 +296,8 @@ def _vehicle_type(name: str, numbers: Mapping[str, Any]) -> VehicleType:
         "decel": "decel_mps2", "emergencyDecel": "emergency_decel_mps2", "maxSpeed": "max_speed_mps",
         "speedFactor": "speed_factor", "vClass": "vehicle_class", "interplan.reactOverlap": "react_overlap",
         "interplan.anticipation": "anticipation_s", "interplan.swerve": "swerve",
+        "interplan.reactionTime": "reaction_time_s", "interplan.courtesy": "courtesy",
+        "interplan.relaxation": "relaxation_s", "carFollowModel": "car_following_model",
     }  # fmt: skip
     known: dict[str, Any] = {**CLASSES.get(numbers["vClass"], {}), **numbers}
     return VehicleType(name, **{names[key]: value for key, value in known.items() if key in names})

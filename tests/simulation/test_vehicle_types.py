@@ -9,7 +9,13 @@ import pytest
 from networks import NETWORK_FILE
 
 from interplan_sumo.errors import UnknownNameError, VehicleTypeError
-from interplan_sumo.simulation.vehicle_types import CLASS_OF_KIND, CLASSES, read_vehicle_types, vehicle_type_file
+from interplan_sumo.simulation.vehicle_types import (
+    CLASS_OF_KIND,
+    CLASSES,
+    VehicleType,
+    read_vehicle_types,
+    vehicle_type_file,
+)
 
 
 def file(folder: Path, text: str) -> Path:
@@ -119,6 +125,30 @@ def test_the_published_codes_cautious_drivers_look_three_seconds_ahead() -> None
     cautious, plain = read_vehicle_types(vehicle_type_file("interplan_code")).members
     assert (cautious.anticipation_s, plain.anticipation_s) == (3.0, 0.0)
     assert cautious.react_overlap == plain.react_overlap == 0.0
+
+
+@pytest.mark.parametrize(
+    ("key", "field", "highest"),
+    [("reactionTime", "reaction_time_s", 2.0), ("courtesy", "courtesy", 1.0), ("relaxation", "relaxation_s", 30.0)],
+)
+def test_a_drivers_keys_are_read_within_their_bounds_and_default_to_none(
+    key: str, field: str, highest: float, tmp_path: Path
+) -> None:
+    def read(value: float) -> VehicleType:
+        text = f'<additional><vType id="traffic"><param key="interplan.{key}" value="{value}"/></vType></additional>'
+        return read_vehicle_types(file(tmp_path, text)).members[0]
+
+    assert getattr(read(highest), field) == highest
+    assert getattr(VehicleType("plain"), field) == getattr(read(0.0), field) == 0.0
+    for value in (-0.01, highest + 0.01):
+        with pytest.raises(VehicleTypeError, match=f"interplan.{key} is .*, expected 0 to {highest:g}"):
+            read(value)
+
+
+def test_the_car_following_model_is_sumos_or_the_files(tmp_path: Path) -> None:
+    path = file(tmp_path, '<additional><vType id="traffic"/><vType id="x" carFollowModel="EIDM"/></additional>')
+    types = read_vehicle_types(path)
+    assert (types.members[0].car_following_model, types.others[0].car_following_model) == ("Krauss", "EIDM")
 
 
 def test_what_a_class_leaves_out_is_what_sumo_takes(tmp_path: Path) -> None:
