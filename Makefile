@@ -12,12 +12,13 @@ unexport PYTHONDONTWRITEBYTECODE
 
 DATA ?= data/ordinary
 
-.PHONY: help setup check test test-all golden mutants smoke benchmark data train tune-llm clean
+.PHONY: help setup check test test-all nightly golden mutants smoke benchmark data train tune-llm clean
 
 help:
 	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
 	@echo "make test        everything but the slow tests, real SUMO included (3 minutes on two cores; WORKERS=8 on eight)"
 	@echo "make test-all    the slow tests, too"
+	@echo "make nightly     a million agent-seconds of traffic around rude egos (half an hour on two cores; FUZZ_SEED=1: others)"
 	@echo "make check       lint, format and types"
 	@echo "make golden      only the comparison with nuPlan's own values"
 	@echo "make mutants     200 small wrong changes to the code: does a test notice each? (an hour on two cores)"
@@ -51,6 +52,9 @@ test: setup
 
 test-all: setup
 	$(BIN)/python -m pytest -n $(WORKERS)
+
+nightly: setup
+	PYTHONPATH=.:planners $(BIN)/python -m benchmarks.traffic_fuzz --agent-seconds 1000000 --seed $(or $(FUZZ_SEED),0) --workers $(WORKERS)
 
 golden: setup
 	@PYTHONPATH=.:planners $(BIN)/python -m tests.golden_table

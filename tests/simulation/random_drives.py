@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from math import atan2, cos, hypot, sin, tan
 
 import numpy as np
-from networks import stepped
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads
@@ -19,6 +18,7 @@ from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats, Polyline, penetration_m
 from interplan_sumo.world.roads import Roads
+from tests.networks import stepped
 
 DT_S = 0.1
 OVERLAP_M = 0.05

@@ -1,0 +1,336 @@
+"""Fuzz cases: a number makes a scene, its drivers and a rude ego; driving one gives every violation in it.
+
+A case is a function of (seed, number, maps) alone, so one number repeats it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import libsumo
+import numpy as np
+
+from interplan_sumo.errors import InputError
+from interplan_sumo.families import FAMILIES
+from interplan_sumo.families.generate import Search
+from interplan_sumo.maps.store import find_map, load_roads
+from interplan_sumo.scenario.route import route_centerline
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.sites import lane_width_m
+from interplan_sumo.scenario.suite import find_suite
+from interplan_sumo.simulation.setup import open_sumo_traffic, start_state
+from interplan_sumo.simulation.traffic import TrafficState
+from interplan_sumo.simulation.vehicle_types import read_vehicle_types
+from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.geometry import Polyline
+from interplan_sumo.world.roads import Connector, Roads
+from tests.simulation import traffic_invariants as invariants
+from tests.simulation.random_drives import random_scenario
+from tests.simulation.rude_egos import Surroundings, behaviours, driven
+from tests.simulation.traffic_invariants import Array, Body, Drive, Frame, Violation
+
+ROUTES = Path(__file__).parents[2] / "routes"
+MODELS = ("Krauss", "KraussOrig1", "PWagner2009", "Daniel1", "IDMM", "EIDM", "ACC", "CACC", "W99", "Wiedemann")
+SHIPPED_MAPS = ("back_bay", "hazelwood", "one_north", "strip")
+SUITES = ("interplan==1", "common==1")
+DENSITIES = ("low", "medium", "high")
+BEYOND_M = 400.0
+"""The ego's line goes on this far behind the goal."""
+PARAMETERS: Mapping[str, tuple[float, ...]] = {
+    "reactOverlap": (0.0, 0.5, 1.0), "anticipation": (0.0, 0.0, 1.0, 3.0), "reactionTime": (0.0, 0.0, 0.8),
+    "courtesy": (0.0, 0.0, 1.0), "relaxation": (0.0, 0.0, 10.0),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Maps:
+    """Where scenes may be."""
+
+    names: tuple[str, ...] = SHIPPED_MAPS
+    """Of shipped maps, or folders."""
+    suites: tuple[str, ...] = SUITES
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One drive to be made."""
+
+    number: int
+    scenario: Scenario
+    seed: int
+    ego: str
+    """Name of the behaviour."""
+    types: Path
+    drivers: str
+    """What the types are, in words."""
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What came of a case."""
+
+    violations: list[Violation] = field(default_factory=list[Violation])
+    agent_s: float = 0.0
+    drive: Drive | None = None
+    twin: Drive | None = None
+    types: dict[str, str] = field(default_factory=dict[str, str])
+    """Type of each agent by its id."""
+    hash: str = ""
+    egos: list[EgoState] = field(default_factory=list[EgoState])
+
+
+def case(seed: int, number: int, maps: Maps, folder: Path) -> Case:
+    """Case `number`; files of derived types are written to `folder`."""
+    rng = np.random.default_rng((seed, number))
+    names = list(behaviours())
+    ego = names[number % len(names)]
+    pick = rng.random()
+    if pick < 0.45 and maps.suites:
+        pool = [each for suite in maps.suites for each in find_suite(suite).scenarios]
+        scenario = pool[int(rng.integers(len(pool)))]
+        if rng.random() < 0.7:
+            scenario = _denser(scenario, rng)
+    else:
+        scenario = _generated(maps.names[int(rng.integers(len(maps.names)))], seed, number, rng, families=pick < 0.65)
+    kinds = {each.kind for each in scenario.vehicles}
+    types, words = _drivers(folder, number, rng, only="urban" if kinds - {"car"} else None)
+    return Case(number, scenario, int(rng.integers(1000)), ego, types, words)
+
+
+def _denser(scenario: Scenario, rng: np.random.Generator) -> Scenario:
+    """The same place with other traffic."""
+    demand = replace(
+        scenario.traffic, density=str(rng.choice(DENSITIES)), oncoming=str(rng.choice(("none", *DENSITIES))),
+        flow=bool(rng.random() < 0.5),
+    )  # fmt: skip
+    return replace(scenario, traffic=demand)
+
+
+def _generated(map: str, seed: int, number: int, rng: np.random.Generator, *, families: bool) -> Scenario:
+    """A new scene on a map: of a family, or a random drive."""
+    if families:
+        search = Search(load_roads(map), str(rng.choice([name for name in FAMILIES if name != "trip"])), seed + number)
+        for made in search:
+            return replace(_denser(made, rng), map=map) if rng.random() < 0.5 else replace(made, map=map)
+    made = random_scenario(map, rng, number, obstacles=bool(rng.random() < 0.3), jaywalker=bool(rng.random() < 0.2))
+    return replace(made, traffic=replace(made.traffic, flow=bool(rng.random() < 0.5)))
+
+
+def _drivers(folder: Path, number: int, rng: np.random.Generator, only: str | None) -> tuple[Path, str]:
+    """A vehicle-type file: a shipped one, or one with another car-following model and other reactions.
+
+    `only` names the file that has every kind of vehicle, where the scene places some.
+    """
+    shipped = sorted(ROUTES.glob("*.xml"))
+    base = shipped[int(rng.integers(len(shipped)))] if only is None else ROUTES / f"{only}.xml"
+    if rng.random() < 0.45:
+        return base, base.stem
+    text = base.read_text()
+    words = [base.stem]
+    if rng.random() < 0.7:
+        model = str(rng.choice(MODELS))
+        text = text.replace('carFollowModel="IDM"', f'carFollowModel="{model}"')
+        words.append(model)
+    for key, values in PARAMETERS.items():
+        value = float(rng.choice(values))
+        if rng.random() < 0.5 and _supported(key):
+            text = _with_parameter(text, key, value)
+            words.append(f"{key}={value:g}")
+    path = folder / f"types_{number}.xml"
+    path.write_text(text)
+    return path, " ".join(words)
+
+
+def _with_parameter(text: str, key: str, value: float) -> str:
+    """Every type with a parameter of ours at a value."""
+    kept = [line for line in text.splitlines() if f'key="interplan.{key}"' not in line]
+    text = "\n".join(kept) + "\n"
+    return text.replace("</vType>", f'<param key="interplan.{key}" value="{value:g}"/></vType>')
+
+
+@cache
+def _supported(key: str) -> bool:
+    """Whether this version reads a parameter."""
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "types.xml"
+        path.write_text(_with_parameter((ROUTES / "conservative.xml").read_text(), key, 0.0))
+        try:
+            read_vehicle_types(path)
+        except InputError:
+            return False
+    return True
+
+
+def egos_of(case: Case, roads: Roads, steps: int) -> list[EgoState]:
+    """The poses of the case's ego."""
+    rng = np.random.default_rng((case.number, case.seed, 1))
+    scenario = case.scenario
+    line = _extended(roads, scenario, route_centerline(roads, scenario))
+    start = start_state(scenario, roads)
+    return driven(line, start, behaviours()[case.ego](_surroundings(roads, scenario, line), rng), steps)
+
+
+def _extended(roads: Roads, scenario: Scenario, line: Polyline) -> Polyline:
+    here, begin_m = scenario.goal.lane, line.length_m
+    while line.length_m < begin_m + BEYOND_M and (ways := sorted(roads.outgoing(here))):
+        here = ways[0]
+        line = line.joined(roads[here].centerline)
+    return line
+
+
+def _surroundings(roads: Roads, scenario: Scenario, line: Polyline) -> Surroundings:
+    lane = roads[scenario.start.lane]
+    at = scenario.start.pose(roads)
+    width_m = 3.5 if isinstance(lane, Connector) else lane_width_m(lane, scenario.start.arc_m)
+    left = not isinstance(lane, Connector) and roads.left_of(lane.id) is not None
+    oncoming: list[float] = []
+    for other in roads.lanes.values():
+        arc_m, _ = other.centerline.project_point(at.x_m, at.y_m)
+        pose = other.centerline.pose_at(arc_m)
+        if np.cos(pose.heading_rad - at.heading_rad) < -0.9:
+            offset = float(np.cos(at.heading_rad) * (pose.y_m - at.y_m) - np.sin(at.heading_rad) * (pose.x_m - at.x_m))
+            if np.hypot(pose.x_m - at.x_m, pose.y_m - at.y_m) < 16.0:
+                oncoming.append(offset)
+    junctions: list[tuple[float, float]] = []
+    for connector in roads.connectors.values():
+        ends = [line.project_point(*connector.centerline.points[i].tolist()) for i in (0, -1)]
+        if all(abs(off) < 0.3 for _, off in ends) and ends[1][0] > ends[0][0] + 3.0:
+            junctions.append((ends[0][0], ends[1][0]))
+    cruise = max(5.0, min(scenario.start_speed_mps or 9.0, 20.0))
+    nearest = min(oncoming, key=abs, default=None)
+    return Surroundings(cruise, width_m, 1.0 if left else -1.0, nearest, tuple(sorted(junctions)))
+
+
+def run(case: Case, *, steps: int = 200, twin: bool = True, twice: bool = False) -> Outcome:
+    """Drive a case and look for violations; with a `twin`, which has no ego, also for those that need one."""
+    found = Outcome()
+    roads = load_roads(case.scenario.map, case.scenario.maps_beside)
+    steps = min(steps, round(case.scenario.duration_s * 10))
+    egos = found.egos = egos_of(case, roads, steps)
+    first = _recorded(case, roads, egos, found, with_ego=True)
+    if first is None:
+        return found
+    found.drive, bodies, placed, begins, ends, found.hash = first
+    found.types = {name: body.type_id for name, body in bodies.items()}
+    found.agent_s = float(found.drive.there[:, [name in bodies for name in found.drive.ids]].sum()) * 0.1
+    found.violations += invariants.violations(
+        found.drive, bodies, standing=placed["standing"], walking=placed["walking"], map_begins=begins, map_ends=ends
+    )
+    if twin:
+        without = _recorded(case, roads, egos, found, with_ego=False)
+        if without is not None:
+            found.twin, twin_bodies = without[0], without[1]
+            found.violations += invariants.spawn_braking(found.twin, twin_bodies)
+            found.violations += invariants.reactions_to_what_is_behind(found.drive, found.twin, bodies)
+            found.violations += [
+                replace(each, kind=f"without_ego_{each.kind}")
+                for each in invariants.violations(
+                    found.twin, twin_bodies, standing=placed["standing"], walking=placed["walking"],
+                    map_begins=begins, map_ends=ends,
+                )
+                if not each.kind.startswith(("appears", "leaves"))
+            ]  # fmt: skip
+    if twice:
+        again = _recorded(case, roads, egos, found, with_ego=True)
+        if again is not None and again[5] != found.hash:
+            found.violations.append(Violation("not_repeatable", 0, "", 0.0, "two equal runs differ"))
+    return found
+
+
+_Recorded = tuple[Drive, dict[str, Body], dict[str, frozenset[str]], Array, Array, str]
+
+
+def _recorded(case: Case, roads: Roads, egos: list[EgoState], found: Outcome, *, with_ego: bool) -> _Recorded | None:
+    """Frames of one drive; None, and a violation in `found`, if it ended in an exception before the first frame."""
+    frames: list[Frame] = []
+    bodies: dict[str, Body] = {}
+    names: dict[str, str] = {}
+    begins = ends = np.zeros((0, 2))
+    standing: frozenset[str] = frozenset()
+    walking: frozenset[str] = frozenset()
+    digest = hashlib.sha256()
+    kind = "exception" if with_ego else "without_ego_exception"
+    try:
+        with open_sumo_traffic(
+            case.scenario, roads, seed=case.seed, vehicle_types=case.types, with_ego=with_ego
+        ) as traffic:
+            origin = _origin(case.scenario)
+            begins, ends = _map_ends(origin)
+            for k in range(len(egos) - 1):
+                state: TrafficState = traffic.observe()
+                actors = state.actors
+                if k == 0:
+                    walks = np.asarray(actors.kind) == ActorKind.PEDESTRIAN
+                    others = [name not in traffic.behaviours for name in actors.ids]
+                    crowd = 1 if case.scenario.jaywalkers else 0
+                    pedestrians = [n for n, w, o in zip(actors.ids, walks, others, strict=True) if w and o and crowd]
+                    walking = frozenset(pedestrians)
+                    standing = frozenset(n for n, o in zip(actors.ids, others, strict=True) if o) - walking
+                frame = _frame(state, egos[k], names, bodies, frozenset(traffic.behaviours), origin)
+                frames.append(frame)
+                for column in (frame.x_m, frame.y_m, frame.heading_rad, frame.speed_mps):
+                    digest.update(np.ascontiguousarray(column).tobytes())
+                digest.update(" ".join(frame.ids).encode())
+                traffic.react(egos[k])
+                traffic.place_ego(egos[k + 1])
+                traffic.advance()
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
+        found.violations.append(Violation(kind, len(frames), "", 0.0, text))
+    if not frames:
+        return None
+    placed = {"standing": standing, "walking": walking}
+    return Drive.of(frames), bodies, placed, begins, ends, digest.hexdigest()
+
+
+def _origin(scenario: Scenario) -> tuple[float, float]:
+    from interplan_sumo.maps.network import NetworkIds
+
+    return NetworkIds.read(find_map(scenario.map, scenario.maps_beside).ids).origin_m
+
+
+def _map_ends(origin: tuple[float, float]) -> tuple[Array, Array]:
+    """(N, 2) where roads begin and (M, 2) where they end, asked of SUMO, in the map frame."""
+    lane: Any = libsumo.lane
+    lanes = [name for name in lane.getIDList() if not name.startswith(":")]
+    follows = {name: [link[0] for link in lane.getLinks(name)] for name in lanes}
+    fed = {after for all_after in follows.values() for after in all_after}
+    begins = [lane.getShape(name)[0] for name in lanes if name not in fed]
+    ends = [lane.getShape(name)[-1] for name in lanes if not follows[name]]
+    return tuple(np.array(each).reshape(-1, 2) + origin for each in (begins, ends))  # type: ignore[return-value]
+
+
+def _frame(
+    state: TrafficState, ego: EgoState, names: dict[str, str], bodies: dict[str, Body], agents: frozenset[str],
+    origin: tuple[float, float],
+) -> Frame:  # fmt: skip
+    """What is there now, and SUMO's own speeds; who is who in SUMO is found by where it first is."""
+    actors, vehicle = state.actors, libsumo.vehicle
+    new = [row for row, name in enumerate(actors.ids) if name in agents and name not in names]
+    if new:
+        taken = set(names.values())
+        free = [each for each in vehicle.getIDList() if each not in taken and each != "ego"]
+        fronts = np.array([vehicle.getPosition(each) for each in free]).reshape(-1, 2) + origin
+        for row in new:
+            reach = float(actors.length_m[row]) / 2.0
+            front = np.array((np.cos(actors.heading_rad[row]), np.sin(actors.heading_rad[row]))) * reach
+            away = np.hypot(*(fronts - (actors.x_m[row], actors.y_m[row]) - front).T)
+            name = names[actors.ids[row]] = free[int(away.argmin())]
+            bodies[actors.ids[row]] = Body(
+                vehicle.getTypeID(name), vehicle.getAccel(name), vehicle.getEmergencyDecel(name)
+            )
+    sumo = [vehicle.getSpeed(names[name]) if name in names else np.nan for name in actors.ids]
+    return Frame(
+        actors.ids, actors.x_m, actors.y_m, actors.heading_rad, actors.length_m, actors.width_m, actors.speed_mps,
+        np.array(sumo), (ego.x_m, ego.y_m, ego.heading_rad, PACIFICA.length_m, PACIFICA.width_m),
+    )  # fmt: skip

@@ -1,0 +1,366 @@
+"""What no vehicle may ever do, stated from physics alone, and every place where a recorded drive does it.
+
+Nothing here comes from the simulation: not a constant, not a helper. All
+frames are the map frame in metres and radians, boxes given by their centres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DT_S = 0.1
+TOLERANCE_MPS2 = 0.05
+"""Above emergencyDecel and accel."""
+SLIP_DEG = 10.0
+SLIPPING_MPS = 1.0
+"""A body slower than this has no direction of motion to speak of."""
+OVERLAP_M = 0.05
+SIGHT_M = 100.0
+REAR_AXLE = 0.2
+"""Of the length, ahead of the rear bumper; a few long vehicles have it at 0.25."""
+REAR_AXLE_FORWARD = 0.25
+WHEELBASE = 0.6
+"""Of the length: 2.76 m in a car of 4.6 m."""
+FULL_LOCK_RAD = np.radians(40.0)
+TURN_SLACK_RAD = np.radians(0.5)
+"""Per step: what rounding and SUMO's angular resolution may add."""
+JUMP_M = 0.6
+"""The centre may be this far from where its velocity takes it: the turn of the body about its front."""
+STRETCH = 0.15
+"""SUMO scales the lanes of an edge to one length: on the outer lane of a bend a car covers this much more."""
+MAP_END_M = 30.0
+"""A vehicle that goes this near to where a road ends, or comes where one begins, does so with the map."""
+STANDING_MPS = 0.5
+REACTION_MPS2 = 1.0
+"""Braking that much harder than without an ego is a reaction."""
+SAME_M, SAME_MPS = 0.02, 0.01
+"""Two runs are still the same for an agent up to these differences."""
+CONTAGION_M = 60.0
+"""An agent this near to one that drives otherwise than without an ego may do so because of it."""
+SPAWN_S, SPAWN_BRAKING_MPS2 = 2.0, 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """One thing that cannot be, at one frame of one drive."""
+
+    kind: str
+    frame: int
+    agent: str
+    value: float
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """What SUMO says of one agent's type."""
+
+    type_id: str
+    accel_mps2: float
+    emergency_decel_mps2: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One instant: everybody's boxes, and the ego's."""
+
+    ids: tuple[str, ...]
+    x_m: Array
+    y_m: Array
+    heading_rad: Array
+    length_m: Array
+    width_m: Array
+    speed_mps: Array
+    """As shown to a planner."""
+    sumo_mps: Array
+    """As SUMO has it; nan for what is no vehicle of SUMO's."""
+    ego: tuple[float, float, float, float, float]
+    """x, y, heading, length, width."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """Frames as arrays over time and actors: (T, N), nan where one is absent."""
+
+    ids: tuple[str, ...]
+    x_m: Array
+    y_m: Array
+    heading_rad: Array
+    speed_mps: Array
+    sumo_mps: Array
+    length_m: Array  # (N,)
+    width_m: Array  # (N,)
+    ego: Array  # (T, 5)
+
+    @classmethod
+    def of(cls, frames: Sequence[Frame]) -> Drive:
+        ids = tuple(sorted({name for frame in frames for name in frame.ids}))
+        column = {name: i for i, name in enumerate(ids)}
+        wide = np.full((5, len(frames), len(ids)), np.nan)
+        size = np.zeros((2, len(ids)))
+        for k, frame in enumerate(frames):
+            at = [column[name] for name in frame.ids]
+            parts = (frame.x_m, frame.y_m, frame.heading_rad, frame.speed_mps, frame.sumo_mps)
+            for rows, values in zip(wide, parts, strict=True):
+                rows[k, at] = values
+            size[0, at], size[1, at] = frame.length_m, frame.width_m
+        x, y, heading, shown, sumo = wide
+        return cls(ids, x, y, heading, shown, sumo, size[0], size[1], np.array([frame.ego for frame in frames]))
+
+    @property
+    def there(self) -> NDArray[np.bool_]:
+        """(T, N) who is there when."""
+        return ~np.isnan(self.x_m)
+
+    def point(self, behind_front: Any) -> tuple[Array, Array]:
+        """(T, N) the point on each one's axis this share of its length behind its front bumper."""
+        along = self.length_m * (0.5 - behind_front)
+        return self.x_m + along * np.cos(self.heading_rad), self.y_m + along * np.sin(self.heading_rad)
+
+    def corners(self, k: int, rows: Any) -> Array:
+        """(M, 4, 2) boxes at frame `k`."""
+        sizes = np.stack((self.length_m[rows], self.width_m[rows]), axis=1)
+        return _corners(self.x_m[k, rows], self.y_m[k, rows], self.heading_rad[k, rows], sizes)
+
+
+def violations(
+    drive: Drive,
+    bodies: Mapping[str, Body],
+    *,
+    standing: frozenset[str] = frozenset(),
+    walking: frozenset[str] = frozenset(),
+    map_begins: Array | None = None,
+    map_ends: Array | None = None,
+) -> list[Violation]:
+    """All violations of one drive but those that need a twin. `bodies` are the agents, by id."""
+    found = [*braking_and_pushing(drive, bodies), *slips(drive, bodies), *turns(drive, bodies), *jumps(drive, bodies)]
+    found += overlaps(drive, standing, walking)
+    found += comings_and_goings(drive, bodies, map_begins, map_ends)
+    numbers = (drive.x_m, drive.y_m, drive.heading_rad, drive.speed_mps)
+    for k, i in np.argwhere(drive.there & ~np.all([np.isfinite(each) for each in numbers], axis=0)):
+        found.append(Violation("not_finite", int(k), drive.ids[i], 0.0))
+    return sorted(found, key=lambda each: (each.kind, each.frame, each.agent))
+
+
+def braking_and_pushing(drive: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
+    """Speeds that brakes and engine cannot bring about, both those that SUMO has and those that are shown."""
+    for source, speed in (("", drive.sumo_mps), ("_shown", drive.speed_mps)):
+        change = np.diff(speed, axis=0) / DT_S
+        for i, name in enumerate(drive.ids):
+            body = bodies.get(name)
+            if body is None:
+                continue
+            rates = change[:, i]
+            for k in np.flatnonzero(rates < -body.emergency_decel_mps2 - TOLERANCE_MPS2):
+                detail = f"{speed[k, i]:.2f} to {speed[k + 1, i]:.2f} m/s, emergencyDecel {body.emergency_decel_mps2:g}"
+                yield Violation(f"braking{source}", int(k) + 1, name, float(-rates[k]), detail)
+            for k in np.flatnonzero(rates > body.accel_mps2 + TOLERANCE_MPS2):
+                detail = f"{speed[k, i]:.2f} to {speed[k + 1, i]:.2f} m/s, accel {body.accel_mps2:g}"
+                yield Violation(f"acceleration{source}", int(k) + 1, name, float(rates[k]), detail)
+
+
+def slip_deg(drive: Drive, axle: float) -> Array:
+    """(T - 1, N) angle between where a rear axle goes and where its body points, degrees; nan when (almost) standing.
+
+    `axle` is its share of the length ahead of the rear bumper. The body points half way between both frames, so a
+    body that turns on a circle about its rear axle does not slip.
+    """
+    x, y = drive.point(1.0 - axle)
+    turned = _wrapped(np.diff(drive.heading_rad, axis=0))
+    heading = drive.heading_rad[:-1] + turned / 2.0
+    off = np.abs(_wrapped(np.arctan2(np.diff(y, axis=0), np.diff(x, axis=0)) - heading))
+    moves = np.minimum(drive.speed_mps[:-1], drive.speed_mps[1:]) > SLIPPING_MPS
+    return np.where(moves, np.degrees(off), np.nan)
+
+
+def slips(drive: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
+    """Bodies that slide sideways: each spell of it once, at its worst."""
+    rear, forward = slip_deg(drive, REAR_AXLE), slip_deg(drive, REAR_AXLE_FORWARD)
+    for i, name in enumerate(drive.ids):
+        if name not in bodies:
+            continue
+        for kind, here in (("side_slip", rear[:, i]), ("side_slip_at_0.25", forward[:, i])):
+            for first, last in _spells(here > SLIP_DEG):
+                k = first + int(np.argmax(here[first:last]))
+                detail = f"{forward[k, i]:.1f} at 0.25, {last - first} frames, {drive.speed_mps[k, i]:.1f} m/s"
+                yield Violation(kind, k + 1, name, float(here[k]), detail)
+
+
+def turns(drive: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
+    """Bodies that turn more than full lock turns them over the way that their rear axle went."""
+    x, y = drive.point(1.0 - REAR_AXLE)
+    way = np.hypot(np.diff(x, axis=0), np.diff(y, axis=0))
+    turned = np.abs(_wrapped(np.diff(drive.heading_rad, axis=0)))
+    sharpest = np.tan(FULL_LOCK_RAD) / (WHEELBASE * drive.length_m)
+    over = turned - way * sharpest - TURN_SLACK_RAD
+    for i, name in enumerate(drive.ids):
+        if name not in bodies:
+            continue
+        for first, last in _spells(over[:, i] > 0.0):
+            k = first + int(np.argmax(over[first:last, i]))
+            detail = f"{np.degrees(turned[k, i]):.1f} deg over {way[k, i]:.2f} m, {last - first} frames"
+            yield Violation("turn", k + 1, name, float(np.degrees(over[k, i])), detail)
+
+
+def jumps(drive: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
+    """Bodies that are elsewhere than their speed takes them."""
+    fast = np.maximum(drive.speed_mps[:-1], drive.speed_mps[1:])
+    way = np.hypot(np.diff(drive.x_m, axis=0), np.diff(drive.y_m, axis=0))
+    over = way - (1.0 + STRETCH) * DT_S * fast - JUMP_M
+    for k, i in np.argwhere(over > 0.0):
+        if drive.ids[i] in bodies:
+            detail = f"at {fast[k, i]:.2f} m/s"
+            yield Violation("jump", int(k) + 1, drive.ids[i], float(way[k, i]), detail)
+
+
+def overlaps(drive: Drive, standing: frozenset[str], walking: frozenset[str]) -> Iterator[Violation]:
+    """Pairs of boxes in one another, each encounter once, at its deepest; not two things that were placed so.
+
+    Pedestrians yield to nobody: one that walks into a car that stands is its own affair.
+    """
+    placed = np.array([name in standing for name in drive.ids], dtype=bool)
+    walks = np.array([name in walking for name in drive.ids], dtype=bool)
+    reach = float((drive.length_m + drive.width_m).max(initial=0.0))
+    open_: dict[tuple[int, int], tuple[int, float, int, int]] = {}
+    for k in range(len(drive.x_m)):
+        rows = np.flatnonzero(~np.isnan(drive.x_m[k]))
+        x, y = drive.x_m[k, rows], drive.y_m[k, rows]
+        near = np.hypot(x[:, None] - x, y[:, None] - y) < reach
+        first, second = (rows[part] for part in np.nonzero(np.triu(near, 1)))
+        free = ~(placed[first] & placed[second])
+        first, second = first[free], second[free]
+        depth = _depth_m(drive.corners(k, first), drive.corners(k, second))
+        now = set[tuple[int, int]]()
+        for i, j, deep in zip(first.tolist(), second.tolist(), depth.tolist(), strict=True):
+            pedestrian = (walks[i] and drive.speed_mps[k, j] < STANDING_MPS) or (
+                walks[j] and drive.speed_mps[k, i] < STANDING_MPS
+            )
+            if deep <= OVERLAP_M or pedestrian or (walks[i] and walks[j]):
+                continue
+            began, worst, at, _ = open_.get((i, j), (k, 0.0, k, k))
+            open_[i, j] = (began, deep, k, k) if deep > worst else (began, worst, at, k)
+            now.add((i, j))
+        for pair in [pair for pair in open_ if pair not in now]:
+            yield _overlap(drive, pair, open_.pop(pair), standing, walking)
+    for pair, seen in open_.items():
+        yield _overlap(drive, pair, seen, standing, walking)
+
+
+def _overlap(
+    drive: Drive, pair: tuple[int, int], seen: tuple[int, float, int, int], standing: frozenset[str],
+    walking: frozenset[str],
+) -> Violation:  # fmt: skip
+    began, worst, at, last = seen
+    names = tuple(drive.ids[i] for i in pair)
+    speeds = ", ".join(f"{drive.speed_mps[began, i]:.1f}" for i in pair)
+    kind = "overlap"
+    if any(name in walking for name in names):
+        kind = "overlap_pedestrian"
+    elif any(name in standing for name in names):
+        kind = "overlap_obstacle"
+    return Violation(kind, began, "+".join(names), worst, f"deepest at {at}, until {last}, at first {speeds} m/s")
+
+
+def comings_and_goings(
+    drive: Drive, bodies: Mapping[str, Body], map_begins: Array | None, map_ends: Array | None
+) -> Iterator[Violation]:
+    """Agents that appear or leave in sight of the ego; at an end of the map under a name of its own."""
+    there = drive.there
+    for i, name in enumerate(drive.ids):
+        if name not in bodies:
+            continue
+        frames = np.flatnonzero(there[:, i])
+        for kind, k, edge in (("appears", frames[0], map_begins), ("leaves", frames[-1], map_ends)):
+            if k == (0 if kind == "appears" else len(there) - 1):
+                continue
+            x, y = drive.x_m[k, i], drive.y_m[k, i]
+            away_m = float(np.hypot(x - drive.ego[k, 0], y - drive.ego[k, 1]))
+            if away_m >= SIGHT_M:
+                continue
+            at_edge = edge is not None and len(edge) > 0 and np.hypot(*(edge - (x, y)).T).min() < MAP_END_M
+            yield Violation(f"{kind}{'_at_map_end' if at_edge else ''}", int(k), name, away_m, "m from the ego")
+        gaps = frames[1:][np.diff(frames) > 1]
+        for k in gaps:
+            yield Violation("vanishes_and_returns", int(k), name, 0.0)
+
+
+def spawn_braking(without_ego: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
+    """Agents that brake hard as soon as they are there, in the twin run, where no ego can be the reason."""
+    change = np.diff(without_ego.sumo_mps, axis=0) / DT_S
+    for i, name in enumerate(without_ego.ids):
+        if name not in bodies:
+            continue
+        begins = int(np.flatnonzero(without_ego.there[:, i])[0])
+        early = change[begins : begins + round(SPAWN_S / DT_S), i]
+        if len(early) and np.nanmin(early) < -SPAWN_BRAKING_MPS2 - TOLERANCE_MPS2:
+            k = begins + int(np.nanargmin(early))
+            yield Violation("spawn_braking", k + 1, name, float(-change[k, i]), f"there since frame {begins}")
+
+
+def reactions_to_what_is_behind(drive: Drive, twin: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
+    """Agents that brake for an ego that is wholly behind their front bumpers, by comparison with the run without it.
+
+    Looked for where an agent first drives otherwise than in the twin run while
+    nobody near it did before: then nothing but the ego can be the reason.
+    """
+    common = [name for name in drive.ids if name in set(twin.ids) and name in bodies]
+    mine, other = ([each.ids.index(name) for name in common] for each in (drive, twin))
+    last = min(len(drive.x_m), len(twin.x_m))
+    slower = twin.sumo_mps[:last, other] - drive.sumo_mps[:last, mine]
+    away = np.hypot(twin.x_m[:last, other] - drive.x_m[:last, mine], twin.y_m[:last, other] - drive.y_m[:last, mine])
+    differs = (np.abs(slower) > SAME_MPS) | (away > SAME_M)
+    first = np.where(differs.any(axis=0), differs.argmax(axis=0), last)
+    front_x, front_y = (part[:, mine] for part in drive.point(0.0))
+    for i, name in enumerate(common):
+        k = int(first[i])
+        if k == 0 or k >= last or not slower[k, i] > REACTION_MPS2 * DT_S:
+            continue
+        near = np.hypot(drive.x_m[k, mine] - drive.x_m[k, mine[i]], drive.y_m[k, mine] - drive.y_m[k, mine[i]])
+        if ((first < k) & (near < CONTAGION_M)).any():
+            continue
+        x, y, heading, length, width = drive.ego[k - 1]
+        corners = _corners(np.array([x]), np.array([y]), np.array([heading]), np.array([[length, width]]))[0]
+        here = drive.heading_rad[k - 1, mine[i]]
+        ahead = (corners - (front_x[k - 1, i], front_y[k - 1, i])) @ np.array((np.cos(here), np.sin(here)))
+        if ahead.max() < 0.0:
+            detail = f"more than without the ego, whose nearest corner is {-ahead.max():.1f} m behind its front"
+            yield Violation("reacts_behind", k, name, float(slower[k, i] / DT_S), detail)
+
+
+def _spells(on: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and one past the last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], on.astype(np.int8), [0])))).tolist()
+    return [(a, b) for a, b in pairwise(edges)][::2]
+
+
+def _wrapped(angle_rad: Any) -> Any:
+    return (angle_rad + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _corners(x_m: Array, y_m: Array, heading_rad: Array, size_m: Array) -> Array:
+    """(M, 4, 2) corners of boxes, in order around them; `size_m` (M, 2) is length and width."""
+    signs = np.array(((1, 1), (-1, 1), (-1, -1), (1, -1))) / 2.0
+    local = signs[None] * size_m[:, None, :]
+    cosine, sine = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
+    x = x_m[:, None] + cosine * local[..., 0] - sine * local[..., 1]
+    y = y_m[:, None] + sine * local[..., 0] + cosine * local[..., 1]
+    return np.stack((x, y), axis=-1)
+
+
+def _depth_m(one: Array, other: Array) -> Array:
+    """(M,) how far boxes (M, 4, 2) must move to come apart; 0 or less if they are."""
+    depth = np.full(len(one), np.inf)
+    for box in (one, other):
+        for side in (box[:, 1] - box[:, 0], box[:, 2] - box[:, 1]):
+            axis = side / np.linalg.norm(side, axis=1, keepdims=True)
+            a, b = (np.einsum("mij,mj->mi", corners, axis) for corners in (one, other))
+            depth = np.minimum(depth, np.minimum(a.max(1), b.max(1)) - np.maximum(a.min(1), b.min(1)))
+    return depth
