@@ -20,7 +20,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.families import FAMILIES
 from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import find_map, load_roads
-from interplan_sumo.scenario.route import route_centerline
+from interplan_sumo.scenario.route import route_centerline, route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import lane_width_m
 from interplan_sumo.scenario.suite import find_suite
@@ -42,7 +42,7 @@ SHIPPED_MAPS = ("back_bay", "hazelwood", "one_north", "strip")
 SUITES = ("interplan==1", "common==1")
 DENSITIES = ("low", "medium", "high")
 BEYOND_M = 400.0
-"""The ego's line goes on this far behind the goal."""
+"""The ego's line goes on this far behind the goal, and begins this far before the start."""
 PARAMETERS: Mapping[str, tuple[float, ...]] = {
     "reactOverlap": (0.0, 0.5, 1.0), "anticipation": (0.0, 0.0, 1.0, 3.0), "reactionTime": (0.0, 0.0, 0.8),
     "courtesy": (0.0, 0.0, 1.0), "relaxation": (0.0, 0.0, 10.0),
@@ -180,10 +180,15 @@ def egos_of(case: Case, roads: Roads, steps: int) -> list[EgoState]:
 
 
 def _extended(roads: Roads, scenario: Scenario, line: Polyline) -> Polyline:
-    here, begin_m = scenario.goal.lane, line.length_m
-    while line.length_m < begin_m + BEYOND_M and (ways := sorted(roads.outgoing(here))):
+    """The line with the lanes before its start and behind its end."""
+    here, wanted_m = scenario.goal.lane, line.length_m + BEYOND_M
+    while line.length_m < wanted_m and (ways := sorted(roads.outgoing(here))):
         here = ways[0]
         line = line.joined(roads[here].centerline)
+    here, wanted_m = route_lanes(roads, scenario)[0], line.length_m + BEYOND_M
+    while line.length_m < wanted_m and (ways := sorted(roads.incoming(here))):
+        here = ways[0]
+        line = roads[here].centerline.joined(line)
     return line
 
 
