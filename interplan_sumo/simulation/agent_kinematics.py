@@ -1,10 +1,11 @@
 """Where SUMO's cars are, held to motions that a car can make.
 
-SUMO draws a car from its front to where it believes the rear to be. While a
-car changes lane beside a junction that belief is wrong for some steps, and
-the angle jumps by up to 90 degrees and back; and a lane change that reaches
-the end of its lane is cut short by a jump to the middle of the next. A car
-turns no faster than its wheels allow, and slides no faster than in a lane change.
+SUMO moves the middle of a car's front bumper and draws the body back from it to
+where it believes the rear to be; while a car changes lane that body slips
+sideways, and beside a junction its angle jumps by up to 90 degrees and back.
+Here the front is SUMO's, and the body is trailed by it: the rear axle rolls the
+way it points, but for a small slip that lets it stay near SUMO's angle.
+A lane change that is cut short by a jump to the middle of the next lane slides.
 """
 
 from __future__ import annotations
@@ -16,12 +17,17 @@ from numpy.typing import ArrayLike
 
 from interplan_sumo.world.geometry import Floats, wrap_angle
 
-SHARPEST_TURN_PER_M = 0.25
-"""Curvature of a car at full lock: tan(35 degrees) over a wheelbase of 2.8 m."""
-TURN_SLACK_RAD = 0.02
-"""Per step, for a car that SUMO slides sideways at its least lateral speed, 0.5 m/s."""
+REAR_AXLE = 0.78
+"""How far behind the front bumper the rear axle is, as a share of the length: nuPlan's Pacifica."""
+LARGEST_SLIP_RAD = 0.1
+"""Between the way that the rear axle goes and the way that it points; decisions.md allows 10 degrees."""
 STRETCH = 1.2
 """SUMO scales the lanes of an edge to one length; on the outer lane of a bend cars go faster than they say."""
+STRAIGHT_RAD = 1e-4
+"""Turned by less in a step, and moved sideways by less, nobody slips."""
+STRAIGHT_M = 1e-3
+STANDING_M = 1e-6
+"""Less than this in a step is no motion."""
 SLIDE_M = 0.2
 """Per step, for the lateral speed of a lane change, 3.5 m in 3 s."""
 
@@ -46,8 +52,11 @@ class AgentKinematics:
         """The largest of `turned_rad`, to either side."""
         self._new: list[int] = []
 
-    def move(self, front_m: ArrayLike, angle_deg: ArrayLike, speed_mps: ArrayLike) -> None:
-        """Take over SUMO's positions, navigation angles and speeds after a step, held to what a car can do."""
+    def move(self, front_m: ArrayLike, angle_deg: ArrayLike, speed_mps: ArrayLike, length_m: Floats) -> None:
+        """Take over SUMO's positions, navigation angles and speeds after a step, held to what a car can do.
+
+        `length_m` (N,) are the lengths of the cars, in m.
+        """
         front = np.array(front_m, dtype=np.float64).reshape(-1, 2)
         heading = (pi / 2.0 - np.radians(angle_deg) + pi) % (2.0 * pi) - pi
         speed = np.array(speed_mps, dtype=np.float64)
@@ -56,22 +65,34 @@ class AgentKinematics:
             rows, self._new = self._new, []
             self.front_m[rows], self.heading_rad[rows] = front[rows], heading[rows]
         if len(front) and len(self.front_m):
-            self.turned_rad = turned = heading - self.heading_rad
-            self.most_turned_rad = float(max(turned.max(), -turned.min()))
-            if self.most_turned_rad > TURN_SLACK_RAD:
-                heading = self._followed(heading, speed)
             went = front - self.front_m
             most_m = STRETCH * self._dt_s * speed + SLIDE_M
             squared = went[:, 0] ** 2 + went[:, 1] ** 2
             if (squared > most_m * most_m).any():
-                front = self.front_m + went * np.minimum(1.0, most_m / np.sqrt(np.maximum(squared, 1e-9)))[:, None]
+                went *= np.minimum(1.0, most_m / np.sqrt(np.maximum(squared, 1e-9)))[:, None]
+                front = self.front_m + went
+            self.turned_rad = turned = heading - self.heading_rad
+            self.most_turned_rad = float(max(turned.max(), -turned.min()))
+            aside_m = went[:, 0] * np.sin(self.heading_rad) - went[:, 1] * np.cos(self.heading_rad)
+            if self.most_turned_rad > STRAIGHT_RAD or np.abs(aside_m).max() > STRAIGHT_M:
+                heading = self._trailed(went, heading, REAR_AXLE * length_m)
         self.front_m, self.heading_rad, self.speed_mps = front, heading, speed
 
-    def _followed(self, heading_rad: Floats, speed_mps: Floats) -> Floats:
-        turned = wrap_angle(self.turned_rad)
-        most_rad = SHARPEST_TURN_PER_M * self._dt_s * speed_mps + TURN_SLACK_RAD
-        reached = wrap_angle(self.heading_rad + np.clip(turned, -most_rad, most_rad))
-        return np.where(np.abs(turned) > most_rad, reached, heading_rad)
+    def _trailed(self, went_m: Floats, wanted_rad: Floats, axle_m: Floats) -> Floats:
+        """The headings (N,) nearest to those wanted with which the rear axles do not slip more than they may.
+
+        `went_m` (N, 2) is the motion of the fronts, `axle_m` (N,) from the front to the rear axle. A
+        point that is pulled straight on by a rod trails it along a tractrix: tan(angle / 2) falls by exp(-way / rod).
+        """
+        way_m = np.hypot(went_m[:, 0], went_m[:, 1])
+        towards = np.arctan2(went_m[:, 1], went_m[:, 0])
+        off = wrap_angle(towards - self.heading_rad)
+        left = 2.0 * np.arctan(np.tan(off / 2.0) * np.exp(-way_m / axle_m))
+        rolled = np.where(way_m > STANDING_M, towards - left, self.heading_rad)
+        axle_way_m = way_m * np.maximum(0.0, np.cos(off))
+        slack = LARGEST_SLIP_RAD * axle_way_m / (axle_m + axle_way_m)
+        apart = wrap_angle(wanted_rad - rolled)
+        return np.where(np.abs(apart) <= slack, wanted_rad, wrap_angle(rolled + np.clip(apart, -slack, slack)))
 
     def insert(self, rows: list[int]) -> None:
         """Make room for agents that have entered, at these rows of the new order; they begin where SUMO says next."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, sin, sqrt
 
@@ -19,6 +19,7 @@ from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.reactions import (
     Agent,
+    DriverModels,
     EgoOnNetwork,
     LaneCoverage,
     Mode,
@@ -33,6 +34,11 @@ NOTICEABLE_MPS2 = 0.05
 
 FREEZE_RADIUS_M = 40.0
 """Agents this near to an ego that straddles two lanes keep their lane, unless their type says `interplan.swerve`."""
+
+APPROACHING_MPS = 0.2
+"""Faster than this sideways the ego moves towards the lane on that side."""
+ON_CENTRE_M = 0.2
+"""Before it is this near to the centre line of its own lane it only moves towards that."""
 
 BACK_TO_SUMO = ReactionDecision(Mode.SUMO, 0.0, False)
 
@@ -56,19 +62,19 @@ class EgoReactions:
         origin_m: tuple[float, float],
         shape: EgoShape,
         registry: AgentRegistry,
-        anticipations_s: Iterable[float],
         blocked: Sequence[LaneBlockage],
-        dt_s: float,
+        models: DriverModels,
     ) -> None:
-        """`anticipations_s` are those of all agents, also of those that will come."""
         self._network = network
         self._origin = origin_m
         self._shape = shape
         self._drivers = registry.drivers
         self._routes = registry.routes
         self._blocked = blocked
-        self._dt_s = dt_s
-        self._anticipations_s = tuple(sorted(set(anticipations_s) - {0.0}))
+        self._models = models
+        self._anticipations_s: tuple[float, ...] = ()
+        self._courteous = False
+        self._known_drivers = 0
         self._corridors: dict[str, tuple[str, dict[str, float]]] = {}
         self._memory: dict[str, ReactionMemory] = {}
         self._commanded: set[str] = set()  # agents that are not left to SUMO
@@ -77,6 +83,7 @@ class EgoReactions:
         self._standing: dict[str, dict[str, LaneCoverage]] = {}
         self._skipped: EgoOnNetwork | None = None
         self._at_start = True
+        self._corners: Ring = ()
         self._known_names: Sequence[str] = ()
         self._known_numbers = np.zeros((6, 0))
 
@@ -111,11 +118,13 @@ class EgoReactions:
         `walking` are the areas that walking pedestrians will cover, `standing`
         the boxes of those that stand, by name and place; in SUMO's frame.
         """
+        if len(self._drivers) != self._known_drivers:
+            self._get_to_know_drivers()
         on_network, ahead = self._locate(ego, anchor)
         turning = self._overhang.candidates(agents)
         obstructions = self._obstructions(walking, standing, turning, agents)
         others = bool(obstructions or turning or self._commanded or self._at_start)
-        alone = on_network.alone and ego.speed_mps >= 0.0 and not others
+        alone = on_network.alone and ego.speed_mps >= 0.0 and not others and not on_network.approached
         if alone and not self._proxy_overlaps(agents, anchor):
             self._skipped = on_network  # everyone behind follows the ego, as SUMO does by itself
             return AgentCommands({}, frozenset())
@@ -137,6 +146,13 @@ class EgoReactions:
             if not decision.reacting and decision.overlap == 0.0:
                 self._memory.pop(name, None)
         return AgentCommands(decisions, self._keeping_lane(agents, away_m2) if on_network.straddles else frozenset())
+
+    def _get_to_know_drivers(self) -> None:
+        """Anticipation and courtesy of all agents so far: what of the ego has to be worked out for them."""
+        drivers = self._drivers.values()
+        self._anticipations_s = tuple(sorted({driver.anticipation_s for driver in drivers} - {0.0}))
+        self._courteous = any(driver.courtesy > 0.0 for driver in drivers)
+        self._known_drivers = len(self._drivers)
 
     def _keeping_lane(self, agents: AgentSnapshot, away_m2: Floats) -> frozenset[str]:
         """Agents that keep their lane beside an ego that straddles two; `away_m2` as in `_within_reach`."""
@@ -183,7 +199,8 @@ class EgoReactions:
 
         `near` are the rows of agents that the ego may concern.
         """
-        lanes = {lane for coverage in (on_network.coverage, *ahead.values()) for lane in coverage}
+        coverages = (on_network.coverage, on_network.approached, *ahead.values())
+        lanes = {lane for coverage in coverages for lane in coverage}
         if on_network.anchor_lane is not None:
             lanes.add(on_network.anchor_lane)
         known = self._memory.keys() | self._commanded
@@ -195,13 +212,13 @@ class EgoReactions:
         if known:
             rows.update([row for row, name in enumerate(agents.names) if name in known])
         concerned = self._concerned(agents, sorted(rows), lanes, known)
-        decisions = reactions.decide(concerned, on_network, ahead, self._memory, self._dt_s, at_start=self._at_start)
+        decisions = reactions.decide(concerned, on_network, ahead, self._memory, self._models, at_start=self._at_start)
         if obstructions:
             on_lanes: dict[str, list[tuple[str, LaneCoverage]]] = {}
             for name, coverage in obstructions:
                 for lane, part in coverage.items():
                     on_lanes.setdefault(lane, []).append((name, part))
-            decisions = reactions.yield_to(concerned, on_lanes, decisions, self._dt_s)
+            decisions = reactions.yield_to(concerned, on_lanes, decisions, self._models)
         overlaps = self._proxy_overlaps(agents, anchor)
         overlooking = [
             each
@@ -209,7 +226,7 @@ class EgoReactions:
             if each.id in decisions and (overlaps or decisions[each.id].mode is Mode.IGNORE_EGO)
         ]
         if overlooking:
-            decisions = reactions.yield_to(overlooking, self._ahead(overlooking, agents), decisions, self._dt_s)
+            decisions = reactions.yield_to(overlooking, self._ahead(overlooking, agents), decisions, self._models)
         return decisions
 
     def _ahead(self, overlooking: Sequence[Agent], agents: AgentSnapshot) -> dict[str, list[tuple[str, LaneCoverage]]]:
@@ -304,10 +321,44 @@ class EgoReactions:
         ]
         positions_m = agents.positions_m([name for name, *_ in ahead_of])
         found: list[Agent] = []
-        for (name, row, lane, ahead), position_m in zip(ahead_of, positions_m, strict=True):
-            limit_mps = self._network.lanes[lane].limit_mps if lane else 0.0
-            found.append(Agent(name, self._drivers[name], position_m, float(agents.speed_mps[row]), limit_mps, ahead))
+        for (name, row, _, ahead), position_m in zip(ahead_of, positions_m, strict=True):
+            driver, speed_mps = self._drivers[name], float(agents.speed_mps[row])
+            behind = driver.anticipation_s > 0.0 and self._is_behind(agents, row)
+            found.append(Agent(name, driver, position_m, speed_mps, ahead, behind))
         return found
+
+    def _is_behind(self, agents: AgentSnapshot, row: int) -> bool:
+        """Whether the ego's whole box lies behind an agent's front bumper."""
+        heading_rad = agents.heading_rad[row]
+        along_x, along_y = float(np.cos(heading_rad)), float(np.sin(heading_rad))
+        front_m = float(agents.front_x[row]) * along_x + float(agents.front_y[row]) * along_y
+        return all(x * along_x + y * along_y <= front_m for x, y in self._corners)
+
+    def _approached(self, ego: EgoState, anchor: Anchor | None) -> dict[str, LaneCoverage]:
+        """The lane beside the anchor lane that the ego moves towards, with the stretch that it is beside."""
+        if not self._courteous or anchor is None:
+            return {}
+        along_x, along_y = cos(anchor.heading_rad), sin(anchor.heading_rad)
+        east_mps, north_mps = ego.velocity_mps
+        left_mps = north_mps * along_x - east_mps * along_y
+        half_m = self._shape.length_m / 2.0
+        dx = ego.x_m + half_m * cos(ego.heading_rad) - self._origin[0] - anchor.x_m
+        dy = ego.y_m + half_m * sin(ego.heading_rad) - self._origin[1] - anchor.y_m
+        left_m = dy * along_x - dx * along_y
+        lane = self._network.lanes[anchor.lane]
+        if lane.internal or abs(left_mps) <= APPROACHING_MPS or left_m * left_mps < -ON_CENTRE_M * abs(left_mps):
+            return {}
+        beside = self._network.edges[lane.edge]
+        for index in (lane.index - 1, lane.index + 1):
+            if not 0 <= index < len(beside):
+                continue
+            there = self._network.lanes[beside[index]]
+            _, offset_m = there.plain_line.project(anchor.x_m, anchor.y_m)  # of the anchor, left of that lane
+            if offset_m * left_mps < 0.0:
+                end_m = anchor.position_m / lane.length_m * there.length_m
+                speed_mps = east_mps * along_x + north_mps * along_y
+                return {there.id: LaneCoverage(0.0, end_m - self._shape.length_m, end_m, max(0.0, speed_mps))}
+        return {}
 
     def _inside(self, ego: EgoState, anchor: Anchor) -> bool | None:
         """Whether the box certainly lies, or does not lie, inside the anchor lane, a normal one, and nowhere else.
@@ -333,11 +384,7 @@ class EgoReactions:
         self, ego: EgoState, anchor: Anchor | None
     ) -> tuple[EgoOnNetwork, dict[float, Mapping[str, LaneCoverage]]]:
         """The ego on the lanes, and what its swept box covers per anticipation time."""
-        heading = ego.heading_rad
-        velocity = (
-            ego.vx_mps * cos(heading) - ego.vy_mps * sin(heading),
-            ego.vx_mps * sin(heading) + ego.vy_mps * cos(heading),
-        )
+        velocity, approached = ego.velocity_mps, self._approached(ego, anchor)
         lane = anchor.lane if anchor is not None else None
         position_m = anchor.position_m if anchor is not None else 0.0
         corners: Ring = ()
@@ -352,8 +399,10 @@ class EgoReactions:
                 alone = reactions.coverage_of_one_lane(on, position_m, corners, velocity)
             if alone is not None:
                 centre = frozenset((anchor.lane,))
-                return EgoOnNetwork(alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True), {}
-        corners = corners or ego_ring(ego, self._shape, self._origin)
+                return EgoOnNetwork(
+                    alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True, approached=approached
+                ), {}
+        corners = self._corners = corners or ego_ring(ego, self._shape, self._origin)
         area = ClipArea.of(corners)
         near = self._network.pieces_near(area)
         coverage = reactions.lane_coverage(near, area, velocity)
@@ -368,4 +417,6 @@ class EgoReactions:
             [piece.lane.id for piece in near if piece.lane.id in coverage and piece.holds(x_m, y_m)]
         )
         straddles = inside < reactions.FULLY_MERGED
-        return EgoOnNetwork(coverage, centre_lanes, lane, position_m, ego.speed_mps, straddles), ahead
+        return EgoOnNetwork(
+            coverage, centre_lanes, lane, position_m, ego.speed_mps, straddles, approached=approached
+        ), ahead

@@ -3,16 +3,19 @@
 SUMO sees the ego as a car on the centre line of one lane. Whether an agent
 sees it is not left to SUMO: the share f of the ego's box inside the agent's
 own corridor (its lane and what continues it) is held against a threshold of
-its vehicle type. It starts to react when f > 0 and f >= min(threshold, 0.98),
-or when the ego's centre has been ahead in its corridor for 2 s, and goes on
-until f = 0. From that follows one of three modes:
+its vehicle type. The condition to react is f > 0 and f >= min(threshold, 0.98),
+or an ego whose centre has been ahead in the corridor for 2 s, or courtesy: an
+ego that moves towards the agent's lane, to which it has made up its mind to
+give way. It reacts from its reaction time later on, until f = 0 and the ego
+has turned away. Only what begins ahead of its front bumper concerns it, and
+nothing while the ego's whole box is behind that. From this follows a mode:
 
 | reacts | SUMO sees the ego in the corridor | mode |
 |---|---|---|
 | no | no | SUMO: the agent is left to SUMO |
 | no | yes | IGNORE_EGO: SUMO is told to overlook the ego |
 | yes | yes, driving the agent's way | SUMO, which follows the ego |
-| yes | no, or oncoming, backing, crossing | OVERRIDE_SPEED: the speed that IDM demands |
+| yes | no, or oncoming, backing, crossing | OVERRIDE_SPEED: what the agent's own car-following model wants |
 
 Nothing here knows SUMO: arrays and names in, decisions out. The small values
 are tuples, not data classes: a step makes dozens of them.
@@ -20,15 +23,15 @@ are tuples, not data classes: a step makes dozens of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
-from math import inf, sqrt
+from math import inf
 from typing import NamedTuple
 
 from interplan_sumo.simulation.anchor import LOCAL_M
-from interplan_sumo.simulation.idm import SMALLEST_GAP_M, acceleration_mps2, wished_gap_m
+from interplan_sumo.simulation.idm import SMALLEST_GAP_M
 from interplan_sumo.simulation.lane_polygons import ClipArea, Ring, area_m2, hull
 from interplan_sumo.simulation.network import LanePiece, NetworkLane, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.vehicle_types import VehicleType
@@ -41,7 +44,18 @@ LOOKAHEAD_M = 150.0
 """How far ahead of its lane an agent's corridor reaches."""
 LEAST_ALIGNMENT = 0.85
 """Below this cosine between the ego's motion and the lane SUMO's idea of the ego is too wrong to follow."""
+ENCOUNTER_S = 3.0
+"""An ego that has neither touched nor approached an agent's lane for this long, and does so again, is met anew."""
+CONTACT_SHARE = 0.5
+"""An ego with more of its box than this in the lane, beside the front of an agent that reacts to it, touches it."""
 _TOUCH = 1e-6  # shares below this are rounding
+_ROUNDING_S = 1e-9
+
+FollowSpeed = Callable[[str, float, float, float], float]
+"""Speed in m/s that an agent's own car-following model wants for the next step, not bounded by its brakes.
+
+Of its name, its speed, the gap from bumper to bumper in m, and the leader's speed, not below 0.
+"""
 
 
 class Mode(Enum):
@@ -80,6 +94,8 @@ class EgoOnNetwork(NamedTuple):
     """Whether part of the box lies outside the anchor lane and its continuations."""
     alone: bool = False
     """Whether the box lies wholly inside the anchor lane and nowhere else."""
+    approached: Mapping[str, LaneCoverage] = {}
+    """The SUMO lane beside the anchor lane that it moves towards, if any, with the stretch that it is beside."""
 
 
 class Agent(NamedTuple):
@@ -90,9 +106,10 @@ class Agent(NamedTuple):
     position_m: float
     """Of the front bumper on its lane."""
     speed_mps: float
-    limit_mps: float
     corridor: Mapping[str, float]
     """SUMO lane ahead -> distance from the start of the agent's own lane to the start of that lane."""
+    ego_behind: bool = False
+    """Whether the ego's whole box is behind the front bumper."""
 
 
 @dataclass(slots=True)
@@ -101,6 +118,12 @@ class ReactionMemory:
 
     reacting: bool = False
     centre_in_corridor_s: float = 0.0
+    condition_s: float = 0.0
+    """How long there has been reason to react."""
+    courteous: bool | None = None
+    """Whether it gives way to the ego in this encounter; None: there is none."""
+    apart_s: float = 0.0
+    """How long the ego has kept away from its lane."""
 
 
 class ReactionDecision(NamedTuple):
@@ -111,9 +134,7 @@ class ReactionDecision(NamedTuple):
     """f at this step."""
     reacting: bool
     speed_mps: float | None = None
-    """That overrides SUMO's own for the next step; None: SUMO's own."""
-    at_limit: bool = False
-    """Whether the agent brakes as hard as it can, which is less than it would have to."""
+    """The most for the next step, within what the agent's motor and brakes can do; None: SUMO's own."""
 
 
 def coverage_of_one_lane(
@@ -232,7 +253,7 @@ def decide(
     ego: EgoOnNetwork,
     ahead: Mapping[float, Mapping[str, LaneCoverage]],
     memory: dict[str, ReactionMemory],
-    dt_s: float,
+    drivers: DriverModels,
     *,
     at_start: bool = False,
 ) -> dict[str, ReactionDecision]:
@@ -244,52 +265,139 @@ def decide(
     """
     decisions: dict[str, ReactionDecision] = {}
     for agent in agents:
-        coverage = ego.coverage if agent.driver.anticipation_s <= 0.0 else ahead[agent.driver.anticipation_s]
-        corridor, position_m = agent.corridor, agent.position_m
-        overlap, nearest_m, nearest, is_leader = 0.0, inf, None, False
-        for lane, part in coverage.items():
-            start_m = corridor.get(lane)
-            if start_m is None or start_m + part.end_m <= position_m:
-                continue  # not ahead on its way
-            overlap += part.share
-            is_leader = is_leader or lane in ego.centre_lanes
-            if start_m + part.start_m < nearest_m:
-                nearest_m, nearest = start_m + part.start_m, part
+        driver, corridor = agent.driver, agent.corridor
+        swept = driver.anticipation_s > 0.0
+        met = _met(agent, ahead[driver.anticipation_s] if swept else ego.coverage, ego.centre_lanes)
         anchor_m = corridor.get(ego.anchor_lane) if ego.anchor_lane is not None else None
-        rear_m = position_m - agent.driver.length_m  # SUMO may brake for whatever is not wholly behind
+        rear_m = agent.position_m - driver.length_m  # SUMO may brake for whatever is not wholly behind
         sumo_sees_ego = anchor_m is not None and anchor_m + ego.anchor_position_m > rear_m
+        approached = _approached(agent, ego.approached) if driver.courtesy > 0.0 else None
         remembered = memory.get(agent.id)
         if remembered is None:
-            if nearest is None and not sumo_sees_ego:
+            if met is None and not sumo_sees_ego and approached is None:
                 continue
             remembered = memory[agent.id] = ReactionMemory()
-        if nearest is None:
+        if met is not None and met.gap_m < 0.0 and not (remembered.reacting and met.share > CONTACT_SHARE):
+            met = None  # it begins beside or behind the front bumper
+        if swept and agent.ego_behind:
+            met = None
+        _encounter(remembered, agent, met is not None, approached is not None, drivers)
+        reason = _reason(remembered, driver, met, at_start, drivers.dt_s)
+        remembered.condition_s = remembered.condition_s + drivers.dt_s if reason else 0.0
+        late = not at_start and remembered.condition_s - drivers.dt_s < driver.reaction_time_s - _ROUNDING_S
+        if met is None and not (reason and approached is not None):
             remembered.reacting = False
-            remembered.centre_in_corridor_s = 0.0
-            decisions[agent.id] = ReactionDecision(Mode.IGNORE_EGO if sumo_sees_ego else Mode.SUMO, 0.0, False)
-            continue
-        overlap = min(1.0, overlap)
-        remembered.centre_in_corridor_s = remembered.centre_in_corridor_s + dt_s if is_leader else 0.0
-        if overlap >= min(agent.driver.react_overlap, FULLY_MERGED):
+        elif reason and not late:
+            if met is not None and not remembered.reacting:
+                drivers.cut_in(agent.id, met.gap_m - driver.min_gap_m, agent.speed_mps)
             remembered.reacting = True
-        if is_leader and (at_start or remembered.centre_in_corridor_s >= LEADER_AFTER_S - 1e-9):
-            remembered.reacting = True
+        share = 0.0 if met is None else met.share
         if not remembered.reacting:
-            decisions[agent.id] = ReactionDecision(Mode.IGNORE_EGO if sumo_sees_ego else Mode.SUMO, overlap, False)
-        elif sumo_sees_ego and nearest.speed_mps >= LEAST_ALIGNMENT * ego.speed_mps and ego.speed_mps >= 0.0:
-            _, at_limit = _next_speed_mps(agent, nearest_m - position_m, nearest.speed_mps, dt_s)
-            decisions[agent.id] = ReactionDecision(Mode.SUMO, overlap, True, at_limit=at_limit)
+            decisions[agent.id] = ReactionDecision(Mode.IGNORE_EGO if sumo_sees_ego else Mode.SUMO, share, False)
+        elif met is None:
+            speed_mps = drivers.next_speed_mps(agent, *approached or (inf, 0.0))
+            comfortable_mps = max(0.0, agent.speed_mps - driver.decel_mps2 * drivers.dt_s)
+            mode = Mode.IGNORE_EGO if sumo_sees_ego else Mode.OVERRIDE_SPEED
+            decisions[agent.id] = ReactionDecision(mode, 0.0, True, max(comfortable_mps, speed_mps))
+        elif sumo_sees_ego and met.speed_mps >= LEAST_ALIGNMENT * ego.speed_mps and ego.speed_mps >= 0.0:
+            decisions[agent.id] = ReactionDecision(Mode.SUMO, share, True)
         else:
-            wanted = _next_speed_mps(agent, nearest_m - position_m, nearest.speed_mps, dt_s)
-            decisions[agent.id] = ReactionDecision(Mode.OVERRIDE_SPEED, overlap, True, *wanted)
+            speed_mps = drivers.next_speed_mps(agent, met.gap_m, met.speed_mps)
+            decisions[agent.id] = ReactionDecision(Mode.OVERRIDE_SPEED, share, True, speed_mps)
     return decisions
+
+
+class _Met(NamedTuple):
+    """The ego in an agent's corridor."""
+
+    share: float
+    """Of its box."""
+    gap_m: float
+    """From the agent's front bumper to where the ego begins, negative beside the agent."""
+    speed_mps: float
+    """Along the lane where it begins."""
+    leads: bool
+    """Whether its centre is in the corridor."""
+
+
+def _met(agent: Agent, coverage: Mapping[str, LaneCoverage], centre_lanes: frozenset[str]) -> _Met | None:
+    """What of the ego is not wholly behind the agent's front bumper."""
+    corridor, position_m = agent.corridor, agent.position_m
+    share, begins_m, speed_mps, leads = 0.0, inf, 0.0, False
+    for lane, part in coverage.items():
+        start_m = corridor.get(lane)
+        if start_m is None or start_m + part.end_m <= position_m:
+            continue
+        share += part.share
+        leads = leads or lane in centre_lanes
+        if start_m + part.start_m < begins_m:
+            begins_m, speed_mps = start_m + part.start_m, part.speed_mps
+    return None if begins_m == inf else _Met(min(1.0, share), begins_m - position_m, speed_mps, leads)
+
+
+def _approached(agent: Agent, approached: Mapping[str, LaneCoverage]) -> tuple[float, float] | None:
+    """Gap to, and speed of, an ego that moves towards the agent's corridor ahead of its front bumper."""
+    for lane, part in approached.items():
+        start_m = agent.corridor.get(lane)
+        if start_m is not None and start_m + part.start_m >= agent.position_m:
+            return start_m + part.start_m - agent.position_m, part.speed_mps
+    return None
+
+
+def _encounter(
+    remembered: ReactionMemory, agent: Agent, touched: bool, approached: bool, drivers: DriverModels
+) -> None:
+    """Begin an encounter with an ego that moves towards the lane, end one with an ego that has kept away."""
+    if touched or approached:
+        remembered.apart_s = 0.0
+        if approached and not touched and remembered.courteous is None:
+            remembered.courteous = drivers.chance(agent.id) < agent.driver.courtesy
+    elif remembered.courteous is not None:
+        remembered.apart_s += drivers.dt_s
+        if remembered.apart_s >= ENCOUNTER_S - _ROUNDING_S:
+            remembered.courteous = None
+
+
+def _reason(remembered: ReactionMemory, driver: VehicleType, met: _Met | None, at_start: bool, dt_s: float) -> bool:
+    """Whether there is reason to react; keeps count of how long the ego has been the leader."""
+    leads = met is not None and met.leads
+    remembered.centre_in_corridor_s = remembered.centre_in_corridor_s + dt_s if leads else 0.0
+    if met is None:
+        return bool(remembered.courteous)
+    led = leads and (at_start or remembered.centre_in_corridor_s >= LEADER_AFTER_S - _ROUNDING_S)
+    return led or bool(remembered.courteous) or met.share >= min(driver.react_overlap, FULLY_MERGED)
+
+
+@dataclass(frozen=True, slots=True)
+class DriverModels:
+    """How agents drive: their own car-following models, and chance."""
+
+    follow: FollowSpeed
+    chance: Callable[[str], float]
+    """The next number from 0 to 1 that falls to an agent by name."""
+    cut_in: Callable[[str, float, float], None]
+    """To be told when the ego is new ahead of an agent: its name, the gap beyond its standstill gap, its speed."""
+    dt_s: float
+
+    def next_speed_mps(self, agent: Agent, gap_m: float, leader_mps: float) -> float:
+        """What the agent's own model wants behind a leader, as far as its motor and brakes allow.
+
+        A leader that comes towards it (negative speed) is met where both would
+        be if neither braked: the agent stops before that.
+        """
+        speed_mps = agent.speed_mps
+        if leader_mps < 0.0:
+            gap_m, leader_mps = gap_m * speed_mps / max(speed_mps - leader_mps, _TOUCH), 0.0
+        wanted_mps = self.follow(agent.id, speed_mps, max(gap_m, SMALLEST_GAP_M), leader_mps)
+        hardest_mps = speed_mps - agent.driver.emergency_decel_mps2 * self.dt_s
+        return max(0.0, hardest_mps, min(wanted_mps, speed_mps + agent.driver.accel_mps2 * self.dt_s))
 
 
 def yield_to(
     agents: Iterable[Agent],
     obstructions: Mapping[str, Sequence[tuple[str, LaneCoverage]]],
     decisions: Mapping[str, ReactionDecision],
-    dt_s: float,
+    drivers: DriverModels,
 ) -> dict[str, ReactionDecision]:
     """`decisions` with the speeds lowered that agents need to follow, or stop before, what is in their corridor.
 
@@ -299,51 +407,25 @@ def yield_to(
     """
     decided = dict(decisions)
     for agent in agents:
-        leader = _decisive_leader(agent, obstructions)
-        if leader is None:
+        wanted = [drivers.next_speed_mps(agent, *leader) for leader in _leaders(agent, obstructions)]
+        if not wanted:
             continue
-        speed_mps, at_limit = _next_speed_mps(agent, *leader, dt_s)
         before = decided.get(agent.id, ReactionDecision(Mode.OVERRIDE_SPEED, 0.0, False))
         if before.speed_mps is not None:
-            speed_mps = min(speed_mps, before.speed_mps)
-        if before.at_limit:
-            speed_mps, at_limit = min(speed_mps, _hardest_mps(agent, dt_s)), True
+            wanted.append(before.speed_mps)
         mode = Mode.IGNORE_EGO if before.mode is Mode.IGNORE_EGO else Mode.OVERRIDE_SPEED
-        decided[agent.id] = ReactionDecision(mode, before.overlap, before.reacting, speed_mps, at_limit)
+        decided[agent.id] = ReactionDecision(mode, before.overlap, before.reacting, min(wanted))
     return decided
 
 
-def _decisive_leader(
-    agent: Agent, obstructions: Mapping[str, Sequence[tuple[str, LaneCoverage]]]
-) -> tuple[float, float] | None:
-    """Gap and speed, not below 0, of what is ahead for which IDM brakes hardest: largest wished gap per gap."""
-    name, driver, position_m, speed_mps, _, ahead = agent
-    comfort_mps2 = 2.0 * sqrt(driver.accel_mps2 * driver.decel_mps2)
-    found: tuple[float, float] | None = None
-    most = -1.0
+def _leaders(agent: Agent, obstructions: Mapping[str, Sequence[tuple[str, LaneCoverage]]]) -> set[tuple[float, float]]:
+    """Gap and speed, not below 0, of everything in the corridor that is not behind the front bumper."""
+    found: set[tuple[float, float]] = set()
     for lane, parts in obstructions.items():
-        start_m = ahead.get(lane)
+        start_m = agent.corridor.get(lane)
         if start_m is None:
             continue
         for other, part in parts:
-            if other == name or start_m + part.end_m <= position_m:
-                continue
-            gap_m, leader_mps = start_m + part.start_m - position_m, max(0.0, part.speed_mps)
-            wished_m = wished_gap_m(driver, speed_mps, leader_mps, comfort_mps2)
-            ratio = wished_m / max(gap_m, SMALLEST_GAP_M)
-            if ratio > most:
-                most, found = ratio, (gap_m, leader_mps)
+            if other != agent.id and start_m + part.end_m > agent.position_m:
+                found.add((start_m + part.start_m - agent.position_m, max(0.0, part.speed_mps)))
     return found
-
-
-def _next_speed_mps(agent: Agent, gap_m: float, leader_mps: float, dt_s: float) -> tuple[float, bool]:
-    """The speed that IDM wants, as far as brakes allow, and whether it would brake harder than they do."""
-    acceleration = acceleration_mps2(agent.driver, agent.speed_mps, agent.limit_mps, gap_m, leader_mps)
-    if acceleration < -agent.driver.emergency_decel_mps2:
-        return _hardest_mps(agent, dt_s), True
-    return max(0.0, agent.speed_mps + acceleration * dt_s), False
-
-
-def _hardest_mps(agent: Agent, dt_s: float) -> float:
-    """The speed after a step of braking as hard as the agent can."""
-    return max(0.0, agent.speed_mps - agent.driver.emergency_decel_mps2 * dt_s)

@@ -94,6 +94,7 @@ def open_sumo_traffic(
         network, ids, types, start_state(scenario, roads), route, shape, spawns, names, standing, blocked,
         crowd=crowd, flow=flow, with_ego=with_ego,
         logged=LoggedLights.on(scenario.lights, ids.links) if scenario.lights else None,
+        chance_seed=int(rng.integers(2**32)),
     )  # fmt: skip
     return SumoTraffic(setup)
 

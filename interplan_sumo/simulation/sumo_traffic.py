@@ -8,21 +8,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.simulation.agent_registry import AgentRegistry
+from interplan_sumo.simulation.agent_registry import AgentRegistry, AgentSnapshot
 from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE, EgoProxy
 from interplan_sumo.simulation.ego_reactions import FREEZE_RADIUS_M, EgoReactions
 from interplan_sumo.simulation.flow import Flow
+from interplan_sumo.simulation.headway_relaxation import HeadwayRelaxation, Leader
 from interplan_sumo.simulation.lane_polygons import Ring
 from interplan_sumo.simulation.lights import Lights, LoggedLights
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.pedestrians import Crowd
-from interplan_sumo.simulation.reactions import Mode, ReactionDecision
+from interplan_sumo.simulation.reactions import DriverModels, Mode, ReactionDecision
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, finite, open_simulation, sumo
 from interplan_sumo.simulation.traffic import TrafficState
@@ -32,11 +34,40 @@ from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.signals import Signals, SignalStatus
 
 SPEED_MODE_DEFAULT = 31
-SPEED_MODE_OVERRIDDEN = 25
-"""Safe speed, right of way and red lights are kept; the bounds of acceleration and braking are ours."""
-SPEED_MODE_AT_LIMIT = 24
-"""The same without SUMO's safe speed, which knows no brakes: it would stop a car dead that can only brake hard."""
+"""All of SUMO's rules; told a speed, an agent brakes for that, and for what SUMO sees, no harder than `decel`."""
+SPEED_MODE_HARD_BRAKING = 24
+"""Without the bounds of acceleration and braking, and without SUMO's safe speed, which knows no brakes: ours hold."""
+LEADER_DECEL_MPS2 = 4.5
+"""How hard a leader that is told to an agent's own model may brake: SUMO's default for cars, as for the proxy."""
 LANE_CHANGE_DEFAULT = 1621
+CUT_IN_WITHIN_M = 60.0
+"""Farther ahead nobody cuts in."""
+
+
+class _Told(NamedTuple):
+    """What an agent has been told."""
+
+    ignores_ego: bool
+    from_mps: float | None
+    """How fast it drove when it was told a speed for the step; None: it drives as SUMO wants."""
+    speed_mode: int
+
+
+UNTOLD = _Told(False, None, SPEED_MODE_DEFAULT)
+
+
+class AgentChance:
+    """Numbers from 0 to 1 that fall to agents, from the scenario's seed: each agent has a sequence of its own."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        self._generators: dict[str, np.random.Generator] = {}
+
+    def of(self, name: str) -> float:
+        """The agent's next number."""
+        if name not in self._generators:
+            self._generators[name] = np.random.default_rng((self._seed, *name.encode()))
+        return float(self._generators[name].random())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +95,8 @@ class TrafficSetup:
     """False leaves the ego out of SUMO altogether: the twin run against which reactions are measured."""
     logged: LoggedLights | None = None
     """Lights that show what was recorded."""
+    chance_seed: int = 0
+    """For what agents decide by chance."""
 
 
 class SumoTraffic:
@@ -82,7 +115,7 @@ class SumoTraffic:
         self._started = False
         self._logged = setup.logged
         self._step = 0
-        self._told: dict[str, tuple[bool, int]] = {}  # to overlook the ego, to drive a speed in a mode (0: not)
+        self._told: dict[str, _Told] = {}
         self._keeping_lane: frozenset[str] = frozenset()
         self._added = 0
         self._entering: set[str] = set()
@@ -95,12 +128,10 @@ class SumoTraffic:
         self._open = True
         try:
             self._drivers = {each.id: self._as_loaded(each) for each in (*types.members, *types.others)}
-            anticipations_s = {spawn.driver.anticipation_s for spawn in setup.spawns}
-            if setup.flow is not None:
-                anticipations_s.update(driver.anticipation_s for driver in types.members)
-            self._reactions = EgoReactions(
-                network, ids.origin_m, setup.shape, self._agents, anticipations_s, setup.blocked, DT_S
-            )
+            chance = AgentChance(setup.chance_seed)
+            self._relaxation = HeadwayRelaxation(self._agents.drivers, self._set_tau, DT_S)
+            models = DriverModels(self._follow_speed_mps, chance.of, self._relaxation.cut_in, DT_S)
+            self._reactions = EgoReactions(network, ids.origin_m, setup.shape, self._agents, setup.blocked, models)
             for token, each in zip(setup.tokens, setup.spawns, strict=True):
                 self._add(token, each)
             self._block(setup.blocked)
@@ -195,10 +226,13 @@ class SumoTraffic:
             self._crowd.notice(ego, self._shape)
             walking, standing = self._crowd.foreseen(self._ids.origin_m), self._crowd.standing(self._ids.origin_m)
         agents = self._agents.snapshot(self._lanes_of, self._positions_m)
+        self._relax(agents)
         commands = self._reactions.decide(ego, self._proxy.anchor, walking, standing, agents)
+        rows = {name: row for row, name in enumerate(agents.names)} if commands.decisions else {}
         with Commanding("commanding the agents"):
             for name, decision in commands.decisions.items():
-                self._apply(name, decision)
+                if name in self._told or decision.mode is not Mode.SUMO or decision.speed_mps is not None:
+                    self._apply(name, decision, float(agents.speed_mps[rows[name]]))
         self._keep_lanes(commands.keep_lane)
 
     def place_ego(self, ego: EgoState) -> None:
@@ -250,6 +284,7 @@ class SumoTraffic:
         self._agents.remove(gone)
         for name in gone:
             self._reactions.forget(name)
+            self._relaxation.forget(name)
             self._told.pop(name, None)
         self._keeping_lane -= gone
 
@@ -279,7 +314,7 @@ class SumoTraffic:
             fronts = [position(name) for name in names]
             angles = [vehicle.getAngle(name) for name in names]
             speeds = [vehicle.getSpeed(name) for name in names]
-        self._agents.kinematics.move(fronts, angles, speeds)
+        self._agents.kinematics.move(fronts, angles, speeds, self._agents.length_m)
 
     def _read_signals(self) -> Signals:
         """The lights; asked for only when one of them may have switched."""
@@ -303,24 +338,57 @@ class SumoTraffic:
         with Commanding("reading the agents' positions"):
             return [position_of(name) for name in names]
 
-    def _apply(self, name: str, decision: ReactionDecision) -> None:
-        ignored, speed_mode_before = self._told.get(name, (False, 0))
-        ignore, override = decision.mode is Mode.IGNORE_EGO, decision.speed_mps is not None
-        if not (ignore or ignored or override or speed_mode_before):
+    def _follow_speed_mps(self, name: str, speed_mps: float, gap_m: float, leader_mps: float) -> float:
+        """What SUMO's model of an agent wants behind a leader that it does not see; SUMO counts gaps beyond minGap."""
+        net_m = gap_m - self._agents.drivers[name].min_gap_m
+        return float(sumo.vehicle.getFollowSpeed(name, speed_mps, net_m, leader_mps, LEADER_DECEL_MPS2, ""))
+
+    def _relax(self, agents: AgentSnapshot) -> None:
+        """Headways of those that somebody has cut in on."""
+        relaxed = [name for name in agents.names if self._agents.drivers[name].relaxation_s > 0.0]
+        if not relaxed:
             return
+        speeds = dict(zip(agents.names, agents.speed_mps.tolist(), strict=True))
+        with Commanding("relaxing headways"):
+            self._relaxation.step(relaxed, speeds.__getitem__, self._leader)
+
+    def _leader(self, name: str) -> Leader:
+        found = sumo.vehicle.getLeader(name, CUT_IN_WITHIN_M)
+        return None if found is None or not found[0] else found
+
+    def _set_tau(self, name: str, tau_s: float) -> None:
+        sumo.vehicle.setTau(name, finite("a headway", tau_s))
+
+    def _apply(self, name: str, decision: ReactionDecision, speed_mps: float) -> None:
+        """Tell an agent that drives at `speed_mps` what is decided.
+
+        Whatever SUMO itself would have it do, for another car or a light, holds
+        as well: up to `decel` SUMO sees to it, and what SUMO wanted beyond that
+        in the last step is kept up. No command, and no release, so ever breaks
+        the agent's brakes.
+        """
+        before = self._told.get(name, UNTOLD)
+        ignore, wanted_mps = decision.mode is Mode.IGNORE_EGO, decision.speed_mps
         vehicle = sumo.vehicle
-        if ignore != ignored:
+        if ignore != before.ignores_ego:
             vehicle.setParameter(name, "carFollowModel.ignoreIDs", EGO if ignore else "")
             vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore else "")
-        speed_mode = SPEED_MODE_AT_LIMIT if decision.at_limit else SPEED_MODE_OVERRIDDEN
-        if override and speed_mode_before != speed_mode:
-            vehicle.setSpeedMode(name, speed_mode)
-        if decision.speed_mps is not None:
-            vehicle.setSpeed(name, finite("an overriding speed", decision.speed_mps))
-        elif speed_mode_before:
+        mode = SPEED_MODE_DEFAULT
+        if wanted_mps is not None:
+            driver = self._agents.drivers[name]
+            if before.from_mps is not None:
+                own_mps2 = (vehicle.getSpeedWithoutTraCI(name) - before.from_mps) / DT_S
+                if own_mps2 < -driver.decel_mps2:
+                    wanted_mps = min(wanted_mps, speed_mps + own_mps2 * DT_S)
+            if wanted_mps < speed_mps - driver.decel_mps2 * DT_S:
+                mode = SPEED_MODE_HARD_BRAKING
+                wanted_mps = max(wanted_mps, speed_mps - driver.emergency_decel_mps2 * DT_S, 0.0)
+            vehicle.setSpeed(name, finite("an overriding speed", wanted_mps))
+        elif before.from_mps is not None:
             vehicle.setSpeed(name, -1.0)
-            vehicle.setSpeedMode(name, SPEED_MODE_DEFAULT)
-        self._told[name] = (ignore, speed_mode if override else 0)
+        if mode != before.speed_mode:
+            vehicle.setSpeedMode(name, mode)
+        self._told[name] = _Told(ignore, None if wanted_mps is None else speed_mps, mode)
 
     def _keep_lanes(self, wanted: frozenset[str]) -> None:
         """Have these agents keep their lanes, and those before no longer."""

@@ -58,6 +58,12 @@ class EgoState:
     def pose(self) -> Pose:
         return Pose(self.x_m, self.y_m, self.heading_rad)
 
+    @property
+    def velocity_mps(self) -> tuple[float, float]:
+        """In the map frame."""
+        c, s = cos(self.heading_rad), sin(self.heading_rad)
+        return self.vx_mps * c - self.vy_mps * s, self.vx_mps * s + self.vy_mps * c
+
     def rear_axle(self, shape: EgoShape) -> Pose:
         """Pose of the rear axle."""
         d = shape.rear_axle_to_center_m

@@ -16,7 +16,7 @@ def moved(*frames: tuple[float, float, float, float]) -> AgentKinematics:
     """One car after frames of x, y, navigation angle and speed."""
     cars = AgentKinematics(DT_S)
     for x, y, angle_deg, speed_mps in frames:
-        cars.move([(x, y)], [angle_deg], [speed_mps])
+        cars.move([(x, y)], [angle_deg], [speed_mps], CAR)
     return cars
 
 
