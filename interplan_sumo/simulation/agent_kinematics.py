@@ -23,6 +23,8 @@ LARGEST_SLIP_RAD = 0.1
 """Between the way that the rear axle goes and the way that it points; decisions.md allows 10 degrees."""
 STRETCH = 1.2
 """SUMO scales the lanes of an edge to one length; on the outer lane of a bend cars go faster than they say."""
+LEAST = 0.5
+"""On the inner lane they go slower; a step that is shorter still is a jump back, from one edge to the next."""
 STRAIGHT_RAD = 1e-4
 """Turned by less in a step, and moved sideways by less, nobody slips."""
 STRAIGHT_M = 1e-3
@@ -63,9 +65,15 @@ class AgentKinematics:
         self.turned_rad, self.most_turned_rad = np.zeros(0), 0.0
         if self._new:
             rows, self._new = self._new, []
-            self.front_m[rows], self.heading_rad[rows] = front[rows], heading[rows]
+            came = np.stack((np.cos(heading[rows]), np.sin(heading[rows])), axis=1) * speed[rows, None]
+            self.front_m[rows], self.heading_rad[rows] = front[rows] - self._dt_s * came, heading[rows]
         if len(front) and len(self.front_m):
             went = front - self.front_m
+            cosine, sine = np.cos(self.heading_rad), np.sin(self.heading_rad)
+            lags_m = LEAST * self._dt_s * speed - (went[:, 0] * cosine + went[:, 1] * sine)
+            if (lags_m > 0.0).any():
+                went += np.maximum(lags_m, 0.0)[:, None] * np.stack((cosine, sine), axis=1)
+                front = self.front_m + went
             most_m = STRETCH * self._dt_s * speed + SLIDE_M
             squared = went[:, 0] ** 2 + went[:, 1] ** 2
             if (squared > most_m * most_m).any():
@@ -73,7 +81,7 @@ class AgentKinematics:
                 front = self.front_m + went
             self.turned_rad = turned = heading - self.heading_rad
             self.most_turned_rad = float(max(turned.max(), -turned.min()))
-            aside_m = went[:, 0] * np.sin(self.heading_rad) - went[:, 1] * np.cos(self.heading_rad)
+            aside_m = went[:, 0] * sine - went[:, 1] * cosine
             if self.most_turned_rad > STRAIGHT_RAD or np.abs(aside_m).max() > STRAIGHT_M:
                 heading = self._trailed(went, heading, REAR_AXLE * length_m)
         self.front_m, self.heading_rad, self.speed_mps = front, heading, speed

@@ -122,6 +122,8 @@ class ReactionMemory:
     """How long there has been reason to react."""
     courteous: bool | None = None
     """Whether it gives way to the ego in this encounter; None: there is none."""
+    overlooked: bool = False
+    """Whether SUMO was told to overlook the ego in the step before."""
     apart_s: float = 0.0
     """How long the ego has kept away from its lane."""
 
@@ -267,12 +269,14 @@ def decide(
     for agent in agents:
         driver, corridor = agent.driver, agent.corridor
         swept = driver.anticipation_s > 0.0
-        met = _met(agent, ahead[driver.anticipation_s] if swept else ego.coverage, ego.centre_lanes)
+        met = _met(agent, ahead.get(driver.anticipation_s, ego.coverage), ego.centre_lanes)
         anchor_m = corridor.get(ego.anchor_lane) if ego.anchor_lane is not None else None
+        remembered = memory.get(agent.id)
         rear_m = agent.position_m - driver.length_m  # SUMO may brake for whatever is not wholly behind
         sumo_sees_ego = anchor_m is not None and anchor_m + ego.anchor_position_m > rear_m
+        if anchor_m == 0.0 and remembered is not None and remembered.overlooked:
+            sumo_sees_ego = True  # SUMO keeps the order of the cars on a lane, even if one has passed through another
         approached = _approached(agent, ego.approached) if driver.courtesy > 0.0 else None
-        remembered = memory.get(agent.id)
         if remembered is None:
             if met is None and not sumo_sees_ego and approached is None:
                 continue
@@ -304,6 +308,7 @@ def decide(
         else:
             speed_mps = drivers.next_speed_mps(agent, met.gap_m, met.speed_mps)
             decisions[agent.id] = ReactionDecision(Mode.OVERRIDE_SPEED, share, True, speed_mps)
+        remembered.overlooked = decisions[agent.id].mode is Mode.IGNORE_EGO
     return decisions
 
 

@@ -13,7 +13,7 @@ from networks import LANE_Y, WESTWARD_Y, agent, ego_at, traffic, two_way_road, t
 from interplan_sumo.simulation.agent_registry import AgentRegistry
 from interplan_sumo.simulation.anchor import find_anchor
 from interplan_sumo.simulation.ego_reactions import AgentCommands, EgoReactions
-from interplan_sumo.simulation.reactions import Mode
+from interplan_sumo.simulation.reactions import DriverModels, Mode
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 
@@ -31,6 +31,9 @@ def test_agents_within_40_m_of_a_straddling_ego_keep_their_lane(behind_m: float,
         assert (libsumo.vehicle.getLaneChangeMode("a0") == KEEPS_LANE) == keeps
 
 
+MODELS = DriverModels(lambda _name, speed_mps, *_: speed_mps, lambda _name: 0.5, lambda *_: None, 0.1)
+
+
 class Lane1:
     """Agents on lane 1 at (x, y) of their fronts, at 8 m/s, and an ego on its centre line at x = 100."""
 
@@ -42,9 +45,8 @@ class Lane1:
         for name in names:
             self.registry.add(name, name, types(behaviour).members[0], ("e0", "e1"))
         self.registry.enter(names)
-        for _ in range(2):
-            self.registry.kinematics.move(fronts, [90.0] * len(fronts), [8.0] * len(fronts))
-        self.reactions = EgoReactions(self.network, (0.0, 0.0), PACIFICA, self.registry, (), (), 0.1)
+        self.registry.kinematics.move(fronts, [90.0] * len(fronts), [8.0] * len(fronts), self.registry.length_m)
+        self.reactions = EgoReactions(self.network, (0.0, 0.0), PACIFICA, self.registry, (), MODELS)
         self.place(ego_at(100.0, LANE_Y[1]))
 
     def place(self, ego: EgoState) -> None:
@@ -99,7 +101,8 @@ def test_an_assertive_agent_follows_an_ego_that_starts_in_its_lane_and_not_one_t
 def test_the_quick_ways_to_place_the_ego_on_the_lanes_give_what_the_whole_way_gives() -> None:
     rng = np.random.default_rng(0)
     road = Lane1((80.0, LANE_Y[1]))
-    slow = EgoReactions(road.network, (0.0, 0.0), PACIFICA, road.registry, (1.0,), (), 0.1)
+    slow = EgoReactions(road.network, (0.0, 0.0), PACIFICA, road.registry, (), MODELS)
+    slow._anticipations_s, slow._known_drivers = (1.0,), 1
     for _ in range(100):
         lane, x_m = int(rng.integers(3)), float(rng.choice((0.0, 410.0)) + rng.uniform(5.0, 380.0))
         y_m, turned = LANE_Y[lane] + float(rng.uniform(-0.9, 0.9)), float(rng.normal(0.0, 0.05))
@@ -122,11 +125,13 @@ def test_the_quick_ways_to_place_the_ego_on_the_lanes_give_what_the_whole_way_gi
 def test_an_agent_is_left_to_sumo_again_once_the_ego_has_gone() -> None:
     cars = types("conservative")
     beside, gone = ego_at(100.0, BOUNDARY_Y), ego_at(100.0, -60.0)
-    with traffic(cars, (agent(cars, "e0_1", 80.0, 8.0),), beside) as run:
-        modes: list[int] = []
+    with traffic(cars, (agent(cars, "e0_1", 90.0, 8.0),), beside) as run:
+        brakes: list[bool] = []
         for ego in (beside, gone, gone):
+            before_mps = libsumo.vehicle.getSpeed("a0")
             run.react(ego)
-            modes.append(libsumo.vehicle.getSpeedMode("a0"))
             run.place_ego(ego)
             run.advance()
-    assert modes == [25, 31, 31]
+            brakes.append(libsumo.vehicle.getSpeed("a0") < before_mps)
+        assert libsumo.vehicle.getSpeedMode("a0") == 31
+    assert brakes == [True, False, False]

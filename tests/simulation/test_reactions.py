@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,10 +11,12 @@ import pytest
 from networks import LANE_Y, two_way_road
 
 from interplan_sumo.simulation import reactions
+from interplan_sumo.simulation.idm import acceleration_mps2
 from interplan_sumo.simulation.lane_polygons import ClipArea, Ring
 from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.reactions import (
     Agent,
+    DriverModels,
     EgoOnNetwork,
     LaneCoverage,
     Mode,
@@ -29,13 +32,23 @@ EASTWARD = ("e0", "e1")
 BOUNDARY_Y = -7.0  # between lanes 0 and 1
 
 
-def driver(overlap: float, anticipation_s: float = 0.0) -> VehicleType:
-    return VehicleType("d", 4.6, 1.85, 1.5, 1.0, 1.0, 2.0, react_overlap=overlap, anticipation_s=anticipation_s)
+def driver(overlap: float, **rest: float) -> VehicleType:
+    return VehicleType("d", 4.6, 1.85, 1.5, 1.0, 1.0, 2.0, react_overlap=overlap, **rest)  # type: ignore[arg-type]
 
 
-def follower(overlap: float, lane: str = "e0_1", position_m: float = 60.0, anticipation_s: float = 0.0) -> Agent:
+def follower(
+    overlap: float, lane: str = "e0_1", position_m: float = 60.0, *, ego_behind: bool = False, **rest: float
+) -> Agent:
     ahead = reactions.corridor(NETWORK, lane, EASTWARD)
-    return Agent("a", driver(overlap, anticipation_s), position_m, 10.0, 15.0, ahead)
+    return Agent("a", driver(overlap, **rest), position_m, 10.0, ahead, ego_behind)
+
+
+def idm_mps(_name: str, speed_mps: float, gap_m: float, leader_mps: float) -> float:
+    return speed_mps + 0.1 * acceleration_mps2(driver(0.0), speed_mps, 15.0, gap_m, leader_mps)
+
+
+def drivers(chance: float = 0.5, cut_in: Callable[[str, float, float], None] = lambda *_: None) -> DriverModels:
+    return DriverModels(idm_mps, lambda _name: chance, cut_in, 0.1)
 
 
 def ring(ego: EgoState) -> Ring:
@@ -57,7 +70,7 @@ def seen(y_m: float, anchor: str, speed_mps: float = 8.0, x_m: float = 100.0, he
 def decision(
     agent: Agent, ego: EgoOnNetwork, memory: dict[str, ReactionMemory] | None = None, **rest: bool
 ) -> ReactionDecision:
-    decided = reactions.decide([agent], ego, {}, {} if memory is None else memory, 0.1, **rest)
+    decided = reactions.decide([agent], ego, {}, {} if memory is None else memory, drivers(), **rest)
     return decided.get("a", ReactionDecision(Mode.SUMO, 0.0, False))
 
 
@@ -122,7 +135,7 @@ def test_an_ego_behind_the_agent_concerns_nobody() -> None:
 
 def test_an_oncoming_agent_is_slowed_for_an_ego_in_its_lane_by_the_closing_speed() -> None:
     westward = reactions.corridor(NETWORK, "w0_0", ("w0",))
-    agent = Agent("a", driver(0.0), 220.0, 12.0, 15.0, westward)  # 400 - 220 = x 180, coming towards x = 100
+    agent = Agent("a", driver(0.0), 220.0, 12.0, westward)  # 400 - 220 = x 180, coming towards x = 100
     against = decision(agent, seen(1.75, "e0_2"))
     assert against.mode is Mode.OVERRIDE_SPEED
     assert against.speed_mps is not None
@@ -136,26 +149,6 @@ def test_an_imposed_speed_brakes_no_harder_than_the_emergency_deceleration() -> 
     assert close.speed_mps == pytest.approx(10.0 - 9.0 * 0.1)
 
 
-@pytest.mark.parametrize(("position_m", "at_limit"), [(96.4, True), (88.0, False)])
-def test_an_agent_that_would_have_to_brake_harder_than_it_can_is_known(position_m: float, at_limit: bool) -> None:
-    """The rear of the ego is at 97.4 m and drives at 8 m/s."""
-    merged = decision(follower(1.0, position_m=position_m), seen(LANE_Y[1], "e0_1"))
-    assert (merged.mode, merged.at_limit) == (Mode.SUMO, at_limit)
-
-
-@pytest.mark.parametrize(("position_m", "speed_mps"), [(96.4, 10.0 - 0.9), (60.0, 10.1)])
-def test_a_speed_imposed_for_another_thing_brakes_for_the_ego_too_but_no_harder_than_brakes_do(
-    position_m: float, speed_mps: float
-) -> None:
-    """SUMO's safe speed, to which an imposed one is cut, would stop the car dead."""
-    agent = follower(1.0, position_m=position_m)
-    decided = reactions.decide([agent], seen(LANE_Y[1], "e0_1"), {}, {}, 0.1)
-    far = {"e0_1": [("b", LaneCoverage(1.0, 300.0, 305.0, 10.0))]}
-    told = reactions.yield_to([agent], far, decided, 0.1)["a"]
-    assert told.at_limit == (speed_mps < 10.0)
-    assert told.speed_mps == pytest.approx(speed_mps, abs=0.05)
-
-
 def test_anticipation_looks_at_the_swept_box() -> None:
     ego = EgoState(0.0, 100.0, at_overlap(-0.5), 0.2, vx_mps=8.0)
     velocity = (7.84, 1.59)
@@ -164,9 +157,10 @@ def test_anticipation_looks_at_the_swept_box() -> None:
     soon = cover(reactions.swept_area(box, velocity, 2.0), velocity)
     assert "e0_1" not in now
     on_network = EgoOnNetwork(now, frozenset({"e0_0"}), "e0_0", 102.6, 8.0, True)
-    agent = follower(0.0, anticipation_s=2.0)
-    decided = reactions.decide([agent], on_network, {2.0: soon}, {}, 0.1)
-    assert decided["a"].mode is Mode.OVERRIDE_SPEED
+    for behind, mode in ((False, Mode.OVERRIDE_SPEED), (True, Mode.SUMO)):
+        agent = follower(0.0, anticipation_s=2.0, ego_behind=behind)
+        decided = reactions.decide([agent], on_network, {2.0: soon}, {}, drivers())
+        assert decided.get("a", ReactionDecision(Mode.SUMO, 0.0, False)).mode is mode
 
 
 def test_the_corridor_runs_on_through_junctions_along_the_route() -> None:
@@ -212,5 +206,104 @@ def test_of_two_cars_ahead_the_one_counts_for_which_idm_brakes_harder(standing_g
     agent = follower(0.0)
     fast = ("b", LaneCoverage(0.0, 60.0 + 16.0, 80.0, 10.0))
     standing = ("c", LaneCoverage(0.0, 60.0 + standing_gap_m, 125.0, 0.0))
-    told = reactions.yield_to([agent], {"e0_1": [fast, standing]}, {}, 0.1)["a"]
+    told = reactions.yield_to([agent], {"e0_1": [fast, standing]}, {}, drivers())["a"]
     assert told.speed_mps == pytest.approx(speed_mps, abs=2e-3)
+
+
+@pytest.mark.parametrize(("position_m", "reacts"), [(97.3, True), (97.5, False)])
+def test_only_what_begins_ahead_of_the_front_bumper_concerns_an_agent(position_m: float, reacts: bool) -> None:
+    """The rear of the ego is at 97.4 m."""
+    assert decision(follower(0.0, position_m=position_m), seen(at_overlap(0.5), "e0_0")).reacting is reacts
+
+
+def test_a_car_ahead_does_not_brake_for_a_swept_box_that_begins_behind_it() -> None:
+    """Neither on its own lane nor on those that follow, which the box reaches ahead of it."""
+    behind = LaneCoverage(0.7, 380.0, 400.0, 12.0)
+    beyond = LaneCoverage(0.3, 0.0, 20.0, 12.0)
+    swept = {"e0_1": behind, "e1_1": beyond}
+    on_network = EgoOnNetwork(
+        {"e0_1": LaneCoverage(1.0, 380.0, 385.2, 12.0)}, frozenset({"e0_1"}), "e0_1", 385.2, 12.0, False
+    )
+    agent = follower(0.0, position_m=398.0, anticipation_s=3.0)
+    assert not reactions.decide([agent], on_network, {3.0: swept}, {}, drivers())["a"].reacting
+
+
+def test_whoever_has_stopped_for_the_ego_stands_while_it_backs_into_the_front_bumper() -> None:
+    memory = {"a": ReactionMemory(reacting=True)}
+    touched = decision(follower(0.0, position_m=97.5), seen(LANE_Y[1], "e0_1", speed_mps=-1.0), memory)
+    assert (touched.mode, touched.speed_mps) == (Mode.OVERRIDE_SPEED, pytest.approx(10.0 - 0.9))
+
+
+@pytest.mark.parametrize("reaction_s", [0.0, 0.3, 1.0])
+def test_the_first_response_comes_a_reaction_time_after_the_condition(reaction_s: float) -> None:
+    memory: dict[str, ReactionMemory] = {}
+    agent = follower(0.5, reaction_time_s=reaction_s)
+    assert not decision(agent, seen(at_overlap(0.4), "e0_0"), memory).reacting
+    reacting = [decision(agent, seen(at_overlap(0.6), "e0_0"), memory).reacting for _ in range(15)]
+    assert reacting.index(True) == round(reaction_s / 0.1)
+    assert all(reacting[reacting.index(True) :])
+
+
+def test_a_condition_that_passes_within_the_reaction_time_was_none() -> None:
+    memory: dict[str, ReactionMemory] = {}
+    agent = follower(0.5, reaction_time_s=0.3)
+    overlaps = (0.6, 0.6, 0.4, 0.6, 0.6, 0.6)
+    assert not any(decision(agent, seen(at_overlap(each), "e0_0"), memory).reacting for each in overlaps)
+
+
+def approaching(agent: Agent, chance: float, memory: dict[str, ReactionMemory] | None = None) -> ReactionDecision:
+    """What an agent on lane 1 does about an ego on lane 0 that moves towards it, from 97.4 to 102.6 m, at 8 m/s."""
+    beside = {"e0_1": LaneCoverage(0.0, 97.4, 102.6, 8.0)}
+    ego = seen(LANE_Y[0], "e0_0")._replace(approached=beside)
+    decided = reactions.decide([agent], ego, {}, {} if memory is None else memory, drivers(chance))
+    return decided.get("a", ReactionDecision(Mode.SUMO, 0.0, False))
+
+
+@pytest.mark.parametrize(("chance", "yields"), [(0.69, True), (0.71, False)])
+def test_courtesy_is_the_chance_to_open_a_gap_before_the_boxes_overlap(chance: float, yields: bool) -> None:
+    agent = follower(1.0, position_m=85.0, courtesy=0.7)
+    told = approaching(agent, chance)
+    assert told.reacting is yields
+    assert (told.speed_mps is not None) is yields
+
+
+@pytest.mark.parametrize(("position_m", "speed_mps"), [(97.0, 10.0 - 0.2), (97.5, None)])
+def test_a_courteous_agent_brakes_no_harder_than_is_comfortable_and_never_for_an_ego_beside_it(
+    position_m: float, speed_mps: float | None
+) -> None:
+    told = approaching(follower(1.0, position_m=position_m, courtesy=1.0), 0.0)
+    assert told.speed_mps == (None if speed_mps is None else pytest.approx(speed_mps))
+
+
+def test_who_gives_way_goes_on_once_the_ego_is_in_the_lane() -> None:
+    memory: dict[str, ReactionMemory] = {}
+    agent = follower(1.0, courtesy=1.0)
+    assert approaching(agent, 0.0, memory).reacting
+    assert decision(agent, seen(at_overlap(0.1), "e0_0"), memory).mode is Mode.OVERRIDE_SPEED
+
+
+@pytest.mark.parametrize(("apart_s", "anew"), [(2.9, False), (3.0, True)])
+def test_chance_decides_once_per_encounter(apart_s: float, anew: bool) -> None:
+    memory: dict[str, ReactionMemory] = {}
+    agent = follower(1.0, courtesy=0.5)
+    assert approaching(agent, 0.4, memory).reacting
+    for _ in range(round(apart_s / 0.1)):
+        decision(agent, seen(LANE_Y[0], "e0_0"), memory)
+    assert approaching(agent, 0.6, memory).reacting is not anew
+
+
+def test_an_ego_that_comes_into_the_lane_is_reported_as_cutting_in_once() -> None:
+    told: list[tuple[str, float, float]] = []
+    memory: dict[str, ReactionMemory] = {}
+    for _ in range(2):
+        ego = seen(at_overlap(0.5), "e0_0")
+        reactions.decide([follower(0.0)], ego, {}, memory, drivers(cut_in=lambda *said: told.append(said)))
+    assert told == [("a", pytest.approx(100.0 - PACIFICA.length_m / 2.0 - 60.0 - 1.0), 10.0)]
+
+
+def test_one_that_sumo_overlooks_stays_overlooked_on_the_lane_on_which_the_agent_passed_through_it() -> None:
+    """SUMO keeps the order of the cars on a lane."""
+    memory: dict[str, ReactionMemory] = {}
+    assert decision(follower(1.0, position_m=60.0), seen(at_overlap(0.5), "e0_1"), memory).mode is Mode.IGNORE_EGO
+    assert decision(follower(1.0, position_m=150.0), seen(at_overlap(0.5), "e0_1"), memory).mode is Mode.IGNORE_EGO
+    assert decision(follower(1.0, position_m=150.0), seen(at_overlap(0.5), "e0_0"), memory).mode is Mode.SUMO
