@@ -76,7 +76,7 @@ def test_a_car_that_jumps_slides_there_and_arrives() -> None:
     cars = moved((0.0, 0.0, 90.0, 0.5), (0.05, 1.5, 90.0, 0.5))
     assert np.hypot(*cars.front_m[0]) == pytest.approx(1.2 * DT_S * 0.5 + 0.2)
     for _ in range(10):
-        cars.move([(0.05, 1.5)], [90.0], [0.5], CAR)
+        cars.move([(0.05, 1.5)], [90.0], [0.0], CAR)
     assert cars.front_m[0] == pytest.approx([0.05, 1.5])
 
 
