@@ -139,9 +139,9 @@ def _oncoming() -> Situation:
 def _junction() -> Situation:
     """The ego starts from the stop line of a side street, stops dead on the driver's lane, and goes on."""
     stop_line_y = -17.2
-    way = _profile(stop_line_y, 0.0, (2.0, 0.0), (1.65, 3.0), (0.9, 0.0), (5.0 / 6.0, -6.0), (4.0, 0.0), (4.0, 2.0))
+    way = _profile(stop_line_y, 0.0, (2.0, 0.0), (1.65, 3.0), (0.9, 0.0), (5.0 / 6.0, -6.0), (2.0, 0.0), (4.0, 2.0))
     return Situation(
-        "junction", "the ego comes out of a side street and stops 4 s on the lane of one who comes at 12 m/s",
+        "junction", "the ego comes out of a side street and stops 2 s on the lane of one who comes at 12 m/s",
         "in_1", CROSSING_X - 87.0, 12.0, ("in", "out"), ("up_in", "up_out"), 2.0,
         lambda t: (STREET_X, way(t)), lambda _t: (STREET_X, stop_line_y),
     )  # fmt: skip
@@ -152,7 +152,7 @@ SITUATIONS: tuple[Situation, ...] = (
             (4.0, 1.5)),
     _behind("standstill", "the leader brakes at 4 m/s2 from 10 m/s to a stop and stays", (20.0, -4.0)),
     _sliding("cut_in", "the ego at 8 m/s slides within 2 s into a gap of 15 m before one at 10 m/s", 2.0, 15.0),
-    _sliding("merge", "the ego at 8 m/s slides within 6 s into a gap of 20 m before one at 10 m/s", 6.0, 20.0),
+    _sliding("merge", "the ego at 8 m/s slides within 6 s into a gap of 30 m before one at 10 m/s", 6.0, 30.0),
     _oncoming(),
     _junction(),
 )  # fmt: skip
