@@ -6,7 +6,7 @@ against tests/simulation/traffic_invariants.py; each drive has a twin without an
 and must be equal to the bit. Exits 1 if anything was found that does not also happen without an ego.
 
 One case again, in a second or two: --case NUMBER [--agent ID [--frame K]] prints its violations, and how that agent
-drives around a frame.
+drives around a frame. --scenario ID --ego NAME [--seed N] [--types FILE] does so for a scene of the suites.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ from tempfile import gettempdir
 import numpy as np
 
 from interplan_sumo.maps.importers.importing import import_map
-from tests.simulation.fuzz_cases import SHIPPED_MAPS, SUITES, Maps, Outcome, case, run
+from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.simulation.vehicle_types import vehicle_type_file
+from tests.simulation.fuzz_cases import SHIPPED_MAPS, SUITES, Case, Maps, Outcome, case, run
+from tests.simulation.rude_egos import behaviours
 from tests.simulation.traffic_invariants import Violation, slip_deg
 
 REAL_MAPS = {
@@ -182,11 +185,10 @@ def repeat_command(finding: Finding, seed: int) -> str:
     return f"python -m benchmarks.traffic_fuzz --seed {seed} --case {finding.case}{agent}"
 
 
-def again(number: int, seed: int, maps: Maps, steps: int, agent: str | None, frame: int | None) -> int:
+def again(made: Case, steps: int, agent: str | None, frame: int | None) -> int:
     """One case with everything about it; 1 if it has violations."""
-    made = case(seed, number, maps, scratch())
     outcome = run(made, steps=steps)
-    print(f"case {number}: {made.scenario.id} on {made.scenario.map}, seed {made.seed}, ego {made.ego}")
+    print(f"case {made.number}: {made.scenario.id} on {made.scenario.map}, seed {made.seed}, ego {made.ego}")
     print(f"types {made.types} ({made.drivers}); {made.scenario.traffic}; {outcome.agent_s:.0f} agent-seconds")
     for each in outcome.violations:
         print(
@@ -218,16 +220,26 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--suite", action="append", help="scenes of these suites (default: interplan==1 and common==1)")
     parser.add_argument("--maps", action="append", help="new scenes on these maps, by name or folder (default: all)")
-    parser.add_argument("--steps", type=int, default=200, help="of 0.1 s, of each drive")
+    parser.add_argument("--steps", type=int, default=300, help="of 0.1 s, of each drive")
     parser.add_argument("--case", type=int, help="this one only")
+    parser.add_argument("--scenario", help="this scene of a suite, instead of a case")
+    parser.add_argument("--ego", default="cruising", choices=list(behaviours()))
+    parser.add_argument("--types", type=Path, help="vehicle types, instead of the scene's own")
     parser.add_argument("--agent", help="of that case, show how it drives")
     parser.add_argument("--frame", type=int, help="around this frame")
     parser.add_argument("--json", type=Path, help="write all findings there")
     options = parser.parse_args()
     known = tuple(options.maps) if options.maps else (*SHIPPED_MAPS, *imported_maps())
     maps = Maps(known, tuple(options.suite or SUITES))
+    one = None
     if options.case is not None:
-        return again(options.case, options.seed, maps, options.steps, options.agent, options.frame)
+        one = case(options.seed, options.case, maps, scratch())
+    elif options.scenario is not None:
+        scene = find_scenario(options.scenario)
+        file = options.types or vehicle_type_file(scene.traffic.behaviour)
+        one = Case(0, scene, options.seed, options.ego, file, file.stem)
+    if one is not None:
+        return again(one, options.steps, options.agent, options.frame)
     reports = fuzz(options.agent_seconds, seed=options.seed, maps=maps, steps=options.steps, workers=options.workers)
     print(summary(reports, options.seed))
     if options.json is not None:

@@ -92,13 +92,13 @@ def case(seed: int, number: int, maps: Maps, folder: Path) -> Case:
     names = list(behaviours())
     ego = names[number % len(names)]
     pick = rng.random()
-    if pick < 0.45 and maps.suites:
+    if pick < 0.6 and maps.suites:
         pool = [each for suite in maps.suites for each in find_suite(suite).scenarios]
         scenario = pool[int(rng.integers(len(pool)))]
-        if rng.random() < 0.7:
+        if not scenario.has_traffic or rng.random() < 0.5:
             scenario = _denser(scenario, rng)
     else:
-        scenario = _generated(maps.names[int(rng.integers(len(maps.names)))], seed, number, rng, families=pick < 0.65)
+        scenario = _generated(maps.names[int(rng.integers(len(maps.names)))], seed, number, rng, families=pick < 0.75)
     kinds = {each.kind for each in scenario.vehicles}
     types, words = _drivers(folder, number, rng, only="urban" if kinds - {"car"} else None)
     return Case(number, scenario, int(rng.integers(1000)), ego, types, words)
@@ -215,7 +215,7 @@ def _surroundings(roads: Roads, scenario: Scenario, line: Polyline) -> Surroundi
     return Surroundings(cruise, width_m, 1.0 if left else -1.0, nearest, tuple(sorted(junctions)))
 
 
-def run(case: Case, *, steps: int = 200, twin: bool = True, twice: bool = False) -> Outcome:
+def run(case: Case, *, steps: int = 300, twin: bool = True, twice: bool = False) -> Outcome:
     """Drive a case and look for violations; with a `twin`, which has no ego, also for those that need one."""
     found = Outcome()
     roads = load_roads(case.scenario.map, case.scenario.maps_beside)
