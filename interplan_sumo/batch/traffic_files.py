@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, cast
+from typing import cast
 from xml.etree.ElementTree import Element, SubElement
 
 from defusedxml.ElementTree import parse, tostring
@@ -15,27 +15,15 @@ from interplan_sumo.batch.records import Manifest
 from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.errors import InputError, UnknownNameError, VehicleTypeError
 from interplan_sumo.resources import routes_root
-from interplan_sumo.simulation.vehicle_types import NUMBERS, OTHER_ATTRIBUTES, PARAMETERS, read_vehicle_types
+from interplan_sumo.simulation.vehicle_type_reader import PARAMETERS, SWERVE
+from interplan_sumo.simulation.vehicle_type_schema import vehicle_type_schema
+from interplan_sumo.simulation.vehicle_types import read_vehicle_types
 from interplan_sumo.world.files import replacing
 
-LANE_CHANGE: Final = frozenset(
-    "lcAccelLat lcAssertive lcContRight lcCooperative lcCooperativeHelpThreshold lcCooperativeHelpTime "
-    "lcCooperativeMinSpeed lcCooperativeRoundabout lcCooperativeSpeed lcImpatience lcKeepRight "
-    "lcKeepRightAcceptanceTime lcLaneDiscipline lcLookaheadLeft lcMaxDistLatStanding lcMaxSpeedLatFactor "
-    "lcMaxSpeedLatStanding lcOpposite lcOvertakeDeltaSpeedFactor lcOvertakeRight lcPushy lcPushyGap lcSigma "
-    "lcSpeedGain lcSpeedGainLookahead lcSpeedGainRemainTime lcSpeedGainRight lcSpeedGainUrgency lcStrategic "
-    "lcStrategicLookahead lcSublane lcTimeToImpatience lcTurnAlignmentDistance".split()
-)
-"""The lane-change attributes of SUMO 1.28; it overlooks others without a word."""
-JUNCTION: Final = frozenset(
-    "jmAdvance jmAllwayStopWait jmCrossingGap jmDriveAfterRedTime jmDriveAfterYellowTime jmDriveRedSpeed jmExtraGap "
-    "jmIgnoreFoeProb jmIgnoreFoeSpeed jmIgnoreJunctionFoeProb jmIgnoreKeepClearTime jmSigmaMinor jmStopSignWait "
-    "jmStoplineCrossingGap jmStoplineGap jmStoplineGapMinor jmTimegapMinor".split()
-)
-"""The junction attributes of SUMO 1.28."""
-ATTRIBUTES: Final = frozenset(NUMBERS) | LANE_CHANGE | JUNCTION | OTHER_ATTRIBUTES - {"id", "vTypes", "probabilities"}
-KEYS: Final = ATTRIBUTES | frozenset(PARAMETERS) | {"interplan.swerve"}
-"""What can be changed in a vType."""
+
+def sweepable() -> frozenset[str]:
+    """What can be changed in a vType."""
+    return frozenset(vehicle_type_schema().attributes) - {"id", "refId"} | PARAMETERS.keys() | {SWERVE}
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,16 +38,15 @@ class Edit:
     @classmethod
     def of(cls, key: str, value: str) -> Edit:
         """From `KEY` or `TYPE.KEY`; UnknownNameError for a key that no vType has."""
-        bare = key
-        type_id = None
-        if key not in KEYS and not key.startswith("interplan."):
+        bare, type_id, keys = key, None, sweepable()
+        if key not in keys and not key.startswith("interplan."):
             head, found, tail = key.partition(".interplan.")
             if found:
                 type_id, bare = head, f"interplan.{tail}"
             elif "." in key:
                 type_id, _, bare = key.rpartition(".")
-        if bare not in KEYS:
-            raise UnknownNameError("vType attribute or parameter to sweep", bare, {*KEYS, "density", "behaviour"})
+        if bare not in keys:
+            raise UnknownNameError("vType attribute or parameter to sweep", bare, {*keys, "density", "behaviour"})
         if bare == "probability" and type_id is None:
             raise InputError("probability of all vTypes alike changes nothing; name one: --param TYPE.probability=...")
         return cls(type_id, bare, value)

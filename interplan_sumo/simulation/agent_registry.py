@@ -82,7 +82,7 @@ class AgentRegistry:
         rows = [row for row, name in enumerate(self.names) if name in names]
         for row in rows:
             name, driver = self.names[row], self.drivers[self.names[row]]
-            self.behaviours[self._tokens[name]] = self._behaviour_of_entry if driver.id == ENTRY else driver.id
+            self.behaviours[self._tokens[name]] = self._behaviour_of_entry if driver.name == ENTRY else driver.name
         self.kinematics.insert(rows)
         self._index()
 

@@ -99,6 +99,7 @@ class Inflow:
         self._begin_m = max(LONGEST_HALF_M, self._arc_of(filled.begin_m))
         self._closed = self._closed_spans(blocked)
         self._arrivals = arrivals
+        self.drivers = tuple(arrival.driver for arrival in arrivals)
         self._next = 0
         self._head_m = min(self._begin_m, self._arc_of(filled.next_m))
         self._step_m = speed_mps * dt_s
@@ -290,6 +291,8 @@ class Flow:
         self._tokens = iter(tokens)
         self._steps = 0
         self._looked = [0] * len(inflows)
+        self.drivers = tuple(driver for inflow in inflows for driver in inflow.drivers)
+        """Of all that may enter: SUMO must know them before it starts."""
 
     def entry(
         self, registry: AgentRegistry, ego: EgoState, shape: EgoShape, origin_m: tuple[float, float],

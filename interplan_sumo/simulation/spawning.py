@@ -179,7 +179,7 @@ def _placed(staged: StagedScenario, number: int, rng: np.random.Generator) -> Sp
         )
     if vehicle.speed_mps > driver.max_speed_mps:
         raise ScenarioError(
-            f"{what}.speed_mps is {vehicle.speed_mps:g}, its type {driver.id!r} reaches {driver.max_speed_mps:g}"
+            f"{what}.speed_mps is {vehicle.speed_mps:g}, its type {driver.name!r} reaches {driver.max_speed_mps:g}"
         )
     sumo_lane, fraction = staged.ids.sumo_place(lane.id, vehicle.place.arc_m + half_m)
     position_m = fraction * network.lanes[sumo_lane].length_m

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from math import isfinite
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from interplan_sumo.errors import InputError, TrafficError
@@ -23,6 +24,8 @@ sumo: Any = libsumo
 """libsumo, whose extension module carries no types."""
 
 DT_S = 0.1
+TYPES = "vehicle_types.xml"
+"""What SUMO calls the file that it reads vehicle types from."""
 
 _is_open = False
 
@@ -45,21 +48,22 @@ class Commanding:
             raise TrafficError(f"SUMO failed at {self._what.format(*self._details)}: {error}") from error
 
 
-def open_simulation(network: Path, types: Path) -> None:
-    """Start SUMO on a network with the vehicle types of a file; TrafficError if it runs already, or does not start."""
+def open_simulation(network: Path, types: str) -> None:
+    """Start SUMO on a network with vehicle types (XML); TrafficError if it runs already, or does not start."""
     global _is_open
     if _is_open:
         raise TrafficError("SUMO is already running in this process; close the other SumoTraffic first")
-    for file in (network, types):
-        if "," in str(file):
-            raise InputError(f"SUMO cannot open {file}: it splits paths at commas; rename the folder or the file")
+    if "," in str(network):
+        raise InputError(f"SUMO cannot open {network}: it splits paths at commas; rename the folder or the file")
     command = [
-        "sumo", "--net-file", str(network), "--additional-files", str(types), "--step-length", str(DT_S),
+        "sumo", "--net-file", str(network), "--additional-files", TYPES, "--step-length", str(DT_S),
         "--collision.action", "none", "--time-to-teleport", "-1", "--insertion-checks", "none",
         "--lanechange.duration", "3", "--default.speeddev", "0", "--no-step-log", "true",
         "--no-warnings", "true", "--xml-validation", "never", "--xml-validation.net", "never",
     ]  # fmt: skip
-    with Commanding("start with {} and {}", network.name, types.name):
+    with TemporaryDirectory(prefix="interplan_") as folder, Commanding("start with {}", network.name):
+        command[command.index(TYPES)] = str(Path(folder) / TYPES)
+        (Path(folder) / TYPES).write_text(types, encoding="utf-8")
         sumo.start(command)
     _is_open = True
 

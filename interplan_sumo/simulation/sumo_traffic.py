@@ -124,10 +124,12 @@ class SumoTraffic:
         self._signals: Signals | None = None
         self._next_switch_s = 0.0
         self._agents = AgentRegistry(types.path, setup.standing, setup.crowd, ids.origin_m, DT_S)
-        open_simulation(network.path, types.path)
+        drawn = [*(spawn.driver for spawn in setup.spawns), *(setup.flow.drivers if setup.flow is not None else ())]
+        open_simulation(network.path, types.sumo_document(drawn))
         self._open = True
         try:
-            self._drivers = {each.id: self._as_loaded(each) for each in (*types.members, *types.others)}
+            known = {each.id: each for each in (*types.members, *types.others, *drawn)}
+            self._drivers = {name: self._as_loaded(each) for name, each in known.items()}
             chance = AgentChance(setup.chance_seed)
             self._relaxation = HeadwayRelaxation(self._agents.drivers, self._set_tau, DT_S)
             models = DriverModels(self._follow_speed_mps, chance.of, self._relaxation.cut_in, DT_S)
@@ -161,7 +163,7 @@ class SumoTraffic:
         self._added += 1
         driver = self._drivers[each.driver.id]
         speeds = each.speed_mps > lane.limit_mps * driver.speed_factor + 1e-6  # only if the scenario places it so
-        with Commanding("vehicle.add of an agent of type {!r} on lane {}", driver.id, each.lane):
+        with Commanding("vehicle.add of an agent of type {!r} on lane {}", driver.name, each.lane):
             sumo.route.add(name, each.route)
             sumo.vehicle.add(
                 name, name, driver.id, departLane=str(lane.index), departPos=f"{each.position_m:.6f}",
@@ -202,8 +204,7 @@ class SumoTraffic:
                 accel_mps2=get.getAccel(driver.id),
                 decel_mps2=get.getDecel(driver.id),
                 emergency_decel_mps2=get.getEmergencyDecel(driver.id),
-                max_speed_mps=get.getMaxSpeed(driver.id),
-                speed_factor=get.getSpeedFactor(driver.id),
+                max_speed_mps=min(driver.max_speed_mps, get.getMaxSpeed(driver.id)),
             )
 
     # --- one step ------------------------------------------------------------------------------

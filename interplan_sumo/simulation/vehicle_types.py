@@ -1,52 +1,30 @@
-"""Vehicle-type files: the background's vehicles and how they drive, checked before SUMO sees the file."""
+"""Vehicle-type files: the background's vehicles and how they drive, drawn one by one and handed to SUMO."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from difflib import get_close_matches
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any, Final
-from xml.sax import SAXParseException
-from xml.sax.handler import ContentHandler
+from xml.sax.saxutils import quoteattr
+from zlib import crc32
 
-import defusedxml
-import defusedxml.sax
 import numpy as np
 
 from interplan_sumo.errors import UnknownNameError, VehicleTypeError
 from interplan_sumo.resources import routes_root
+from interplan_sumo.simulation.vehicle_type_effects import WITHHELD
+from interplan_sumo.simulation.vehicle_type_reader import SWERVE, VehicleTypeElement, read_document
 
 ENTRY = "traffic"
 """The one vType or vTypeDistribution that agents are drawn from."""
-
-# Lowest and highest sensible value of what we or IDM compute with; SUMO itself accepts nearly anything.
-NUMBERS: Final[Mapping[str, tuple[float, float]]] = {
-    "length": (0.5, 30.0), "width": (0.3, 4.0), "height": (0.3, 5.0), "minGap": (0.0, 20.0), "maxSpeed": (0.1, 100.0),
-    "speedFactor": (0.1, 3.0), "speedDev": (0.0, 1.0), "probability": (0.0, 1e9), "accel": (0.1, 15.0),
-    "decel": (0.1, 15.0), "emergencyDecel": (0.1, 20.0), "apparentDecel": (0.1, 20.0), "tau": (0.1, 10.0),
-    "delta": (0.1, 20.0), "sigma": (0.0, 1.0), "impatience": (-1.0, 1.0), "desiredMaxSpeed": (0.1, 100.0),
-    "actionStepLength": (0.1, 10.0), "stepping": (0.01, 1.0), "collisionMinGapFactor": (0.0, 10.0),
-    "minGapLat": (0.0, 10.0), "maxSpeedLat": (0.0, 10.0), "startupDelay": (0.0, 10.0),
-}  # fmt: skip
-OTHER_ATTRIBUTES: Final = frozenset(
-    "id vClass color carFollowModel laneChangeModel latAlignment guiShape imgFile emissionClass vTypes probabilities "
-    "tauLast apparentDecel cognitiveModel loadingDuration boardingDuration personCapacity containerCapacity "
-    "personNumber containerNumber speedFactorPremature osgFile carriageLength locomotiveLength carriageGap "
-    "deterministic seed".split()
-)
-PREFIXES: Final = ("lc", "jm", "cf")
-"""Lane-change, junction and car-following attributes, which SUMO checks itself."""
-PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
-    "interplan.reactOverlap": (0.0, 1.0),
-    "interplan.anticipation": (0.0, 3.0),
-    "interplan.reactionTime": (0.0, 2.0),
-    "interplan.courtesy": (0.0, 1.0),
-    "interplan.relaxation": (0.0, 30.0),
-}
-
+DECIMALS: Final = 4
+"""Of a number that is drawn; SUMO rounds speed factors to as many."""
+FASTEST_MPS: Final = 200 / 3.6
+"""What SUMO takes for a car's maxSpeed."""
 
 CLASSES: Final[Mapping[str, Mapping[str, float]]] = {
     "bus": {"length": 12.0, "width": 2.5, "accel": 1.2, "decel": 4.0, "emergencyDecel": 7.0, "maxSpeed": 100 / 3.6},
@@ -59,7 +37,9 @@ CLASSES: Final[Mapping[str, Mapping[str, float]]] = {
     "motorcycle": {"length": 2.2, "width": 0.9, "accel": 6.0, "decel": 10.0, "emergencyDecel": 10.0},
     "moped": {"length": 2.1, "width": 0.78, "accel": 1.1, "decel": 7.0, "emergencyDecel": 10.0, "maxSpeed": 60 / 3.6},
     "bicycle": {"length": 1.6, "width": 0.65, "minGap": 0.5, "accel": 1.2, "decel": 3.0, "emergencyDecel": 7.0,
-                "maxSpeed": 50 / 3.6},
+                "maxSpeed": 50 / 3.6, "desiredMaxSpeed": 20 / 3.6},
+    "scooter": {"length": 1.2, "width": 0.5, "minGap": 0.5, "accel": 1.2, "decel": 3.0, "emergencyDecel": 7.0,
+                "maxSpeed": 25 / 3.6, "desiredMaxSpeed": 20 / 3.6},
 }  # fmt: skip
 """What SUMO 1.28 takes for attributes that a type of one of these classes leaves out, where that is not a car's."""
 CLASS_OF_KIND: Final[Mapping[str, str]] = {
@@ -70,7 +50,7 @@ CLASS_OF_KIND: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class VehicleType:
-    """One driver-and-vehicle type, with what the reaction layer computes with. SUMO reads the rest itself."""
+    """One vehicle and its driver: what the reaction layer computes with, in numbers. SUMO reads the rest itself."""
 
     id: str
     length_m: float = 5.0
@@ -80,7 +60,8 @@ class VehicleType:
     accel_mps2: float = 2.6
     decel_mps2: float = 4.5
     emergency_decel_mps2: float = 9.0
-    max_speed_mps: float = 200 / 3.6
+    max_speed_mps: float = FASTEST_MPS
+    """The lower one of what it can drive and what its driver wants where there is no limit."""
     speed_factor: float = 1.0
     vehicle_class: str = "passenger"
     react_overlap: float = 0.0
@@ -97,6 +78,15 @@ class VehicleType:
     """Time constant with which the headway, short after somebody cut in, returns to `tau_s`, 0 to 30; 0: at once."""
     car_following_model: str = "Krauss"
     """SUMO's name."""
+    drawn_from: str = ""
+    """The file's type, where this one has numbers of its own."""
+    drawn: tuple[tuple[str, float], ...] = ()
+    """Those numbers, by SUMO's attribute or by parameter."""
+
+    @property
+    def name(self) -> str:
+        """Under which its behaviour is reported: what the file calls it."""
+        return self.drawn_from or self.id
 
 
 @dataclass(frozen=True)
@@ -105,17 +95,25 @@ class VehicleTypes:
 
     path: Path
     members: tuple[VehicleType, ...]
-    """What `traffic` stands for: one type, or the members of the distribution."""
+    """What `traffic` stands for: one type, or the members of the distribution, at the medians of their spreads."""
     probabilities: tuple[float, ...]
-    others: tuple[VehicleType, ...] = field(default=())
+    others: tuple[VehicleType, ...]
     """Types that `traffic` does not name."""
+    warnings: tuple[str, ...]
+    """What stands in the file and cannot act here, one line each."""
+    elements: Mapping[str, VehicleTypeElement]
+    """All types as they stand in the file."""
 
     def draw(self, rng: np.random.Generator) -> VehicleType:
-        """One member, by probability; one draw from `rng` whatever the file, so that files can be compared."""
-        return _drawn(self.members, self.probabilities, rng)
+        """One vehicle, its type by probability, its numbers from the type's distributions.
+
+        One draw from `rng` whatever the file, so that files can be compared. SUMO
+        knows only vehicles that were drawn before it started.
+        """
+        return self._drawn(self.members, self.probabilities, rng)
 
     def draw_kind(self, kind: str, rng: np.random.Generator) -> VehicleType:
-        """One member of a kind of vehicle, by probability; VehicleTypeError if there is none."""
+        """One vehicle of a kind, by probability; VehicleTypeError if there is none."""
         wanted = CLASS_OF_KIND[kind]
         pairs = zip(self.members, self.probabilities, strict=True)
         able = [(member, share) for member, share in pairs if member.vehicle_class == wanted and share > 0.0]
@@ -125,16 +123,64 @@ class VehicleTypes:
                 f"places one; add one to the file, or pass another file with --traffic"
             )
         members, shares = zip(*able, strict=True)
-        return _drawn(members, shares, rng)
+        return self._drawn(members, shares, rng)
+
+    def _drawn(self, members: Sequence[VehicleType], shares: Sequence[float], rng: np.random.Generator) -> VehicleType:
+        share = rng.random()
+        return _spread(self.elements[_member_at(members, shares, share * sum(shares)).id], share)
+
+    def sumo_document(self, drawn: Iterable[VehicleType] = (), *, besides: frozenset[str] = frozenset()) -> str:
+        """The file for SUMO: plain numbers only, its own types and those drawn.
+
+        Left out is what nothing here reads, but for attributes named in `besides`.
+        """
+        withheld = WITHHELD - besides
+        known = {each.id: each for each in (*self.members, *self.others)}
+        known.update((each.id, each) for each in drawn)
+        lines = [_sumo_type(self.elements[each.name], each, withheld) for each in known.values()]
+        return "\n".join(('<?xml version="1.0" encoding="UTF-8"?>', "<additional>", *lines, "</additional>", ""))
 
 
-def _drawn(members: Sequence[VehicleType], shares: Sequence[float], rng: np.random.Generator) -> VehicleType:
-    at = rng.random() * sum(shares)
+def _member_at(members: Sequence[VehicleType], shares: Sequence[float], at: float) -> VehicleType:
     for member, share in zip(members, shares, strict=True):
         at -= share
         if at < 0.0:
             return member
     return members[-1]
+
+
+def _spread(element: VehicleTypeElement, share: float) -> VehicleType:
+    """One vehicle of a type. Each number depends on `share`, 0 to 1, and its own name only.
+
+    So a change to one distribution leaves all other numbers as they are.
+    """
+    if not element.spreads:
+        return _vehicle_type(element, {})
+    at = int(share * 2**53)
+    drawn = {
+        key: round(spread.quantile(np.random.default_rng((at, crc32(key.encode()))).random()), DECIMALS)
+        for key, spread in element.spreads.items()
+    }
+    mark = blake2b(repr(sorted(drawn.items())).encode(), digest_size=6).hexdigest()
+    numbers = tuple(sorted(drawn.items()))
+    return replace(_vehicle_type(element, drawn), id=f"{element.id}~{mark}", drawn_from=element.id, drawn=numbers)
+
+
+def _sumo_type(element: VehicleTypeElement, driver: VehicleType, withheld: frozenset[str]) -> str:
+    numbers = dict(driver.drawn) or _middle(element)
+    values = {key: text for key, text in element.attributes.items() if key not in withheld}
+    values.update((key, repr(value)) for key, value in numbers.items() if not key.startswith("interplan."))
+    if "speedFactor" in element.spreads:
+        values["speedDev"] = "0"
+    text = " ".join(f"{key}={quoteattr(text)}" for key, text in {**values, "id": driver.id}.items())
+    own = {key: text for key, text in element.parameters.items() if not key.startswith("interplan.")}
+    inner = "".join(f"<param key={quoteattr(key)} value={quoteattr(text)}/>" for key, text in own.items())
+    return f"    <vType {text}>{inner}</vType>" if inner else f"    <vType {text}/>"
+
+
+def _middle(element: VehicleTypeElement) -> dict[str, float]:
+    """The numbers in the middle of a type's distributions."""
+    return {key: round(spread.quantile(0.5), DECIMALS) for key, spread in element.spreads.items()}
 
 
 def vehicle_type_file(behaviour: str) -> Path:
@@ -156,148 +202,55 @@ def read_vehicle_types(path: Path) -> VehicleTypes:
 
 @lru_cache(maxsize=64)
 def _read(path: Path, _mtime_ns: int, _size: int) -> VehicleTypes:
-    reader = _Reader(path)
-    try:
-        defusedxml.sax.parse(str(path), reader)
-    except SAXParseException as error:
-        raise VehicleTypeError(
-            f"{path}, line {error.getLineNumber()}: not well-formed XML: {error.getMessage()}"
-        ) from None
-    except (defusedxml.DefusedXmlException, OSError, UnicodeError) as error:
-        raise VehicleTypeError(f"{path}: cannot be read: {error}") from None
-    return reader.result()
+    document = read_document(path)
+    types = {name: _vehicle_type(element, _middle(element)) for name, element in document.types.items()}
+    if ENTRY in types:
+        members: Mapping[str, float] = {ENTRY: 1.0}
+    elif ENTRY in document.distributions:
+        members = document.distributions[ENTRY]
+    else:
+        raise VehicleTypeError(f"{path}: no vType or vTypeDistribution with id {ENTRY!r}, which agents are drawn from")
+    if sum(members.values()) <= 0.0:
+        raise VehicleTypeError(f"{path}: the vTypeDistribution {ENTRY!r} has no member with a probability")
+    return VehicleTypes(
+        path,
+        tuple(types[name] for name in members),
+        tuple(members.values()),
+        tuple(each for name, each in types.items() if name not in members),
+        document.warnings,
+        document.types,
+    )
 
 
-class _Reader(ContentHandler):
-    """Collects types and distributions, with line numbers for the errors."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self._path = path
-        self._locator: Any = None
-        self._types: dict[str, dict[str, Any]] = {}
-        self._distributions: dict[str, dict[str, float]] = {}
-        self._open_type: str | None = None
-        self._open_distribution: str | None = None
-
-    def setDocumentLocator(self, locator: Any) -> None:  # noqa: N802 - the name is sax's
-        self._locator = locator
-
-    def _error(self, message: str) -> VehicleTypeError:
-        line = self._locator.getLineNumber() if self._locator is not None else "?"
-        return VehicleTypeError(f"{self._path}, line {line}: {message}")
-
-    def _number(self, name: str, text: str, lowest: float, highest: float) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            raise self._error(f"{name} is {text!r}, expected a number") from None
-        if not lowest <= value <= highest:
-            raise self._error(f"{name} is {text}, expected {lowest:g} to {highest:g}")
-        return value
-
-    def startElement(self, name: str, attrs: Any) -> None:  # noqa: N802 - the name is sax's
-        values: dict[str, str] = dict(attrs.items())
-        if name == "vType":
-            self._start_type(values)
-        elif name == "vTypeDistribution":
-            self._start_distribution(values)
-        elif name == "param":
-            self._parameter(values)
-        elif name not in ("additional", "routes"):
-            raise self._error(
-                f"<{name}> does not belong in a vehicle-type file; it holds vType, vTypeDistribution and param"
-            )
-
-    def endElement(self, name: str) -> None:  # noqa: N802 - the name is sax's
-        if name == "vType":
-            self._open_type = None
-        elif name == "vTypeDistribution":
-            self._open_distribution = None
-
-    def _start_type(self, values: dict[str, str]) -> None:
-        type_id = values.get("id", "")
-        if not type_id:
-            raise self._error("a vType needs an id")
-        if type_id in self._types or type_id in self._distributions:
-            raise self._error(f"the id {type_id!r} is used twice")
-        if type_id.startswith("interplan_"):
-            raise self._error(f"the id {type_id!r} is taken; ids must not begin with interplan_")
-        numbers: dict[str, Any] = {}
-        for key, text in values.items():
-            if key in NUMBERS:
-                numbers[key] = self._number(key, text, *NUMBERS[key])
-            elif key not in OTHER_ATTRIBUTES and not key.startswith(PREFIXES):
-                near = get_close_matches(key, (*NUMBERS, *OTHER_ATTRIBUTES), n=1)
-                guess = f"; did you mean {near[0]!r}?" if near else ""
-                raise self._error(f"vType {type_id!r} has an unknown attribute {key!r}{guess}")
-        numbers["vClass"] = values.get("vClass", "passenger")
-        if "carFollowModel" in values:
-            numbers["carFollowModel"] = values["carFollowModel"]
-        self._types[type_id] = numbers
-        self._open_type = type_id
-        if self._open_distribution is not None:
-            self._distributions[self._open_distribution][type_id] = numbers.get("probability", 1.0)
-
-    def _start_distribution(self, values: dict[str, str]) -> None:
-        name = values.get("id", "")
-        if not name or name in self._distributions or name in self._types:
-            raise self._error(f"a vTypeDistribution needs an id of its own, got {name!r}")
-        listed = values.get("vTypes", "").split()
-        weights = [self._number("probabilities", p, 0.0, 1e9) for p in values.get("probabilities", "").split()]
-        if weights and len(weights) != len(listed):
-            raise self._error(f"vTypeDistribution {name!r} has {len(listed)} vTypes and {len(weights)} probabilities")
-        for member in listed:
-            if member not in self._types:
-                raise self._error(f"vTypeDistribution {name!r} names the vType {member!r}, which is not defined above")
-        default = [self._types[m].get("probability", 1.0) for m in listed]
-        self._distributions[name] = dict(zip(listed, weights or default, strict=True))
-        self._open_distribution = name
-
-    def _parameter(self, values: dict[str, str]) -> None:
-        key, text = values.get("key", ""), values.get("value", "")
-        if self._open_type is None:
-            raise self._error("a param belongs inside a vType")
-        if key in PARAMETERS:
-            self._types[self._open_type][key] = self._number(key, text, *PARAMETERS[key])
-        elif key == "interplan.swerve":
-            if text not in ("true", "false"):
-                raise self._error(f"interplan.swerve is {text!r}, expected true or false")
-            self._types[self._open_type][key] = text == "true"
-        elif key.startswith("interplan."):
-            near = get_close_matches(key, (*PARAMETERS, "interplan.swerve"), n=1)
-            guess = f"; did you mean {near[0]!r}?" if near else ""
-            raise self._error(f"unknown parameter {key!r}{guess}")
-
-    def result(self) -> VehicleTypes:
-        """What was read; VehicleTypeError if there is no entry `traffic`, or an empty one."""
-        types = {name: _vehicle_type(name, numbers) for name, numbers in self._types.items()}
-        if ENTRY in types:
-            members = {ENTRY: 1.0}
-        elif ENTRY in self._distributions:
-            members = self._distributions[ENTRY]
-        else:
-            raise VehicleTypeError(
-                f"{self._path}: no vType or vTypeDistribution with id {ENTRY!r}, which agents are drawn from"
-            )
-        if sum(members.values()) <= 0.0:
-            raise VehicleTypeError(f"{self._path}: the vTypeDistribution {ENTRY!r} has no member with a probability")
-        return VehicleTypes(
-            self._path,
-            tuple(types[m] for m in members),
-            tuple(members.values()),
-            tuple(t for name, t in types.items() if name not in members),
-        )
+_FIELDS: Final[Mapping[str, str]] = {
+    "length": "length_m", "width": "width_m", "tau": "tau_s", "minGap": "min_gap_m", "accel": "accel_mps2",
+    "decel": "decel_mps2", "emergencyDecel": "emergency_decel_mps2", "maxSpeed": "max_speed_mps",
+    "speedFactor": "speed_factor", "interplan.reactOverlap": "react_overlap",
+    "interplan.anticipation": "anticipation_s", "interplan.reactionTime": "reaction_time_s",
+    "interplan.courtesy": "courtesy", "interplan.relaxation": "relaxation_s",
+}  # fmt: skip
 
 
-def _vehicle_type(name: str, numbers: Mapping[str, Any]) -> VehicleType:
-    names = {
-        "length": "length_m", "width": "width_m", "tau": "tau_s", "minGap": "min_gap_m", "accel": "accel_mps2",
-        "decel": "decel_mps2", "emergencyDecel": "emergency_decel_mps2", "maxSpeed": "max_speed_mps",
-        "speedFactor": "speed_factor", "vClass": "vehicle_class", "interplan.reactOverlap": "react_overlap",
-        "interplan.anticipation": "anticipation_s", "interplan.swerve": "swerve",
-        "interplan.reactionTime": "reaction_time_s", "interplan.courtesy": "courtesy",
-        "interplan.relaxation": "relaxation_s", "carFollowModel": "car_following_model",
-    }  # fmt: skip
-    known: dict[str, Any] = {**CLASSES.get(numbers["vClass"], {}), **numbers}
-    return VehicleType(name, **{names[key]: value for key, value in known.items() if key in names})
+def _vehicle_type(element: VehicleTypeElement, drawn: Mapping[str, float]) -> VehicleType:
+    """A type with the numbers that distributions stand for."""
+    kind = element.attributes.get("vClass", "passenger")
+    numbers: dict[str, float] = {**CLASSES.get(kind, {}), **dict(_plain_numbers(element)), **drawn}
+    if "speedFactor" in numbers:
+        numbers["speedFactor"] = round(numbers["speedFactor"], DECIMALS)
+    fields: dict[str, Any] = {_FIELDS[key]: value for key, value in numbers.items() if key in _FIELDS}
+    if "desiredMaxSpeed" in numbers:
+        desired_mps = numbers["desiredMaxSpeed"] * numbers.get("speedFactor", 1.0)
+        fields["max_speed_mps"] = min(numbers.get("maxSpeed", FASTEST_MPS), desired_mps)
+    return VehicleType(
+        element.id,
+        **fields,
+        vehicle_class=kind,
+        swerve=element.parameters.get(SWERVE) == "true",
+        car_following_model=element.model,
+    )
+
+
+def _plain_numbers(element: VehicleTypeElement) -> Iterator[tuple[str, float]]:
+    for key, text in (*element.attributes.items(), *element.parameters.items()):
+        if key in (*_FIELDS, "desiredMaxSpeed") and key not in element.spreads:
+            yield key, float(text)

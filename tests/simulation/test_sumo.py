@@ -79,10 +79,8 @@ def test_the_ids_that_planners_see_say_nothing_and_the_behaviour_is_kept_apart()
 
 
 def test_a_file_with_a_comma_in_its_path_is_refused_in_one_line(tmp_path: Path) -> None:
-    file = tmp_path / "tau=1,sigma=0.xml"
-    file.write_text("<routes/>")
     with pytest.raises(InputError, match=r"splits paths at commas; rename"):
-        open_simulation(tmp_path / "map.net.xml", file)
+        open_simulation(tmp_path / "left,right.net.xml", "<additional/>")
 
 
 def test_only_one_simulation_may_be_open_in_a_process() -> None:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
-from networks import NETWORK_FILE
+from networks import LANE_Y, NETWORK_FILE, ego_at, traffic
 
 from interplan_sumo.errors import UnknownNameError, VehicleTypeError
+from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.sumo import sumo
+from interplan_sumo.simulation.vehicle_type_schema import vehicle_type_schema
 from interplan_sumo.simulation.vehicle_types import (
     CLASS_OF_KIND,
     CLASSES,
@@ -55,7 +59,7 @@ def test_a_member_without_probability_is_never_drawn(tmp_path: Path) -> None:
         ('<additional>\n<vType id="traffic" taau="1"/>\n</additional>', r"line 2: .*'taau'; did you mean 'tau'"),
         ('<additional>\n<vType id="traffic" tau="0"/></additional>', r"line 2: tau is 0, expected 0.1 to 10"),
         ('<additional>\n<vType id="traffic" tau="fast"/></additional>', r"line 2: tau is 'fast', expected a number"),
-        ('<additional>\n<vType id="traffic" tau="nan"/></additional>', r"line 2: tau is nan, expected"),
+        ('<additional>\n<vType id="traffic" tau="nan"/></additional>', r"line 2: tau is 'nan', expected a number"),
         (
             '<additional><vType id="traffic">\n<param key="interplan.reactOverlap" value="1.01"/></vType></additional>',
             r"line 2: interplan.reactOverlap is 1.01, expected 0 to 1",
@@ -160,22 +164,201 @@ def test_what_a_class_leaves_out_is_what_sumo_takes(tmp_path: Path) -> None:
         tmp_path, f'<additional>{rows}<vTypeDistribution id="traffic" vTypes="{" ".join(names)}"/></additional>'
     )
     members = read_vehicle_types(path).members
-    libsumo.start(["sumo", "-n", str(NETWORK_FILE), "-a", str(path), "--no-step-log", "true"])
+    libsumo.start(
+        ["sumo", "-n", str(NETWORK_FILE), "-a", str(path), "--no-step-log", "true", "--default.speeddev", "0"]
+    )
     try:
         kind = libsumo.vehicletype
+        libsumo.route.add("there", ["e0"])
+        for place, name in enumerate(names):
+            libsumo.vehicle.add(name, "there", name, departPos=f"{20 * place + 20}")
+        libsumo.simulationStep()
+        limit_mps = libsumo.lane.getMaxSpeed("e0_0")
         for each in members:
             ours = (
                 each.length_m, each.width_m, each.min_gap_m, each.tau_s, each.accel_mps2, each.decel_mps2,
-                each.emergency_decel_mps2, each.max_speed_mps, each.speed_factor,
+                each.emergency_decel_mps2, min(limit_mps, each.max_speed_mps), each.speed_factor,
             )  # fmt: skip
             theirs = (
                 kind.getLength(each.id), kind.getWidth(each.id), kind.getMinGap(each.id), kind.getTau(each.id),
                 kind.getAccel(each.id), kind.getDecel(each.id), kind.getEmergencyDecel(each.id),
-                kind.getMaxSpeed(each.id), kind.getSpeedFactor(each.id),
+                libsumo.vehicle.getAllowedSpeed(each.id), kind.getSpeedFactor(each.id),
             )  # fmt: skip
             assert ours == pytest.approx(theirs, abs=1e-6), each.id
     finally:
         libsumo.close()
+
+
+def one(folder: Path, attributes: str, inner: str = "") -> Path:
+    return file(folder, f'<additional><vType id="traffic" {attributes}>{inner}</vType></additional>')
+
+
+def test_every_attribute_of_sumos_schema_is_taken(tmp_path: Path) -> None:
+    samples = {"refId": "traffic", "vClass": "bus", "carFollowModel": "W99", "emissionClass": "zero"}
+    for name, kind in vehicle_type_schema().attributes.items():
+        tried = (
+            samples.get(name),
+            "0.5",
+            "1",
+            *(word for each in (kind, *kind.either) for word in each.words),
+            "1,0,0",
+        )
+        value = next(text for text in tried if text is not None and kind.takes(text))
+        if name not in ("id", "maxAccelProfile", "desAccelProfile"):
+            assert len(read_vehicle_types(one(tmp_path, f'{name}="{value}"')).members) == 1
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ('lcPushi="1"', r"unknown attribute 'lcPushi'; did you mean 'lcPushy'"),
+        ('cc1="fast"', r"cc1 is 'fast', expected a number, or a distribution"),
+        ('maxvehpreview="1.5"', r"maxvehpreview is '1.5', expected a whole number above 0"),
+        ('laneChangeModel="LC2014"', r"laneChangeModel is 'LC2014', expected default, DK2008, LC2013"),
+        ('jmDriveAfterRedTime="-2"', r"jmDriveAfterRedTime is '-2', expected a number of at least 0 or -1"),
+        ('carFollowModel="Kerner"', r"carFollowModel is 'Kerner', which SUMO has not; did you mean 'BKerner'"),
+        ('carFollowModel="CC"', r"carFollowModel CC is steered by Plexe"),
+        ('carFollowModel="Rail"', r"carFollowModel Rail moves trains"),
+        ('vClass="ship"', r"vClass is 'ship', which does not drive on roads"),
+        ('vClass="passanger"', r"vClass is 'passanger', which SUMO has not; did you mean 'passenger'"),
+        ('maxAccelProfile="3 2"', r"maxAccelProfile has 2 numbers and speedTable 0; they belong in pairs"),
+        ('maxAccelProfile="3 x" speedTable="0 5"', r"maxAccelProfile is 'x', expected a number"),
+        ('tau="norm(1)"', r"tau is 'norm\(1\)': expected a distribution such as"),
+        ('tau="weibull(1,2)"', r"'weibull' is no distribution; known: norm, normc"),
+        ('tau="norm(-5,0.1)"', r"hardly ever from 0.1 to 10"),
+        ('speedDev="norm(0,1)"', r"speedDev is 'norm\(0,1\)', expected a number"),
+        ('speedFactor="2.5" speedDev="0.01"', r"hardly ever from 0.2 to 2"),
+    ],
+)
+def test_what_sumo_would_refuse_or_overlook_is_refused_in_one_line(
+    tmp_path: Path, attributes: str, message: str
+) -> None:
+    with pytest.raises(VehicleTypeError, match=rf"types\.xml, line 1: .*{message}"):
+        read_vehicle_types(one(tmp_path, attributes))
+
+
+def test_hostile_files_give_one_short_line_quickly(tmp_path: Path) -> None:
+    path = tmp_path / "types.xml"
+    for text in (
+        b'<?xml version="1.0" encoding="bogus"?><additional/>',
+        b'<additional><vType id="traffic" tau="' + 3_900_000 * b"1" + b'"/></additional>',
+        b'<additional><vType id="traffic" tau="' + 8_000_000 * b"1" + b'"/></additional>',
+        b'<additional><vType id="traffic" ' + 3_900_000 * b"a" + b'="1"/></additional>',
+        b"<additional>" + 300_000 * b"<a>",
+    ):
+        path.write_bytes(text)
+        began_s = perf_counter()
+        with pytest.raises(VehicleTypeError) as error:
+            read_vehicle_types(path)
+        assert perf_counter() - began_s < 2.0
+        assert len(str(error.value)) < 400
+        assert "\n" not in str(error.value)
+
+
+def test_a_nested_car_following_element_is_part_of_its_type(tmp_path: Path) -> None:
+    (member,) = read_vehicle_types(one(tmp_path, 'accel="1"', '<carFollowing-EIDM tau="3"/>')).members
+    assert (member.car_following_model, member.tau_s, member.accel_mps2) == ("EIDM", 3.0, 1.0)
+
+
+def test_a_distribution_may_refer_to_types_defined_before_it(tmp_path: Path) -> None:
+    text = '<vType id="a"/><vTypeDistribution id="traffic"><vType refId="a" probability="3"/></vTypeDistribution>'
+    types = read_vehicle_types(file(tmp_path, f"<additional>{text}</additional>"))
+    assert [(each.id, share) for each, share in zip(types.members, types.probabilities, strict=True)] == [("a", 3.0)]
+
+
+@pytest.mark.parametrize(
+    ("attributes", "warned"),
+    [
+        (
+            'laneChangeModel="SL2015" lcPushy="1"',
+            ["SL2015", "lcPushy cannot act: it acts only with lateral resolution"],
+        ),
+        ('minGapLat="1" latAlignment="left"', ["minGapLat, latAlignment cannot act"]),
+        ('carFollowModel="IDM" cc1="2"', ["cc1 cannot act: IDM does not read it, only W99"]),
+        ('carFollowModel="W99" cc1="2"', []),
+        ('carFollowModel="KraussX" tmp1="2" tau="1"', []),
+        ('timeToTeleport="5"', ["nothing here is ever teleported"]),
+    ],
+)
+def test_what_cannot_act_is_warned_of_in_one_line_each(tmp_path: Path, attributes: str, warned: list[str]) -> None:
+    found = read_vehicle_types(one(tmp_path, attributes)).warnings
+    assert len(found) == len(warned)
+    assert all(text in line for text, line in zip(warned, found, strict=True))
+
+
+def test_the_shipped_files_have_nothing_that_cannot_act_but_against_oncoming_lanes() -> None:
+    for behaviour in ("conservative", "assertive", "mixed", "urban", "interplan_code"):
+        assert not any("lcOpposite" not in line for line in read_vehicle_types(vehicle_type_file(behaviour)).warnings)
+
+
+SPREAD = (
+    'carFollowModel="IDM" tau="normc(1.5,0.5,0.5,3)" length="uniform(4,6)" minGap="lognorm(0.7,0.3)" speedDev="0.1"'
+)
+KEYS = '<param key="interplan.courtesy" value="norm(0.5,0.2)"/>'
+
+
+def test_each_vehicle_has_its_own_numbers_within_their_distributions_and_bounds(tmp_path: Path) -> None:
+    types, rng = read_vehicle_types(one(tmp_path, SPREAD, KEYS)), np.random.default_rng(1)
+    drawn = [types.draw(rng) for _ in range(2000)]
+    assert len({each.id for each in drawn}) == 2000
+    assert {each.name for each in drawn} == {"traffic"}
+    tau = np.array([each.tau_s for each in drawn])
+    assert 0.5 <= tau.min() < 0.7
+    assert 2.7 < tau.max() <= 3.0
+    assert tau.mean() == pytest.approx(1.51, abs=0.05)
+    assert np.mean([each.length_m for each in drawn]) == pytest.approx(5.0, abs=0.05)
+    assert np.median([each.min_gap_m for each in drawn]) == pytest.approx(np.exp(0.7), abs=0.05)
+    assert np.std([each.speed_factor for each in drawn]) == pytest.approx(0.1, abs=0.01)
+    assert all(0.0 <= each.courtesy <= 1.0 for each in drawn)
+    assert abs(np.corrcoef(tau, [each.length_m for each in drawn])[0, 1]) < 0.07
+
+
+def test_one_number_is_taken_from_the_generator_whatever_the_file(tmp_path: Path) -> None:
+    for path in (one(tmp_path, SPREAD, KEYS), vehicle_type_file("urban"), vehicle_type_file("assertive")):
+        rng, other = np.random.default_rng(3), np.random.default_rng(3)
+        types = read_vehicle_types(path)
+        for _ in range(5):
+            types.draw(rng)
+            other.random()
+        assert rng.random() == other.random()
+
+
+def test_a_change_to_one_distribution_leaves_the_other_numbers_of_a_vehicle(tmp_path: Path) -> None:
+    before, after = (
+        read_vehicle_types(one(tmp_path, text, KEYS)).draw(np.random.default_rng(5))
+        for text in (SPREAD, SPREAD.replace("normc(1.5,", "normc(2.0,"))
+    )
+    assert before.tau_s < after.tau_s
+    assert (before.length_m, before.courtesy, before.speed_factor) == (
+        after.length_m, after.courtesy, after.speed_factor
+    )  # fmt: skip
+
+
+def test_sumo_drives_each_vehicle_with_the_numbers_that_were_drawn(tmp_path: Path) -> None:
+    types, rng = read_vehicle_types(one(tmp_path, SPREAD, KEYS)), np.random.default_rng(1)
+    drivers = [types.draw(rng) for _ in range(4)]
+    spawns = tuple(
+        Spawn("e0_1", 40.0 * place + 20.0, 5.0, driver, ("e0", "e1")) for place, driver in enumerate(drivers)
+    )
+    with traffic(types, spawns, ego_at(1000.0, LANE_Y[0])) as run:
+        kinds = [sumo.vehicle.getTypeID(name) for name in sorted(sumo.vehicle.getIDList()) if name.startswith("a")]
+        assert kinds == [driver.id for driver in drivers]
+        for number, driver in enumerate(drivers):
+            get = sumo.vehicle
+            theirs = (get.getTau(f"a{number}"), get.getMinGap(f"a{number}"), get.getSpeedFactor(f"a{number}"))
+            assert theirs == pytest.approx((driver.tau_s, driver.min_gap_m, driver.speed_factor), abs=1e-6)
+        assert set(run.behaviours.values()) == {"types"}
+        assert sorted(run.observe().actors.length_m) == pytest.approx(sorted(each.length_m for each in drivers))
+
+
+def test_a_driver_who_wants_less_than_the_limit_starts_no_faster(tmp_path: Path) -> None:
+    types = read_vehicle_types(one(tmp_path, 'desiredMaxSpeed="8" speedFactor="0.5"'))
+    driver = types.members[0]
+    assert driver.max_speed_mps == 4.0
+    with traffic(types, (Spawn("e0_1", 20.0, 4.0, driver, ("e0", "e1")),), ego_at(1000.0, LANE_Y[0])) as run:
+        for _ in range(20):
+            run.advance()
+        assert run.observe().actors.speed_mps.max() == pytest.approx(4.0, abs=0.05)
 
 
 def test_a_kind_is_drawn_among_its_own_class_by_probability() -> None:
