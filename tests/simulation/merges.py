@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from typing import Literal
@@ -54,6 +54,8 @@ class Merge:
     ego_mps: float = 8.0
     follower_mps: float = 10.0
     from_left: bool = False
+    chance_seed: int = 0
+    """For what the follower decides by chance."""
 
 
 @dataclass(frozen=True)
@@ -147,10 +149,13 @@ def measured(merge: Merge, types: VehicleTypes, blind: Floats | None = None) -> 
     place_m = fraction * network.lanes[lane].length_m
     driver = types.members[0]
     route = _edges(network, ids, merge.site.lanes)
-    spawn = Spawn(lane, place_m, merge.follower_mps, driver, route)
+    setup = TrafficSetup(
+        network, ids, types, driven[0], route, spawns=(Spawn(lane, place_m, merge.follower_mps, driver, route),),
+        tokens=("a",), with_ego=False, chance_seed=merge.chance_seed,
+    )  # fmt: skip
     if blind is None:
-        blind, _, _ = _run(network, ids, types, spawn, driven, route, with_ego=False)
-    speeds, fronts, length_m = _run(network, ids, types, spawn, driven, route, with_ego=True)
+        blind, _, _ = _run(setup, driven)
+    speeds, fronts, length_m = _run(replace(setup, with_ego=True), driven)
     driven_on = {piece.sumo_lane for each in merge.site.lanes for piece in ids.pieces[each]}
     corridor = shapely.union_all([piece.polygon for each in driven_on for piece in network.lanes[each].pieces])
     boxes = [shapely.Polygon(ego.corners(PACIFICA) - ids.origin_m) for ego in driven[: len(speeds)]]
@@ -180,16 +185,12 @@ def _edges(network: SumoNetwork, ids: NetworkIds, lanes: tuple[str, ...]) -> tup
     return (*edges, *(edge for edge in continued_route(network, last, 300.0)[1:] if edge not in edges))
 
 
-def _run(
-    network: SumoNetwork, ids: NetworkIds, types: VehicleTypes, spawn: Spawn, driven: list[EgoState],
-    route: tuple[str, ...], *, with_ego: bool,
-) -> tuple[Floats, list[tuple[float, float]], float]:  # fmt: skip
+def _run(setup: TrafficSetup, driven: list[EgoState]) -> tuple[Floats, list[tuple[float, float]], float]:
     """Speeds and front bumpers of the only agent at each step, and its length. All lights are green."""
     speeds: list[float] = []
     fronts: list[tuple[float, float]] = []
-    setup = TrafficSetup(network, ids, types, driven[0], route, spawns=(spawn,), tokens=("a",), with_ego=with_ego)
     with SumoTraffic(setup) as traffic:
-        traffic.impose_signals(dict.fromkeys(ids.links, SignalStatus.GREEN))
+        traffic.impose_signals(dict.fromkeys(setup.ids.links, SignalStatus.GREEN))
         for now, then in pairwise(driven):
             actors = traffic.observe().actors
             if not len(actors):
@@ -203,4 +204,4 @@ def _run(
             traffic.react(now)
             traffic.place_ego(then)
             traffic.advance()
-    return np.array(speeds), fronts, spawn.driver.length_m
+    return np.array(speeds), fronts, setup.spawns[0].driver.length_m
