@@ -8,66 +8,28 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 import shapely
 
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.simulation.agent_registry import AgentRegistry, AgentSnapshot
-from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE, EgoProxy
+from interplan_sumo.simulation.agent_control import AgentControl
+from interplan_sumo.simulation.agent_registry import AgentRegistry
+from interplan_sumo.simulation.ego_proxy import NO_LANE_CHANGE, EgoProxy
 from interplan_sumo.simulation.ego_reactions import FREEZE_RADIUS_M, EgoReactions
 from interplan_sumo.simulation.flow import Flow
-from interplan_sumo.simulation.headway_relaxation import HeadwayRelaxation, Leader
 from interplan_sumo.simulation.lane_polygons import Ring
 from interplan_sumo.simulation.lights import Lights, LoggedLights
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.pedestrians import Crowd
-from interplan_sumo.simulation.reactions import DriverModels, Mode, ReactionDecision
 from interplan_sumo.simulation.spawning import Spawn
-from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, finite, open_simulation, sumo
+from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, open_simulation, sumo
 from interplan_sumo.simulation.traffic import TrafficState
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.signals import Signals, SignalStatus
-
-SPEED_MODE_DEFAULT = 31
-"""All of SUMO's rules; told a speed, an agent brakes for that, and for what SUMO sees, no harder than `decel`."""
-SPEED_MODE_HARD_BRAKING = 24
-"""Without the bounds of acceleration and braking, and without SUMO's safe speed, which knows no brakes: ours hold."""
-LEADER_DECEL_MPS2 = 4.5
-"""How hard a leader that is told to an agent's own model may brake: SUMO's default for cars, as for the proxy."""
-LANE_CHANGE_DEFAULT = 1621
-CUT_IN_WITHIN_M = 60.0
-"""Farther ahead nobody cuts in."""
-
-
-class _Told(NamedTuple):
-    """What an agent has been told."""
-
-    ignores_ego: bool
-    from_mps: float | None
-    """How fast it drove when it was told a speed for the step; None: it drives as SUMO wants."""
-    speed_mode: int
-
-
-UNTOLD = _Told(False, None, SPEED_MODE_DEFAULT)
-
-
-class AgentChance:
-    """Numbers from 0 to 1 that fall to agents, from the scenario's seed: each agent has a sequence of its own."""
-
-    def __init__(self, seed: int) -> None:
-        self._seed = seed
-        self._generators: dict[str, np.random.Generator] = {}
-
-    def of(self, name: str) -> float:
-        """The agent's next number."""
-        if name not in self._generators:
-            self._generators[name] = np.random.default_rng((self._seed, *name.encode()))
-        return float(self._generators[name].random())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,8 +77,6 @@ class SumoTraffic:
         self._started = False
         self._logged = setup.logged
         self._step = 0
-        self._told: dict[str, _Told] = {}
-        self._keeping_lane: frozenset[str] = frozenset()
         self._added = 0
         self._entering: set[str] = set()
         self._speeding: dict[str, float] = {}  # agents that start above the limit -> speed factor afterwards
@@ -130,10 +90,10 @@ class SumoTraffic:
         try:
             known = {each.id: each for each in (*types.members, *types.others, *drawn)}
             self._drivers = {name: self._as_loaded(each) for name, each in known.items()}
-            chance = AgentChance(setup.chance_seed)
-            self._relaxation = HeadwayRelaxation(self._agents.drivers, self._set_tau, DT_S)
-            models = DriverModels(self._follow_speed_mps, chance.of, self._relaxation.cut_in, DT_S)
-            self._reactions = EgoReactions(network, ids.origin_m, setup.shape, self._agents, setup.blocked, models)
+            self._control = AgentControl(self._agents.drivers, setup.chance_seed)
+            self._reactions = EgoReactions(
+                network, ids.origin_m, setup.shape, self._agents, setup.blocked, self._control.models
+            )
             for token, each in zip(setup.tokens, setup.spawns, strict=True):
                 self._add(token, each)
             self._block(setup.blocked)
@@ -219,7 +179,7 @@ class SumoTraffic:
     def react(self, ego: EgoState) -> None:
         self._ego = ego
         if self._proxy is None:
-            self._keep_lanes(frozenset())
+            self._control.keep_lanes(frozenset())
             return
         walking: Sequence[Ring] = ()
         standing: Mapping[str, shapely.Polygon] = {}
@@ -227,14 +187,8 @@ class SumoTraffic:
             self._crowd.notice(ego, self._shape)
             walking, standing = self._crowd.foreseen(self._ids.origin_m), self._crowd.standing(self._ids.origin_m)
         agents = self._agents.snapshot(self._lanes_of, self._positions_m)
-        self._relax(agents)
-        commands = self._reactions.decide(ego, self._proxy.anchor, walking, standing, agents)
-        rows = {name: row for row, name in enumerate(agents.names)} if commands.decisions else {}
-        with Commanding("commanding the agents"):
-            for name, decision in commands.decisions.items():
-                if name in self._told or decision.mode is not Mode.SUMO or decision.speed_mps is not None:
-                    self._apply(name, decision, float(agents.speed_mps[rows[name]]))
-        self._keep_lanes(commands.keep_lane)
+        self._control.relax(agents)
+        self._control.tell(agents, self._reactions.decide(ego, self._proxy.anchor, walking, standing, agents))
 
     def place_ego(self, ego: EgoState) -> None:
         if self._proxy is not None:
@@ -255,7 +209,7 @@ class SumoTraffic:
             entry = self._flow.entry(self._agents, self._ego, self._shape, self._ids.origin_m, self._is_open)
             if entry is not None:
                 self._add(*entry)
-                self._keep_lanes(self._keeping_lane | self._beside(entry[1]))  # until the others see it
+                self._control.keep_lanes(self._control.keeping_lane | self._beside(entry[1]))  # until the others see it
         with Commanding("simulationStep"):
             sumo.simulationStep()
             gone = frozenset(sumo.simulation.getArrivedIDList())
@@ -285,14 +239,13 @@ class SumoTraffic:
         self._agents.remove(gone)
         for name in gone:
             self._reactions.forget(name)
-            self._relaxation.forget(name)
-            self._told.pop(name, None)
-        self._keeping_lane -= gone
+            self._control.forget(name)
 
     def _enter(self, names: set[str]) -> None:
         """Agents that have entered with this step."""
         self._entering -= names
         self._agents.enter(names)
+        self._control.enter(names)
         with Commanding("giving agents their own speed limit back"):
             for name in sorted(names & self._speeding.keys()):
                 sumo.vehicle.setSpeedFactor(name, self._speeding.pop(name))
@@ -327,8 +280,6 @@ class SumoTraffic:
                 self._signals = self._lights.signals(states)
         return self._signals
 
-    # --- reacting ------------------------------------------------------------------------------
-
     def _lanes_of(self, names: Sequence[str]) -> list[str]:
         lane_of = sumo.vehicle.getLaneID
         with Commanding("reading the agents' lanes"):
@@ -338,66 +289,3 @@ class SumoTraffic:
         position_of = sumo.vehicle.getLanePosition
         with Commanding("reading the agents' positions"):
             return [position_of(name) for name in names]
-
-    def _follow_speed_mps(self, name: str, speed_mps: float, gap_m: float, leader_mps: float) -> float:
-        """What SUMO's model of an agent wants behind a leader that it does not see; SUMO counts gaps beyond minGap."""
-        net_m = gap_m - self._agents.drivers[name].min_gap_m
-        return float(sumo.vehicle.getFollowSpeed(name, speed_mps, net_m, leader_mps, LEADER_DECEL_MPS2, ""))
-
-    def _relax(self, agents: AgentSnapshot) -> None:
-        """Headways of those that somebody has cut in on."""
-        relaxed = [name for name in agents.names if self._agents.drivers[name].relaxation_s > 0.0]
-        if not relaxed:
-            return
-        speeds = dict(zip(agents.names, agents.speed_mps.tolist(), strict=True))
-        with Commanding("relaxing headways"):
-            self._relaxation.step(relaxed, speeds.__getitem__, self._leader)
-
-    def _leader(self, name: str) -> Leader:
-        found = sumo.vehicle.getLeader(name, CUT_IN_WITHIN_M)
-        return None if found is None or not found[0] else found
-
-    def _set_tau(self, name: str, tau_s: float) -> None:
-        sumo.vehicle.setTau(name, finite("a headway", tau_s))
-
-    def _apply(self, name: str, decision: ReactionDecision, speed_mps: float) -> None:
-        """Tell an agent that drives at `speed_mps` what is decided.
-
-        Whatever SUMO itself would have it do, for another car or a light, holds
-        as well: up to `decel` SUMO sees to it, and what SUMO wanted beyond that
-        in the last step is kept up. No command, and no release, so ever breaks
-        the agent's brakes.
-        """
-        before = self._told.get(name, UNTOLD)
-        ignore, wanted_mps = decision.mode is Mode.IGNORE_EGO, decision.speed_mps
-        vehicle = sumo.vehicle
-        if ignore != before.ignores_ego:
-            vehicle.setParameter(name, "carFollowModel.ignoreIDs", EGO if ignore else "")
-            vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore else "")
-        mode = SPEED_MODE_DEFAULT
-        if wanted_mps is not None:
-            driver = self._agents.drivers[name]
-            if before.from_mps is not None:
-                own_mps2 = (vehicle.getSpeedWithoutTraCI(name) - before.from_mps) / DT_S
-                if own_mps2 < -driver.decel_mps2:
-                    wanted_mps = min(wanted_mps, speed_mps + own_mps2 * DT_S)
-            if wanted_mps < speed_mps - driver.decel_mps2 * DT_S:
-                mode = SPEED_MODE_HARD_BRAKING
-                wanted_mps = max(wanted_mps, speed_mps - driver.emergency_decel_mps2 * DT_S, 0.0)
-            vehicle.setSpeed(name, finite("an overriding speed", wanted_mps))
-        elif before.from_mps is not None:
-            vehicle.setSpeed(name, -1.0)
-        if mode != before.speed_mode:
-            vehicle.setSpeedMode(name, mode)
-        self._told[name] = _Told(ignore, None if wanted_mps is None else speed_mps, mode)
-
-    def _keep_lanes(self, wanted: frozenset[str]) -> None:
-        """Have these agents keep their lanes, and those before no longer."""
-        if wanted == self._keeping_lane:
-            return
-        with Commanding("setLaneChangeMode"):
-            for name in sorted(wanted - self._keeping_lane):
-                sumo.vehicle.setLaneChangeMode(name, NO_LANE_CHANGE)
-            for name in sorted(self._keeping_lane - wanted):
-                sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_DEFAULT)
-        self._keeping_lane = wanted

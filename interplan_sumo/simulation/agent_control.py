@@ -1,0 +1,171 @@
+"""What SUMO's agents are told: how fast to drive at most, whom to overlook, which lanes and headways to keep.
+
+No command, and no end of one, makes an agent brake or accelerate beyond its type.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from interplan_sumo.simulation.agent_registry import AgentSnapshot
+from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE
+from interplan_sumo.simulation.ego_reactions import BACK_TO_SUMO, AgentCommands
+from interplan_sumo.simulation.headway_relaxation import HeadwayRelaxation, Leader
+from interplan_sumo.simulation.reactions import DriverModels, Mode, ReactionDecision
+from interplan_sumo.simulation.sumo import DT_S, Commanding, finite, sumo
+from interplan_sumo.simulation.vehicle_types import VehicleType
+
+SPEED_MODE_DEFAULT = 31
+"""All of SUMO's rules; told a speed, an agent brakes for that, and for what SUMO sees, no harder than `decel`."""
+SPEED_MODE_HARD_BRAKING = 24
+"""Without the bounds of acceleration and braking, and without SUMO's safe speed, which knows no brakes: ours hold."""
+LEADER_DECEL_MPS2 = 4.5
+"""How hard a leader that is told to an agent's own model may brake: SUMO's default for cars, as for the proxy."""
+LANE_CHANGE_DEFAULT = 1621
+SURGING_MODELS = frozenset({"EIDM"})
+"""Car-following models that accelerate by more than `accel` at times."""
+SURGE_MPS2 = 0.35
+"""They come no nearer to it in a step: EIDM's jerkmax is 3 m/s3."""
+CUT_IN_WITHIN_M = 60.0
+"""Farther ahead nobody cuts in."""
+
+
+class _Told(NamedTuple):
+    """What an agent has been told."""
+
+    ignores_ego: bool
+    from_mps: float | None
+    """How fast it drove when it was told a speed for the step; None: it drives as SUMO wants."""
+    speed_mode: int
+
+
+UNTOLD = _Told(False, None, SPEED_MODE_DEFAULT)
+
+
+class AgentChance:
+    """Numbers from 0 to 1 that fall to agents, from the scenario's seed: each agent has a sequence of its own."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        self._generators: dict[str, np.random.Generator] = {}
+
+    def of(self, name: str) -> float:
+        """The agent's next number."""
+        if name not in self._generators:
+            self._generators[name] = np.random.default_rng((self._seed, *name.encode()))
+        return float(self._generators[name].random())
+
+
+class AgentControl:
+    """Tells agents what is decided, and knows what they have been told."""
+
+    def __init__(self, drivers: Mapping[str, VehicleType], chance_seed: int) -> None:
+        """`drivers` by agent, as they come; `chance_seed` is for what they decide by chance."""
+        self._drivers = drivers
+        self._told: dict[str, _Told] = {}
+        self._surging: set[str] = set()
+        self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
+        self.keeping_lane: frozenset[str] = frozenset()
+        """Agents that must not change lane."""
+        self.models = DriverModels(self._follow_speed_mps, AgentChance(chance_seed).of, self._relaxation.cut_in, DT_S)
+
+    def enter(self, names: Collection[str]) -> None:
+        """These have entered."""
+        self._surging.update(name for name in names if self._drivers[name].car_following_model in SURGING_MODELS)
+
+    def forget(self, name: str) -> None:
+        """The agent has left."""
+        self._told.pop(name, None)
+        self._surging.discard(name)
+        self._relaxation.forget(name)
+        self.keeping_lane -= {name}
+
+    def relax(self, agents: AgentSnapshot) -> None:
+        """Headways of those that somebody has cut in on."""
+        relaxed = [name for name in agents.names if self._drivers[name].relaxation_s > 0.0]
+        if relaxed:
+            speeds = dict(zip(agents.names, agents.speed_mps.tolist(), strict=True))
+            with Commanding("relaxing headways"):
+                self._relaxation.step(relaxed, speeds.__getitem__, _leader)
+
+    def tell(self, agents: AgentSnapshot, commands: AgentCommands) -> None:
+        """Pass on what is decided for the next step."""
+        rows = {name: row for row, name in enumerate(agents.names)} if commands.decisions or self._surging else {}
+        with Commanding("commanding the agents"):
+            for name, decision in self._held_back(agents, commands.decisions, rows).items():
+                if name in self._told or decision.mode is not Mode.SUMO or decision.speed_mps is not None:
+                    self._apply(name, decision, float(agents.speed_mps[rows[name]]))
+        self.keep_lanes(commands.keep_lane)
+
+    def _follow_speed_mps(self, name: str, speed_mps: float, gap_m: float, leader_mps: float) -> float:
+        """What SUMO's model of an agent wants behind a leader that it does not see; SUMO counts gaps beyond minGap."""
+        net_m = gap_m - self._drivers[name].min_gap_m
+        return float(sumo.vehicle.getFollowSpeed(name, speed_mps, net_m, leader_mps, LEADER_DECEL_MPS2, ""))
+
+    def _held_back(
+        self, agents: AgentSnapshot, decisions: Mapping[str, ReactionDecision], rows: Mapping[str, int]
+    ) -> Mapping[str, ReactionDecision]:
+        """`decisions`, and that agents whose model would exceed their `accel` do not."""
+        held = {name: decisions.get(name, BACK_TO_SUMO) for name in self._surging}
+        for name, decision in held.items():
+            driver, speed_mps = self._drivers[name], float(agents.speed_mps[rows[name]])
+            if sumo.vehicle.getAcceleration(name) < driver.accel_mps2 - SURGE_MPS2:
+                continue
+            most_mps = speed_mps + driver.accel_mps2 * DT_S
+            if decision.speed_mps is None or most_mps < decision.speed_mps:
+                held[name] = decision._replace(speed_mps=most_mps)
+        return {**decisions, **held}
+
+    def _apply(self, name: str, decision: ReactionDecision, speed_mps: float) -> None:
+        """Tell an agent that drives at `speed_mps` what is decided.
+
+        Whatever SUMO itself would have it do, for another car or a light, holds
+        as well: up to `decel` SUMO sees to it, and what SUMO wanted beyond that
+        in the last step is kept up. No command, and no release, so ever breaks
+        the agent's brakes.
+        """
+        before = self._told.get(name, UNTOLD)
+        ignore, wanted_mps = decision.mode is Mode.IGNORE_EGO, decision.speed_mps
+        vehicle = sumo.vehicle
+        if ignore != before.ignores_ego:
+            vehicle.setParameter(name, "carFollowModel.ignoreIDs", EGO if ignore else "")
+            vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore else "")
+        mode = SPEED_MODE_DEFAULT
+        if wanted_mps is not None:
+            driver = self._drivers[name]
+            if before.from_mps is not None:
+                own_mps2 = (vehicle.getSpeedWithoutTraCI(name) - before.from_mps) / DT_S
+                if own_mps2 < -driver.decel_mps2:
+                    wanted_mps = min(wanted_mps, speed_mps + own_mps2 * DT_S)
+            if wanted_mps < speed_mps - driver.decel_mps2 * DT_S:
+                mode = SPEED_MODE_HARD_BRAKING
+                wanted_mps = max(wanted_mps, speed_mps - driver.emergency_decel_mps2 * DT_S, 0.0)
+            vehicle.setSpeed(name, finite("an overriding speed", wanted_mps))
+        elif before.from_mps is not None:
+            vehicle.setSpeed(name, -1.0)
+        if mode != before.speed_mode:
+            vehicle.setSpeedMode(name, mode)
+        self._told[name] = _Told(ignore, None if wanted_mps is None else speed_mps, mode)
+
+    def keep_lanes(self, wanted: frozenset[str]) -> None:
+        """Have these agents keep their lanes, and those before no longer."""
+        if wanted == self.keeping_lane:
+            return
+        with Commanding("setLaneChangeMode"):
+            for name in sorted(wanted - self.keeping_lane):
+                sumo.vehicle.setLaneChangeMode(name, NO_LANE_CHANGE)
+            for name in sorted(self.keeping_lane - wanted):
+                sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_DEFAULT)
+        self.keeping_lane = wanted
+
+
+def _leader(name: str) -> Leader:
+    found = sumo.vehicle.getLeader(name, CUT_IN_WITHIN_M)
+    return None if found is None or not found[0] else found
+
+
+def _set_tau(name: str, tau_s: float) -> None:
+    sumo.vehicle.setTau(name, finite("a headway", tau_s))
