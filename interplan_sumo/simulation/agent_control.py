@@ -29,6 +29,8 @@ SURGING_MODELS = frozenset({"EIDM"})
 """Car-following models that accelerate by more than `accel` at times."""
 SURGE_MPS2 = 0.35
 """They come no nearer to it in a step: EIDM's jerkmax is 3 m/s3."""
+WANTED_LESS_MPS = 1e-3
+"""SUMO wanted less than it was told if by more than this: below that it is rounding."""
 CUT_IN_WITHIN_M = 60.0
 """Farther ahead nobody cuts in."""
 
@@ -37,12 +39,14 @@ class _Told(NamedTuple):
     """What an agent has been told."""
 
     ignores_ego: bool
-    from_mps: float | None
-    """How fast it drove when it was told a speed for the step; None: it drives as SUMO wants."""
     speed_mode: int
+    speed_mps: float | None = None
+    """For the step; None: it drives as SUMO wants."""
+    from_mps: float = 0.0
+    """How fast it drove before."""
 
 
-UNTOLD = _Told(False, None, SPEED_MODE_DEFAULT)
+UNTOLD = _Told(False, SPEED_MODE_DEFAULT)
 
 
 class AgentChance:
@@ -136,19 +140,20 @@ class AgentControl:
         mode = SPEED_MODE_DEFAULT
         if wanted_mps is not None:
             driver = self._drivers[name]
-            if before.from_mps is not None:
-                own_mps2 = (vehicle.getSpeedWithoutTraCI(name) - before.from_mps) / DT_S
-                if own_mps2 < -driver.decel_mps2:
-                    wanted_mps = min(wanted_mps, speed_mps + own_mps2 * DT_S)
+            if before.speed_mps is not None:
+                own_mps = vehicle.getSpeedWithoutTraCI(name)  # SUMO wanted this, or whatever more than it was told
+                braked_mps = before.from_mps - own_mps
+                if own_mps < before.speed_mps - WANTED_LESS_MPS and braked_mps > driver.decel_mps2 * DT_S:
+                    wanted_mps = min(wanted_mps, speed_mps - braked_mps)
             if wanted_mps < speed_mps - driver.decel_mps2 * DT_S:
                 mode = SPEED_MODE_HARD_BRAKING
                 wanted_mps = max(wanted_mps, speed_mps - driver.emergency_decel_mps2 * DT_S, 0.0)
             vehicle.setSpeed(name, finite("an overriding speed", wanted_mps))
-        elif before.from_mps is not None:
+        elif before.speed_mps is not None:
             vehicle.setSpeed(name, -1.0)
         if mode != before.speed_mode:
             vehicle.setSpeedMode(name, mode)
-        self._told[name] = _Told(ignore, None if wanted_mps is None else speed_mps, mode)
+        self._told[name] = _Told(ignore, mode, wanted_mps, speed_mps)
 
     def keep_lanes(self, wanted: frozenset[str]) -> None:
         """Have these agents keep their lanes, and those before no longer."""
