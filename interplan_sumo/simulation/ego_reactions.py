@@ -40,6 +40,7 @@ APPROACHING_MPS = 0.2
 ON_CENTRE_M = 0.2
 """Before it is this near to the centre line of its own lane it only moves towards that."""
 
+NOTHING_REMEMBERED = ReactionMemory()
 BACK_TO_SUMO = ReactionDecision(Mode.SUMO, 0.0, False)
 
 
@@ -143,8 +144,8 @@ class EgoReactions:
                 self._commanded.add(name)
                 continue
             self._commanded.discard(name)
-            if not decision.reacting and decision.overlap == 0.0:
-                self._memory.pop(name, None)
+            if self._memory.get(name) == NOTHING_REMEMBERED:
+                del self._memory[name]
         return AgentCommands(decisions, self._keeping_lane(agents, away_m2) if on_network.straddles else frozenset())
 
     def _get_to_know_drivers(self) -> None:

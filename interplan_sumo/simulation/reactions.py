@@ -360,7 +360,7 @@ def _encounter(
     elif remembered.courteous is not None:
         remembered.apart_s += drivers.dt_s
         if remembered.apart_s >= ENCOUNTER_S - _ROUNDING_S:
-            remembered.courteous = None
+            remembered.courteous, remembered.apart_s = None, 0.0
 
 
 def _reason(remembered: ReactionMemory, driver: VehicleType, met: _Met | None, at_start: bool, dt_s: float) -> bool:
