@@ -129,3 +129,9 @@ def test_who_brakes_because_another_does_does_not_react_to_the_ego() -> None:
 @pytest.mark.parametrize(("rate", "begins", "found"), [(3.2, 0, 1), (2.9, 0, 0), (3.2, 22, 0)])
 def test_hard_braking_right_after_the_start_is_the_spawns_fault(rate: float, begins: int, found: int) -> None:
     assert len(list(spawn_braking(drive(slowing(rate, begins)), BODIES))) == found
+
+
+def test_who_brakes_for_somebody_who_is_there_in_one_run_only_does_not_react_to_the_ego() -> None:
+    """A pedestrian who sets out because the ego comes, or a car that enters because of it."""
+    with_ego, without = drive(slowing(3.0), 20.0, gap_m=-40.0, ego_x_m=-35.0), drive(20.0, ego_x_m=-35.0)
+    assert list(reactions_to_what_is_behind(with_ego, without, BODIES)) == []

@@ -43,8 +43,11 @@ REACTION_MPS2 = 1.0
 """Braking that much harder than without an ego is a reaction."""
 SAME_M, SAME_MPS = 0.02, 0.01
 """Two runs are still the same for an agent up to these differences."""
-CONTAGION_M = 60.0
-"""An agent this near to one that drives otherwise than without an ego may do so because of it."""
+ROUNDING = 1e-6
+SUDDEN_FRAMES = 3
+"""A reaction shows within so many frames of the first difference of all; what grows more slowly came from others."""
+CONTAGION_M = 100.0
+"""Who is this near to somebody that moves otherwise than without an ego, or is in one run only, may brake for it."""
 SPAWN_S, SPAWN_BRAKING_MPS2 = 2.0, 3.0
 
 
@@ -313,28 +316,45 @@ def reactions_to_what_is_behind(drive: Drive, twin: Drive, bodies: Mapping[str, 
     Looked for where an agent first drives otherwise than in the twin run while
     nobody near it did before: then nothing but the ego can be the reason.
     """
-    common = [name for name in drive.ids if name in set(twin.ids) and name in bodies]
-    mine, other = ([each.ids.index(name) for name in common] for each in (drive, twin))
+    ids = sorted({*drive.ids, *twin.ids})
     last = min(len(drive.x_m), len(twin.x_m))
-    slower = twin.sumo_mps[:last, other] - drive.sumo_mps[:last, mine]
-    away = np.hypot(twin.x_m[:last, other] - drive.x_m[:last, mine], twin.y_m[:last, other] - drive.y_m[:last, mine])
-    differs = (np.abs(slower) > SAME_MPS) | (away > SAME_M)
-    first = np.where(differs.any(axis=0), differs.argmax(axis=0), last)
-    front_x, front_y = (part[:, mine] for part in drive.point(0.0))
-    for i, name in enumerate(common):
+    mine, other = (_columns(each, ids, last) for each in (drive, twin))
+    slower = other[2] - mine[2]
+    away = np.hypot(other[0] - mine[0], other[1] - mine[1])
+    alone = np.isnan(mine[0]) != np.isnan(other[0])
+    first, touched = (
+        np.where(differs.any(axis=0), differs.argmax(axis=0), last)
+        for differs in (
+            alone | (np.abs(slower) > SAME_MPS) | (away > SAME_M),
+            alone | (np.abs(slower) > ROUNDING) | (away > ROUNDING),
+        )
+    )
+    for i, name in enumerate(ids):
         k = int(first[i])
-        if k == 0 or k >= last or not slower[k, i] > REACTION_MPS2 * DT_S:
+        if k == 0 or k >= last or alone[k, i] or name not in bodies or not slower[k, i] > REACTION_MPS2 * DT_S:
             continue
-        near = np.hypot(drive.x_m[k, mine] - drive.x_m[k, mine[i]], drive.y_m[k, mine] - drive.y_m[k, mine[i]])
-        if ((first < k) & (near < CONTAGION_M)).any():
+        x, y = mine[0][k, i], mine[1][k, i]
+        near = np.minimum(*(np.nan_to_num(np.hypot(px[k] - x, py[k] - y), nan=np.inf) for px, py, *_ in (mine, other)))
+        touched_before = touched < k - (np.arange(len(ids)) == i) * SUDDEN_FRAMES
+        if (touched_before & (near < CONTAGION_M)).any():
             continue
-        x, y, heading, length, width = drive.ego[k - 1]
-        corners = _corners(np.array([x]), np.array([y]), np.array([heading]), np.array([[length, width]]))[0]
-        here = drive.heading_rad[k - 1, mine[i]]
-        ahead = (corners - (front_x[k - 1, i], front_y[k - 1, i])) @ np.array((np.cos(here), np.sin(here)))
+        ego_x, ego_y, heading, length, width = drive.ego[k - 1]
+        corners = _corners(np.array([ego_x]), np.array([ego_y]), np.array([heading]), np.array([[length, width]]))[0]
+        x, y, here = (part[k - 1, i] for part in (mine[0], mine[1], mine[3]))
+        half = drive.length_m[drive.ids.index(name)] / 2.0
+        ahead = (corners - (x, y)) @ np.array((np.cos(here), np.sin(here))) - half
         if ahead.max() < 0.0:
             detail = f"more than without the ego, whose nearest corner is {-ahead.max():.1f} m behind its front"
             yield Violation("reacts_behind", k, name, float(slower[k, i] / DT_S), detail)
+
+
+def _columns(drive: Drive, ids: Sequence[str], last: int) -> tuple[Array, Array, Array, Array]:
+    """(last, N) x, y, speed and heading of actors by id, nan where they are not there."""
+    wide = np.full((4, last, len(ids)), np.nan)
+    at = [ids.index(name) for name in drive.ids]
+    for row, values in zip(wide, (drive.x_m, drive.y_m, drive.speed_mps, drive.heading_rad), strict=True):
+        row[:, at] = values[:last]
+    return wide[0], wide[1], wide[2], wide[3]
 
 
 def _spells(on: NDArray[np.bool_]) -> list[tuple[int, int]]:
