@@ -26,6 +26,7 @@ from interplan_sumo.cli.recorded import format_names, import_recorded
 from interplan_sumo.cli.replay import replay
 from interplan_sumo.cli.scenarios import scenarios_app
 from interplan_sumo.cli.sweep import sweep
+from interplan_sumo.cli.traffic import traffic_app
 from interplan_sumo.cli.verify import verify
 from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.report.printing import print_json
@@ -45,6 +46,7 @@ scenarios_app.command("audit")(audit)
 app.add_typer(planners_app, name="planners")
 app.add_typer(maps_app, name="maps")
 app.add_typer(llm_app, name="llm")
+app.add_typer(traffic_app, name="traffic")
 
 
 _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import fields
@@ -86,6 +87,15 @@ def takes_run_options(*names: str, **help: str) -> Callable[[Callable[..., int]]
 def take_one_thread() -> None:
     """Before libraries are imported: sums keep one order, and the workers are the parallelism."""
     os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
+
+
+def say_what_cannot_act(vehicle_types: Path | None) -> None:
+    """The warnings of a vehicle-type file, on stderr; InputError if it cannot be used."""
+    if vehicle_types is not None:
+        from interplan_sumo.simulation.vehicle_types import read_vehicle_types
+
+        for line in read_vehicle_types(vehicle_types).warnings:
+            print(f"warning: {line}", file=sys.stderr)
 
 
 def run_folder(context: typer.Context, options: RunOptions, prefix: str) -> tuple[Path, list[str]]:

@@ -19,6 +19,7 @@ from interplan_sumo.cli.options import (
     JsonOption,
     QuietOption,
     run_folder,
+    say_what_cannot_act,
     take_one_thread,
     takes_run_options,
 )
@@ -42,6 +43,7 @@ def run(context: typer.Context, options: RunOptions, quiet: QuietOption = False,
     stdout = contextlib.redirect_stdout(sys.stderr) if as_json else contextlib.nullcontext()
     try:
         with progress(quiet=quiet) as watch, stdout:  # in-process planners may print: not into the JSON
+            say_what_cannot_act(options.traffic)
             stored = batch.run(replace(options, out=folder), watch, command=command)
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)

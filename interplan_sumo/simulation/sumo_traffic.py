@@ -170,6 +170,11 @@ class SumoTraffic:
     # --- one step ------------------------------------------------------------------------------
 
     @property
+    def drivers(self) -> Mapping[str, VehicleType]:
+        """All types that SUMO knows, by id."""
+        return self._drivers
+
+    @property
     def behaviours(self) -> Mapping[str, str]:
         return self._agents.behaviours
 

@@ -35,7 +35,6 @@ SUBLANE: Final = frozenset(
 )
 WITHOUT_EFFECT: Final[Mapping[str, frozenset[str]]] = {
     "it acts only with lateral resolution, which is off: a vehicle is in one lane or changes it": SUBLANE,
-    "the roads here have no lane that SUMO overtakes on against the traffic": frozenset(["lcOpposite"]),
     "SUMO reads it for the device driverstate only": frozenset(["hasDriverState", "applyDriverState"]),
     "agents are drawn by us, never in turn": frozenset(["deterministic"]),
 }

@@ -64,16 +64,14 @@ def write_sumo_gui(drive: StoredDrive, folder: Path, *, at_s: float | None = Non
         PLAYBACK: configuration(_playback(max(0.0, moment_s - BEFORE_S), last_s + DT_S)),
         "README.txt": _readme(drive, moment_s),
     }
-    types_file: Path | None = None
     if not drive.scenario.replayed:
         types_file = types_of(drive)
-        texts[TRAFFIC] = document("routes", traffic_at_start(drive, types_file))
+        elements, texts[types_file.name] = traffic_at_start(drive, types_file)
+        texts[TRAFFIC] = document("routes", elements)
         texts[RERUN] = configuration(_rerun(types_file.name, drive.scenario.duration_s))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(files.network, folder / NETWORK)
-        if types_file is not None:
-            shutil.copyfile(types_file, folder / types_file.name)
         for name, text in texts.items():
             content = text.encode()
             (folder / name).write_bytes(gzip.compress(content, mtime=0) if name.endswith(".gz") else content)

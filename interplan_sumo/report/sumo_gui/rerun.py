@@ -12,6 +12,7 @@ from interplan_sumo.report.sumo_gui.xml import tag
 from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.setup import open_sumo_traffic
 from interplan_sumo.simulation.sumo import Commanding, sumo
+from interplan_sumo.simulation.vehicle_type_effects import DRAWING
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 
 STANDS_S = 1e6
@@ -24,19 +25,21 @@ def types_of(drive: StoredDrive) -> Path:
     return given or vehicle_type_file(drive.scenario.traffic.behaviour)
 
 
-def traffic_at_start(drive: StoredDrive, types_file: Path) -> list[str]:
-    """Elements of a route file: everybody at t = 0, on their lanes, with speed and route; obstacles stand still.
+def traffic_at_start(drive: StoredDrive, types_file: Path) -> tuple[list[str], str]:
+    """Elements of a route file, and the file of vehicle types for it. Opens SUMO.
 
-    The ego is among them, as a car that SUMO drives. Opens SUMO.
+    Everybody at t = 0, on their lanes, with speed and route; obstacles stand
+    still. The ego is among them, as a car that SUMO drives.
     """
     types = read_vehicle_types(types_file)
-    known = {each.id for each in (*types.members, *types.others)}
     network = read_network(find_map(drive.scenario.map, drive.scenario.maps_beside).network)
     simulation = open_sumo_traffic(drive.scenario, drive.roads, seed=drive.row.seed, vehicle_types=types_file)
     with simulation, Commanding("reading the traffic at the start"):
         names: list[str] = sorted(sumo.vehicle.getIDList())
+        known = simulation.drivers
         others = dict.fromkeys(kind for name in names if (kind := sumo.vehicle.getTypeID(name)) not in known)
-        return [*(_type(kind) for kind in others), *(_vehicle(name, network) for name in names)]
+        document = types.sumo_document(known.values(), besides=DRAWING)
+        return [*(_type(kind) for kind in others), *(_vehicle(name, network) for name in names)], document
 
 
 def _type(kind: str) -> str:
