@@ -11,10 +11,11 @@ import shapely
 
 from interplan_sumo.simulation import reactions
 from interplan_sumo.simulation.agent_registry import AgentRegistry, AgentSnapshot
-from interplan_sumo.simulation.anchor import BEND_M, Anchor
+from interplan_sumo.simulation.anchor import Anchor
+from interplan_sumo.simulation.ego_locator import EgoLocator
 from interplan_sumo.simulation.lane_change_overhang import LaneChangeOverhang
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
-from interplan_sumo.simulation.lane_polygons import ClipArea, Ring, ego_ring
+from interplan_sumo.simulation.lane_polygons import Ring
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.reactions import (
@@ -35,11 +36,8 @@ NOTICEABLE_MPS2 = 0.05
 FREEZE_RADIUS_M = 40.0
 """Agents this near to an ego that straddles two lanes keep their lane, unless their type says `interplan.swerve`."""
 
-APPROACHING_MPS = 0.2
-"""Faster than this sideways the ego moves towards the lane on that side."""
-ON_CENTRE_M = 0.2
-"""Before it is this near to the centre line of its own lane it only moves towards that."""
-
+BESIDE_M = 20.0
+"""The front of an agent that is beside a blockage is no farther from its ends than the longest vehicle is long."""
 NOTHING_REMEMBERED = ReactionMemory()
 BACK_TO_SUMO = ReactionDecision(Mode.SUMO, 0.0, False)
 
@@ -84,7 +82,7 @@ class EgoReactions:
         self._standing: dict[str, dict[str, LaneCoverage]] = {}
         self._skipped: EgoOnNetwork | None = None
         self._at_start = True
-        self._corners: Ring = ()
+        self._locator = EgoLocator(network, origin_m, shape)
         self._known_names: Sequence[str] = ()
         self._known_numbers = np.zeros((6, 0))
 
@@ -121,14 +119,15 @@ class EgoReactions:
         """
         if len(self._drivers) != self._known_drivers:
             self._get_to_know_drivers()
-        on_network, ahead = self._locate(ego, anchor)
+        on_network, ahead = self._locator.locate(ego, anchor, self._anticipations_s, courteous=self._courteous)
         turning = self._overhang.candidates(agents)
         obstructions = self._obstructions(walking, standing, turning, agents)
         others = bool(obstructions or turning or self._commanded or self._at_start)
+        keep_lane = self._beside_blockages(agents)
         alone = on_network.alone and ego.speed_mps >= 0.0 and not others and not on_network.approached
         if alone and not self._proxy_overlaps(agents, anchor):
             self._skipped = on_network  # everyone behind follows the ego, as SUMO does by itself
-            return AgentCommands({}, frozenset())
+            return AgentCommands({}, keep_lane)
         dx = agents.front_x - (ego.x_m - self._origin[0])
         dy = agents.front_y - (ego.y_m - self._origin[1])
         away_m2 = dx * dx + dy * dy
@@ -146,7 +145,9 @@ class EgoReactions:
             self._commanded.discard(name)
             if self._memory.get(name) == NOTHING_REMEMBERED:
                 del self._memory[name]
-        return AgentCommands(decisions, self._keeping_lane(agents, away_m2) if on_network.straddles else frozenset())
+        if on_network.straddles:
+            keep_lane |= self._keeping_lane(agents, away_m2)
+        return AgentCommands(decisions, keep_lane)
 
     def _get_to_know_drivers(self) -> None:
         """Anticipation and courtesy of all agents so far: what of the ego has to be worked out for them."""
@@ -159,6 +160,25 @@ class EgoReactions:
         """Agents that keep their lane beside an ego that straddles two; `away_m2` as in `_within_reach`."""
         beside = (agents.names[row] for row in np.flatnonzero(away_m2 <= FREEZE_RADIUS_M**2).tolist())
         return frozenset([name for name in beside if not self._drivers[name].swerve])
+
+    def _beside_blockages(self, agents: AgentSnapshot) -> frozenset[str]:
+        """Agents beside what blocks the next lane: SUMO may slide a standing car into it."""
+        found: set[str] = set()
+        for each in self._blocked:
+            lane = self._network.lanes[each.lane]
+            half_m = (each.end_m - each.start_m) / 2.0
+            middle = lane.plain_line.pose_at(lane.arc_of(each.start_m + half_m))
+            reach_m = half_m + BESIDE_M
+            rows = np.flatnonzero((agents.front_x - middle.x_m) ** 2 + (agents.front_y - middle.y_m) ** 2 < reach_m**2)
+            names = [agents.names[row] for row in rows.tolist()]
+            for name, here, position_m in zip(names, agents.lanes(names), agents.positions_m(names), strict=True):
+                edge, begins_m = (
+                    self._network.lanes[here].edge if here else "",
+                    position_m - self._drivers[name].length_m,
+                )
+                if edge == lane.edge and here != each.lane and position_m > each.start_m and begins_m < each.end_m:
+                    found.add(name)
+        return frozenset(found)
 
     def _obstructions(
         self,
@@ -177,15 +197,11 @@ class EgoReactions:
                 }
             if self._standing[place]:  # the kerb is in nobody's way
                 found.append(("", self._standing[place]))
-        found += [("", self._coverage_of(area, (0.0, 0.0))) for area in walking]
+        found += [("", self._locator.coverage_of(area, (0.0, 0.0))) for area in walking]
         if turning:
             lanes = [lane for lane, _ in self._corridors_of(agents, [agents.names[row] for row in turning])]
             found += self._overhang.coverage(turning, lanes, agents)
         return found
-
-    def _coverage_of(self, ring: Ring, velocity_mps: tuple[float, float]) -> dict[str, LaneCoverage]:
-        area = ClipArea.of(ring)
-        return reactions.lane_coverage(self._network.pieces_near(area), area, velocity_mps)
 
     def _decide(
         self,
@@ -333,91 +349,4 @@ class EgoReactions:
         heading_rad = agents.heading_rad[row]
         along_x, along_y = float(np.cos(heading_rad)), float(np.sin(heading_rad))
         front_m = float(agents.front_x[row]) * along_x + float(agents.front_y[row]) * along_y
-        return all(x * along_x + y * along_y <= front_m for x, y in self._corners)
-
-    def _approached(self, ego: EgoState, anchor: Anchor | None) -> dict[str, LaneCoverage]:
-        """The lane beside the anchor lane that the ego moves towards, with the stretch that it is beside."""
-        if not self._courteous or anchor is None:
-            return {}
-        along_x, along_y = cos(anchor.heading_rad), sin(anchor.heading_rad)
-        east_mps, north_mps = ego.velocity_mps
-        left_mps = north_mps * along_x - east_mps * along_y
-        half_m = self._shape.length_m / 2.0
-        dx = ego.x_m + half_m * cos(ego.heading_rad) - self._origin[0] - anchor.x_m
-        dy = ego.y_m + half_m * sin(ego.heading_rad) - self._origin[1] - anchor.y_m
-        left_m = dy * along_x - dx * along_y
-        lane = self._network.lanes[anchor.lane]
-        if lane.internal or abs(left_mps) <= APPROACHING_MPS or left_m * left_mps < -ON_CENTRE_M * abs(left_mps):
-            return {}
-        beside = self._network.edges[lane.edge]
-        for index in (lane.index - 1, lane.index + 1):
-            if not 0 <= index < len(beside):
-                continue
-            there = self._network.lanes[beside[index]]
-            _, offset_m = there.plain_line.project(anchor.x_m, anchor.y_m)  # of the anchor, left of that lane
-            if offset_m * left_mps < 0.0:
-                end_m = anchor.position_m / lane.length_m * there.length_m
-                speed_mps = east_mps * along_x + north_mps * along_y
-                return {there.id: LaneCoverage(0.0, end_m - self._shape.length_m, end_m, max(0.0, speed_mps))}
-        return {}
-
-    def _inside(self, ego: EgoState, anchor: Anchor) -> bool | None:
-        """Whether the box certainly lies, or does not lie, inside the anchor lane, a normal one, and nowhere else.
-
-        The quickest way, by the place of the front bumper alone; None: it does not tell.
-        """
-        lane = self._network.lanes[anchor.lane]
-        if lane.internal:
-            return False
-        length_m, half_m, lane_half_m = self._shape.length_m, self._shape.length_m / 2.0, lane.width_m / 2.0
-        cosine, sine = cos(ego.heading_rad), sin(ego.heading_rad)
-        along_x, along_y = cos(anchor.heading_rad), sin(anchor.heading_rad)
-        dx = ego.x_m + half_m * cosine - self._origin[0] - anchor.x_m
-        dy = ego.y_m + half_m * sine - self._origin[1] - anchor.y_m
-        lateral_m = abs(dy * along_x - dx * along_y)
-        if lateral_m + self._shape.width_m / 2.0 * (along_x * cosine + along_y * sine) - BEND_M > lane_half_m:
-            return False  # a front corner is out
-        turned_m = length_m * abs(along_x * sine - along_y * cosine)
-        inside = lateral_m + turned_m + self._shape.width_m / 2.0 + BEND_M < lane_half_m
-        return True if inside and length_m + BEND_M < anchor.position_m < lane.length_m - BEND_M else None
-
-    def _locate(
-        self, ego: EgoState, anchor: Anchor | None
-    ) -> tuple[EgoOnNetwork, dict[float, Mapping[str, LaneCoverage]]]:
-        """The ego on the lanes, and what its swept box covers per anticipation time."""
-        velocity, approached = ego.velocity_mps, self._approached(ego, anchor)
-        lane = anchor.lane if anchor is not None else None
-        position_m = anchor.position_m if anchor is not None else 0.0
-        corners: Ring = ()
-        if anchor is not None and not self._anticipations_s:
-            alone: dict[str, LaneCoverage] | None = None
-            inside = self._inside(ego, anchor)
-            if inside:
-                speed_mps = velocity[0] * cos(anchor.heading_rad) + velocity[1] * sin(anchor.heading_rad)
-                alone = {anchor.lane: LaneCoverage(1.0, position_m - self._shape.length_m, position_m, speed_mps)}
-            elif inside is None:
-                corners, on = ego_ring(ego, self._shape, self._origin), self._network.lanes[anchor.lane]
-                alone = reactions.coverage_of_one_lane(on, position_m, corners, velocity)
-            if alone is not None:
-                centre = frozenset((anchor.lane,))
-                return EgoOnNetwork(
-                    alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True, approached=approached
-                ), {}
-        corners = self._corners = corners or ego_ring(ego, self._shape, self._origin)
-        area = ClipArea.of(corners)
-        near = self._network.pieces_near(area)
-        coverage = reactions.lane_coverage(near, area, velocity)
-        ahead: dict[float, Mapping[str, LaneCoverage]] = {
-            time_s: self._coverage_of(reactions.swept_area(corners, velocity, time_s), velocity)
-            for time_s in self._anticipations_s
-        }
-        own = self._network.continuations(lane) if lane is not None else frozenset[str]()
-        inside = sum(part.share for name, part in coverage.items() if name in own)
-        x_m, y_m = ego.x_m - self._origin[0], ego.y_m - self._origin[1]
-        centre_lanes = frozenset(
-            [piece.lane.id for piece in near if piece.lane.id in coverage and piece.holds(x_m, y_m)]
-        )
-        straddles = inside < reactions.FULLY_MERGED
-        return EgoOnNetwork(
-            coverage, centre_lanes, lane, position_m, ego.speed_mps, straddles, approached=approached
-        ), ahead
+        return all(x * along_x + y * along_y <= front_m for x, y in self._locator.corners)

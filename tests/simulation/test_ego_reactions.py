@@ -12,6 +12,7 @@ from networks import LANE_Y, WESTWARD_Y, agent, ego_at, traffic, two_way_road, t
 
 from interplan_sumo.simulation.agent_registry import AgentRegistry
 from interplan_sumo.simulation.anchor import find_anchor
+from interplan_sumo.simulation.ego_locator import EgoLocator
 from interplan_sumo.simulation.ego_reactions import AgentCommands, EgoReactions
 from interplan_sumo.simulation.reactions import DriverModels, Mode
 from interplan_sumo.world.actors import Actors
@@ -101,14 +102,13 @@ def test_an_assertive_agent_follows_an_ego_that_starts_in_its_lane_and_not_one_t
 def test_the_quick_ways_to_place_the_ego_on_the_lanes_give_what_the_whole_way_gives() -> None:
     rng = np.random.default_rng(0)
     road = Lane1((80.0, LANE_Y[1]))
-    slow = EgoReactions(road.network, (0.0, 0.0), PACIFICA, road.registry, (), MODELS)
-    slow._anticipations_s, slow._known_drivers = (1.0,), 1
+    locator = EgoLocator(road.network, (0.0, 0.0), PACIFICA)
     for _ in range(100):
         lane, x_m = int(rng.integers(3)), float(rng.choice((0.0, 410.0)) + rng.uniform(5.0, 380.0))
         y_m, turned = LANE_Y[lane] + float(rng.uniform(-0.9, 0.9)), float(rng.normal(0.0, 0.05))
         ego = EgoState(0.0, x_m, y_m, turned, vx_mps=8.0, vy_mps=0.5)
         road.place(ego)
-        (quick, _), (whole, _) = (each._locate(ego, road.anchor) for each in (road.reactions, slow))
+        (quick, _), (whole, _) = (locator.locate(ego, road.anchor, times, courteous=False) for times in ((), (1.0,)))
         assert quick.straddles == whole.straddles
         assert quick.centre_lanes == whole.centre_lanes == {f"e{int(x_m > 400.0)}_{lane}"}
         along_mps = 8.0 * np.cos(turned) - 0.5 * np.sin(turned)
@@ -135,3 +135,18 @@ def test_an_agent_is_left_to_sumo_again_once_the_ego_has_gone() -> None:
             brakes.append(libsumo.vehicle.getSpeed("a0") < before_mps)
         assert libsumo.vehicle.getSpeedMode("a0") == 31
     assert brakes == [True, False, False]
+
+
+@pytest.mark.parametrize(("left_mps", "left_m", "lane"), [
+    (0.3, 0.0, "e0_2"), (-0.3, 0.0, "e0_0"), (0.1, 0.0, None), (0.3, -0.5, None), (0.3, 0.5, "e0_2"),
+])  # fmt: skip
+def test_an_ego_that_moves_sideways_from_its_centre_line_approaches_the_next_lane(
+    left_mps: float, left_m: float, lane: str | None
+) -> None:
+    road = Lane1((80.0, LANE_Y[1]))
+    ego = EgoState(0.0, 100.0, LANE_Y[1] + left_m, 0.0, vx_mps=8.0, vy_mps=left_mps)
+    road.place(ego)
+    found, _ = EgoLocator(road.network, (0.0, 0.0), PACIFICA).locate(ego, road.anchor, (), courteous=True)
+    assert list(found.approached) == ([] if lane is None else [lane])
+    for part in found.approached.values():
+        assert (part.start_m, part.end_m, part.speed_mps) == pytest.approx((100 - 2.6, 100 + 2.6, 8.0), abs=0.02)

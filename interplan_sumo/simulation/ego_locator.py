@@ -1,0 +1,122 @@
+"""Where the ego is on SUMO's lanes: what its box, and the box swept ahead, cover of each, and where it is heading."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import cos, sin
+
+from interplan_sumo.simulation import reactions
+from interplan_sumo.simulation.anchor import BEND_M, Anchor
+from interplan_sumo.simulation.lane_polygons import ClipArea, Ring, ego_ring
+from interplan_sumo.simulation.network import SumoNetwork
+from interplan_sumo.simulation.reactions import EgoOnNetwork, LaneCoverage
+from interplan_sumo.world.ego import EgoShape, EgoState
+
+APPROACHING_MPS = 0.2
+"""Faster than this sideways the ego moves towards the lane on that side."""
+ON_CENTRE_M = 0.2
+"""Before it is this near to the centre line of its own lane it only moves towards that."""
+
+
+class EgoLocator:
+    """Finds the ego of one shape on one network, whose frame lies at `origin_m` in the map frame."""
+
+    corners: Ring = ()
+    """Of the ego's box when it was last located in full, in SUMO's frame."""
+
+    def __init__(self, network: SumoNetwork, origin_m: tuple[float, float], shape: EgoShape) -> None:
+        self._network = network
+        self._origin = origin_m
+        self._shape = shape
+
+    def coverage_of(self, ring: Ring, velocity_mps: tuple[float, float]) -> dict[str, LaneCoverage]:
+        """What an area that moves like this covers of each lane."""
+        area = ClipArea.of(ring)
+        return reactions.lane_coverage(self._network.pieces_near(area), area, velocity_mps)
+
+    def _approached(self, ego: EgoState, anchor: Anchor | None) -> dict[str, LaneCoverage]:
+        """The lane beside the anchor lane that the ego moves towards, with the stretch that it is beside."""
+        if anchor is None:
+            return {}
+        along_x, along_y = cos(anchor.heading_rad), sin(anchor.heading_rad)
+        east_mps, north_mps = ego.velocity_mps
+        left_mps = north_mps * along_x - east_mps * along_y
+        half_m = self._shape.length_m / 2.0
+        dx = ego.x_m + half_m * cos(ego.heading_rad) - self._origin[0] - anchor.x_m
+        dy = ego.y_m + half_m * sin(ego.heading_rad) - self._origin[1] - anchor.y_m
+        left_m = dy * along_x - dx * along_y
+        lane = self._network.lanes[anchor.lane]
+        if lane.internal or abs(left_mps) <= APPROACHING_MPS or left_m * left_mps < -ON_CENTRE_M * abs(left_mps):
+            return {}
+        beside = self._network.edges[lane.edge]
+        for index in (lane.index - 1, lane.index + 1):
+            if not 0 <= index < len(beside):
+                continue
+            there = self._network.lanes[beside[index]]
+            _, offset_m = there.plain_line.project(anchor.x_m, anchor.y_m)  # of the anchor, left of that lane
+            if offset_m * left_mps < 0.0:
+                end_m = anchor.position_m / lane.length_m * there.length_m
+                speed_mps = east_mps * along_x + north_mps * along_y
+                return {there.id: LaneCoverage(0.0, end_m - self._shape.length_m, end_m, max(0.0, speed_mps))}
+        return {}
+
+    def _inside(self, ego: EgoState, anchor: Anchor) -> bool | None:
+        """Whether the box certainly lies, or does not lie, inside the anchor lane, a normal one, and nowhere else.
+
+        The quickest way, by the place of the front bumper alone; None: it does not tell.
+        """
+        lane = self._network.lanes[anchor.lane]
+        if lane.internal:
+            return False
+        length_m, half_m, lane_half_m = self._shape.length_m, self._shape.length_m / 2.0, lane.width_m / 2.0
+        cosine, sine = cos(ego.heading_rad), sin(ego.heading_rad)
+        along_x, along_y = cos(anchor.heading_rad), sin(anchor.heading_rad)
+        dx = ego.x_m + half_m * cosine - self._origin[0] - anchor.x_m
+        dy = ego.y_m + half_m * sine - self._origin[1] - anchor.y_m
+        lateral_m = abs(dy * along_x - dx * along_y)
+        if lateral_m + self._shape.width_m / 2.0 * (along_x * cosine + along_y * sine) - BEND_M > lane_half_m:
+            return False  # a front corner is out
+        turned_m = length_m * abs(along_x * sine - along_y * cosine)
+        inside = lateral_m + turned_m + self._shape.width_m / 2.0 + BEND_M < lane_half_m
+        return True if inside and length_m + BEND_M < anchor.position_m < lane.length_m - BEND_M else None
+
+    def locate(
+        self, ego: EgoState, anchor: Anchor | None, anticipations_s: Sequence[float], *, courteous: bool
+    ) -> tuple[EgoOnNetwork, dict[float, Mapping[str, LaneCoverage]]]:
+        """The ego on the lanes, and what its swept box covers per anticipation time."""
+        velocity, approached = ego.velocity_mps, self._approached(ego, anchor) if courteous else {}
+        lane = anchor.lane if anchor is not None else None
+        position_m = anchor.position_m if anchor is not None else 0.0
+        corners: Ring = ()
+        if anchor is not None and not anticipations_s:
+            alone: dict[str, LaneCoverage] | None = None
+            inside = self._inside(ego, anchor)
+            if inside:
+                speed_mps = velocity[0] * cos(anchor.heading_rad) + velocity[1] * sin(anchor.heading_rad)
+                alone = {anchor.lane: LaneCoverage(1.0, position_m - self._shape.length_m, position_m, speed_mps)}
+            elif inside is None:
+                corners, on = ego_ring(ego, self._shape, self._origin), self._network.lanes[anchor.lane]
+                alone = reactions.coverage_of_one_lane(on, position_m, corners, velocity)
+            if alone is not None:
+                centre = frozenset((anchor.lane,))
+                return EgoOnNetwork(
+                    alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True, approached=approached
+                ), {}
+        corners = self.corners = corners or ego_ring(ego, self._shape, self._origin)
+        area = ClipArea.of(corners)
+        near = self._network.pieces_near(area)
+        coverage = reactions.lane_coverage(near, area, velocity)
+        ahead: dict[float, Mapping[str, LaneCoverage]] = {
+            time_s: self.coverage_of(reactions.swept_area(corners, velocity, time_s), velocity)
+            for time_s in anticipations_s
+        }
+        own = self._network.continuations(lane) if lane is not None else frozenset[str]()
+        inside = sum(part.share for name, part in coverage.items() if name in own)
+        x_m, y_m = ego.x_m - self._origin[0], ego.y_m - self._origin[1]
+        centre_lanes = frozenset(
+            [piece.lane.id for piece in near if piece.lane.id in coverage and piece.holds(x_m, y_m)]
+        )
+        straddles = inside < reactions.FULLY_MERGED
+        return EgoOnNetwork(
+            coverage, centre_lanes, lane, position_m, ego.speed_mps, straddles, approached=approached
+        ), ahead
