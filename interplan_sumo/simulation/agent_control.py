@@ -25,6 +25,12 @@ SPEED_MODE_HARD_BRAKING = 24
 LEADER_DECEL_MPS2 = 4.5
 """How hard a leader that is told to an agent's own model may brake: SUMO's default for cars, as for the proxy."""
 LANE_CHANGE_DEFAULT = 1621
+LANE_CHANGE_LOG_S = (1.415, 0.472)
+"""Lane changes take 4.6 s on average with a deviation of 2.3 s, lognormal (Toledo and Zohar, 2007)."""
+SHORTEST_LANE_CHANGE_S, LONGEST_LANE_CHANGE_S = 3.0, 8.0
+LANE_WIDTH_M = 3.5
+PLAIN_LATERAL_MPS = 1.0
+"""SUMO's `maxSpeedLat` where a type has none of its own."""
 SURGING_MODELS = frozenset({"EIDM"})
 """Car-following models that accelerate by more than `accel` at times."""
 SURGE_MPS2 = 0.35
@@ -50,34 +56,52 @@ UNTOLD = _Told(False, SPEED_MODE_DEFAULT)
 
 
 class AgentChance:
-    """Numbers from 0 to 1 that fall to agents, from the scenario's seed: each agent has a sequence of its own."""
+    """What falls to agents by chance, from the scenario's seed: each agent has a sequence of its own."""
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
         self._generators: dict[str, np.random.Generator] = {}
 
-    def of(self, name: str) -> float:
-        """The agent's next number."""
+    def _generator(self, name: str) -> np.random.Generator:
         if name not in self._generators:
             self._generators[name] = np.random.default_rng((self._seed, *name.encode()))
-        return float(self._generators[name].random())
+        return self._generators[name]
+
+    def of(self, name: str) -> float:
+        """The agent's next number from 0 to 1."""
+        return float(self._generator(name).random())
+
+    def lane_change_s(self, name: str) -> float:
+        """How long the agent takes to change lane."""
+        drawn_s = float(self._generator(name).lognormal(*LANE_CHANGE_LOG_S))
+        return min(max(drawn_s, SHORTEST_LANE_CHANGE_S), LONGEST_LANE_CHANGE_S)
 
 
 class AgentControl:
     """Tells agents what is decided, and knows what they have been told."""
 
-    def __init__(self, drivers: Mapping[str, VehicleType], chance_seed: int) -> None:
-        """`drivers` by agent, as they come; `chance_seed` is for what they decide by chance."""
+    def __init__(self, drivers: Mapping[str, VehicleType], chance_seed: int, *, with_ego: bool) -> None:
+        """`drivers` by agent, as they come; `chance_seed` is for what they decide by chance.
+
+        Without an ego they are SUMO's own, to the bit.
+        """
         self._drivers = drivers
+        self._with_ego = with_ego
+        self._chance = AgentChance(chance_seed)
         self._told: dict[str, _Told] = {}
         self._surging: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
         self.keeping_lane: frozenset[str] = frozenset()
         """Agents that must not change lane."""
-        self.models = DriverModels(self._follow_speed_mps, AgentChance(chance_seed).of, self._relaxation.cut_in, DT_S)
+        self.models = DriverModels(self._follow_speed_mps, self._chance.of, self._relaxation.cut_in, DT_S)
 
     def enter(self, names: Collection[str]) -> None:
         """These have entered."""
+        for name in sorted(names) if self._with_ego else ():
+            if sumo.vehicletype.getMaxSpeedLat(self._drivers[name].id) == PLAIN_LATERAL_MPS:
+                sumo.vehicle.setMaxSpeedLat(
+                    name, finite("a lateral speed", LANE_WIDTH_M / self._chance.lane_change_s(name))
+                )
         self._surging.update(name for name in names if self._drivers[name].car_following_model in SURGING_MODELS)
 
     def forget(self, name: str) -> None:

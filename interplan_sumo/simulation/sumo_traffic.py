@@ -90,7 +90,7 @@ class SumoTraffic:
         try:
             known = {each.id: each for each in (*types.members, *types.others, *drawn)}
             self._drivers = {name: self._as_loaded(each) for name, each in known.items()}
-            self._control = AgentControl(self._agents.drivers, setup.chance_seed)
+            self._control = AgentControl(self._agents.drivers, setup.chance_seed, with_ego=setup.with_ego)
             self._reactions = EgoReactions(
                 network, ids.origin_m, setup.shape, self._agents, setup.blocked, self._control.models
             )
@@ -250,7 +250,8 @@ class SumoTraffic:
         """Agents that have entered with this step."""
         self._entering -= names
         self._agents.enter(names)
-        self._control.enter(names)
+        with Commanding("setting up agents that have entered"):
+            self._control.enter(names)
         with Commanding("giving agents their own speed limit back"):
             for name in sorted(names & self._speeding.keys()):
                 sumo.vehicle.setSpeedFactor(name, self._speeding.pop(name))
