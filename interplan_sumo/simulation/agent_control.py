@@ -6,6 +6,7 @@ No command, and no end of one, makes an agent brake or accelerate beyond its typ
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,10 @@ SURGING_MODELS = frozenset({"EIDM"})
 """Car-following models that accelerate by more than `accel` at times."""
 SURGE_MPS2 = 0.35
 """They come no nearer to it in a step: EIDM's jerkmax is 3 m/s3."""
+COLLISION_FREE_MODELS = frozenset({"IDM", "IDMM", "EIDM", "Krauss", "KraussOrig1", "KraussPS", "KraussX"})
+"""The other car-following models of SUMO may drive into their leaders at low speed (W99 by 0.24 m, without any ego)."""
+LEAST_GAP_M = 0.3
+"""The others brake as hard as they can when they could else not stop this far behind their leader."""
 WANTED_LESS_MPS = 1e-3
 """SUMO wanted less than it was told if by more than this: below that it is rounding."""
 CUT_IN_WITHIN_M = 60.0
@@ -89,7 +94,7 @@ class AgentControl:
         self._with_ego = with_ego
         self._chance = AgentChance(chance_seed)
         self._told: dict[str, _Told] = {}
-        self._surging: set[str] = set()
+        self._overseen: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
         self.keeping_lane: frozenset[str] = frozenset()
         """Agents that must not change lane."""
@@ -102,12 +107,15 @@ class AgentControl:
                 sumo.vehicle.setMaxSpeedLat(
                     name, finite("a lateral speed", LANE_WIDTH_M / self._chance.lane_change_s(name))
                 )
-        self._surging.update(name for name in names if self._drivers[name].car_following_model in SURGING_MODELS)
+        for name in names:
+            model = self._drivers[name].car_following_model
+            if model in SURGING_MODELS or model not in COLLISION_FREE_MODELS:
+                self._overseen.add(name)
 
     def forget(self, name: str) -> None:
         """The agent has left."""
         self._told.pop(name, None)
-        self._surging.discard(name)
+        self._overseen.discard(name)
         self._relaxation.forget(name)
         self.keeping_lane -= {name}
 
@@ -121,7 +129,7 @@ class AgentControl:
 
     def tell(self, agents: AgentSnapshot, commands: AgentCommands) -> None:
         """Pass on what is decided for the next step."""
-        rows = {name: row for row, name in enumerate(agents.names)} if commands.decisions or self._surging else {}
+        rows = {name: row for row, name in enumerate(agents.names)} if commands.decisions or self._overseen else {}
         with Commanding("commanding the agents"):
             for name, decision in self._held_back(agents, commands.decisions, rows).items():
                 if name in self._told or decision.mode is not Mode.SUMO or decision.speed_mps is not None:
@@ -136,16 +144,27 @@ class AgentControl:
     def _held_back(
         self, agents: AgentSnapshot, decisions: Mapping[str, ReactionDecision], rows: Mapping[str, int]
     ) -> Mapping[str, ReactionDecision]:
-        """`decisions`, and that agents whose model would exceed their `accel` do not."""
-        held = {name: decisions.get(name, BACK_TO_SUMO) for name in self._surging}
+        """`decisions`, and that agents whose model exceeds their `accel`, or drives into its leader, do not."""
+        held = {name: decisions.get(name, BACK_TO_SUMO) for name in self._overseen}
         for name, decision in held.items():
-            driver, speed_mps = self._drivers[name], float(agents.speed_mps[rows[name]])
-            if sumo.vehicle.getAcceleration(name) < driver.accel_mps2 - SURGE_MPS2:
-                continue
-            most_mps = speed_mps + driver.accel_mps2 * DT_S
+            most_mps = self._most_mps(name, float(agents.speed_mps[rows[name]]))
             if decision.speed_mps is None or most_mps < decision.speed_mps:
-                held[name] = decision._replace(speed_mps=most_mps)
+                held[name] = decision if most_mps == inf else decision._replace(speed_mps=most_mps)
         return {**decisions, **held}
+
+    def _most_mps(self, name: str, speed_mps: float) -> float:
+        """How fast an agent may be after the next step; inf where its model needs no word."""
+        driver = self._drivers[name]
+        if driver.car_following_model in SURGING_MODELS:
+            surges = sumo.vehicle.getAcceleration(name) > driver.accel_mps2 - SURGE_MPS2
+            return speed_mps + driver.accel_mps2 * DT_S if surges else inf
+        leader = _leader(name)
+        if leader is None:
+            return inf
+        brakes_mps2, leader_mps = driver.emergency_decel_mps2, max(0.0, sumo.vehicle.getSpeed(leader[0]))
+        room_m = leader[1] + driver.min_gap_m - LEAST_GAP_M + leader_mps * leader_mps / (2.0 * brakes_mps2)
+        stops = speed_mps * speed_mps / (2.0 * brakes_mps2) + speed_mps * DT_S <= room_m
+        return inf if stops else max(0.0, speed_mps - brakes_mps2 * DT_S)
 
     def _apply(self, name: str, decision: ReactionDecision, speed_mps: float) -> None:
         """Tell an agent that drives at `speed_mps` what is decided.
