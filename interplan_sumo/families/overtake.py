@@ -39,14 +39,13 @@ def overtake(
     site: Site,
     offset_m: float,
     oncoming: Density = "none",
-    flow: bool = False,
     behind_m: tuple[float, ...] = (),
     kind: ObstacleKind = "car",
     behaviour: Behaviour = "mixed",
 ) -> Scenario:
     """A parked vehicle that one passes, 0.3 m clear, `offset_m` off the lane's centre line, on the oncoming side.
 
-    With `flow` the oncoming traffic does not end. `behind_m` are the distances,
+    `behind_m` are the distances,
     centre to centre, of cars that follow the ego at its speed. ScenarioError if
     the road has no room, or if the ego could stay on its own side.
     """
@@ -72,7 +71,7 @@ def overtake(
         start_speed_mps=speed_mps,
         goal=site.goal,
         route=site.route,
-        traffic=TrafficDemand(oncoming=oncoming, behaviour=behaviour, flow=flow),
+        traffic=TrafficDemand(oncoming=oncoming, behaviour=behaviour),
         obstacles=(parked,),
         vehicles=tuple(followers),
         exempt=EXEMPT,
@@ -97,15 +96,13 @@ def drawn(id: str, _roads: Roads, site: Site, rng: np.random.Generator) -> Scena
     most_m = min(site.width_m / 2.0 + site.oncoming_m - PASSING_M, least_m + 0.8)
     if most_m < least_m:
         raise UnsuitableError("the oncoming lane is too narrow to pass on")
-    densities: tuple[Density, ...] = ("none", "low", "medium")
-    oncoming = densities[int(rng.integers(3))]
+    oncoming: Density = "low" if rng.random() < 0.5 else "none"  # denser traffic, which has no end, leaves no gap
     followers = tuple(d for d in (15.0, 32.0) if site.start.arc_m - d > 5.0 and rng.random() < 0.3)
     return overtake(
         id,
         site=site,
         offset_m=float(np.round(rng.uniform(least_m, most_m), 2)),
         oncoming=oncoming,
-        flow=oncoming == "low" and bool(rng.random() < 0.5),  # denser traffic without an end leaves no gap
         behind_m=followers,
         behaviour=("conservative", "assertive", "mixed")[int(rng.integers(3))],
     )

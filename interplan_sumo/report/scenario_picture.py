@@ -235,7 +235,6 @@ def _title(figure: Figure, scenario: Scenario, roads: Roads, total: int) -> None
     words = [
         f"traffic: {demand.density}",
         f"oncoming: {demand.oncoming}",
-        *(["more keep coming"] if demand.flow else ()),
         f"drivers: {demand.behaviour}",
         f"starts with {3.6 * scenario.start_speed_mps:.0f} km/h"
         + (f", limit {3.6 * limit_mps:.0f}" if limit_mps is not None else ""),

@@ -164,7 +164,7 @@ def _expected(kind: Any) -> str:
         return f"one of {', '.join(get_args(kind))}"
     if is_dataclass(kind):
         return f"the keys {', '.join(_grammar(kind))}"  # type: ignore[arg-type]
-    return {str: "text", float: "a number", int: "a whole number", bool: "true or false"}[kind]
+    return {str: "text", float: "a number", int: "a whole number"}[kind]
 
 
 def _plain(value: Any, kind: Any) -> Any:
@@ -249,7 +249,7 @@ def _line(node: yaml.Node) -> int:
 
 
 def _scalar(node: yaml.ScalarNode, kind: Any) -> Any:
-    """A text, number, truth or name of a choice; None if the node is none. Only bare words can be numbers or truths."""
+    """A text, number or name of a choice; None if the node is none. Only bare words can be numbers."""
     text: str = node.value
     is_bare = not node.style
     if kind is float:
@@ -257,8 +257,6 @@ def _scalar(node: yaml.ScalarNode, kind: Any) -> Any:
         return number if isfinite(number) else None
     if kind is int:
         return int(text) if is_bare and _WHOLE.fullmatch(text) else None
-    if kind is bool:
-        return {"true": True, "false": False}.get(text.lower()) if is_bare else None
     if kind is str:  # an id of digits needs no quotes
         return text if node.tag in _TEXT_TAGS else None
     return text if text in get_args(kind) else None

@@ -105,8 +105,6 @@ class TrafficDemand:
     """Vehicle-type file in routes/, without its ending."""
     oncoming: Density = "none"
     """Density on the oncoming lanes of a two-way road."""
-    flow: bool = False
-    """Whether vehicles keep entering where the filled lanes begin, at the same density."""
 
 
 VehicleKind = Literal["car", "truck", "bus", "motorcycle"]
@@ -210,7 +208,6 @@ class Scenario:
         others = {
             "traffic.density": traffic.density != "none",
             "traffic.oncoming": traffic.oncoming != "none",
-            "traffic.flow": traffic.flow,
             "vehicles": bool(self.vehicles),
             "jaywalkers": bool(self.jaywalkers),
         }
@@ -226,10 +223,14 @@ class Scenario:
             raise ScenarioError(f"{self.id}: replayed holds track {twice!r} twice; leave one out")
 
     @property
+    def has_flow(self) -> bool:
+        """Whether a density is wanted, which is held as long as the episode lasts."""
+        return self.traffic.density != "none" or self.traffic.oncoming != "none"
+
+    @property
     def has_traffic(self) -> bool:
         """Whether anybody drives at the start, besides the ego."""
-        moving = self.traffic.density != "none" or self.traffic.oncoming != "none"
-        return moving or bool(self.vehicles or self.replayed)
+        return self.has_flow or bool(self.vehicles or self.replayed)
 
     def site(self, roads: Roads) -> str:
         """Where it happens: `<map>/<roadblock id>@<10 m bin>` of the first obstacle or jaywalker, else of the goal."""

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
-
-ROUTE_M = 1500.0
-"""Length of an agent's route: longer than 30 s of driving at any limit of ours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +50,10 @@ def chain_through(
     return upstream_of(network, ahead[0], taken, upstream_m) + ahead
 
 
-def upstream_of(
-    network: SumoNetwork, first: ChainedLane, taken: set[str], upstream_m: float, *, turning: bool = False
-) -> list[ChainedLane]:
+def upstream_of(network: SumoNetwork, first: ChainedLane, taken: set[str], upstream_m: float) -> list[ChainedLane]:
     """What precedes the first stretch of a chain straight on, from upstream on, as far as beyond -`upstream_m`.
 
-    None of the lanes `taken`. `turning` also follows turns where nothing leads straight on.
+    None of the lanes `taken`.
     """
     behind: list[ChainedLane] = []
     taken = taken | {first.lane.id}
@@ -68,10 +61,9 @@ def upstream_of(
     while end_m > -upstream_m:
         ways = [way for way in network.incoming.get(lane.id, ()) if way.from_lane not in taken]
         straight = [way for way in ways if way.direction == "s"]
-        turns = [way for way in ways if way.direction != "t"] if turning else []
-        way = next(iter(straight or turns), None)
-        if way is None:
+        if not straight:
             break
+        way = straight[0]
         for inner in reversed(way.via):
             end_m -= network.lanes[inner].length_m
             behind.insert(0, ChainedLane(network.lanes[inner], end_m, None))
@@ -88,27 +80,46 @@ def closed_spans(chain: list[ChainedLane], blocked: tuple[LaneBlockage, ...]) ->
     return [(starts[b.lane] + b.start_m, starts[b.lane] + b.end_m) for b in blocked if b.lane in starts]
 
 
-def continued_route(
-    network: SumoNetwork, lane: str, length_m: float, rng: np.random.Generator | None = None
-) -> tuple[str, ...]:
-    """SUMO edges from a normal lane on, without changing lane where it can be helped: straight on, else at random.
+def way_ahead(network: SumoNetwork, lane: str, route: tuple[str, ...], reach_m: float) -> list[ChainedLane]:
+    """The lanes, connectors among them, from a normal lane on along a route that begins there, without changing lane.
 
-    Without `rng` the first way is taken.
+    The first one begins at 0 m. Ends beyond `reach_m`, or where one would have
+    to change lane. Where several connectors lead on, it is the slowest of those
+    from which the route goes on.
     """
+    here, start_m, found = network.lanes[lane], 0.0, list[ChainedLane]()
+    for after, then in zip((*route[1:], None), (*route[2:], None, None), strict=True):
+        ways = [way for way in network.links[here.id] if network.lanes[way.to_lane].edge == after]
+        lasting = [
+            way for way in ways if any(network.lanes[on.to_lane].edge == then for on in network.links[way.to_lane])
+        ]
+        link = min(lasting or ways, key=lambda way: _slowest_mps(network, way), default=None)
+        found.append(ChainedLane(here, start_m, link))
+        start_m += here.length_m
+        if link is None or start_m > reach_m:
+            break
+        for inner in link.via:
+            found.append(ChainedLane(network.lanes[inner], start_m, None))
+            start_m += network.lanes[inner].length_m
+        here = network.lanes[link.to_lane]
+    return found
+
+
+def _slowest_mps(network: SumoNetwork, way: NetworkLink) -> float:
+    return min((network.lanes[inner].limit_mps for inner in way.via), default=network.lanes[way.to_lane].limit_mps)
+
+
+def continued_route(network: SumoNetwork, lane: str, length_m: float) -> tuple[str, ...]:
+    """SUMO edges from a normal lane on, without changing lane: straight on, else the first way; no edge twice."""
     here = network.lanes[lane]
-    route = [here.edge]
-    driven_m = 0.0
+    route, driven_m = [here.edge], here.length_m
     while driven_m < length_m:
-        driven_m += here.length_m
         ways = network.links[here.id]
-        if not ways:
+        way = next((way for way in ways if way.direction == "s"), next(iter(ways), None))
+        if way is None or network.lanes[way.to_lane].edge in route:
             break
-        straight = [way for way in ways if way.direction == "s"]
-        pool = straight or ways
-        way = pool[int(rng.integers(len(pool)))] if rng is not None else next(iter(pool))
         here = network.lanes[way.to_lane]
-        if here.edge in route:  # SUMO's lane choice is at its best on routes without loops
-            break
+        driven_m += here.length_m
         route.append(here.edge)
     return tuple(route)
 

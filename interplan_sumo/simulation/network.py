@@ -199,6 +199,16 @@ class SumoNetwork:
         return {lane: tuple(links) for lane, links in found.items()}
 
     @cached_property
+    def before(self) -> Mapping[str, tuple[str, ...]]:
+        """The lanes, normal or internal, that end where each lane begins."""
+        found: dict[str, list[str]] = {}
+        for links in self.links.values():
+            for link in links:
+                for here, there in pairwise((link.from_lane, *link.via, link.to_lane)):
+                    found.setdefault(there, []).append(here)
+        return {lane: tuple(dict.fromkeys(lanes)) for lane, lanes in found.items()}
+
+    @cached_property
     def _around(self) -> dict[str, frozenset[str]]:
         around: dict[str, set[str]] = {lane: {lane} for lane in self.lanes}
         for links in self.links.values():

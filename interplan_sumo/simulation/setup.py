@@ -11,14 +11,14 @@ from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.route import route_centerline, route_lanes
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.simulation.flow import Flow, Inflow, draw_arrivals
+from interplan_sumo.simulation.flow import Flow, draw_arrivals
 from interplan_sumo.simulation.lane_chains import ego_sumo_route
 from interplan_sumo.simulation.lights import LoggedLights
 from interplan_sumo.simulation.network import read_network
-from interplan_sumo.simulation.obstacles import LaneBlockage, blockages, standing_actors
+from interplan_sumo.simulation.obstacles import blockages, standing_actors
 from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.simulation.replayed import ReplayedTraffic
-from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, FilledLane, StagedScenario, populate
+from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, StagedScenario, populate
 from interplan_sumo.simulation.sumo import DT_S as STEP_S
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
@@ -66,8 +66,8 @@ def open_sumo_traffic(
 ) -> SumoTraffic:
     """SUMO with the scenario's traffic at t = 0. InputError if a file cannot be used, TrafficError if SUMO fails.
 
-    `with_ego` False gives the twin run without an ego; `most_agents` cuts the
-    traffic short and `reach_m` spreads it (behind, ahead of the ego), for measurements.
+    `with_ego` False gives the twin run without an ego. For measurements, `most_agents`
+    cuts the traffic short and lets none enter later, and `reach_m` spreads it (behind, ahead of the ego).
     """
     scenario.check(roads)
     files = find_map(scenario.map, scenario.maps_beside)
@@ -87,8 +87,11 @@ def open_sumo_traffic(
     spawns = population.spawns[:most_agents]
     names = opaque_ids(len(spawns), rng, besides=tokens)
     flow = None
-    if scenario.traffic.flow:
-        flow = open_flow(staged, population.filled, blocked, rng, besides=(*tokens, *names))
+    if most_agents is None and scenario.has_flow:
+        taken = frozenset((*tokens, *names))
+        free = (token for token in opaque_ids(16**4, rng) if token not in taken)
+        arrivals = draw_arrivals(types, rng)
+        flow = Flow(network, population.demand, blocked, arrivals, free, staged.route_m, rng)
     route = ego_sumo_route(network, ids, route_lanes(roads, scenario))
     setup = TrafficSetup(
         network, ids, types, start_state(scenario, roads), route, shape, spawns, names, standing, blocked,
@@ -104,23 +107,6 @@ def _replays(scenario: Scenario, roads: Roads, seed: int) -> ReplayedTraffic:
     tokens = opaque_ids(many + len(scenario.replayed), scenario.rng(seed))
     standing = standing_actors(scenario, roads, tokens[:many])
     return ReplayedTraffic(scenario.replayed, tokens[many:], standing, LoggedLights(scenario.lights))
-
-
-def open_flow(
-    staged: StagedScenario,
-    filled: tuple[FilledLane, ...],
-    blocked: tuple[LaneBlockage, ...],
-    rng: np.random.Generator,
-    besides: tuple[str, ...],
-) -> Flow:
-    """Queues upstream of all filled lanes, with ids of their own."""
-    drawn = [draw_arrivals(each, staged.types, staged.scenario.duration_s, rng) for each in filled]
-    taken = {stretch.lane.id for each in filled for stretch in each.chain}
-    inflows = [
-        Inflow(staged.network, each, blocked, arrivals, speed_mps, STEP_S, taken)
-        for each, (arrivals, speed_mps) in zip(filled, drawn, strict=True)
-    ]
-    return Flow(inflows, opaque_ids(sum(len(arrivals) for arrivals, _ in drawn), rng, besides))
 
 
 def opaque_ids(count: int, rng: np.random.Generator, besides: tuple[str, ...] = ()) -> tuple[str, ...]:

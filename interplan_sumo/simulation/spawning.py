@@ -3,45 +3,50 @@
 Lane by lane, from the downstream end: centre gaps uniform from 10 m up to the
 density's largest (interPlan's numbers), and the highest speed that is safe.
 Vehicles that the scenario places stand where it says; the others leave them room.
+At the end all look ahead along their own routes, and those that are too fast
+for what is there start slower.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from math import sqrt
 
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.scenario.route import route_lanes
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, SMALLEST_GAP_M, Density, Scenario
-from interplan_sumo.simulation.idm import acceleration_mps2, largest_speed_mps
-from interplan_sumo.simulation.lane_chains import ROUTE_M, ChainedLane, chain_through, closed_spans, continued_route
-from interplan_sumo.simulation.network import SumoNetwork
+from interplan_sumo.simulation.idm import acceleration_mps2
+from interplan_sumo.simulation.lane_chains import (
+    ChainedLane,
+    chain_through,
+    closed_spans,
+    ego_sumo_route,
+    way_ahead,
+)
+from interplan_sumo.simulation.lane_occupancy import AHEAD_M as LOOK_AHEAD_M
+from interplan_sumo.simulation.lane_occupancy import CAR_LENGTH_M, LaneOccupancy, Occupant
+from interplan_sumo.simulation.local_demand import LEAST_ROAD_M, LocalDemand, agent_route, local_demand
+from interplan_sumo.simulation.network import NetworkLane, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
+from interplan_sumo.simulation.start_speed import HARDEST_FIRST_BRAKING_MPS2, StartAhead, safe, start_speed_mps
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
 
-AHEAD_M = 300.0
+AHEAD_M = 250.0
 """How far ahead of the ego lanes are filled."""
-BEHIND_M = 120.0
-"""How far behind the ego lanes are filled."""
+BEHIND_M = 200.0
+"""How far behind the ego lanes are filled, and how far away on side roads."""
 CLEAR_M = 3.0
 """No vehicle starts nearer than this to an obstacle."""
-HOLD_S = 3.0
-"""No vehicle may hit another within this time if all hold their speed (benchmark.md)."""
-HARDEST_FIRST_BRAKING_MPS2 = 2.9
-"""Just milder than the 3 m/s2 that the benchmark allows in the first step."""
-CAR_LENGTH_M = 5.0
-"""Gaps are meant for cars up to this length; longer vehicles add the rest."""
-STOPPING_MPS2 = 1.5
-"""Comfortable braking towards a light or a junction that may not be open."""
-LINE_M = 1.0
-"""SUMO's cars stop this far before the end of their lane."""
+FASTEST_MPS = 40.0
+"""Routes are long enough for drives at this speed."""
+MOST_LOOKS = 20
+"""A speed that is lowered lowers that of the next one behind, and so on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +59,11 @@ class StagedScenario:
     ids: NetworkIds
     types: VehicleTypes
     shape: EgoShape = PACIFICA
+
+    @property
+    def route_m(self) -> float:
+        """Length of the agents' routes."""
+        return FASTEST_MPS * self.scenario.duration_s + AHEAD_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,25 +80,13 @@ class Spawn:
     """SUMO edges."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FilledLane:
-    """A chain of lanes that has been filled, and where the filling ended."""
-
-    chain: list[ChainedLane]
-    begin_m: float
-    """Where the filled part begins, along the chain."""
-    next_m: float
-    """Where the centre of the next vehicle upstream would have been."""
-    largest_gap_m: float
-
-
 @dataclass(frozen=True, slots=True)
 class Population:
     """Everyone at the start."""
 
     spawns: tuple[Spawn, ...]
     """In a fixed order, those that the scenario places first."""
-    filled: tuple[FilledLane, ...]
+    demand: LocalDemand
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +116,10 @@ class _Fixed:
         )
 
 
+_PlannedChain = tuple[str, Density, list[ChainedLane], tuple[float, float]]
+"""Lane of the map that it runs through, its density, its lanes, and the stretch of it that is filled."""
+
+
 def populate(
     staged: StagedScenario,
     blocked: tuple[LaneBlockage, ...],
@@ -131,38 +133,59 @@ def populate(
     """
     scenario, roads, network = staged.scenario, staged.roads, staged.network
     behind_m, ahead_m = reach_m
-    placed = [_placed(staged, i, rng) for i in range(len(scenario.vehicles))]
-    spawns = list(placed)
-    filled: list[FilledLane] = []
-    used: set[str] = set()
     start = roads[scenario.start.lane]
     ego_x, ego_y, _ = start.centerline.poses_at(scenario.start.arc_m)[0]
     own = roads.roadblocks[start.roadblock_id].lane_ids
     plan: list[tuple[str, Density, float, float]] = []
-    demand = scenario.traffic
-    plan.extend((lane, demand.density, behind_m, ahead_m) for lane in own)
-    plan.extend((lane, demand.oncoming, ahead_m, behind_m) for lane in oncoming_lanes(roads, scenario))
+    wanted = scenario.traffic
+    plan.extend((lane, wanted.density, behind_m, ahead_m) for lane in own)
+    against = oncoming_lanes(roads, scenario)
+    plan.extend((lane, wanted.oncoming, ahead_m, behind_m) for lane in against)
+    chains: list[_PlannedChain] = []
+    used: set[str] = set()
     for lane_id, density, upstream_m, downstream_m in plan:
-        if density == "none":
-            continue
         arc_m, _ = roads[lane_id].centerline.project_point(ego_x, ego_y)
         chain = chain_through(network, *staged.ids.sumo_place(lane_id, arc_m), used, upstream_m, downstream_m)
         used.update(stretch.lane.id for stretch in chain)
-        if not chain:
+        if chain:
+            span = (max(chain[0].start_m, -upstream_m), min(chain[-1].end_m, downstream_m))
+            chains.append((lane_id, density, chain, span))
+    way = ego_sumo_route(network, staged.ids, route_lanes(roads, scenario))
+    demand = local_demand(network, wanted, (*way, *_edges(chains, own)), _edges(chains, against))
+    placed = [_placed(staged, i, demand, rng) for i in range(len(scenario.vehicles))]
+    spawns = list(placed)
+    for lane_id, density, chain, span in chains:
+        if density == "none":
             continue
         fixed = _fixed(chain, placed)
         if lane_id == start.id:
             fixed.append(_Fixed(0.0, staged.shape.length_m, scenario.start_speed_mps, None, 0.0))
         fixed.sort(key=lambda each: -each.centre_m)
-        span = (max(chain[0].start_m, -upstream_m), min(chain[-1].end_m, downstream_m))
         closed = closed_spans(chain, blocked)
-        found, next_m = _fill(network, chain, span, closed, LARGEST_GAP_M[density], staged.types, fixed, rng)
-        spawns += found
-        filled.append(FilledLane(chain, span[0], next_m, LARGEST_GAP_M[density]))
-    return Population(tuple(spawns), tuple(filled))
+        drawn = _fill(chain, span, closed, LARGEST_GAP_M[density], staged.types, fixed, rng)
+        for lane, front_m, speed_mps, driver in drawn:
+            spawns.append(Spawn(lane, front_m, speed_mps, driver, _route(staged, lane, demand, rng)))
+    origin = staged.ids.origin_m
+    occupied = LaneOccupancy(network, blocked)
+    lane, fraction = staged.ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
+    front_m = fraction * network.lanes[lane].length_m + staged.shape.length_m / 2.0
+    occupied.add(lane, Occupant(front_m, front_m - staged.shape.length_m, scenario.start_speed_mps))
+    if wanted.density != "none" or wanted.oncoming != "none":
+        spawns += _on_side_roads(staged, demand, (ego_x - origin[0], ego_y - origin[1]), used, occupied, spawns, rng)
+    return Population(tuple(_settled(network, spawns, len(placed), occupied)), demand)
 
 
-def _placed(staged: StagedScenario, number: int, rng: np.random.Generator) -> Spawn:
+def _edges(
+    chains: Sequence[tuple[str, Density, list[ChainedLane], tuple[float, float]]], of: Sequence[str]
+) -> set[str]:
+    return {part.lane.edge for lane, _, chain, _ in chains if lane in of for part in chain if not part.lane.internal}
+
+
+def _route(staged: StagedScenario, lane: str, demand: LocalDemand, rng: np.random.Generator) -> tuple[str, ...]:
+    return agent_route(staged.network, demand, lane, staged.route_m, np.random.default_rng(rng.integers(2**32)))
+
+
+def _placed(staged: StagedScenario, number: int, demand: LocalDemand, rng: np.random.Generator) -> Spawn:
     """One of the vehicles that the scenario places: its centre where it says, at the speed that it says."""
     scenario, network = staged.scenario, staged.network
     vehicle = scenario.vehicles[number]
@@ -183,7 +206,7 @@ def _placed(staged: StagedScenario, number: int, rng: np.random.Generator) -> Sp
         )
     sumo_lane, fraction = staged.ids.sumo_place(lane.id, vehicle.place.arc_m + half_m)
     position_m = fraction * network.lanes[sumo_lane].length_m
-    return Spawn(sumo_lane, position_m, vehicle.speed_mps, driver, continued_route(network, sumo_lane, ROUTE_M, rng))
+    return Spawn(sumo_lane, position_m, vehicle.speed_mps, driver, _route(staged, sumo_lane, demand, rng))
 
 
 def _fixed(chain: list[ChainedLane], placed: Sequence[Spawn]) -> list[_Fixed]:
@@ -223,14 +246,15 @@ def oncoming_lanes(roads: Roads, scenario: Scenario) -> tuple[str, ...]:
 
 
 def _fill(
-    network: SumoNetwork, chain: list[ChainedLane], span: tuple[float, float], closed: list[tuple[float, float]],
+    chain: list[ChainedLane], span: tuple[float, float], closed: list[tuple[float, float]],
     largest_gap_m: float, types: VehicleTypes, fixed: Sequence[_Fixed], rng: np.random.Generator,
-) -> tuple[list[Spawn], float]:  # fmt: skip
-    """Agents on one chain, from its downstream end, and where the next one would have been.
+) -> list[tuple[str, float, float, VehicleType]]:  # fmt: skip
+    """Lane, position of the front bumper, speed and driver of agents on one chain, from its downstream end.
 
     `fixed` are the vehicles on the chain whose places are given, from downstream on.
     """
-    placed: list[tuple[Spawn, float]] = []  # with the place of the rear bumper along the chain
+    placed: list[tuple[str, float, float, VehicleType]] = []
+    rears_m: list[float] = []  # along the chain
     leader: tuple[float, float] | None = None  # rear bumper and speed
     waiting = list(fixed)
     lowest_m, centre_m = span
@@ -239,7 +263,7 @@ def _fill(
         taken = False
         while waiting and centre_m < waiting[0].centre_m + waiting[0].room_m():
             here = waiting.pop(0)
-            _make_room(placed, here)
+            _make_room(placed, rears_m, here)
             leader = (here.centre_m - here.length_m / 2, here.speed_mps)
             if centre_m > here.centre_m - SMALLEST_GAP_M:  # this slot is its
                 centre_m, taken = here.centre_m, True
@@ -247,8 +271,8 @@ def _fill(
             continue
         if centre_m < lowest_m:
             for here in waiting:
-                _make_room(placed, here)
-            return [spawn for spawn, _ in placed], centre_m
+                _make_room(placed, rears_m, here)
+            return placed
         driver = types.draw(rng)
         centre_m -= max(0.0, driver.length_m - CAR_LENGTH_M)
         front_m = centre_m + driver.length_m / 2
@@ -261,70 +285,89 @@ def _fill(
         standing = min((start_m for start_m, _ in closed if start_m > front_m), default=None)
         ahead = leader if standing is None or (leader is not None and leader[0] < standing) else (standing, 0.0)
         follows = (ahead[0] - front_m, ahead[1]) if ahead is not None else None
-        line_m = _next_line_m(network, chain, front_m)
-        speed_mps = start_speed_mps(driver, stretch.lane.limit_mps, line_m, follows)
+        speed_mps = start_speed_mps(driver, StartAhead(stretch.lane.limit_mps, leader=follows))
         if speed_mps is None:
             continue
-        route = continued_route(network, stretch.lane.id, ROUTE_M, rng)
-        placed.append((Spawn(stretch.lane.id, front_m - stretch.start_m, speed_mps, driver, route), rear_m))
+        placed.append((stretch.lane.id, front_m - stretch.start_m, speed_mps, driver))
+        rears_m.append(rear_m)
         leader = (rear_m, speed_mps)
 
 
-def _make_room(placed: list[tuple[Spawn, float]], here: _Fixed) -> None:
+def _make_room(placed: list[tuple[str, float, float, VehicleType]], rears_m: list[float], here: _Fixed) -> None:
     """Take away those ahead of a fixed vehicle that it could not follow."""
     front_m = here.centre_m + here.length_m / 2
-    while placed and not here.follows(placed[-1][1] - front_m, placed[-1][0].speed_mps):
+    while placed and not here.follows(rears_m[-1] - front_m, placed[-1][2]):
         placed.pop()
+        rears_m.pop()
 
 
-def _next_line_m(network: SumoNetwork, chain: list[ChainedLane], front_m: float) -> float | None:
-    """How far ahead the next junction is that may not be open at the start."""
-    for part in chain:
-        if part.end_m >= front_m and part.link is not None and not network.opens_freely(part.link):
-            return part.end_m - front_m
-    return None
+def _on_side_roads(
+    staged: StagedScenario, demand: LocalDemand, ego_m: tuple[float, float], used: set[str], occupied: LaneOccupancy,
+    others: Sequence[Spawn], rng: np.random.Generator,
+) -> list[Spawn]:  # fmt: skip
+    """Agents on all lanes but those `used` that lie within reach of the ego, each from its downstream end."""
+    network = staged.network
+    taken: dict[str, list[tuple[float, float]]] = {}
+    found: list[Spawn] = []
+    for each in others:
+        taken.setdefault(each.lane, []).append((each.position_m - each.driver.length_m, each.position_m))
+    for lane_id in sorted(demand.lanes - used):
+        lane = network.lanes[lane_id]
+        span = _within(lane, ego_m, BEHIND_M)
+        if span is None:
+            continue
+        blocks = [*taken.get(lane_id, []), *((each.rear_m, each.front_m) for each in occupied.on(lane_id))]
+        largest_m = demand.largest_gap_m[lane.edge]
+        centre_m = span[1] + rng.uniform(0.0, largest_m - SMALLEST_GAP_M)
+        while True:
+            driver = staged.types.draw(rng)
+            centre_m -= rng.uniform(SMALLEST_GAP_M, largest_m) + max(0.0, driver.length_m - CAR_LENGTH_M)
+            front_m, rear_m = centre_m + driver.length_m / 2.0, centre_m - driver.length_m / 2.0
+            if rear_m < span[0]:
+                break
+            clear_m = SMALLEST_GAP_M - CAR_LENGTH_M
+            if front_m > lane.length_m or any(a < front_m + clear_m and rear_m - clear_m < b for a, b in blocks):
+                continue
+            route = _route(staged, lane_id, demand, rng)
+            speed_mps = min(lane.limit_mps * driver.speed_factor, driver.max_speed_mps)
+            found.append(Spawn(lane_id, front_m, speed_mps, driver, route))
+    return found
 
 
-def safe(speed_mps: float, gap_m: float, leader_mps: float) -> bool:
-    """Whether a follower does not hit its leader within the hold time."""
-    return gap_m > 0.5 and (speed_mps - leader_mps) * HOLD_S <= gap_m - 0.5
-
-
-def start_speed_mps(
-    driver: VehicleType, limit_mps: float, line_m: float | None, leader: tuple[float, float] | None,
-    *, hardest_mps2: float = HARDEST_FIRST_BRAKING_MPS2,
-) -> float | None:  # fmt: skip
-    """The highest safe start speed; None where even standing is not safe.
-
-    `line_m` is how far ahead the next junction is that may not be open,
-    `leader` the gap to, and the speed of, the next one ahead, `hardest_mps2`
-    the hardest braking that following it, or stopping, may take at once.
-    """
-    allowed = [limit_mps * driver.speed_factor, driver.max_speed_mps]
-    meets: list[Callable[[float], bool]] = []
-    if line_m is not None:
-        room_m = max(0.0, line_m - LINE_M)
-        allowed.append(sqrt(2.0 * STOPPING_MPS2 * room_m))
-        meets.append(partial(_stops_mildly, driver, limit_mps, room_m, hardest_mps2))
-    if leader is None:
-        return largest_speed_mps(allowed, meets)
-    gap_m, leader_mps = leader
-    if gap_m <= driver.min_gap_m:
+def _within(lane: NetworkLane, ego_m: tuple[float, float], reach_m: float) -> tuple[float, float] | None:
+    """The stretch of a lane, in SUMO's positions, that lies within reach of the ego."""
+    if lane.line.length_m < LEAST_ROAD_M:
         return None
-
-    def in_equilibrium(speed_mps: float) -> bool:
-        return acceleration_mps2(driver, speed_mps, limit_mps, gap_m, speed_mps) >= 0.0
-
-    def brakes_mildly(speed_mps: float) -> bool:
-        return acceleration_mps2(driver, speed_mps, limit_mps, gap_m, leader_mps) >= -hardest_mps2
-
-    def holds(speed_mps: float) -> bool:
-        return safe(speed_mps, gap_m, leader_mps)
-
-    return largest_speed_mps(allowed, [*meets, in_equilibrium, brakes_mildly, holds])
+    line = lane.line.resampled(CAR_LENGTH_M)
+    near = np.flatnonzero(np.hypot(line.points[:, 0] - ego_m[0], line.points[:, 1] - ego_m[1]) <= reach_m)
+    if len(near) == 0:
+        return None
+    return lane.position_of(float(line.arc_m[near[0]])), lane.position_of(float(line.arc_m[near[-1]]))
 
 
-def _stops_mildly(driver: VehicleType, limit_mps: float, room_m: float, hardest_mps2: float, speed_mps: float) -> bool:
-    """Whether a car stops at a line `room_m` ahead with a mild first step; SUMO's IDM keeps no gap to it (measured)."""
-    free = replace(driver, min_gap_m=0.0)
-    return speed_mps == 0.0 or acceleration_mps2(free, speed_mps, limit_mps, room_m, 0.0) >= -hardest_mps2
+def _settled(network: SumoNetwork, spawns: Sequence[Spawn], placed: int, occupied: LaneOccupancy) -> list[Spawn]:
+    """All at speeds that suit what lies ahead on their routes: connectors, lights, junctions, leaders, the ego.
+
+    The first `placed` keep their speed where it suits, even beyond the limit.
+    Those drawn are left out where not even standing is safe.
+    """
+    ways = [way_ahead(network, each.lane, each.route, each.position_m + LOOK_AHEAD_M) for each in spawns]
+    speeds: list[float | None] = [each.speed_mps for each in spawns]
+    for _ in range(MOST_LOOKS):
+        now = occupied.copy()
+        for each, speed_mps in zip(spawns, speeds, strict=True):
+            if speed_mps is not None:
+                now.add(
+                    each.lane, Occupant(each.position_m, each.position_m - each.driver.length_m, speed_mps, each.driver)
+                )
+        before = list(speeds)
+        for i, (each, way) in enumerate(zip(spawns, ways, strict=True)):
+            speed_mps = speeds[i]
+            if speed_mps is None:
+                continue
+            ahead = now.ahead_of(way, each.position_m, network.opens_freely)
+            slower = start_speed_mps(each.driver, ahead, most_mps=speed_mps, settled=i >= placed)
+            speeds[i] = 0.0 if slower is None and i < placed else slower
+        if speeds == before:
+            break
+    return [replace(each, speed_mps=mps) for each, mps in zip(spawns, speeds, strict=True) if mps is not None]

@@ -17,7 +17,7 @@ from interplan_sumo.simulation.agent_control import AgentControl
 from interplan_sumo.simulation.agent_registry import AgentRegistry
 from interplan_sumo.simulation.ego_proxy import NO_LANE_CHANGE, EgoProxy
 from interplan_sumo.simulation.ego_reactions import FREEZE_RADIUS_M, EgoReactions
-from interplan_sumo.simulation.flow import Flow
+from interplan_sumo.simulation.flow import Flow, OnTheRoad
 from interplan_sumo.simulation.lane_polygons import Ring
 from interplan_sumo.simulation.lights import Lights, LoggedLights
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
@@ -210,11 +210,8 @@ class SumoTraffic:
         self._signals = None
 
     def advance(self) -> None:
-        if self._flow is not None and self._started:
-            entry = self._flow.entry(self._agents, self._ego, self._shape, self._ids.origin_m, self._is_open)
-            if entry is not None:
-                self._add(*entry)
-                self._control.keep_lanes(self._control.keeping_lane | self._beside(entry[1]))  # until the others see it
+        if self._flow is not None and self._started and self._flow.is_due():
+            self._let_in_and_out(self._flow)
         with Commanding("simulationStep"):
             sumo.simulationStep()
             gone = frozenset(sumo.simulation.getArrivedIDList())
@@ -231,6 +228,26 @@ class SumoTraffic:
         if departed:
             self._enter(departed)
         self._read()
+
+    def _let_in_and_out(self, flow: Flow) -> None:
+        """Who comes and goes far from the ego."""
+        agents = self._agents
+        names, aside_of = agents.names, sumo.vehicle.getLateralLanePosition
+        with Commanding("reading how far the agents are from the middle of their lanes"):
+            asides_m = [aside_of(name) for name in names]
+        there = OnTheRoad(
+            names, self._lanes_of(names), self._positions_m(names), asides_m, agents.kinematics.speed_mps,
+            [agents.drivers[name] for name in names], agents.front_x, agents.front_y,
+        )  # fmt: skip
+        changes = flow.changes(there, self._ego, self._ids.origin_m, self._is_open)
+        for entry in changes.entering:
+            self._add(*entry)
+            self._control.keep_lanes(self._control.keeping_lane | self._beside(entry[1]))  # until the others see it
+        if changes.leaving:
+            with Commanding("removing agents that are far away"):
+                for name in changes.leaving:
+                    sumo.vehicle.remove(name)
+            self._remove(frozenset(changes.leaving))
 
     def _beside(self, each: Spawn) -> frozenset[str]:
         """Agents near one that is about to enter: they could not see it before they change lane."""

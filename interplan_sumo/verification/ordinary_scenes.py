@@ -89,17 +89,15 @@ def _sound(roads: Roads, kind: str, seed: int) -> Iterator[Scenario]:
 
 
 def _in_other_traffic(scenario: Scenario) -> Scenario:
-    """Density, drivers and inflow drawn anew; dense traffic stays dense, and placed vehicles need drivers of a kind."""
+    """Density and drivers drawn anew; dense traffic stays dense, and placed vehicles need drivers of a kind."""
     rng = np.random.default_rng(np.frombuffer(hashlib.sha256(f"traffic {scenario.id}".encode()).digest(), np.uint32))
     density, oncoming = _drawn(rng), _drawn(rng)
     behaviour = BEHAVIOURS[int(rng.integers(len(BEHAVIOURS)))]
-    flow = bool(rng.random() < 0.5)
     traffic = replace(
         scenario.traffic,
         density="high" if scenario.traffic.density == "high" else density,
         oncoming=oncoming,
         behaviour="urban" if scenario.vehicles else behaviour,
-        flow=flow,
     )
     return replace(scenario, traffic=traffic)
 

@@ -32,7 +32,7 @@ WHOLE = Scenario(
     start_speed_mps=8.0,
     goal=LanePosition("102020", 35.5),
     route=("10101", "10151", "10202"),
-    traffic=TrafficDemand("low", "assertive", "high", flow=True),
+    traffic=TrafficDemand("low", "assertive", "high"),
     obstacles=(
         Obstacle(LanePosition("101010", 60.0, 2.4), "bus", 0.02, width_m=2.5),
         Obstacle(LanePosition("101010", 90.0), "cone"),
@@ -64,7 +64,7 @@ start: {lane: '101010', arc_m: 20.0}
 start_speed_mps: 8.0
 goal: {lane: '102020', arc_m: 35.5}
 route: ['10101', '10151', '10202']
-traffic: {density: low, behaviour: assertive, oncoming: high, flow: true}
+traffic: {density: low, behaviour: assertive, oncoming: high}
 obstacles:
 - place: {lane: '101010', arc_m: 60.0, left_m: 2.4}
   kind: bus
@@ -195,8 +195,7 @@ def test_ids_of_digits_need_no_quotes_and_repeated_parts_can_be_named_once(tmp_p
         ("kind: bus", "kind: tank", "obstacles[0].kind is tank, expected one of car, bus, truck, cone, barrier"),
         ("kind: bus", "kind: {a: 1}", "obstacles[0].kind is a mapping, expected one of car"),
         ("density: low", "density: null", "traffic.density is empty, expected one of none, low, medium, high"),
-        ("flow: true", "flow: yes", "traffic.flow is yes, expected true or false"),
-        ("flow: true", "flow: 'true'", "traffic.flow is 'true', expected true or false"),
+        ("oncoming: high", "flow: true", "there is no field traffic.flow. Known are: density, behaviour, oncoming"),
         ("width_m: 2.5", "width_m: wide", "obstacles[0].width_m is wide, expected a number"),
         ("occluder: 0", "occluder: 0.0", "line 21: occluder is 0.0, expected a whole number"),
         ("occluder: 0", "occluder: 2", "line 1: crossing/0: occluder is 2, expected the index of one of 2 obstacles"),

@@ -54,7 +54,6 @@ def test_a_track_that_cannot_be_names_its_column(changes: dict[str, object], sai
     [
         ("traffic.density", {"traffic": TrafficDemand(density="low")}),
         ("traffic.oncoming", {"traffic": TrafficDemand(oncoming="low")}),
-        ("traffic.flow", {"traffic": TrafficDemand(flow=True)}),
         ("vehicles", {"vehicles": (PlacedVehicle(PLACE, 3.0),)}),
         ("jaywalkers", {"jaywalkers": (Jaywalker(PLACE, PLACE, 1.0),)}),
     ],

@@ -24,6 +24,8 @@ DT_S = 0.1
 OVERLAP_M = 0.05
 """Two agents overlap if their boxes penetrate by more than this."""
 STANDING_MPS = 0.5
+SIGHT_M = 100.0
+"""Nobody comes or goes as near to the ego, but where the map ends."""
 JUMP_M = 0.6
 """The centre of an agent may move by its speed and this much more: a lane change's step across, the turn of its body
 about its front, and rounding, as SUMO scales the lanes of an edge."""
@@ -190,12 +192,12 @@ def audited(scenario: Scenario, *, seed: int = 0, steps: int = 300, wild: bool =
                 if (a, b) not in overlapped:
                     overlapped.add((a, b))
                     faults.append(f"{at} {a} and {b} overlap {depth:.2f} m")
-            faults += [f"{at} {fault}" for fault in _jumps(before, now, newest, ends)]
+            faults += [f"{at} {fault}" for fault in _jumps(before, now, newest, ends, egos[min(step, steps)])]
             newest = frozenset(now.ids) - frozenset(before.ids)
             came = [row for row, name in enumerate(now.ids) if name in newest]
             entered += len(came)
             for x, y in ((float(now.x_m[row]), float(now.y_m[row])) for row in came if not wild):
-                if hypot(x - start.x_m, y - start.y_m) < 100.0 and np.hypot(*(begins - (x, y)).T).min() > 20.0:
+                if hypot(x - start.x_m, y - start.y_m) < SIGHT_M and np.hypot(*(begins - (x, y)).T).min() > 20.0:
                     faults.append(f"{at} one appears in sight")
             before = now
     return Audit(faults, entered, digest.hexdigest())
@@ -211,16 +213,16 @@ def _limits(scenario: Scenario) -> tuple[Floats, Floats]:
     return np.array(begins) + ids.origin_m, np.array(ends) + ids.origin_m
 
 
-def _jumps(before: Actors, after: Actors, newest: frozenset[str], ends: Floats) -> list[str]:
-    """Agents that vanish or jump, and those among the `newest` that brake at once."""
+def _jumps(before: Actors, after: Actors, newest: frozenset[str], ends: Floats, ego: EgoState) -> list[str]:
+    """Agents that vanish in sight or jump, and those among the `newest` that brake at once."""
     faults: list[str] = []
     row_of = {name: row for row, name in enumerate(after.ids)}
     for row, name in enumerate(before.ids):
         x, y = float(before.x_m[row]), float(before.y_m[row])
         if name not in row_of:
             away_m = float(np.hypot(*(ends - (x, y)).T).min())
-            if away_m > 30.0:
-                faults.append(f"{name} vanished {away_m:.0f} m from the end of the network")
+            if away_m > 30.0 and hypot(x - ego.x_m, y - ego.y_m) < SIGHT_M:
+                faults.append(f"{name} vanished in sight, {away_m:.0f} m from the end of the network")
             continue
         there = row_of[name]
         moved_m = hypot(after.x_m[there] - x, after.y_m[there] - y)

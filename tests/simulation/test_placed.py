@@ -70,7 +70,8 @@ def test_a_vehicle_may_be_placed_anywhere_on_any_lane_of_a_map() -> None:
     assert any(network.lanes[ids.sumo_place(each.lane, each.arc_m)[0]].index > 0 for each in places)
     actors = start(placed(*(PlacedVehicle(place, 5.0) for place in places)))
     assert len(actors) == len(places)
-    assert actors.speed_mps == pytest.approx(np.full(len(places), 5.0), abs=1e-9)
+    assert actors.speed_mps.max() == pytest.approx(5.0, abs=1e-9)
+    assert np.sum(actors.speed_mps < 4.99) <= 4  # right before red lights and junctions
     for pose in (place.pose(roads) for place in places):
         assert np.hypot(actors.x_m - pose.x_m, actors.y_m - pose.y_m).min() < 0.1  # in bends it cuts in
 
@@ -149,11 +150,11 @@ def test_drawn_traffic_leaves_room_around_placed_vehicles(
     fixed.sort(key=lambda each: -each.centre_m)
     chain = chain_through(NETWORK, "e0_0", EGO_X / 400.0, set(), 120.0, 300.0)
     rng = np.random.default_rng(seed)
-    drawn, _ = spawning._fill(NETWORK, chain, (-120.0, 300.0), [], largest, types("urban"), fixed, rng)
+    drawn = spawning._fill(chain, (-120.0, 300.0), [], largest, types("urban"), fixed, rng)
     line: list[tuple[float, float, float, VehicleType | None, bool]] = []  # rear, front, speed, driver, drawn
-    for each in drawn:
-        front_m = each.position_m + (0.0 if each.lane.startswith("e0") else 400.1) - EGO_X
-        line.append((front_m - each.driver.length_m, front_m, each.speed_mps, each.driver, True))
+    for lane, position_m, speed_mps, driver in drawn:
+        front_m = position_m + (0.0 if lane.startswith("e0") else 400.1) - EGO_X
+        line.append((front_m - driver.length_m, front_m, speed_mps, driver, True))
     for each in fixed:
         half_m = each.length_m / 2.0
         line.append((each.centre_m - half_m, each.centre_m + half_m, each.speed_mps, each.driver, False))

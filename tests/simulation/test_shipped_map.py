@@ -94,7 +94,7 @@ def test_without_an_ego_a_district_equals_plain_sumo_to_the_bit(name: str) -> No
     ego = setup.start_state(scenario, roads)
     ours: list[tuple[Snapshot, list[str]]] = []
     of = libsumo.vehicle
-    with setup.open_traffic(scenario, roads, with_ego=False) as traffic:
+    with setup.open_traffic(scenario, roads, with_ego=False, most_agents=1000) as traffic:
         agents = {
             each: (of.getTypeID(each), of.getRoute(each), of.getLaneIndex(each), of.getLanePosition(each),
                    of.getSpeed(each))

@@ -8,20 +8,35 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import two_way_road, types
 
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation import spawning
-from interplan_sumo.simulation.lane_chains import chain_through, continued_route
+from interplan_sumo.simulation.lane_chains import ChainedLane, chain_through, continued_route
+from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.start_speed import StartAhead, start_speed_mps
+from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 
 NETWORK = two_way_road()
 EGO_X = 160.0
 EGO_LENGTH_M = 5.176
+DRIVER = types("conservative").members[0]
+
+
+def filled(
+    chain: list[ChainedLane], closed: list[tuple[float, float]], largest_gap_m: float, behaviour: str,
+    ego: list[spawning._Fixed], seed: int,
+) -> list[Spawn]:  # fmt: skip
+    drawn = spawning._fill(
+        chain, (-120.0, 300.0), closed, largest_gap_m, types(behaviour), ego, np.random.default_rng(seed)
+    )
+    return [Spawn(*each, ()) for each in drawn]
 
 
 def fill(seed: int, largest_gap_m: float, behaviour: str = "mixed", ego_mps: float | None = 10.0) -> list[Spawn]:
     chain = chain_through(NETWORK, "e0_0", EGO_X / 400.0, set(), 120.0, 300.0)
     ego = [spawning._Fixed(0.0, EGO_LENGTH_M, ego_mps, None, 0.0)] if ego_mps is not None else []
-    rng = np.random.default_rng(seed)
-    return spawning._fill(NETWORK, chain, (-120.0, 300.0), [], largest_gap_m, types(behaviour), ego, rng)[0]
+    return filled(chain, [], largest_gap_m, behaviour, ego, seed)
 
 
 def place(spawn: Spawn) -> tuple[float, float]:
@@ -52,9 +67,8 @@ def test_nobody_starts_within_three_metres_of_an_obstacle_but_just_beyond() -> N
     chain = chain_through(NETWORK, "e0_0", EGO_X / 400.0, set(), 120.0, 300.0)
     gaps_m: list[float] = []
     for seed in range(400):
-        rng = np.random.default_rng(seed)
         closed = [(70.0, 80.0)]  # along the chain, from the ego on
-        for spawn in spawning._fill(NETWORK, chain, (-120.0, 300.0), closed, 33.0, types("mixed"), [], rng)[0]:
+        for spawn in filled(chain, closed, 33.0, "mixed", [], seed):
             rear_m, front_m = (x - EGO_X for x in place(spawn))
             gaps_m.append(max(70.0 - front_m, rear_m - 80.0))
     assert 3.0 <= min(gaps_m) < 3.2
@@ -63,5 +77,50 @@ def test_nobody_starts_within_three_metres_of_an_obstacle_but_just_beyond() -> N
 @pytest.mark.parametrize("line_m", [16.0, 31.0])
 def test_the_start_speed_before_a_closed_line_stops_with_one_and_a_half(line_m: float) -> None:
     """A metre before the line, at 1.5 m/s2."""
-    speed_mps = spawning.start_speed_mps(types("conservative").members[0], 15.0, line_m, None)
+    speed_mps = start_speed_mps(DRIVER, StartAhead(15.0, line_m))
     assert speed_mps == pytest.approx((2.0 * 1.5 * (line_m - 1.0)) ** 0.5)
+
+
+def test_the_start_speed_before_a_slower_lane_brakes_mildly_and_does_not_mind_faster_ones() -> None:
+    far, near, there = (start_speed_mps(DRIVER, StartAhead(15.0, slower=[(at_m, 6.0)])) for at_m in (200.0, 20.0, 0.0))
+    assert far == 15.0
+    assert near is not None
+    assert 6.0 < near <= (6.0**2 + 2.0 * 1.5 * 20.0) ** 0.5
+    assert there == pytest.approx(6.0)
+    assert start_speed_mps(DRIVER, StartAhead(15.0, slower=[(5.0, 20.0)])) == 15.0
+
+
+@pytest.mark.parametrize(("most_mps", "expected"), [(22.0, 22.0), (9.0, 9.0), (None, 15.0)])
+def test_a_placed_vehicle_may_be_faster_than_the_limit_and_slower(most_mps: float | None, expected: float) -> None:
+    assert start_speed_mps(DRIVER, StartAhead(15.0), most_mps=most_mps) == expected
+
+
+def test_nobody_starts_behind_a_leader_that_is_too_near_to_stand_behind() -> None:
+    assert start_speed_mps(DRIVER, StartAhead(15.0, leader=(DRIVER.min_gap_m, 10.0))) is None
+    assert start_speed_mps(DRIVER, StartAhead(15.0, leader=(DRIVER.min_gap_m + 0.5, 10.0))) is not None
+
+
+def hardest_braking(name: str, behaviour: str) -> float:
+    """Of all who stand there at the start, in the first two seconds, with nobody but them on the road."""
+    scenario = find_scenario(name)
+    before: dict[str, float] = {}
+    hardest = 0.0
+    with open_traffic(
+        scenario, load_roads(scenario.map), vehicle_types=vehicle_type_file(behaviour), with_ego=False, most_agents=1000
+    ) as traffic:
+        for _ in range(21):
+            now = traffic.observe().actors
+            speeds = dict(zip(now.ids, now.speed_mps.tolist(), strict=True))
+            hardest = max([hardest, *((before[each] - speeds[each]) / 0.1 for each in before.keys() & speeds.keys())])
+            before = speeds
+            traffic.advance()
+    return hardest
+
+
+@pytest.mark.parametrize(
+    ("name", "behaviour"),
+    [("stopping_with_lead/1", "assertive"), ("near_multiple_vehicles/1", "urban"), ("lane_change_htd/2", "assertive")],
+)
+def test_nobody_brakes_hard_because_of_how_it_started(name: str, behaviour: str) -> None:
+    """The first placed one before a turn, at 19 m/s, and braked with 9 m/s2."""
+    assert hardest_braking(name, behaviour) <= 3.0
