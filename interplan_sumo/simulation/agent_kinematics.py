@@ -25,6 +25,9 @@ STRETCH = 1.2
 """SUMO scales the lanes of an edge to one length; on the outer lane of a bend cars go faster than they say."""
 LEAST = 0.5
 """On the inner lane they go slower; a step that is shorter still is a jump back, from one edge to the next."""
+STEEPEST = 1.0
+"""Way to the side per way ahead of a front bumper, at full lock; who stands stands still, whatever SUMO slides."""
+DISPLACED_M = 0.1
 STRAIGHT_RAD = 1e-4
 """Turned by less in a step, and moved sideways by less, nobody slips."""
 STRAIGHT_M = 1e-3
@@ -52,6 +55,8 @@ class AgentKinematics:
         """By SUMO's angle since the step before, not wrapped; none in the first step."""
         self.most_turned_rad = 0.0
         """The largest of `turned_rad`, to either side."""
+        self.displaced: frozenset[int] = frozenset()
+        """Rows of cars that are shown elsewhere than where SUMO has them, which slid sideways without driving."""
         self._new: list[int] = []
 
     def move(self, front_m: ArrayLike, angle_deg: ArrayLike, speed_mps: ArrayLike, length_m: Floats) -> None:
@@ -62,7 +67,7 @@ class AgentKinematics:
         front = np.array(front_m, dtype=np.float64).reshape(-1, 2)
         heading = (pi / 2.0 - np.radians(angle_deg) + pi) % (2.0 * pi) - pi
         speed = np.array(speed_mps, dtype=np.float64)
-        self.turned_rad, self.most_turned_rad = np.zeros(0), 0.0
+        self.turned_rad, self.most_turned_rad, self.displaced = np.zeros(0), 0.0, frozenset[int]()
         if self._new:
             rows, self._new = self._new, []
             came = np.stack((np.cos(heading[rows]), np.sin(heading[rows])), axis=1) * speed[rows, None]
@@ -70,19 +75,24 @@ class AgentKinematics:
         if len(front) and len(self.front_m):
             went = front - self.front_m
             cosine, sine = np.cos(self.heading_rad), np.sin(self.heading_rad)
-            lags_m = LEAST * self._dt_s * speed - (went[:, 0] * cosine + went[:, 1] * sine)
-            if (lags_m > 0.0).any():
-                went += np.maximum(lags_m, 0.0)[:, None] * np.stack((cosine, sine), axis=1)
-                front = self.front_m + went
+            along_m = went[:, 0] * cosine + went[:, 1] * sine
+            left_m = went[:, 1] * cosine - went[:, 0] * sine
+            held = np.maximum(along_m, LEAST * self._dt_s * speed)
             most_m = STRETCH * self._dt_s * speed + SLIDE_M
-            squared = went[:, 0] ** 2 + went[:, 1] ** 2
-            if (squared > most_m * most_m).any():
-                went *= np.minimum(1.0, most_m / np.sqrt(np.maximum(squared, 1e-9)))[:, None]
-                front = self.front_m + went
+            held_left = np.clip(left_m, -STEEPEST * held, STEEPEST * held)
+            shrunk = np.minimum(1.0, most_m / np.maximum(np.hypot(held, held_left), 1e-9))
+            odd = np.flatnonzero((held > along_m) | (held_left != left_m) | (shrunk < 1.0))
+            if len(odd):
+                along_m, left_m = held * shrunk, held_left * shrunk
+                went[odd, 0] = along_m[odd] * cosine[odd] - left_m[odd] * sine[odd]
+                went[odd, 1] = along_m[odd] * sine[odd] + left_m[odd] * cosine[odd]
+                shown = self.front_m[odd] + went[odd]
+                off_m = np.hypot(*(front[odd] - shown).T)
+                front[odd] = shown
+                self.displaced = frozenset(odd[off_m > DISPLACED_M].tolist())
             self.turned_rad = turned = heading - self.heading_rad
             self.most_turned_rad = float(max(turned.max(), -turned.min()))
-            aside_m = went[:, 0] * sine - went[:, 1] * cosine
-            if self.most_turned_rad > STRAIGHT_RAD or np.abs(aside_m).max() > STRAIGHT_M:
+            if self.most_turned_rad > STRAIGHT_RAD or np.abs(left_m).max() > STRAIGHT_M:
                 heading = self._trailed(went, heading, REAR_AXLE * length_m)
         self.front_m, self.heading_rad, self.speed_mps = front, heading, speed
 

@@ -32,6 +32,8 @@ class AgentSnapshot:
     turned_rad: Floats  # (N,) since the step before, not wrapped; empty in the first step
     most_turned_rad: float
     """The largest of `turned_rad`, to either side."""
+    displaced: frozenset[int]
+    """Rows of cars that are elsewhere than where SUMO has them."""
     lanes: Callable[[Sequence[str]], list[str]]
     """The SUMO lanes of agents, '' is nowhere; asked for only when they may have to react."""
     positions_m: Callable[[Sequence[str]], list[float]]
@@ -114,7 +116,7 @@ class AgentRegistry:
         moving = self.kinematics
         return AgentSnapshot(
             self.names, self.front_x, self.front_y, moving.heading_rad, moving.speed_mps, moving.turned_rad,
-            moving.most_turned_rad, lanes, positions_m,
+            moving.most_turned_rad, moving.displaced, lanes, positions_m,
         )  # fmt: skip
 
     def actors(self) -> Actors:

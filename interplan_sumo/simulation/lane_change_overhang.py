@@ -41,6 +41,7 @@ class LaneChangeOverhang:
             turning = np.abs(turned) > TURNING_RAD
             slow = np.flatnonzero(turning & (snapshot.speed_mps < SLOW_MPS))
             self._candidates.update(snapshot.names[int(row)] for row in slow)
+        self._candidates.update([snapshot.names[row] for row in snapshot.displaced])
         return [row for row, name in enumerate(snapshot.names) if name in self._candidates] if self._candidates else []
 
     def coverage(

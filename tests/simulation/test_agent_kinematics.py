@@ -72,12 +72,21 @@ def test_a_car_at_10_mps_does_not_jump_back(went_m: float, shown_m: float) -> No
     assert moved((0.0, 0.0, 90.0, 10.0), (went_m, 0.0, 90.0, 10.0)).front_m[0, 0] == pytest.approx(shown_m)
 
 
-def test_a_car_that_jumps_slides_there_and_arrives() -> None:
-    cars = moved((0.0, 0.0, 90.0, 0.5), (0.05, 1.5, 90.0, 0.5))
-    assert np.hypot(*cars.front_m[0]) == pytest.approx(1.2 * DT_S * 0.5 + 0.2)
-    for _ in range(10):
-        cars.move([(0.05, 1.5)], [90.0], [0.0], CAR)
-    assert cars.front_m[0] == pytest.approx([0.05, 1.5])
+def test_a_car_that_stands_stays_where_it_is_and_follows_sumos_front_once_it_drives() -> None:
+    frames = [(0.0, 0.0, 90.0, 0.0), *((0.0, 0.02 * k, 70.0, 0.0) for k in range(1, 76))]
+    cars = moved(*frames)
+    assert cars.front_m[0] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert cars.heading_rad[0] == pytest.approx(0.0, abs=1e-9)
+    assert cars.displaced == {0}
+    for k in range(60):
+        cars.move([(0.1 * (k + 1), 1.5)], [90.0], [1.0], CAR)
+    assert cars.front_m[0] == pytest.approx([6.0, 1.5], abs=0.05)
+    assert not cars.displaced
+
+
+@pytest.mark.parametrize(("aside_m", "shown_m"), [(0.39, 0.39), (0.41, 0.4), (-0.41, -0.4)])
+def test_a_front_goes_no_farther_aside_than_ahead(aside_m: float, shown_m: float) -> None:
+    assert moved((0.0, 0.0, 90.0, 4.0), (0.4, aside_m, 90.0, 4.0)).front_m[0, 1] == pytest.approx(shown_m)
 
 
 @pytest.mark.parametrize(("moved_m", "shown_m"), [(1.39, 1.39), (1.41, 1.4), (1.7, 1.4)])

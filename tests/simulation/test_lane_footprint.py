@@ -47,6 +47,7 @@ def driving(yaw_rad: float, turned_rad: float, speed_mps: float) -> AgentSnapsho
         speed_mps=np.array([speed_mps]),
         turned_rad=np.array([turned_rad]),
         most_turned_rad=abs(turned_rad),
+        displaced=frozenset(),
         lanes=lambda _: ["e0_1"],
         positions_m=lambda _: [100.0],
     )
