@@ -204,10 +204,9 @@ class Polyline:
         """The same line with vertices at most `spacing_m` apart; every old vertex is kept."""
         lengths = np.diff(self.arc_m)
         pieces = np.maximum(1, np.ceil(lengths / spacing_m - 1e-9)).astype(np.int64)
-        at: list[Floats] = [
-            np.linspace(self.arc_m[i], self.arc_m[i + 1], count, endpoint=False) for i, count in enumerate(pieces)
-        ]
-        arc = np.concatenate((*at, self.arc_m[-1:]))
+        within = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        arc = within * np.repeat(lengths / pieces, pieces) + np.repeat(self.arc_m[:-1], pieces)
+        arc = np.append(arc, self.arc_m[-1])
         return Polyline(self.poses_at(arc)[:, :2])
 
 

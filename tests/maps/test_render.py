@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,12 @@ from interplan_sumo.maps.render import render_map
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.world.roads import Roads
 
-image = pytest.importorskip("matplotlib.image")
+pytestmark = pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
 
 
 def pixels(path: Path) -> np.ndarray:
+    from matplotlib import image
+
     return np.round(image.imread(path)[..., :3] * 255).astype(int)
 
 
