@@ -124,7 +124,7 @@ def _half_width_m(course: SmoothCurve, start: LaneStrip, end: LaneStrip) -> Floa
 
 def _connector_limit_mps(points: Floats, before: Block, after: Block) -> float:
     """The lower limit of both lanes, or what the tightest bend allows in comfort, in whole 5 km/h."""
-    road_kmh = min(before.way.limit_kmh, after.way.limit_kmh)
+    road_kmh = min(before.carriageway.limit_kmh, after.carriageway.limit_kmh)
     steps = np.diff(points, axis=0)
     lengths = np.hypot(steps[:, 0], steps[:, 1])
     bend = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))) / ((lengths[1:] + lengths[:-1]) / 2.0)
