@@ -103,14 +103,6 @@ class NetworkIds:
         piece = pieces[max(0, bisect_right(starts, arc_m) - 1)]
         return piece.sumo_lane, min(1.0, max(0.0, (arc_m - piece.start_m) / piece.length_m))
 
-    def source_place(self, sumo_lane: str, fraction: float) -> tuple[str, float]:
-        """The lane or connector and arc length at a fraction (clamped to 0..1) of a SUMO lane.
-
-        KeyError if the SUMO lane follows none.
-        """
-        lane_id, start_m, end_m = self.sources[sumo_lane]
-        return lane_id, start_m + (end_m - start_m) * min(1.0, max(0.0, fraction))
-
     # --- on disk -------------------------------------------------------------------------------
 
     def write(self, path: Path) -> None:

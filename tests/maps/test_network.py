@@ -38,27 +38,25 @@ def test_arc_lengths_beyond_the_ends_are_clamped() -> None:
     ids = small_ids()
     assert ids.sumo_place("1", -5.0) == ("1.0_0", 0.0)
     assert ids.sumo_place("1", 1e6) == ("1.1_0", 1.0)
-    assert ids.source_place("1.1_0", 1.7) == ("1", 100.0)
 
 
 def test_the_internal_lane_of_a_cut_maps_to_the_cut() -> None:
-    assert small_ids().source_place(":1.1_0_0", 0.6) == ("1", 40.0)
+    assert small_ids().sources[":1.1_0_0"] == ("1", 40.0, 40.0)
 
 
 @given(st.sampled_from(["1", "9"]), st.floats(0.0, 1.0))
 def test_places_survive_the_way_to_sumo_and_back(lane_id: str, share: float) -> None:
     ids = small_ids()
     arc_m = share * ids.pieces[lane_id][-1].end_m
-    back_id, back_m = ids.source_place(*ids.sumo_place(lane_id, arc_m))
+    sumo_lane, fraction = ids.sumo_place(lane_id, arc_m)
+    back_id, start_m, end_m = ids.sources[sumo_lane]
     assert back_id == lane_id
-    assert back_m == pytest.approx(arc_m, abs=1e-9)
+    assert start_m + fraction * (end_m - start_m) == pytest.approx(arc_m, abs=1e-9)
 
 
 def test_an_unknown_lane_is_a_key_error() -> None:
     with pytest.raises(KeyError):
         small_ids().sumo_place("77", 0.0)
-    with pytest.raises(KeyError):
-        small_ids().source_place("77_0", 0.0)
 
 
 def test_ids_survive_the_disk_and_equal_ids_give_equal_bytes(tmp_path: Path) -> None:

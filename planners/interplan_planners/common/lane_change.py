@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import atan, tan
+from math import tan
 
 import numpy as np
 
@@ -40,8 +40,3 @@ def quintic_offset(share: Floats, offset_m: float, slope_m: float) -> Floats:
     fall = 1.0 - u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
     tilt = u - u**3 * (6.0 - 8.0 * u + 3.0 * u**2)
     return offset_m * fall + slope_m * tilt
-
-
-def largest_turn_rad(offset_m: float, length_m: float) -> float:
-    """The largest angle to the lane on a change over an offset that starts along the lane."""
-    return atan(1.875 * abs(offset_m) / length_m)
