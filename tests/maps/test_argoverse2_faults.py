@@ -6,16 +6,21 @@ import copy
 import json
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.importers.argoverse2 import file as argoverse2_file
 from interplan_sumo.maps.importers.argoverse2.reader import read_argoverse2
+from interplan_sumo.maps.importers.build import build
+from interplan_sumo.world.roads import Roads
 from tests.maps.argoverse_files import lane, line, straight, street, tile, written
 from tests.maps.damaged import assert_sound, refusal, survive
+from tests.realdata import real
 
 Change = Callable[[dict[str, Any]], Any]
 
@@ -161,9 +166,9 @@ def places(node: Any) -> list[tuple[Any, Any]]:
     return found
 
 
-def damage(path: Path, rng: np.random.Generator) -> None:
-    """A street after one to three random changes to its tree or its bytes."""
-    content = street()
+def damage(path: Path, rng: np.random.Generator, whole: dict[str, Any]) -> None:
+    """A map after one to three random changes to its tree or its bytes."""
+    content = copy.deepcopy(whole)
     for _ in range(int(rng.integers(1, 4))):
         spots = places(content)
         if not spots:
@@ -189,12 +194,33 @@ def damage(path: Path, rng: np.random.Generator) -> None:
     path.write_bytes(text[: int(rng.integers(len(text)))] if rng.random() < 0.03 else text)
 
 
-@pytest.mark.parametrize("seeds", [150, pytest.param(1000, marks=pytest.mark.slow)])
-def test_damaged_files_are_read_or_refused_and_nothing_else(seeds: int, tmp_path: Path) -> None:
-    path = tmp_path / "log_map_archive_x____PIT_city_1.json"
-    read, refused = survive(seeds, path, damage, [read_argoverse2], assert_sound)
+def imported(path: Path) -> Roads:
+    """What breaks nuPlan's rules is not written."""
+    roads = build(read_argoverse2(path)).roads
+    write_map(roads, path.with_suffix(".gpkg"))
+    return roads
+
+
+@pytest.mark.parametrize(
+    ("where", "seeds"),
+    [
+        ("street", 150),
+        pytest.param("street", 1000, marks=pytest.mark.slow),
+        pytest.param("city", 60, marks=pytest.mark.slow),
+    ],
+)
+def test_damaged_files_are_read_and_then_imported_or_refused_and_nothing_else(
+    where: str, seeds: int, tmp_path: Path
+) -> None:
+    whole = street()
+    if where == "city":
+        (file,) = real("argoverse2", "austin_0a1e6f0a").glob("log_map_archive_*.json")
+        whole = json.loads(file.read_text())
+    path, damaged = tmp_path / "log_map_archive_x____PIT_city_1.json", partial(damage, whole=whole)
+    read, refused = survive(seeds, path, damaged, [read_argoverse2], assert_sound)
     assert read > 0.2
     assert refused > 0.3
+    assert survive(min(seeds, 150), path, damaged, [imported], assert_sound)[0] > 0.9 * read
 
 
 @pytest.mark.skipif(os.name == "nt" or not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root reads everything")

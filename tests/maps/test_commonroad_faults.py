@@ -11,8 +11,8 @@ from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.commonroad.count import count_commonroad
 from interplan_sumo.maps.importers.commonroad.reader import read_commonroad
 from interplan_sumo.recordings.commonroad import read_commonroad_recording
-from tests.maps.commonroad_files import lanelet, location, mutated, points, rectangle, scenario, sign, state, written
-from tests.maps.damaged import assert_sound, refusal, survive
+from tests.maps.commonroad_files import lanelet, location, points, rectangle, scenario, sign, state, written
+from tests.maps.damaged import assert_sound, mutated, refusal, survive
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:

@@ -99,13 +99,6 @@ def test_lanes_that_never_run_side_by_side_are_edges_of_their_own() -> None:
     assert all(len(edge.lanes) == 1 for edge in found.edges)
 
 
-def test_a_lane_group_from_a_node_to_itself_is_cut_in_the_middle() -> None:
-    for lines in ([straight((0, 0), (20, 0))], [straight((0, 0), (20, 0)), straight((0, -3.5), (20, -3.5))]):
-        roads, found = group(lines, end="a")
-        assert len(found.edges) == 2
-        assert_whole(roads, found)
-
-
 @settings(max_examples=25)
 @given(
     st.integers(1, 5),

@@ -174,17 +174,11 @@ def test_lanelets_follow_where_both_boundaries_go_on_from_one_node(file: Path) -
     first = osm.straight(0.0, 40.0)
     second = osm.straight(40.0, 80.0)
     narrower = osm.straight(40.0, 80.0, width_m=2.0)
+    osm.straight(80.0, 40.0, left_m=-3.0)  # oncoming
     source = read(osm, file)
     assert source.lanes[first].successors == (second,)
     assert source.lanes[second].predecessors == (first,)
     assert source.lanes[narrower].predecessors == ()
-
-
-def test_oncoming_lanelets_do_not_follow(file: Path) -> None:
-    osm = Osm()
-    first = osm.straight(0.0, 40.0)
-    osm.straight(80.0, 40.0, left_m=-3.0)
-    assert read(osm, file).lanes[first].successors == ()
 
 
 def test_no_lanelet_that_follows_another_is_worth_a_note(file: Path) -> None:
@@ -218,21 +212,9 @@ def test_of_two_lanelets_beyond_a_boundary_the_nearer_is_the_neighbour(file: Pat
 # --- driving side ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("left_m", "side"), [(0.0, "right"), (-6.0, "left")])
-def test_the_driving_side_is_seen_from_the_boundary_that_oncoming_lanes_share(
-    left_m: float, side: str, file: Path
-) -> None:
-    osm = Osm()
-    osm.straight(0.0, 40.0)
-    osm.straight(40.0, 0.0, left_m)
-    source = read(osm, file)
-    assert source.driving_side == side
-    assert not any("assumed" in note for note in source.notes)
-
-
-@pytest.mark.parametrize(("median_m", "is_shown"), [(2.0, True), (11.9, True), (12.1, False)])
+@pytest.mark.parametrize(("median_m", "is_shown"), [(0.0, True), (2.0, True), (11.9, True), (12.1, False)])
 @pytest.mark.parametrize("keeps_left", [False, True])
-def test_oncoming_lanes_beyond_a_median_show_the_driving_side_too(
+def test_oncoming_lanes_show_the_driving_side_also_beyond_a_median(
     keeps_left: bool, median_m: float, is_shown: bool, file: Path
 ) -> None:
     osm = Osm()
@@ -241,14 +223,6 @@ def test_oncoming_lanes_beyond_a_median_show_the_driving_side_too(
     source = read(osm, file)
     assert source.driving_side == ("left" if keeps_left and is_shown else "right")
     assert any("assumed" in note for note in source.notes) != is_shown
-
-
-def test_a_driving_side_that_nothing_shows_is_the_right_with_a_note(file: Path) -> None:
-    osm = Osm()
-    osm.straight(0.0, 40.0)
-    source = read(osm, file)
-    assert source.driving_side == "right"
-    assert "No two lanes show on which side traffic keeps: the right is assumed." in source.notes
 
 
 # --- both directions -------------------------------------------------------------------------------------

@@ -14,8 +14,8 @@ from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.lanelet2.count import count_lanelet2
 from interplan_sumo.maps.importers.lanelet2.reader import read_lanelet2
 from interplan_sumo.maps.importers.source import SourceMap
-from tests.maps.damaged import assert_sound, refusal, survive
-from tests.maps.lanelet2_files import Encoding, Osm, Point, crossing, mutate
+from tests.maps.damaged import assert_sound, mutated, refusal, survive
+from tests.maps.lanelet2_files import Encoding, Osm, Point, crossing
 
 
 @pytest.fixture
@@ -52,13 +52,6 @@ def test_a_file_of_another_kind(content: bytes, message: str, file: Path) -> Non
     assert refusal(file, read_lanelet2).startswith(message)
     if message == BOMB:
         refusal(file, count_lanelet2)
-
-
-@pytest.mark.parametrize("share", [0.001, 0.3, 0.9, 0.999])
-def test_a_truncated_file(share: float, file: Path) -> None:
-    content = crossing().text()
-    file.write_text(content[: int(len(content) * share)])
-    assert refusal(file, read_lanelet2).startswith(NO_XML)
 
 
 def test_places_beyond_utm(file: Path) -> None:
@@ -194,14 +187,9 @@ def test_stop_lines_that_cannot_be_drawn_are_told(file: Path) -> None:
     assert str(line) not in {stop.id for stop in source.stop_lines}
 
 
-def damage(path: Path, rng: np.random.Generator) -> str:
+def damage(path: Path, rng: np.random.Generator) -> None:
     encodings: tuple[Encoding, ...] = ("degrees", "local", "both")
-    text, what = crossing().text(encodings[int(rng.integers(3))]), ""
-    for _ in range(int(rng.integers(1, 4))):
-        text, done = mutate(text, rng)
-        what += f", {done}"
-    path.write_text(text, encoding="utf-8")
-    return what
+    path.write_bytes(mutated(crossing().text(encodings[int(rng.integers(3))]), rng))
 
 
 def read_and_counted(path: Path) -> SourceMap:

@@ -54,11 +54,6 @@ def test_places_survive_the_way_to_sumo_and_back(lane_id: str, share: float) -> 
     assert start_m + fraction * (end_m - start_m) == pytest.approx(arc_m, abs=1e-9)
 
 
-def test_an_unknown_lane_is_a_key_error() -> None:
-    with pytest.raises(KeyError):
-        small_ids().sumo_place("77", 0.0)
-
-
 def test_ids_survive_the_disk_and_equal_ids_give_equal_bytes(tmp_path: Path) -> None:
     ids = small_ids()
     ids.write(tmp_path / "a.json")
@@ -69,11 +64,6 @@ def test_ids_survive_the_disk_and_equal_ids_give_equal_bytes(tmp_path: Path) -> 
     assert again.links == ids.links
     assert again.origin_m == ids.origin_m
     assert again.driving_side == "left"
-
-
-def test_a_network_without_lights_survives_the_disk(tmp_path: Path) -> None:
-    NetworkIds((0.0, 0.0), "right", {"1": (SumoPiece("1_0", 0.0, 9.0),)}, {}).write(tmp_path / "ids.json")
-    assert NetworkIds.read(tmp_path / "ids.json").links == {}
 
 
 def test_a_missing_file_says_how_to_make_one(tmp_path: Path) -> None:

@@ -12,8 +12,7 @@ import pytest
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.sumo.count import count_sumo_network
 from interplan_sumo.maps.importers.sumo.reader import read_sumo_network
-from tests.maps.commonroad_files import mutated
-from tests.maps.damaged import assert_sound, refusal, survive
+from tests.maps.damaged import assert_sound, mutated, refusal, survive
 from tests.maps.sumo_nets import by_hand, lane, written
 
 
