@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from interplan_sumo.maps.edges import CUT_M, MISALIGNED_M, LaneGroup, lane_group
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import DrivingSide, Roads
-from tests.maps.small_roads import beside, small_roads, straight
+from tests.maps.road_worlds import beside, small_roads, straight
 
 
 def group(

@@ -324,9 +324,10 @@ def test_a_small_fold_is_cut_off_with_a_line_in_the_log(
 ) -> None:
     def folded(polygon: shapely.Polygon) -> shapely.Polygon:
         ring = np.array(polygon.exterior.coords)[:-1]
-        metre, width = ring[1] - ring[0], ring[-1] - ring[0]
-        loop = ring[0] + np.array([5 * metre, 5 * metre + 0.1 * width, 4 * metre - 0.1 * width])
-        return shapely.Polygon(np.concatenate((ring[:4], loop, ring[6:])))
+        ring = np.roll(ring, -int(np.hypot(*np.diff(ring, axis=0).T).argmax()), axis=0)
+        ahead, aside = (ring[1] - ring[0]) / 30.0, (ring[-1] - ring[0]) / 10.0
+        loop = ring[0] + np.array([5 * ahead, 5 * ahead + aside, 4 * ahead - aside, 6 * ahead])
+        return shapely.Polygon(np.concatenate((ring[:1], loop, ring[1:])))
 
     lane = next(iter(city.lanes.values()))
     with caplog.at_level(logging.WARNING, logger="interplan_sumo"):
