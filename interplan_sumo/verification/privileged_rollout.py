@@ -204,7 +204,7 @@ def _solved(count: int, right: list[float]) -> list[float]:
 def _place_on(line: RolloutPath, ego: EgoState, near_m: float) -> float:
     """Own arc length of the ego's projection, looked for around where it should be."""
     first, end = np.searchsorted(line.along_m, (near_m - 15.0, near_m + 15.0))
-    first, end = max(int(first) - 1, 0), min(int(end) + 1, len(line.along_m))
+    first, end = max(int(first) - 1, 0), int(end) + 1
     i = first + int(np.argmin((line.x_m[first:end] - ego.x_m) ** 2 + (line.y_m[first:end] - ego.y_m) ** 2))
     heading = float(line.heading_rad[i])
     ahead_m = (ego.x_m - float(line.x_m[i])) * cos(heading) + (ego.y_m - float(line.y_m[i])) * sin(heading)
@@ -219,7 +219,7 @@ def _steering_radps(line: RolloutPath, ego: EgoState, shape: EgoShape = PACIFICA
         float(np.interp(at_m, line.along_m, column))
         for column in (line.heading_rad, line.bend_per_m, line.bend_change_per_m2)
     )
-    turned = max(-1.0, min(1.0, float(wrap_angle(ego.heading_rad - heading_rad))))
+    turned = float(wrap_angle(ego.heading_rad - heading_rad))
     off_m -= bend * shape.rear_axle_to_center_m**2 / 2.0  # in a bend the rear runs further in than the centre
     own_bend = tan(ego.tire_angle_rad) / shape.wheelbase_m
     length_m = max(RETURN_S * ego.vx_mps, SHORTEST_RETURN_M)
