@@ -15,12 +15,11 @@ import numpy as np
 
 from interplan_sumo.dynamics.bicycle import ACCELERATION_LAG_S, STEERING_LAG_S
 from interplan_sumo.dynamics.lqr import (
-    ACCELERATION_WEIGHT,
     HEADING_WEIGHT,
     HORIZON_STEPS,
     LATERAL_WEIGHT,
-    SPEED_WEIGHT,
     TIRE_RATE_WEIGHT,
+    TRACKING_GAIN_PER_S,
     follow,
 )
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
@@ -48,7 +47,6 @@ SOFTENING_S = 0.5
 """Changes of acceleration are spread over about twice this time, so that nobody feels a jerk."""
 DECIMALS = 6
 """States are rounded to these, so that they can be stored exactly."""
-_TRACKER_GAIN_PER_S = SPEED_WEIGHT / (SPEED_WEIGHT + ACCELERATION_WEIGHT)
 _STEERING_PASSED = DT_S / (DT_S + STEERING_LAG_S)
 _PASSED = DT_S / (DT_S + ACCELERATION_LAG_S)
 
@@ -239,8 +237,8 @@ def _plan(ego: EgoState, push_mps2: float, steering_radps: float, shape: EgoShap
 
     The tracker holds back a little of either: it weighs effort against error.
     """
-    slope, speed = push_mps2 / _TRACKER_GAIN_PER_S, max(0.0, ego.vx_mps)
-    acceleration = _TRACKER_GAIN_PER_S * slope
+    slope, speed = push_mps2 / TRACKING_GAIN_PER_S, max(0.0, ego.vx_mps)
+    acceleration = TRACKING_GAIN_PER_S * slope
     heading_effect = lateral_effect = 0.0
     for i in range(HORIZON_STEPS):
         travelled_m = DT_S * max(0.0, speed + i * DT_S * acceleration)
