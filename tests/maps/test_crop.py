@@ -78,14 +78,6 @@ def test_stop_lines_that_a_light_names_stay() -> None:
     assert named <= set(part.stop_lines)
 
 
-def test_a_circle_round_everything_changes_nothing() -> None:
-    part = crop(city(), [(X_M, Y_M)], 1000.0)
-    assert part.lanes == city().lanes
-    assert part.connectors == city().connectors
-    assert list(part.roadblocks) == list(city().roadblocks)
-    assert part.crosswalks == city().crosswalks
-
-
 @pytest.mark.parametrize("radius_m", [0.0, -1.0, math.inf, math.nan])
 def test_a_radius_is_positive(radius_m: float) -> None:
     with pytest.raises(ValueError, match="positive radius"):

@@ -18,11 +18,6 @@ from tests.maps.damaged import assert_sound, mutated, refusal, survive
 from tests.maps.lanelet2_files import Encoding, Osm, Point, crossing
 
 
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    return tmp_path / "map.osm"
-
-
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     assert refusal(tmp_path / "map.osm", read_lanelet2).startswith("no map file at FILE")
     assert refusal(tmp_path, read_lanelet2).startswith("no map file at FILE")
@@ -61,8 +56,7 @@ def test_places_beyond_utm(file: Path) -> None:
 
 
 @pytest.mark.parametrize("id_", ["", "twelve", "1.5", "9" * 40])
-def test_an_id_that_is_none(id_: str, file: Path) -> None:
-    osm = Osm()
+def test_an_id_that_is_none(id_: str, osm: Osm, file: Path) -> None:
     lane = osm.straight(0.0, 40.0)
     file.write_text(osm.text().replace(f"<relation id='{lane}'", f"<relation id='{id_}'"))
     assert (
@@ -72,15 +66,13 @@ def test_an_id_that_is_none(id_: str, file: Path) -> None:
 
 
 @pytest.mark.parametrize("id_", ["-17", "649775045257093980", "-9223372036854775808"])
-def test_ids_of_editors_are_kept_to_the_last_digit(id_: str, file: Path) -> None:
-    osm = Osm()
+def test_ids_of_editors_are_kept_to_the_last_digit(id_: str, osm: Osm, file: Path) -> None:
     lane = osm.straight(0.0, 40.0)
     file.write_text(osm.text().replace(f"<relation id='{lane}'", f"<relation id='{id_}'"))
     assert set(read_lanelet2(file).lanes) == {id_} == set(count_lanelet2(file).lane_length_m)
 
 
-def test_a_file_without_a_lane_for_cars(file: Path) -> None:
-    osm = Osm()
+def test_a_file_without_a_lane_for_cars(osm: Osm, file: Path) -> None:
     osm.straight(0.0, 40.0, tags={"subtype": "walkway"})
     assert refusal(osm.write(file), read_lanelet2) == (
         "FILE: holds no lanelet for cars that can be used (1 walkway); check its tags"
@@ -141,14 +133,12 @@ def test_lanelets_that_cannot_be_used_are_left_out_with_a_reason(
     assert len(count_lanelet2(file).lane_length_m) == 1 + drawn
 
 
-def test_boundaries_that_meet_in_a_point_do_not_cross(file: Path) -> None:
-    osm = Osm()
+def test_boundaries_that_meet_in_a_point_do_not_cross(osm: Osm, file: Path) -> None:
     lane = osm.lanelet([A, (20.0, 0.0), D], [C, D])
     assert set(read_lanelet2(osm.write(file)).lanes) == {lane} == set(count_lanelet2(file).lane_length_m)
 
 
-def test_what_is_marked_as_deleted_is_not_there(file: Path) -> None:
-    osm = Osm()
+def test_what_is_marked_as_deleted_is_not_there(osm: Osm, file: Path) -> None:
     kept, gone, hidden, torn = (osm.straight(0.0, 40.0, -10.0 * row) for row in range(4))
     text = osm.text().replace(f"<relation id='{gone}'", f"<relation action='delete' id='{gone}'")
     text = text.replace(f"<relation id='{hidden}'", f"<relation visible='false' id='{hidden}'")
@@ -159,8 +149,7 @@ def test_what_is_marked_as_deleted_is_not_there(file: Path) -> None:
     assert [item.id for item in source.left_out] == [torn]
 
 
-def test_of_two_lanelets_with_one_id_the_first_counts(file: Path) -> None:
-    osm = Osm()
+def test_of_two_lanelets_with_one_id_the_first_counts(osm: Osm, file: Path) -> None:
     first, second = osm.straight(0.0, 40.0), osm.straight(0.0, 30.0, -10.0)
     file.write_text(osm.text().replace(f"<relation id='{second}'", f"<relation id='{first}'"))
     source = read_lanelet2(file)
@@ -169,8 +158,7 @@ def test_of_two_lanelets_with_one_id_the_first_counts(file: Path) -> None:
     assert count_lanelet2(file).lane_length_m[first] == pytest.approx(40.0, rel=1e-3)
 
 
-def test_a_node_far_from_the_rest_costs_its_lanelet_only(file: Path) -> None:
-    osm = Osm()
+def test_a_node_far_from_the_rest_costs_its_lanelet_only(osm: Osm, file: Path) -> None:
     kept, lost = osm.straight(0.0, 40.0), osm.straight(0.0, 40.0, -10.0)
     node = osm.nodes[(40.0, -10.0)]
     file.write_text(re.sub(f"<node id='{node}' lat='[^']*'", f"<node id='{node}' lat='-33.0'", osm.text()))
