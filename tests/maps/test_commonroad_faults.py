@@ -36,7 +36,7 @@ ENTITIES = [
 def test_entities_are_never_expanded(text: str, tmp_path: Path) -> None:
     path = written(tmp_path, text)
     for read in (read_commonroad, read_commonroad_recording):
-        assert refusal(path, read).startswith("FILE: it defines entities")
+        assert refusal(path, read).startswith("FILE: declares a document type or entities, which are refused")
     with pytest.raises(MapError):
         count_commonroad(path)
 

@@ -19,22 +19,22 @@ from tests.maps.lanelet2_files import Encoding, Osm, Point, crossing
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
-    assert refusal(tmp_path / "map.osm", read_lanelet2).startswith("no map file at FILE")
-    assert refusal(tmp_path, read_lanelet2).startswith("no map file at FILE")
+    assert refusal(tmp_path / "map.osm", read_lanelet2).startswith("no file at FILE")
+    assert refusal(tmp_path, read_lanelet2).startswith("FILE: the file cannot be read (")
 
 
-NO_XML = "FILE: not well-formed XML ("
+NO_XML = "FILE: the file is damaged ("
 BOMB = "FILE: declares a document type or entities, which are refused; save it again without them"
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "FILE: the file is empty; copy or download it again"),
-        (b"<net/>", "FILE: not an OSM file (its outermost element is <net>); expected <osm>"),
+        (b"", NO_XML),
+        (b"<net/>", "FILE: its root is <net>, expected <osm>; give such a file"),
         (b"\x00" * 500, NO_XML),
         (b"SQLite format 3", NO_XML),
-        (b"<?xml version='1.0' encoding='klingon'?><osm/>", "FILE: the file cannot be read ("),
+        (b"<?xml version='1.0' encoding='klingon'?><osm/>", NO_XML),
         (b"<osm>\xff\xfe</osm>", NO_XML),
         (b"<osm/>", "FILE: its nodes have neither latitudes and longitudes that vary nor local_x and local_y"),
         (b"<!DOCTYPE osm [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;&a;&a;'>]><osm>&b;</osm>", BOMB),

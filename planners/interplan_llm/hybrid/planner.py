@@ -10,7 +10,7 @@ from interplan_llm.hybrid.behaviour_paths import Courses
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChooser
 from interplan_llm.hybrid.scene import DecisionScene, SceneObserver
-from interplan_llm.models.qa_record import Exchange
+from interplan_llm.models.exchanges import Exchange, usage_stats
 from interplan_llm.models.spec import open_model
 from interplan_llm.models.store import Mode
 from interplan_planners.common.pdm import PdmMotion, PdmSettings
@@ -166,4 +166,4 @@ class HybridLlmPlanner(HybridPlanner):
 
     def report(self) -> dict[str, Any]:
         """How often a model was asked in this episode, and how often in vain."""
-        return self.chooser.ledger.as_json() if isinstance(self.chooser, ModelChooser) else {}
+        return usage_stats(self.exchanges) if isinstance(self.chooser, ModelChooser) else {}
