@@ -10,17 +10,15 @@ import numpy as np
 from interplan_planners.common.forecast import constant_velocity
 from interplan_planners.common.gaps import GapRules
 from interplan_planners.common.idm_policy import IdmDriver
-from interplan_planners.common.lane_change import lane_change_path
 from interplan_planners.common.lane_routes import LaneRoute, Ways
-from interplan_planners.common.mobil_options import ChangeStyle, options, synchronised
+from interplan_planners.common.mobil_options import ChangeStyle, Sight, options, synchronised
 from interplan_planners.common.neighbours import moved, stands_for_good, together
 from interplan_planners.common.occupancy import occupancy
-from interplan_planners.common.paths import DrivingPath, braking_plan, plan_along
+from interplan_planners.common.paths import DrivingPath, braking_plan, lane_change_path, plan_along
 from interplan_planners.common.red_lights import RedLights
 from interplan_planners.common.rollout import ProposalPath, RolloutClock, RolloutStart, roll_out
 from interplan_planners.common.route_correction import corrected_route
 from interplan_planners.common.route_search import LaneFinder, lanes_of_route
-from interplan_planners.common.sight import Sight
 from interplan_planners.mobil_published import PublishedMobil
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.ego import EgoState

@@ -6,8 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from worlds import curved_road
 
-from interplan_planners.common.lane_change import lane_change_path, quintic_offset
-from interplan_planners.common.paths import DrivingPath, center_poses, rear_axle_plan, shifted
+from interplan_planners.common.paths import (
+    DrivingPath,
+    center_poses,
+    lane_change_path,
+    quintic_offset,
+    rear_axle_plan,
+    shifted,
+)
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Polyline, Pose
 from tests.planners.staging_planners import wavy_line

@@ -8,8 +8,7 @@ import numpy as np
 
 from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, LaneView, SceneObserver
-from interplan_planners.common.lane_change import lane_change_path, quintic_offset
-from interplan_planners.common.paths import DrivingPath, shifted
+from interplan_planners.common.paths import DrivingPath, lane_change_path, quintic_offset, shifted
 from interplan_planners.common.pdm import PdmCorridor
 from interplan_planners.common.red_lights import RedLights
 from interplan_planners.common.route_search import lanes_of_route

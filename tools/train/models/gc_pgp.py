@@ -14,12 +14,10 @@ from torch.nn import functional
 
 from interplan_learned.card import Size
 from interplan_learned.driving import POSES
-from interplan_learned.gc_pgp.clusters import clusters
 from interplan_learned.gc_pgp.inputs import FIELDS, POLICY_INPUTS, inputs, kept
 from interplan_learned.gc_pgp.local_graph import NONE, MapNodes, map_nodes
-from interplan_learned.gc_pgp.plans import plans
+from interplan_learned.gc_pgp.plans import chances, clusters, plans, sampled
 from interplan_learned.gc_pgp.sizes import EDGES, LATENTS, PATH_NODES, SIZES, Dimensions
-from interplan_learned.gc_pgp.traversals import chances, sampled
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.world.geometry import Ints

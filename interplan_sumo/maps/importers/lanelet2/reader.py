@@ -10,8 +10,14 @@ from pathlib import Path
 from interplan_sumo.maps.importers.lanelet2.areas import Grounds
 from interplan_sumo.maps.importers.lanelet2.controls import LaneControls, controls_of, is_in_intersection
 from interplan_sumo.maps.importers.lanelet2.frame import frame_of
-from interplan_sumo.maps.importers.lanelet2.kinds import Kind, kind_of
-from interplan_sumo.maps.importers.lanelet2.lanelets import Lanelet, UnusableError, check_drivable, lanelet_of
+from interplan_sumo.maps.importers.lanelet2.lanelets import (
+    Kind,
+    Lanelet,
+    UnusableError,
+    check_drivable,
+    kind_of,
+    lanelet_of,
+)
 from interplan_sumo.maps.importers.lanelet2.limits import Limit, LimitOrigin, limit_of
 from interplan_sumo.maps.importers.lanelet2.osm import OsmFile, read_osm
 from interplan_sumo.maps.importers.lanelet2.travel_directions import (
