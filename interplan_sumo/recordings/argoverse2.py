@@ -152,7 +152,7 @@ def _track(rows: _Rows, piece: Ints, id_: str, found: _Type, origin_m: tuple[flo
         length_m=found.length_m,
         width_m=found.width_m,
         first_step=int(seen[0]),
-        poses=poses + (*origin_m, 0.0),
+        poses=poses + np.array((*origin_m, 0.0)),
         velocity_mps=np.stack([np.interp(steps, seen, v) for v in rows.velocity_mps[piece].T], axis=1),
         model=found.model,
     )

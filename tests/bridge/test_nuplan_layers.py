@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("geopandas", reason="needs the extra [nuplan]")
 
-from interplan_sumo.bridge.nuplan.map_api import vector_layers
+from interplan_sumo.bridge.nuplan.layers import vector_layers
 from interplan_sumo.maps import schema
 from interplan_sumo.tiny_worlds import junction, straight_road
 

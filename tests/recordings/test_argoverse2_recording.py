@@ -17,7 +17,8 @@ from numpy.testing import assert_allclose
 
 from interplan_sumo.maps.importers.argoverse2.reader import read_argoverse2
 from interplan_sumo.recordings import argoverse2
-from interplan_sumo.recordings.argoverse2 import MAX_BRIDGED_STEPS, TYPES, read_argoverse2_recording
+from interplan_sumo.recordings.argoverse2 import TYPES, read_argoverse2_recording
+from interplan_sumo.recordings.gaps import MAX_BRIDGED_STEPS
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.argoverse_frame import city_frame
 from interplan_sumo.world.geometry import wrap_angle

@@ -13,7 +13,8 @@ from numpy.testing import assert_allclose
 
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.recordings import nuplan_db
-from interplan_sumo.recordings.nuplan_db import MAX_BRIDGED_STEPS, NuplanLog, tokens_held
+from interplan_sumo.recordings.gaps import MAX_BRIDGED_STEPS
+from interplan_sumo.recordings.nuplan_db import NuplanLog, tokens_held
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.recording import Recording

@@ -32,7 +32,7 @@ class Item(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     id: _Id
 
 
-class LaneSegment(Item, frozen=True, eq=False):
+class ArgoverseLane(Item, frozen=True, eq=False):
     """A lane of any type."""
 
     type: _Word = msgspec.field(name="lane_type")
@@ -76,7 +76,7 @@ class DrivableArea(Item, frozen=True, eq=False):
 class MapArchive(msgspec.Struct):
     """A file; the objects of each layer in the file's order."""
 
-    lane_segments: list[LaneSegment]
+    lane_segments: list[ArgoverseLane]
     pedestrian_crossings: list[PedestrianCrossing]
     drivable_areas: list[DrivableArea]
 
@@ -99,7 +99,7 @@ def read_archive(path: Path) -> MapArchive:
     """The objects of a file, in the file's order."""
     content = _content(path)
     archive = MapArchive(
-        _layer(path, content, "lane_segments", LaneSegment),
+        _layer(path, content, "lane_segments", ArgoverseLane),
         _layer(path, content, "pedestrian_crossings", PedestrianCrossing),
         _layer(path, content, "drivable_areas", DrivableArea),
     )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from interplan_sumo.errors import UnknownNameError
 from interplan_sumo.maps.importers.argoverse2.file import (
-    LaneSegment,
+    ArgoverseLane,
     PedestrianCrossing,
     map_file,
     read_archive,
@@ -107,14 +107,14 @@ def _moved(polygon: shapely.Polygon, origin_m: tuple[float, float]) -> shapely.P
 # --- lanes -----------------------------------------------------------------------------------------
 
 
-def _straightened(lanes: Sequence[LaneSegment], notes: list[str]) -> list[LaneSegment]:
+def _straightened(lanes: Sequence[ArgoverseLane], notes: list[str]) -> list[ArgoverseLane]:
     """The lanes with both boundaries in one direction and the left one on the left.
 
     A boundary that runs against its twin is turned: of the two ways to do so
     one puts left on the left. Where both run alike, their direction stands.
     """
     turned = swapped = 0
-    found: list[LaneSegment] = []
+    found: list[ArgoverseLane] = []
     for lane in lanes:
         left, right = lane.left, lane.right
         if _along(left) @ _along(right) < 0.0:
@@ -146,7 +146,7 @@ def _area_to_the_right_m2(left: Floats, right: Floats) -> float:
 
 
 def _source_lanes(
-    cars: Mapping[int, LaneSegment], others: set[int], origin_m: tuple[float, float], notes: list[str]
+    cars: Mapping[int, ArgoverseLane], others: set[int], origin_m: tuple[float, float], notes: list[str]
 ) -> dict[str, SourceLane]:
     successors, predecessors = _links(cars, others, notes)
     on_left, on_right = _neighbours(cars, notes)
@@ -166,7 +166,7 @@ def _source_lanes(
 
 
 def _links(
-    cars: Mapping[int, LaneSegment], others: set[int], notes: list[str]
+    cars: Mapping[int, ArgoverseLane], others: set[int], notes: list[str]
 ) -> tuple[dict[int, tuple[str, ...]], dict[int, tuple[str, ...]]]:
     """Successors and predecessors of every lane for cars, each link between two of them named by both."""
     ahead = {id_: dict.fromkeys(lane.successors) for id_, lane in cars.items()}
@@ -190,7 +190,7 @@ def _links(
     return kept(ahead), kept(behind)
 
 
-def _neighbours(cars: Mapping[int, LaneSegment], notes: list[str]) -> tuple[dict[int, str], dict[int, str]]:
+def _neighbours(cars: Mapping[int, ArgoverseLane], notes: list[str]) -> tuple[dict[int, str], dict[int, str]]:
     """The left and the right neighbour of the lanes that have one.
 
     Argoverse names lanes of the opposite direction too. Kept are those that
@@ -222,12 +222,12 @@ def _adjoin(one: Floats, other: Floats) -> bool:
     return shapely.LineString(one[:, :2]).hausdorff_distance(shapely.LineString(other[:, :2])) <= MAX_NEIGHBOUR_GAP_M
 
 
-def _left_out(lane: LaneSegment, origin_m: tuple[float, float]) -> LeftOut:
+def _left_out(lane: ArgoverseLane, origin_m: tuple[float, float]) -> LeftOut:
     reason = REASONS.get(lane.type, f"lane of type {lane.type}")
     return LeftOut(str(lane.id), reason, _moved(max(valid_parts(lane.ring), key=shapely.area), origin_m))
 
 
-def _note_bridges(cars: Sequence[LaneSegment], notes: list[str]) -> None:
+def _note_bridges(cars: Sequence[ArgoverseLane], notes: list[str]) -> None:
     """Say how many pairs of lanes pass above each other."""
     if not cars:
         return
@@ -243,7 +243,7 @@ def _note_bridges(cars: Sequence[LaneSegment], notes: list[str]) -> None:
         notes.append(f"Pairs of lanes that cross at different heights, as on a bridge: {bridges}.")
 
 
-def _heights_m(cars: Sequence[LaneSegment], rows: Ints, at: NDArray[np.object_]) -> Floats:
+def _heights_m(cars: Sequence[ArgoverseLane], rows: Ints, at: NDArray[np.object_]) -> Floats:
     """(N,) height of lanes, given by their rows, at the points of their boundaries nearest to places."""
     heights = np.zeros(len(rows))
     for side in ("left", "right"):
