@@ -16,7 +16,7 @@ from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.errors import InputError, UnknownNameError, VehicleTypeError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.simulation.vehicle_types import NUMBERS, OTHER_ATTRIBUTES, PARAMETERS, read_vehicle_types
-from interplan_sumo.world.files import replacing
+from interplan_sumo.world.files import replacing, writing
 
 LANE_CHANGE: Final = frozenset(
     "lcAccelLat lcAssertive lcContRight lcCooperative lcCooperativeHelpThreshold lcCooperativeHelpTime "
@@ -103,13 +103,11 @@ def write_changed(path: Path, edits: Sequence[Edit], target: Path) -> None:
     if "," in str(target.resolve()):
         raise InputError(f"SUMO reads no file with a comma in its path: {target.resolve()}; give another --out")
     text = changed_text(path, edits)
-    try:
+    with writing(target, "give another folder as --out"):
         target.parent.mkdir(parents=True, exist_ok=True)
         with replacing(target) as fresh:
             fresh.write_text(text, encoding="utf-8", newline="\n")
             _check(fresh, path, edits)
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror or error}; give another folder as --out") from None
 
 
 def _check(fresh: Path, path: Path, edits: Sequence[Edit]) -> None:

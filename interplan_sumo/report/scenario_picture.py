@@ -21,6 +21,7 @@ from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.files import writing
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import Roads
@@ -350,10 +351,8 @@ def _save(figure: Figure, path: str | PathLike[str]) -> None:
     kind = Path(path).suffix.removeprefix(".").lower()
     if kind not in figure.canvas.get_supported_filetypes():
         raise InputError(f"{path}: pictures end in .png, .svg or .pdf")
-    try:
+    with writing(path):
         figure.savefig(path, metadata={"Software": None} if kind == "png" else None)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
 
 
 def _pieces(many: Sequence[Scenario], size: int) -> list[Sequence[Scenario]]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import sqrt
+from typing import Any
 
 import numpy as np
 import shapely
 
-from interplan_sumo.scenario.scenario import LanePosition
+from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import USUAL_LIMIT_MPS, DrivingSide, Lane, Roads
 
@@ -27,6 +29,14 @@ SHORTER = (1.0, 0.7, 0.5, 0.3)
 """Where the road is too short for the usual way to a site and on from it, these shares of it are tried."""
 CENTIMETRES = 2
 """Measures are rounded to this many decimals: a site is data that people read."""
+START_SHARE = 0.8
+"""The ego starts at this share of the speed limit."""
+EASY_MPS2 = 2.0
+STANDOFF_M = 12.0
+"""With a short run-up the ego can stop at `EASY_MPS2` so far before the site; half of it is the car's own length,"""
+BUMPERS_M = 8.0
+FREE_S = 3.2
+"""and nothing is hit within the first 3 s: half the ego, half of what stands there, and some."""
 
 
 class UnsuitableError(Exception):
@@ -93,6 +103,22 @@ class Site:
         """A place `ahead_m` behind the site in driving direction (negative: before it) and towards the near kerb."""
         arc_m, left_m = self.at_m + ahead_m, self.kerb * towards_kerb_m
         return LanePosition(self.lane, round(arc_m, CENTIMETRES), round(left_m, CENTIMETRES) + 0.0)
+
+    @property
+    def start_speed_mps(self) -> float:
+        """A usual speed for a car under way here, less where the run-up is too short to stop from it at ease."""
+        usual_mps = START_SHARE * self.limit_mps
+        if self.run_up_m is not None:
+            stops_mps = sqrt(2.0 * EASY_MPS2 * max(self.run_up_m - STANDOFF_M, 1.0))
+            usual_mps = min(usual_mps, stops_mps, (self.run_up_m - BUMPERS_M) / FREE_S)
+        return round(usual_mps, 1)
+
+    def scenario(self, id: str, family: str, **staged: Any) -> Scenario:
+        """A scenario that leads past the site, with what is `staged` there; ScenarioError as from `Scenario`."""
+        return Scenario(
+            id=id, family=family, map=self.map, start=self.start, start_speed_mps=self.start_speed_mps,
+            goal=self.goal, route=self.route, **staged,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,20 +192,6 @@ def places(roads: Roads, step_m: float = STEP_M) -> Iterator[tuple[str, float]]:
     for lane in roads.lanes.values():
         for at_m in np.arange(step_m, lane.centerline.length_m, step_m):
             yield lane.id, float(at_m)
-
-
-def find_sites(
-    roads: Roads, choose: Callable[[Roads, str, float], Site], step_m: float = STEP_M
-) -> tuple[list[Site], list[Rejected]]:
-    """All places of a map for which `choose` gives a site, and the others with the reasons it raised."""
-    found: list[Site] = []
-    rejected: list[Rejected] = []
-    for lane_id, at_m in places(roads, step_m):
-        try:
-            found.append(choose(roads, lane_id, at_m))
-        except UnsuitableError as reason:
-            rejected.append(Rejected(lane_id, at_m, str(reason)))
-    return found, rejected
 
 
 # --- the way there and on ----------------------------------------------------------------------

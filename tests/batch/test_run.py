@@ -16,9 +16,9 @@ from msgspec import structs
 
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import AppliedOverrides, Brief, Fault, JobKey, Row
-from interplan_sumo.batch.rescore import rescore
 from interplan_sumo.batch.run import check_inputs, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
+from interplan_sumo.batch.stored_drive import rescore
 from interplan_sumo.batch.verify import RowSample, verify
 from interplan_sumo.errors import InputError, MapError, RunFolderError, UnknownNameError, VehicleTypeError
 from interplan_sumo.maps.store import find_map

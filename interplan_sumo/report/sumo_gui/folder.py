@@ -22,6 +22,7 @@ from interplan_sumo.report.sumo_gui.tracks import Tracks
 from interplan_sumo.report.sumo_gui.xml import colour, configuration, document, tag
 from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.sumo import DT_S
+from interplan_sumo.world.files import writing
 
 BEFORE_S: Final = 5.0
 """Playback opens so long before the moment that it is about."""
@@ -69,7 +70,7 @@ def write_sumo_gui(drive: StoredDrive, folder: Path, *, at_s: float | None = Non
         types_file = types_of(drive)
         texts[TRAFFIC] = document("routes", traffic_at_start(drive, types_file))
         texts[RERUN] = configuration(_rerun(types_file.name, drive.scenario.duration_s))
-    try:
+    with writing(folder, "give another folder"):
         folder.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(files.network, folder / NETWORK)
         if types_file is not None:
@@ -77,8 +78,6 @@ def write_sumo_gui(drive: StoredDrive, folder: Path, *, at_s: float | None = Non
         for name, text in texts.items():
             content = text.encode()
             (folder / name).write_bytes(gzip.compress(content, mtime=0) if name.endswith(".gz") else content)
-    except OSError as error:
-        raise InputError(f"cannot write {folder}: {error.strerror or error}; give another folder") from None
     return folder / PLAYBACK
 
 
