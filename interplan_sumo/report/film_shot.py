@@ -73,12 +73,8 @@ class Shot:
         """All that the camera sees from the first to the last frame, at a pixel per metre."""
         flat = View(0.0, 0.0, self.turned_rad, 1.0, 1.0, 1.0)
         seen = flat.points(self.way[[self._held(frame) for frame in self.frames]])
-        low, high = seen.min(axis=0), seen.max(axis=0)
-        width_m, height_m = (high - low + self.size_m).tolist()
-        middle = (low + high) / 2.0
-        c, s = np.cos(self.turned_rad), np.sin(self.turned_rad)
-        x_m, y_m = c * middle[0] - s * middle[1], s * middle[0] + c * middle[1]
-        return View(float(x_m), float(y_m), self.turned_rad, width_m, height_m, 1.0)
+        half_m = np.array(self.size_m) / 2.0
+        return View.of_box(seen.min(axis=0) - half_m, seen.max(axis=0) + half_m, self.turned_rad)
 
     def view(self, frame: int, scale: float) -> View:
         x_m, y_m = self.way[self._held(frame)].tolist()

@@ -67,8 +67,6 @@ class Site:
     lanes_right: int = 0
     oncoming_m: float = 0.0
     """Width of the oncoming lanes beside the own ones, if no median parts them."""
-    bend_rad: float = 0.0
-    """How far the road turns from the start to the goal."""
     beside_start: tuple[str, ...] = ()
     """All lanes of the ego's direction at the start, from left to right."""
     run_up_m: float | None = None
@@ -147,7 +145,6 @@ def site_at(
     left_edge_m, right_edge_m = edges_m(roads, lane, at_m)
     siblings = roads.roadblocks[lane.roadblock_id].lane_ids
     index = siblings.index(lane_id)
-    headings = (start.pose(roads).heading_rad, goal.pose(roads).heading_rad)
     return Site(
         map=roads.name,
         lane=lane_id,
@@ -163,7 +160,6 @@ def site_at(
         lanes_left=index,
         lanes_right=len(siblings) - 1 - index,
         oncoming_m=round(oncoming_width_m(roads, lane_id, at_m), CENTIMETRES),
-        bend_rad=round(float(wrap_angle(headings[1] - headings[0])), CENTIMETRES) + 0.0,
         beside_start=roads.roadblocks[roads[start.lane].roadblock_id].lane_ids,
     )
 
@@ -229,16 +225,11 @@ def _next(roads: Roads, here: str, *, upstream: bool, walked_m: float) -> str:
     free = [way for way in ways if not roads.connectors[way].has_traffic_light]
     if not free:
         raise UnsuitableError(f"there is a traffic light {where}")
-    bends = {way: _bend_rad(roads, way) for way in free}
+    bends = {way: abs(roads[way].centerline.turned_rad) for way in free}
     best = min(free, key=lambda way: (bends[way], way))
     if bends[best] > np.radians(45.0):
         raise UnsuitableError(f"the road turns off {where}")
     return best
-
-
-def _bend_rad(roads: Roads, lane_id: str) -> float:
-    headings = roads[lane_id].centerline.segment_heading_rad
-    return abs(float(wrap_angle(headings[-1] - headings[0])))
 
 
 # --- what lies to the sides --------------------------------------------------------------------

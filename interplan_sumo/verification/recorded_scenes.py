@@ -12,6 +12,7 @@ from interplan_sumo.maps.store import MANIFEST, MapFiles, find_map, load_roads, 
 from interplan_sumo.recordings.formats import RECORDING_FORMATS, RecordingFormat, format_of
 from interplan_sumo.scenario.files import MAPS
 from interplan_sumo.scenario.recorded import GOAL_M, Agents, RecordedScene, scene
+from interplan_sumo.scenario.scenario import first_twice
 from interplan_sumo.verification.certificates import Proof
 from interplan_sumo.verification.generation import write_proved, write_rows
 from interplan_sumo.verification.map_bundling import carry_map, own_maps_root
@@ -122,11 +123,10 @@ def recorded_scenes(
         for at_s in dict.fromkeys(moments.at_s)
         for agents in forms
     ]  # fmt: skip
-    ids = [each.scenario.id for each in made]
-    if len(set(ids)) < len(ids) and len(recordings) > 1:
-        twice = next(id for i, id in enumerate(ids) if id in ids[:i])
+    twice = first_twice(each.scenario.id for each in made)
+    if twice and len(recordings) > 1:
         raise InputError(f"two scenes would be called {twice}; name one moment at a time with --ego")
-    if len(set(ids)) < len(ids):
+    if twice:
         raise InputError(f"two of the times {', '.join(f'{at_s:g}' for at_s in moments.at_s)} s are the same step")
     return carried(made, files, folder, overwrite=overwrite)
 

@@ -87,6 +87,11 @@ class Polyline:
         delta = np.diff(self.points, axis=0)
         return frozen(np.arctan2(delta[:, 1], delta[:, 0]))
 
+    @property
+    def turned_rad(self) -> float:
+        """Heading of the last segment relative to the first, counter-clockwise, at most half a turn."""
+        return float(wrap_angle(self.segment_heading_rad[-1] - self.segment_heading_rad[0]))
+
     @cached_property
     def vertex_heading_rad(self) -> Floats:
         """(N,) unwrapped heading at each vertex: that of the segment ahead, the last one repeated (nuPlan's rule)."""
