@@ -27,8 +27,8 @@ from interplan_sumo.metrics.score import score
 from interplan_sumo.report.table import table_columns
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import expert, find_suite
-from interplan_sumo.verification.oracle import Effort, OracleChooser, oracle_drive
 from interplan_sumo.world.trajectory import Trajectory
+from tools.oracle import Effort, OracleChooser, oracle_drive
 
 SUITE = "interplan==1"
 HIDDEN = ("ordinary", "driv")

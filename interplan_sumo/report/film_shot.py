@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import pandas as pd
 import shapely
 from scipy.ndimage import gaussian_filter1d
 
@@ -16,6 +15,7 @@ from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.maps.render import STOP_COLOURS
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.key_events import NOTHING, KeyEvent, deciding_moment
+from interplan_sumo.report.replay.agents_timeline import standing_rows
 from interplan_sumo.report.road_markings import signal_changes, status_at, stop_bars
 from interplan_sumo.report.scenario_drawing import View
 from interplan_sumo.world.actors import ActorKind, Actors
@@ -89,8 +89,7 @@ class Shot:
     def standing(self) -> set[str]:
         """Ids of what stays at its place: it is drawn with the road."""
         table = self.drive.trace.actors
-        places = pd.DataFrame({"id": table.ids, "x": table.x_m, "y": table.y_m}).groupby("id")
-        return set(places.std().fillna(0.0).max(axis=1).loc[lambda spread: spread < 0.01].index)
+        return set(table.ids[standing_rows(table)].tolist())
 
     def moving(self, frame: int, view: View) -> tuple[Actors, dict[str, str]]:
         """Who is in view and moves by itself, and the word that says the colour of each."""
