@@ -46,13 +46,7 @@ def test_an_empty_road_is_driven_at_the_limit() -> None:
     assert profile.changes == ()
 
 
-def test_knots_are_joined_by_constant_accelerations() -> None:
-    profile = found(laid_out(), steady(laid_out().corridor.start_m + 30.0, 6.0))
-    mean = (profile.speed_mps[:-1] + profile.speed_mps[1:]) / 2.0
-    assert np.diff(profile.arc_m) == pytest.approx(mean)
-
-
-def test_a_slow_car_ahead_is_followed_with_time_to_spare() -> None:
+def test_a_slow_car_ahead_is_followed_with_time_to_spare_at_constant_accelerations() -> None:
     problem = laid_out()
     others = steady(problem.corridor.start_m + 25.0, 5.0)
     profile = found(problem, others)
@@ -60,19 +54,15 @@ def test_a_slow_car_ahead_is_followed_with_time_to_spare() -> None:
     closing = np.maximum(profile.speed_mps - 5.0, 0.0)
     assert (gaps[1:] >= 1.5 + 1.2 * closing[1:] - 0.3).all()
     assert profile.speed_mps[-1] == pytest.approx(5.0, abs=0.6)
+    assert np.diff(profile.arc_m) == pytest.approx((profile.speed_mps[:-1] + profile.speed_mps[1:]) / 2.0)
 
 
-def test_a_car_from_behind_does_not_matter_on_the_own_lane() -> None:
+@pytest.mark.parametrize(("behind_m", "speed_mps", "lost_s"), [(12.0, 13.0, 0.0), (20.0, 20.0, 0.5)])
+def test_who_comes_from_behind_stops_nobody_even_if_it_was_recorded_to_drive_through_the_ego(
+    behind_m: float, speed_mps: float, lost_s: float
+) -> None:
     problem = laid_out()
-    profile = found(problem, steady(problem.corridor.start_m - 12.0, 13.0))
-    alone = found(problem)
-    assert profile.cost == pytest.approx(alone.cost)
-
-
-def test_one_who_was_recorded_to_drive_through_the_ego_from_behind_stops_nobody() -> None:
-    problem = laid_out()  # with the ego there, he would have followed
-    profile = found(problem, steady(problem.corridor.start_m - 20.0, 20.0))
-    assert profile.to_goal
+    assert found(problem, steady(problem.corridor.start_m - behind_m, speed_mps)).cost <= found(problem).cost + lost_s
 
 
 def test_one_waits_for_a_pedestrian_and_goes_on() -> None:
@@ -87,11 +77,14 @@ def test_one_waits_for_a_pedestrian_and_goes_on() -> None:
     assert profile.speed_mps.min() < 8.0
 
 
-def test_a_red_light_is_not_entered() -> None:
-    problem = laid_out()
-    lane = problem.corridor.lane_paths[0].lanes[0]  # as if the lane began with a light: its line lies behind the start
-    behind = found(replace(problem, red={lane: np.ones(FRAMES, dtype=np.bool_)}))
+def test_a_red_light_ahead_is_not_entered_and_one_behind_does_not_matter() -> None:
+    roads = straight_road(length_m=300.0, limit_mps=13.9, cuts_m=((100.0, 110.0),))
+    problem = laid_out(staged(goal=LanePosition("31", 50.0), route=("1", "2", "3")), roads)
+    red = (replace(problem, red={lane: np.ones(FRAMES, dtype=np.bool_)}) for lane in ("11", "21"))
+    behind, ahead = map(found, red)
     assert behind.to_goal
+    front_m = ahead.arc_m[-1] + HALF_LENGTH_M - problem.corridor.start_m
+    assert 79.0 < front_m <= 79.5  # half a metre before lane 11 ends
 
 
 @pytest.mark.parametrize("ahead_m", [0.0, 10.0])
