@@ -21,7 +21,7 @@ help:
 	@echo "make nightly     a million agent-seconds of traffic around rude egos (half an hour on two cores; FUZZ_SEED=1: others)"
 	@echo "make check       lint, format and types"
 	@echo "make golden      only the comparison with nuPlan's own values"
-	@echo "make mutants     200 small wrong changes to the code: does a test notice each? (an hour on two cores)"
+	@echo "make mutants     200 small wrong changes to the code: does a test notice each? (a quarter of an hour on two cores)"
 	@echo "make smoke       one scenario per family, in a minute"
 	@echo "make data        ordinary driving to train on, below data/ordinary (20 minutes); back_bay is for testing"
 	@echo "make tune-llm    EXAMPLES=choices.jsonl [OUT=hybrid.gguf] [TUNE=...]: teach the small language model"

@@ -32,8 +32,7 @@ from interplan_sumo.batch.records import AppliedOverrides, Manifest, MetricRecor
 from interplan_sumo.batch.results import RESULTS, write_rows
 from interplan_sumo.batch.run_folder import RunFolder
 from interplan_sumo.batch.shards import keep_shards
-from interplan_sumo.batch.shared_phase import Publish
-from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
+from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.scenario.suite import find_suite
 

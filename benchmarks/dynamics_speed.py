@@ -1,8 +1,8 @@
 """What one step of the ego costs: python benchmarks/dynamics_speed.py [--repeats 2000]
 
-Times the plan check, the LQR tracker, the bicycle and the perfect tracker for
-plans of 81 poses every 0.1 s and of 17 poses every 0.5 s, and one plan of the
-IDM planner at 40 actors. Best and median of the repeats, in microseconds.
+Times the plan check, the LQR tracker and the bicycle for plans of 81 poses every
+0.1 s and of 17 poses every 0.5 s, and one plan of the IDM planner at 40 actors. Best
+and median of the repeats, in microseconds.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 
 from interplan_planners.idm import IdmPlanner
-from interplan_sumo.dynamics import bicycle, lqr, perfect
+from interplan_sumo.dynamics import bicycle, lqr
 from interplan_sumo.plan_check import check_plan
 from interplan_sumo.tiny_worlds import cars, ego, mission, observation, straight_road
 from interplan_sumo.world.ego import EgoState
@@ -51,7 +51,6 @@ def main() -> None:
             (f"{name}: plan check", lambda plan=plan: check_plan(plan, state, 0.0)),
             (f"{name}: LQR tracker", lambda plan=plan: lqr.track(state, plan)),
             (f"{name}: LQR tracker + bicycle", lambda plan=plan: lqr.follow(state, plan, 0.1)),
-            (f"{name}: perfect tracker", lambda plan=plan: perfect.follow(state, plan, 0.1)),
         ]
     road = straight_road(lanes=3, length_m=400.0, cuts_m=((150.0, 160.0),))
     planner = IdmPlanner()

@@ -58,9 +58,9 @@ def main() -> None:
             roads = read_map(path)
         x_m, y_m = (at + math.floor(side / 2) * plan.spacing_m for at in plan.origin_m)
         with timed(f"first crop of {RADIUS_M:g} m (indexes the map)"):
-            crop(roads, x_m, y_m, RADIUS_M)
+            crop(roads, [(x_m, y_m)], RADIUS_M)
         with timed(f"second crop of {RADIUS_M:g} m"):
-            part = crop(roads, x_m + 300.0, y_m, RADIUS_M)
+            part = crop(roads, [(x_m + 300.0, y_m)], RADIUS_M)
         print(f"  {len(part.lanes)} lanes, {len(part.connectors)} connectors")
         if options.convert:
             from interplan_sumo.maps.to_sumo import convert

@@ -15,19 +15,20 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from msgspec import to_builtins
 from rich.console import Console
 from rich.table import Table
 
 from interplan_llm.hybrid.choosers import RuleChooser
 from interplan_llm.hybrid.planner import HybridPlanner
-from interplan_sumo.batch.records import Brief, brief_of
+from interplan_sumo.batch.records import Brief, ScoreRecord, brief_of
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import score
 from interplan_sumo.report.table import table_columns
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import expert, find_suite
-from interplan_sumo.verification.oracle import Effort, OracleChooser, oracle_drive
 from interplan_sumo.world.trajectory import Trajectory
+from tools.oracle import Effort, OracleChooser, oracle_drive
 
 SUITE = "interplan==1"
 HIDDEN = ("ordinary", "driv")
@@ -54,7 +55,8 @@ def searched(scenario: Scenario, seed: int, effort: Effort) -> dict[str, Any]:
         kind, text = (episode.fault.kind, episode.fault.message) if episode.fault else ("harness", "nothing was driven")
         row["fault"] = {"class": kind, "message": text}
     else:
-        row |= score(episode.trace, load_roads(scenario.map, scenario.maps_beside), reference, scenario).as_json()
+        sheet = score(episode.trace, load_roads(scenario.map, scenario.maps_beside), reference, scenario)
+        row |= to_builtins(ScoreRecord.of(sheet))
     row["choices"] = [[round(each.scene.time_s, 3), str(each.taken)] for each in found.choices]
     return row
 

@@ -23,10 +23,9 @@ from interplan_sumo.batch import run as batch
 from interplan_sumo.batch.jobs import own_maps
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Row
-from interplan_sumo.batch.rescore import rescore
 from interplan_sumo.batch.run_folder import StoredRun, read_run
-from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
-from interplan_sumo.errors import InputError, PlannerLoadError, UnknownNameError
+from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives, rescore
+from interplan_sumo.errors import InputError, PlannerLoadError
 from interplan_sumo.maps.store import copy_map, load_roads
 from interplan_sumo.metrics.metric import informative_metrics
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE
@@ -37,7 +36,7 @@ from interplan_sumo.report.compare import Comparison
 from interplan_sumo.report.compare import compare as compare_runs
 from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.printing import progress as shown_progress
-from interplan_sumo.report.table import make_table, planners_of
+from interplan_sumo.report.table import make_table
 from interplan_sumo.scenario.files import MAPS, is_scenario_file, read_scenario, read_scenarios, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, expert, find_scenario, find_suite, suites
@@ -149,7 +148,11 @@ def load_drive(run: RunLike, scenario: str, planner: str | None = None, seed: in
     UnknownNameError if the run holds no such drive, InputError if it left no trace.
     """
     stored = _stored(run)
-    return StoredDrives(stored).read(_row(stored, scenario, planner, seed))
+    held = stored.planners
+    if planner is None and len(held) > 1:
+        raise InputError(f"{stored.path} holds {len(held)} planners ({', '.join(held)}); say which: planner=NAME")
+    (found,) = StoredDrives(stored).of(scenario, seed, (planner or held[0],))
+    return found
 
 
 def load_trace(run: RunLike, scenario: str, planner: str | None = None, seed: int = 0) -> Trace:
@@ -296,23 +299,6 @@ def _stored(given: RunLike) -> StoredRun:
             )
         return read_run(Path(given.attrs["run_folder"]))
     return read_run(Path(given))
-
-
-def _row(run: StoredRun, scenario: str, planner: str | None, seed: int) -> Row:
-    held = planners_of(run)
-    if planner is None and len(held) > 1:
-        raise InputError(f"{run.path} holds {len(held)} planners ({', '.join(held)}); say which: planner=NAME")
-    wanted = held[0] if planner is None else planner
-    for what, name, known in (
-        (f"planner in {run.path}", wanted, held),
-        (f"scenario in {run.path}", scenario, {key[0] for key in run.rows}),
-    ):
-        if name not in known:
-            raise UnknownNameError(what, name, known)
-    if (scenario, wanted, seed) not in run.rows:
-        seeds = sorted(key[2] for key in run.rows if key[:2] == (scenario, wanted))
-        raise InputError(f"{run.path} has {wanted} on {scenario} with the seeds {seeds}, not with {seed}")
-    return run.rows[scenario, wanted, seed]
 
 
 def _rescored(run: StoredRun, profile: str) -> StoredRun:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from interplan_sumo.batch.records import AppliedOverrides, Fault, Manifest, MetricRecord, RequestedJobs, Row
+from interplan_sumo.batch.records import AppliedOverrides, Fault, JobKey, Manifest, MetricRecord, RequestedJobs, Row
+from interplan_sumo.batch.run_folder import StoredRun
 
 
 def row(scenario: str, score: float | None = 0.5, **changes: Any) -> Row:
@@ -16,6 +17,11 @@ def row(scenario: str, score: float | None = 0.5, **changes: Any) -> Row:
         "reached_goal": False, "site": "tiny/1", "scenario_hash": "", "trace": None,
     }  # fmt: skip
     return Row(**fields | changes)
+
+
+def hashes(stored: StoredRun) -> dict[JobKey, object]:
+    """What must come again of each drive."""
+    return {key: (row.trace_hash, row.score) for key, row in stored.rows.items()}
 
 
 def metric(score: float | None, detail: dict[str, Any] | None = None, reason: str | None = None) -> MetricRecord:

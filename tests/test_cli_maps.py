@@ -13,16 +13,10 @@ from typing import Any
 import pytest
 
 from interplan_sumo.cli import main
+from tests.commands import ran
 from tests.maps.argoverse_files import street, written
 
 pytestmark = pytest.mark.slow
-
-
-def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    capsys.readouterr()
-    code = main([str(argument) for argument in arguments])
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 @dataclass(frozen=True)

@@ -7,19 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.cli import main
 from interplan_sumo.scenario.files import read_scenario
 from interplan_sumo.scenario.suite import find_scenario, find_suite
+from tests.commands import ran
 
 QUIET = "construction/1"
 """Somebody stands in the way, and nobody else is there."""
-
-
-def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    capsys.readouterr()
-    code = main([str(argument) for argument in arguments])
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 @pytest.fixture
@@ -92,28 +85,3 @@ def test_run_drives_a_file(file: Path, capsys: pytest.CaptureFixture[str], tmp_p
     file.unlink()
     code, out, _ = ran(capsys, "score", tmp_path / "run", "--profile", "nuplan", "--json")
     assert (code, json.loads(out)["profile"]) == (0, "nuplan")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("scenarios export nudg/0 {tmp}/x.yaml", "Did you mean 'nudge/0'?"),
-        ("scenarios export nudge/0 {tmp}/no/x.yaml", "cannot write"),
-        ("scenarios validate", "nothing to validate; name a FILE.yaml, or a suite with --suite"),
-        ("scenarios validate --suite interplan==9", "Did you mean 'interplan==1'?"),
-        ("scenarios render nudg/0 {tmp}/x.png", "Did you mean 'nudge/0'?"),
-        ("scenarios render interplan==9 {tmp}/x.png", "Did you mean 'interplan==1'?"),
-        ("scenarios render {tmp}/x.yaml {tmp}/x.png", "cannot read"),
-        ("scenarios render nudge/0 {tmp}/x.docx", "pictures end in .png"),
-        ("run --scenarios {tmp}/nowhere.yaml --quiet", "cannot read"),
-        ("run --scenarios mine.yaml --suite smoke==1 --quiet", "give one of them"),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_code_2(
-    arguments: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    code, out, err = ran(capsys, *arguments.format(tmp=tmp_path).split())
-    assert (code, out) == (2, "")
-    assert err.startswith("error: ")
-    assert err.count("\n") == 1
-    assert words in err

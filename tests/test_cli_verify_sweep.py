@@ -20,16 +20,10 @@ from interplan_sumo.cli import main
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import TrafficDemand
 from tests.batch.busy import BUSY
+from tests.commands import ran
 
 HERE = ("--planner", "straight_ahead", "--workers", "0")
 TAU = ("--param", "tau=1,3")
-
-
-def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    capsys.readouterr()
-    code = main([str(argument) for argument in arguments])
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +54,6 @@ def swept(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def hashes(place: Path) -> dict[str, str]:
     rows = [json.loads(line) for line in (place / "results.jsonl").read_text().splitlines()]
     return {row["scenario_id"]: row["trace_hash"] for row in rows}
-
-
-@pytest.mark.parametrize("command", ["verify", "sweep"])
-def test_a_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, err = ran(capsys, command, "--help")
-    assert (code, err) == (0, "")
-    assert f"interplan-sumo {command}" in out
 
 
 # --- verify ---
@@ -128,23 +115,6 @@ def test_verify_exits_with_3_where_a_row_cannot_be_verified(
     assert "unverifiable: the scenario has changed" in out
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda place: place, "is not a run folder: it has no manifest.json"),
-        (lambda place: (place / "manifest.json").write_text('{"format": 99}'), "has format 99, this version reads"),
-        (lambda place: (place / "manifest.json").write_text("{"), "is damaged"),
-    ],
-)
-def test_verify_of_what_is_no_run_is_one_line(
-    make: Any, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    make(tmp_path)
-    code, out, err = ran(capsys, "verify", tmp_path)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert words in err
-
-
 def test_verify_takes_one_size(run_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = ran(capsys, "verify", run_folder, "--all", "--sample", 3)
     assert (code, err.count("\n")) == (2, 1)
@@ -168,15 +138,6 @@ def test_a_sweep_leaves_runs_a_table_and_a_picture(swept: Path, file: Path, caps
     assert "2 combinations, 4 drives; all done already" in err
     assert "no traffic to change, so equal results, in mine/1\n" in err
     assert (swept / "sweep.csv").read_bytes() == before
-
-
-def test_runs_of_a_sweep_are_run_folders_like_any_other(swept: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = ran(capsys, "report", swept / "tau=1", "--json")
-    assert code == 0
-    (row,) = json.loads(out)["rows"]
-    assert row["official"] is False
-    assert row["overrides"]["traffic"].startswith("mixed+tau=1.xml ")
-    assert ran(capsys, "verify", swept / "tau=3", "--workers", 0)[0] == 0
 
 
 def test_equal_sweeps_give_equal_tables_and_a_changed_parameter_other_hashes(
@@ -206,27 +167,6 @@ def test_a_sweep_of_three_parameters_has_no_picture_and_says_so(
     assert "behaviour" in out
     assert "no plot: 3 parameters are varied" in err
     assert not (tmp_path / "sweep" / "sweep.png").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ((), "nothing to vary"),
-        (("--param", "sigmaa=1"), "Did you mean 'sigma'?"),
-        (("--param", "tau=1", "--planner", "idm2"), "Did you mean 'idm'?"),
-        (("--param", "tau=0"), "tau is 0, expected 0.1 to 10"),
-        (("--param", "density=low", "--set", "density=high"), "give only one"),
-        (("--param", "tau=1", "--scenarios", "nothing/*"), "no scenario named 'nothing/*'"),
-        (("--param", "tau=1", "--seeds", "0"), "seeds is 0"),
-    ],
-)
-def test_a_sweep_that_cannot_be_is_one_line(
-    arguments: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, out, err = ran(capsys, "sweep", *arguments, "--limit", 1, "--out", tmp_path / "sweep", "--quiet")
-    assert (code, out) == (2, "")
-    assert words in err.splitlines()[-1]
-    assert "Traceback" not in err
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.cli import main
 from interplan_sumo.planner import Planner
 from interplan_sumo.testing import check_planner
 
@@ -46,28 +45,6 @@ def test_the_planner_of_the_readme_runs_from_the_folder_that_it_lies_in(tmp_path
     assert missing.returncode == 2
     assert "there is no module 'your_planner'" in missing.stderr
     assert not (tmp_path / "other").exists()
-
-
-COMMANDS = sorted(
-    set(re.findall(r"interplan-sumo ((?:scenarios|planners|maps) \w+|run|report|score|doctor)\b", README))
-)
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_of_the_readme_exists(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([*command.split(), "--help"]) == 0
-    assert command.split()[-1] in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("option", sorted(set(re.findall(r"interplan-sumo run[^\n]*?(--[a-z]+)", README))))
-def test_an_option_of_the_readme_exists(option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    main(["run", "--help"])
-    assert option in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("link", sorted(set(re.findall(r"\]\(([^)#:]+)\)", README))))
-def test_a_link_of_the_readme_leads_somewhere(link: str) -> None:
-    assert (ROOT / link).exists()
 
 
 @pytest.mark.parametrize("target", ["setup", "check", "test", "test-all", "golden", "smoke", "benchmark"])

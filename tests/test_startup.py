@@ -24,7 +24,7 @@ def run(heavy: tuple[str, ...], *commands: str) -> None:
 
 
 def test_help_needs_no_arrays() -> None:
-    run(("numpy", "yaml", *HEAVY), "--help", "run --help")
+    run(("numpy", "yaml", "shapely", *HEAVY), "--help", "run --help")
 
 
 def test_lists_need_nothing_that_drives_learns_or_draws() -> None:

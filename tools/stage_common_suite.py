@@ -20,7 +20,7 @@ from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.verification.certificates import SearchResult, certify
+from interplan_sumo.verification.certificates import certify
 from interplan_sumo.verification.ordinary_scenes import MAPS
 from interplan_sumo.verification.replay import replay
 from interplan_sumo.verification.start_checks import start_problems
@@ -57,7 +57,7 @@ def staged(kind: str, count: int = 4) -> list[Staged]:
         scenario = replace(candidate, id=f"{kind}/{len(found)}", family=kind)
         if start_problems(scenario, load_roads(scenario.map, scenario.maps_beside)):
             continue
-        verdict: SearchResult = certify(scenario)
+        verdict = certify(scenario)
         if verdict.certificate is None:
             continue
         if shows(kind, scenario, replay(scenario, verdict.certificate.track)):

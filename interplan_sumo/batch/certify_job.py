@@ -3,89 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
-from typing import Any
+
+import msgspec
 
 from interplan_sumo.batch.engine import run_tasks
-from interplan_sumo.batch.shared_phase import Publish
-from interplan_sumo.batch.tasks import Answer, Fault, Limits, Task, Work
-from interplan_sumo.scenario.certificates import Certificate
+from interplan_sumo.batch.processes import available_cores
+from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
+from interplan_sumo.scenario.certificates import Certificate, CertificateRecord
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.verification.certificates import certify, check_certificate
+from interplan_sumo.verification.certificates import Proof, certify, check_certificate
 
 GROUP = "certify"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Proof:
-    """How one scenario fared."""
+class ProofAnswer(msgspec.Struct, frozen=True):
+    """What a worker says of one scenario; nothing after a fault."""
 
-    scenario: Scenario
-    certificate: Certificate | None
-    """What was found, or was checked and holds."""
-    problems: tuple[str, ...]
-    """Why there is none; empty if there is one."""
-    simulations: int
-    wall_s: float
+    certificate: CertificateRecord | None = None
+    problems: tuple[str, ...] = ()
+    simulations: int = 0
 
 
 def proofs(
     scenarios: Sequence[Scenario],
     *,
-    workers: int,
+    workers: int | None,
     stored: dict[str, Certificate] | None = None,
     limits: Limits | None = None,
 ) -> Generator[Proof]:
-    """Certify scenarios, or with `stored` certificates check those, in worker processes; 0 works in this one.
+    """Certify scenarios, or with `stored` certificates check those, in worker processes.
 
-    Yields one proof per scenario in the order in which they end; each depends
-    on its scenario alone. Closing the iterator ends all workers.
+    0 works in this one, None takes all cores. Yields one proof per scenario in
+    the order in which they end; each depends on its scenario alone. Closing
+    the iterator ends all workers.
     """
-    tasks = [
-        Task(s.id, GROUP, (s, None if stored is None else _as_json(stored.get(s.id)), stored is not None))
-        for s in scenarios
-    ]
-    for outcome in run_tasks(tasks, _open, workers=workers, limits=limits or Limits()):
-        scenario: Scenario = outcome.task.payload[0]
-        value, fault = outcome.value, outcome.fault
-        found = value.get("certificate")
-        problems = [f"{fault.kind}: {fault.message}"] if fault is not None else value["problems"]
-        yield Proof(
-            scenario,
-            Certificate.from_json(found) if found and not problems else None,
-            tuple(problems),
-            value.get("simulations", 0),
-            outcome.wall_s,
-        )
-
-
-def _as_json(certificate: Certificate | None) -> dict[str, Any] | None:
-    return None if certificate is None else certificate.as_json()
+    tasks = [Task(s.id, GROUP, (s, (stored or {}).get(s.id), stored is not None)) for s in scenarios]
+    many = available_cores() if workers is None else workers
+    for outcome in run_tasks(tasks, _open, workers=many, limits=limits or Limits()):
+        fault, answer = outcome.fault, msgspec.convert(outcome.value, ProofAnswer)
+        problems = answer.problems if fault is None else (f"{fault.kind}: {fault.message}",)
+        found = None if answer.certificate is None or problems else Certificate.of(answer.certificate)
+        yield Proof(outcome.task.payload[0], found, problems, answer.simulations, outcome.wall_s)
 
 
 def _open(_group: str, publish: Publish) -> Work:
-    def work(payload: tuple[Scenario, dict[str, Any] | None, bool]) -> Answer:
+    def work(payload: tuple[Scenario, Certificate | None, bool]) -> Answer:
         publish("simulate")
-        scenario, stored, only_check = payload
-        return (_checked(scenario, stored) if only_check else _found(scenario)), _NO_FAULT
+        scenario, held, only_check = payload
+        if only_check:
+            proof = Proof(scenario, held, tuple(check_certificate(scenario, held)), 0 if held is None else 2)
+        else:
+            proof = certify(scenario)
+        record = None if proof.certificate is None else proof.certificate.record()
+        return msgspec.to_builtins(ProofAnswer(record, proof.problems, proof.simulations)), None
 
     return work
-
-
-_NO_FAULT: Fault | None = None
-
-
-def _found(scenario: Scenario) -> dict[str, Any]:
-    verdict = certify(scenario)
-    return {
-        "certificate": _as_json(verdict.certificate),
-        "problems": [] if verdict.reason is None else [verdict.reason],
-        "simulations": verdict.simulations,
-    }
-
-
-def _checked(scenario: Scenario, stored: dict[str, Any] | None) -> dict[str, Any]:
-    problems = (
-        ["no certificate is stored"] if stored is None else check_certificate(scenario, Certificate.from_json(stored))
-    )
-    return {"certificate": stored, "problems": problems, "simulations": 2 if stored is not None else 0}

@@ -13,7 +13,7 @@ from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.ego import PACIFICA
-from interplan_sumo.world.files import replacing
+from interplan_sumo.world.files import replacing, writing
 from interplan_sumo.world.trace import EgoTrack
 
 FOLDER = "experts"
@@ -63,9 +63,7 @@ def _path(scenario: Scenario, run_folder: Path) -> Path:
 
 def _keep(track: EgoTrack, path: Path) -> None:
     """Put a drive in its place as a whole."""
-    try:
+    with writing(path, kind=RunFolderError):
         path.parent.mkdir(exist_ok=True)
         with replacing(path) as fresh:
             track.to_frame(PACIFICA).to_parquet(fresh, index=False, compression="zstd")
-    except OSError as error:
-        raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from None

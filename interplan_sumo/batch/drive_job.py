@@ -20,8 +20,7 @@ from interplan_sumo.batch.jobs import Job
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import DriveAnswer, ModelUse, ScoreRecord, decode
 from interplan_sumo.batch.run_folder import is_full, place_folder, trace_place
-from interplan_sumo.batch.shared_phase import Publish
-from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
+from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Publish, Work
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.metric import plain

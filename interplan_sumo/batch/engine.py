@@ -16,8 +16,7 @@ from pathlib import Path
 
 from interplan_sumo.batch.in_process import run_in_process
 from interplan_sumo.batch.processes import adopted_orphans, death, killed_from_outside
-from interplan_sumo.batch.shared_phase import PLANNER_PHASES
-from interplan_sumo.batch.tasks import TRAFFIC_RETRIES, Fault, Limits, OpenGroup, Outcome, Task
+from interplan_sumo.batch.tasks import PLANNER_PHASES, TRAFFIC_RETRIES, Fault, Limits, OpenGroup, Outcome, Task
 from interplan_sumo.batch.worker_pool import Ending, ProcessPool, Report, Worker, WorkerPool
 from interplan_sumo.errors import InputError, PlannerLoadError
 

@@ -11,8 +11,7 @@ from collections.abc import Generator, Sequence
 from types import FrameType
 from typing import Any
 
-from interplan_sumo.batch.shared_phase import SharedPhase
-from interplan_sumo.batch.tasks import TRAFFIC_RETRIES, Fault, Limits, OpenGroup, Outcome, Task
+from interplan_sumo.batch.tasks import TRAFFIC_RETRIES, Fault, Limits, OpenGroup, Outcome, SharedPhase, Task
 from interplan_sumo.batch.worker import attempt
 from interplan_sumo.errors import InputError
 

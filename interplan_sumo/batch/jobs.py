@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -106,12 +106,16 @@ def chosen(scenarios: Sequence[Scenario], globs: Sequence[str], limit: int | Non
 
     UnknownNameError for a glob that matches none.
     """
-    ids = [s.id for s in scenarios]
+    wanted = matching([s.id for s in scenarios], globs, "scenario", "List them: interplan-sumo scenarios list")
+    return tuple([s for s in scenarios if s.id in wanted][:limit])
+
+
+def matching(ids: Collection[str], globs: Sequence[str], what: str, hint: str = "") -> set[str]:
+    """The ids that match any of the globs (all, without globs); UnknownNameError for a glob that matches none."""
     for glob in globs:
-        if not any(fnmatchcase(i, glob) for i in ids):
-            raise UnknownNameError("scenario", glob, ids, "List them: interplan-sumo scenarios list")
-    found = [s for s in scenarios if not globs or any(fnmatchcase(s.id, g) for g in globs)]
-    return tuple(found[:limit])
+        if not any(fnmatchcase(each, glob) for each in ids):
+            raise UnknownNameError(what, glob, ids, hint)
+    return {each for each in ids if not globs or any(fnmatchcase(each, glob) for glob in globs)}
 
 
 def jobs_for(

@@ -89,7 +89,7 @@ class ScoreRecord(Struct, frozen=True):
 
     score: Score
     profile: str
-    scoring_version: int
+    scoring_version: int = msgspec.field(name="version")
     gates: tuple[str, ...]
     weights: dict[str, Weight]
     metrics: dict[str, MetricRecord]

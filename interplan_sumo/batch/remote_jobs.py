@@ -14,7 +14,7 @@ from interplan_sumo.batch.run_folder import TRAFFIC
 from interplan_sumo.batch.tasks import OpenGroup
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.scenario.files import MAPS
-from interplan_sumo.world.files import PART, replacing
+from interplan_sumo.world.files import PART, replacing, writing
 
 TRACES = "traces"
 
@@ -109,9 +109,7 @@ def _read(path: Path) -> bytes:
 
 def _put(path: Path, content: bytes) -> None:
     """Write a file of the run folder so that it is there as a whole or not at all."""
-    try:
+    with writing(path, kind=RunFolderError):
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as fresh:
             fresh.write_bytes(content)
-    except OSError as error:
-        raise RunFolderError(f"cannot write {path}: {error.strerror or error}") from None

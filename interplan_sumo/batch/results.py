@@ -9,7 +9,7 @@ from pathlib import Path
 
 from interplan_sumo.batch.records import Brief, JobKey, RecordError, Row, brief_of, encode, row_of
 from interplan_sumo.errors import RunFolderError
-from interplan_sumo.world.files import replacing
+from interplan_sumo.world.files import replacing, writing
 
 RESULTS = "results.jsonl"
 """In the run folder."""
@@ -140,7 +140,5 @@ def write_lines(path: Path, lines: Iterable[bytes]) -> None:
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
     """Write rows as results.jsonl has them; RunFolderError if the file cannot be written."""
-    try:
+    with writing(path, kind=RunFolderError):
         write_lines(path, map(line_of, rows))
-    except OSError as error:
-        raise RunFolderError(f"cannot write {path}: {error.strerror}") from None

@@ -96,6 +96,11 @@ class StoredRun:
         return self.manifest.keys
 
     @property
+    def planners(self) -> list[str]:
+        """Those that it was asked for, in order."""
+        return list(dict.fromkeys(planner for request in self.manifest.requests for planner in request.planners))
+
+    @property
     def missing(self) -> list[JobKey]:
         """Jobs without a score: not done yet, or ended in a fault that is not the planner's."""
         briefs = self.briefs

@@ -1,13 +1,12 @@
-"""Tasks: the nouns of the engine: what is to be done, within which limits, and how it ended."""
+"""Tasks: the nouns of the engine: what is to be done, within which limits, in which phase it is, and how it ended."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from interplan_sumo.batch.records import Fault
-from interplan_sumo.batch.shared_phase import Publish
 
 TRAFFIC_RETRIES = 1
 """How often a task is done again after SUMO gave up."""
@@ -51,8 +50,45 @@ class Outcome:
     """The end of what its process printed, if it ended in a fault."""
 
 
+Publish = Callable[[str], None]
+"""Told the name of each phase as it begins."""
 Answer = tuple[dict[str, Any], Fault | None]
 """What a task gives: plain JSON data, and the fault that it ended with."""
 Work = Callable[[Any], Answer]
 OpenGroup = Callable[[str, Publish], Work]
 """Builds what the tasks of one group share (a planner) and returns the function that does one task."""
+
+# --- phases ------------------------------------------------------------------------------------
+
+PHASES = ("idle", "load", "setup", "plan", "simulate", "record", "score", "store")
+"""`load` builds the planner; `setup`, `plan`, `simulate` and `record` are the episode's; `idle` is between jobs."""
+PLANNER_PHASES = frozenset({"load", "plan"})
+"""Foreign code runs here: what goes wrong in them is the planner's fault."""
+
+
+class Shared(Protocol):
+    """Two integers that two processes see: the phase and how often it has changed."""
+
+    def __getitem__(self, index: int, /) -> int: ...
+    def __setitem__(self, index: int, value: int, /) -> None: ...
+
+
+class SharedPhase:
+    """The one place a worker writes its phase and the parent reads it; no lock, so a killed writer blocks nobody."""
+
+    def __init__(self, shared: Shared) -> None:
+        self._shared = shared
+
+    def publish(self, phase: str) -> None:
+        """Say which phase begins; an unknown name counts as `simulate`."""
+        self._shared[0] = PHASES.index(phase) if phase in PHASES else PHASES.index("simulate")
+        self._shared[1] += 1
+
+    @property
+    def phase(self) -> str:
+        return PHASES[self._shared[0]]
+
+    @property
+    def changes(self) -> int:
+        """Grows with every phase that begins: unchanged means still the same call."""
+        return self._shared[1]

@@ -69,7 +69,7 @@ def difference(stored: Trace, now: Trace) -> TraceDifference | None:
         return None
     frame, what = first
     time_us = (stored if frame < len(stored) else now).ego.time_us
-    return TraceDifference(frame, float(time_us[frame]) * 1e-6, what, largest_m, only_numbers)
+    return TraceDifference(frame, round(float(time_us[frame]) * 1e-6, 6), what, largest_m, only_numbers)
 
 
 def _numbered(trace: Trace) -> dict[str, pd.DataFrame]:

@@ -18,7 +18,7 @@ from interplan_sumo.resources import routes_root
 from interplan_sumo.simulation.vehicle_type_reader import PARAMETERS, SWERVE
 from interplan_sumo.simulation.vehicle_type_schema import vehicle_type_schema
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types
-from interplan_sumo.world.files import replacing
+from interplan_sumo.world.files import replacing, writing
 
 
 def sweepable() -> frozenset[str]:
@@ -90,13 +90,11 @@ def write_changed(path: Path, edits: Sequence[Edit], target: Path) -> None:
     if "," in str(target.resolve()):
         raise InputError(f"SUMO reads no file with a comma in its path: {target.resolve()}; give another --out")
     text = changed_text(path, edits)
-    try:
+    with writing(target, "give another folder as --out"):
         target.parent.mkdir(parents=True, exist_ok=True)
         with replacing(target) as fresh:
             fresh.write_text(text, encoding="utf-8", newline="\n")
             _check(fresh, path, edits)
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror or error}; give another folder as --out") from None
 
 
 def _check(fresh: Path, path: Path, edits: Sequence[Edit]) -> None:

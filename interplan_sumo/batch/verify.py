@@ -7,7 +7,6 @@ import shutil
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal
 
@@ -17,7 +16,7 @@ from msgspec import structs
 from interplan_sumo.batch import custom_references
 from interplan_sumo.batch.backend import drive_answer, drive_outcomes
 from interplan_sumo.batch.drive_job import DriveSettings
-from interplan_sumo.batch.jobs import Job
+from interplan_sumo.batch.jobs import Job, matching
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import DriveAnswer, Fault, JobKey, Row
@@ -157,18 +156,11 @@ def _candidates(run: StoredRun, sample: RowSample) -> list[JobKey]:
     if not scored:
         raise RunFolderError(f"{run.path} holds no drive with a score, so there is nothing to verify; run it first")
     ids, planners = ({str(key[at]) for key in scored} for at in (0, 1))
-    for glob in sample.scenarios:
-        if not any(fnmatchcase(each, glob) for each in ids):
-            raise UnknownNameError(f"scenario in {run.path}", glob, ids)
+    wanted = matching(ids, sample.scenarios, f"scenario in {run.path}")
     for planner in sample.planners:
         if planner not in planners:
             raise UnknownNameError(f"planner in {run.path}", planner, planners)
-    return [
-        key
-        for key in scored
-        if (not sample.scenarios or any(fnmatchcase(key[0], glob) for glob in sample.scenarios))
-        and (not sample.planners or key[1] in sample.planners)
-    ]
+    return [key for key in scored if key[0] in wanted and (not sample.planners or key[1] in sample.planners)]
 
 
 def _drawn(keys: Sequence[JobKey], sample: RowSample) -> list[JobKey]:

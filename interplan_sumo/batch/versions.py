@@ -5,20 +5,15 @@ from __future__ import annotations
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
-LIBRARIES = {
-    "interplan_sumo": "interplan-sumo",
-    "sumo": "libsumo",
-    "numpy": "numpy",
-    "scipy": "scipy",
-    "shapely": "shapely",
-    "pyarrow": "pyarrow",
-}
+from interplan_sumo import __version__
+
+LIBRARIES = {"sumo": "libsumo", "numpy": "numpy", "scipy": "scipy", "shapely": "shapely", "pyarrow": "pyarrow"}
 """Name in manifests -> distribution."""
 
 
 def versions() -> dict[str, str]:
     """Package, Python and the libraries that numbers pass through; imports none of them."""
-    found = {"python": platform.python_version()}
+    found = {"python": platform.python_version(), "interplan_sumo": __version__}
     for name, distribution in LIBRARIES.items():
         try:
             found[name] = version(distribution)

@@ -14,8 +14,7 @@ from typing import Any
 
 from interplan_sumo.batch.processes import become_worker
 from interplan_sumo.batch.records import Fault, WorkerAnswer, decode, encode, readable
-from interplan_sumo.batch.shared_phase import PLANNER_PHASES, Shared, SharedPhase
-from interplan_sumo.batch.tasks import OpenGroup, Work
+from interplan_sumo.batch.tasks import PLANNER_PHASES, OpenGroup, Shared, SharedPhase, Work
 from interplan_sumo.errors import InputError, TrafficError
 
 

@@ -19,8 +19,7 @@ from typing import Any, Protocol
 
 from interplan_sumo.batch.processes import SINGLE_THREAD, environment, interrupts_held, kill_group
 from interplan_sumo.batch.records import RecordError, WorkerAnswer, decode
-from interplan_sumo.batch.shared_phase import SharedPhase
-from interplan_sumo.batch.tasks import Limits, OpenGroup, Task
+from interplan_sumo.batch.tasks import Limits, OpenGroup, SharedPhase, Task
 from interplan_sumo.batch.worker import serve
 
 POLL_S = 0.1

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, planner_names
+from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, WorkersOption, planner_names
 from interplan_sumo.report.printing import console, print_json, progress
 
 
@@ -20,15 +20,14 @@ def audit(
         str, typer.Option(help="Who drives, for the look at what happens.", autocompletion=planner_names)
     ] = "idm",
     below: Annotated[float | None, typer.Option(help="Only scenarios where it has fewer points, 0 to 100.")] = None,
-    workers: Annotated[int | None, typer.Option(help="Processes; 0 runs in this one. Default: all cores.")] = None,
+    workers: WorkersOption = None,
     out: Annotated[Path | None, typer.Option(help="Keep the run in this folder; it resumes there.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
     as_json: JsonOption = False,
 ) -> int:
     """Sort the scenarios of a suite or file by what they ask, unsound ones apart; with --below, find the hard ones."""
-    from interplan_sumo.batch.audit import findings
     from interplan_sumo.batch.run import run
-    from interplan_sumo.report.audit_formats import audit_json, audit_text
+    from interplan_sumo.report.audit_formats import audit_json, audit_text, findings
     from interplan_sumo.scenario.files import is_scenario_file
 
     with contextlib.ExitStack() as stack:

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from interplan_sumo.cli.options import DONE, INCOMPLETE, OUR_FAULT, JsonOption
+from interplan_sumo.cli.options import DONE, INCOMPLETE, OUR_FAULT, JsonOption, WorkersOption
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
-    from interplan_sumo.batch.certify_job import Proof
+    from interplan_sumo.scenario.certificates import Certificate
     from interplan_sumo.scenario.scenario import Scenario
+    from interplan_sumo.verification.certificates import Proof
 
 
 def certify(
@@ -23,7 +24,7 @@ def certify(
     scenarios: Annotated[
         list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'; or a FILE.yaml.")
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Processes; 0 works in this one. Default: all cores.")] = None,
+    workers: WorkersOption = None,
     check: Annotated[bool, typer.Option("--check", help="Only replay the stored drives and judge them again.")] = False,
     as_json: JsonOption = False,
 ) -> int:
@@ -31,21 +32,14 @@ def certify(
 
     Exit code 3 if a scenario could not be certified, 1 if a stored proof does not hold.
     """
-    from interplan_sumo.batch.certify_job import proofs
     from interplan_sumo.batch.jobs import chosen, split_files
-    from interplan_sumo.batch.processes import available_cores
     from interplan_sumo.scenario import certificates
 
     files, globs = split_files(scenarios or ())
     everyone, path = _source(suite, files)
     wanted = chosen(everyone, globs)
     stored = certificates.read_certificates(path) if path.is_file() else {}
-    found: list[Proof] = []
-    for proof in proofs(
-        wanted, workers=available_cores() if workers is None else workers, stored=stored if check else None
-    ):
-        found.append(proof)
-        print(f"[{len(found)}/{len(wanted)}] {_line(proof)}", file=sys.stderr, flush=True)
+    found = proved(wanted, workers, stored if check else None)
     found.sort(key=lambda proof: [s.id for s in wanted].index(proof.scenario.id))
     failed = [proof for proof in found if proof.certificate is None]
     if not check:
@@ -58,6 +52,19 @@ def certify(
         certificates.write_certificates(path, kept.values())
     _print(found, str(path), as_json=as_json)
     return DONE if not failed else OUR_FAULT if check else INCOMPLETE
+
+
+def proved(
+    scenarios: Sequence[Scenario], workers: int | None, stored: dict[str, Certificate] | None = None
+) -> list[Proof]:
+    """`proofs` as they come, each with a line on stderr."""
+    from interplan_sumo.batch.certify_job import proofs
+
+    found: list[Proof] = []
+    for proof in proofs(scenarios, workers=workers, stored=stored):
+        found.append(proof)
+        print(f"[{len(found)}/{len(scenarios)}] {_line(proof)}", file=sys.stderr, flush=True)
+    return found
 
 
 def _source(suite: str | None, files: Sequence[str]) -> tuple[tuple[Scenario, ...], Path]:
@@ -76,7 +83,7 @@ def _source(suite: str | None, files: Sequence[str]) -> tuple[tuple[Scenario, ..
 
 def _line(proof: Proof) -> str:
     if proof.certificate is None:
-        return f"{proof.scenario.id}: {'; '.join(proof.problems)}"
+        return f"{proof.scenario.id}: not certified: {'; '.join(proof.problems)}"
     summary = proof.certificate.summary
     return (
         f"{proof.scenario.id}: score {summary.score:.3f}, {summary.distance_m:.0f} of "

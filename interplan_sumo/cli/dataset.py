@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from interplan_sumo.cli.options import DONE, INCOMPLETE, LOOKS, JsonOption, QuietOption, take_one_thread
+from interplan_sumo.cli.options import DONE, INCOMPLETE, LOOKS, JsonOption, QuietOption, WorkersOption, take_one_thread
 from interplan_sumo.report.printing import print_json
 
 dataset_app = typer.Typer(help="Training data from nothing.", **LOOKS)
@@ -36,7 +36,7 @@ def ordinary(
         list[str] | None, typer.Option(help="A map for the split `test` only.", metavar="MAP")
     ] = None,
     min_score: Annotated[float, typer.Option(help="Only drives with at least this score, 0 to 1.")] = 0.9,
-    workers: Annotated[int | None, typer.Option(help="Processes; 0 works in this one. Default: all cores.")] = None,
+    workers: WorkersOption = None,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:

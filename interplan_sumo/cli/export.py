@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from msgspec import structs
 
-from interplan_sumo.cli.options import DONE, JsonOption, QuietOption
+from interplan_sumo.cli.options import DONE, JsonOption, QuietOption, WorkersOption
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def export(
         list[int] | None, typer.Option(help="A seed for the split `val` only.", metavar="SEED")
     ] = None,
     exclude: Annotated[list[str] | None, typer.Option(help="A family to leave out.", metavar="FAMILY")] = None,
-    workers: Annotated[int | None, typer.Option(help="Processes; 0 works in this one. Default: all cores.")] = None,
+    workers: WorkersOption = None,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:

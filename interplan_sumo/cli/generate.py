@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption
+from interplan_sumo.cli.certify import proved
+from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, WorkersOption, counted
 from interplan_sumo.report.printing import print_json
 
 
@@ -19,7 +19,7 @@ def generate(
     count: Annotated[int, typer.Option(help="How many of each family.")] = 10,
     seed: Annotated[int, typer.Option(help="Equal seeds give equal scenarios.")] = 0,
     certify: Annotated[bool, typer.Option(help="Look for a drive that passes each.")] = True,
-    workers: Annotated[int | None, typer.Option(help="Processes for that; 0 works in this one. Default: all.")] = None,
+    workers: WorkersOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what the folder holds.")] = False,
     as_json: JsonOption = False,
 ) -> int:
@@ -28,10 +28,7 @@ def generate(
     The folder also holds what they need of a map that is not shipped, so that it can be moved and driven anywhere.
     Exit code 3 if the map has no room for as many as were asked for.
     """
-    from interplan_sumo.batch.certify_job import proofs
-    from interplan_sumo.batch.processes import available_cores
     from interplan_sumo.maps.store import find_map, load_roads
-    from interplan_sumo.verification.certificates import SearchResult
     from interplan_sumo.verification.generation import carry, check_folder, families_of, write_generated
     from interplan_sumo.verification.generation import generate as generated
     from interplan_sumo.verification.map_bundling import own_maps_root
@@ -43,19 +40,13 @@ def generate(
     if root is not None and any(each.scenarios for each in made):
         carry(made, files, out, overwrite=overwrite)
     scenarios = [scenario for each in made for scenario in each.scenarios]
-    verdicts: list[SearchResult] = []
-    if certify:
-        for proof in proofs(scenarios, workers=available_cores() if workers is None else workers):
-            reason = "; ".join(proof.problems) or None
-            verdicts.append(SearchResult(proof.scenario.id, proof.certificate, reason, proof.simulations))
-            done = "certified" if proof.certificate is not None else f"not certified: {reason}"
-            print(f"[{len(verdicts)}/{len(scenarios)}] {proof.scenario.id}: {done}", file=sys.stderr, flush=True)
-    total, passed = write_generated(out, made, verdicts, overwrite=overwrite)
+    proofs = proved(scenarios, workers) if certify else []
+    total, passed = write_generated(out, made, proofs, overwrite=overwrite)
     short = {each.family: len(each.scenarios) for each in made if len(each.scenarios) < count}
     if as_json:
         print_json({"folder": str(out), "scenarios": total, "certified": passed if certify else None, "short": short})
     else:
-        print(f"{total} scenarios{f', {passed} certified' if certify else ''}: {out}")
+        print(f"{counted(total, 'scenario')}{f', {passed} certified' if certify else ''}: {out}")
         for name, number in short.items():
             print(f"{name}: {number} of {count}; {out / 'rejected.csv'} says why places do not suit")
     return INCOMPLETE if short else DONE

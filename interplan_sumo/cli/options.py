@@ -84,6 +84,11 @@ def takes_run_options(*names: str, **help: str) -> Callable[[Callable[..., int]]
     return decorate
 
 
+def counted(number: int, what: str) -> str:
+    """So many things in words: `no problems`, `1 scenario`, `2 scenarios`."""
+    return f"{number or 'no'} {what}{'s' * (number != 1)}"
+
+
 def take_one_thread() -> None:
     """Before libraries are imported: sums keep one order, and the workers are the parallelism."""
     os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})
@@ -139,5 +144,6 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 
 MapArgument = Annotated[str, typer.Argument(help="A folder with a map.gpkg, or a shipped map's name.", metavar="DIR")]
+WorkersOption = Annotated[int | None, typer.Option(help="Processes; 0 works in this one. Default: all cores.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]

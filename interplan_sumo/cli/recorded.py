@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from interplan_sumo.cli.options import DONE, JsonOption, starting
+from interplan_sumo.cli.certify import proved
+from interplan_sumo.cli.options import DONE, JsonOption, WorkersOption, counted, starting
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def import_recorded(
         float | None, typer.Option(help="Seconds. Default: the rest of the recording; 30 where SUMO moves the others.")
     ] = None,
     certify: Annotated[bool, typer.Option(help="Look for a drive that passes each.")] = True,
-    workers: Annotated[int | None, typer.Option(help="Processes for that; 0 works in this one. Default: all.")] = None,
+    workers: WorkersOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what the folder holds.")] = False,
     as_json: JsonOption = False,
 ) -> int:
@@ -73,7 +73,8 @@ def import_recorded(
     }
     made = import_scenes(source, map, out, options, format, overwrite=overwrite)
     scenes = made.scenes
-    passed = write_scenes(out, scenes, _proved(scenes, workers) if certify else ())
+    scenarios = [each.scenario for each in scenes]
+    passed = write_scenes(out, scenes, proved(scenarios, workers) if certify else ())
     entries = [_entry(each) for each in scenes]
     if as_json:
         said = {"folder": str(out), "scenarios": entries, "certified": passed if certify else None}
@@ -81,24 +82,8 @@ def import_recorded(
         print_json(said | {"notes": list(made.notes), "not_made": not_made})
     else:
         _print(entries, made)
-        print(f"{len(scenes)} scenarios{f', {passed} certified' if certify else ''}: {out}")
+        print(f"{counted(len(scenes), 'scenario')}{f', {passed} certified' if certify else ''}: {out}")
     return DONE
-
-
-def _proved(scenes: list[RecordedScene], workers: int | None) -> list[Any]:
-    """What the search for a drive came to, each with a line on stderr."""
-    from interplan_sumo.batch.certify_job import proofs
-    from interplan_sumo.batch.processes import available_cores
-    from interplan_sumo.verification.certificates import SearchResult
-
-    verdicts: list[SearchResult] = []
-    many = available_cores() if workers is None else workers
-    for proof in proofs([each.scenario for each in scenes], workers=many):
-        reason = "; ".join(proof.problems) or None
-        verdicts.append(SearchResult(proof.scenario.id, proof.certificate, reason, proof.simulations))
-        done = "certified" if proof.certificate is not None else f"not certified: {reason}"
-        print(f"[{len(verdicts)}/{len(scenes)}] {proof.scenario.id}: {done}", file=sys.stderr, flush=True)
-    return verdicts
 
 
 def _entry(scene: RecordedScene) -> dict[str, Any]:

@@ -43,9 +43,10 @@ def replay(
     if not (html or gif or mp4 or png or sumo_gui):
         raise InputError("replay writes what it is asked for; give --html FILE, --gif, --mp4, --png or --sumo-gui DIR")
     from interplan_sumo.batch.run_folder import read_run
-    from interplan_sumo.report.replay.choice import chosen_drives
+    from interplan_sumo.batch.stored_drive import StoredDrives
+    from interplan_sumo.report.replay.data import MOST_DRIVES
 
-    drives = chosen_drives(read_run(folder), scenario, planner or (), seed)
+    drives = StoredDrives(read_run(folder)).of(scenario, seed, planner or (), MOST_DRIVES)
     if html:
         from interplan_sumo.report.replay.page import write_replay
 

@@ -133,8 +133,8 @@ def compare(
 
 def _rescored(folder: Path, profile: str) -> StoredRun:
     """A stored run under another profile; what could not be scored is said on stderr."""
-    from interplan_sumo.batch.rescore import rescore
     from interplan_sumo.batch.run_folder import read_run
+    from interplan_sumo.batch.stored_drive import rescore
 
     scored, problems = rescore(read_run(folder), profile)
     for problem in problems:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, JsonOption, scenario_ids
+from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, JsonOption, counted, scenario_ids
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import print_entries, print_json
 
@@ -89,7 +89,7 @@ def validate_scenarios(
     else:
         for problem in problems:
             print(f"error: {': '.join(part for part in problem if part)}", file=sys.stderr)
-        print(f"{_count(len(found), 'scenario')}, {_count(len(problems), 'problem')}")
+        print(f"{counted(len(found), 'scenario')}, {counted(len(problems), 'problem')}")
     return BAD_INPUT if problems else DONE
 
 
@@ -126,10 +126,6 @@ def freeze_suite(
     from interplan_sumo.verification.lock import write_lock
 
     print(write_lock(find_suite(suite)))
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number or 'no'} {what}{'s' * (number != 1)}"
 
 
 def _named(what: str) -> tuple[Scenario, ...]:

@@ -23,6 +23,7 @@ from interplan_sumo.cli.options import (
 )
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import console, print_json, progress
+from interplan_sumo.world.files import writing
 
 if TYPE_CHECKING:
     from interplan_sumo.batch.sweep import Estimate, Result, Sweep
@@ -109,10 +110,8 @@ def _report(planned: Sweep, results: list[Result], *, as_json: bool, quiet: bool
 
     lines = sweep_lines(results)
     table, picture = planned.folder / "sweep.csv", planned.folder / "sweep.png"
-    try:
+    with writing(table, "give another folder as --out"):
         table.write_text(sweep_csv(lines), encoding="utf-8", newline="")
-    except OSError as error:
-        raise InputError(f"cannot write {table}: {error.strerror or error}; give another folder as --out") from None
     reason = why_no_plot(planned.parameters, lines)
     if reason is None:
         plot_sweep(planned.parameters, lines, picture)

@@ -20,7 +20,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import suites
-from interplan_sumo.world.files import file_hash
+from interplan_sumo.world.files import file_hash, writing
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trace import Trace
 
@@ -215,14 +215,12 @@ def future_places(trace: Trace, frame: int) -> Floats:
 
 def _write(request: ChatRequest, samples: Sequence[_Sample], left_out: Counter[str]) -> dict[str, Any]:
     card_file = request.file.with_suffix(".json")
-    try:
+    with writing(request.file, "give another --out"):
         request.file.parent.mkdir(parents=True, exist_ok=True)
         card_file.unlink(missing_ok=True)  # so that no card ever tells of other lines
         request.file.write_text("".join(f"{sample.line}\n" for sample in samples), encoding="utf-8", newline="\n")
         card = _card(request, samples, left_out)
         card_file.write_text(json.dumps(card, indent=1, ensure_ascii=False) + "\n", encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise InputError(f"cannot write {request.file}: {error.strerror}; give another --out") from None
     return card
 
 

@@ -15,8 +15,7 @@ import numpy as np
 from msgspec import UNSET, UnsetType, convert, structs
 
 from interplan_sumo.batch.engine import run_tasks
-from interplan_sumo.batch.shared_phase import Publish
-from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
+from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.dataset import folder as layout
 from interplan_sumo.dataset.columns import count_of, joined, picked, read_arrays, write_arrays
@@ -144,7 +143,7 @@ def write(
     """
     every_frames = frames_in(request.every_s)
     layout.begin(request.folder)
-    try:
+    with layout.writing_in(request.folder):
         parts = [
             _Part(number, drive, every_frames, None if frames is None else frames[number])
             for number, drive in enumerate(chosen.drives)
@@ -160,8 +159,6 @@ def write(
         manifest = _manifest(request, chosen, splits, made, shards, maps)
         manifest = structs.replace(manifest, ordinary=ordinary)
         layout.finish(request.folder, manifest)
-    except OSError as error:
-        raise layout.unwritable(request.folder, error) from None
     return manifest
 
 

@@ -13,12 +13,13 @@
 from __future__ import annotations
 
 import shutil
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Final
 
 from interplan_sumo.dataset.records import DatasetManifest, ManifestHead, record_of, text_of
 from interplan_sumo.errors import InputError
-from interplan_sumo.world.files import replacing
+from interplan_sumo.world.files import replacing, writing
 
 FORMAT: Final = 1
 KIND: Final = "interplan-sumo training data"
@@ -33,7 +34,7 @@ def begin(folder: Path) -> None:
 
     InputError if it holds anything else or cannot be written.
     """
-    try:
+    with writing_in(folder):
         check_free(folder)
         (folder / PARTS).mkdir(parents=True, exist_ok=True)
         (folder / UNFINISHED).touch()
@@ -42,8 +43,6 @@ def begin(folder: Path) -> None:
         for name in (PARTS, SHARDS, MAPS):
             shutil.rmtree(folder / name, ignore_errors=True)
             (folder / name).mkdir()
-    except OSError as error:
-        raise unwritable(folder, error) from None
 
 
 def check_free(folder: Path) -> None:
@@ -82,8 +81,9 @@ def read_manifest(folder: Path) -> DatasetManifest:
     return record_of(text, DatasetManifest, str(path))
 
 
-def unwritable(folder: Path, error: OSError) -> InputError:
-    return InputError(f"cannot write the dataset {folder}: {error.strerror or error}; give another folder as --out")
+def writing_in(folder: Path) -> AbstractContextManager[None]:
+    """Inside the block what of a dataset cannot be written is an InputError."""
+    return writing(f"the dataset {folder}", "give another folder as --out")
 
 
 def _is_ours(folder: Path) -> bool:

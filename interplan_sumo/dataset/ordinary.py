@@ -23,14 +23,13 @@ from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Brief, JobKey, Row
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import read_run
-from interplan_sumo.batch.shared_phase import Publish
 from interplan_sumo.batch.stored_drive import StoredDrives
-from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
+from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
 from interplan_sumo.dataset import cars, sample_index
 from interplan_sumo.dataset import export as exporting
 from interplan_sumo.dataset.balance import balanced
 from interplan_sumo.dataset.drives import Chosen, Drive, DriveSelection
-from interplan_sumo.dataset.folder import DRIVEN, check_free, unwritable
+from interplan_sumo.dataset.folder import DRIVEN, check_free, writing_in
 from interplan_sumo.dataset.records import DatasetManifest, FiltersRecord, OrdinaryRecord
 from interplan_sumo.dataset.sample_index import IndexedSamples
 from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
@@ -204,12 +203,10 @@ def _scenes(path: Path, maps: Sequence[str], seed: int) -> tuple[Scenario, ...]:
     if path.is_file():
         return read_scenarios(path)
     scenes = [scene for name in maps for scene in ordinary_scenes(load_roads(name), seed)]
-    try:
+    with writing_in(path.parent):
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as fresh:
             write_scenarios(scenes, fresh)
-    except OSError as error:
-        raise unwritable(path.parent, error) from None
     return tuple(scenes)
 
 

@@ -11,17 +11,16 @@ from numpy.typing import NDArray
 
 from interplan_sumo.dynamics.bicycle import ACCELERATION_LAG_S, MAX_TIRE_ANGLE_RAD, STEERING_LAG_S
 from interplan_sumo.dynamics.lqr import (
-    ACCELERATION_WEIGHT,
     CURVATURE_RATE_PENALTY,
     GRID_S,
     HEADING_WEIGHT,
     HORIZON_STEPS,
     INITIAL_CURVATURE_PENALTY,
     LATERAL_WEIGHT,
-    SPEED_WEIGHT,
     STOP_GAIN_PER_S,
     STOP_SPEED_MPS,
     TIRE_RATE_WEIGHT,
+    TRACKING_GAIN_PER_S,
     speed_inverse,
 )
 from interplan_sumo.dynamics.rear_axle import rear_axles_of
@@ -127,8 +126,6 @@ def _drive(start: EgoState, plans: _References, steps: int, shape: EgoShape) -> 
     rows[:, 0] = np.array(first)[:, None]
     x, y, turned, v, ax, tire = (rows[i, 0].copy() for i in range(6))
     wheelbase = shape.wheelbase_m
-    reach_s = HORIZON_STEPS * GRID_S
-    gain = SPEED_WEIGHT * reach_s / (SPEED_WEIGHT * reach_s * reach_s + ACCELERATION_WEIGHT)
     passed_a = GRID_S / (GRID_S + ACCELERATION_LAG_S)
     passed_tire = GRID_S / (GRID_S + STEERING_LAG_S)
     for k in range(steps):
@@ -136,7 +133,7 @@ def _drive(start: EgoState, plans: _References, steps: int, shape: EgoShape) -> 
         lateral = off_y * cos_ref[k] - off_x * sin_ref[k]
         error = wrap_angle(turned - ref_heading[k])
 
-        a = gain * (wished_mps[k] - v)
+        a = TRACKING_GAIN_PER_S * (wished_mps[k] - v)
         vv, va, aa = v * v, v * a, a * a
         # errors after the horizon without steering, and how they answer to a constant steering rate
         way, once, twice, once_i, twice_i = _PLAIN

@@ -30,6 +30,8 @@ CURVATURE_RATE_PENALTY = 1e-2
 INITIAL_CURVATURE_PENALTY = 1e-10
 SPEED_WEIGHT, ACCELERATION_WEIGHT = 10.0, 1.0
 LATERAL_WEIGHT, HEADING_WEIGHT, TIRE_RATE_WEIGHT = 1.0, 10.0, 1.0
+TRACKING_GAIN_PER_S = SPEED_WEIGHT / (SPEED_WEIGHT + ACCELERATION_WEIGHT)
+"""The optimum of one step of 1 s, the horizon."""
 STOP_GAIN_PER_S = 0.5
 STOP_SPEED_MPS = 0.2
 
@@ -120,17 +122,15 @@ def target(state: EgoState, plan: Trajectory, shape: EgoShape = PACIFICA) -> Tar
 def command(state: EgoState, target: Target, shape: EgoShape = PACIFICA) -> Command:
     """The command that answers a target.
 
-    Speed: a proportional stop where both speeds are small, else the optimum of
-    one step of 1 s. Steering: the constant rate with the least weighted
-    lateral and heading error after 1 s on the linearised bicycle.
+    Speed: proportional, to a stop where both speeds are small. Steering: the
+    constant rate with the least weighted lateral and heading error after 1 s on
+    the linearised bicycle.
     """
     speed = state.vx_mps
     if target.speed_mps <= STOP_SPEED_MPS and speed <= STOP_SPEED_MPS:
         return Command(-STOP_GAIN_PER_S * (speed - target.speed_mps), 0.0)
 
-    horizon_s = HORIZON_STEPS * GRID_S
-    gain = SPEED_WEIGHT * horizon_s / (SPEED_WEIGHT * horizon_s * horizon_s + ACCELERATION_WEIGHT)
-    acceleration = gain * (target.speed_mps - speed)
+    acceleration = TRACKING_GAIN_PER_S * (target.speed_mps - speed)
 
     # Errors after i steps are affine in the rate: error + effect * rate.
     lateral, heading, tire = target.lateral_error_m, target.heading_error_rad, state.tire_angle_rad

@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, Final
 
-from interplan_sumo.families.family import Family, StartCheck, uninstalled
+from interplan_sumo.families.family import Family, StartCheck
 from interplan_sumo.registry import Registry
 
 FAMILIES: Final = Registry[Family[Any]]("interplan_sumo.families", "family", Family)
@@ -25,7 +25,7 @@ def families() -> dict[str, Family[Any]]:
 @cache
 def find_family(name: str) -> Family[Any]:
     """One by its name; with everything as usual, and the name as its title, if it is not installed."""
-    return FAMILIES[name] if name in FAMILIES else uninstalled(name)
+    return FAMILIES[name] if name in FAMILIES else Family(title=name)
 
 
 def names(*, ordinary: bool) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import offset_asked_m, passing_problems, vehicles_standing, wreck_problems
-from interplan_sumo.families.shapes import CLEARANCE_M, NO_TRAFFIC, reach_m, start_speed_mps
+from interplan_sumo.families.shapes import CLEARANCE_M, NO_TRAFFIC, reach_m
 from interplan_sumo.scenario.scenario import Obstacle, Scenario, TrafficDemand
 from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
 from interplan_sumo.world.ego import PACIFICA
@@ -67,18 +67,7 @@ def accident(
             f"{id}: the crash leaves {left_m:.2f} m of the road, the ego needs {ROOM_M:.2f} m; "
             "move it with towards_kerb_m"
         )
-    return Scenario(
-        id=id,
-        family="accident",
-        map=site.map,
-        start=site.start,
-        start_speed_mps=start_speed_mps(site),
-        goal=site.goal,
-        route=site.route,
-        traffic=traffic,
-        obstacles=tuple(cars),
-        exempt=EXEMPT,
-    )
+    return site.scenario(id, "accident", traffic=traffic, obstacles=tuple(cars), exempt=EXEMPT)
 
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:

@@ -11,7 +11,7 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import passing_problems
-from interplan_sumo.families.shapes import LARGEST_OFFSET_M, NO_TRAFFIC, PASSING_M, start_speed_mps
+from interplan_sumo.families.shapes import LARGEST_OFFSET_M, NO_TRAFFIC, PASSING_M
 from interplan_sumo.scenario.scenario import OBSTACLES, Obstacle, Scenario, TrafficDemand
 from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
 from interplan_sumo.world.actors import ActorKind
@@ -60,17 +60,7 @@ def construction(
     obstacles = [Obstacle(site.place(float(x), float(away * y)), "cone") for x, y in points]
     inside = _inside(layout, points, reach_m)
     obstacles.append(Obstacle(site.place(inside[0], away * inside[1]), "worker", turned_rad=1.6))
-    return Scenario(
-        id=id,
-        family="construction",
-        map=site.map,
-        start=site.start,
-        start_speed_mps=start_speed_mps(site),
-        goal=site.goal,
-        route=site.route,
-        traffic=traffic,
-        obstacles=tuple(obstacles),
-    )
+    return site.scenario(id, "construction", traffic=traffic, obstacles=tuple(obstacles))
 
 
 # --- where the cones stand: (ahead, beyond the lane's centre line as seen from their side) -----

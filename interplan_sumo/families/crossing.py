@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from interplan_sumo.scenario.constant_velocity import OVERLAP_M, STEP_S, beside, ego_ahead, ego_boxes
 from interplan_sumo.scenario.jaywalking import PedestrianWalk, trigger_distance_m, walk
-from interplan_sumo.scenario.route import route_centerline
+from interplan_sumo.scenario.route import route_centerline, start_arc_m
 from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, box_corners, box_polygons, penetration_m
@@ -167,8 +167,7 @@ def _where_they_stand(scenario: Scenario, roads: Roads, walks: list[PedestrianWa
     """Nobody waits, or stays after the walk, in the ego's way; and at the start everybody still waits."""
     problems: list[str] = []
     way = ego_ahead(scenario, roads, 1000.0).linestring
-    centre = scenario.start.pose(roads)
-    start_m, _ = route_centerline(roads, scenario).project_point(centre.x_m, centre.y_m)
+    start_m = start_arc_m(roads, scenario)
     trigger_m = trigger_distance_m(scenario.start_speed_mps)
     for i, each in enumerate(walks):
         ends = _corners(_poses(each, np.array([0.0, each.duration_s])))

@@ -24,8 +24,10 @@ def _nothing(_scenario: Scenario) -> Collection[int]:
     return ()
 
 
-def _not_installed(*_: object) -> NoReturn:
-    raise NotImplementedError("nothing can be made of a family that is not installed")
+def _nowhere(*_: object) -> NoReturn:
+    from interplan_sumo.scenario.sites import UnsuitableError
+
+    raise UnsuitableError("scenarios of this family are not drawn")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,9 +38,9 @@ class Family(Generic[Place]):
     """As tables and pages name it."""
     description: str = ""
     """One sentence: what it asks of a planner."""
-    suitable: Callable[[Roads, str, float], Place]
+    suitable: Callable[[Roads, str, float], Place] = _nowhere
     """What a place (lane, arc length) of a map offers, often a `Site`; UnsuitableError says why it does not do."""
-    drawn: Callable[[str, Roads, Place, np.random.Generator], Scenario]
+    drawn: Callable[[str, Roads, Place, np.random.Generator], Scenario] = _nowhere
     """A new scenario with an id at such a place; UnsuitableError or ScenarioError if what was drawn finds no room."""
 
     order: int = LAST
@@ -71,8 +73,3 @@ class Family(Generic[Place]):
     """What the audit calls that; default: the title."""
     original: str = ""
     """The type of scenario, or the modification, that stands for it in interPlan's own configuration."""
-
-
-def uninstalled(name: str) -> Family[None]:
-    """Stands for a family that no installed package has: its scenarios are driven, scored and shown all the same."""
-    return Family(title=name, suitable=_not_installed, drawn=_not_installed)

@@ -11,7 +11,6 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.crossing import unhurt_problems
 from interplan_sumo.families.family import Family
-from interplan_sumo.families.shapes import start_speed_mps
 from interplan_sumo.scenario.jaywalking import trigger_distance_m
 from interplan_sumo.scenario.scenario import OBSTACLES, Jaywalker, Obstacle, Scenario
 from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
@@ -61,7 +60,7 @@ def jaywalker(
     """
     if site.limit_mps > FASTEST_MPS:
         raise ScenarioError(f"{id}: the limit at the site is {site.limit_mps} m/s, expected at most {FASTEST_MPS}")
-    speed_mps = start_speed_mps(site)
+    speed_mps = site.start_speed_mps
     walks = tuple(_walk(id, site, person, speed_mps) for person in people)
     obstacles: tuple[Obstacle, ...] = ()
     if bus != "none":
@@ -70,18 +69,7 @@ def jaywalker(
         half_m = OBSTACLES["bus"][1] / 2.0
         across_m = site.width_m if bus == "kerb_lane" else site.width_m / 2.0 + BAY_M
         obstacles = (Obstacle(site.place(people[0].ahead_m - BEFORE_BUS_M - half_m, across_m), "bus"),)
-    return Scenario(
-        id=id,
-        family="jaywalker",
-        map=site.map,
-        start=site.start,
-        start_speed_mps=speed_mps,
-        goal=site.goal,
-        route=site.route,
-        obstacles=obstacles,
-        jaywalkers=walks,
-        occluder=0 if obstacles else None,
-    )
+    return site.scenario(id, "jaywalker", obstacles=obstacles, jaywalkers=walks, occluder=0 if obstacles else None)
 
 
 def _walk(id: str, site: Site, person: Person, ego_mps: float) -> Jaywalker:
@@ -106,7 +94,7 @@ def _walk(id: str, site: Site, person: Person, ego_mps: float) -> Jaywalker:
 
 def walking_speeds_mps(site: Site, *, far: bool) -> tuple[float, float]:
     """The slowest and the fastest walk that the family has at a site; UnsuitableError if the kerb is too far away."""
-    ego_mps = start_speed_mps(site)
+    ego_mps = site.start_speed_mps
     reach_s = trigger_distance_m(ego_mps) / ego_mps + MIDDLE_OF_EGO_S
     edge_m = site.far_edge_m if far else site.near_edge_m
     least_mps = max(SLOWEST_MPS, (edge_m + KERB_M) / reach_s + 0.03)

@@ -10,7 +10,7 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import is_small, offset_asked_m, passing_problems, small_offset
-from interplan_sumo.families.shapes import LARGEST_OFFSET_M, PASSING_M, start_speed_mps
+from interplan_sumo.families.shapes import LARGEST_OFFSET_M, PASSING_M
 from interplan_sumo.scenario.scenario import OBSTACLES, Obstacle, ObstacleKind, Scenario
 from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
 from interplan_sumo.world.roads import Roads
@@ -35,16 +35,7 @@ def nudge(id: str, *, site: Site, offset_m: float, kind: ObstacleKind = "car", t
     half_m = abs(np.sin(turned_rad)) * length_m / 2.0 + abs(np.cos(turned_rad)) * width_m / 2.0
     towards_kerb_m = PASSING_M - offset_m + float(half_m)
     parked = Obstacle(site.place(0.0, towards_kerb_m), kind, turned_rad=round(-site.kerb * turned_rad, 3) + 0.0)
-    return Scenario(
-        id=id,
-        family="nudge",
-        map=site.map,
-        start=site.start,
-        start_speed_mps=start_speed_mps(site),
-        goal=site.goal,
-        route=site.route,
-        obstacles=(parked,),
-    )
+    return site.scenario(id, "nudge", obstacles=(parked,))
 
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:

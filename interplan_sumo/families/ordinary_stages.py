@@ -21,7 +21,6 @@ from interplan_sumo.scenario.scenario import (
     VehicleKind,
 )
 from interplan_sumo.scenario.sites import CENTIMETRES, IN_LANE_M, Site, UnsuitableError, edges_m, site_at, walk
-from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Connector, Roads, Turn
 
 PARKING_M: Final = 2.0
@@ -73,8 +72,7 @@ def cross(
 
 
 def _bends(way: Connector, turn: Turn) -> bool:
-    headings = way.centerline.segment_heading_rad
-    bend = abs(float(wrap_angle(headings[-1] - headings[0])))
+    bend = abs(way.centerline.turned_rad)
     return bend < np.radians(20.0) if turn is Turn.STRAIGHT else bend > np.radians(45.0)
 
 

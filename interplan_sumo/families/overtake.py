@@ -10,7 +10,7 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import beyond_own_side, is_small, offset_asked_m, passing_problems
-from interplan_sumo.families.shapes import CLEARANCE_M, LARGEST_OFFSET_M, PASSING_M, start_speed_mps
+from interplan_sumo.families.shapes import CLEARANCE_M, LARGEST_OFFSET_M, PASSING_M
 from interplan_sumo.scenario.scenario import (
     OBSTACLES,
     Behaviour,
@@ -45,9 +45,8 @@ def overtake(
 ) -> Scenario:
     """A parked vehicle that one passes, 0.3 m clear, `offset_m` off the lane's centre line, on the oncoming side.
 
-    `behind_m` are the distances,
-    centre to centre, of cars that follow the ego at its speed. ScenarioError if
-    the road has no room, or if the ego could stay on its own side.
+    `behind_m` are the distances, centre to centre, of cars that follow the ego at
+    its speed. ScenarioError if the road has no room, or if the ego could stay on its own side.
     """
     _, _, width_m = OBSTACLES[kind]
     if offset_m <= max(LARGEST_OFFSET_M, site.width_m / 2.0):
@@ -59,23 +58,11 @@ def overtake(
             f"the road has {site.width_m / 2.0 + site.oncoming_m:.2f} m"
         )
     parked = Obstacle(site.place(0.0, PASSING_M - offset_m + width_m / 2.0), kind)
-    speed_mps = start_speed_mps(site)
-    followers = [
-        PlacedVehicle(LanePosition(site.start.lane, round(site.start.arc_m - d, 2)), speed_mps) for d in behind_m
-    ]
-    return Scenario(
-        id=id,
-        family="overtake",
-        map=site.map,
-        start=site.start,
-        start_speed_mps=speed_mps,
-        goal=site.goal,
-        route=site.route,
-        traffic=TrafficDemand(oncoming=oncoming, behaviour=behaviour),
-        obstacles=(parked,),
-        vehicles=tuple(followers),
-        exempt=EXEMPT,
-    )
+    places = [LanePosition(site.start.lane, round(site.start.arc_m - away_m, 2)) for away_m in behind_m]
+    followers = [PlacedVehicle(place, site.start_speed_mps) for place in places]
+    traffic = TrafficDemand(oncoming=oncoming, behaviour=behaviour)
+    staged = {"traffic": traffic, "obstacles": (parked,), "vehicles": tuple(followers)}
+    return site.scenario(id, "overtake", **staged, exempt=EXEMPT)
 
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:

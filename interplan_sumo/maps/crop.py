@@ -14,20 +14,15 @@ from interplan_sumo.errors import MapError
 from interplan_sumo.world.roads import Area, Intersection, Roadblock, Roads, StopLine
 
 
-def crop(roads: Roads, x_m: float, y_m: float, radius_m: float) -> Roads:
-    """The roads that reach into a circle, uncut, with everything that lies on them.
+def crop(roads: Roads, places: Sequence[tuple[float, float]], radius_m: float) -> Roads:
+    """The roads that reach into a circle around one of some places, uncut, with everything that lies on them.
 
-    A roadblock stays whole with all its lanes if one of them reaches into the
+    A roadblock stays whole with all its lanes if one of them reaches into a
     circle; a connector stays if both its lanes do, so every link leads
-    somewhere. Areas, intersections and stop lines stay if they reach into the
+    somewhere. Areas, intersections and stop lines stay if they reach into a
     circle or overlap a lane or connector that stays. Ids do not change.
-    MapError if no lane reaches into the circle.
+    MapError if no lane reaches into any.
     """
-    return crop_around(roads, ((x_m, y_m),), radius_m)
-
-
-def crop_around(roads: Roads, places: Sequence[tuple[float, float]], radius_m: float) -> Roads:
-    """`crop` with a circle around each of several places, one or more."""
     if not (places and np.isfinite(places).all() and math.isfinite(radius_m) and radius_m > 0.0):
         raise ValueError(f"a crop needs finite places and a positive radius, got {list(places)} and {radius_m} m")
     near = {id_ for place in places for id_ in roads.lanes_near(*place, radius_m)}

@@ -13,7 +13,8 @@ import shapely
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps import schema
-from interplan_sumo.maps.tables import GeoPackage, LayerTable, Objects
+from interplan_sumo.maps.driving_side import shown_side
+from interplan_sumo.maps.tables import GeoPackage, LayerTable
 from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import (
     Area,
@@ -31,7 +32,6 @@ from interplan_sumo.world.roads import (
 
 _Code = TypeVar("_Code", Turn, StopLineKind, IntersectionKind)
 _Vertices = Mapping[str, Floats]
-_WIDE_MEDIAN_M = 12.0
 
 
 def read_map(path: Path, name: str | None = None) -> Roads:
@@ -323,34 +323,9 @@ def _check_apart(table: LayerTable, other: LayerTable) -> None:
 
 
 def _inferred_side(name: str, lanes: Mapping[str, Lane]) -> DrivingSide:
-    """The driving side of a map that does not say: Singapore's is left, else what the roads show, else right.
-
-    Where traffic keeps right, oncoming lanes have their left boundaries next
-    to each other; where it keeps left, their right boundaries.
-    """
+    """The driving side of a map that does not say: Singapore's is left, else what the roads show, else right."""
     if name.startswith("sg-"):
         return "left"
-    kept_right = _facing([lane.left_boundary for lane in lanes.values()])
-    kept_left = _facing([lane.right_boundary for lane in lanes.values()])
-    return "left" if kept_left > kept_right else "right"
-
-
-def _facing(lines: Sequence[Polyline]) -> float:
-    """How much of the lines runs beside an opposing one: over all pairs, the metres by which they are closer than a
-    wide median."""
-    shapes = np.array([line.linestring for line in lines], dtype=object)
-    if not len(shapes):
-        return 0.0
-    middle = shapely.line_interpolate_point(shapes, 0.5, normalized=True)
-    one, other = shapely.STRtree(shapes).query(middle, predicate="dwithin", distance=_WIDE_MEDIAN_M)
-    direction = _direction(shapes[one], np.full(len(one), 0.5))
-    beside = _direction(shapes[other], shapely.line_locate_point(shapes[other], middle[one], normalized=True))
-    opposed = (direction * beside).sum(axis=1) < -0.9 * np.hypot(*direction.T) * np.hypot(*beside.T)
-    return float((_WIDE_MEDIAN_M - shapely.distance(middle[one], shapes[other]))[opposed].sum())
-
-
-def _direction(lines: Objects, at: Floats) -> Floats:
-    """(N, 2) direction of lines at relative arc lengths; its length means nothing."""
-    ahead = shapely.line_interpolate_point(lines, np.minimum(at + 0.02, 1.0), normalized=True)
-    behind = shapely.line_interpolate_point(lines, np.maximum(at - 0.02, 0.0), normalized=True)
-    return shapely.get_coordinates(ahead) - shapely.get_coordinates(behind)
+    left = (lane.left_boundary.linestring for lane in lanes.values())
+    right = (lane.right_boundary.linestring for lane in lanes.values())
+    return shown_side(left, right) or "right"

@@ -48,7 +48,7 @@ def write_map(roads: Roads, path: Path) -> None:
     if problems:
         more = f" (and {len(problems) - 1} more; `schema_problems` lists them)" if len(problems) > 1 else ""
         raise MapError(f"map {roads.name} cannot be written: {problems[0]}{more}")
-    layers = _layers(roads)
+    layers = layer_rows(roads)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
@@ -63,7 +63,7 @@ def write_map(roads: Roads, path: Path) -> None:
 
 
 @dataclass
-class _Rows:
+class LayerRows:
     """Rows of one layer in the making; columns that are not given get the schema's filler."""
 
     ids: list[int] = field(default_factory=list)
@@ -112,9 +112,9 @@ def _on_grid(thing: Any) -> Any:
     return replace(thing, polygon=shapely.transform(thing.polygon, lambda xy: snapped(xy, GRID_M)), **lines)
 
 
-def _layers(roads: Roads) -> dict[str, _Rows]:
+def layer_rows(roads: Roads) -> dict[str, LayerRows]:
     """The rows of all layers, in the order of the file."""
-    layers = {name: _Rows() for name in schema.LAYERS}
+    layers = {name: LayerRows() for name in schema.LAYERS}
     free = _free_ids(roads)
     boundaries = _Boundaries(layers[schema.BOUNDARIES], free)
     for block in roads.roadblocks.values():
@@ -150,7 +150,7 @@ def _free_ids(roads: Roads) -> Iterator[int]:
 class _Boundaries:
     """The layer of boundary lines: lanes side by side share the row of the line between them."""
 
-    def __init__(self, rows: _Rows, free: Iterator[int]) -> None:
+    def __init__(self, rows: LayerRows, free: Iterator[int]) -> None:
         self._rows = rows
         self._free = free
         self._known: dict[tuple[int, bytes], int] = {}
@@ -163,7 +163,7 @@ class _Boundaries:
 
 
 def _add_lanes(
-    layers: Mapping[str, _Rows], roads: Roads, block: Roadblock, free: Iterator[int], boundaries: _Boundaries
+    layers: Mapping[str, LayerRows], roads: Roads, block: Roadblock, free: Iterator[int], boundaries: _Boundaries
 ) -> None:
     """A roadblock and its lanes."""
     lanes = [roads.lanes[id_] for id_ in block.lane_ids]
@@ -193,7 +193,7 @@ def _add_lanes(
 
 
 def _add_connectors(
-    layers: Mapping[str, _Rows], roads: Roads, block: Roadblock, free: Iterator[int], boundaries: _Boundaries
+    layers: Mapping[str, LayerRows], roads: Roads, block: Roadblock, free: Iterator[int], boundaries: _Boundaries
 ) -> None:
     """A roadblock connector and its connectors."""
     inside = int(block.intersection_id or 0)
@@ -234,7 +234,7 @@ def _add_connectors(
     )
 
 
-def _add_stop_lines(rows: _Rows, roads: Roads) -> None:
+def _add_stop_lines(rows: LayerRows, roads: Roads) -> None:
     held: dict[str, list[str]] = defaultdict(list)
     for connector in roads.connectors.values():
         for stop in connector.stop_line_ids:
@@ -289,7 +289,7 @@ INSERT INTO gpkg_spatial_ref_sys VALUES
 """
 
 
-def _write_file(file: Path, layers: Mapping[str, _Rows], crs: str) -> None:
+def _write_file(file: Path, layers: Mapping[str, LayerRows], crs: str) -> None:
     with closing(sqlite3.connect(file, isolation_level=None)) as tables:
         tables.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; BEGIN;" + _REGISTERS)
         for name, rows in layers.items():
@@ -297,7 +297,7 @@ def _write_file(file: Path, layers: Mapping[str, _Rows], crs: str) -> None:
         tables.execute("COMMIT")
 
 
-def _write_layer(tables: sqlite3.Connection, name: str, rows: _Rows, crs: str) -> None:
+def _write_layer(tables: sqlite3.Connection, name: str, rows: LayerRows, crs: str) -> None:
     layer = schema.LAYERS[name]
     columns: dict[str, Sequence[Value | bytes | None]] = {"fid": rows.ids}
     types = ["fid INTEGER PRIMARY KEY NOT NULL"]

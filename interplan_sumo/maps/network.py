@@ -9,7 +9,6 @@ need not be the length of their shape.
 from __future__ import annotations
 
 import json
-import math
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +16,9 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, NamedTuple
+
+import msgspec
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.world.roads import DrivingSide
@@ -25,14 +26,14 @@ from interplan_sumo.world.roads import DrivingSide
 IDS_FORMAT = 1
 """Version of the layout of ids.json; another one is refused."""
 
+_Id = Annotated[str, msgspec.Meta(min_length=1)]
 _GAP_M = 1e-3  # ids.json keeps 0.1 mm; a larger step between pieces means a damaged file
 
 
-@dataclass(frozen=True, slots=True)
-class SumoPiece:
+class SumoPiece(NamedTuple):
     """One SUMO lane and the stretch of a source lane or connector that it follows."""
 
-    sumo_lane: str
+    sumo_lane: _Id
     """SUMO lane id ("12_0") or internal lane (":J3_0_0")."""
     start_m: float
     end_m: float
@@ -53,7 +54,7 @@ class NetworkIds:
     driving_side: DrivingSide
     pieces: Mapping[str, tuple[SumoPiece, ...]]
     """Lane or connector id -> its SUMO lanes, upstream to downstream, without gaps from arc length 0."""
-    links: Mapping[str, tuple[str, int]]
+    links: Mapping[str, tuple[_Id, Annotated[int, msgspec.Meta(ge=0)]]]
     """Light-controlled connector id -> (traffic light id, link index in its state string)."""
 
     def __post_init__(self) -> None:
@@ -103,14 +104,6 @@ class NetworkIds:
         piece = pieces[max(0, bisect_right(starts, arc_m) - 1)]
         return piece.sumo_lane, min(1.0, max(0.0, (arc_m - piece.start_m) / piece.length_m))
 
-    def source_place(self, sumo_lane: str, fraction: float) -> tuple[str, float]:
-        """The lane or connector and arc length at a fraction (clamped to 0..1) of a SUMO lane.
-
-        KeyError if the SUMO lane follows none.
-        """
-        lane_id, start_m, end_m = self.sources[sumo_lane]
-        return lane_id, start_m + (end_m - start_m) * min(1.0, max(0.0, fraction))
-
     # --- on disk -------------------------------------------------------------------------------
 
     def write(self, path: Path) -> None:
@@ -142,54 +135,22 @@ class NetworkIds:
     def read(cls, path: Path) -> NetworkIds:
         """Read what `write` wrote; MapError names the file and what is wrong with it."""
         try:
-            data: Any = json.loads(path.read_text(encoding="utf-8"))
+            content = path.read_bytes()
+            kind = msgspec.json.decode(content, type=_Head).format
+            if kind != IDS_FORMAT:
+                raise MapError(f"format {kind} instead of {IDS_FORMAT}")
+            return msgspec.json.decode(content, type=cls)
         except FileNotFoundError:
             raise MapError(f"no id map at {path}; run `interplan-sumo maps convert {path.parent}`") from None
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, MapError) as error:
             raise _damaged(path, str(error)) from error
-        if not isinstance(data, dict):
-            raise _damaged(path, "not a JSON object")
-        if data.get("format") != IDS_FORMAT:
-            raise _damaged(path, f"format {data.get('format')!r} instead of {IDS_FORMAT}")
-        try:
-            x_m, y_m = data["origin_m"]
-            side = data["driving_side"]
-            if side not in ("left", "right"):
-                raise ValueError(f"driving side {side!r}")
-            return cls(
-                origin_m=(_number(x_m), _number(y_m)),
-                driving_side=side,
-                pieces={
-                    lane: tuple(SumoPiece(_text(s), _number(a), _number(b)) for s, a, b in rows)
-                    for lane, rows in data["pieces"].items()
-                },
-                links={connector: (_text(light), _index(link)) for connector, (light, link) in data["links"].items()},
-            )
-        except KeyError as error:
-            raise _damaged(path, f"{error} is missing") from error
-        except (TypeError, ValueError, AttributeError, MapError) as error:
-            raise _damaged(path, str(error)) from error
+
+
+class _Head(msgspec.Struct):
+    format: int
 
 
 def _damaged(path: Path, what: str) -> MapError:
     return MapError(
         f"id map {path} is damaged: {what}; run `interplan-sumo maps convert {path.parent}` to write it anew"
     )
-
-
-def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{value!r} is not a finite number")
-    return float(value)
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str) or not value:
-        raise ValueError(f"{value!r} is not an id")
-    return value
-
-
-def _index(value: object) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise ValueError(f"{value!r} is not a link index")
-    return value

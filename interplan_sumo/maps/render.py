@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.world.files import writing
 from interplan_sumo.world.roads import Roads, StopLineKind, Turn
 
 if TYPE_CHECKING:
@@ -40,8 +41,8 @@ STOP_COLOURS = {
     StopLineKind.UNKNOWN: "#777777",
 }
 LIMIT_COLOURS = "viridis"
-MAX_PIXELS = 12_000
-"""Of one side of the picture."""
+MARGIN_M = 25.0
+"""Around the lanes."""
 
 _Corner = Literal["lower right", "upper right", "upper left"]
 
@@ -50,19 +51,12 @@ def render_map(
     roads: Roads,
     path: str | PathLike[str],
     *,
-    centre_m: tuple[float, float] | None = None,
-    radius_m: float | None = None,
-    pixels_per_m: float | None = None,
     lane_ids: bool = False,
-    connectors: bool = True,
-    places: Mapping[str, tuple[float, float]] | None = None,
-    title: str | None = None,
 ) -> None:
-    """Draw a map, or a square of it, into a picture file (the suffix says which kind).
+    """Draw a map into a picture file (the suffix says which kind).
 
     Lanes are tinted by speed limit and carry arrows in the direction of travel;
-    connectors are coloured by turn, stop lines by kind. `places` are named
-    points in map coordinates, such as bus stops or sites. Limits are in km/h,
+    connectors are coloured by turn, stop lines by kind. Limits are in km/h,
     shown where they begin. Equal calls write equal PNG files. Needs the `plots`
     extra; MapError says so where it is missing, where there is nothing to draw
     or where the file cannot be written.
@@ -73,10 +67,12 @@ def render_map(
     except ImportError as error:
         raise MapError("drawing maps needs matplotlib; run: pip install 'interplan-sumo[plots]'") from error
 
-    low_x, low_y, high_x, high_y = _window(roads, centre_m, radius_m)
+    if not roads.lanes:
+        raise MapError(f"map {roads.name} has no lanes to draw")
+    bounds = shapely.total_bounds(np.array([lane.polygon for lane in roads.lanes.values()]))
+    low_x, low_y, high_x, high_y = (bounds + MARGIN_M * np.array((-1.0, -1.0, 1.0, 1.0))).tolist()
     width_m, height_m = high_x - low_x, high_y - low_y
-    scale = pixels_per_m or min(1500.0 / max(width_m, height_m), 12.0)
-    scale = min(scale, MAX_PIXELS / max(width_m, height_m))
+    scale = min(1500.0 / max(width_m, height_m), 12.0)
     figure = Figure(figsize=(width_m * scale / 100.0, height_m * scale / 100.0), dpi=100)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -85,60 +81,36 @@ def render_map(
     axes.set_aspect("equal")
     axes.set_xlim(low_x, high_x)
     axes.set_ylim(low_y, high_y)
-    near = shapely.box(low_x, low_y, high_x, high_y)
 
-    _surfaces(axes, roads, near)
-    limits = _lanes(axes, roads, near, scale)
-    if connectors:
-        _connectors(axes, roads, near, scale)
-    _controls(axes, roads, near)
-    _limit_signs(axes, roads, near)
+    _surfaces(axes, roads)
+    limits = _lanes(axes, roads, scale)
+    _connectors(axes, roads, scale)
+    _controls(axes, roads)
+    _limit_signs(axes, roads)
     if lane_ids:
-        _lane_ids(axes, roads, near, scale)
-    for name, (x_m, y_m) in (places or {}).items():
-        axes.plot([x_m], [y_m], marker="o", markersize=5, color="#d62828", zorder=9)
-        axes.annotate(
-            name, (x_m, y_m), xytext=(6, 4), textcoords="offset points", fontsize=8, color="#7a1018", zorder=9
-        )
-    _legend(axes, roads, limits, title or roads.name, scale)
+        _lane_ids(axes, roads, scale)
+    _legend(axes, roads, limits, scale)
     kind = Path(path).suffix.removeprefix(".").lower()
     if kind not in figure.canvas.get_supported_filetypes():
         raise MapError(f"{path}: pictures end in .png, .svg or .pdf")
-    try:
+    with writing(path, kind=MapError):
         figure.savefig(path, facecolor=PAPER, metadata={"Software": None} if kind == "png" else None)
-    except OSError as error:
-        raise MapError(f"cannot write {path}: {error.strerror or error}") from error
 
 
-def _window(
-    roads: Roads, centre_m: tuple[float, float] | None, radius_m: float | None
-) -> tuple[float, float, float, float]:
-    if (centre_m is None) != (radius_m is None):
-        raise MapError("a part of a map needs both a centre and a radius")
-    if centre_m is not None and radius_m is not None:
-        (x_m, y_m), r_m = centre_m, radius_m
-        return x_m - r_m, y_m - r_m, x_m + r_m, y_m + r_m
-    if not roads.lanes:
-        raise MapError(f"map {roads.name} has no lanes to draw")
-    bounds = shapely.total_bounds(np.array([lane.polygon for lane in roads.lanes.values()]))
-    low_x, low_y, high_x, high_y = (float(v) for v in bounds)
-    return low_x - 25.0, low_y - 25.0, high_x + 25.0, high_y + 25.0
-
-
-def _fill(axes: Axes, polygons: Iterable[shapely.Geometry], near: shapely.Polygon, **style: Any) -> None:
+def _fill(axes: Axes, polygons: Iterable[shapely.Geometry], **style: Any) -> None:
     from matplotlib.collections import PathCollection
     from matplotlib.path import Path as Outline
 
     paths: list[Outline] = []
     for geometry in polygons:
         for part in shapely.get_parts(geometry):
-            if isinstance(part, shapely.Polygon) and part.intersects(near):
+            if isinstance(part, shapely.Polygon):
                 rings = [Outline(np.asarray(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
                 paths.append(Outline.make_compound_path(*rings))
     axes.add_collection(PathCollection(paths, **style))
 
 
-def _surfaces(axes: Axes, roads: Roads, near: shapely.Polygon) -> None:
+def _surfaces(axes: Axes, roads: Roads) -> None:
     layers = (
         (roads.walkways, WALKWAY, 1.0),
         (roads.carparks, CARPARK, 1.1),
@@ -146,27 +118,26 @@ def _surfaces(axes: Axes, roads: Roads, near: shapely.Polygon) -> None:
         (roads.road_segments, ASPHALT, 1.3),
     )
     for areas, colour, order in layers:
-        _fill(axes, (a.polygon for a in areas), near, facecolor=colour, edgecolor="none", zorder=order)
+        _fill(axes, (a.polygon for a in areas), facecolor=colour, edgecolor="none", zorder=order)
     for area in roads.carparks:
         middle = area.polygon.representative_point()
-        if near.intersects(middle):
-            axes.text(middle.x, middle.y, "P", fontsize=9, ha="center", va="center", color=INK, zorder=1.5)
-    _fill(axes, (i.polygon for i in roads.intersections), near, facecolor=JUNCTION, edgecolor="none", zorder=1.4)
+        axes.text(middle.x, middle.y, "P", fontsize=9, ha="center", va="center", color=INK, zorder=1.5)
+    _fill(axes, (i.polygon for i in roads.intersections), facecolor=JUNCTION, edgecolor="none", zorder=1.4)
 
 
-def _lanes(axes: Axes, roads: Roads, near: shapely.Polygon, scale: float) -> tuple[float, float] | None:
+def _lanes(axes: Axes, roads: Roads, scale: float) -> tuple[float, float] | None:
     """Draw the lanes; the span of their limits, None where no limit is known."""
     from matplotlib import colormaps
     from matplotlib.collections import LineCollection
 
-    shown = [lane for lane in roads.lanes.values() if lane.polygon.intersects(near)]
+    shown = list(roads.lanes.values())
     known = [lane.speed_limit_mps for lane in roads.lanes.values() if lane.speed_limit_mps is not None]
     span = (min(known), max(known)) if known else None
     shades = colormaps[LIMIT_COLOURS]
     for lane in shown:
         if lane.speed_limit_mps is not None and span is not None:
             share = (lane.speed_limit_mps - span[0]) / max(span[1] - span[0], 1e-9)
-            _fill(axes, [lane.polygon], near, facecolor=(*shades(share)[:3], 0.28), edgecolor="none", zorder=2)
+            _fill(axes, [lane.polygon], facecolor=(*shades(share)[:3], 0.28), edgecolor="none", zorder=2)
     edges = [line.points for lane in shown for line in (lane.left_boundary, lane.right_boundary)]
     axes.add_collection(LineCollection(edges, colors=LANE_EDGE, linewidths=max(0.4, 0.12 * scale), zorder=2.5))
     spots: list[tuple[float, float, float]] = []
@@ -197,23 +168,20 @@ def _lanes(axes: Axes, roads: Roads, near: shapely.Polygon, scale: float) -> tup
     return span
 
 
-def _connectors(axes: Axes, roads: Roads, near: shapely.Polygon, scale: float) -> None:
+def _connectors(axes: Axes, roads: Roads, scale: float) -> None:
     from matplotlib.collections import LineCollection
 
     for turn, colour in TURN_COLOURS.items():
-        lines = [
-            c.centerline.points for c in roads.connectors.values() if c.turn is turn and c.polygon.intersects(near)
-        ]
+        lines = [c.centerline.points for c in roads.connectors.values() if c.turn is turn]
         axes.add_collection(
             LineCollection(lines, colors=colour, linewidths=max(0.6, 0.14 * scale), alpha=0.75, zorder=5)
         )
 
 
-def _controls(axes: Axes, roads: Roads, near: shapely.Polygon) -> None:
+def _controls(axes: Axes, roads: Roads) -> None:
     _fill(
         axes,
         (c.polygon for c in roads.crosswalks),
-        near,
         facecolor="#ffffff",
         alpha=0.75,
         edgecolor="#8a8f98",
@@ -223,10 +191,10 @@ def _controls(axes: Axes, roads: Roads, near: shapely.Polygon) -> None:
     )
     for kind, colour in STOP_COLOURS.items():
         polygons = [line.polygon for line in roads.stop_lines.values() if line.kind is kind]
-        _fill(axes, polygons, near, facecolor=colour, edgecolor=colour, linewidth=0.8, zorder=6)
+        _fill(axes, polygons, facecolor=colour, edgecolor=colour, linewidth=0.8, zorder=6)
 
 
-def _limit_signs(axes: Axes, roads: Roads, near: shapely.Polygon) -> None:
+def _limit_signs(axes: Axes, roads: Roads) -> None:
     """A round sign beside every roadblock whose limit differs from what leads into it."""
     for block in roads.roadblocks.values():
         if block.is_connector:
@@ -242,40 +210,38 @@ def _limit_signs(axes: Axes, roads: Roads, near: shapely.Polygon) -> None:
             continue
         aside_m = -9.0 if roads.driving_side == "right" else 9.0
         pose = lane.centerline.pose_at(min(12.0, lane.centerline.length_m / 2.0), aside_m)
-        if shapely.contains_xy(near, pose.x_m, pose.y_m):
-            axes.text(
-                pose.x_m,
-                pose.y_m,
-                f"{3.6 * limit:.0f}",
-                fontsize=6.5,
-                ha="center",
-                va="center",
-                color=INK,
-                zorder=7,
-                bbox={"boxstyle": "circle,pad=0.2", "facecolor": "#ffffff", "edgecolor": "#c1121f", "linewidth": 1.4},
-            )
+        axes.text(
+            pose.x_m,
+            pose.y_m,
+            f"{3.6 * limit:.0f}",
+            fontsize=6.5,
+            ha="center",
+            va="center",
+            color=INK,
+            zorder=7,
+            bbox={"boxstyle": "circle,pad=0.2", "facecolor": "#ffffff", "edgecolor": "#c1121f", "linewidth": 1.4},
+        )
 
 
-def _lane_ids(axes: Axes, roads: Roads, near: shapely.Polygon, scale: float) -> None:
+def _lane_ids(axes: Axes, roads: Roads, scale: float) -> None:
     for lane in roads.lanes.values():
         pose = lane.centerline.pose_at(lane.centerline.length_m * 0.4)
-        if shapely.contains_xy(near, pose.x_m, pose.y_m):
-            degrees = float(np.degrees(pose.heading_rad))
-            degrees = degrees - 180.0 if degrees > 90.0 else degrees + 180.0 if degrees < -90.0 else degrees
-            axes.text(
-                pose.x_m,
-                pose.y_m,
-                lane.id,
-                fontsize=float(np.clip(1.4 * scale, 3.0, 8.0)),
-                rotation=degrees,
-                ha="center",
-                va="center",
-                color="#101418",
-                zorder=8,
-            )
+        degrees = float(np.degrees(pose.heading_rad))
+        degrees = degrees - 180.0 if degrees > 90.0 else degrees + 180.0 if degrees < -90.0 else degrees
+        axes.text(
+            pose.x_m,
+            pose.y_m,
+            lane.id,
+            fontsize=float(np.clip(1.4 * scale, 3.0, 8.0)),
+            rotation=degrees,
+            ha="center",
+            va="center",
+            color="#101418",
+            zorder=8,
+        )
 
 
-def _legend(axes: Axes, roads: Roads, limits: tuple[float, float] | None, title: str, scale: float) -> None:
+def _legend(axes: Axes, roads: Roads, limits: tuple[float, float] | None, scale: float) -> None:
     from matplotlib import colormaps
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -295,7 +261,7 @@ def _legend(axes: Axes, roads: Roads, limits: tuple[float, float] | None, title:
             entries.append(Patch(facecolor=(*shades(share)[:3], 0.45), label=f"limit {kmh:.0f} km/h"))
     if roads.generic_drivable_areas:
         entries.append(Patch(facecolor=EXTRA, label="other paved ground"))
-    side = f"{title} ({roads.driving_side}-hand traffic)"
+    side = f"{roads.name} ({roads.driving_side}-hand traffic)"
     box = axes.legend(
         handles=entries,
         title=side,

@@ -174,7 +174,7 @@ def accelerations_mps2(actors: ActorTable, step_s: float) -> Floats:
     speed = np.hypot(actors.vx_mps, actors.vy_mps)[order]
     follows = (np.diff(code[order]) == 0) & (np.diff(actors.frame[order]) == 1)
     acceleration = np.zeros(len(actors))
-    acceleration[order[1:]] = np.where(follows, np.diff(speed) / step_s, 0.0)
+    acceleration[order[1:][follows]] = np.diff(speed)[follows] / step_s
     return acceleration
 
 

@@ -33,10 +33,6 @@ class MetricResult:
     reason: str | None = None
     """One sentence where points are lost: what, when, with whom."""
 
-    def as_json(self) -> dict[str, Any]:
-        """Plain data without the series."""
-        return {"score": plain(self.score), "detail": plain(self.detail), "reason": self.reason}
-
 
 Judge = Callable[["Facts"], MetricResult]
 FrameOfLoss = Callable[["Facts", MetricResult], int]

@@ -58,7 +58,7 @@ _HOW = {"stopped_track": "drove into standing", "front": "drove into", "lateral"
 
 def _reason(facts: Facts, at_fault: list[Collision]) -> str:
     first = at_fault[0]
-    what = first.kind.name.lower().replace("_", " ")
+    what = first.kind.words
     where = f"{_HOW[first.contact.value]} {what} {first.track}"
     more = f" and {len(at_fault) - 1} more" if len(at_fault) > 1 else ""
     return f"{where} at {facts.time_s[first.frame]:.1f} s, at {facts.speed_mps[first.frame]:.1f} m/s{more}"

@@ -139,9 +139,8 @@ def keep_profile(profile: Profile, folder: Path) -> None:
     """
     if "@" not in profile.name:
         return
-    said = msgspec.to_builtins(msgspec.structs.replace(profile, name=""))
     with replacing(folder / KEPT) as fresh:
-        fresh.write_text(yaml.safe_dump(said, sort_keys=False, default_flow_style=None), encoding="utf-8")
+        fresh.write_bytes(msgspec.yaml.encode(msgspec.structs.replace(profile, name="")))
 
 
 def stored_profile(name: str, folder: Path) -> Profile:

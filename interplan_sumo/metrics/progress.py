@@ -23,10 +23,10 @@ NO_NEARER_M = 0.1
 def stopped_advancing(facts: Facts, _: MetricResult) -> int:
     """The beginning of the longest wait; of who never waited, the first frame as far on the route as it ever came."""
     waiting = facts.speed_mps < CREEPING_MPS
-    waits = [(end - first, first) for first, end in runs(waiting.tolist()) if waiting[first]]
-    frames, first = max(waits, key=lambda wait: wait[0], default=(0, 0))
-    if frames * facts.step_us * 1e-6 >= SHORTEST_WAIT_S:
-        return first
+    waits = [range(first, end) for first, end in runs(waiting.tolist()) if waiting[first]]
+    waits = [wait for wait in waits if len(wait) * facts.step_us * 1e-6 >= SHORTEST_WAIT_S]
+    if waits:
+        return max(waits, key=len).start
     arc_m = facts.route_arc_m
     return int(np.argmax(arc_m >= arc_m.max() - NO_NEARER_M))
 

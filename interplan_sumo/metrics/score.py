@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import prod
-from typing import Any, Final
+from typing import Final
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.metrics.facts import Facts
-from interplan_sumo.metrics.metric import METRICS, MetricResult, informative_metrics, plain
+from interplan_sumo.metrics.metric import METRICS, MetricResult, informative_metrics
 from interplan_sumo.metrics.profile import CONDITIONS, DEFAULT_PROFILE, Profile, find_profile
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.roads import Roads
@@ -37,17 +37,6 @@ class ScoreSheet:
         """One sentence for each judged metric that lost points."""
         judged = (*self.gates, *self.weights)
         return {n: r for n in judged if (r := self.metrics[n].reason) is not None}
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain data for results.jsonl: finite numbers, or None for those that are not."""
-        return {
-            "score": plain(self.score),
-            "profile": self.profile,
-            "version": self.version,
-            "gates": list(self.gates),
-            "weights": dict(self.weights),
-            "metrics": {name: result.as_json() for name, result in self.metrics.items()},
-        }
 
 
 def score(

@@ -56,7 +56,7 @@ def _reason(facts: Facts, per_frame: Floats, per_row: Floats) -> str:
     else:
         rows = actors.rows(frame)
         row = rows.start + int(np.argmin(per_row[rows]))
-    kind = ActorKind(int(actors.kind[row])).name.lower().replace("_", " ")
+    kind = ActorKind(int(actors.kind[row])).words
     return f"{per_frame[frame]:.1f} s to a collision with {kind} {actors.ids[row]} at {facts.time_s[frame]:.1f} s"
 
 

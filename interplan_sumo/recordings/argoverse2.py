@@ -15,15 +15,14 @@ from numpy.typing import NDArray
 
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.recordings.formats import RecordingFormat, head
+from interplan_sumo.recordings.gaps import bridged, gap_notes, pieces
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.argoverse_frame import argoverse_name, city_frame, find_city
-from interplan_sumo.world.geometry import Floats, Ints, wrap_angle
+from interplan_sumo.world.geometry import Floats, Ints
 from interplan_sumo.world.recording import RecordedTrack, Recording
 
 STEP_S = 0.1
 """The set is sampled at 10 Hz."""
-MAX_BRIDGED_STEPS = 5
-"""A road user unseen for so many steps or fewer is taken to have gone straight on; beyond, it becomes another track."""
 EGO_ID = "AV"
 MAX_FILE_BYTES = 200 * 2**20
 MAX_ROWS = 2_000_000
@@ -122,19 +121,14 @@ def _tracks(rows: _Rows, origin_m: tuple[float, float], notes: list[str]) -> lis
         label, found = _type(rows, start, end)
         if label not in TYPES:
             strange.add(label)
-        pieces = np.split(np.arange(start, end), 1 + _long_gaps(rows.step[start:end]))
-        for number, piece in enumerate(pieces, start=1):
-            track = _track(
-                rows, piece, f"{rows.ids[start]}~{number}" if number > 1 else rows.ids[start], found, origin_m
-            )
+        for id_, rows_of in pieces(rows.ids[start], rows.step[start:end]):
+            piece = np.arange(start, end)[rows_of]
+            track = _track(rows, piece, id_, found, origin_m)
             filled += len(track.poses) - len(piece)
             tracks.append(track)
     if strange:
         notes.append(f"Road users of the unknown type {', '.join(sorted(strange)[:5])} are taken for things.")
-    if filled:
-        notes.append(f"{filled} steps at which a road user was not seen were filled along a straight line.")
-    if len(tracks) > len(starts):
-        notes.append(f"{len(tracks) - len(starts)} tracks were cut where a road user was not seen for long.")
+    notes.extend(gap_notes(filled, len(tracks) - len(starts)))
     return tracks
 
 
@@ -148,25 +142,17 @@ def _type(rows: _Rows, start: int, end: int) -> tuple[str, _Type]:
     return label, _EGO if rows.ids[start] == EGO_ID else TYPES.get(label, _THING)
 
 
-def _long_gaps(step: Ints) -> Ints:
-    """Rows after which a road user is gone for too long to be the same track."""
-    return np.flatnonzero(np.diff(step) > MAX_BRIDGED_STEPS + 1)
-
-
 def _track(rows: _Rows, piece: Ints, id_: str, found: _Type, origin_m: tuple[float, float]) -> RecordedTrack:
     """One track over consecutive steps, with the missing ones filled in."""
     seen = rows.step[piece]
-    steps = np.arange(seen[0], seen[-1] + 1)
-    x, y, heading = rows.poses[piece].T
-    heading = np.interp(steps, seen, np.unwrap(heading))
-    position = [np.interp(steps, seen, at) + origin for at, origin in zip((x, y), origin_m, strict=True)]
+    steps, poses = bridged(seen, rows.poses[piece])
     return RecordedTrack(
         id=id_,
         kind=found.kind,
         length_m=found.length_m,
         width_m=found.width_m,
         first_step=int(seen[0]),
-        poses=np.stack((*position, wrap_angle(heading)), axis=1),
+        poses=poses + np.array((*origin_m, 0.0)),
         velocity_mps=np.stack([np.interp(steps, seen, v) for v in rows.velocity_mps[piece].T], axis=1),
         model=found.model,
     )

@@ -16,10 +16,11 @@ from typing import Final, NoReturn
 import numpy as np
 
 from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.recordings.gaps import bridged, gap_notes, pieces
 from interplan_sumo.recordings.nuplan_sqlite import TOKEN_BYTES, Database, Kind
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA
-from interplan_sumo.world.geometry import Floats, Ints, wrap_angle
+from interplan_sumo.world.geometry import Floats, Ints
 from interplan_sumo.world.recording import RecordedTrack, Recording
 from interplan_sumo.world.signals import SignalStatus
 
@@ -30,8 +31,6 @@ PAST_STEPS: Final = 20
 WINDOW_S: Final = 30.0
 """As interPlan's scenarios; nuPlan's own last 15 s."""
 LONGEST_S: Final = 600.0
-MAX_BRIDGED_STEPS: Final = 5
-"""Whoever is unseen for so many steps or fewer is taken to have gone straight on; beyond, it becomes another track."""
 MOST_FRAMES: Final = 200_000
 """Almost three hours; the longest logs last twenty minutes."""
 MOST_BOXES: Final = 500_000
@@ -225,11 +224,12 @@ class NuplanLog:
             )  # fmt: skip
         if start not in seen:
             self._fault(f"lidar_pc {moment.token} has no ego_pose")
-        pieces = list(_pieces([seen[step] for step in sorted(seen)]))
-        piece = next(each for each in pieces if each[0][0] <= start <= each[-1][0])
-        if piece is not pieces[-1]:
-            notes.append(f"The log has a hole after {(piece[-1][0] - start) * STEP_S:.1f} s; the recording ends there.")
-        ego = self._track(moment.token, ActorKind.VEHICLE, piece, "ego_pose")
+        known = sorted(seen)
+        found = [known[rows] for _, rows in pieces(moment.token, np.array(known))]
+        piece = next(each for each in found if each[0] <= start <= each[-1])
+        if piece is not found[-1]:
+            notes.append(f"The log has a hole after {(piece[-1] - start) * STEP_S:.1f} s; the recording ends there.")
+        ego = self._track(moment.token, ActorKind.VEHICLE, [seen[step] for step in piece], "ego_pose")
         return self._crs(codes, notes), ego
 
     def _crs(self, codes: set[int], notes: list[str]) -> str:
@@ -259,20 +259,16 @@ class NuplanLog:
         filled = cut = without = 0
         for token in sorted(boxes):
             rows = sorted(boxes[token], key=lambda row: row[0])
-            pieces = list(_pieces(rows))
-            cut += len(pieces) - 1
+            found = pieces(token.hex(), np.array([row[0] for row in rows]))
+            cut += len(found) - 1
             without += sum(None in row for row in rows) if kind_of[token] in MOVING else 0
-            for number, piece in enumerate(pieces, start=1):
-                id_ = token.hex() if number == 1 else f"{token.hex()}~{number}"
-                track = self._track(id_, kind_of[token], piece, "lidar_box")
-                filled += len(track.poses) - len(piece)
+            for id_, piece in found:
+                track = self._track(id_, kind_of[token], rows[piece], "lidar_box")
+                filled += len(track.poses) - len(rows[piece])
                 yield track
         if without:
             notes.append(f"{without} boxes have no velocity; it is taken from the positions.")
-        if filled:
-            notes.append(f"{filled} steps at which a road user was not seen were filled along a straight line.")
-        if cut:
-            notes.append(f"{cut} tracks were cut where a road user was not seen for long.")
+        notes.extend(gap_notes(filled, cut))
 
     def _kinds(self, tokens: Sequence[bytes], notes: list[str]) -> dict[bytes, ActorKind]:
         """What each track is; a category that is not one of nuPlan's stands for things."""
@@ -317,11 +313,10 @@ class NuplanLog:
         length_m, width_m = (float(size) for size in np.median(columns[:, 4:6], axis=0))
         if not (0.0 < length_m < MAX_SIZE_M and 0.0 < width_m < MAX_SIZE_M):
             self._fault(f"{table}: track {id_} measures {length_m:g} x {width_m:g} m, which nothing does")
-        steps = np.arange(int(seen[0]), int(seen[-1]) + 1)
-        x, y = (np.interp(steps, seen, columns[:, column]) for column in (1, 2))
+        steps, poses = bridged(seen, columns[:, 1:4])
         velocity = np.zeros((len(steps), 2))
         if kind in MOVING:
-            velocity = _velocities(columns, steps, np.stack((x, y), axis=1))
+            velocity = _velocities(columns, steps, poses[:, :2])
         if not (np.hypot(*velocity.T) < MAX_SPEED_MPS).all():
             self._fault(f"{table}: track {id_} moves at more than {MAX_SPEED_MPS:g} m/s")
         return RecordedTrack(
@@ -330,7 +325,7 @@ class NuplanLog:
             length_m=length_m,
             width_m=width_m,
             first_step=int(seen[0]),
-            poses=np.stack((x, y, wrap_angle(np.interp(steps, seen, np.unwrap(columns[:, 3])))), axis=1),
+            poses=poses,
             velocity_mps=velocity,
             model=_model(length_m, width_m) if kind is ActorKind.VEHICLE else "car",
         )
@@ -362,14 +357,6 @@ class NuplanLog:
 
     def _fault(self, what: str) -> NoReturn:
         raise InputError(f"{self.path}: {what}")
-
-
-def _pieces(rows: Sequence[Seen]) -> Iterator[Sequence[Seen]]:
-    """Rows in order, cut where steps are missing for long."""
-    steps = np.array([row[0] for row in rows])
-    ends = np.flatnonzero(np.diff(steps) > MAX_BRIDGED_STEPS + 1) + 1
-    for begin, end in zip([0, *ends.tolist()], [*ends.tolist(), len(rows)], strict=True):
-        yield rows[begin:end]
 
 
 def _velocities(columns: Floats, steps: Ints, positions: Floats) -> Floats:

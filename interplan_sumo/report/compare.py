@@ -12,7 +12,7 @@ from interplan_sumo.batch.records import Brief, JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.report.failure_reasons import fault_sentence, metric_sentence
-from interplan_sumo.report.table import BOOTSTRAP_SEED, MANY_DRIVES, RESAMPLES, Z_95, planner_label, planners_of
+from interplan_sumo.report.table import BOOTSTRAP_SEED, MANY_DRIVES, RESAMPLES, Z_95, planner_label
 from interplan_sumo.world.geometry import Floats
 
 TIE = 1e-6
@@ -138,7 +138,7 @@ def compare(
 
 def _sure_planner(run: StoredRun, name: str | None) -> str | None:
     """The planner that was named, or the only one of the run; UnknownNameError for one that it does not hold."""
-    held = planners_of(run)
+    held = run.planners
     if name is None:
         return held[0] if len(held) == 1 else None
     if name not in held:
@@ -148,7 +148,7 @@ def _sure_planner(run: StoredRun, name: str | None) -> str | None:
 
 def _same_planner(run: StoredRun, other: str | None, side: str) -> str:
     """The planner of the other run, if this run of several planners holds it as well."""
-    held = planners_of(run)
+    held = run.planners
     if other in held:
         return other
     raise InputError(f"{run.path} holds {len(held)} planners ({', '.join(held)}); name one: --planner-{side} NAME")

@@ -18,6 +18,7 @@ from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.film_shot import Shot
 from interplan_sumo.report.key_events import deciding_moment
 from interplan_sumo.report.scenario_drawing import View
+from interplan_sumo.world.files import writing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,10 +73,8 @@ def write_film(
         frames = _frames(drives, from_s, to_s)
     stride = max(1, ceil(speed / (drives[0].trace.dt_s * FASTEST_FPS)))
     film = _Film(drives, frames, share)
-    try:
+    with writing(path):
         writer(path, film.images(frames[::stride]), speed / (stride * drives[0].trace.dt_s))
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
 
 
 def _require_extra() -> None:
@@ -90,10 +89,8 @@ def _require_extra() -> None:
 
 def _check_writable(path: Path) -> None:
     """Before the drawing is done in vain."""
-    try:
+    with writing(path):
         path.open("ab").close()
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
 
 
 def _frames(drives: Sequence[StoredDrive], from_s: float | None, to_s: float | None) -> list[int]:

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import pandas as pd
 import shapely
 from scipy.ndimage import gaussian_filter1d
 
@@ -16,6 +15,7 @@ from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.maps.render import STOP_COLOURS
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.key_events import NOTHING, KeyEvent, deciding_moment
+from interplan_sumo.report.replay.agents_timeline import standing_rows
 from interplan_sumo.report.road_markings import signal_changes, status_at, stop_bars
 from interplan_sumo.report.scenario_drawing import View
 from interplan_sumo.world.actors import ActorKind, Actors
@@ -73,12 +73,8 @@ class Shot:
         """All that the camera sees from the first to the last frame, at a pixel per metre."""
         flat = View(0.0, 0.0, self.turned_rad, 1.0, 1.0, 1.0)
         seen = flat.points(self.way[[self._held(frame) for frame in self.frames]])
-        low, high = seen.min(axis=0), seen.max(axis=0)
-        width_m, height_m = (high - low + self.size_m).tolist()
-        middle = (low + high) / 2.0
-        c, s = np.cos(self.turned_rad), np.sin(self.turned_rad)
-        x_m, y_m = c * middle[0] - s * middle[1], s * middle[0] + c * middle[1]
-        return View(float(x_m), float(y_m), self.turned_rad, width_m, height_m, 1.0)
+        half_m = np.array(self.size_m) / 2.0
+        return View.of_box(seen.min(axis=0) - half_m, seen.max(axis=0) + half_m, self.turned_rad)
 
     def view(self, frame: int, scale: float) -> View:
         x_m, y_m = self.way[self._held(frame)].tolist()
@@ -93,8 +89,7 @@ class Shot:
     def standing(self) -> set[str]:
         """Ids of what stays at its place: it is drawn with the road."""
         table = self.drive.trace.actors
-        places = pd.DataFrame({"id": table.ids, "x": table.x_m, "y": table.y_m}).groupby("id")
-        return set(places.std().fillna(0.0).max(axis=1).loc[lambda spread: spread < 0.01].index)
+        return set(table.ids[standing_rows(table)].tolist())
 
     def moving(self, frame: int, view: View) -> tuple[Actors, dict[str, str]]:
         """Who is in view and moves by itself, and the word that says the colour of each."""

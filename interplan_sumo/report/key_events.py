@@ -135,6 +135,6 @@ def _contacts(facts: Facts, sheet: ScoreSheet) -> list[ReplayEvent]:
             told = True
             continue
         whose = "at-fault contact" if contact.at_fault else "contact, not at fault,"
-        kind = contact.kind.name.lower().replace("_", " ")
+        kind = contact.kind.words
         found.append(ReplayEvent(contact.frame, "contact", f"{whose} with {kind} {contact.track}"))
     return found

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
+
+from msgspec import structs
 
 from interplan_sumo.errors import UnknownNameError
 from interplan_sumo.metrics.metric import plain
 
 if TYPE_CHECKING:
     from interplan_sumo.scenario.scenario import Scenario
-
-OVERVIEW: Final = (
-    "id", "family", "map", "site", "driving_side", "density", "behaviour", "lane_changes", "hash",
-)  # fmt: skip
-"""What an entry says, in this order."""
 
 
 def suite_entries(suite: str | None = None) -> list[dict[str, Any]]:
@@ -27,8 +24,8 @@ def suite_entries(suite: str | None = None) -> list[dict[str, Any]]:
     if suite is not None and suite not in suites():
         raise UnknownNameError("suite", suite, suites())
     keys = suites() if suite is None else (suite,)
-    found = {each["id"]: each for key in keys for each in read_lock(key)["overview"]}
-    return [{name: each[name] for name in OVERVIEW} for each in found.values()]
+    found = {each.id: each for key in keys for each in read_lock(key).overview}
+    return list(map(structs.asdict, found.values()))
 
 
 def certified(entry: dict[str, Any]) -> dict[str, Any]:
@@ -46,7 +43,7 @@ def scenario_details(scenario: Scenario) -> dict[str, Any]:
     from interplan_sumo.maps.store import load_roads
     from interplan_sumo.scenario.suite import overview, suites_with
 
-    entry = certified(overview(scenario, load_roads(scenario.map, scenario.maps_beside)))
+    entry = certified(structs.asdict(overview(scenario, load_roads(scenario.map, scenario.maps_beside))))
     return {**entry, "suites": list(suites_with(scenario.id)), "scenario": plain(scenario.canonical())}
 
 

@@ -22,6 +22,7 @@ from interplan_sumo.batch.records import MetricRecord, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.table import ResultsTable, make_table
+from interplan_sumo.world.files import writing
 
 FILE: Final = "interplan-sumo.nuboard"
 METRICS: Final = "metrics"
@@ -164,7 +165,7 @@ def write_nuboard(runs: Sequence[StoredRun], folder: Path) -> Path:
         raise InputError(
             f"{', '.join(str(run.path) for run in runs)}: no drive has a score yet, nuBoard would be empty"
         )
-    try:
+    with writing(folder, "give another folder"):
         if folder.exists() and any(folder.iterdir()):
             raise InputError(f"{folder} is not empty; name another folder as --nuboard")
         for part in (METRICS, AGGREGATED):
@@ -188,8 +189,6 @@ def write_nuboard(runs: Sequence[StoredRun], folder: Path) -> Path:
                 }
             )
         )
-    except OSError as error:
-        raise InputError(f"cannot write {folder}: {error.strerror or error}; give another folder") from None
     return file
 
 

@@ -10,8 +10,6 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from interplan_sumo.errors import InputError
-
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -57,12 +55,11 @@ def write_page(
     """The report as one HTML file, and replays of these drives beside it; InputError if it cannot be written."""
     from interplan_sumo.report.page.document import page
     from interplan_sumo.report.page.replays import write_replays
+    from interplan_sumo.world.files import writing
 
     write_replays(table, runs, path, replays)
-    try:
+    with writing(path, "give another file as --html"):
         path.write_text(page(table, runs, paper=paper, path=path), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; give another file as --html") from None
 
 
 def print_json(document: object) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import shapely
 
+from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.geometry import Floats, Polyline, wrap_angle
 from interplan_sumo.world.roads import Connector, Roads
 from interplan_sumo.world.signals import SignalStatus
@@ -36,6 +37,16 @@ def _borders_on_oncoming(roads: Roads, line: Polyline, side: float) -> bool:
         if abs(wrap_angle(other_rad - heading_rad)) > np.pi / 2.0:
             return True
     return False
+
+
+def goal_line(roads: Roads, scenario: Scenario) -> Floats:
+    """(2, 2) the ends of the line across the lanes at the goal."""
+    pose = scenario.goal.pose(roads)
+    block = roads.roadblocks[roads[scenario.goal.lane].roadblock_id]
+    lanes = [roads[lane_id] for lane_id in block.lane_ids]
+    ends = [lanes[0].left_boundary.linestring, lanes[-1].right_boundary.linestring]
+    here = shapely.Point(pose.x_m, pose.y_m)
+    return np.concatenate([shapely.get_coordinates(shapely.shortest_line(here, end))[1:] for end in ends])
 
 
 def stop_bars(roads: Roads, area: shapely.Geometry) -> dict[str, Floats]:

@@ -11,9 +11,9 @@ import numpy as np
 import shapely
 
 from interplan_sumo.maps.render import ASPHALT, CARPARK, EXTRA, INK, JUNCTION, STOP_COLOURS, WALKWAY
-from interplan_sumo.report.road_markings import markings
+from interplan_sumo.report.road_markings import goal_line, markings
 from interplan_sumo.scenario.jaywalking import trigger_distance_m
-from interplan_sumo.scenario.route import goal_arc_m, route_centerline
+from interplan_sumo.scenario.route import route_centerline, way_ahead
 from interplan_sumo.scenario.scenario import OBSTACLES, PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
@@ -74,6 +74,14 @@ class View:
     height_m: float
     scale: float
     """Pixels per metre."""
+
+    @classmethod
+    def of_box(cls, low: Floats, high: Floats, turned_rad: float) -> View:
+        """The window between two corners (2,), given in axes that are turned about the origin of the map."""
+        x_m, y_m = ((low + high) / 2.0).tolist()
+        c, s = cos(turned_rad), sin(turned_rad)
+        width_m, height_m = (high - low).tolist()
+        return cls(c * x_m - s * y_m, s * x_m + c * y_m, turned_rad, width_m, height_m, 1.0)
 
     def points(self, xy: Any) -> Floats:
         """Map coordinates (..., 2) as those of the picture, metres from its middle."""
@@ -206,29 +214,12 @@ def draw_route(axes: Axes, scenario: Scenario, roads: Roads, view: View) -> None
     """The roadblocks of the route, its line from the start to the goal, and the goal line across them."""
     blocks = [roads.roadblocks[block].polygon for block in scenario.route]
     _fill(axes, view, blocks, facecolor=ROUTE, edgecolor="none", alpha=0.10, zorder=2.2)
-    line, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
-    start = scenario.start.pose(roads)
-    start_m, _ = line.project_point(start.x_m, start.y_m)
-    if goal_m > start_m:
-        piece = line.between(start_m, goal_m).points
-        _lines(axes, view, [piece], colors=ROUTE, linewidths=max(1.2, 0.22 * view.scale), alpha=0.55, zorder=3.0)
+    way = way_ahead(roads, scenario).points
+    _lines(axes, view, [way], colors=ROUTE, linewidths=max(1.2, 0.22 * view.scale), alpha=0.55, zorder=3.0)
     pose = scenario.goal.pose(roads)
-    across = _across(pose, roads, scenario.goal.lane)
-    _lines(axes, view, [across], colors=GOAL, linewidths=max(1.8, 0.5 * view.scale), zorder=3.2)
+    _lines(axes, view, [goal_line(roads, scenario)], colors=GOAL, linewidths=max(1.8, 0.5 * view.scale), zorder=3.2)
     at = view.points((pose.x_m, pose.y_m))
     axes.plot(*at, marker="*", markersize=max(9.0, 1.6 * view.scale), color=GOAL, markeredgecolor="white", zorder=6.0)
-
-
-def _across(pose: Pose, roads: Roads, lane_id: str) -> Floats:
-    """The line across the roadblock of a lane at a pose."""
-    away = 40.0 * np.array((-sin(pose.heading_rad), cos(pose.heading_rad)))
-    here = np.array((pose.x_m, pose.y_m))
-    ray = shapely.LineString([here - away, here + away])
-    inside = shapely.intersection(ray, roads.roadblocks[roads[lane_id].roadblock_id].polygon)
-    parts = [part for part in shapely.get_parts(inside) if isinstance(part, shapely.LineString)]
-    if not parts:
-        return np.stack((here - away / 20.0, here + away / 20.0))
-    return shapely.get_coordinates(min(parts, key=lambda part: part.distance(shapely.Point(here))))
 
 
 def draw_ego(axes: Axes, scenario: Scenario, roads: Roads, view: View) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, sin
 from os import PathLike
 from pathlib import Path
@@ -17,10 +17,11 @@ from interplan_sumo.maps.render import EXTRA, INK, PAPER
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.scenario_drawing import View
-from interplan_sumo.scenario.route import goal_arc_m, route_centerline
+from interplan_sumo.scenario.route import goal_arc_m, route_centerline, start_arc_m, way_ahead
 from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.files import writing
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import Roads
@@ -148,13 +149,9 @@ def _staged(scenario: Scenario, roads: Roads) -> Floats:
 
 
 def _way(scenario: Scenario, roads: Roads) -> Floats:
-    """(K, 2) the route from the start to the goal, a little beyond both, in map coordinates."""
-    line, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
+    """(K, 2) the start and the route from there to the goal, in map coordinates."""
     start = scenario.start.pose(roads)
-    start_m, _ = line.project_point(start.x_m, start.y_m)
-    first_m, last_m = sorted((start_m, goal_m))
-    ends = ((start.x_m, start.y_m),)
-    return np.concatenate((ends, line.poses_at(np.linspace(first_m, last_m, 100))[:, :2]))
+    return np.concatenate((((start.x_m, start.y_m),), way_ahead(roads, scenario).points))
 
 
 def _overview(scenario: Scenario, roads: Roads) -> View:
@@ -193,17 +190,14 @@ def _around(xy: Floats, turned_rad: float, width: int, heights: tuple[int, int],
     """The view of this width in pixels that shows all points, no lower and no higher than `heights`."""
     flat = View(0.0, 0.0, turned_rad, 1.0, 1.0, 1.0).points(xy)
     margin_m = np.array((MARGIN_M, MARGIN_M / 2.0))
-    low, high = flat.min(axis=0) - margin_m, flat.max(axis=0) + margin_m
-    width_m, height_m = (high - low).tolist()
+    shown = View.of_box(flat.min(axis=0) - margin_m, flat.max(axis=0) + margin_m, turned_rad)
+    width_m, height_m = shown.width_m, shown.height_m
     if least is not None:
         width_m, height_m = max(width_m, least.width_m), max(height_m, least.height_m)
     width_m = max(width_m, height_m * width / heights[1])
     scale = width / width_m
     height_m = max(height_m, heights[0] / scale)
-    middle = (low + high) / 2.0
-    c, s = cos(turned_rad), sin(turned_rad)
-    x_m, y_m = c * middle[0] - s * middle[1], s * middle[0] + c * middle[1]
-    return View(float(x_m), float(y_m), turned_rad, width_m, height_m, scale)
+    return replace(shown, width_m=width_m, height_m=height_m, scale=scale)
 
 
 def _scene(
@@ -230,15 +224,13 @@ def _title(figure: Figure, scenario: Scenario, roads: Roads, total: int) -> None
     demand = scenario.traffic
     limit_mps = roads[scenario.start.lane].speed_limit_mps
     need = lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
-    start = scenario.start.pose(roads)
-    start_m, _ = route_centerline(roads, scenario).project_point(start.x_m, start.y_m)
     words = [
         f"traffic: {demand.density}",
         f"oncoming: {demand.oncoming}",
         f"drivers: {demand.behaviour}",
         f"starts with {3.6 * scenario.start_speed_mps:.0f} km/h"
         + (f", limit {3.6 * limit_mps:.0f}" if limit_mps is not None else ""),
-        f"{goal_arc_m(roads, scenario) - start_m:.0f} m to the goal",
+        f"{goal_arc_m(roads, scenario) - start_arc_m(roads, scenario):.0f} m to the goal",
     ]
     if need:
         words.append(f"{need} lane change{'s' if need > 1 else ''}")
@@ -271,7 +263,7 @@ def _legend(
     words = {"vehicle": "standing vehicle", "czone sign": "sign", "traffic cone": "cone", "pedestrian": "worker"}
     open_ones = (each for i, each in enumerate(scenario.obstacles) if i != scenario.occluder)
     for kind in sorted({OBSTACLES[each.kind][0] for each in open_ones}):
-        name = kind.name.lower().replace("_", " ")
+        name = kind.words
         entries.append(Patch(facecolor=drawing.OBSTACLE_COLOURS[ActorKind(kind)], label=words.get(name, name)))
     if scenario.occluder is not None:
         entries.append(Patch(facecolor=drawing.HIDING, label="hides pedestrians"))
@@ -349,10 +341,8 @@ def _save(figure: Figure, path: str | PathLike[str]) -> None:
     kind = Path(path).suffix.removeprefix(".").lower()
     if kind not in figure.canvas.get_supported_filetypes():
         raise InputError(f"{path}: pictures end in .png, .svg or .pdf")
-    try:
+    with writing(path):
         figure.savefig(path, metadata={"Software": None} if kind == "png" else None)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
 
 
 def _pieces(many: Sequence[Scenario], size: int) -> list[Sequence[Scenario]]:

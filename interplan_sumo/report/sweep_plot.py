@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from interplan_sumo.batch.sweep import Parameter, as_number
-from interplan_sumo.errors import InputError
 from interplan_sumo.report.sweep_lines import MEASURES, Mean, Measure, SweepLine
+from interplan_sumo.world.files import writing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,10 +69,8 @@ def plot_sweep(parameters: Sequence[Parameter], lines: Sequence[SweepLine], path
             grid[0, column].set_title(measure.label, fontsize=9, color=INK)
     _legend(figure, grid[rows - 1, 0])
     figure.set_facecolor("#ffffff")
-    try:
+    with writing(path):
         figure.savefig(path, metadata={"Software": None})
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
 
 
 def _drawn(lines: Sequence[SweepLine]) -> list[Measure]:

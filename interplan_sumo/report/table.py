@@ -249,11 +249,6 @@ def _lines(driven: Sequence[_Driven], columns: Sequence[Column]) -> Iterator[Lin
             yield _line(same, columns, planner, name)
 
 
-def planners_of(run: StoredRun) -> list[str]:
-    """The planners that a run was asked for, in order."""
-    return list(dict.fromkeys(planner for request in run.manifest.requests for planner in request.planners))
-
-
 def planner_label(planner: str, run: StoredRun) -> str:
     """A planner and how its traffic was changed, as tables name it."""
     overrides = run.manifest.overrides.texts()

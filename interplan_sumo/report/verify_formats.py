@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -40,15 +41,7 @@ def _check_json(check: RowCheck) -> dict[str, Any]:
         "trace_hash_now": check.trace_hash,
         "score": row.score,
         "score_now": check.score,
-        "difference": None
-        if parted is None
-        else {
-            "frame": parted.frame,
-            "time_s": round(parted.time_s, 6),
-            "what": parted.what,
-            "largest_m": parted.largest_m,
-            "only_numbers": parted.only_numbers,
-        },
+        "difference": parted and asdict(parted),
         "within_bars": check.within_bars if check.verdict == "differs" else None,
         "versions": {name: {"then": then, "now": now} for name, (then, now) in check.changed_versions.items()},
     }

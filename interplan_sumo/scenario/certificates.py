@@ -19,11 +19,12 @@ driven, to the last bit. The summaries lie in the file's footer, under the key
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from interplan_sumo.errors import InputError
@@ -66,17 +67,25 @@ class Certificate:
     summary: Summary
     track: EgoTrack
 
-    def as_json(self) -> dict[str, Any]:
+    def record(self) -> CertificateRecord:
         """Plain data: exact, for other processes."""
         table = _integers(self.track)
-        return {"summary": asdict(self.summary), "states": {name: table[name].tolist() for name in COLUMNS}}
+        return CertificateRecord(self.summary, {name: table[name].tolist() for name in COLUMNS})
 
     @classmethod
-    def from_json(cls, value: Mapping[str, Any]) -> Certificate:
-        """From what `as_json` gave."""
+    def of(cls, record: CertificateRecord) -> Certificate:
+        """From what `record` gave."""
         import pandas as pd
 
-        return cls(Summary(**value["summary"]), _track(pd.DataFrame(value["states"])))
+        return cls(record.summary, _track(pd.DataFrame(record.states)))
+
+
+class CertificateRecord(msgspec.Struct, frozen=True):
+    """A certificate as JSON has it."""
+
+    summary: Summary
+    states: dict[str, list[int]]
+    """The columns of the file but for the scenario."""
 
 
 def write_certificates(path: Path, certificates: Iterable[Certificate]) -> None:
@@ -105,7 +114,7 @@ def read_summaries(path: Path) -> dict[str, Summary]:
 
     try:
         metadata = pq.read_schema(path).metadata or {}
-        return {each["scenario_id"]: Summary(**each) for each in json.loads(metadata[_KEY])}
+        return {each.scenario_id: each for each in msgspec.json.decode(metadata[_KEY], type=list[Summary])}
     except Exception as error:
         raise InputError(f"cannot read the certificates at {path}: {error}; reinstall interplan-sumo") from error
 

@@ -51,14 +51,10 @@ def _ways(roads: Roads, lane_id: str, arc_m: float, length_m: float, route: Coll
         list(onward),
     ):
         if choice:
-            for way in sorted(choice, key=lambda way: (_bend_rad(roads[way].centerline), way)):
+            for way in sorted(choice, key=lambda way: (abs(roads[way].centerline.turned_rad), way)):
                 yield from (here.joined(rest) for rest in _ways(roads, way, 0.0, left_m, route))
             return
     yield here
-
-
-def _bend_rad(line: Polyline) -> float:
-    return abs(float(wrap_angle(line.segment_heading_rad[-1] - line.segment_heading_rad[0])))
 
 
 def ego_ahead(scenario: Scenario, roads: Roads, length_m: float) -> Polyline:

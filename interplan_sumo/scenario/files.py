@@ -21,8 +21,9 @@ from typing import Any, Final, Literal, NoReturn, get_args, get_origin, get_type
 
 import yaml
 
-from interplan_sumo.errors import InputError, ScenarioError
+from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.world.files import writing
 
 FORMAT: Final = 1
 """Of the files; another one is refused."""
@@ -98,10 +99,8 @@ def write_scenario(scenario: Scenario, path: _Path) -> None:
 
 def write_scenarios(scenarios: Iterable[Scenario], path: _Path) -> None:
     """Write a file with these scenarios, over what was there; InputError if it cannot be written."""
-    try:
+    with writing(path, "give another file"):
         Path(path).write_text("---\n".join(map(scenario_text, scenarios)), encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}; give another file") from None
 
 
 def scenario_text(scenario: Scenario) -> str:

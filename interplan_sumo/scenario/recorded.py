@@ -248,13 +248,8 @@ def _ends_m(roads: Roads, chain: list[str], first: LaneMatch) -> list[float]:
 def _straightest(roads: Roads, chain: list[str]) -> str | None:
     """The way on that turns least, into a roadblock that the chain does not hold yet."""
     seen = {roads[lane].roadblock_id for lane in chain}
-
-    def turn_rad(lane: str) -> float:
-        heading = roads[lane].centerline.segment_heading_rad
-        return abs(float(wrap_angle(heading[-1] - heading[0])))
-
     ways = [lane for lane in roads.outgoing(chain[-1]) if roads[lane].roadblock_id not in seen]
-    return min(ways, key=lambda lane: (turn_rad(lane), lane), default=None)
+    return min(ways, key=lambda lane: (abs(roads[lane].centerline.turned_rad), lane), default=None)
 
 
 def _up_to(roads: Roads, chain: list[str], ends: list[float], wanted_m: float) -> tuple[list[str], list[float]]:

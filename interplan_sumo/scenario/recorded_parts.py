@@ -58,12 +58,7 @@ class ReplayedTrack:
             raise ScenarioError(f"{what}: first_step is {self.first_step}, expected 0 or more")
         if not self.x_m:
             raise ScenarioError(f"{what}: x_m is empty, expected a number for each step")
-        for name in TRACK_COLUMNS:
-            column: tuple[float, ...] = getattr(self, name)
-            if len(column) != len(self.x_m):
-                raise ScenarioError(f"{what}: {name} has {len(column)} numbers, expected {len(self.x_m)} as x_m has")
-            if not all(map(isfinite, column)):
-                raise ScenarioError(f"{what}: {name} holds a number that is not finite")
+        _check_columns(self, TRACK_COLUMNS, what, len(self.x_m), " as x_m has")
 
     @property
     def end_step(self) -> int:
@@ -127,9 +122,14 @@ class EgoPast:
     """Along the heading."""
 
     def __post_init__(self) -> None:
-        for name in PAST_COLUMNS:
-            column: tuple[float, ...] = getattr(self, name)
-            if len(column) != PAST_STEPS:
-                raise ScenarioError(f"past: {name} has {len(column)} numbers, expected {PAST_STEPS}, 0.1 s apart")
-            if not all(map(isfinite, column)):
-                raise ScenarioError(f"past: {name} holds a number that is not finite")
+        _check_columns(self, PAST_COLUMNS, "past", PAST_STEPS, ", 0.1 s apart")
+
+
+def _check_columns(held: ReplayedTrack | EgoPast, names: tuple[str, ...], what: str, length: int, why: str) -> None:
+    """ScenarioError names the column that has another length or holds a number that is not finite."""
+    for name in names:
+        column: tuple[float, ...] = getattr(held, name)
+        if len(column) != length:
+            raise ScenarioError(f"{what}: {name} has {len(column)} numbers, expected {length}{why}")
+        if not all(map(isfinite, column)):
+            raise ScenarioError(f"{what}: {name} holds a number that is not finite")

@@ -90,6 +90,18 @@ def _slanted(line: np.ndarray, left_behind: Polyline, piece: Polyline) -> np.nda
     return np.concatenate((head, tail))
 
 
+def start_arc_m(roads: Roads, scenario: Scenario) -> float:
+    """Arc length of the ego's start on `route_centerline`."""
+    pose = scenario.start.pose(roads)
+    return route_centerline(roads, scenario).project_point(pose.x_m, pose.y_m)[0]
+
+
+def way_ahead(roads: Roads, scenario: Scenario) -> Polyline:
+    """The route's line from the start to the goal, a metre at least."""
+    first_m, last_m = sorted((start_arc_m(roads, scenario), goal_arc_m(roads, scenario)))
+    return route_centerline(roads, scenario).between(first_m, max(last_m, first_m + 1.0))
+
+
 @lru_cache(maxsize=256)
 def goal_arc_m(roads: Roads, scenario: Scenario) -> float:
     """Arc length of the goal line on `route_centerline`."""

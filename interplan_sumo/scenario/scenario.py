@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -192,9 +193,7 @@ class Scenario:
                 )
         if self.replayed:
             self._check_replayed()
-        shown = [light.connector for light in self.lights]
-        if len(set(shown)) < len(shown):
-            twice = next(id for i, id in enumerate(shown) if id in shown[:i])
+        if twice := first_twice(light.connector for light in self.lights):
             raise ScenarioError(f"{self.id}: lights holds connector {twice!r} twice; leave one out")
         for name, density in (("density", self.traffic.density), ("oncoming", self.traffic.oncoming)):
             if density != "none" and density not in LARGEST_GAP_M:
@@ -217,9 +216,7 @@ class Scenario:
                     f"{self.id}: replayed and {name} are both given, but recorded road users would drive through "
                     f"others; leave one of them out"
                 )
-        ids = [track.id for track in self.replayed]
-        if len(set(ids)) < len(ids):
-            twice = next(id for i, id in enumerate(ids) if id in ids[:i])
+        if twice := first_twice(track.id for track in self.replayed):
             raise ScenarioError(f"{self.id}: replayed holds track {twice!r} twice; leave one out")
 
     @property
@@ -263,14 +260,8 @@ class Scenario:
 
     def check(self, roads: Roads) -> None:
         """ScenarioError if start, goal or route do not fit the map."""
-        for name, place in (("start", self.start), ("goal", self.goal)):
-            try:
-                place.pose(roads)
-            except ScenarioError as error:
-                raise ScenarioError(f"{self.id}: {name}: {error}") from None
-            if roads[place.lane].roadblock_id not in self.route:
-                raise ScenarioError(f"{self.id}: {name} lane {place.lane} does not lie on the route")
-        places = [(f"obstacles[{i}]", obstacle.place) for i, obstacle in enumerate(self.obstacles)]
+        places = [("start", self.start), ("goal", self.goal)]
+        places += [(f"obstacles[{i}]", obstacle.place) for i, obstacle in enumerate(self.obstacles)]
         for i, walker in enumerate(self.jaywalkers):
             places += [(f"jaywalkers[{i}].start", walker.start), (f"jaywalkers[{i}].end", walker.end)]
         places += [(f"vehicles[{i}]", vehicle.place) for i, vehicle in enumerate(self.vehicles)]
@@ -279,6 +270,8 @@ class Scenario:
                 place.pose(roads)
             except ScenarioError as error:
                 raise ScenarioError(f"{self.id}: {name}: {error}") from None
+            if name in ("start", "goal") and roads[place.lane].roadblock_id not in self.route:
+                raise ScenarioError(f"{self.id}: {name} lane {place.lane} does not lie on the route")
         for i, light in enumerate(self.lights):
             connector = roads.connectors.get(light.connector)
             if connector is None or not connector.has_traffic_light:
@@ -292,6 +285,12 @@ class Scenario:
         for here, there in zip(self.route, self.route[1:], strict=False):
             if there not in roads.outgoing_roadblocks(here):
                 raise ScenarioError(f"{self.id}: route jumps from roadblock {here} to {there}, which are not joined")
+
+
+def first_twice(names: Iterable[str]) -> str | None:
+    """The first of some names that was there before."""
+    seen: set[str] = set()
+    return next((name for name in names if name in seen or seen.add(name)), None)
 
 
 _MEASURES = ("_m", "_mps", "_rad", "_s")

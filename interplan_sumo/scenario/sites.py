@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import sqrt
+from typing import Any
 
 import numpy as np
 import shapely
 
-from interplan_sumo.scenario.scenario import LanePosition
+from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import USUAL_LIMIT_MPS, DrivingSide, Lane, Roads
 
@@ -27,6 +29,14 @@ SHORTER = (1.0, 0.7, 0.5, 0.3)
 """Where the road is too short for the usual way to a site and on from it, these shares of it are tried."""
 CENTIMETRES = 2
 """Measures are rounded to this many decimals: a site is data that people read."""
+START_SHARE = 0.8
+"""The ego starts at this share of the speed limit."""
+EASY_MPS2 = 2.0
+STANDOFF_M = 12.0
+"""With a short run-up the ego can stop at `EASY_MPS2` so far before the site; half of it is the car's own length,"""
+BUMPERS_M = 8.0
+FREE_S = 3.2
+"""and nothing is hit within the first 3 s: half the ego, half of what stands there, and some."""
 
 
 class UnsuitableError(Exception):
@@ -57,8 +67,6 @@ class Site:
     lanes_right: int = 0
     oncoming_m: float = 0.0
     """Width of the oncoming lanes beside the own ones, if no median parts them."""
-    bend_rad: float = 0.0
-    """How far the road turns from the start to the goal."""
     beside_start: tuple[str, ...] = ()
     """All lanes of the ego's direction at the start, from left to right."""
     run_up_m: float | None = None
@@ -94,6 +102,22 @@ class Site:
         arc_m, left_m = self.at_m + ahead_m, self.kerb * towards_kerb_m
         return LanePosition(self.lane, round(arc_m, CENTIMETRES), round(left_m, CENTIMETRES) + 0.0)
 
+    @property
+    def start_speed_mps(self) -> float:
+        """A usual speed for a car under way here, less where the run-up is too short to stop from it at ease."""
+        usual_mps = START_SHARE * self.limit_mps
+        if self.run_up_m is not None:
+            stops_mps = sqrt(2.0 * EASY_MPS2 * max(self.run_up_m - STANDOFF_M, 1.0))
+            usual_mps = min(usual_mps, stops_mps, (self.run_up_m - BUMPERS_M) / FREE_S)
+        return round(usual_mps, 1)
+
+    def scenario(self, id: str, family: str, **staged: Any) -> Scenario:
+        """A scenario that leads past the site, with what is `staged` there; ScenarioError as from `Scenario`."""
+        return Scenario(
+            id=id, family=family, map=self.map, start=self.start, start_speed_mps=self.start_speed_mps,
+            goal=self.goal, route=self.route, **staged,
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
@@ -121,7 +145,6 @@ def site_at(
     left_edge_m, right_edge_m = edges_m(roads, lane, at_m)
     siblings = roads.roadblocks[lane.roadblock_id].lane_ids
     index = siblings.index(lane_id)
-    headings = (start.pose(roads).heading_rad, goal.pose(roads).heading_rad)
     return Site(
         map=roads.name,
         lane=lane_id,
@@ -137,7 +160,6 @@ def site_at(
         lanes_left=index,
         lanes_right=len(siblings) - 1 - index,
         oncoming_m=round(oncoming_width_m(roads, lane_id, at_m), CENTIMETRES),
-        bend_rad=round(float(wrap_angle(headings[1] - headings[0])), CENTIMETRES) + 0.0,
         beside_start=roads.roadblocks[roads[start.lane].roadblock_id].lane_ids,
     )
 
@@ -166,20 +188,6 @@ def places(roads: Roads, step_m: float = STEP_M) -> Iterator[tuple[str, float]]:
     for lane in roads.lanes.values():
         for at_m in np.arange(step_m, lane.centerline.length_m, step_m):
             yield lane.id, float(at_m)
-
-
-def find_sites(
-    roads: Roads, choose: Callable[[Roads, str, float], Site], step_m: float = STEP_M
-) -> tuple[list[Site], list[Rejected]]:
-    """All places of a map for which `choose` gives a site, and the others with the reasons it raised."""
-    found: list[Site] = []
-    rejected: list[Rejected] = []
-    for lane_id, at_m in places(roads, step_m):
-        try:
-            found.append(choose(roads, lane_id, at_m))
-        except UnsuitableError as reason:
-            rejected.append(Rejected(lane_id, at_m, str(reason)))
-    return found, rejected
 
 
 # --- the way there and on ----------------------------------------------------------------------
@@ -217,16 +225,11 @@ def _next(roads: Roads, here: str, *, upstream: bool, walked_m: float) -> str:
     free = [way for way in ways if not roads.connectors[way].has_traffic_light]
     if not free:
         raise UnsuitableError(f"there is a traffic light {where}")
-    bends = {way: _bend_rad(roads, way) for way in free}
+    bends = {way: abs(roads[way].centerline.turned_rad) for way in free}
     best = min(free, key=lambda way: (bends[way], way))
     if bends[best] > np.radians(45.0):
         raise UnsuitableError(f"the road turns off {where}")
     return best
-
-
-def _bend_rad(roads: Roads, lane_id: str) -> float:
-    headings = roads[lane_id].centerline.segment_heading_rad
-    return abs(float(wrap_angle(headings[-1] - headings[0])))
 
 
 # --- what lies to the sides --------------------------------------------------------------------

@@ -10,14 +10,14 @@ They are read, never built: what is registered later changes none of them.
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
+import msgspec
 import yaml
 
 from interplan_sumo.errors import InputError, ScenarioError, UnknownNameError
@@ -118,15 +118,52 @@ def find_suite(key: str) -> Suite:
     return _SUITES[key]
 
 
-@cache
-def read_lock(key: str) -> dict[str, Any]:
-    """The lock of a suite: hashes of everything that makes its scenarios what they are, and an overview of them.
+class ScenarioOverview(msgspec.Struct, frozen=True):
+    """A scenario in a few words, as lists have it: where it is and what its traffic does."""
 
-    InputError if it is missing or damaged.
-    """
+    id: str
+    family: str
+    map: str
+    site: str
+    driving_side: str
+    density: str
+    behaviour: str
+    lane_changes: int
+    hash: str
+
+
+class MapLock(msgspec.Struct, frozen=True):
+    """Hashes of a map's roads and of its SUMO network."""
+
+    roads: str
+    network: str
+
+
+class ScenarioLock(msgspec.Struct, frozen=True):
+    """Hashes of a scenario and of who is where when it begins."""
+
+    scenario: str
+    initial_actors: str
+
+
+class SuiteLock(msgspec.Struct, frozen=True):
+    """Hashes of everything that makes the scenarios of a suite what they are, and an overview of them."""
+
+    format: int
+    suite: str
+    hash: str
+    maps: dict[str, MapLock]
+    vehicle_types: dict[str, str]
+    scenarios: dict[str, ScenarioLock]
+    overview: list[ScenarioOverview]
+
+
+@cache
+def read_lock(key: str) -> SuiteLock:
+    """The lock of a suite; InputError, with the field that is wrong, if it is missing or damaged."""
     path = folder_of(key) / LOCK
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return msgspec.json.decode(path.read_bytes(), type=SuiteLock)
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {path}: {error}; reinstall interplan-sumo") from error
 
@@ -134,7 +171,7 @@ def read_lock(key: str) -> dict[str, Any]:
 def ids_of(key: str) -> tuple[str, ...]:
     """The ids of a suite's scenarios in their order, by its lock if it has one: then no scenario is read."""
     if (folder_of(key) / LOCK).is_file():
-        return tuple(entry["id"] for entry in read_lock(key)["overview"])
+        return tuple(entry.id for entry in read_lock(key).overview)
     return tuple(scenario.id for scenario in _SUITES[key].scenarios)
 
 
@@ -151,22 +188,15 @@ def find_scenario(scenario_id: str) -> Scenario:
     raise UnknownNameError("scenario", scenario_id, known, "List them: interplan-sumo scenarios list")
 
 
-def overview(scenario: Scenario, roads: Roads) -> dict[str, Any]:
-    """A scenario in a few words, as lists have it: where it is and what its traffic does."""
+def overview(scenario: Scenario, roads: Roads) -> ScenarioOverview:
+    """What lists say of a scenario; ScenarioError if no way leads to its goal."""
     need = lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
     if need is None:
         raise ScenarioError(f"{scenario.id}: no way from lane {scenario.start.lane} to goal lane {scenario.goal.lane}")
-    return {
-        "id": scenario.id,
-        "family": scenario.family,
-        "map": scenario.map,
-        "site": scenario.site(roads),
-        "driving_side": roads.driving_side,
-        "density": scenario.traffic.density,
-        "behaviour": scenario.traffic.behaviour,
-        "lane_changes": need,
-        "hash": scenario.hash(),
-    }
+    return ScenarioOverview(
+        scenario.id, scenario.family, scenario.map, scenario.site(roads), roads.driving_side,
+        scenario.traffic.density, scenario.traffic.behaviour, need, scenario.hash(),
+    )  # fmt: skip
 
 
 @cache

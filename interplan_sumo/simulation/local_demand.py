@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 import shapely
@@ -82,9 +83,8 @@ def opposite_edges(network: SumoNetwork) -> Mapping[str, frozenset[str]]:
     owner = np.repeat(np.arange(len(edges)), [len(line.points) for line in lines])
     points = np.concatenate([line.points for line in lines])
     heading = np.concatenate([line.poses_at(line.arc_m)[:, 2] for line in lines])
-    here, there = shapely.STRtree(shapely.points(points)).query(
-        shapely.points(points), predicate="dwithin", distance=OPPOSITE_M
-    )
+    nodes: Any = shapely.points(points)
+    here, there = shapely.STRtree(nodes).query(nodes, predicate="dwithin", distance=OPPOSITE_M)
     along = np.abs(
         ((points[there] - points[here]) * np.stack((np.cos(heading[here]), np.sin(heading[here])), 1)).sum(1)
     )

@@ -145,6 +145,10 @@ class _Search:
         yield self._begun if hindered else self._undisturbed  # else the reference took place in this very scene
         yield self._undisturbed if hindered else self._begun
 
+    @property
+    def _latest(self) -> ObservedTraffic:
+        return self._recordings[-1]
+
     @cached_property
     def _begun(self) -> ObservedTraffic:
         """Everybody goes on as they begin."""
@@ -175,18 +179,18 @@ class _Search:
             entry_m = entry_arc_m(self._corridor, own)
             waiting = None
             if entry_m is not None:
-                waiting = self._planned(paths, self._recordings[-1], style, TimeGate(entry_m, self._frames))
+                waiting = self._planned(paths, self._latest, style, TimeGate(entry_m, self._frames))
             if waiting is None:
                 continue
             yield self._attempt(waiting[1], style)
-            problem, start = self._problem(paths, self._recordings[-1]), self._start(self._first)
+            problem, start = self._problem(paths, self._latest), self._start(self._first)
             for profile, gate in yielding_profiles(problem, own, start, style.margins, style.pace)[:MOST_CHANCES]:
                 states: States | None = self._driven(paths, profile, (self._first,))
                 for _ in range(REFINEMENTS):
                     if states is None or states in self._tried:
                         break
                     yield self._attempt(states, style)
-                    refined = self._planned(paths, self._recordings[-1], style, gate)
+                    refined = self._planned(paths, self._latest, style, gate)
                     states = None if refined is None else refined[1]
 
     def _attempt(self, states: States, style: Style) -> Attempt:

@@ -27,24 +27,26 @@ DECIMALS = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SearchResult:
-    """What the search came to."""
+class Proof:
+    """How one scenario fared."""
 
-    scenario_id: str
+    scenario: Scenario
     certificate: Certificate | None
-    reason: str | None
-    """Why the best try does not pass, if none does."""
+    """What was found, or was checked and holds."""
+    problems: tuple[str, ...]
+    """Why there is none, of a search the shortcomings of the best try; empty if there is one."""
     simulations: int
+    wall_s: float = 0.0
 
 
-def certify(scenario: Scenario, *, most_simulations: int = MOST_SIMULATIONS) -> SearchResult:
+def certify(scenario: Scenario, *, most_simulations: int = MOST_SIMULATIONS) -> Proof:
     """Look for a drive that passes every test under the official traffic. Deterministic.
 
     InputError if the scenario cannot be staged, TrafficError if SUMO fails.
     """
     reference = reference_drive(scenario)
     best: Certificate | None = None
-    nearest: tuple[float, str] = (-1.0, "no drive was found that avoids everybody")
+    nearest: tuple[float, list[str]] = (-1.0, ["no drive was found that avoids everybody"])
     simulations = 1  # the reference
     passed_after = most_simulations
     for attempt in attempts(scenario, reference):
@@ -55,14 +57,14 @@ def certify(scenario: Scenario, *, most_simulations: int = MOST_SIMULATIONS) -> 
             best = Certificate(summary, attempt.track)
             passed_after = min(passed_after, simulations)
         elif faults and sheet.score > nearest[0]:
-            nearest = (sheet.score, "; ".join(faults))
+            nearest = (sheet.score, faults)
         enough = best is not None and best.summary.score >= GOOD_ENOUGH
         if enough or simulations >= most_simulations or simulations >= passed_after + MORE_SIMULATIONS:
             break
-    return SearchResult(scenario.id, best, None if best is not None else nearest[1], simulations)
+    return Proof(scenario, best, () if best is not None else tuple(nearest[1]), simulations)
 
 
-def check_certificate(scenario: Scenario, certificate: Certificate) -> list[str]:
+def check_certificate(scenario: Scenario, certificate: Certificate | None) -> list[str]:
     """What is wrong with a certificate, one sentence each; nothing if it holds.
 
     The drive must begin where the scenario does, every state must follow from
@@ -70,6 +72,8 @@ def check_certificate(scenario: Scenario, certificate: Certificate) -> list[str]
     traffic must give the stored trace hash, distance and score, and pass.
     TrafficError if SUMO fails.
     """
+    if certificate is None:
+        return ["no certificate is stored"]
     stored = certificate.summary
     if (stored.scenario_id, stored.scenario_hash) != (scenario.id, scenario.hash()):
         return [f"it is for another scenario: {stored.scenario_id} with hash {stored.scenario_hash[:12]}"]

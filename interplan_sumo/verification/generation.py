@@ -19,14 +19,16 @@ from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.files import MAPS, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import Rejected
-from interplan_sumo.verification.certificates import SearchResult
+from interplan_sumo.verification.certificates import Proof
 from interplan_sumo.verification.map_bundling import carry_map
 from interplan_sumo.verification.start_checks import start_problems
+from interplan_sumo.world.files import writing
 from interplan_sumo.world.roads import Roads
 
 SCENARIOS: Final = "scenarios.yaml"
 REPORT: Final = "report.csv"
 REJECTED: Final = "rejected.csv"
+OTHER_FOLDER: Final = "give another folder as --out"
 CANDIDATES_PER_SCENARIO: Final = 12
 LEAST_CANDIDATES: Final = 60
 """The search gives up after so many candidates for each scenario that is asked for, and so many in all."""
@@ -92,7 +94,7 @@ def carry(made: Sequence[Generated], files: MapFiles, folder: Path, *, overwrite
 
 
 def write_generated(
-    folder: Path, made: Sequence[Generated], verdicts: Iterable[SearchResult], *, overwrite: bool = False
+    folder: Path, made: Sequence[Generated], proofs: Iterable[Proof], *, overwrite: bool = False
 ) -> tuple[int, int]:
     """Write scenarios, certificates, the report and the rejected places; how many scenarios, and how many certified.
 
@@ -100,51 +102,42 @@ def write_generated(
     """
     scenarios = [scenario for each in made for scenario in each.scenarios]
     check_folder(folder, overwrite=overwrite)
-    passed = write_proved(folder, scenarios, verdicts)
+    passed = write_proved(folder, scenarios, proofs)
     rows = [(each.family, r.lane, r.at_m, r.reason) for each in made for r in each.rejected]
     write_rows(folder / REJECTED, ("family", "lane", "at_m", "reason"), rows)
     return len(scenarios), passed
 
 
-def write_proved(folder: Path, scenarios: Sequence[Scenario], verdicts: Iterable[SearchResult]) -> int:
+def write_proved(folder: Path, scenarios: Sequence[Scenario], proofs: Iterable[Proof]) -> int:
     """Write scenarios, certificates and the report into a folder, made if needed; how many are certified.
 
     InputError if it cannot be written.
     """
-    found = {verdict.scenario_id: verdict for verdict in verdicts}
-    passed = [v.certificate for v in found.values() if v.certificate is not None]
-    try:
+    found = {proof.scenario.id: proof for proof in proofs}
+    passed = [proof.certificate for proof in found.values() if proof.certificate is not None]
+    with writing(folder, OTHER_FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
         write_scenarios(scenarios, folder / SCENARIOS)
         certificates.write_certificates(folder / certificates.FILE, passed)
-    except OSError as error:
-        raise _unwritable(folder, error) from None
     rows = [_report_row(scenario, found.get(scenario.id)) for scenario in scenarios]
     write_rows(folder / REPORT, ("scenario_id", "certified", "score", "simulations", "reason"), rows)
     return len(passed)
 
 
-def _report_row(scenario: Scenario, verdict: SearchResult | None) -> tuple[object, ...]:
-    if verdict is None:
+def _report_row(scenario: Scenario, proof: Proof | None) -> tuple[object, ...]:
+    if proof is None:
         return scenario.id, False, "", "", "not looked for"
-    proof = verdict.certificate
-    score = "" if proof is None else proof.summary.score
-    return scenario.id, proof is not None, score, verdict.simulations, verdict.reason or ""
+    held = proof.certificate
+    score = "" if held is None else held.summary.score
+    return scenario.id, held is not None, score, proof.simulations, "; ".join(proof.problems)
 
 
 def write_rows(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Write a table as CSV; InputError if it cannot be written."""
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            table = csv.writer(file)
-            table.writerow(names)
-            table.writerows(rows)
-    except OSError as error:
-        raise _unwritable(path.parent, error) from None
-
-
-def _unwritable(folder: Path, error: OSError) -> InputError:
-    return InputError(f"cannot write {folder}: {error.strerror or error}; give another folder as --out")
+    with writing(path.parent, OTHER_FOLDER), path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(names)
+        table.writerows(rows)
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:

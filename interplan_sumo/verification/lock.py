@@ -8,10 +8,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+from msgspec import to_builtins
 
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import LOCK, Suite, overview
+from interplan_sumo.scenario.suite import LOCK, MapLock, ScenarioLock, Suite, SuiteLock, overview
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
@@ -20,29 +21,30 @@ from interplan_sumo.world.roads import Roads
 LOCK_FORMAT = 1
 
 
-def lock(suite: Suite) -> dict[str, object]:
+def lock(suite: Suite) -> SuiteLock:
     """What lock.json of a suite must hold, computed afresh. Starts SUMO once per scenario."""
     maps = sorted({s.map for s in suite.scenarios})
     behaviours = sorted({s.traffic.behaviour for s in suite.scenarios})
-    return {
-        "format": LOCK_FORMAT,
-        "suite": suite.key,
-        "hash": suite.hash(),
-        "maps": {name: {"roads": roads_hash(load_roads(name)), "network": network_hash(name)} for name in maps},
-        "vehicle_types": {name: _sha256([vehicle_type_file(name).read_bytes()]) for name in behaviours},
-        "scenarios": {
-            s.id: {"scenario": s.hash(), "initial_actors": initial_actors_hash(s)}
-            for s in sorted(suite.scenarios, key=lambda s: s.id)
+    return SuiteLock(
+        format=LOCK_FORMAT,
+        suite=suite.key,
+        hash=suite.hash(),
+        maps={name: MapLock(roads_hash(load_roads(name)), network_hash(name)) for name in maps},
+        vehicle_types={name: _sha256([vehicle_type_file(name).read_bytes()]) for name in behaviours},
+        scenarios={
+            s.id: ScenarioLock(s.hash(), initial_actors_hash(s)) for s in sorted(suite.scenarios, key=lambda s: s.id)
         },
-        "overview": [overview(s, load_roads(s.map)) for s in suite.scenarios],
-    }
+        overview=[overview(s, load_roads(s.map)) for s in suite.scenarios],
+    )
 
 
 def write_lock(suite: Suite) -> Path:
     """Write lock.json into the suite's folder; equal suites give equal bytes."""
     path = suite.folder / LOCK
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(lock(suite), indent=1, sort_keys=True) + "\n", encoding="utf-8", newline="\n")
+    path.write_text(
+        json.dumps(to_builtins(lock(suite)), indent=1, sort_keys=True) + "\n", encoding="utf-8", newline="\n"
+    )
     return path
 
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.maps.crop import crop_around
+from interplan_sumo.maps.crop import crop
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import MapFiles, copy_map, find_map, is_shipped, place_map
@@ -58,7 +58,7 @@ def carry_map(
         raise InputError(f"{root / files.name} exists; name another folder with --out, or give --overwrite")
     if len(roads.lanes) <= whole_lanes or lies_there:
         return _whole(files, root)
-    part = crop_around(roads, [place for each in scenarios for place in places_of(each, roads)], KEPT_M)
+    part = crop(roads, [place for each in scenarios for place in places_of(each, roads)], KEPT_M)
     if len(part.lanes) == len(roads.lanes):
         return _whole(files, root)
 

@@ -15,12 +15,11 @@ import numpy as np
 
 from interplan_sumo.dynamics.bicycle import ACCELERATION_LAG_S, STEERING_LAG_S
 from interplan_sumo.dynamics.lqr import (
-    ACCELERATION_WEIGHT,
     HEADING_WEIGHT,
     HORIZON_STEPS,
     LATERAL_WEIGHT,
-    SPEED_WEIGHT,
     TIRE_RATE_WEIGHT,
+    TRACKING_GAIN_PER_S,
     follow,
 )
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
@@ -48,7 +47,6 @@ SOFTENING_S = 0.5
 """Changes of acceleration are spread over about twice this time, so that nobody feels a jerk."""
 DECIMALS = 6
 """States are rounded to these, so that they can be stored exactly."""
-_TRACKER_GAIN_PER_S = SPEED_WEIGHT / (SPEED_WEIGHT + ACCELERATION_WEIGHT)
 _STEERING_PASSED = DT_S / (DT_S + STEERING_LAG_S)
 _PASSED = DT_S / (DT_S + ACCELERATION_LAG_S)
 
@@ -204,7 +202,7 @@ def _solved(count: int, right: list[float]) -> list[float]:
 def _place_on(line: RolloutPath, ego: EgoState, near_m: float) -> float:
     """Own arc length of the ego's projection, looked for around where it should be."""
     first, end = np.searchsorted(line.along_m, (near_m - 15.0, near_m + 15.0))
-    first, end = max(int(first) - 1, 0), min(int(end) + 1, len(line.along_m))
+    first, end = max(int(first) - 1, 0), int(end) + 1
     i = first + int(np.argmin((line.x_m[first:end] - ego.x_m) ** 2 + (line.y_m[first:end] - ego.y_m) ** 2))
     heading = float(line.heading_rad[i])
     ahead_m = (ego.x_m - float(line.x_m[i])) * cos(heading) + (ego.y_m - float(line.y_m[i])) * sin(heading)
@@ -219,7 +217,7 @@ def _steering_radps(line: RolloutPath, ego: EgoState, shape: EgoShape = PACIFICA
         float(np.interp(at_m, line.along_m, column))
         for column in (line.heading_rad, line.bend_per_m, line.bend_change_per_m2)
     )
-    turned = max(-1.0, min(1.0, float(wrap_angle(ego.heading_rad - heading_rad))))
+    turned = float(wrap_angle(ego.heading_rad - heading_rad))
     off_m -= bend * shape.rear_axle_to_center_m**2 / 2.0  # in a bend the rear runs further in than the centre
     own_bend = tan(ego.tire_angle_rad) / shape.wheelbase_m
     length_m = max(RETURN_S * ego.vx_mps, SHORTEST_RETURN_M)
@@ -239,8 +237,8 @@ def _plan(ego: EgoState, push_mps2: float, steering_radps: float, shape: EgoShap
 
     The tracker holds back a little of either: it weighs effort against error.
     """
-    slope, speed = push_mps2 / _TRACKER_GAIN_PER_S, max(0.0, ego.vx_mps)
-    acceleration = _TRACKER_GAIN_PER_S * slope
+    slope, speed = push_mps2 / TRACKING_GAIN_PER_S, max(0.0, ego.vx_mps)
+    acceleration = TRACKING_GAIN_PER_S * slope
     heading_effect = lateral_effect = 0.0
     for i in range(HORIZON_STEPS):
         travelled_m = DT_S * max(0.0, speed + i * DT_S * acceleration)

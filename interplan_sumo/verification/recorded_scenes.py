@@ -12,7 +12,8 @@ from interplan_sumo.maps.store import MANIFEST, MapFiles, find_map, load_roads, 
 from interplan_sumo.recordings.formats import RECORDING_FORMATS, RecordingFormat, format_of
 from interplan_sumo.scenario.files import MAPS
 from interplan_sumo.scenario.recorded import GOAL_M, Agents, RecordedScene, scene
-from interplan_sumo.verification.certificates import SearchResult
+from interplan_sumo.scenario.scenario import first_twice
+from interplan_sumo.verification.certificates import Proof
 from interplan_sumo.verification.generation import write_proved, write_rows
 from interplan_sumo.verification.map_bundling import carry_map, own_maps_root
 from interplan_sumo.world.recording import Recording
@@ -122,11 +123,10 @@ def recorded_scenes(
         for at_s in dict.fromkeys(moments.at_s)
         for agents in forms
     ]  # fmt: skip
-    ids = [each.scenario.id for each in made]
-    if len(set(ids)) < len(ids) and len(recordings) > 1:
-        twice = next(id for i, id in enumerate(ids) if id in ids[:i])
+    twice = first_twice(each.scenario.id for each in made)
+    if twice and len(recordings) > 1:
         raise InputError(f"two scenes would be called {twice}; name one moment at a time with --ego")
-    if len(set(ids)) < len(ids):
+    if twice:
         raise InputError(f"two of the times {', '.join(f'{at_s:g}' for at_s in moments.at_s)} s are the same step")
     return carried(made, files, folder, overwrite=overwrite)
 
@@ -143,9 +143,9 @@ def carried(
     return [replace(each, scenario=replace(each.scenario, maps_beside=beside)) for each in made]
 
 
-def write_scenes(folder: Path, scenes: Sequence[RecordedScene], verdicts: Iterable[SearchResult]) -> int:
+def write_scenes(folder: Path, scenes: Sequence[RecordedScene], proofs: Iterable[Proof]) -> int:
     """Write scenarios, certificates, the report and who was left out; how many are certified."""
-    passed = write_proved(folder, [each.scenario for each in scenes], verdicts)
+    passed = write_proved(folder, [each.scenario for each in scenes], proofs)
     rows = [(each.scenario.id, track, reason) for each in scenes for track, reason in each.left_out]
     write_rows(folder / LEFT_OUT, ("scenario_id", "track", "reason"), rows)
     return passed

@@ -132,7 +132,7 @@ class _Lattice:
         self._levels = max(int((fastest_mps + TOLERANCE_MPS) / LEVEL_MPS), self._first_level) + 1
         self._goal = int(np.ceil((corridor.goal_m - start.arc_m) / CELL_M)) + 1
         self._cells = self._goal + 2 * self._levels + 2
-        self._behind_gate = 0 if gate is None else max(int((gate.arc_m - start.arc_m) / CELL_M) + 1, 0)
+        self._behind_gate = 0 if gate is None else int((gate.arc_m - start.arc_m) / CELL_M) + 1
         grid = SpeedGrid(start.arc_m, self._cells, self._levels)
         self._occupancy = PathOccupancy(problem, margins, grid)
         at = np.clip(np.rint((grid.arcs_m - corridor.arc_m[0]) / GRID_M).astype(np.int64), 0, len(corridor.arc_m) - 1)

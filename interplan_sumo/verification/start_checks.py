@@ -12,7 +12,7 @@ from interplan_sumo.families.crossing import crossing_problems
 from interplan_sumo.families.passing import obstacle_corners
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.constant_velocity import HOLD_S, OVERLAP_M, STEP_S, ego_boxes, ego_held
-from interplan_sumo.scenario.route import goal_arc_m, route_centerline, route_lanes
+from interplan_sumo.scenario.route import goal_arc_m, route_centerline, route_lanes, start_arc_m
 from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, box_corners, penetration_m
@@ -81,8 +81,7 @@ def _route_problems(scenario: Scenario, roads: Roads) -> list[str]:
 def _goal_problems(scenario: Scenario, roads: Roads) -> list[str]:
     """The goal line lies ahead, and well behind everything that stands or crosses."""
     line, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
-    start = scenario.start.pose(roads)
-    start_m, _ = line.project_point(start.x_m, start.y_m)
+    start_m = start_arc_m(roads, scenario)
     if goal_m <= start_m + PACIFICA.length_m:
         return [
             f"goal: it lies {goal_m - start_m:.1f} m ahead of the start along the route, "

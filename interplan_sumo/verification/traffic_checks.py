@@ -98,5 +98,5 @@ def _named(roads: Roads, actors: Actors, row: int) -> str:
     x_m, y_m = float(actors.x_m[row]), float(actors.y_m[row])
     lane_id = roads.nearest_lane(x_m, y_m)
     arc_m, _ = roads[lane_id].centerline.project_point(x_m, y_m)
-    kind = ActorKind(int(actors.kind[row])).name.lower().replace("_", " ")
+    kind = ActorKind(int(actors.kind[row])).words
     return f"the {kind} on lane {lane_id} at {arc_m:.1f} m ({float(actors.speed_mps[row]):.1f} m/s)"

@@ -30,6 +30,11 @@ class ActorKind(IntEnum):
         """Whether nuPlan counts it as an agent rather than a static object."""
         return self <= ActorKind.BICYCLE
 
+    @property
+    def words(self) -> str:
+        """For people: `traffic cone`."""
+        return self.name.lower().replace("_", " ")
+
 
 _COLUMNS = ("kind", "x_m", "y_m", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps")
 

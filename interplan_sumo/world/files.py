@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from interplan_sumo.errors import InputError
+
 PART: Final = ".part-"
 """Names of files and folders that are being written begin so; a process that was killed may leave one behind."""
 
@@ -35,6 +37,16 @@ def replacing(path: Path) -> Generator[Path]:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+@contextmanager
+def writing(what: object, way_out: str = "", kind: type[InputError] = InputError) -> Generator[None]:
+    """Inside the block what the system refuses becomes one line: what cannot be written, why, and a way out."""
+    try:
+        yield
+    except OSError as error:
+        hint = f"; {way_out}" if way_out else ""
+        raise kind(f"cannot write {what}: {error.strerror or error}{hint}") from None
 
 
 def file_hash(path: Path) -> str:

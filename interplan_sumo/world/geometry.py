@@ -87,6 +87,11 @@ class Polyline:
         delta = np.diff(self.points, axis=0)
         return frozen(np.arctan2(delta[:, 1], delta[:, 0]))
 
+    @property
+    def turned_rad(self) -> float:
+        """Heading of the last segment relative to the first, counter-clockwise, at most half a turn."""
+        return float(wrap_angle(self.segment_heading_rad[-1] - self.segment_heading_rad[0]))
+
     @cached_property
     def vertex_heading_rad(self) -> Floats:
         """(N,) unwrapped heading at each vertex: that of the segment ahead, the last one repeated (nuPlan's rule)."""
@@ -204,10 +209,9 @@ class Polyline:
         """The same line with vertices at most `spacing_m` apart; every old vertex is kept."""
         lengths = np.diff(self.arc_m)
         pieces = np.maximum(1, np.ceil(lengths / spacing_m - 1e-9)).astype(np.int64)
-        at: list[Floats] = [
-            np.linspace(self.arc_m[i], self.arc_m[i + 1], count, endpoint=False) for i, count in enumerate(pieces)
-        ]
-        arc = np.concatenate((*at, self.arc_m[-1:]))
+        within = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        arc = within * np.repeat(lengths / pieces, pieces) + np.repeat(self.arc_m[:-1], pieces)
+        arc = np.append(arc, self.arc_m[-1])
         return Polyline(self.poses_at(arc)[:, :2])
 
 

@@ -21,11 +21,12 @@ _GZIP_MAGIC = b"\x1f\x8b"
 def elements(path: Path, root: str) -> Generator[Element]:
     """The root element as it opens, then each of its children, complete; the tree lets go of a child after its turn.
 
-    MapError names the file if it is missing, damaged, holds entities or has another root than `root`.
+    MapError names the file if it is missing or damaged, has another root than `root`, or declares a document type or
+    entities.
     """
     with _damage_named(path), _opened(path) as stream:
         depth, top = 0, None
-        for event, element in iterparse(stream, events=("start", "end")):
+        for event, element in iterparse(stream, events=("start", "end"), forbid_dtd=True):
             depth += 1 if event == "start" else -1
             if top is None:
                 if element.tag != root:
@@ -44,7 +45,8 @@ def _damage_named(path: Path) -> Generator[None]:
     except FileNotFoundError:
         raise MapError(f"no file at {path}; check the path") from None
     except DefusedXmlException as error:
-        raise MapError(f"{path}: it defines entities ({type(error).__name__}); remove them") from error
+        what = "declares a document type or entities, which are refused"
+        raise MapError(f"{path}: {what}; save it again without them") from error
     except (ParseError, EOFError, zlib.error, gzip.BadGzipFile, UnicodeError, LookupError, ValueError) as error:
         raise MapError(f"{path}: the file is damaged ({error}); copy or download it again") from error
     except OSError as error:

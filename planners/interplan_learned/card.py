@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
+import msgspec
+
 from interplan_sumo.errors import InputError
 from interplan_sumo.features import schema
 
@@ -81,15 +83,6 @@ def read_card(path: Path) -> Card:
                 f"{path} was trained with {held} of format {plain.get(key)}, this version makes {wanted}; train again"
             )
     try:
-        graphs = {name: _graph(each) for name, each in plain.pop("graphs").items()}
-        return Card(graphs=graphs, **plain)
-    except (TypeError, KeyError, AttributeError, ValueError) as error:
-        raise InputError(f"the model card {path} is damaged: {type(error).__name__}: {error}; train again") from None
-
-
-def _graph(plain: Mapping[str, Any]) -> Graph:
-    return Graph(plain["file"], plain["sha256"], _ports(plain["inputs"]), _ports(plain["outputs"]))
-
-
-def _ports(plain: Mapping[str, Any]) -> dict[str, Port]:
-    return {name: Port(tuple(each["shape"]), each["dtype"]) for name, each in plain.items()}
+        return msgspec.convert(plain, Card)
+    except msgspec.ValidationError as error:
+        raise InputError(f"the model card {path} is damaged: {error}; train again") from None

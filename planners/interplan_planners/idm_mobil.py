@@ -10,17 +10,15 @@ import numpy as np
 from interplan_planners.common.forecast import constant_velocity
 from interplan_planners.common.gaps import GapRules
 from interplan_planners.common.idm_policy import IdmDriver
-from interplan_planners.common.lane_change import lane_change_path
 from interplan_planners.common.lane_routes import LaneRoute, Ways
-from interplan_planners.common.mobil_options import ChangeStyle, options, synchronised
+from interplan_planners.common.mobil_options import ChangeStyle, Sight, options, synchronised
 from interplan_planners.common.neighbours import moved, stands_for_good, together
 from interplan_planners.common.occupancy import occupancy
-from interplan_planners.common.paths import DrivingPath, braking_plan, plan_along
+from interplan_planners.common.paths import DrivingPath, braking_plan, lane_change_path, plan_along
 from interplan_planners.common.red_lights import RedLights
 from interplan_planners.common.rollout import ProposalPath, RolloutClock, RolloutStart, roll_out
 from interplan_planners.common.route_correction import corrected_route
 from interplan_planners.common.route_search import LaneFinder, lanes_of_route
-from interplan_planners.common.sight import Sight
 from interplan_planners.mobil_published import PublishedMobil
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.ego import EgoState
@@ -63,7 +61,7 @@ class MobilDecision:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Course:
+class _Intent:
     """What the ego is doing: keeping to a way, or changing to one."""
 
     path: DrivingPath
@@ -75,7 +73,7 @@ class _Course:
     """(S,) for each metre of the path."""
     ahead_m: float = 0.0
     """How much larger arc lengths of the path are than those of the way beside it."""
-    old: _Course | None = None
+    old: _Intent | None = None
     """What it leaves, while it changes."""
     aborting: bool = False
 
@@ -152,7 +150,7 @@ class IdmMobilPlanner:
 
     def start(self, mission: Mission) -> None:
         self._mission = mission
-        self._course: _Course | None = None
+        self._intent: _Intent | None = None
         self._calm_until_s = -np.inf
         self._eases_until_s = -np.inf
         self.decision = None
@@ -163,27 +161,27 @@ class IdmMobilPlanner:
         if self.published is not None:
             return self.published.plan(observation)
         ego, shape = observation.ego, self._mission.shape
-        course = self._begun(ego) if self._course is None else self._current(ego, self._course)
+        intent = self._begun(ego) if self._intent is None else self._current(ego, self._intent)
         forecast = constant_velocity(observation.actors, self.settings.horizon_s, STEP_S)
         closed = self._red_lights.closed(observation.signals, ego, shape)
         sight = Sight(ego, shape, forecast, stands_for_good(observation), self._red_lights, closed)
         cap: tuple[Floats, float] | None = None
-        if course.old is None:
-            course, cap = self._decided(sight, course)
-        elif not course.aborting and self._threatened(sight, course, course.old):
+        if intent.old is None:
+            intent, cap = self._decided(sight, intent)
+        elif not intent.aborting and self._threatened(sight, intent, intent.old):
             self._calm_until_s = ego.time_s + COOL_DOWN_S
             way_m = max(0.75 * self.settings.change_time_s * ego.speed_mps, SHORTEST_CHANGE_M)
-            course = self._changing(course, course.old.way, course.old.index, ego, way_m, aborting=True)
-        self._course = course
-        manoeuvre = "keep" if course.old is None else "abort" if course.aborting else "change"
-        self.decision = MobilDecision(manoeuvre, course.way.lanes[0], cap is not None)
-        if _off_m(course.path, ego) > FARTHEST_FROM_PATH_M:
+            intent = self._changing(intent, intent.old.way, intent.old.index, ego, way_m, aborting=True)
+        self._intent = intent
+        manoeuvre = "keep" if intent.old is None else "abort" if intent.aborting else "change"
+        self.decision = MobilDecision(manoeuvre, intent.way.lanes[0], cap is not None)
+        if _off_m(intent.path, ego) > FARTHEST_FROM_PATH_M:
             return braking_plan(ego, self.driver.max_deceleration_mps2, self.settings.horizon_s, STEP_S)
-        return self._driven(sight, course, cap)
+        return self._driven(sight, intent, cap)
 
     # --- what to do ----------------------------------------------------------------------------
 
-    def _begun(self, ego: EgoState) -> _Course:
+    def _begun(self, ego: EgoState) -> _Intent:
         roads = self._mission.roads
         route = corrected_route(roads, self._mission.route, ego.pose)
         self._lanes = LaneFinder(roads, route)
@@ -191,64 +189,64 @@ class IdmMobilPlanner:
         self._red_lights = RedLights(roads, lanes_of_route(roads, route), self._mission.shape.width_m / 2)
         return self._kept(*self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad))
 
-    def _kept(self, index: int, lane_id: str) -> _Course:
+    def _kept(self, index: int, lane_id: str) -> _Intent:
         way = self._ways.from_lane(index, lane_id)
-        return _Course(way.path, way, index, way.limit_mps)
+        return _Intent(way.path, way, index, way.limit_mps)
 
-    def _current(self, ego: EgoState, course: _Course) -> _Course:
-        """The course as it stands now: a change may be done, or the path lost."""
-        if course.old is not None:
-            arc_m, left_m = course.way.path.line.project_point(ego.x_m, ego.y_m)
-            turned = wrap_angle(ego.heading_rad - course.way.path.line.pose_at(arc_m).heading_rad)
+    def _current(self, ego: EgoState, intent: _Intent) -> _Intent:
+        """The intent as it stands now: a change may be done, or the path lost."""
+        if intent.old is not None:
+            arc_m, left_m = intent.way.path.line.project_point(ego.x_m, ego.y_m)
+            turned = wrap_angle(ego.heading_rad - intent.way.path.line.pose_at(arc_m).heading_rad)
             if abs(left_m) <= SETTLED_M and abs(turned) <= SETTLED_RAD:
-                return self._kept(course.index, course.way.lanes[0])
-        if _off_m(course.path, ego) > FARTHEST_FROM_PATH_M:
+                return self._kept(intent.index, intent.way.lanes[0])
+        if _off_m(intent.path, ego) > FARTHEST_FROM_PATH_M:
             return self._kept(*self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad))
-        return course
+        return intent
 
-    def _decided(self, sight: Sight, course: _Course) -> tuple[_Course, tuple[Floats, float] | None]:
+    def _decided(self, sight: Sight, intent: _Intent) -> tuple[_Intent, tuple[Floats, float] | None]:
         """Keep the lane or begin a change; and caps on acceleration and speed, if a gap is waited for."""
         ego = sight.ego
-        arc_m, _ = course.path.line.project_point(ego.x_m, ego.y_m)
-        place = int(np.searchsorted(course.way.starts_m, arc_m, side="right")) - 1
-        index, lane_id = course.index + place, course.way.lanes[place]
+        arc_m, _ = intent.path.line.project_point(ego.x_m, ego.y_m)
+        place = int(np.searchsorted(intent.way.starts_m, arc_m, side="right")) - 1
+        index, lane_id = intent.index + place, intent.way.lanes[place]
         if not self._ways.beside(lane_id) or ego.time_s < self._calm_until_s:
-            return course, None
-        here = sight.on(course.way)
+            return intent, None
+        here = sight.on(intent.way)
         found = options(sight, self._ways, here, index, lane_id, self._style)
         good = [o for o in found if o.verdict.safe and o.incentive_mps2 >= self.settings.threshold_mps2]
         if good:
             best = max(good, key=lambda option: option.incentive_mps2)
-            starts_m = course.way.starts_m
-            lane_end_m = float(starts_m[place + 1]) if place + 1 < len(starts_m) else course.path.length_m
+            starts_m = intent.way.starts_m
+            lane_end_m = float(starts_m[place + 1]) if place + 1 < len(starts_m) else intent.path.length_m
             way_m = max(self.settings.change_time_s * ego.speed_mps, SHORTEST_CHANGE_M)
             longest_m = (lane_end_m - arc_m) / (1.0 - MOST_BEYOND_LANE)
             if longest_m >= SHORTEST_CHANGE_M:
-                return self._changing(course, best.there.way, best.index, ego, min(way_m, longest_m)), None
+                return self._changing(intent, best.there.way, best.index, ego, min(way_m, longest_m)), None
         wished = max((o for o in found if o.wished), key=lambda option: option.incentive_mps2, default=None)
         if wished is None:
-            return course, None
+            return intent, None
         needed = self._ways.changes_needed.get(lane_id, 1)
-        return course, synchronised(sight, here, wished, needed, self._steps, STEP_S)
+        return intent, synchronised(sight, here, wished, needed, self._steps, STEP_S)
 
     def _changing(
-        self, course: _Course, way: LaneRoute, index: int, ego: EgoState, way_m: float, aborting: bool = False
-    ) -> _Course:
-        """A course from the ego's pose to another way, over a length of it."""
+        self, intent: _Intent, way: LaneRoute, index: int, ego: EgoState, way_m: float, aborting: bool = False
+    ) -> _Intent:
+        """An intent from the ego's pose to another way, over a length of it."""
         self._eases_until_s = ego.time_s + EASING_S
         path = DrivingPath(lane_change_path(way.path.line, ego.pose, way_m))
         ahead_m = path.line.project_point(ego.x_m, ego.y_m)[0] - way.path.line.project_point(ego.x_m, ego.y_m)[0]
         metres = np.arange(int(path.length_m) + 1) - round(ahead_m)
         limit_mps = way.limit_mps[np.clip(metres, 0, len(way.limit_mps) - 1)]
-        return _Course(path, way, index, limit_mps, ahead_m, old=course, aborting=aborting)
+        return _Intent(path, way, index, limit_mps, ahead_m, old=intent, aborting=aborting)
 
-    def _threatened(self, sight: Sight, course: _Course, old: _Course) -> bool:
+    def _threatened(self, sight: Sight, intent: _Intent, old: _Intent) -> bool:
         """Whether the gap closes while the ego can still go back, and there is a place to go back to."""
         back = sight.on(old.way)
         if abs(back.left_m) > HALF_LANE_M:
             return False
         speed_mps = max(sight.ego.speed_mps, 0.0)
-        closes = sight.on(course.way).side.closes(speed_mps, ABORT_BRAKING_MPS2, ABORT_GAP_M, ABORT_WITHIN_S)
+        closes = sight.on(intent.way).side.closes(speed_mps, ABORT_BRAKING_MPS2, ABORT_GAP_M, ABORT_WITHIN_S)
         return closes and min(back.side.gap_m, back.side.follower_gap_m) >= ABORT_GAP_M
 
     # --- how to drive it -----------------------------------------------------------------------
@@ -257,23 +255,23 @@ class IdmMobilPlanner:
     def _steps(self) -> int:
         return round(self.settings.horizon_s / STEP_S)
 
-    def _driven(self, sight: Sight, course: _Course, cap: tuple[Floats, float] | None) -> Trajectory:
-        """IDM along the course's path behind whoever is on it, and on the way that it leads to."""
-        ego, shape, path = sight.ego, sight.shape, course.path
+    def _driven(self, sight: Sight, intent: _Intent, cap: tuple[Floats, float] | None) -> Trajectory:
+        """IDM along the intent's path behind whoever is on it, and on the way that it leads to."""
+        ego, shape, path = sight.ego, sight.shape, intent.path
         arc_m, _ = path.line.project_point(ego.x_m, ego.y_m)
         half_width_m = shape.width_m / 2 + MARGIN_M
         stretch = (
             arc_m - shape.length_m,
-            arc_m + float(course.limit_mps.max()) * self.settings.horizon_s + shape.length_m,
+            arc_m + float(intent.limit_mps.max()) * self.settings.horizon_s + shape.length_m,
         )
         occupied = occupancy(path, half_width_m, sight.forecast, stretch)
-        if course.old is not None:
-            shifted_by = course.ahead_m
+        if intent.old is not None:
+            shifted_by = intent.ahead_m
             beside = occupancy(
-                course.way.path, half_width_m, sight.forecast, (stretch[0] - shifted_by, stretch[1] - shifted_by)
+                intent.way.path, half_width_m, sight.forecast, (stretch[0] - shifted_by, stretch[1] - shifted_by)
             )
             occupied = together(occupied, moved(beside, shifted_by))
-        track = ProposalPath(path.length_m, occupied, sight.red_lights.on_path(path, sight.closed), course.limit_mps)
+        track = ProposalPath(path.length_m, occupied, sight.red_lights.on_path(path, sight.closed), intent.limit_mps)
         most_mps2, most_mps = cap if cap is not None else (None, np.inf)
         half_m = shape.length_m / 2
         driver = self._eased(ego, track, arc_m + half_m)

@@ -108,8 +108,8 @@ class PdmClosedPlanner:
             self._lay_paths(axle)
         _, lane_id = self._lanes.at(axle.x_m, axle.y_m, axle.heading_rad)
         limit_mps = self._mission.roads[lane_id].speed_limit_mps or self.settings.fallback_limit_mps
-        course = PdmCorridor(self._paths, self._center, self._ground, self._red_lights, limit_mps)
-        plan, self.decision = self._motion.plan(observation, course)
+        corridor = PdmCorridor(self._paths, self._center, self._ground, self._red_lights, limit_mps)
+        plan, self.decision = self._motion.plan(observation, corridor)
         return plan
 
     def _begin(self, axle: Pose) -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 
-from interplan_sumo.batch.shared_phase import Publish
-from interplan_sumo.batch.tasks import Answer, Work
+from interplan_sumo.batch.tasks import Answer, Publish, Work
 
 
 def open_hasher(_group: str, publish: Publish) -> Work:

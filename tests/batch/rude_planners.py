@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import sys
 import time
 from dataclasses import replace
 
@@ -13,10 +11,6 @@ import numpy as np
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.trajectory import Trajectory
-
-
-class Steady(StraightAhead):
-    """Behaves; drives with the rude ones to show that it is unharmed."""
 
 
 class NeverBegins(StraightAhead):
@@ -37,34 +31,6 @@ class ReturnsNan(StraightAhead):
         return replace(plan, x_m=np.full(len(plan), np.nan))
 
 
-class ReturnsNothing(StraightAhead):
-    def plan(self, observation: Observation) -> Trajectory:
-        super().plan(observation)
-        return None  # type: ignore[return-value]
-
-
-class ReturnsThePast(StraightAhead):
-    def plan(self, observation: Observation) -> Trajectory:
-        plan = super().plan(observation)
-        return replace(plan, time_s=plan.time_s - 20.0)
-
-
-class Teleports(StraightAhead):
-    def plan(self, observation: Observation) -> Trajectory:
-        plan = super().plan(observation)
-        return replace(plan, x_m=plan.x_m + 500.0)
-
-
-class Exits(StraightAhead):
-    def plan(self, observation: Observation) -> Trajectory:  # noqa: ARG002
-        sys.exit("enough")
-
-
-class Interrupts(StraightAhead):
-    def plan(self, observation: Observation) -> Trajectory:  # noqa: ARG002
-        raise KeyboardInterrupt
-
-
 class Interrupted(StraightAhead):
     """The user's Ctrl-C, while it plans."""
 
@@ -81,32 +47,9 @@ class Terminated(Interrupted):
     number = signal.SIGTERM
 
 
-class ExitsHard(StraightAhead):
-    def plan(self, observation: Observation) -> Trajectory:  # noqa: ARG002
-        os._exit(3)
-
-
-class Crashes(StraightAhead):
-    def plan(self, observation: Observation) -> Trajectory:
-        os.kill(os.getpid(), signal.SIGSEGV)
-        return super().plan(observation)
-
-
 class Hangs(StraightAhead):
     def plan(self, observation: Observation) -> Trajectory:
         time.sleep(600.0)
-        return super().plan(observation)
-
-
-class Allocates(StraightAhead):
-    def plan(self, observation: Observation) -> Trajectory:
-        bytearray(50 << 30)
-        return super().plan(observation)
-
-
-class Forks(StraightAhead):
-    def plan(self, observation: Observation) -> Trajectory:
-        os.fork()
         return super().plan(observation)
 
 

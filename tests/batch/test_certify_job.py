@@ -19,7 +19,7 @@ def test_a_worker_finds_and_checks_what_this_process_finds() -> None:
     assert set(here) == {s.id for s in SCENARIOS}
     (there,) = proofs(SCENARIOS[1:], workers=1)
     assert there.certificate is not None
-    assert there.certificate.as_json() == here["nudge/2"].as_json()
+    assert there.certificate.record() == here["nudge/2"].record()
     worse = {**here, "nudge/0": Certificate(replace(here["nudge/0"].summary, score=0.5), here["nudge/0"].track)}
     checked = {p.scenario.id: p for p in proofs(SCENARIOS, workers=0, stored=worse)}
     assert checked["nudge/2"].problems == ()

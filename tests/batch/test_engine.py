@@ -12,8 +12,7 @@ import pytest
 
 from interplan_sumo.batch.engine import run_tasks, run_with
 from interplan_sumo.batch.records import Fault
-from interplan_sumo.batch.shared_phase import SharedPhase
-from interplan_sumo.batch.tasks import Answer, Limits, Outcome, Task
+from interplan_sumo.batch.tasks import Answer, Limits, Outcome, SharedPhase, Task
 from interplan_sumo.batch.worker import attempt
 from interplan_sumo.batch.worker_pool import ProcessPool, Worker
 from interplan_sumo.errors import InputError, PlannerLoadError

@@ -11,16 +11,16 @@ import pytest
 
 from interplan_sumo.batch.jobs import ScenarioSource, own_maps
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import JobKey
-from interplan_sumo.batch.rescore import rescore
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
+from interplan_sumo.batch.stored_drive import rescore
 from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, MapError, RunFolderError
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.verification.recorded_scenes import Moments, recorded_scenes, write_scenes
 from interplan_sumo.world.recording import Recording
+from tests.records import hashes
 from tests.scenario.made_recordings import recording, track
 
 
@@ -37,10 +37,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def driven(file: Path, out: Path, workers: int = 0, planners: Sequence[str] = ("straight_ahead",)) -> StoredRun:
     return run(RunOptions(planners=tuple(planners), out=out, scenarios=(str(file),), workers=workers))
-
-
-def hashes(stored: StoredRun) -> dict[JobKey, object]:
-    return {key: (row.trace_hash, row.score) for key, row in stored.rows.items()}
 
 
 def test_a_moved_folder_gives_the_same_drives_in_any_number_of_processes(folder: Path, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +11,9 @@ from interplan_sumo.batch.custom_references import own_expert
 from interplan_sumo.batch.jobs import ScenarioSource, split_files
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import AppliedOverrides
-from interplan_sumo.batch.rescore import rescore
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun
+from interplan_sumo.batch.stored_drive import rescore
 from interplan_sumo.errors import InputError, RunFolderError, ScenarioError, UnknownNameError
 from interplan_sumo.report.table import make_table
 from interplan_sumo.scenario.files import write_scenarios
@@ -64,12 +63,6 @@ def test_progress_is_measured_against_a_drive_that_is_kept_in_the_folder(stored:
     assert {path: path.stat().st_mtime_ns for path in kept} == before
 
 
-def test_the_folder_is_scored_again_without_the_users_file(stored: StoredRun) -> None:
-    scored, problems = rescore(stored, "interplan-paper")
-    assert problems == []
-    assert {k: row.score for k, row in scored.rows.items()} == {k: row.score for k, row in stored.rows.items()}
-
-
 def test_overrides_of_own_scenarios_are_scored_again_too(tmp_path: Path, file: Path) -> None:
     found = run(request(tmp_path / "run", file, "mine/1", density="high"))
     scored, problems = rescore(found, "nuplan")
@@ -91,14 +84,6 @@ def test_a_file_that_has_changed_is_another_benchmark(tmp_path: Path, file: Path
     write_scenarios((replace(PLAIN, start_speed_mps=11.0), OTHER), file)
     with pytest.raises(RunFolderError, match="suite_hash"):
         run(request(tmp_path / "run", file, "mine/0"))
-
-
-def test_a_repeated_run_does_nothing_twice(tmp_path: Path, file: Path) -> None:
-    first = run(request(tmp_path / "run", file, "mine/0"))
-    lines = (first.path / "results.jsonl").read_text()
-    assert run(request(tmp_path / "run", file, "mine/0")).rows == first.rows
-    assert (first.path / "results.jsonl").read_text() == lines
-    assert json.loads(lines)["official"] is False
 
 
 def test_a_source_is_a_suite_or_files(tmp_path: Path, file: Path) -> None:

@@ -15,7 +15,7 @@ from interplan_sumo.batch import ray_backend
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.processes import environment
 from interplan_sumo.batch.ray_backend import RayPool, run_on_ray
-from interplan_sumo.batch.records import Brief, JobKey, Row
+from interplan_sumo.batch.records import Brief, Row
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
@@ -30,6 +30,7 @@ from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.world.trace import Trace
 from tests.batch.busy import BUSY
 from tests.batch.toys import ToysAway
+from tests.records import hashes
 
 pytestmark = pytest.mark.slow  # a cluster takes its time to start
 
@@ -183,10 +184,6 @@ class Interrupting:
 
     def finished(self, row: Row) -> None:
         raise KeyboardInterrupt(row.scenario_id)
-
-
-def hashes(stored: StoredRun) -> dict[JobKey, object]:
-    return {key: (row.trace_hash, row.score) for key, row in stored.rows.items()}
 
 
 def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_the_files_they_came_from(

@@ -17,8 +17,7 @@ from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.results import write_rows
 from interplan_sumo.batch.run_folder import RunFolder, read_run
-from interplan_sumo.batch.shared_phase import Publish
-from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
+from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.report.progress import PlainProgress, Tally
 from tests.batch.toy_run import toy_manifest

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from interplan_sumo.batch.remote_jobs import Files
-from interplan_sumo.batch.shared_phase import Publish
-from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Work
+from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Publish, Work
 from interplan_sumo.errors import InputError, MapError, TrafficError
 
 

@@ -40,8 +40,9 @@ def test_a_connector_exits_the_lane_behind_it_and_enters_the_one_ahead() -> None
         row: Any = layers[schema.CONNECTORS].loc[id_]
         assert (row.exit_lane_fid, row.entry_lane_fid) == (int(connector.from_lane_id), int(connector.to_lane_id))
         assert row.traffic_light_stop_line_fids == ",".join(connector.stop_line_ids)
-        shape: Any = layers[schema.CONNECTOR_POLYGONS].loc[id_]
-        assert shape.lane_connector_fid == int(id_)
+        shapes = layers[schema.CONNECTOR_POLYGONS]
+        (shape,) = shapes.geometry[shapes["lane_connector_fid"] == int(id_)]
+        assert shape.equals(connector.polygon)
 
 
 def test_every_lane_and_connector_has_one_centre_line_with_a_vertex_each_metre() -> None:

@@ -87,15 +87,14 @@ def test_equal_drives_and_seeds_give_equal_bytes_and_other_seeds_other_moments(o
     assert first == same != other
 
 
-def test_fewer_samples_are_the_first_of_more(ours: Path, tmp_path: Path) -> None:
+def test_fewer_samples_are_the_first_of_more_and_every_scenario_is_taken_before_a_second_moment_of_one(
+    ours: Path, tmp_path: Path
+) -> None:
     more, _ = written(tmp_path / "a.jsonl", ours)
     fewer, card = written(tmp_path / "b.jsonl", ours, count=1)
     assert fewer == more[:1]
     assert card["options"]["count"] == 1
-
-
-def test_every_scenario_is_taken_before_a_second_moment_of_one(ours: Path, tmp_path: Path) -> None:
-    _, card = written(tmp_path / "a.jsonl", ours, each=3, count=2)
+    _, card = written(tmp_path / "c.jsonl", ours, each=3, count=2)
     assert {each["scenario"] for each in card["drawn"]} == {"mine/0", "mine/1"}
 
 

@@ -68,7 +68,7 @@ def test_samples_hold_what_the_planner_saw_and_what_came_of_it(driven: Path, exp
     assert (edges[1:, 0] == edges[:-1, 1]).all()  # a chain
 
 
-def test_drives_carry_what_splits_and_audits_need(exported: Path) -> None:
+def test_drives_carry_what_splits_and_audits_need_and_shards_are_full_but_for_the_last(exported: Path) -> None:
     dataset = read_dataset(exported)
     manifest = dataset.manifest
     found = [(d.scenario_id, d.family, d.map, d.planner, d.seed, d.origin) for d in dataset.drives]
@@ -85,6 +85,9 @@ def test_drives_carry_what_splits_and_audits_need(exported: Path) -> None:
     assert sum(d.samples for d in dataset.drives) == manifest.counts.samples == len(dataset)
     assert manifest.sources[0].name == "mine"
     assert set(manifest.maps) == {d.map for d in dataset.drives}
+    *full, last = (each.samples for each in manifest.shards)
+    assert set(full) == {4}
+    assert 1 <= last <= 4
 
 
 def test_maps_and_seeds_are_held_out_whole(driven: Path, tmp_path: Path) -> None:
@@ -100,12 +103,6 @@ def test_maps_and_seeds_are_held_out_whole(driven: Path, tmp_path: Path) -> None
         assert {(dataset.drives[n].family, dataset.drives[n].seed) for n in rows} == expected
         assert {dataset.drives[n].split for n in rows} == {split}
         assert len(rows) == len(dataset.split(split)) == manifest.counts.by_split[split]
-
-
-def test_shards_are_full_but_for_the_last_of_a_split(exported: Path) -> None:
-    sizes = [each.samples for each in read_dataset(exported).manifest.shards]
-    assert set(sizes[:-1]) == {4}
-    assert 1 <= sizes[-1] <= 4
 
 
 def test_low_scores_and_excluded_families_stay_out_and_are_counted(driven: Path, tmp_path: Path) -> None:

@@ -64,16 +64,6 @@ def test_a_batch_holds_the_fields_that_were_asked_for_in_their_shapes(dataset: D
     assert {field.name for field in schema.FIELDS} <= set(everything)
 
 
-def test_futures_hang_together_with_histories(dataset: Dataset) -> None:
-    (batch,) = dataset.split("train").batches(10_000, fields=("ego_history", "ego_future", "agents", "agent_futures"))
-    speed = batch["ego_history"][:, -1, 3]
-    np.testing.assert_allclose(batch["ego_future"][:, 0, 0], 0.1 * speed, atol=0.02)
-    both = (batch["agents"][:, :, -1, 12] > 0) & (batch["agent_futures"][:, :, 0, 3] > 0)
-    stepped = batch["agent_futures"][:, :, 0, :2] - batch["agents"][:, :, -1, :2]
-    off_m = np.hypot(*np.moveaxis(stepped - 0.1 * batch["agents"][:, :, -1, 3:5], -1, 0))[both]
-    assert np.quantile(off_m, 0.99) < 0.1
-
-
 def test_names_that_do_not_exist_are_told(dataset: Dataset) -> None:
     with pytest.raises(UnknownNameError, match=r"no split named 'tain'. Did you mean 'train'"):
         dataset.split("tain")

@@ -7,20 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds import junction
 
 from interplan_sumo.dataset.drives import DriveSelection
 from interplan_sumo.dataset.export import ExportRequest, export
 from interplan_sumo.dataset.reading import read_dataset
 from interplan_sumo.errors import InputError
 from interplan_sumo.features.schema import BY_NAME, SITUATIONS, channel_index
-from interplan_sumo.maps.geopackage_writer import write_map
-from interplan_sumo.maps.store import write_maps_manifest
 from interplan_sumo.world.ego import PACIFICA
-from tests.recordings.nuplan_dbs import MAP, Goes, write_log
+from tests.recordings.nuplan_dbs import MAP, X_M, Y_M, Goes, maps_root, write_log
 
-ROADS = junction(arm_m=150.0)
-X_M, Y_M = (float(value) for value in ROADS["1"].centerline.points[0])
 EGO = Goes(X_M + 20.0, Y_M, 0.0, 8.0)  # its rear axle
 LEADER = Goes(X_M + 45.0, Y_M, 0.0, 8.0)
 WALKER = Goes(X_M + 150.0, Y_M - 8.0, 0.0, 0.0, "pedestrian", (0.8, 0.8))
@@ -29,12 +24,7 @@ RED = {13: dict.fromkeys(range(801), "red")}
 
 @pytest.fixture
 def maps(tmp_path: Path) -> Path:
-    """nuPlan's maps as a user has them: without SUMO networks."""
-    there = tmp_path / "maps" / MAP / "9.1.1"
-    there.mkdir(parents=True)
-    write_map(ROADS, there / "map.gpkg")
-    write_maps_manifest(tmp_path / "maps")
-    return tmp_path / "maps"
+    return maps_root(tmp_path)
 
 
 def request(out: Path, maps: Path, *sources: Path, **choice: object) -> ExportRequest:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import pi
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,8 +16,9 @@ from interplan_sumo.features.view import Arrays, EgoView
 from interplan_sumo.planner import Mission, Observation, Past
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
-from interplan_sumo.world.geometry import Floats, Polyline, Pose, wrap_angle
-from interplan_sumo.world.roads import Area, DrivingSide, Roads
+from interplan_sumo.world.geometry import Floats, Pose, wrap_angle
+from interplan_sumo.world.roads import Area, DrivingSide
+from tests.metrics.staging import moved_roads
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Move:
         goal = mission.goal
         x, y = self.points(np.array((goal.x_m, goal.y_m)))
         pose = Pose(float(x), float(y), float(wrap_angle(goal.heading_rad + self.turn_rad)))
-        return replace(mission, roads=self.roads(mission.roads), goal=pose)
+        return replace(mission, roads=moved_roads(mission.roads, self.points), goal=pose)
 
     def observation(self, observation: Observation) -> Observation:
         past = Past(tuple(map(self.ego, observation.past.egos)), tuple(map(self.actors, observation.past.actors)))
@@ -53,22 +53,6 @@ class Move:
         vx, vy = Move(self.turn_rad, 0.0, 0.0).points(np.stack((actors.vx_mps, actors.vy_mps), axis=1)).T
         heading = wrap_angle(actors.heading_rad + self.turn_rad)
         return replace(actors, x_m=x, y_m=y, heading_rad=heading, vx_mps=vx, vy_mps=vy)
-
-    def roads(self, roads: Roads) -> Roads:
-        tables = ("lanes", "connectors", "roadblocks", "stop_lines")
-        changed: dict[str, Any] = {
-            name: {id_: self._moved(each) for id_, each in getattr(roads, name).items()} for name in tables
-        }
-        for name in ("crosswalks", "intersections", "road_segments"):
-            changed[name] = tuple(map(self._moved, getattr(roads, name)))
-        return replace(roads, **changed)
-
-    def _moved(self, thing: Any) -> Any:
-        changed: dict[str, Any] = {"polygon": shapely.transform(thing.polygon, self.points)}
-        for name in ("centerline", "left_boundary", "right_boundary"):
-            if hasattr(thing, name):
-                changed[name] = Polyline(self.points(getattr(thing, name).points))
-        return replace(thing, **changed)
 
 
 MOVES = st.builds(Move, st.floats(-pi, pi), st.floats(-2e5, 2e5), st.floats(-2e5, 2e5))

@@ -11,8 +11,7 @@ from worlds import curved_road, ego, ego_on, junction, mission, observation, str
 
 from interplan_sumo.features.frame import EgoFrame
 from interplan_sumo.features.map_lines import map_lines
-from interplan_sumo.features.route_ahead import RouteAhead
-from interplan_sumo.features.view import EgoView
+from interplan_sumo.features.view import EgoView, RouteAhead
 from interplan_sumo.planner import Mission
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Pose

@@ -62,13 +62,6 @@ def test_a_car_ahead_on_the_left_that_drives_away_to_the_left() -> None:
     )
 
 
-def test_an_ego_that_heads_north_has_east_on_its_right() -> None:
-    here = ego(100.0, 50.0, heading_rad=pi / 2)
-    seen = observation(here, cars((103.0, 50.0, 2.0, 0.0)))
-    row = agents(seen, EgoFrame.of(here), DT_S)[0, NOW]
-    np.testing.assert_allclose(row[:5], (REAR_M, -3.0, -pi / 2, 0.0, -2.0), atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("actor", "bits"),
     [

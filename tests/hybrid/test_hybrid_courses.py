@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from worlds import cars, ego, junction, mission, observation, straight_road
 
-from interplan_llm.hybrid.behaviour_paths import Courses, passing_line
+from interplan_llm.hybrid.behaviour_paths import BehaviourPaths, passing_line
 from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, SceneObserver
 from interplan_planners.common.pdm import PdmCorridor
@@ -20,54 +20,54 @@ ASIDE = cars((130.0, -1.75), width_m=1.5)  # reaches a metre into the upper lane
 
 
 class Drive:
-    """One episode, of which courses are made."""
+    """One episode, of which corridors are made."""
 
     def __init__(self, job: Mission = ROAD, actors: Actors | None = None) -> None:
         self.watch = SceneObserver(job, 15.0)
         self.actors = Actors.none() if actors is None else actors
-        self._courses = Courses(self.watch, 15.0)
+        self._behaviour_paths = BehaviourPaths(self.watch, 15.0)
 
     def scene(self, state: EgoState) -> DecisionScene:
         past = Past((state,) * 20, (self.actors,) * 20)
         return self.watch.scene(observation(state, self.actors, None, past))
 
-    def course(self, behaviour: Behaviour, state: EgoState) -> PdmCorridor:
-        return self._courses.course(behaviour, self.scene(state), state.rear_axle(PACIFICA))
+    def corridor(self, behaviour: Behaviour, state: EgoState) -> PdmCorridor:
+        return self._behaviour_paths.corridor(behaviour, self.scene(state), state.rear_axle(PACIFICA))
 
 
-def ends_at_y_m(course: PdmCorridor) -> float:
-    line = course.center.line
+def ends_at_y_m(corridor: PdmCorridor) -> float:
+    line = corridor.center.line
     return float(line.points[-1, 1])
 
 
 def test_who_stops_while_passing_keeps_to_the_line_and_can_go_on() -> None:
     drive = Drive(actors=ASIDE)
-    passing = drive.course(Behaviour.OVERTAKE, ego(100.0, 0.0, 8.0))
-    stopping = drive.course(Behaviour.STOP, ego(110.0, 0.2, 8.0))
+    passing = drive.corridor(Behaviour.OVERTAKE, ego(100.0, 0.0, 8.0))
+    stopping = drive.corridor(Behaviour.STOP, ego(110.0, 0.2, 8.0))
     assert stopping.center is passing.center
     assert stopping.limit_mps == pytest.approx(0.0, abs=0.01)
-    going_on = drive.course(Behaviour.OVERTAKE, ego(112.0, 0.2, 1.0))
+    going_on = drive.corridor(Behaviour.OVERTAKE, ego(112.0, 0.2, 1.0))
     assert going_on is passing
 
 
 def test_who_stops_just_after_setting_out_for_another_lane_goes_back() -> None:
     drive = Drive()
-    merging = drive.course(Behaviour.MERGE_LEFT, ego(100.0, -3.5, 8.0))
-    stopping = drive.course(Behaviour.STOP, ego(108.0, -3.0, 8.0))
+    merging = drive.corridor(Behaviour.MERGE_LEFT, ego(100.0, -3.5, 8.0))
+    stopping = drive.corridor(Behaviour.STOP, ego(108.0, -3.0, 8.0))
     assert ends_at_y_m(merging) == pytest.approx(0.0, abs=0.01)
     assert ends_at_y_m(stopping) == pytest.approx(-3.5, abs=0.01)
 
 
 def test_who_follows_after_a_stop_has_the_limit_again() -> None:
     drive = Drive()
-    drive.course(Behaviour.STOP, ego(100.0, 0.0, 8.0))
-    assert drive.course(Behaviour.FOLLOW, ego(105.0, 0.0, 4.0)).limit_mps == pytest.approx(12.0)
+    drive.corridor(Behaviour.STOP, ego(100.0, 0.0, 8.0))
+    assert drive.corridor(Behaviour.FOLLOW, ego(105.0, 0.0, 4.0)).limit_mps == pytest.approx(12.0)
 
 
 @pytest.mark.parametrize(("behaviour", "aside_m"), [(Behaviour.FOLLOW, 1.0), (Behaviour.OVERTAKE, 0.2)])
 def test_beside_what_is_passed_the_proposals_keep_nearer_to_the_line(behaviour: Behaviour, aside_m: float) -> None:
-    course = Drive(actors=ASIDE).course(behaviour, ego(100.0, 0.0, 8.0))
-    ends = [path.line.points[-1] for path in course.paths]
+    corridor = Drive(actors=ASIDE).corridor(behaviour, ego(100.0, 0.0, 8.0))
+    ends = [path.line.points[-1] for path in corridor.paths]
     assert max(np.hypot(*(end - ends[0])) for end in ends) == pytest.approx(aside_m, abs=0.01)
 
 
@@ -83,5 +83,5 @@ def test_the_way_out_to_the_next_lane_and_back_is_gentle_where_there_is_room() -
 
 def test_who_is_still_on_the_oncoming_lane_may_drive_on_it_back_to_the_own() -> None:
     drive = Drive(mission(junction(), ("1", "13", "7")))  # comes from the west, 1.75 m right of the middle of the road
-    assert drive.course(Behaviour.FOLLOW, ego(-50.0, -1.75, 8.0)).ground is drive.watch.ground
-    assert drive.course(Behaviour.FOLLOW, ego(-40.0, 1.75, 8.0)).ground is drive.watch.free_ground
+    assert drive.corridor(Behaviour.FOLLOW, ego(-50.0, -1.75, 8.0)).ground is drive.watch.ground
+    assert drive.corridor(Behaviour.FOLLOW, ego(-40.0, 1.75, 8.0)).ground is drive.watch.free_ground

@@ -78,7 +78,7 @@ def test_an_answer_is_taken() -> None:
     chooser = ModelChooser(always("merge_left"))
     chooser.start(JOB)
     assert chooser.choose(seen(), BOTH, None) == (Behaviour.MERGE_LEFT, 0.0)
-    assert chooser.ledger.queries == 1
+    assert len(chooser.exchanges) == 1
 
 
 @pytest.mark.parametrize(("answer", "cause"), [("stop_and_wait", "not_offered"), ("banana", "parse"), ("", "parse")])
@@ -87,7 +87,7 @@ def test_what_was_not_offered_is_not_done_but_counted(answer: str, cause: str) -
     chooser.start(JOB)
     assert chooser.choose(seen(), BOTH, Behaviour.MERGE_LEFT)[0] is Behaviour.MERGE_LEFT
     assert chooser.choose(seen(), BOTH, Behaviour.STOP)[0] is Behaviour.FOLLOW
-    assert chooser.ledger.fallbacks == {cause: 2}
+    assert [each.failure and each.failure.cause for each in chooser.exchanges] == [cause] * 2
 
 
 def test_a_model_that_fails_leaves_what_is_done() -> None:
@@ -116,5 +116,5 @@ def test_a_new_episode_starts_without_counts_and_memory() -> None:
     chooser.start(JOB)
     chooser.choose(seen(), BOTH, None)
     chooser.start(JOB)
-    assert chooser.ledger.queries == 0
+    assert chooser.exchanges == []
     assert "You chose" not in chooser.request(seen(), BOTH).messages[1].text

@@ -9,7 +9,7 @@ import pytest
 
 from interplan_learned.dtpp.inputs import BRANCH_CHANNELS, shown
 from interplan_learned.dtpp.paths import LOOKED_AT_M, PATHS, POINTS, path_cost, reference_paths, sampled_path
-from interplan_learned.dtpp.plans import plans
+from interplan_learned.dtpp.planner import plans
 from interplan_learned.dtpp.sizes import SIZES, TreeSize
 from interplan_learned.dtpp.tree import (
     ACCELERATION,

@@ -15,7 +15,8 @@ SIZE = SIZES["compact"].scene
 X, Y, LENGTH = (AGENT_CHANNELS.index(name) for name in ("x", "y", "length"))
 
 
-def arrays() -> Arrays:
+@pytest.fixture
+def given() -> Arrays:
     return empty_sample(*FIELDS, "agent_futures", "ego_future")
 
 
@@ -29,8 +30,7 @@ def put_agents(given: Arrays, *places: tuple[float, float], kind: str = "is_car"
         given["agent_futures"][0, row, :, 3] = 1.0
 
 
-def test_of_the_ego_it_sees_pose_velocity_and_acceleration_at_five_hertz_oldest_first() -> None:
-    given = arrays()
+def test_of_the_ego_it_sees_pose_velocity_and_acceleration_at_five_hertz_oldest_first(given: Arrays) -> None:
     given["ego_history"][0] = np.arange(21)[:, None] + np.arange(10) / 100.0
     ego = inputs(given, "compact")["ego"][0]
     assert ego.shape == (11, 7)
@@ -39,8 +39,7 @@ def test_of_the_ego_it_sees_pose_velocity_and_acceleration_at_five_hertz_oldest_
     assert inputs(given, "published")["ego"].shape == (1, 21, 7)
 
 
-def test_of_agents_it_sees_the_nearest_that_are_not_far_behind() -> None:
-    given = arrays()
+def test_of_agents_it_sees_the_nearest_that_are_not_far_behind(given: Arrays) -> None:
     put_agents(given, (3.0, 1.0), (-5.9, 0.0), (-6.1, 0.0), (8.0, -2.0), (0.0, 59.9), (0.0, 60.1))
     agents = inputs(given, "compact")["agents"][0]
     assert agents.shape == (8, 11, 11)
@@ -49,8 +48,7 @@ def test_of_agents_it_sees_the_nearest_that_are_not_far_behind() -> None:
     assert not agents[4:].any()
 
 
-def test_an_agent_keeps_its_signs_and_its_past() -> None:
-    given = arrays()
+def test_an_agent_keeps_its_signs_and_its_past(given: Arrays) -> None:
     row = {"x": 10.0, "y": 3.0, "yaw": np.pi, "vx": -5.0, "vy": 0.5, "yaw_rate": -0.1, "length": 9.0, "width": 2.5}
     for name, value in {**row, "is_long_vehicle": 1.0, "valid": 1.0}.items():
         given["agents"][0, 0, 10:, channel_index("agents", name)] = value  # seen for a second
@@ -63,14 +61,14 @@ def test_an_agent_keeps_its_signs_and_its_past() -> None:
     ("kind", "bits"),
     [("is_car", (1, 0, 0)), ("is_long_vehicle", (1, 0, 0)), ("is_pedestrian", (0, 1, 0)), ("is_bicycle", (0, 0, 1))],
 )
-def test_there_are_three_classes(kind: str, bits: tuple[int, ...]) -> None:
-    given = arrays()
+def test_there_are_three_classes(given: Arrays, kind: str, bits: tuple[int, ...]) -> None:
     put_agents(given, (5.0, 0.0), kind=kind)
     np.testing.assert_array_equal(inputs(given, "compact")["agents"][0, 0, -1, -3:], bits)
 
 
-def test_lanes_keep_both_ends_and_their_light_far_ones_are_left_out_and_the_route_is_shown_as_it_is() -> None:
-    given = arrays()
+def test_lanes_keep_both_ends_and_their_light_far_ones_are_left_out_and_the_route_is_shown_as_it_is(
+    given: Arrays,
+) -> None:
     for row, begins_m in enumerate((-20.0, 59.0, 61.0)):
         given["lanes"][0, row, :, 0] = begins_m + np.linspace(0.0, 49.0, 50)
         given["lanes"][0, row, :, 2] = 0.1
@@ -82,15 +80,14 @@ def test_lanes_keep_both_ends_and_their_light_far_ones_are_left_out_and_the_rout
     np.testing.assert_allclose(lanes[0, 3, 2:], (0.1, 0, 0, 1, 0), rtol=1e-6)
     assert LANE_CHANNELS[3:] == ("light_green", "light_yellow", "light_red", "light_none")
     assert lanes.any(axis=(1, 2)).tolist() == [True, True, *[False] * 28]
-    given = arrays()
+    given = empty_sample(*FIELDS, "agent_futures", "ego_future")
     given["route_lanes"][0, 0, :, 0] = np.linspace(70.0, 119.0, 50)
     route = inputs(given, "compact")["route_lanes"][0]
     assert route.shape == (10, 10, 3)
     assert (route[0, 0, 0], route[0, -1, 0]) == (70.0, 119.0)
 
 
-def test_crosswalks_know_which_way_their_outline_runs() -> None:
-    given = arrays()
+def test_crosswalks_know_which_way_their_outline_runs(given: Arrays) -> None:
     corners = np.array(((10.0, -2.0), (14.0, -2.0), (14.0, 2.0), (10.0, 2.0), (10.0, -2.0)))
     given["crosswalks"][0, 0] = np.stack(
         [np.interp(np.arange(20) * 0.8, (0, 4, 8, 12, 16), corners[:, axis]) for axis in (0, 1)], axis=1
@@ -101,8 +98,7 @@ def test_crosswalks_know_which_way_their_outline_runs() -> None:
     assert crosswalk[3, 2] == pytest.approx(np.pi / 2, abs=1e-6)  # 4.8 m along it: up the far side
 
 
-def test_futures_belong_to_the_agents_in_the_order_of_the_inputs() -> None:
-    given = arrays()
+def test_futures_belong_to_the_agents_in_the_order_of_the_inputs(given: Arrays) -> None:
     put_agents(given, (-7.0, 0.0), (9.0, 0.0), (12.0, 0.0))
     given["agent_futures"][0, 2, 40:] = 0.0  # leaves after 4 s
     given["ego_future"][0, :, 0] = np.arange(1, 81)
@@ -114,8 +110,7 @@ def test_futures_belong_to_the_agents_in_the_order_of_the_inputs() -> None:
     assert valid[0].sum(axis=1).tolist() == [16, 16, 8, 0, 0, 0, 0, 0, 0]
 
 
-def test_what_is_thinned_gives_the_same_and_holds_on_to_nothing() -> None:
-    given = arrays()
+def test_what_is_thinned_gives_the_same_and_holds_on_to_nothing(given: Arrays) -> None:
     rng = np.random.default_rng(0)
     for name, values in given.items():
         given[name] = rng.normal(0.0, 20.0, values.shape).astype(values.dtype)

@@ -12,12 +12,10 @@ from hypothesis import given as any_of
 from hypothesis import strategies as st
 
 from interplan_learned.driving import one_sample
-from interplan_learned.gc_pgp.clusters import chosen, clusters, means, ranks
-from interplan_learned.gc_pgp.headings import with_headings
 from interplan_learned.gc_pgp.inputs import POLICY_INPUTS, inputs, kept
 from interplan_learned.gc_pgp.local_graph import NONE, local_graph, nodes_of, off_and_turned, start_nodes
+from interplan_learned.gc_pgp.plans import chances, chosen, clusters, means, ranks, sampled, with_headings
 from interplan_learned.gc_pgp.sizes import EDGES, PATH_NODES, SIZES
-from interplan_learned.gc_pgp.traversals import chances, sampled
 from interplan_sumo import tiny_worlds
 from interplan_sumo.features.frame import EgoFrame
 from interplan_sumo.features.lane_graph import PROXIMAL, SUCCESSOR

@@ -112,8 +112,8 @@ def test_weights_that_cannot_be_used_are_one_clear_line(
 @pytest.mark.parametrize(("spoil", "message"), [
     (lambda _text: "{", "is damaged"), (lambda _text: "[]", "is no model card"),
     (lambda _text: '{"kind": "other"}', "is no model card"),
-    (lambda text: text.replace('"dtype"', '"type"'), "is damaged: KeyError"),
-    (lambda text: text.replace('"parameters"', '"weights"'), "is damaged: TypeError"),
+    (lambda text: text.replace('"dtype"', '"type"'), "is damaged: .*missing required field `dtype`"),
+    (lambda text: text.replace('"parameters"', '"weights"'), "is damaged: .*missing required field `parameters`"),
     (
         lambda _text: json.dumps(asdict(replace(card(), features_format=0))),
         f"was trained with features of format 0, this version makes {schema.FORMAT}; train again",

@@ -29,13 +29,14 @@ NEEDS_TORCH = {"torch": "torch", "loop": "tools.train.loop"}
 
 
 def trained(
-    data: Dataset, checkpoint: Path, epochs: int = 4, seed: int = 0, **more: Any
+    data: Dataset, checkpoint: Path, epochs: int = 4, seed: int = 0, resume: bool = False, **more: Any
 ) -> tuple[Trained, list[EpochDone]]:
     recipe = find_recipe("pdm_open")
     recipe = replace(recipe, settings=replace(recipe.settings, epochs=epochs, seed=seed, batch=32))
     told: list[EpochDone] = []
     samples, held = read_samples(data, "train", recipe), read_samples(data, "val", recipe)
-    done = loop.train(recipe, samples, held, checkpoint=checkpoint, on_epoch=told.append, **more)
+    kept = loop.Checkpoint(checkpoint, resume=resume)
+    done = loop.train(recipe, samples, held, checkpoint=kept, on_epoch=told.append, **more)
     return done, told
 
 
@@ -74,7 +75,7 @@ def test_a_training_that_was_interrupted_comes_to_the_same_weights(tiny_data: Da
     recipe = replace(recipe, settings=replace(recipe.settings, epochs=4, batch=32))
     samples, held = read_samples(tiny_data, "train", recipe), read_samples(tiny_data, "val", recipe)
     with pytest.raises(BrokenOffError):
-        loop.train(recipe, samples, held, checkpoint=tmp_path / "broken.pt", on_epoch=interrupt)
+        loop.train(recipe, samples, held, checkpoint=loop.Checkpoint(tmp_path / "broken.pt"), on_epoch=interrupt)
     resumed, told = trained(tiny_data, tmp_path / "broken.pt", resume=True)
     assert [each.epoch for each in told] == [3, 4]
     np.testing.assert_array_equal(weights(whole), weights(resumed))
@@ -86,7 +87,7 @@ def test_it_stops_in_time_and_where_nothing_gets_better(tiny_data: Dataset, tmp_
     recipe = find_recipe("pdm_open")
     recipe = replace(recipe, settings=replace(recipe.settings, epochs=9, patience=2, learning_rate=1e-12))
     samples = read_samples(tiny_data, "val", recipe)
-    done = loop.train(recipe, samples, samples, checkpoint=tmp_path / "patient.pt")
+    done = loop.train(recipe, samples, samples, checkpoint=loop.Checkpoint(tmp_path / "patient.pt"))
     assert done.stopped == "patience"
     assert done.epochs == done.best_epoch + 2
 

@@ -6,7 +6,6 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from interplan_planners.pdm_closed import PdmClosedPlanner
 from interplan_sumo import tiny_worlds
 from interplan_sumo.dataset.columns import Columns, picked
 from interplan_sumo.dataset.reading import Dataset, read_dataset
-from interplan_sumo.dynamics import lqr, perfect
+from interplan_sumo.dynamics import lqr
 from interplan_sumo.dynamics.rear_axle import center_of
 from interplan_sumo.errors import InputError
 from interplan_sumo.features.frame import EgoFrame
@@ -28,7 +27,7 @@ from interplan_sumo.planner import Mission, Observation, Past
 from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.simulation import episode
 from interplan_sumo.world.actors import ActorKind, Actors
-from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
 from tools.train.closed_plans import FIELDS, closed_plans, observation
@@ -233,14 +232,22 @@ def test_its_plan_is_pdm_closeds_plus_what_its_network_says(untrained: str) -> N
     assert hybrid.report()["network"]["options"] == {"history_s": 2.0, "past_dropped": 0.0}
 
 
-@pytest.mark.parametrize(("tracker", "scenario_id", "nearer_than_m"), [
-    (perfect, "lane_change_mtd/5", 0.0), (lqr, "nudge/0", 0.05),
+def to_where_the_plan_says(state: EgoState, plan: Trajectory, dt_s: float, _shape: EgoShape) -> EgoState:
+    """A tracker that reads the next step only, and makes no error."""
+    there = plan.at(round(state.time_s + dt_s, 6))
+    speed_mps = float(np.hypot(there.x_m - state.x_m, there.y_m - state.y_m)) / dt_s
+    return EgoState(round(state.time_s + dt_s, 6), there.x_m, there.y_m, there.heading_rad, speed_mps)
+
+
+@pytest.mark.parametrize(("follow", "scenario_id", "nearer_than_m"), [
+    (to_where_the_plan_says, "lane_change_mtd/5", 0.0), (lqr.follow, "nudge/0", 0.05),
 ], ids=["perfect", "lqr"])  # fmt: skip
 def test_the_drive_is_pdm_closeds(
-    untrained: str, tracker: ModuleType, scenario_id: str, nearer_than_m: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    untrained: str, follow: Callable[..., EgoState], scenario_id: str, nearer_than_m: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
     """Hash for hash where the tracker reads the next step only; nuPlan's smooths the whole plan, and feels the rest."""
-    monkeypatch.setattr(episode, "follow", tracker.follow)
+    monkeypatch.setattr(episode, "follow", follow)
     (found,) = (each for each in find_suite("smoke==1").scenarios if each.id == scenario_id)
     hybrid, closed = (
         episode.drive(replace(found, duration_s=6.0), planner).trace
@@ -251,5 +258,5 @@ def test_the_drive_is_pdm_closeds(
     assert hybrid.hash() != closed.hash()  # their plans differ,
     off_m = np.hypot(hybrid.ego.x_m - closed.ego.x_m, hybrid.ego.y_m - closed.ego.y_m).max()
     assert off_m <= nearer_than_m
-    if tracker is perfect:
+    if follow is to_where_the_plan_says:
         assert replace(hybrid, plans=closed.plans).hash() == closed.hash()  # and nothing else does

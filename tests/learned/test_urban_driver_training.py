@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from tiny_dataset import write_untrained
 
-from interplan_learned.network import load_network
 from interplan_learned.urban_driver import SIZES
 from interplan_sumo.dataset.reading import Dataset
 from tools.train.data import read_samples
@@ -146,15 +143,3 @@ def test_perturbed_starts_and_lost_vehicles_reach_the_network(tiny_data: Dataset
     lost = find_recipe("urban_driver", options={"perturbed": 0.0, "agents_dropped": 1.0})
     seen = lost.inputs(lost.augmented(rows, np.random.default_rng(0)))["vehicles_valid"][..., 0].sum()
     assert 0.3 < seen / before["vehicles_valid"][..., 0].sum() < 0.7
-
-
-def test_onnx_gives_what_torch_gives_also_of_one_sample_and_of_an_empty_world(
-    model: made.UrbanDriver, scene: Tensors, tmp_path: Path
-) -> None:
-    card = write_untrained(find_recipe("urban_driver"), model, scene, tmp_path)
-    network = load_network("urban_driver", str(card))
-    nothing = {**scene, **{name: torch.zeros_like(scene[name]) for name in ("vehicles_valid", "lines_valid")}}
-    for given in (scene, {name: values[:1] for name, values in scene.items()}, nothing):
-        assert torch.isfinite(poses(model, given)).all()
-        found = network.run({name: values.numpy() for name, values in given.items()})["poses"]
-        np.testing.assert_allclose(found, poses(model, given).numpy(), atol=1e-4, rtol=1e-4)

@@ -9,8 +9,7 @@ import threading
 
 import pytest
 
-from interplan_llm.models.deadline import within
-from interplan_llm.models.endpoint import address, key_for
+from interplan_llm.models.endpoint import address, key_for, within
 from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
 

@@ -1,4 +1,4 @@
-"""From text to an answer: what counts as one, and nothing else; what the scripted model says and the ledger counts."""
+"""From text to an answer: what counts as one, and nothing else; what the scripted model says and what is counted."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from interplan_llm.models.answers import MAX_JSON_DEPTH, MAX_JSON_VALUES, answered, read_choice, read_json
+from interplan_llm.models.exchanges import Exchange, usage_stats
 from interplan_llm.models.protocol import CAUSES, MAX_TEXT_BYTES, LanguageModel, Message, ModelFailure, Reply, Request
 from interplan_llm.models.scripted import ScriptedModel, always
-from interplan_llm.models.usage_stats import Ledger
 from tests.llm.questions import CHOICES, question
 
 VOCABULARY = (*CHOICES, "merge_right")
@@ -158,13 +158,13 @@ def test_scripted_texts_are_said_in_turn_over_and_over_or_by_a_function() -> Non
     model.close()
 
 
-def test_a_ledger_counts_queries_fallbacks_tokens_and_time() -> None:
-    ledger = Ledger()
-    ledger.answered(Reply("stop", prompt_tokens=300, completion_tokens=2, latency_s=1.0))
-    ledger.failed(ModelFailure("timeout", "late", latency_s=3.0))
+def test_exchanges_are_counted_with_their_fallbacks_tokens_and_time() -> None:
     unusable = Reply("?", prompt_tokens=100, completion_tokens=9)
-    ledger.failed(ModelFailure("parse", "no choice", latency_s=0.5, reply=unusable))
-    assert ledger.as_json() == {
+    reply = Reply("stop", prompt_tokens=300, completion_tokens=2, latency_s=1.0)
+    late = ModelFailure("timeout", "late", latency_s=3.0)
+    parse = ModelFailure("parse", "no choice", latency_s=0.5, reply=unusable)
+    came = ((reply, None), (None, late), (unusable, parse))
+    assert usage_stats([Exchange(0.0, question(), *each, "stop") for each in came]) == {
         "queries": 3,
         "fallbacks": {**dict.fromkeys(CAUSES, 0), "timeout": 1, "parse": 1},
         "fallback_share": pytest.approx(2 / 3),
@@ -173,12 +173,4 @@ def test_a_ledger_counts_queries_fallbacks_tokens_and_time() -> None:
         "latency_sum_s": 4.5,
         "latency_max_s": 3.0,
     }
-
-
-def test_ledgers_add_up() -> None:
-    total, other = Ledger(), Ledger()
-    total.answered(Reply("stop", prompt_tokens=1, latency_s=2.0))
-    other.failed(ModelFailure("parse", "", latency_s=1.0))
-    total.add(other)
-    assert (total.queries, total.fallbacks["parse"], total.latency_sum_s, total.latency_max_s) == (2, 1, 3.0, 2.0)
-    assert Ledger().fallback_share == 0.0
+    assert usage_stats([])["fallback_share"] == 0.0

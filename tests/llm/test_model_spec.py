@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from interplan_llm.models import shipped
+from interplan_llm.models import spec as model_spec
 from interplan_llm.models.fetch import SMOLLM2
 from interplan_llm.models.protocol import ModelFailure
-from interplan_llm.models.shipped import ADAPTERS, adapter_file
-from interplan_llm.models.spec import open_model
+from interplan_llm.models.spec import ADAPTERS, adapter_file, open_model
 from interplan_llm.models.store import AnswerStore, StoredModel
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.planner import Mission, Observation, load_planner
@@ -123,7 +122,7 @@ def test_a_name_that_is_none_is_met_with_one_that_is() -> None:
 
 
 def test_an_adapter_that_is_not_there_is_said_to_be_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shipped, "files", lambda _: tmp_path)
+    monkeypatch.setattr(model_spec, "files", lambda _: tmp_path)
     with pytest.raises(InputError, match="holds no tuned adapter 'hybrid'"):
         open_model("embedded+tuned:hybrid")
     (tmp_path / "adapters").mkdir()

@@ -23,8 +23,8 @@ from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario, suites
 from interplan_sumo.verification.generation import generate
-from interplan_sumo.verification.oracle import Tried, Value
 from interplan_sumo.verification.ordinary_scenes import FIRST_SEED
+from tools.oracle import Tried, Value
 from tools.tune_llm.labels import LabelSettings, Parts, balanced, main, make_labels
 from tools.tune_llm.rollouts import (
     HOPELESS,

@@ -112,14 +112,6 @@ def test_the_card_of_the_examples_is_taken_over_if_it_is_theirs(name: str, tiny:
         assert tuned(tiny, examples, tmp_path / "sign.gguf", "--epochs", "1")["examples"]["card"] == taken
 
 
-def test_the_same_seed_gives_the_same_file_and_another_one_another(tiny: Path, examples: Path, tmp_path: Path) -> None:
-    for name, seed in (("first", "1"), ("same", "1"), ("other", "2")):
-        tuned(tiny, examples, tmp_path / f"{name}.gguf", "--seed", seed)
-    first, same, other = (_tensors(tmp_path / f"{name}.gguf") for name in ("first", "same", "other"))
-    assert first == same
-    assert first != other
-
-
 @pytest.mark.parametrize("stopped_at", [1, 12])
 def test_an_interrupted_run_ends_as_if_nothing_had_happened(
     tiny: Path, examples: Path, tmp_path: Path, stopped_at: int
@@ -282,9 +274,3 @@ def test_chance_the_first_option_and_what_is_decisive_are_counted_if_known(tiny:
     learned, held_out = divided(samples, 10)
     assert (len(learned), len(held_out), len(divided(samples, 2)[1])) == (1, 3, 2)
     assert first_offered(held_out) == (Ratio(3, 3), Ratio(2, 2))
-
-
-def _tensors(path: Path) -> dict[str, bytes]:
-    from gguf import GGUFReader
-
-    return {tensor.name: tensor.data.tobytes() for tensor in GGUFReader(path).tensors}

@@ -1,12 +1,9 @@
-"""CommonRoad files for tests: written from a few words, and damaged at random."""
+"""CommonRoad files for tests, written from a few words."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
 
 Points = Sequence[tuple[float, float]]
 
@@ -69,55 +66,3 @@ def state(
 
 def rectangle(length: float = 4.5, width: float = 1.8, inner: str = "") -> str:
     return f"<shape><rectangle><length>{length}</length><width>{width}</width>{inner}</rectangle></shape>"
-
-
-def mutated(text: str, rng: np.random.Generator) -> bytes:
-    """An XML text, damaged in one of many ways."""
-    return _MUTATIONS[int(rng.integers(len(_MUTATIONS)))](text, rng)
-
-
-def _bytes_changed(text: str, rng: np.random.Generator) -> bytes:
-    content = np.frombuffer(text.encode(), dtype=np.uint8).copy()
-    places = rng.integers(len(content), size=int(rng.integers(1, 6)))
-    content[places] = rng.integers(1, 256, size=len(places))
-    return content.tobytes()
-
-
-def _cut(text: str, rng: np.random.Generator) -> bytes:
-    return text.encode()[: int(rng.integers(len(text)))]
-
-
-def _value_changed(text: str, rng: np.random.Generator) -> bytes:
-    pool = ("", "x", "-1", "0", "1e308", "-1e308", "nan", "inf", "1e-320", "99999999999", "ü", "1,2", "true")
-    spots = list(re.finditer(r"(?<=[>\"\s,])-?[0-9][0-9.]*(?=[<\"\s,])", text))
-    for spot in sorted(rng.choice(len(spots), size=int(rng.integers(1, 4))).tolist(), reverse=True):
-        start, end = spots[spot].span()
-        text = text[:start] + str(rng.choice(pool)) + text[end:]
-    return text.encode()
-
-
-def _element_changed(text: str, rng: np.random.Generator) -> bytes:
-    """An element that has no children removed, doubled, or given another name."""
-    spots = list(re.finditer(r"<(\w+)[^<>]*(?:/>|>[^<>]*</\1>)", text))
-    start, end = spots[int(rng.integers(len(spots)))].span()
-    piece = text[start:end]
-    other = (piece + piece, "", re.sub(r"\w+", "other", piece, count=1))[int(rng.integers(3))]
-    return (text[:start] + other + text[end:]).encode()
-
-
-def _attribute_changed(text: str, rng: np.random.Generator) -> bytes:
-    spots = list(re.finditer(r' (\w+)="([^"]*)"', text))
-    one, other = (spots[int(i)] for i in rng.integers(len(spots), size=2))
-    value = f' {one[1]}="{other[2]}"' if rng.random() < 0.6 else ""
-    return (text[: one.start()] + value + text[one.end() :]).encode()
-
-
-_MUTATIONS = (
-    _bytes_changed,
-    _cut,
-    _value_changed,
-    _value_changed,
-    _element_changed,
-    _element_changed,
-    _attribute_changed,
-)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -70,3 +71,48 @@ def assert_sound(source: object) -> None:
     surfaces = (*source.crosswalks, *source.walkways, *source.carparks, *source.drivable)
     left_out = (item.polygon for item in source.left_out if item.polygon is not None)
     assert all(surface.is_valid for surface in (*surfaces, *left_out))
+
+
+def bytes_changed(content: bytes, rng: np.random.Generator) -> bytes:
+    changed = np.frombuffer(content, dtype=np.uint8).copy()
+    places = rng.integers(len(changed), size=int(rng.integers(1, 6)))
+    changed[places] = rng.integers(1, 256, size=len(places))
+    return changed.tobytes()
+
+
+def cut(content: bytes, rng: np.random.Generator) -> bytes:
+    return content[: int(rng.integers(len(content)))]
+
+
+def mutated(text: str, rng: np.random.Generator) -> bytes:
+    """An XML text, damaged in one of many ways."""
+    how = int(rng.integers(7))
+    if how < 2:
+        return (bytes_changed, cut)[how](text.encode(), rng)
+    changes = _value_changed, _value_changed, _element_changed, _element_changed, _attribute_changed
+    return changes[how - 2](text, rng).encode()
+
+
+def _value_changed(text: str, rng: np.random.Generator) -> str:
+    pool = ("", "x", "-1", "0", "1e308", "-1e308", "nan", "inf", "1e-320", "99999999999", "ü", "1,2", "true")
+    spots = list(re.finditer(r"(?<=[>\"'\s,])-?[0-9][0-9.]*(?=[<\"'\s,])", text))
+    for spot in sorted(rng.choice(len(spots), size=int(rng.integers(1, 4))).tolist(), reverse=True):
+        start, end = spots[spot].span()
+        text = text[:start] + str(rng.choice(pool)) + text[end:]
+    return text
+
+
+def _element_changed(text: str, rng: np.random.Generator) -> str:
+    """An element that has no children removed, doubled, or given another name."""
+    spots = list(re.finditer(r"<(\w+)[^<>]*(?:/>|>[^<>]*</\1>)", text))
+    start, end = spots[int(rng.integers(len(spots)))].span()
+    piece = text[start:end]
+    other = (piece + piece, "", re.sub(r"\w+", "other", piece, count=1))[int(rng.integers(3))]
+    return text[:start] + other + text[end:]
+
+
+def _attribute_changed(text: str, rng: np.random.Generator) -> str:
+    spots = list(re.finditer(r""" ([\w:]+)=["']([^"']*)["']""", text))
+    one, other = (spots[int(i)] for i in rng.integers(len(spots), size=2))
+    value = f' {one[1]}="{other[2]}"' if rng.random() < 0.6 else ""
+    return text[: one.start()] + value + text[one.end() :]

@@ -1,4 +1,4 @@
-"""Lanelet2 files for tests: small ones written element by element, damaged ones, and where the real one lies."""
+"""Lanelet2 files for tests: small ones written element by element, and where the real one lies."""
 
 from __future__ import annotations
 
@@ -20,10 +20,6 @@ from tests.realdata import real
 ORIGIN_M = (458_000.0, 5_428_000.0)
 """Of the tests' metres in UTM zone 32 north."""
 UTM, MERCATOR, DEGREES = "EPSG:32632", "EPSG:3857", "EPSG:4326"
-
-_NOISE = "<&\x00\ufffe'\">%"
-_NUMBERS = ("0", "-1", "1e308", "nan", "inf", "", "9" * 30, "1e-320", "90", "-181", "½")
-_WORDS = tuple("left right way no lanelet traffic_light refers ref_line yield one_way multipolygon -1 -2 10000".split())
 
 Point = tuple[float, float]
 Encoding = Literal["degrees", "local", "mercator", "both"]
@@ -153,35 +149,6 @@ def crossing() -> Osm:
     outline = [osm.way((0.0, 40.0), (10.0, 40.0)), osm.way((0.0, 40.0), (0.0, 50.0), (10.0, 40.0))]
     osm.relation([("way", id_, "outer") for id_ in outline], {"type": "multipolygon", "subtype": "parking"})
     return osm
-
-
-def mutate(text: str, generator: np.random.Generator) -> tuple[str, str]:
-    """The text of a file with some damage, and what was done: mostly to what it says, sometimes to its XML."""
-    lines = text.split("\n")
-    whole = [row for row, line in enumerate(lines) if line.endswith("/>")] or [0]
-    row, other = generator.choice(whole, 2).tolist()
-    kind = generator.choice(
-        ["drop", "double", "swap", "number", "word", "cut", "noise"], p=[0.2] * 3 + [0.18] * 2 + [0.02] * 2
-    )
-    if kind == "drop":
-        del lines[row]
-    elif kind == "double":
-        lines.insert(other, lines[row])
-    elif kind == "swap":
-        lines[row], lines[other] = lines[other], lines[row]
-    elif kind in ("number", "word"):
-        row = int(generator.integers(len(lines)))
-        parts = lines[row].split("'")
-        if len(parts) > 1:
-            at = 1 + 2 * int(generator.integers(len(parts) // 2))
-            parts[at] = str(generator.choice(_NUMBERS if kind == "number" else _WORDS))
-            lines[row] = "'".join(parts)
-    elif kind == "cut":
-        lines = [*lines[:row], lines[row][: len(lines[row]) // 2]]
-    else:
-        at = int(generator.integers(len(lines[row]) + 1))
-        lines[row] = lines[row][:at] + _NOISE[int(generator.integers(len(_NOISE)))] + lines[row][at:]
-    return "\n".join(lines), f"{kind} in line {row}"
 
 
 def _moved(start: str, end: str, points: np.ndarray) -> np.ndarray:

@@ -1,9 +1,11 @@
-"""Grid cities of any size: roads with every kind of thing in them, for tests of map files and for benchmarks."""
+"""Roads drawn from a few lines: crossings, streets of any shape, and grid cities with every kind of thing in them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from itertools import count
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count, cycle
 
 import numpy as np
 import shapely
@@ -23,9 +25,128 @@ from interplan_sumo.world.roads import (
     Turn,
 )
 
-LANE_WIDTH_M = 3.2
+WIDTH_M = 3.5
 KERB_M = 6.0
-"""From the outermost lane to the corner of a junction."""
+"""From the outermost lane to the corner of a junction of a grid."""
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Connectors from one roadblock to another, as pairs of lane places counted from the left."""
+
+    start: str
+    end: str
+    pairs: tuple[tuple[int, int], ...] = ((0, 0),)
+    stop_line: str | None = None
+    turn: Turn = Turn.UNKNOWN
+    limit_mps: float | None = 8.0
+    intersection: str | None = None
+    """None: that of all."""
+
+
+def straight(start: Sequence[float] | Floats, end: Sequence[float] | Floats) -> Floats:
+    """A straight line with a vertex every metre."""
+    a, b = np.array(start), np.array(end)
+    share = np.linspace(0.0, 1.0, int(np.ceil(np.hypot(*(b - a)))) + 1)[:, None]
+    return a + (b - a) * share
+
+
+def beside(points: Floats, right_m: float) -> Floats:
+    """A line moved to its right, vertex by vertex."""
+    ahead = np.asarray(np.gradient(points, axis=0))
+    to_right = np.stack((ahead[:, 1], -ahead[:, 0]), axis=1)
+    return points + right_m * to_right / np.hypot(ahead[:, 0], ahead[:, 1])[:, None]
+
+
+def curve(start: Floats, start_rad: float, end: Floats, end_rad: float) -> Floats:
+    """A smooth turn between two poses."""
+    reach = 0.4 * np.hypot(*(end - start))
+    p1 = start + reach * np.array([np.cos(start_rad), np.sin(start_rad)])
+    p2 = end - reach * np.array([np.cos(end_rad), np.sin(end_rad)])
+    t = np.linspace(0.0, 1.0, max(4, int(np.hypot(*(end - start)) / 0.5)))[:, None]
+    return (1 - t) ** 3 * start + 3 * t * (1 - t) ** 2 * p1 + 3 * t**2 * (1 - t) * p2 + t**3 * end
+
+
+def small_roads(
+    groups: Mapping[str, Sequence[Floats]],
+    ways: Sequence[Ways] = (),
+    *,
+    side: DrivingSide = "right",
+    limits: Mapping[str, float | None] | None = None,
+    signs: Mapping[str, StopLineKind] | None = None,
+    intersection: str | None = "900",
+    id_of: Callable[[str], str] = lambda name: name.lstrip("abcdefghijklmnopqrstuvwxyz"),
+) -> Roads:
+    """The roads of these lane groups; lane ids are the roadblock's followed by the place from the left.
+
+    `signs` puts a stop line of some kind across the end of a roadblock. `id_of` turns a letter and a number into an id.
+    """
+    lanes: dict[str, Lane] = {}
+    connectors: dict[str, Connector] = {}
+    blocks: dict[str, Roadblock] = {}
+    stops: dict[str, StopLine] = {}
+    inside: dict[str, list[shapely.Polygon]] = defaultdict(list)
+
+    def stop(name: str, block: Roadblock, kind: StopLineKind) -> str:
+        ends = shapely.MultiPoint([lanes[i].centerline.points[-1] for i in block.lane_ids])
+        stops.setdefault(id_of(name), StopLine(id_of(name), rounded(ends.convex_hull.buffer(0.5)), kind))
+        return id_of(name)
+
+    for name, lines in groups.items():
+        block = id_of(f"b{name}")
+        ids = tuple(id_of(f"l{name}{k}") for k in range(len(lines)))
+        for k, (lane_id, points) in enumerate(zip(ids, lines, strict=True)):
+            lanes[lane_id] = Lane(lane_id, block, k, *_shapes(points), (limits or {}).get(name, 13.89))
+        blocks[block] = Roadblock(block, _around([lanes[i].polygon for i in ids]), ids)
+    for number, (name, kind) in enumerate((signs or {}).items()):
+        stop(f"s{800 + number}", blocks[id_of(f"b{name}")], kind)
+    for number, way in enumerate(ways):
+        block, start, end = id_of(f"w{7000 + number}"), blocks[id_of(f"b{way.start}")], blocks[id_of(f"b{way.end}")]
+        lit = () if way.stop_line is None else (stop(f"s{way.stop_line}", start, StopLineKind.TRAFFIC_LIGHT),)
+        own: list[str] = []
+        for a, b in way.pairs:
+            before, after = lanes[start.lane_ids[a]], lanes[end.lane_ids[b]]
+            line = curve(
+                before.centerline.points[-1], before.centerline.segment_heading_rad[-1],
+                after.centerline.points[0], after.centerline.segment_heading_rad[0],
+            )  # fmt: skip
+            own.append(id_of(f"c{70000 + 100 * number + 10 * a + b}"))
+            connectors[own[-1]] = Connector(
+                own[-1], block, before.id, after.id, *_shapes(line), way.limit_mps, way.turn, lit
+            )  # fmt: skip
+        shapes = [connectors[i].polygon for i in own]
+        place = way.intersection or intersection
+        where = None if place is None else id_of(f"i{place}")
+        if where is not None:
+            inside[where] += shapes
+        blocks[block] = Roadblock(block, _around(shapes), tuple(own), True, start.id, end.id, where)
+    if not ways and intersection is not None:
+        inside[id_of(f"i{intersection}")] = [shapely.Point(0, 0).buffer(1.0)]
+    places = tuple(Intersection(i, _around(shapes)) for i, shapes in inside.items())
+    return Roads("small", "EPSG:32611", side, lanes, connectors, blocks, places, stops)
+
+
+def crossing(
+    *, side: DrivingSide = "right", lit: bool = False, signs: Mapping[str, StopLineKind] | None = None,
+    limits: Mapping[str, float | None] | None = None, arms: str = "NESW",
+) -> Roads:  # fmt: skip
+    """Two-way streets of one lane each way that meet at (0, 0); roadblock 1x comes in on arm x, 2x goes out."""
+    near, far, half = 12.0, 112.0, WIDTH_M / 2 * (1.0 if side == "right" else -1.0)
+    number = {"N": 1, "E": 2, "S": 3, "W": 4}
+    out = {"N": (0, 1), "E": (1, 0), "S": (0, -1), "W": (-1, 0)}
+    groups: dict[str, list[Floats]] = {}
+    for arm in arms:
+        x, y = out[arm]
+        to, back = f"1{number[arm]}", f"2{number[arm]}"
+        groups[to] = [beside(straight((far * x, far * y), (near * x, near * y)), half)]
+        groups[back] = [beside(straight((near * x, near * y), (far * x, far * y)), half)]
+    ways = [
+        Ways(f"1{number[a]}", f"2{number[b]}", stop_line=f"9{number[a]}" if lit else None)
+        for a in arms
+        for b in arms
+        if a != b
+    ]
+    return small_roads(groups, ways, side=side, signs=signs, limits=limits)
 
 
 @dataclass(frozen=True)
@@ -49,172 +170,90 @@ class GridPlan:
 
 def grid_city(plan: GridPlan = GridPlan(), name: str = "grid") -> Roads:
     """A city of that plan; coordinates are multiples of 1e-6 m."""
-    return _Draft(plan).roads(name)
+    cos, sin = np.cos(plan.rotation_rad), np.sin(plan.rotation_rad)
 
+    def xy(points: Floats) -> Floats:
+        return points @ np.array(((cos, sin), (-sin, cos))) + plan.origin_m
 
-@dataclass
-class _Draft:
-    plan: GridPlan
-    lanes: dict[str, Lane] = field(default_factory=dict)
-    connectors: dict[str, Connector] = field(default_factory=dict)
-    blocks: dict[str, Roadblock] = field(default_factory=dict)
-    stops: dict[str, StopLine] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self._ids = count(self.plan.first_id)
-        self._limits = count()
-        cos, sin = np.cos(self.plan.rotation_rad), np.sin(self.plan.rotation_rad)
-        self._turned = np.array(((cos, sin), (-sin, cos)))
-
-    def roads(self, name: str) -> Roads:
-        plan = self.plan
-        nodes = [np.array((i, j), dtype=np.float64) for j in range(plan.rows) for i in range(plan.columns)]
-        inner = plan.lanes * LANE_WIDTH_M + KERB_M
-        arriving: dict[int, list[tuple[Floats, str]]] = {k: [] for k in range(len(nodes))}
-        leaving: dict[int, list[tuple[Floats, str]]] = {k: [] for k in range(len(nodes))}
-        segments: list[Area] = []
-        walkways: list[Area] = []
-        for a, start in enumerate(nodes):
-            for b, end in enumerate(nodes):
-                if abs(start - end).sum() == 1.0:
-                    along = end - start
-                    block = self._road(start * plan.spacing_m + along * inner, along, plan.spacing_m - 2 * inner)
-                    leaving[a].append((along, block))
-                    arriving[b].append((along, block))
-                    segments.append(Area(self._id(), self.blocks[block].polygon))
-                    kerb = start * plan.spacing_m + along * inner
-                    side = self._outside() * (plan.lanes * LANE_WIDTH_M + 2.0)
-                    walkways.append(Area(self._id(), self._strip(kerb, along, plan.spacing_m - 2 * inner, side, 1.5)))
-        intersections: list[Intersection] = []
-        crosswalks: list[Area] = []
-        for k, node in enumerate(nodes):
-            center = node * plan.spacing_m
-            corners = np.array(((-inner, -inner), (inner, -inner), (inner, inner), (-inner, inner)))
-            kind = IntersectionKind.TRAFFIC_LIGHT if plan.signals else IntersectionKind.STOP_SIGN
-            intersections.append(Intersection(self._id(), shapely.Polygon(self._xy(center + corners)), kind))
-            for along, block in arriving[k]:
-                stop = self._stop_line(center - along * inner, along)
-                crosswalks.append(Area(self._id(), self._strip(center - along * inner, along, 3.0, 0.0, 2 * inner - 1)))
-                for heading, target in leaving[k]:
-                    if not np.array_equal(heading, -along):
-                        self._junction_way(along, heading, block, target, stop, intersections[-1].id)
-        lot = np.array(((-60.0, -60.0), (-30.0, -60.0), (-30.0, -30.0), (-60.0, -30.0)))
-        yard = shapely.Polygon(self._xy(lot - 40.0), [self._xy(lot * 0.5 - 62.5)])
-        return Roads(
-            name=name,
-            crs=plan.crs,
-            driving_side=plan.side,
-            lanes=self.lanes,
-            connectors=self.connectors,
-            roadblocks=self.blocks,
-            intersections=tuple(intersections),
-            stop_lines=self.stops,
-            crosswalks=tuple(crosswalks),
-            walkways=tuple(walkways),
-            carparks=(Area(self._id(), shapely.Polygon(self._xy(lot))),),
-            road_segments=tuple(segments),
-            generic_drivable_areas=(Area(self._id(), yard),),
-        )
-
-    def _id(self) -> str:
-        return str(next(self._ids))
-
-    def _limit(self) -> float | None:
-        return self.plan.limits_mps[next(self._limits) % len(self.plan.limits_mps)]
-
-    def _xy(self, points: Floats) -> Floats:
-        return np.round(points @ self._turned + self.plan.origin_m, 6)
-
-    def _outside(self) -> float:
-        """The sign of a lateral offset (left positive) towards the kerb."""
-        return -1.0 if self.plan.side == "right" else 1.0
-
-    def _strip(self, start: Floats, along: Floats, length_m: float, left_m: float, width_m: float) -> shapely.Polygon:
+    def strip(start: Floats, along: Floats, length_m: float, left_m: float, width_m: float) -> shapely.Polygon:
         """A rectangle from `start` along a direction, its axis moved to the left."""
         left = np.array((-along[1], along[0]))
         near, far = start + left * (left_m + width_m / 2), start + left * (left_m - width_m / 2)
-        ahead = along * length_m
-        return shapely.Polygon(self._xy(np.array((far, far + ahead, near + ahead, near))))
+        return rounded(shapely.Polygon(xy(np.array((far, far + along * length_m, near + along * length_m, near)))))
 
-    def _road(self, start: Floats, along: Floats, length_m: float) -> str:
-        """One direction of a road: its roadblock's id."""
-        block, count_ = self._id(), self.plan.lanes
-        left = np.array((-along[1], along[0]))
-        at = start + along * np.linspace(0.0, length_m, int(np.ceil(length_m)) + 1)[:, None]
-        # Line k lies left of lane k; the last one is the right edge of the road.
-        first = 0.0 if self.plan.side == "right" else count_ * LANE_WIDTH_M
-        lines = [self._xy(at + left * (first - k * LANE_WIDTH_M)) for k in range(count_ + 1)]
-        members: list[str] = []
-        for k in range(count_):
-            lane = Lane(
-                id=self._id(),
-                roadblock_id=block,
-                index=k,
-                centerline=Polyline(self._xy(at + left * (first - (k + 0.5) * LANE_WIDTH_M))),
-                polygon=shapely.Polygon(np.concatenate((lines[k + 1], lines[k][::-1]))),
-                left_boundary=Polyline(lines[k]),
-                right_boundary=Polyline(lines[k + 1]),
-                speed_limit_mps=self._limit(),
-            )
-            self.lanes[lane.id] = lane
-            members.append(lane.id)
-        self.blocks[block] = Roadblock(
-            block, shapely.Polygon(np.concatenate((lines[-1], lines[0][::-1]))), tuple(members)
-        )
-        return block
+    ids, limits = count(plan.first_id), cycle(plan.limits_mps)
+    names: dict[str, str] = defaultdict(lambda: str(next(ids)))
+    nodes = [np.array((i, j), dtype=np.float64) for j in range(plan.rows) for i in range(plan.columns)]
+    inner, length_m = plan.lanes * WIDTH_M + KERB_M, plan.spacing_m - 2 * (plan.lanes * WIDTH_M + KERB_M)
+    outside = -1.0 if plan.side == "right" else 1.0  # the sign of a lateral offset, left positive, towards the kerb
+    edges = [(a, b, nodes[b] - nodes[a]) for a in range(len(nodes)) for b in range(len(nodes))]
+    edges = [(a, b, along) for a, b, along in edges if abs(along).sum() == 1.0]
+    roadways = [(along, nodes[a] * plan.spacing_m + along * inner) for a, _, along in edges]
+    leaving: dict[int, list[tuple[int, Floats]]] = defaultdict(list)
+    for k, (node, _, along) in enumerate(edges):
+        leaving[node].append((k, along))
+    first = 0 if plan.side == "right" else -plan.lanes
+    middles = [(first + k + 0.5) * WIDTH_M for k in range(plan.lanes)]
+    groups = {
+        str(k): [beside(straight(xy(at), xy(at + along * length_m)), right_m) for right_m in middles]
+        for k, (along, at) in enumerate(roadways)
+    }
+    ways: list[Ways] = []
+    for k, (_, node, along) in enumerate(edges):
+        for other, heading in leaving[node]:
+            if np.array_equal(heading, -along):
+                continue
+            left = along[0] * heading[1] - along[1] * heading[0]
+            place = 0 if left > 0 else plan.lanes - 1
+            ways.append(
+                Ways(
+                    str(k), str(other),
+                    ((place, place),) if left else tuple((p, p) for p in range(plan.lanes)),
+                    str(900 + k) if plan.signals else None,
+                    Turn.LEFT if left > 0 else Turn.RIGHT if left < 0 else Turn.STRAIGHT,
+                    intersection=str(node),
+                )
+            )  # fmt: skip
+    signs = {} if plan.signals else dict.fromkeys(groups, StopLineKind.STOP_SIGN)
+    roads = small_roads(groups, ways, side=plan.side, signs=signs, intersection=None, id_of=names.__getitem__)
+    kind = IntersectionKind.TRAFFIC_LIGHT if plan.signals else IntersectionKind.STOP_SIGN
 
-    def _stop_line(self, at: Floats, along: Floats) -> str:
-        width = self.plan.lanes * LANE_WIDTH_M
-        kind = StopLineKind.TRAFFIC_LIGHT if self.plan.signals else StopLineKind.STOP_SIGN
-        stop = StopLine(self._id(), self._strip(at, along, 0.5, self._outside() * width / 2, width - 0.2), kind)
-        self.stops[stop.id] = stop
-        return stop.id
+    def areas(layer: str, shapes: Sequence[shapely.Polygon]) -> tuple[Area, ...]:
+        return tuple(Area(names[f"{layer}{k}"], shape) for k, shape in enumerate(shapes))
 
-    def _junction_way(
-        self, along: Floats, heading: Floats, source: str, target: str, stop: str, intersection: str
-    ) -> None:
-        """The connectors from one road to another: all lanes straight on, the outer one into a turn."""
-        cross = along[0] * heading[1] - along[1] * heading[0]
-        last = self.plan.lanes - 1
-        places = range(self.plan.lanes) if cross == 0 else (0,) if cross > 0 else (last,)
-        turn = Turn.STRAIGHT if cross == 0 else Turn.LEFT if cross > 0 else Turn.RIGHT
-        block, members = self._id(), list[str]()
-        for place in places:
-            start = self.lanes[self.blocks[source].lane_ids[place]]
-            end = self.lanes[self.blocks[target].lane_ids[place]]
-            center, normal = _curve(
-                start.centerline.points[-1], along @ self._turned, end.centerline.points[0], heading @ self._turned
-            )
-            left = np.round(center + normal * LANE_WIDTH_M / 2, 6)
-            right = np.round(center - normal * LANE_WIDTH_M / 2, 6)
-            connector = Connector(
-                id=self._id(),
-                roadblock_id=block,
-                from_lane_id=start.id,
-                to_lane_id=end.id,
-                centerline=Polyline(np.round(center, 6)),
-                polygon=shapely.Polygon(np.concatenate((right, left[::-1]))),
-                left_boundary=Polyline(left),
-                right_boundary=Polyline(right),
-                speed_limit_mps=self._limit(),
-                turn=turn,
-                stop_line_ids=(stop,) if self.plan.signals else (),
-            )
-            self.connectors[connector.id] = connector
-            members.append(connector.id)
-        corners = np.concatenate([shapely.get_coordinates(self.connectors[i].polygon) for i in members])
-        hull = shapely.Polygon(shapely.get_coordinates(shapely.convex_hull(shapely.MultiPoint(corners))))
-        self.blocks[block] = Roadblock(block, hull, tuple(members), True, source, target, intersection)
+    lot = np.array(((-60.0, -60.0), (-30.0, -60.0), (-30.0, -30.0), (-60.0, -30.0)))
+    yard = shapely.Polygon(xy(lot - 40.0), [xy(lot * 0.5 - 62.5)])
+    pavement_m = outside * (plan.lanes * WIDTH_M + 2.0)
+    return replace(
+        roads,
+        name=name,
+        crs=plan.crs,
+        lanes={i: replace(lane, speed_limit_mps=next(limits)) for i, lane in roads.lanes.items()},
+        connectors={i: replace(each, speed_limit_mps=next(limits)) for i, each in roads.connectors.items()},
+        intersections=tuple(replace(each, kind=kind) for each in roads.intersections),
+        crosswalks=areas("z", [strip(at + along * length_m, along, 3.0, 0.0, 2 * inner - 1) for along, at in roadways]),
+        walkways=areas("p", [strip(at, along, length_m, pavement_m, 1.5) for along, at in roadways]),
+        carparks=areas("k", [rounded(shapely.Polygon(xy(lot)))]),
+        road_segments=areas("r", [each.polygon for each in roads.roadblocks.values() if not each.is_connector]),
+        generic_drivable_areas=areas("g", [rounded(yard)]),
+    )
 
 
-def _curve(start: Floats, along: Floats, end: Floats, heading: Floats) -> tuple[Floats, Floats]:
-    """Points of a cubic from one pose to another, less than a metre apart, and the unit normals to their left."""
-    chord = float(np.hypot(*(end - start)))
-    reach = chord * (0.39 if abs(along @ heading) < 0.5 else 1 / 3)
-    control = np.array((start, start + along * reach, end - heading * reach, end))
-    t = np.linspace(0.0, 1.0, int(np.ceil(chord * 1.3)) + 1)[:, None]
-    weights = np.concatenate(((1 - t) ** 3, 3 * (1 - t) ** 2 * t, 3 * (1 - t) * t**2, t**3), axis=1)
-    slope = np.concatenate((-3 * (1 - t) ** 2, 3 * (1 - t) * (1 - 3 * t), 3 * t * (2 - 3 * t), 3 * t**2), axis=1)
-    tangent = slope @ control
-    tangent /= np.hypot(*tangent.T)[:, None]
-    return weights @ control, np.stack((-tangent[:, 1], tangent[:, 0]), axis=1)
+def rounded(polygon: shapely.Geometry) -> shapely.Polygon:
+    """To micrometres, as map files keep them."""
+    found = shapely.transform(polygon, lambda xy: np.round(xy, 6))
+    assert isinstance(found, shapely.Polygon)
+    return found
+
+
+def _shapes(points: Floats) -> tuple[Polyline, shapely.Polygon, Polyline, Polyline]:
+    line = shapely.LineString(points)
+    left, right = (shapely.get_coordinates(line.offset_curve(s * WIDTH_M / 2)).round(6) for s in (1, -1))
+    polygon = rounded(line.buffer(WIDTH_M / 2, cap_style="flat"))
+    return Polyline(points.round(6)), polygon, Polyline(left), Polyline(right)
+
+
+def _around(polygons: Sequence[shapely.Polygon]) -> shapely.Polygon:
+    hull = shapely.MultiPolygon(list(polygons)).convex_hull
+    assert isinstance(hull, shapely.Polygon)
+    return hull

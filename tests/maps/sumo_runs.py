@@ -194,7 +194,8 @@ def _frames(path: Path, ids: NetworkIds, lengths_m: Mapping[str, float]) -> dict
             heading = np.pi / 2 - np.radians(float(v.attrib["angle"]))
             x, y = float(v.attrib["x"]), float(v.attrib["y"])  # the middle of the front bumper
             lane = v.attrib["lane"]
-            lane_id, arc_m = ids.source_place(lane, float(v.attrib["pos"]) / lengths_m[lane])
+            lane_id, start_m, end_m = ids.sources[lane]
+            arc_m = start_m + (end_m - start_m) * float(v.attrib["pos"]) / lengths_m[lane]
             cars.append(
                 _Car(
                     time_s, v.attrib["id"],

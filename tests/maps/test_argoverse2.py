@@ -27,8 +27,6 @@ from tests.maps.argoverse_files import lane, line, straight, street, tile, writt
 from tests.maps.source_worlds import assert_as_counted
 from tests.realdata import real
 
-REAL = ("austin_0a1e6f0a", "pit_57819")
-
 
 def read(content: dict[str, Any], folder: Path) -> SourceMap:
     return read_argoverse2(written(content, folder))
@@ -60,6 +58,8 @@ def test_lanes_for_cars_are_kept_with_their_boundaries(tmp_path: Path) -> None:
     assert_allclose(local(source.lanes["1"].right), [(0.0, -3.0), (40.0, -3.0)], atol=1e-6)
     assert [one.in_intersection for one in source.lanes.values()] == [False, False, False, True]
     assert source.driving_side == "right"
+    assert noted(source, "no speed limits, traffic lights or signs")
+    assert all(one.speed_limit_mps is None and not one.lights_at_end for one in source.lanes.values())
 
 
 def test_lanes_of_other_types_are_left_out_with_reason_and_surface(tmp_path: Path) -> None:
@@ -73,18 +73,6 @@ def test_lanes_of_other_types_are_left_out_with_reason_and_surface(tmp_path: Pat
     assert source.reasons == {"bicycle lane": 1, "bus lane": 1, "lane of type TRAM": 1}
     assert [item.polygon.area for item in source.left_out if item.polygon] == pytest.approx([120.0] * 3)
     assert count_argoverse2(tmp_path).left_out == 3
-
-
-def test_what_the_format_lacks_is_said(tmp_path: Path) -> None:
-    source = read(street(), tmp_path)
-    assert noted(source, "no speed limits, traffic lights or signs")
-    assert all(one.speed_limit_mps is None and not one.lights_at_end for one in source.lanes.values())
-
-
-def test_repeated_points_are_dropped(tmp_path: Path) -> None:
-    content = tile(lane(1, [(0, 0), (0, 0), (9, 0)], [(0, -3), (9, -3), (9, -3, 1.0)]))
-    one = read(content, tmp_path).lanes["1"]
-    assert (len(one.left), len(one.right)) == (2, 2)
 
 
 @pytest.mark.parametrize(
@@ -144,11 +132,6 @@ def test_neighbours_for_cars_of_the_same_direction_are_kept_on_both_sides_and_no
     assert noted(source, "neighbours").endswith(": 1.")
 
 
-def test_a_neighbour_that_only_one_lane_names_is_known_to_both(tmp_path: Path) -> None:
-    content = tile(straight(1, 0.0, 40.0, 0.0), straight(2, 0.0, 40.0, -3.0, left_neighbor_id=1))
-    assert read(content, tmp_path).lanes["1"].right_neighbour == "2"
-
-
 @pytest.mark.parametrize(
     ("points", "kept"),
     [
@@ -160,11 +143,10 @@ def test_a_neighbour_that_only_one_lane_names_is_known_to_both(tmp_path: Path) -
         ([(0, -3), (39, -3)], False),
     ],
 )
-def test_neighbours_adjoin_from_end_to_end(points: list[tuple[float, float]], kept: bool, tmp_path: Path) -> None:
-    content = tile(
-        straight(1, 0.0, 40.0, 0.0, right_neighbor_id=2),
-        lane(2, points, [(0, -7), (40, -7)], left_neighbor_id=1),
-    )
+def test_neighbours_adjoin_from_end_to_end_and_it_is_enough_that_one_names_the_other(
+    points: list[tuple[float, float]], kept: bool, tmp_path: Path
+) -> None:
+    content = tile(straight(1, 0.0, 40.0, 0.0), lane(2, points, [(0, -7), (40, -7)], left_neighbor_id=1))
     source = read(content, tmp_path)
     assert (source.lanes["1"].right_neighbour == "2") is kept
     assert (source.lanes["2"].left_neighbour == "1") is kept
@@ -296,17 +278,6 @@ def test_the_count_agrees_with_the_reader_on_a_street(tmp_path: Path) -> None:
     assert count_argoverse2(tmp_path).lane_length_m == pytest.approx({"1": 40.0, "2": 40.0, "3": 40.0, "4": 20.0})
 
 
-def test_the_count_sees_what_a_reader_might_lose(tmp_path: Path) -> None:
-    whole = count_argoverse2(written(street(), tmp_path))
-    less = street()
-    less["lane_segments"]["1"]["successors"] = []
-    del less["lane_segments"]["2"]
-    part = count_argoverse2(written(less, tmp_path))
-    assert whole.links - part.links == {("1", "4")}
-    assert whole.leaving - part.leaving == 2
-    assert whole.lane_length_m.keys() - part.lane_length_m.keys() == {"2"}
-
-
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"lane_segments": {"1": 3}}', "[" * 100_000])
 def test_a_file_that_cannot_be_counted_is_refused_in_one_line(content: str, tmp_path: Path) -> None:
     with pytest.raises(MapError, match="cannot be counted") as caught:
@@ -339,14 +310,3 @@ def test_a_real_map_has_what_its_publishers_put_in(
     assert sum(one.in_intersection for one in source.lanes.values()) == inside
     ways = [other for one in source.lanes.values() for other in one.successors]
     assert (len(ways), sum(other not in source.lanes for other in ways)) == links
-
-
-@pytest.mark.parametrize("name", REAL)
-def test_real_lanes_join_without_gaps_and_lie_on_drivable_ground(name: str) -> None:
-    source = read_argoverse2(real("argoverse2", name))
-    for one, other in ((a, source.lanes[b]) for a in source.lanes.values() for b in a.successors if b in source.lanes):
-        assert_allclose(one.left[-1], other.left[0], atol=0.011)  # files have centimetres
-        assert_allclose(one.right[-1], other.right[0], atol=0.011)
-    ground = shapely.union_all(source.drivable).buffer(0.1)
-    assert all(ground.covers(outline(one)) for one in source.lanes.values())
-    assert all(area.is_valid for area in (*source.crosswalks, *source.drivable))

@@ -11,8 +11,8 @@ from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.commonroad.count import count_commonroad
 from interplan_sumo.maps.importers.commonroad.reader import read_commonroad
 from interplan_sumo.recordings.commonroad import read_commonroad_recording
-from tests.maps.commonroad_files import lanelet, location, mutated, points, rectangle, scenario, sign, state, written
-from tests.maps.damaged import assert_sound, refusal, survive
+from tests.maps.commonroad_files import lanelet, location, points, rectangle, scenario, sign, state, written
+from tests.maps.damaged import assert_sound, mutated, refusal, survive
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
@@ -36,7 +36,7 @@ ENTITIES = [
 def test_entities_are_never_expanded(text: str, tmp_path: Path) -> None:
     path = written(tmp_path, text)
     for read in (read_commonroad, read_commonroad_recording):
-        assert refusal(path, read).startswith("FILE: it defines entities")
+        assert refusal(path, read).startswith("FILE: declares a document type or entities, which are refused")
     with pytest.raises(MapError):
         count_commonroad(path)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from interplan_sumo.maps.edges import CUT_M, MISALIGNED_M, LaneGroup, lane_group
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import DrivingSide, Roads
-from tests.maps.small_roads import beside, small_roads, straight
+from tests.maps.road_worlds import beside, small_roads, straight
 
 
 def group(
@@ -97,13 +97,6 @@ def test_lanes_that_never_run_side_by_side_are_edges_of_their_own() -> None:
     roads, found = group([straight((0, 0), (40, 0)), straight((60, -3.5), (90, -3.5))])
     assert_whole(roads, found)
     assert all(len(edge.lanes) == 1 for edge in found.edges)
-
-
-def test_a_lane_group_from_a_node_to_itself_is_cut_in_the_middle() -> None:
-    for lines in ([straight((0, 0), (20, 0))], [straight((0, 0), (20, 0)), straight((0, -3.5), (20, -3.5))]):
-        roads, found = group(lines, end="a")
-        assert len(found.edges) == 2
-        assert_whole(roads, found)
 
 
 @settings(max_examples=25)

@@ -85,11 +85,6 @@ def test_a_golden_crossing_is_read_whole() -> None:
     assert lane.centerline.points[0] == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_limit_of_zero_stays_zero() -> None:
-    roads = read_map(golden("gs-curve"))
-    assert {lane.speed_limit_mps for lane in roads.lanes.values()} == {0.0, 8.94, 11.18}
-
-
 @pytest.mark.parametrize("path", GOLDEN_FILES, ids=lambda path: path.parent.parent.name)
 def test_golden_maps_survive_writing_and_reading(path: Path, tmp_path: Path) -> None:
     roads = read_map(path)
@@ -113,12 +108,6 @@ def _at_most_a_metre(line: Polyline) -> Polyline:
 
 
 # --- writing -------------------------------------------------------------------------------------
-
-
-def test_reading_gives_back_exactly_what_was_written(city: Roads, file: Path) -> None:
-    again = read_map(file)
-    assert again.name == "grid"
-    assert_same_roads(city, again, tolerance_m=0.0)
 
 
 @settings(max_examples=5)
@@ -212,25 +201,23 @@ def test_written_files_obey_nuplans_rules(city: Roads, file: Path) -> None:
                 assert column(f"SELECT srs_id FROM gpkg_geometry_columns WHERE table_name = '{name}'") == [4326]
 
 
-def test_a_map_that_breaks_a_rule_is_not_written(city: Roads, tmp_path: Path) -> None:
+def test_a_map_that_breaks_a_rule_or_cannot_be_drawn_is_not_written(city: Roads, tmp_path: Path) -> None:
     one, other = list(city.lanes.values())[:2]
-    lanes = dict(city.lanes) | {other.id: replace(other, polygon=one.polygon)}
-    path = tmp_path / "map.gpkg"
-    with pytest.raises(MapError, match=f"map grid cannot be written: lanes_polygons {one.id}: overlaps {other.id} by"):
-        write_map(replace(city, lanes=lanes), path)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_lane_too_short_for_the_grid_is_named(city: Roads, tmp_path: Path) -> None:
-    lane = next(iter(city.lanes.values()))
-    short = replace(lane, left_boundary=Polyline(lane.left_boundary.points[0] + [[0.0, 0.0], [1e-7, 0.0]]))
-    with pytest.raises(MapError, match=f"lane or connector {lane.id} cannot be written"):
-        write_map(replace(city, lanes=dict(city.lanes) | {lane.id: short}), tmp_path / "map.gpkg")
-
-
-def test_an_unknown_system_cannot_be_written(city: Roads, tmp_path: Path) -> None:
-    with pytest.raises(MapError, match="EPSG:999999"):
-        write_map(replace(city, crs="EPSG:999999"), tmp_path / "map.gpkg")
+    short = Polyline(one.left_boundary.points[0] + [[0.0, 0.0], [1e-7, 0.0]])
+    for changes, said in (
+        (
+            {"lanes": dict(city.lanes) | {other.id: replace(other, polygon=one.polygon)}},
+            f"{one.id}: overlaps {other.id} by",
+        ),
+        (
+            {"lanes": dict(city.lanes) | {one.id: replace(one, left_boundary=short)}},
+            f"connector {one.id} cannot be written",
+        ),
+        ({"crs": "EPSG:999999"}, "EPSG:999999"),
+    ):
+        with pytest.raises(MapError, match=said):
+            write_map(replace(city, **changes), tmp_path / "map.gpkg")
+        assert list(tmp_path.iterdir()) == []
 
 
 def test_a_place_that_cannot_be_written_to_is_named(city: Roads, tmp_path: Path) -> None:
@@ -331,9 +318,10 @@ def test_a_small_fold_is_cut_off_with_a_line_in_the_log(
 ) -> None:
     def folded(polygon: shapely.Polygon) -> shapely.Polygon:
         ring = np.array(polygon.exterior.coords)[:-1]
-        metre, width = ring[1] - ring[0], ring[-1] - ring[0]
-        loop = ring[0] + np.array([5 * metre, 5 * metre + 0.1 * width, 4 * metre - 0.1 * width])
-        return shapely.Polygon(np.concatenate((ring[:4], loop, ring[6:])))
+        ring = np.roll(ring, -int(np.hypot(*np.diff(ring, axis=0).T).argmax()), axis=0)
+        ahead, aside = (ring[1] - ring[0]) / 30.0, (ring[-1] - ring[0]) / 10.0
+        loop = ring[0] + np.array([5 * ahead, 5 * ahead + aside, 4 * ahead - aside, 6 * ahead])
+        return shapely.Polygon(np.concatenate((ring[:1], loop, ring[1:])))
 
     lane = next(iter(city.lanes.values()))
     with caplog.at_level(logging.WARNING, logger="interplan_sumo"):
@@ -394,16 +382,14 @@ def test_a_one_way_road_is_taken_for_right_hand_traffic(city: Roads, tmp_path: P
     assert read_map(path).driving_side == "right"
 
 
-# --- beside SUMO, without GDAL -----------------------------------------------------------------------
+# --- beside SUMO ------------------------------------------------------------------------------------
 
 
-def test_without_gdal_maps_are_read_and_written_and_libsumo_changes_nothing(file: Path, tmp_path: Path) -> None:
+def test_libsumo_changes_nothing(file: Path, tmp_path: Path) -> None:
     """Importing libsumo points PROJ at SUMO's own data by environment variables."""
     code = (
         "import libsumo, os, sys\n"
         "assert 'PROJ_LIB' in os.environ or 'PROJ_DATA' in os.environ\n"
-        "for name in ('pyogrio', 'geopandas', 'fiona', 'osgeo'):\n"
-        "    sys.modules[name] = None\n"
         "from pathlib import Path\n"
         "from interplan_sumo.maps.geopackage import read_map\n"
         "from interplan_sumo.maps.geopackage_writer import write_map\n"

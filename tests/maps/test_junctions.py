@@ -18,7 +18,7 @@ from interplan_sumo.maps.junctions import (
     start_port,
 )
 from interplan_sumo.world.roads import Roads, StopLineKind
-from tests.maps.small_roads import Ways, beside, crossing, small_roads, straight
+from tests.maps.road_worlds import Ways, beside, crossing, small_roads, straight
 
 
 def only_junction(roads: Roads) -> Junction:

@@ -52,23 +52,21 @@ def test_lanes_that_only_follow_one_another_are_one_section() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "sections_found"),
+    ("before", "after", "sections_found"),
     [
-        ({}, 1),
-        ({"speed_limit_mps": 9.0}, 2),
-        ({"in_intersection": True}, 2),
-        ({"lights_at_start": ("7",)}, 2),
+        ({}, {}, 1),
+        ({}, {"speed_limit_mps": 9.0}, 2),
+        ({}, {"in_intersection": True}, 2),
+        ({}, {"lights_at_start": ("7",)}, 2),
+        ({"lights_at_end": ("7",)}, {}, 2),
+        ({"sign_at_end": StopLineKind.YIELD}, {}, 2),
     ],
 )
-def test_a_section_ends_where_something_changes(change: dict[str, Any], sections_found: int) -> None:
-    lanes = linked([straight("a", 0, 50), straight("b", 50, 100, **change)], [("a", "b")])
+def test_a_section_ends_where_something_changes_and_at_a_light_or_a_sign(
+    before: dict[str, Any], after: dict[str, Any], sections_found: int
+) -> None:
+    lanes = linked([straight("a", 0, 50, **before), straight("b", 50, 100, **after)], [("a", "b")])
     assert len(sections(world(lanes))) == sections_found
-
-
-@pytest.mark.parametrize("change", [{"lights_at_end": ("7",)}, {"sign_at_end": StopLineKind.YIELD}])
-def test_a_section_ends_at_a_light_or_a_sign(change: dict[str, Any]) -> None:
-    lanes = linked([straight("a", 0, 50, **change), straight("b", 50, 100)], [("a", "b")])
-    assert len(sections(world(lanes))) == 2
 
 
 def test_a_section_ends_where_a_lane_is_added() -> None:

@@ -25,8 +25,7 @@ def file(tmp_path: Path) -> Path:
 # --- place -----------------------------------------------------------------------------------------------
 
 
-def test_degrees_become_metres_of_the_utm_zone(file: Path) -> None:
-    osm = Osm()
+def test_degrees_become_metres_of_the_utm_zone(osm: Osm, file: Path) -> None:
     lane = osm.straight(0.0, 40.0)
     source = read(osm, file)
     assert (source.name, source.format, source.crs) == ("some_town_2", "Lanelet2", "EPSG:32632")
@@ -34,16 +33,14 @@ def test_degrees_become_metres_of_the_utm_zone(file: Path) -> None:
     np.testing.assert_allclose(source.lanes[lane].right, np.add([[0.0, -3.0], [40.0, -3.0]], ORIGIN_M), atol=1e-3)
 
 
-def test_south_of_the_equator_the_zone_is_a_southern_one(file: Path) -> None:
-    osm = Osm()
+def test_south_of_the_equator_the_zone_is_a_southern_one(osm: Osm, file: Path) -> None:
     osm.straight(0.0, 40.0)
     file.write_text(osm.text().replace("lat='", "lat='-"))
     assert read_lanelet2(file).crs == "EPSG:32732"
 
 
 @pytest.mark.parametrize("degrees", ["0.00000000000", "", "35.5"])
-def test_local_metres_are_used_as_they_stand_where_degrees_do_not_vary(degrees: str, file: Path) -> None:
-    osm = Osm()
+def test_local_metres_are_used_as_they_stand_where_degrees_do_not_vary(degrees: str, osm: Osm, file: Path) -> None:
     lane = osm.straight(0.0, 40.0)
     text = osm.text("local", head="<MetaInfo format_version='1' map_version='2'/>")
     file.write_text(text.replace("'0.00000000000'", f"'{degrees}'"))
@@ -104,30 +101,13 @@ def test_local_metres_of_a_grid_lose_whole_kilometres(file: Path) -> None:
 # --- direction -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("turned_left", [False, True])
-@pytest.mark.parametrize("turned_right", [False, True])
-def test_the_roles_tell_the_direction_and_the_order_of_nodes_does_not(
-    turned_left: bool, turned_right: bool, file: Path
-) -> None:
-    left, right = [(0.0, 0.0), (20.0, 1.0), (40.0, 0.0)], [(0.0, -3.0), (40.0, -3.0)]
-    osm = Osm()
-    there = osm.lanelet(left[::-1] if turned_left else left, right[::-1] if turned_right else right)
-    back = osm.lanelet(right[::-1] if turned_right else right, left[::-1] if turned_left else left)
-    source = read(osm, file)
-    np.testing.assert_allclose(source.lanes[there].left, np.add(left, ORIGIN_M), atol=1e-3)
-    np.testing.assert_allclose(source.lanes[there].right, np.add(right, ORIGIN_M), atol=1e-3)
-    np.testing.assert_allclose(source.lanes[back].left, np.add(right[::-1], ORIGIN_M), atol=1e-3)
-
-
-def test_a_lanelet_much_wider_than_long_keeps_its_direction(file: Path) -> None:
-    osm = Osm()
+def test_a_lanelet_much_wider_than_long_keeps_its_direction(osm: Osm, file: Path) -> None:
     lane = osm.lanelet([(0.0, 8.0), (1.0, 8.0)], [(1.0, 0.0), (0.0, 0.0)])
     heading = np.diff(read(osm, file).lanes[lane].right, axis=0)[0]
     np.testing.assert_allclose(heading, (1.0, 0.0), atol=1e-3)
 
 
-def test_a_turn_on_the_spot_runs_round_its_short_boundary(file: Path) -> None:
-    osm = Osm()
+def test_a_turn_on_the_spot_runs_round_its_short_boundary(osm: Osm, file: Path) -> None:
     inner, outer = [(0.0, 0.0), (-2.4, -2.0)], [(-5.0, 0.8), (-9.2, -2.8), (-3.4, -8.4), (-1.7, -6.9)]
     lane = osm.lanelet(inner, outer)
     before = osm.lanelet([(2.6, -4.8), (-2.4, -2.0)], [(0.0, 6.0), (-5.0, 0.8)])
@@ -169,34 +149,25 @@ def test_left_lies_on_the_left_of_any_bend(
 # --- following and adjoining -----------------------------------------------------------------------------
 
 
-def test_lanelets_follow_where_both_boundaries_go_on_from_one_node(file: Path) -> None:
-    osm = Osm()
+def test_lanelets_follow_where_both_boundaries_go_on_from_one_node(osm: Osm, file: Path) -> None:
     first = osm.straight(0.0, 40.0)
     second = osm.straight(40.0, 80.0)
     narrower = osm.straight(40.0, 80.0, width_m=2.0)
+    osm.straight(80.0, 40.0, left_m=-3.0)  # oncoming
     source = read(osm, file)
     assert source.lanes[first].successors == (second,)
     assert source.lanes[second].predecessors == (first,)
     assert source.lanes[narrower].predecessors == ()
 
 
-def test_oncoming_lanelets_do_not_follow(file: Path) -> None:
-    osm = Osm()
-    first = osm.straight(0.0, 40.0)
-    osm.straight(80.0, 40.0, left_m=-3.0)
-    assert read(osm, file).lanes[first].successors == ()
-
-
-def test_no_lanelet_that_follows_another_is_worth_a_note(file: Path) -> None:
-    osm = Osm()
+def test_no_lanelet_that_follows_another_is_worth_a_note(osm: Osm, file: Path) -> None:
     osm.straight(0.0, 40.0)
     assert not any("follows" in note for note in read(osm, file).notes)
     osm.straight(40.001, 80.0)
     assert any("No lanelet follows another" in note for note in read(osm, file).notes)
 
 
-def test_neighbours_share_a_way_and_a_direction(file: Path) -> None:
-    osm = Osm()
+def test_neighbours_share_a_way_and_a_direction(osm: Osm, file: Path) -> None:
     left, right = osm.straight(0.0, 40.0, 0.0), osm.straight(0.0, 40.0, -3.0)
     oncoming = osm.straight(40.0, 0.0, 0.0)
     bicycles = osm.straight(0.0, 40.0, -6.0, tags={"subtype": "bicycle_lane"})
@@ -207,8 +178,7 @@ def test_neighbours_share_a_way_and_a_direction(file: Path) -> None:
     assert (lanes[oncoming].left_neighbour, lanes[oncoming].right_neighbour) == (None, None)
 
 
-def test_of_two_lanelets_beyond_a_boundary_the_nearer_is_the_neighbour(file: Path) -> None:
-    osm = Osm()
+def test_of_two_lanelets_beyond_a_boundary_the_nearer_is_the_neighbour(osm: Osm, file: Path) -> None:
     left = osm.straight(0.0, 40.0)
     osm.lanelet([(0.0, -3.0), (40.0, -3.0)], [(0.0, -9.0), (40.0, -20.0)])
     nearer = osm.straight(0.0, 40.0, -3.0)
@@ -218,24 +188,11 @@ def test_of_two_lanelets_beyond_a_boundary_the_nearer_is_the_neighbour(file: Pat
 # --- driving side ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("left_m", "side"), [(0.0, "right"), (-6.0, "left")])
-def test_the_driving_side_is_seen_from_the_boundary_that_oncoming_lanes_share(
-    left_m: float, side: str, file: Path
-) -> None:
-    osm = Osm()
-    osm.straight(0.0, 40.0)
-    osm.straight(40.0, 0.0, left_m)
-    source = read(osm, file)
-    assert source.driving_side == side
-    assert not any("assumed" in note for note in source.notes)
-
-
-@pytest.mark.parametrize(("median_m", "is_shown"), [(2.0, True), (11.9, True), (12.1, False)])
+@pytest.mark.parametrize(("median_m", "is_shown"), [(0.0, True), (2.0, True), (11.9, True), (12.1, False)])
 @pytest.mark.parametrize("keeps_left", [False, True])
-def test_oncoming_lanes_beyond_a_median_show_the_driving_side_too(
-    keeps_left: bool, median_m: float, is_shown: bool, file: Path
+def test_oncoming_lanes_show_the_driving_side_also_beyond_a_median(
+    keeps_left: bool, median_m: float, is_shown: bool, osm: Osm, file: Path
 ) -> None:
-    osm = Osm()
     osm.straight(0.0, 40.0)
     osm.straight(40.0, 0.0, -6.0 - median_m if keeps_left else median_m)
     source = read(osm, file)
@@ -243,20 +200,11 @@ def test_oncoming_lanes_beyond_a_median_show_the_driving_side_too(
     assert any("assumed" in note for note in source.notes) != is_shown
 
 
-def test_a_driving_side_that_nothing_shows_is_the_right_with_a_note(file: Path) -> None:
-    osm = Osm()
-    osm.straight(0.0, 40.0)
-    source = read(osm, file)
-    assert source.driving_side == "right"
-    assert "No two lanes show on which side traffic keeps: the right is assumed." in source.notes
-
-
 # --- both directions -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("one_way", ["no", "false"])
-def test_a_wide_two_way_lanelet_is_split_along_its_middle(one_way: str, file: Path) -> None:
-    osm = Osm()
+def test_a_wide_two_way_lanelet_is_split_along_its_middle(one_way: str, osm: Osm, file: Path) -> None:
     first = osm.straight(0.0, 40.0, 0.0, 6.0, tags={"one_way": one_way})
     second = osm.straight(40.0, 80.0, 0.0, 6.0, tags={"one_way": one_way})
     source = read(osm, file)
@@ -270,8 +218,7 @@ def test_a_wide_two_way_lanelet_is_split_along_its_middle(one_way: str, file: Pa
     assert_as_counted(source, count_lanelet2(file))
 
 
-def test_where_traffic_keeps_left_the_way_there_is_the_left_half(file: Path) -> None:
-    osm = Osm()
+def test_where_traffic_keeps_left_the_way_there_is_the_left_half(osm: Osm, file: Path) -> None:
     osm.straight(0.0, 40.0, 50.0)
     osm.straight(40.0, 0.0, 44.0)
     road = osm.straight(0.0, 40.0, 0.0, 6.0, tags={"one_way": "no"})
@@ -282,8 +229,7 @@ def test_where_traffic_keeps_left_the_way_there_is_the_left_half(file: Path) -> 
 
 
 @pytest.mark.parametrize(("width_m", "lanes"), [(4.49, 1), (4.51, 2)])
-def test_a_narrow_two_way_lanelet_keeps_its_own_direction(width_m: float, lanes: int, file: Path) -> None:
-    osm = Osm()
+def test_a_narrow_two_way_lanelet_keeps_its_own_direction(width_m: float, lanes: int, osm: Osm, file: Path) -> None:
     osm.straight(0.0, 40.0, 0.0, width_m, tags={"one_way": "no"})
     source = read(osm, file)
     assert len(source.lanes) == lanes
@@ -292,14 +238,12 @@ def test_a_narrow_two_way_lanelet_keeps_its_own_direction(width_m: float, lanes:
 
 
 @pytest.mark.parametrize(("key", "lanes"), [("one_way:vehicle", 2), ("one_way:bicycle", 1)])
-def test_two_ways_may_be_open_to_some_only(key: str, lanes: int, file: Path) -> None:
-    osm = Osm()
+def test_two_ways_may_be_open_to_some_only(key: str, lanes: int, osm: Osm, file: Path) -> None:
     osm.straight(0.0, 40.0, 0.0, 6.0, tags={key: "no"})
     assert len(read(osm, file).lanes) == lanes
 
 
-def test_a_half_widens_to_the_whole_where_only_whole_lanelets_lie_beyond(file: Path) -> None:
-    osm = Osm()
+def test_a_half_widens_to_the_whole_where_only_whole_lanelets_lie_beyond(osm: Osm, file: Path) -> None:
     road = osm.straight(0.0, 40.0, 0.0, 6.0, tags={"one_way": "no"})
     onward = osm.straight(40.0, 80.0, 0.0, 6.0)
     lanes = read(osm, file).lanes
@@ -340,8 +284,7 @@ KINDS: dict[str, tuple[dict[str, str], ...]] = {
 
 
 @pytest.mark.parametrize(("expected", "tags"), [(kind, tags) for kind, several in KINDS.items() for tags in several])
-def test_tags_tell_what_becomes_of_a_lanelet(expected: str, tags: dict[str, str], file: Path) -> None:
-    osm = Osm()
+def test_tags_tell_what_becomes_of_a_lanelet(expected: str, tags: dict[str, str], osm: Osm, file: Path) -> None:
     osm.straight(0.0, 40.0)
     id_ = osm.straight(0.0, 40.0, -10.0, tags=tags)
     source = read(osm, file)
@@ -356,8 +299,7 @@ def test_tags_tell_what_becomes_of_a_lanelet(expected: str, tags: dict[str, str]
     assert_as_counted(source, count_lanelet2(file))
 
 
-def test_a_turn_or_an_intersection_area_tells_what_lies_inside(file: Path) -> None:
-    osm = Osm()
+def test_a_turn_or_an_intersection_area_tells_what_lies_inside(osm: Osm, file: Path) -> None:
     inside = [
         osm.straight(0.0, 10.0, tags={"turn_direction": "left"}),
         osm.straight(0.0, 10.0, -9.0, tags={"intersection_area": "77"}),

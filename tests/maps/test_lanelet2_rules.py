@@ -15,11 +15,6 @@ from tests.maps.source_worlds import assert_as_counted
 KMH = 1.0 / 3.6
 
 
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    return tmp_path / "map.osm"
-
-
 # --- speed limits ----------------------------------------------------------------------------------------
 
 
@@ -85,8 +80,7 @@ def test_speed_limits_come_from_rules_then_tags_then_the_law(name: str, file: Pa
     assert any("'fast'" in note for note in source.notes) == (name == "a tag that is none")
 
 
-def test_a_note_tells_where_the_limits_come_from(file: Path) -> None:
-    osm = Osm()
+def test_a_note_tells_where_the_limits_come_from(osm: Osm, file: Path) -> None:
     osm.straight(0.0, 40.0, tags={"speed_limit": "30"})
     osm.straight(0.0, 40.0, -9.0)
     osm.straight(0.0, 40.0, -19.0, tags={"region": "jp"})
@@ -141,8 +135,7 @@ def test_a_stop_line_at_the_start_of_an_intersection_lane_names_that_lane(file: 
     assert source.stop_lines[0].lane_ids == ("3",)
 
 
-def test_a_light_at_the_start_of_a_split_lanelet_holds_for_the_way_back(file: Path) -> None:
-    osm = Osm()
+def test_a_light_at_the_start_of_a_split_lanelet_holds_for_the_way_back(osm: Osm, file: Path) -> None:
     line = osm.way((0.0, 0.0), (0.0, -3.0))
     light = osm.rule("traffic_light", ("way", osm.way((-9.0, 0.0), (-9.0, 1.0)), "refers"), ("way", line, "ref_line"))
     road = osm.straight(0.0, 40.0, 0.0, 6.0, tags={"one_way": "no"}, rules=[light])
@@ -152,8 +145,7 @@ def test_a_light_at_the_start_of_a_split_lanelet_holds_for_the_way_back(file: Pa
     assert_as_counted(source, count_lanelet2(file))
 
 
-def test_a_light_without_lamps_still_is_one(file: Path) -> None:
-    osm = Osm()
+def test_a_light_without_lamps_still_is_one(osm: Osm, file: Path) -> None:
     light = osm.rule("traffic_light")
     lane = osm.straight(0.0, 40.0, rules=[light])
     assert read(osm, file).lanes[lane].lights_at_end == (str(light),)
@@ -207,16 +199,14 @@ def test_a_sign_beside_a_light_counts_only_while_that_is_out(file: Path) -> None
     assert any("1 lanes have a sign that counts only while" in note for note in source.notes)
 
 
-def test_stop_lines_that_no_rule_names_are_kept(file: Path) -> None:
-    osm = Osm()
+def test_stop_lines_that_no_rule_names_are_kept(osm: Osm, file: Path) -> None:
     osm.straight(0.0, 40.0)
     line = osm.way((30.0, 0.0), (30.0, -3.0), type="stop_line")
     (stop,) = read(osm, file).stop_lines
     assert (stop.id, stop.kind, stop.lane_ids) == (str(line), StopLineKind.UNKNOWN, ())
 
 
-def test_lanes_wait_at_a_crosswalk_that_they_name(file: Path) -> None:
-    osm = Osm()
+def test_lanes_wait_at_a_crosswalk_that_they_name(osm: Osm, file: Path) -> None:
     line = osm.way((30.0, 0.0), (30.0, -3.0), type="stop_line")
     walk = osm.lanelet([(32.0, 0.0), (32.0, -3.0)], [(31.0, 0.0), (31.0, -3.0)], tags={"subtype": "crosswalk"})
     rule = osm.rule("crosswalk", ("relation", int(walk), "refers"), ("way", line, "ref_line"))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from interplan_sumo.errors import MapError, UnknownNameError
-from interplan_sumo.maps.crop import crop, crop_around
+from interplan_sumo.maps.crop import crop
 from interplan_sumo.maps.store import MANIFEST, MapFiles, copy_map, find_map, is_shipped, load_roads, maps, place_map
 from interplan_sumo.tiny_worlds import straight_road
 
@@ -88,11 +88,11 @@ def test_a_map_that_cannot_be_filled_leaves_what_was_there(beside: Path) -> None
     assert find_map("backwater", beside).hash() == find_map("strip").hash()
 
 
-def test_a_crop_around_several_places_is_what_lies_around_each() -> None:
+def test_a_crop_several_places_is_what_lies_around_each() -> None:
     roads = straight_road(length_m=400.0, cuts_m=((90.0, 100.0), (190.0, 200.0), (290.0, 300.0)))
-    one, other = crop(roads, 10.0, 0.0, 20.0), crop(roads, 390.0, 0.0, 20.0)
-    both = crop_around(roads, ((10.0, 0.0), (390.0, 0.0)), 20.0)
+    one, other = (crop(roads, [place], 20.0) for place in ((10.0, 0.0), (390.0, 0.0)))
+    both = crop(roads, ((10.0, 0.0), (390.0, 0.0)), 20.0)
     assert set(both.lanes) == {*one.lanes, *other.lanes} == {"11", "71"}
     assert {each.id for each in both.road_segments} == {each.id for each in (*one.road_segments, *other.road_segments)}
     with pytest.raises(ValueError, match="a crop needs finite places"):
-        crop_around(roads, (), 20.0)
+        crop(roads, (), 20.0)

@@ -7,8 +7,7 @@ import pytest
 from interplan_sumo.maps.junctions import Junction, Movement, junction, junction_groups, lane_signs
 from interplan_sumo.maps.signals_plan import ALL_RED_S, PERMISSIVE_LANES, YELLOW_S, Program, program
 from interplan_sumo.world.roads import DrivingSide, Roads
-from tests.maps.road_worlds import GridPlan, grid_city
-from tests.maps.small_roads import Ways, beside, crossing, small_roads, straight
+from tests.maps.road_worlds import GridPlan, Ways, beside, crossing, grid_city, small_roads, straight
 
 
 def programs(roads: Roads) -> list[tuple[Junction, Program]]:

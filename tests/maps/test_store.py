@@ -12,7 +12,6 @@ from interplan_sumo.errors import MapError, UnknownNameError
 from interplan_sumo.maps import store
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.store import find_map, load_roads, maps, write_maps_manifest
-from tests.maps.map_files import GOLDEN_MAPS
 from tests.maps.road_worlds import GridPlan, grid_city
 
 
@@ -23,14 +22,6 @@ def root(tmp_path: Path) -> Path:
         write_map(grid_city(GridPlan(lanes=1, spacing_m=50.0)), tmp_path / "root" / name / version / "map.gpkg")
     write_maps_manifest(tmp_path / "root")
     return tmp_path / "root"
-
-
-def test_the_golden_maps_root_is_read() -> None:
-    found = maps(GOLDEN_MAPS)
-    assert list(found) == ["gs-boulevard", "gs-cross", "gs-curve", "gs-merge-lht"]
-    assert found["gs-cross"].gpkg == GOLDEN_MAPS / "gs-cross" / "1.0" / "map.gpkg"
-    assert found["gs-cross"].network.name == "map.net.xml.gz"
-    assert found["gs-cross"].ids.name == "ids.json"
 
 
 def test_a_written_manifest_is_nuplans(root: Path) -> None:

@@ -143,28 +143,29 @@ def test_without_internal_lanes_lanes_follow_directly(tmp_path: Path) -> None:
     assert_as_counted(source, count_sumo_network(path))
 
 
-def test_a_way_without_length_is_a_direct_link(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("way", "successors", "reasons"),
+    [
+        (lane(":j_0_0", "50,0 50,0"), ("b_0",), {}),
+        (lane(":j_0_0", "50,0 60,0", allow="bus"), (), {"way through a junction closed to cars": 1}),
+    ],
+    ids=["without length", "closed to cars"],
+)
+def test_a_way_without_length_is_a_direct_link_and_one_that_cars_may_not_take_is_none(
+    way: str, successors: tuple[str, ...], reasons: dict[str, int], tmp_path: Path
+) -> None:
     text = by_hand(
-        f'<edge id=":j_0" function="internal">{lane(":j_0_0", "50,0 50,0")}</edge>',
+        f'<edge id=":j_0" function="internal">{way}</edge>',
         f'<edge id="a">{lane("a_0", "0,0 50,0")}</edge><edge id="b">{lane("b_0", "50,0 90,0")}</edge>',
         '<connection from="a" to="b" fromLane="0" toLane="0" via=":j_0_0" dir="s" state="M"/>',
         '<connection from=":j_0" to="b" fromLane="0" toLane="0" dir="s" state="M"/>',
     )
     source = read_sumo_network(path := written(tmp_path, text))
-    assert source.lanes["a_0"].successors == ("b_0",)
-    assert_as_counted(source, count_sumo_network(path))
-
-
-def test_a_way_that_cars_may_not_take_is_none(tmp_path: Path) -> None:
-    text = by_hand(
-        f'<edge id=":j_0" function="internal">{lane(":j_0_0", "50,0 60,0", allow="bus")}</edge>',
-        f'<edge id="a">{lane("a_0", "0,0 50,0")}</edge><edge id="b">{lane("b_0", "60,0 90,0")}</edge>',
-        '<connection from="a" to="b" fromLane="0" toLane="0" via=":j_0_0" dir="s" state="M"/>',
-    )
-    source = read_sumo_network(written(tmp_path, text))
     assert list(source.lanes) == ["a_0", "b_0"]
-    assert source.lanes["a_0"].successors == ()
-    assert source.reasons == {"way through a junction closed to cars": 1}
+    assert source.lanes["a_0"].successors == successors
+    assert source.reasons == reasons
+    if successors:
+        assert_as_counted(source, count_sumo_network(path))
 
 
 def test_a_light_holds_at_the_start_of_a_way(tmp_path: Path) -> None:

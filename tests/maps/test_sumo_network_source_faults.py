@@ -12,8 +12,7 @@ import pytest
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.sumo.count import count_sumo_network
 from interplan_sumo.maps.importers.sumo.reader import read_sumo_network
-from tests.maps.commonroad_files import mutated
-from tests.maps.damaged import assert_sound, refusal, survive
+from tests.maps.damaged import assert_sound, mutated, refusal, survive
 from tests.maps.sumo_nets import by_hand, lane, written
 
 
@@ -74,7 +73,10 @@ ELEMENTS = [
 FILES = [
     *((text, "the file is damaged (") for text in ("", "no xml", "<net", "<net><edge></net>")),
     ("<routes/>", "its root is <routes>, expected <net>; give such a file"),
-    ('<!DOCTYPE n [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]><net>&b;</net>', "it defines entities"),
+    (
+        '<!DOCTYPE n [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]><net>&b;</net>',
+        "declares a document type",
+    ),
     *((placed(offset), "netOffset is") for offset in ("", "1", "a,b", "nan,0")),
     (by_hand(GOOD + '<succ edge="e" lane="e_0" junction="j"/>'), "netconvert -s"),
     *((by_hand(content), message) for content, message in ELEMENTS),

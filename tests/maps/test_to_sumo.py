@@ -22,8 +22,7 @@ from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.maps.to_sumo import IDS_FILE, NETWORK_FILE, convert, network
 from interplan_sumo.world.roads import DrivingSide, Roads, StopLineKind
 from tests.maps.map_files import GOLDEN_MAPS
-from tests.maps.road_worlds import GridPlan, grid_city
-from tests.maps.small_roads import Ways, beside, crossing, small_roads, straight
+from tests.maps.road_worlds import GridPlan, Ways, beside, crossing, grid_city, small_roads, straight
 from tests.maps.sumo_runs import random_traffic
 
 NAMES = ("gs-boulevard", "gs-cross", "gs-curve", "gs-merge-lht")

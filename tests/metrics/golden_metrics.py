@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from interplan_sumo.batch.records import MetricRecord
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult
+from interplan_sumo.metrics.profile import find_profile
 from interplan_sumo.metrics.score import ScoreSheet, score_facts
+from interplan_sumo.report.nuboard import EXPORTED
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.roads import Roads
@@ -67,6 +70,7 @@ def read_case(folder: Path) -> Case:
 
 # --- nuPlan's names and ours ---------------------------------------------------------------------
 
+LEVELS = ("max", "min", "mean")
 SIGNALS = {
     "ego_jerk": "jerk_mps3",
     "ego_lat_acceleration": "lateral_acceleration_mps2",
@@ -76,14 +80,9 @@ SIGNALS = {
     "ego_yaw_rate": "yaw_rate_radps",
 }
 OURS = {
-    "ego_progress_along_expert_route": "progress",
-    "drivable_area_compliance": "drivable_area",
-    "no_ego_at_fault_collisions": "no_collision",
-    "time_to_collision_within_bound": "time_to_collision",
-    "speed_limit_compliance": "speed_limit",
-    "ego_is_comfortable": "comfort",
-    "ego_is_making_progress": "making_progress",
-    "driving_direction_compliance": "driving_direction",
+    each.name: each.source
+    for each in EXPORTED
+    if each.has_score and each.source in {term.name for term in find_profile("nuplan").terms}
 }
 SERIES = {
     "ego_progress_along_expert_route": "gained_m",
@@ -92,68 +91,19 @@ SERIES = {
     "speed_limit_compliance": "overspeed_mps",
     "driving_direction_compliance": "progress_in_window_m",
 }
-
-
-def _detail(*path: str) -> Callable[[MetricResult], Any]:
-    def get(result: MetricResult) -> Any:
-        value: Any = result.detail
-        for key in path:
-            value = value[key]
-        return value
-
-    return get
-
-
-def _full(result: MetricResult) -> bool:
-    return result.score == 1.0
-
-
-STATISTICS: Mapping[str, tuple[str, Callable[[MetricResult], Any]]] = {
-    "number_of_ego_lane_change": ("lane_crossings", _detail("count")),
-    "max_ego_lane_change_duration": ("lane_crossings", _detail("longest_s")),
-    "avg_ego_lane_change_duration": ("lane_crossings", _detail("mean_s")),
-    "ratio_of_failed_ego_lane_change": ("lane_crossings", _detail("failed_share")),
-    "ego_lane_change_fail_rate_below_threshold": ("lane_crossings", _detail("failed_share_within")),
-    "expert_total_progress_along_route": ("progress", _detail("expert_m")),
-    "ego_total_progress_along_route": ("progress", _detail("ego_m")),
-    "ego_expert_progress_along_route_ratio": ("progress", _detail("ratio")),
-    "drivable_area_compliance": ("drivable_area", _full),
-    "corners_in_drivable_area": ("drivable_area", _detail("all_corners_inside")),
-    "no_ego_at_fault_collisions": ("no_collision", _full),
-    "number_of_all_at_fault_collisions": ("no_collision", _detail("at_fault")),
+EXPORTED_STATISTICS = {each.name: (metric.source, each.value) for metric in EXPORTED for each in metric.statistics}
+MORE_STATISTICS: Mapping[str, tuple[str, ...]] = {
+    "max_ego_lane_change_duration": ("lane_crossings", "longest_s"),
+    "avg_ego_lane_change_duration": ("lane_crossings", "mean_s"),
+    "ratio_of_failed_ego_lane_change": ("lane_crossings", "failed_share"),
+    **{f"{which}_violation_of_speed_limit_compliance": ("speed_limit", f"{which}_mps") for which in LEVELS},
     **{
-        f"number_of_at_fault_collisions_with_{theirs}": ("no_collision", _detail("at_fault_with", ours))
+        f"{which}_collision_energy_with_{theirs}": ("no_collision", "energy_mps", ours, which)
         for theirs, ours in (("VRUs", "vru"), ("vehicles", "vehicle"), ("objects", "object"))
-    },
-    **{
-        f"{which}_collision_energy_with_{theirs}": ("no_collision", _detail("energy_mps", ours, which))
-        for theirs, ours in (("VRUs", "vru"), ("vehicles", "vehicle"), ("objects", "object"))
-        for which in ("max", "min", "mean")
-    },
-    "min_time_to_collision": ("time_to_collision", _detail("least_s")),
-    "time_to_collision_within_bound": ("time_to_collision", _full),
-    "speed_limit_compliance": ("speed_limit", lambda result: result.detail["violations"] == 0),
-    "number_of_violations_of_speed_limit_compliance": ("speed_limit", _detail("violations")),
-    **{
-        f"{which}_violation_of_speed_limit_compliance": ("speed_limit", _detail(f"{which}_mps"))
-        for which in ("max", "min", "mean")
-    },
-    "ego_is_comfortable": ("comfort", _full),
-    "ego_is_making_progress": ("making_progress", _full),
-    "driving_direction_compliance_score": ("driving_direction", lambda result: result.score),
-    "min_progress_along_driving_direction_in_1_second_interval": ("driving_direction", _detail("lowest_progress_m")),
-    **{
-        f"{theirs}_{name}{ending}": ("comfort", _detail(signal, ours))
-        for name, signal in SIGNALS.items()
-        for theirs, ours, ending in (
-            ("max", "max", ""),
-            ("min", "min", ""),
-            ("avg", "mean", ""),
-            ("p90", "p90", ""),
-            ("abs", "within", "_within_bounds"),
-        )
+        for which in LEVELS
     },
 }
+"""What nuBoard's files leave out: the metric, and where in its detail the figure stands."""
 
 
 # --- comparing -----------------------------------------------------------------------------------
@@ -187,13 +137,18 @@ def pairs(case: Case) -> Iterator[Pair]:
 
 
 def _statistic(metrics: Mapping[str, MetricResult], name: str) -> np.ndarray | None:
-    if name not in STATISTICS:
-        return None
-    metric, get = STATISTICS[name]
-    try:
-        return floats(get(metrics[metric]))
-    except KeyError:  # no collision with such a group, no signal in so short a drive
-        return None
+    if name in EXPORTED_STATISTICS:
+        metric, value = EXPORTED_STATISTICS[name]
+        found = metrics[metric]
+        figure = value(MetricRecord(found.score, dict(found.detail), found.reason))
+        return None if figure is None else floats(figure)
+    metric, *path = MORE_STATISTICS.get(name, ("no_collision", "no such figure"))
+    figure: Any = metrics[metric].detail
+    for key in path:
+        if key not in figure:  # no collision with such a group
+            return None
+        figure = figure[key]
+    return floats(figure)
 
 
 def _series(metrics: Mapping[str, MetricResult], name: str) -> np.ndarray | None:

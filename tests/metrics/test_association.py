@@ -10,6 +10,7 @@ from interplan_sumo.metrics.association import (
     Place,
     body_lanes,
     centre_places,
+    corner_places,
     shared_lanes,
 )
 from interplan_sumo.world.roads import Roads
@@ -64,6 +65,18 @@ def test_losing_all_lanes_right_after_ambiguous_connectors_empties_them_too():
 def test_the_lanes_that_hold_the_body(corners: tuple[Place, Place, Place, Place], lanes: set[str] | None):
     assert shared_lanes(TWO_LANES, corners) == lanes
     assert body_lanes(TWO_LANES, [corners, corners])[1] == lanes
+
+
+def test_a_rear_in_two_connectors_that_join_is_astride():
+    assert shared_lanes(CROSSING, (("5",), ("21",), ("31",), ("5",))) is None
+
+
+@pytest.mark.parametrize(("frames_off", "place"), [(1, ("12",)), (2, ("12", "13", "14"))])
+def test_only_on_the_second_frame_is_what_one_corner_finds_offered_to_the_next(frames_off: int, place: Place):
+    off, unambiguous, ambiguous = (-40.0, -40.0), (-7.0, -5.0), (-7.0, -2.0)
+    points = np.array([*[off] * 4 * frames_off, unambiguous, ambiguous, off, off])
+    rows = np.arange(len(points)).reshape(-1, 4).tolist()
+    assert corner_places(CROSSING, Containment.of(CROSSING, points), rows)[-1] == (("12",), place, (), ())
 
 
 def test_a_map_without_intersections_or_connectors_can_be_asked():

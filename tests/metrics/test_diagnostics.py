@@ -109,6 +109,7 @@ TURNED = {off: LARGEST_ANGLE_RAD + off for off in (-0.01, 0.01)}
     [
         *((50.0 - CONTACT_M - LONGEST_GAP_M - off, 0.0, 0.0, off < 0.0) for off in TURNED),  # it is near,
         *((50.0 - 15.0 * np.cos(a), -15.0 * np.sin(a), a, off < 0.0) for off, a in TURNED.items()),  # drives our way,
+        (50.0 - 15.0 * np.cos(0.3), -15.0 * np.sin(0.3), 0.3, True),
         *((30.0, (2.297 + 2.0) / 2 + off, 0.0, off < 0.0) for off in TURNED),  # and has some of the ego in its way
     ],
 )

@@ -64,6 +64,11 @@ def test_where_it_is_not_told_which_connector_is_driven_all_must_be_red():
     assert len(through([signals(red=("12", "13", "14"))] * len(entering), entering)) == 1
 
 
+def test_whoever_backs_out_again_has_run_the_light():
+    x_m = np.append(X_M[X_M < START_M + 1.5], X_M[0])
+    assert len(through([signals(red=("12", "13", "14"))] * len(x_m), x_m)) == 1
+
+
 def test_a_trace_without_lights_runs_none():
     assert through([Signals.none()] * len(X_M)) == []
     assert diagnostics(facts_of(drive_at(X_M, -1.75), ROAD)).detail["red_lights_run"] == []

@@ -45,7 +45,8 @@ def test_astride_two_lanes_those_at_the_side_count_too(degrees: float, counts: b
     assert result_of(closing).detail["least_s"] == np.inf
 
 
-def test_a_collision_without_fault_leaves_no_trace():
+def test_a_collision_at_fault_leaves_no_time_and_one_without_fault_no_trace():
+    assert result_of(cars((50.0 + CONTACT_M - 0.5, 0.0))).detail["least_s"] == 0.0
     rear_ended = cars((50.0 - CONTACT_M + 0.5, 0.0, 15.0))
     assert result_of(rear_ended).score == 1.0
 

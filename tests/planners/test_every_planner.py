@@ -15,12 +15,13 @@ from worlds import cars, curved_road, ego, ego_on, junction, mission, observatio
 from interplan_sumo.planner import Mission, load_planner
 from interplan_sumo.testing import assert_planner_conforms
 from interplan_sumo.world.actors import ActorKind, Actors
-from interplan_sumo.world.ego import EgoState
+from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.signals import Signals
 from tests.planners.staging_planners import driven
 
 PLANNERS = ("foresight", "idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed")
+DRIVERS = ("foresight", "idm", "idm_mobil", "pdm_closed")
 LEARNED = ("dtpp", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
 """May drive badly, but must plan."""
 NEEDS_ONNX = pytest.mark.skipif(find_spec("onnxruntime") is None, reason="needs onnxruntime: the extra [learned]")
@@ -75,6 +76,19 @@ SCENES: dict[str, Scene] = {
 }  # fmt: skip
 """What the worlds of the conformance suite do not have."""
 ODD_FOR_A_NETWORK = ("beyond the end of the road", "off the road", "a route elsewhere", "unknown lights")
+
+
+def drive(
+    spec: str,
+    job: Mission,
+    start: EgoState,
+    seconds: float,
+    actors: Actors | None = None,
+    lights: Signals | None = None,
+) -> list[EgoState]:
+    planner = load_planner(spec)
+    planner.start(job)
+    return driven(planner, start, round(10 * seconds), actors, lights)
 
 
 def end_of(spec: str, scene: Scene, steps: int) -> EgoState:
@@ -139,3 +153,37 @@ def test_names_of_actors_do_not_matter(spec: str) -> None:
     assert plans[0].time_s[-1] >= 7.9
     assert plans[0].x_m == pytest.approx(plans[1].x_m, abs=1e-9)
     assert plans[0].y_m == pytest.approx(plans[1].y_m, abs=1e-9)
+
+
+@pytest.mark.parametrize("spec", DRIVERS)
+def test_on_a_free_road_it_keeps_its_lane_and_the_limit(spec: str) -> None:
+    job = mission(straight_road(lanes=3, length_m=3000.0, limit_mps=13.9), ("12",))
+    states = drive(spec, job, ego(20.0, -3.5, 12.5), 8.0)
+    assert max(state.vx_mps for state in states) <= 13.95
+    assert states[-1].vx_mps == pytest.approx(13.9, abs=0.5)
+    assert max(abs(state.y_m + 3.5) for state in states) < 0.1
+
+
+@pytest.mark.parametrize("spec", DRIVERS)
+def test_it_follows_whoever_is_ahead(spec: str) -> None:
+    state = drive(spec, ROAD, ego(30.0, 0.0, 8.0), 15.0, cars((50.0, 0.0, 6.0)))[-1]
+    assert state.vx_mps == pytest.approx(6.0, abs=0.4)
+    # In a steady flow IDM keeps (s0 + v T) / sqrt(1 - (v / v0)^4) = 10.2 m; a lead frozen in the plan adds some.
+    assert 5.0 < 50.0 + 15.0 * 6.0 - 2.4 - state.x_m - PACIFICA.length_m / 2 < 14.0
+
+
+@pytest.mark.parametrize("spec", DRIVERS)
+def test_it_stops_behind_what_fills_the_road(spec: str) -> None:
+    wall = cars((110.0, 0.0), (110.0, -3.5), (110.0, -7.0))
+    state = drive(spec, WIDE, ego(60.0, -3.5, 10.0), 12.0, wall)[-1]
+    assert state.vx_mps < 0.3
+    assert 0.3 < 110.0 - 2.4 - state.x_m - PACIFICA.length_m / 2 < 5.0
+
+
+@pytest.mark.parametrize("spec", DRIVERS)
+def test_it_stops_at_red_and_goes_when_it_turns_green(spec: str) -> None:
+    job = mission(CROSSING, ("1", "14", "8"))
+    red = drive(spec, job, ego_on(CROSSING, "1", 30.0, 8.0), 12.0, lights=signals(red=("12", "13", "14")))[-1]
+    assert red.vx_mps < 0.3
+    assert -17.0 < red.x_m + PACIFICA.length_m / 2 < -12.0
+    assert drive(spec, job, red, 6.0, lights=signals(green=("14",)))[-1].x_m > -8.0

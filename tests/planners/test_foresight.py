@@ -42,23 +42,6 @@ def drive(
     return driven(planner, start, round(10 * seconds), actors, lights)
 
 
-def test_on_an_empty_road_it_reaches_the_limit_and_does_not_exceed_it() -> None:
-    states = drive(mission(TWO, ("11",)), ego(20.0, 0.0, 5.0), seconds=12.0)
-    speeds = [state.vx_mps for state in states]
-    assert max(speeds) <= 12.05
-    assert speeds[-1] > 11.0
-    assert max(abs(state.y_m) for state in states) < 0.1
-
-
-def test_it_stops_before_a_red_light_and_goes_when_it_turns_green() -> None:
-    task = mission(CROSSING, ("1", "13", "7"))
-    red = drive(task, ego_on(CROSSING, "1", 40.0, 10.0), lights=signals(red=("13",)), seconds=14.0)
-    assert red[-1].vx_mps == pytest.approx(0.0, abs=0.1)
-    assert -17.0 < red[-1].x_m + PACIFICA.length_m / 2 < -12.0
-    green = drive(task, red[-1], lights=signals(green=("13",)), seconds=6.0)
-    assert green[-1].x_m > 0.0
-
-
 @pytest.mark.parametrize(("away_m", "goes"), [(6.0, True), (60.0, False)])
 def test_at_yellow_it_stops_only_if_it_can(away_m: float, goes: bool) -> None:
     start = ego_on(CROSSING, "1", 100.0 - PACIFICA.length_m / 2 - away_m, 11.0)
@@ -164,12 +147,6 @@ def test_it_leaves_a_lane_that_cones_close_and_returns_for_the_goal() -> None:
     assert states[-1].x_m > 200.0
     assert min(state.y_m for state in states) < -1.5 or max(state.y_m for state in states) > 0.5
     assert states[-1].y_m == pytest.approx(0.0, abs=0.5)
-
-
-def test_a_blocked_road_is_waited_at() -> None:
-    wall = cars((90.0, 0.0), (90.0, -WIDTH_M), (91.0, 2.5), (91.0, -6.0))
-    states = drive(mission(TWO, ("11",)), ego(50.0, 0.0, 10.0), wall, seconds=9.0)
-    assert states[-1].vx_mps < 0.2
 
 
 def test_it_lets_somebody_cross_and_goes_on() -> None:

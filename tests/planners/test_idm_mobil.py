@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import cars, ego, ego_on, junction, mission, observation, road_along, signals, straight_road
+from worlds import cars, ego, junction, mission, observation, road_along, straight_road
 
 from interplan_planners.idm import IdmPlanner
 from interplan_planners.idm_mobil import IdmMobilPlanner, IdmMobilSettings
@@ -29,26 +29,6 @@ def started(job: Mission = STRAIGHT_ON, **options: object) -> IdmMobilPlanner:
 def stream(spacing_m: float) -> Actors:
     """Cars at 10 m/s on the goal lane, evenly spaced, over half a kilometre."""
     return cars(*((x_m, 0.0, 10.0) for x_m in np.arange(-200.0, 300.0, spacing_m).tolist()))
-
-
-def test_on_a_free_road_it_keeps_its_lane_and_the_limit() -> None:
-    state = driven(started(), ego(20.0, -3.5, 10.0), 120)[-1]
-    assert state.vx_mps == pytest.approx(13.9, abs=0.5)
-    assert state.y_m == pytest.approx(-3.5, abs=1e-6)
-
-
-def test_it_stops_behind_what_fills_the_road() -> None:
-    wall = cars((150.0, 0.0), (150.0, -3.5), (150.0, -7.0))
-    state = driven(started(), ego(90.0, -3.5, 12.0), 120, wall)[-1]
-    assert state.vx_mps < 0.1
-    assert 0.5 < 150.0 - 2.4 - state.x_m - PACIFICA.length_m / 2 < 4.0
-
-
-def test_it_stops_at_red() -> None:
-    job = mission(CROSSING, ("1", "14", "8"))
-    states = driven(started(job), ego_on(CROSSING, "1", 30.0, 8.0), 120, lights=signals(red=("12", "13", "14")))
-    assert states[-1].vx_mps < 0.1
-    assert -16.0 < states[-1].x_m + PACIFICA.length_m / 2 < -12.0
 
 
 def test_it_changes_lane_after_lane_to_the_goal() -> None:

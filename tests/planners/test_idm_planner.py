@@ -140,21 +140,6 @@ def test_something_that_overlaps_the_ego_is_the_lead_with_no_gap() -> None:
     assert (decision.lead_id, decision.gap_m) == ("ped00", 0.0)
 
 
-def test_it_follows_a_slower_car_and_keeps_its_lane() -> None:
-    state = driven(started(), ego(30.0, 0.0, 8.0), 150, cars((50.0, 0.0, 6.0)))[-1]
-    gap_m = 50.0 + 15.0 * 6.0 - 2.4 - state.x_m - PACIFICA.length_m / 2
-    assert state.vx_mps == pytest.approx(6.0, abs=0.3)
-    # In a steady flow IDM keeps (s0 + v T) / sqrt(1 - (v / v0)^4) = 10.2 m; a lead frozen in the plan adds some.
-    assert 10.2 < gap_m < 13.0
-    assert state.y_m == pytest.approx(0.0, abs=1e-6)
-
-
-def test_it_stops_before_a_red_connector_of_its_route() -> None:
-    state = driven(started(LEFT_TURN), ego_on(CROSSING, "1", 30.0, 8.0), 120, None, signals(red=("12", "13", "14")))[-1]
-    assert state.vx_mps < 0.1
-    assert -14.0 < state.x_m + PACIFICA.length_m / 2 < -12.0
-
-
 @pytest.mark.parametrize("lights", [signals(red=("24", "42")), signals(green=("14",)), signals(yellow=("14",))])
 def test_it_passes_other_lights(lights: Signals) -> None:
     state = driven(started(LEFT_TURN), ego_on(CROSSING, "1", 30.0, 8.0), 80, None, lights)[-1]

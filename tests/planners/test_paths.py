@@ -6,8 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from worlds import curved_road
 
-from interplan_planners.common.lane_change import lane_change_path, largest_turn_rad, quintic_offset
-from interplan_planners.common.paths import DrivingPath, center_poses, rear_axle_plan, shifted
+from interplan_planners.common.paths import (
+    DrivingPath,
+    center_poses,
+    lane_change_path,
+    quintic_offset,
+    rear_axle_plan,
+    shifted,
+)
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Polyline, Pose
 from tests.planners.staging_planners import wavy_line
@@ -72,7 +78,7 @@ def test_a_lane_change_starts_at_the_ego_and_arrives_along_the_lane() -> None:
     assert crossing == pytest.approx(-1.75, abs=0.15)
     after = path.points[path.points[:, 0] > 90.0][:, 1]
     assert after == pytest.approx(0.0, abs=1e-9)
-    assert np.abs(path.vertex_heading_rad).max() == pytest.approx(largest_turn_rad(3.5, 40.0), rel=0.02)
+    assert np.abs(path.vertex_heading_rad).max() == pytest.approx(np.arctan(1.875 * 3.5 / 40.0), rel=0.02)
 
 
 def test_an_ego_that_is_turned_leaves_in_its_own_direction() -> None:

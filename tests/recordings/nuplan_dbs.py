@@ -9,12 +9,19 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from interplan_sumo.maps.geopackage_writer import write_map
+from interplan_sumo.maps.store import write_maps_manifest
+from interplan_sumo.tiny_worlds import junction
+
 FRAME_US = 50_000
 """20 Hz."""
 BEGIN_US = 1_620_857_932_951_227
 MAP = "tiny-town"
 EPSG = 32632
 """Of the tiny worlds."""
+ROADS = junction(arm_m=150.0)
+X_M, Y_M = (float(value) for value in ROADS["1"].centerline.points[0])
+"""Where lane 1 begins, which leads straight on over connector 13 to lane 7."""
 
 TABLES = {
     "log": "token BLOB PRIMARY KEY, vehicle_name VARCHAR, date VARCHAR, timestamp INTEGER, logfile VARCHAR, "
@@ -59,6 +66,16 @@ class Goes:
     @property
     def velocity_mps(self) -> tuple[float, float]:
         return self.speed_mps * math.cos(self.heading_rad), self.speed_mps * math.sin(self.heading_rad)
+
+
+def maps_root(folder: Path, *names: str) -> Path:
+    """nuPlan's maps as a user has them: without SUMO networks."""
+    for name in names or (MAP,):
+        there = folder / "maps" / name / "9.1.1"
+        there.mkdir(parents=True)
+        write_map(ROADS, there / "map.gpkg")
+    write_maps_manifest(folder / "maps")
+    return folder / "maps"
 
 
 def token(kind: str, number: int) -> bytes:

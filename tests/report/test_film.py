@@ -7,6 +7,7 @@ import re
 import subprocess
 from dataclasses import replace
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +25,10 @@ from interplan_sumo.world.signals import Signals, SignalStatus
 from tests.report.tiny_drives import TinyDrive, crossing_at, drive_at_lights, parked_at, tiny_drive
 from tests.worlds import cars, signals
 
-pytest.importorskip("matplotlib", reason="matplotlib is not installed")
-imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
-pillow = pytest.importorskip("PIL.Image")
+pytestmark = pytest.mark.skipif(
+    not all(map(find_spec, ("matplotlib", "imageio_ffmpeg"))),
+    reason="needs the extra: pip install 'interplan-sumo[plots]'",
+)
 
 
 def driven(frames: int = 21, **changes: Any) -> TinyDrive:
@@ -35,8 +37,14 @@ def driven(frames: int = 21, **changes: Any) -> TinyDrive:
     return tiny_drive([10.0] * frames, actors=ahead, obstacles=(parked_at(60.0),), **changes)
 
 
+def opened(path: Path) -> Any:
+    from PIL import Image
+
+    return Image.open(path)
+
+
 def picture(path: Path) -> Any:
-    with pillow.open(path) as image:
+    with opened(path) as image:
         return np.asarray(image.convert("RGB"))
 
 
@@ -85,11 +93,13 @@ def test_a_gif_shows_a_part_of_the_drive_at_its_speed_or_another(
     tmp_path: Path, options: dict[str, float], frames: int, duration_ms: int
 ) -> None:
     write_film([driven()], tmp_path / "film.gif", **options)
-    with pillow.open(tmp_path / "film.gif") as film:
+    with opened(tmp_path / "film.gif") as film:
         assert (film.n_frames, film.info["duration"], film.info["loop"]) == (frames, duration_ms, 0)
 
 
 def test_an_mp4_plays_everywhere(tmp_path: Path) -> None:
+    import imageio_ffmpeg
+
     write_film([driven()], tmp_path / "film.mp4")
     probe = subprocess.run(
         [imageio_ffmpeg.get_ffmpeg_exe(), "-i", tmp_path / "film.mp4"], capture_output=True, text=True, check=False
@@ -187,7 +197,7 @@ def test_a_bar_changes_with_its_light_and_keeps_its_colour_after_the_end(tmp_pat
     changing = drive_at_lights(red, red, green)
     write_film([changing], tmp_path / "film.gif")
     place = tuple(round(0.75 * each) for each in pixel_at(-12.0, -0.6))
-    with pillow.open(tmp_path / "film.gif") as film:
+    with opened(tmp_path / "film.gif") as film:
         colours = []
         for frame in range(film.n_frames):
             film.seek(frame)

@@ -7,23 +7,16 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.cli.runs import app
 from interplan_sumo.errors import InputError
-from interplan_sumo.planner import Mission
 from interplan_sumo.report.page.drives import pair_replay, replays_folder, shown_drives
 from interplan_sumo.report.page.replays import replay_jobs, wanted_drives
 from interplan_sumo.report.printing import write_page
 from interplan_sumo.report.table import ResultsTable, make_table
 from tests.report.rows import drive, stored
-
-
-class NeverBegins(StraightAhead):
-    def start(self, mission: Mission) -> None:
-        raise ValueError(f"no model for {mission.roads.name}")
 
 
 def table() -> ResultsTable:
@@ -78,7 +71,7 @@ def test_names_of_replays_differ_where_drives_do() -> None:
 def test_replays_are_made_and_linked_and_a_drive_without_a_trace_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    planners = ("straight_ahead", f"{__name__}:NeverBegins")
+    planners = ("straight_ahead", "tests.batch.rude_planners:NeverBegins")
     run(RunOptions(planners=planners, suite="smoke==1", scenarios=("nudge/0",), out=tmp_path / "run", workers=0))
     held = read_run(tmp_path / "run")
     page = tmp_path / "my report.html"

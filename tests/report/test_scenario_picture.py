@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from interplan_sumo.report.scenario_picture import contact_sheet, render_scenari
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario, TrafficDemand
 from interplan_sumo.world.roads import Roads
 
-image = pytest.importorskip("matplotlib.image")
+pytestmark = pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
 
 LANE = "402032"
 BUSY = Scenario(
@@ -55,6 +56,8 @@ def roads() -> Roads:
 
 
 def pixels(path: Path) -> np.ndarray:
+    from matplotlib import image
+
     return np.round(image.imread(path)[..., :3] * 255).astype(int)
 
 

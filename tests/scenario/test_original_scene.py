@@ -180,11 +180,3 @@ def test_an_ego_beside_the_lanes_is_one_line() -> None:
     log = recording(track(TOKEN, np.tile((0.0, 500.0, 0.0), (301, 1)), ActorKind.VEHICLE), ego_id=TOKEN)
     with pytest.raises(ScenarioError, match="is on no lane of map"):
         original_scene(nudge(), log, CROSSING)
-
-
-def test_lights_are_those_around_the_way_that_is_asked_for() -> None:
-    letters = Letters(density="low", goal="left")
-    scenario = made(dense(letters)).scenario
-    assert [light.connector for light in scenario.lights] == ["13"]
-    dark = original_scene(dense(letters), replace(logged(), lights={"99": np.zeros(301, dtype=np.int64)}), CROSSING)
-    assert dark.notes == ("map tiny_junction has no traffic light at 1 connectors with a recorded one: 99",)

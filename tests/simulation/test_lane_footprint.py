@@ -24,11 +24,11 @@ CAR = VehicleType("car", length_m=4.6, width_m=1.85)
 
 @pytest.mark.parametrize(("left_m", "in_the_way"), [(HALF_FOOTPRINT_M + 0.01, False), (HALF_FOOTPRINT_M - 0.01, True)])
 def test_a_box_is_in_the_way_if_a_car_on_the_centre_line_would_touch_it(left_m: float, in_the_way: bool) -> None:
-    box = shapely.box(100.0, LANE_Y[0] + left_m, 102.0, LANE_Y[0] + left_m + 0.3)
+    box = shapely.box(60.0, LANE_Y[0] + left_m, 160.0, LANE_Y[0] + left_m + 0.3)
     spans = lanes_overlapped(NETWORK, box)
     assert ("e0_0" in spans) == in_the_way
     if in_the_way:
-        assert spans["e0_0"] == pytest.approx((100.0, 102.0))
+        assert spans["e0_0"] == pytest.approx((60.0, 160.0))
 
 
 def test_lanes_that_are_left_out_are_not_reached() -> None:

@@ -17,6 +17,7 @@ from interplan_sumo.errors import InputError, TrafficError
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import open_simulation
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic
+from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA, EgoState
 
 Drive = Callable[[int], EgoState]
@@ -56,6 +57,14 @@ def test_agents_start_exactly_where_they_were_put_at_their_speed() -> None:
     assert actors.heading_rad[east] == pytest.approx(0.0)
     assert abs(actors.heading_rad[west]) == pytest.approx(np.pi)
     assert (actors.vx_mps[east], actors.vx_mps[west]) == pytest.approx((9.5, -7.0))
+
+
+def test_a_car_may_start_faster_than_its_driver_likes_to_drive(tmp_path: Path) -> None:
+    file = tmp_path / "slow.xml"
+    file.write_text(vehicle_type_file("conservative").read_text().replace('speedFactor="1.0"', 'speedFactor="0.8"'))
+    cars = read_vehicle_types(file)
+    with traffic(cars, (agent(cars, "e0_1", 150.0, 14.0),), merge(0)) as run:  # the limit is 15 m/s
+        assert run.observe().actors.speed_mps.tolist() == [14.0]
 
 
 def test_nobody_brakes_in_the_first_step_for_an_ego_that_drives_as_fast() -> None:

@@ -37,7 +37,7 @@ def nobody() -> ObservedTraffic:
     return _recording(np.zeros((0, FRAMES)), np.zeros((0, FRAMES)), np.zeros((0, FRAMES)), np.zeros(0), walks=False)
 
 
-def driving(arc_m: Floats, left_m: float = 0.0, speed_mps: Floats | float = 0.0) -> ObservedTraffic:
+def driving(arc_m: Floats, left_m: Floats | float = 0.0, speed_mps: Floats | float = 0.0) -> ObservedTraffic:
     """One car whose centre is at arcs (F,), on the corridor."""
     speeds = np.broadcast_to(speed_mps, (1, FRAMES)).astype(np.float64)
     centres = np.broadcast_to(left_m, (1, FRAMES)).astype(np.float64)

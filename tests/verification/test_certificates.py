@@ -31,14 +31,14 @@ def proof() -> Certificate:
 @pytest.mark.parametrize(
     "scenario_id",
     [
-        "lane_change_ltd/6",
-        *(pytest.param(id, marks=pytest.mark.slow) for id in ("accident/9", "jaywalker/5", "overtake/4")),
+        "overtake/5",  # the ego has to count on an oncoming driver to let it pass
+        *(pytest.param(id, marks=pytest.mark.slow) for id in ("accident/9", "jaywalker/5", "lane_change_ltd/6")),
     ],
 )
 def test_a_scenario_of_each_kind_is_certified_and_its_proof_holds(scenario_id: str) -> None:
     scenario = find_scenario(scenario_id)
     verdict = certify(scenario)
-    assert verdict.reason is None
+    assert verdict.problems == ()
     assert verdict.certificate is not None
     assert verdict.simulations <= 6
     summary = verdict.certificate.summary
@@ -52,14 +52,14 @@ def test_a_scenario_of_each_kind_is_certified_and_its_proof_holds(scenario_id: s
 def test_the_search_gives_the_same_drive_again(proof: Certificate) -> None:
     again = certify(nudge()).certificate
     assert again is not None
-    assert again.as_json() == proof.as_json()
+    assert again.record() == proof.record()
 
 
 @pytest.mark.slow
 def test_a_drive_that_begins_beside_the_middle_of_its_lane_is_found() -> None:
     scenario = find_scenario("lane_change_ltd/0")
     verdict = certify(replace(scenario, start=replace(scenario.start, left_m=0.45), start_speed_mps=6.0))
-    assert verdict.certificate is not None, verdict.reason
+    assert verdict.certificate is not None, verdict.problems
     assert verdict.certificate.summary.score == pytest.approx(1.0, abs=0.02)
 
 
@@ -72,8 +72,7 @@ def wall(scenario: Scenario) -> tuple[Obstacle, ...]:
 def test_a_scenario_that_cannot_be_solved_has_no_certificate_but_a_reason() -> None:
     verdict = certify(replace(nudge(), obstacles=wall(nudge()), duration_s=10.0), most_simulations=2)
     assert verdict.certificate is None
-    assert verdict.reason is not None
-    assert "obstacle" in verdict.reason
+    assert "obstacle" in "; ".join(verdict.problems)
 
 
 def test_where_no_drive_can_be_tried_at_all_there_is_a_reason_too() -> None:
@@ -86,7 +85,7 @@ def test_where_no_drive_can_be_tried_at_all_there_is_a_reason_too() -> None:
     verdict = certify(late, most_simulations=3)
     assert verdict.certificate is None
     assert verdict.simulations == 1
-    assert verdict.reason == "no drive was found that avoids everybody"
+    assert verdict.problems == ("no drive was found that avoids everybody",)
 
 
 def changed(certificate: Certificate, **columns: Any) -> Certificate:

@@ -76,14 +76,16 @@ def test_a_lane_beside_is_of_use_only_where_something_stands_in_the_way() -> Non
 
 
 def test_tracks_side_by_side_are_neighbours_and_know_the_goal() -> None:
-    unrolled = frenet_corridor(staged(goal=LanePosition("12", 200.0)), TWO_LANES)
-    own, goal = unrolled.lane_paths
-    assert not own.at_goal
-    assert goal.at_goal
+    roads = straight_road(lanes=3, length_m=300.0)
+    unrolled = frenet_corridor(staged(start=LanePosition("11", 3.0), goal=LanePosition("13", 200.0)), roads)
+    own, middle, goal = unrolled.lane_paths
+    assert [lane_path.at_goal for lane_path in unrolled.lane_paths] == [False, False, True]
     assert unrolled.start_path == 0
-    inside = np.isfinite(own.left_m) & np.isfinite(goal.left_m)
+    assert own.left_m == pytest.approx(2 * LANE_WIDTH_M)  # behind the road's beginning, too, where the ego's rear is
+    inside = np.isfinite(middle.left_m) & np.isfinite(goal.left_m)
+    assert np.isnan(middle.left_m[0])
     assert unrolled.neighbours(0, 1)[inside].all()
-    assert own.left_m[inside] == pytest.approx(LANE_WIDTH_M)
+    assert not unrolled.neighbours(0, 2)[inside].any()
 
 
 def test_a_corridor_may_begin_inside_a_junction() -> None:

@@ -9,36 +9,21 @@ import pytest
 
 from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, MapError, UnknownNameError
-from interplan_sumo.maps.geopackage_writer import write_map
-from interplan_sumo.maps.store import load_roads, write_maps_manifest
+from interplan_sumo.maps.store import load_roads
 from interplan_sumo.recordings.nuplan import picked_moments
 from interplan_sumo.recordings.nuplan_db import NuplanLog
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.setup import open_traffic, start_state
-from interplan_sumo.tiny_worlds import junction
 from interplan_sumo.verification.recorded_scenes import recorded_map
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.signals import SignalStatus
-from tests.recordings.nuplan_dbs import MAP, Goes, sweep, track_id, write_log
+from tests.recordings.nuplan_dbs import MAP, X_M, Y_M, Goes, maps_root, sweep, track_id, write_log
 
 pytestmark = pytest.mark.slow
-
-ROADS = junction(arm_m=150.0)
-X_M, Y_M = (float(value) for value in ROADS["1"].centerline.points[0])
 EGO = Goes(X_M + 20.0, Y_M, 0.0, 8.0)
 LEADER = Goes(X_M + 45.0, Y_M, 0.0, 8.0)
 WALKER = Goes(X_M + 80.0, Y_M - 8.0, 0.0, 0.0, "pedestrian", (0.8, 0.8))
-
-
-def maps_root(folder: Path, *names: str) -> Path:
-    """nuPlan's maps as a user has them: without SUMO networks."""
-    for name in names or (MAP,):
-        there = folder / "maps" / name / "9.1.1"
-        there.mkdir(parents=True)
-        write_map(ROADS, there / "map.gpkg")
-    write_maps_manifest(folder / "maps")
-    return folder / "maps"
 
 
 def log(folder: Path, **more: object) -> Path:

@@ -8,17 +8,11 @@ from pathlib import Path
 import pytest
 
 from interplan_sumo.cli import main
-from interplan_sumo.maps.geopackage_writer import write_map
-from interplan_sumo.maps.store import write_maps_manifest
 from interplan_sumo.scenario.files import read_scenarios
-from interplan_sumo.tiny_worlds import junction
 from interplan_sumo.verification.start_checks import validate
-from tests.recordings.nuplan_dbs import MAP, Goes, sweep, write_log
+from tests.recordings.nuplan_dbs import MAP, X_M, Y_M, Goes, maps_root, sweep, write_log
 
 pytestmark = pytest.mark.slow
-
-ROADS = junction(arm_m=150.0)
-X_M, Y_M = (float(value) for value in ROADS["1"].centerline.points[0])
 EGO = Goes(X_M + 20.0, Y_M, 0.0, 7.0)
 HERE, ELSEWHERE = sweep(0), "00000000000000ff"
 
@@ -60,15 +54,11 @@ def configuration(folder: Path, *names: str) -> Path:
 
 def data(folder: Path) -> list[str]:
     """A maps root and a folder of logs, one of them broken, as options."""
-    there = folder / "maps" / MAP / "9.1.1"
-    there.mkdir(parents=True)
-    write_map(ROADS, there / "map.gpkg")
-    write_maps_manifest(folder / "maps")
     (folder / "logs" / "test").mkdir(parents=True)
     (folder / "logs" / "broken.db").write_bytes(b"no database")
     lights = {13: dict.fromkeys(range(601), "green")}
     write_log(folder / "logs" / "test" / "drive.db", EGO, (Goes(X_M + 50.0, Y_M, 0.0, 7.0),), frames=601, lights=lights)
-    return ["--map", str(folder / "maps"), "--logs", str(folder / "logs")]
+    return ["--map", str(maps_root(folder)), "--logs", str(folder / "logs")]
 
 
 def test_names_become_scenarios_and_what_cannot_be_made_is_named(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from problems import FRAMES, laid_out, start_of, steady
 from stages import ONE_LANE, TWO_LANES, car, staged, widened
+from worlds import straight_road
 
 from interplan_sumo.metrics.comfort import BOUNDS
 from interplan_sumo.metrics.comfort_signals import comfort_signals
@@ -52,7 +53,7 @@ SCENES = {
 def test_the_driver_keeps_to_its_timing_to_comfort_and_to_the_bicycle_model(scene: str) -> None:
     corridor = SCENES[scene].corridor
     track, wanted, driven_m = drive(SCENES[scene])
-    assert np.abs(wanted - driven_m).max() < 1.2
+    assert np.abs(wanted - driven_m).max() < 0.15
     assert worst_discomfort(track) < 1.0
     assert unreachable(start_state(corridor.scenario, corridor.roads), track) == []
     if scene == "lane change":  # it ends in the middle of the new lane
@@ -60,6 +61,18 @@ def test_the_driver_keeps_to_its_timing_to_comfort_and_to_the_bicycle_model(scen
         assert track.y_m.min() > -3.7
     if scene == "free":  # it ends with the first state beyond the goal line
         assert track.x_m[-2] <= 200.0 < track.x_m[-1]
+
+
+@pytest.mark.parametrize(("speed_mps", "frames"), [(10.0, 10), (2.0, 20)])
+def test_who_begins_askew_is_soon_back_on_the_line_and_stays_there(speed_mps: float, frames: int) -> None:
+    problem = laid_out(staged(start_speed_mps=speed_mps), straight_road(length_m=300.0, limit_mps=speed_mps))
+    corridor, start = problem.corridor, start_state(problem.corridor.scenario, problem.corridor.roads)
+    profile = cheapest_profile(problem, start_of(corridor), Margins(), CALM)
+    assert profile is not None
+    line = planned_line(corridor, problem.paths, profile)
+    off_m = np.abs(EgoTrack.of(driven(corridor, line, profile, (replace(start, heading_rad=0.05),), 60)).y_m)
+    assert off_m.max() > 0.02
+    assert off_m[frames:].max() < 0.005
 
 
 def test_rounded_states_have_six_decimals_and_no_negative_zero() -> None:

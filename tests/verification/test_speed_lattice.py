@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from problems import FRAMES, LENGTH_M, crossing, driving, laid_out, start_of, steady
 from stages import ONE_LANE, TWO_LANES, car, staged, widened
+from worlds import LANE_WIDTH_M, straight_road
 
 from interplan_sumo.scenario.scenario import Density, LanePosition, TrafficDemand
 from interplan_sumo.verification.drivable_paths import HALF_LENGTH_M, Swerve
@@ -45,13 +46,7 @@ def test_an_empty_road_is_driven_at_the_limit() -> None:
     assert profile.changes == ()
 
 
-def test_knots_are_joined_by_constant_accelerations() -> None:
-    profile = found(laid_out(), steady(laid_out().corridor.start_m + 30.0, 6.0))
-    mean = (profile.speed_mps[:-1] + profile.speed_mps[1:]) / 2.0
-    assert np.diff(profile.arc_m) == pytest.approx(mean)
-
-
-def test_a_slow_car_ahead_is_followed_with_time_to_spare() -> None:
+def test_a_slow_car_ahead_is_followed_with_time_to_spare_at_constant_accelerations() -> None:
     problem = laid_out()
     others = steady(problem.corridor.start_m + 25.0, 5.0)
     profile = found(problem, others)
@@ -59,19 +54,15 @@ def test_a_slow_car_ahead_is_followed_with_time_to_spare() -> None:
     closing = np.maximum(profile.speed_mps - 5.0, 0.0)
     assert (gaps[1:] >= 1.5 + 1.2 * closing[1:] - 0.3).all()
     assert profile.speed_mps[-1] == pytest.approx(5.0, abs=0.6)
+    assert np.diff(profile.arc_m) == pytest.approx((profile.speed_mps[:-1] + profile.speed_mps[1:]) / 2.0)
 
 
-def test_a_car_from_behind_does_not_matter_on_the_own_lane() -> None:
+@pytest.mark.parametrize(("behind_m", "speed_mps", "lost_s"), [(12.0, 13.0, 0.0), (20.0, 20.0, 0.5)])
+def test_who_comes_from_behind_stops_nobody_even_if_it_was_recorded_to_drive_through_the_ego(
+    behind_m: float, speed_mps: float, lost_s: float
+) -> None:
     problem = laid_out()
-    profile = found(problem, steady(problem.corridor.start_m - 12.0, 13.0))
-    alone = found(problem)
-    assert profile.cost == pytest.approx(alone.cost)
-
-
-def test_one_who_was_recorded_to_drive_through_the_ego_from_behind_stops_nobody() -> None:
-    problem = laid_out()  # with the ego there, he would have followed
-    profile = found(problem, steady(problem.corridor.start_m - 20.0, 20.0))
-    assert profile.to_goal
+    assert found(problem, steady(problem.corridor.start_m - behind_m, speed_mps)).cost <= found(problem).cost + lost_s
 
 
 def test_one_waits_for_a_pedestrian_and_goes_on() -> None:
@@ -86,18 +77,21 @@ def test_one_waits_for_a_pedestrian_and_goes_on() -> None:
     assert profile.speed_mps.min() < 8.0
 
 
-def test_a_red_light_is_not_entered() -> None:
-    problem = laid_out()
-    lane = problem.corridor.lane_paths[0].lanes[0]  # as if the lane began with a light: its line lies behind the start
-    behind = found(replace(problem, red={lane: np.ones(FRAMES, dtype=np.bool_)}))
+def test_a_red_light_ahead_is_not_entered_and_one_behind_does_not_matter() -> None:
+    roads = straight_road(length_m=300.0, limit_mps=13.9, cuts_m=((100.0, 110.0),))
+    problem = laid_out(staged(goal=LanePosition("31", 50.0), route=("1", "2", "3")), roads)
+    red = (replace(problem, red={lane: np.ones(FRAMES, dtype=np.bool_)}) for lane in ("11", "21"))
+    behind, ahead = map(found, red)
     assert behind.to_goal
+    front_m = ahead.arc_m[-1] + HALF_LENGTH_M - problem.corridor.start_m
+    assert 79.0 < front_m <= 79.5  # half a metre before lane 11 ends
 
 
-def test_a_lane_change_waits_until_the_lane_is_free() -> None:
-    scenario = staged(goal=LanePosition("12", 200.0))
-    problem = laid_out(scenario, TWO_LANES)
+@pytest.mark.parametrize("ahead_m", [0.0, 10.0])
+def test_a_lane_change_waits_until_the_lane_is_free(ahead_m: float) -> None:
+    problem = laid_out(staged(goal=LanePosition("12", 200.0)), TWO_LANES)
     free = found(problem)
-    beside = steady(problem.corridor.start_m, 10.0, left_m=0.0)  # in the goal lane, abreast of the ego
+    beside = steady(problem.corridor.start_m + ahead_m, 10.0, left_m=0.0)  # in the goal lane
     blocked = found(problem, beside)
     assert free.to_goal
     assert blocked.to_goal
@@ -109,10 +103,45 @@ def test_a_lane_change_waits_until_the_lane_is_free() -> None:
     assert (apart >= HALF_LENGTH_M + LENGTH_M / 2.0 + 1.0).all()
 
 
-def test_nothing_is_found_where_the_lane_is_full() -> None:
-    problem = laid_out()
-    wall = driving(np.full(FRAMES, problem.corridor.start_m + 8.0))
-    assert timed(problem, wall) is None  # at 10 m/s it cannot be avoided
+def test_the_lane_that_is_left_is_still_shared_with_who_stands_in_it() -> None:
+    problem = laid_out(staged(goal=LanePosition("12", 200.0)), TWO_LANES)
+    left_m = np.where(np.arange(FRAMES) < 30, LANE_WIDTH_M, 40.0)  # gone after 3 s
+    standing = driving(np.full(FRAMES, problem.corridor.start_m + 30.0), left_m)
+    profile = found(problem, standing)
+    assert (gap_m(profile, standing)[1:3] >= 1.5 + 1.2 * profile.speed_mps[1:3]).all()
+
+
+@pytest.mark.parametrize(("limit_mps", "seconds"), [(5.0, 4), (4.5, 5)])
+def test_a_calm_lane_change_takes_a_second_more_below_5_mps(limit_mps: float, seconds: int) -> None:
+    roads = straight_road(lanes=2, length_m=300.0, limit_mps=limit_mps)
+    (change,) = found(laid_out(staged(start_speed_mps=limit_mps, goal=LanePosition("12", 100.0)), roads)).changes
+    assert change.to_m - change.from_m == seconds * limit_mps
+
+
+def test_who_walks_after_an_ego_that_drives_off_does_not_matter() -> None:
+    problem = laid_out(staged(start_speed_mps=0.0))
+    still = crossing(problem.corridor.start_m - 5.7, 0.0, 0.0)
+    walked_m = 1.2 * 0.1 * np.arange(FRAMES)
+    behind = replace(
+        still, near_m=still.near_m + walked_m, far_m=still.far_m + walked_m, along_mps=np.full((1, FRAMES), 1.2)
+    )
+    assert found(problem, behind).cost == found(problem).cost
+
+
+@pytest.mark.parametrize(("frame", "least_m", "braking_mps2"), [(0, 30.0, 1.0), (10, 27.5, 2.0)])
+def test_what_suddenly_stands_in_the_lane_is_avoided_from_a_distance_on_with_gentle_braking_at_first(
+    frame: int, least_m: float, braking_mps2: float
+) -> None:
+    def braked(ahead_m: float) -> SpeedProfile | None:
+        problem = laid_out()
+        start = replace(start_of(problem.corridor), frame=frame)
+        standing = driving(np.full(FRAMES, problem.corridor.start_m + ahead_m))
+        return cheapest_profile(replace(problem, others=standing), start, Margins(), CALM)
+
+    profile = braked(least_m)
+    assert profile is not None
+    assert profile.speed_mps[0] - profile.speed_mps[1] == braking_mps2
+    assert braked(least_m - 0.5) is None
 
 
 def test_who_comes_towards_the_ego_beside_its_lane_does_not_matter_but_in_it_does() -> None:

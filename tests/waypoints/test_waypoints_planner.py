@@ -74,7 +74,7 @@ def test_the_lanes_line_is_told_unless_it_is_switched_off() -> None:
 def test_a_plan_holds_for_a_second_and_is_followed() -> None:
     made = planner(*[answer(8.0)] * 10)
     end = driven(made, ego(100.0, -3.5, 8.0), 35)[-1]
-    assert made.ledger.queries == 4
+    assert len(made.exchanges) == 4
     assert end.x_m == pytest.approx(128.0, abs=0.5)
 
 
@@ -83,7 +83,7 @@ def test_without_an_answer_the_last_plan_is_driven_on_and_then_the_car_brakes() 
     speeds = [state.vx_mps for state in driven(made, ego(100.0, -3.5, 8.0), 90)]
     assert min(speeds[: round(10 * KEPT_S)]) > 7.5
     assert speeds[-1] < 0.5
-    assert made.ledger.fallbacks["timeout"] == 8
+    assert made.report()["fallbacks"]["timeout"] == 8
 
 
 class Slow(ScriptedModel):
@@ -113,14 +113,14 @@ def test_what_no_car_can_do_is_driven_as_far_as_it_can_be() -> None:
     leap = json.dumps({"thoughts": "on", "waypoints": [[20.0, 3.0], *[[30.0, 3.0], [10.0, 0.0]] * 7, [30.0, 0.0]]})
     made = planner(*[leap] * 6)
     driven(made, ego(100.0, -3.5, 8.0), 50)
-    assert made.ledger.fallbacks.total() == 0
+    assert made.report()["fallback_share"] == 0.0
 
 
 def test_nonsense_is_counted_and_not_driven() -> None:
     made = planner("turn left!", json.dumps({"thoughts": "", "waypoints": [[1e9, 0.0]] * POINTS}))
     made.plan(observation(ego(100.0, -3.5, 8.0)))
     made.plan(observation(ego(108.0, -3.5, 8.0, time_s=1.0)))
-    assert made.ledger.fallbacks == {"parse": 2}
+    assert [each.failure and each.failure.cause for each in made.exchanges] == ["parse"] * 2
 
 
 def test_every_question_asks_for_json_of_a_closed_form() -> None:

@@ -1,8 +1,9 @@
-"""The four shipped maps, drawn from compact road plans."""
+"""The shipped maps, drawn from compact road plans."""
 
 from __future__ import annotations
 
-from tools.make_maps import back_bay, hazelwood, one_north, strip
-from tools.make_maps.plan import Plan
+from pathlib import Path
 
-PLANS: dict[str, Plan] = {module.PLAN.name: module.PLAN for module in (strip, one_north, back_bay, hazelwood)}
+from tools.make_maps.plan import Plan, read_plan
+
+PLANS: dict[str, Plan] = {file.stem: read_plan(file) for file in sorted(Path(__file__).parent.glob("plans/*.yaml"))}

@@ -77,7 +77,7 @@ def _draw_block(drawing: Drawing, block: Block) -> None:
             polygon=between(left_edge.points, right_edge.points),
             left_boundary=left_edge,
             right_boundary=right_edge,
-            speed_limit_mps=limit_mps(block.way.limit_kmh),
+            speed_limit_mps=limit_mps(block.carriageway.limit_kmh),
         )
     left, right = ground.left_edge_first(parallel(block.strips[0].inner_m), parallel(block.strips[-1].kerb_m))
     drawing.roadblocks[name] = Roadblock(name, ground.surface(left, right), tuple(members))

@@ -95,9 +95,9 @@ def connect(
         middle = gliding(start.middle_m, end.middle_m)
         left, right = ground.left_edge_first(gliding(start.inner_m, end.inner_m), gliding(start.kerb_m, end.kerb_m))
     else:
-        course = turn(ground.pose(before, start.middle_m, at_end=True), ground.pose(after, end.middle_m, at_end=False))
-        half = _half_width_m(course, start, end)
-        middle, left, right = course.points, course.shifted(half), course.shifted(-half)
+        curve = turn(ground.pose(before, start.middle_m, at_end=True), ground.pose(after, end.middle_m, at_end=False))
+        half = _half_width_m(curve, start, end)
+        middle, left, right = curve.points, curve.shifted(half), curve.shifted(-half)
     from_id, to_id = lane_id(ground, before, from_lane), lane_id(ground, after, to_lane)
     left_edge, right_edge = ground.edge(left), ground.edge(right)
     connector = Connector(
@@ -117,14 +117,14 @@ def connect(
     return connector
 
 
-def _half_width_m(course: SmoothCurve, start: LaneStrip, end: LaneStrip) -> Floats:
-    share, _ = smooth_step(np.linspace(0.0, 1.0, len(course.points)))
+def _half_width_m(curve: SmoothCurve, start: LaneStrip, end: LaneStrip) -> Floats:
+    share, _ = smooth_step(np.linspace(0.0, 1.0, len(curve.points)))
     return (start.width_m + share * (end.width_m - start.width_m)) / 2.0
 
 
 def _connector_limit_mps(points: Floats, before: Block, after: Block) -> float:
     """The lower limit of both lanes, or what the tightest bend allows in comfort, in whole 5 km/h."""
-    road_kmh = min(before.way.limit_kmh, after.way.limit_kmh)
+    road_kmh = min(before.carriageway.limit_kmh, after.carriageway.limit_kmh)
     steps = np.diff(points, axis=0)
     lengths = np.hypot(steps[:, 0], steps[:, 1])
     bend = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))) / ((lengths[1:] + lengths[:-1]) / 2.0)

@@ -16,9 +16,9 @@ from tools.make_maps.plan import (
     PlannedApproach,
     PlannedJunction,
     Road,
+    carriageway_at,
     missing_median_m,
     strips,
-    way_at,
 )
 
 CROSSWALK_ROOM_M = 6.0
@@ -91,8 +91,8 @@ def planned_arms(plan: Plan, junction: PlannedJunction) -> Mapping[str, PlannedA
                 key = f"{name}{'-' if sign < 0 else '+'}"
                 approach = junction.approaches.get(key, PlannedApproach())
                 arm = PlannedArm(key, road, sign, station_m, SIGHT_M, approach, 0.0)
-                way = way_at(road, arm.arriving, arm.cut_m)
-                missing_m = missing_median_m(way, approach) if way is not None else 0.0
+                carriageway = carriageway_at(road, arm.arriving, arm.cut_m)
+                missing_m = missing_median_m(carriageway, approach) if carriageway is not None else 0.0
                 own.append(replace(arm, pushed_m=missing_m / 2.0))
         if not own:
             raise ValueError(f"junction {junction.name}: road {name} does not reach it")
@@ -147,8 +147,8 @@ def _ray(plan: Plan, junction: PlannedJunction, arm: PlannedArm) -> _Ray:
     for direction, approach, across in both:
         if not junction.takes(arm.road.name, direction):
             continue
-        way = way_at(arm.road, direction, arm.cut_m)
-        for strip in strips(way, approach, arm.pushed_m) if way is not None else ():
+        carriageway = carriageway_at(arm.road, direction, arm.cut_m)
+        for strip in strips(carriageway, approach, arm.pushed_m) if carriageway is not None else ():
             edges += [across * strip.inner_m, across * strip.kerb_m]
     axis = arm.road.axis.pose(arm.cut_m)
     heading = float(wrap_angle(axis.heading_rad if arm.sign > 0 else axis.heading_rad + np.pi))

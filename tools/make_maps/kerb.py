@@ -39,7 +39,7 @@ def bus_bays(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, shapely.P
     """The bays of all bus stops that have one."""
     bays: list[tuple[Road, shapely.Polygon]] = []
     for road in ground.plan.roads:
-        for stop in road.bus_stops:
+        for stop in road.stops:
             block = stop_block(layout, road, stop)
             if stop.bay:
                 kerb_m = block.strips[-1].kerb_m
@@ -65,15 +65,15 @@ def parking_strips(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, sha
         road = ground.plan.road[block.road]
         whole = [(block.low_m + KERB_CLEAR_M, block.high_m - KERB_CLEAR_M)]
         beside_stops = whole
-        for stop in road.bus_stops:
+        for stop in road.stops:
             if stop.direction == block.direction:
                 half_m = STOP_LENGTH_M / 2.0 + BAY_TAPER_M
                 beside_stops = _without(beside_stops, stop.at_m - half_m, stop.at_m + half_m)
         side = ground.side(block.direction)
         kerb_m, inner_m = side * block.strips[-1].kerb_m, side * block.strips[0].inner_m
         for free, edge_m, width_m in (
-            (beside_stops, kerb_m, side * block.way.parking_m),
-            (whole, inner_m, -side * block.way.far_parking_m),
+            (beside_stops, kerb_m, side * block.carriageway.parking_m),
+            (whole, inner_m, -side * block.carriageway.far_parking_m),
         ):
             for low_m, high_m in free if width_m else ():
                 if high_m - low_m >= SHORTEST_PARKING_M:
@@ -99,7 +99,7 @@ def car_parks(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, shapely.
             )
             side = ground.side(park.direction)
             kerb_m = beside.strips[-1].kerb_m
-            front_m = kerb_m + beside.way.parking_m + road.sidewalk_m + 1.0
+            front_m = kerb_m + beside.carriageway.parking_m + road.sidewalk_m + 1.0
             pieces = (
                 (park.from_m, park.to_m, front_m, front_m + park.depth_m),
                 (middle_m - DRIVEWAY_M / 2.0, middle_m + DRIVEWAY_M / 2.0, kerb_m - 0.01, front_m + 1.0),
@@ -144,7 +144,7 @@ def _medians(ground: RoadGeometry, layout: Layout, road: Road) -> list[shapely.P
     inner: dict[str, float] = {}
     for block in layout.blocks:
         if block.road == road.name:
-            offset_m = ground.side(block.direction) * max(block.way.inner_m, 0.0)
+            offset_m = ground.side(block.direction) * max(block.carriageway.inner_m, 0.0)
             inner[block.direction] = max(inner.get(block.direction, offset_m), offset_m, key=abs)
     if len(inner) < 2:
         return []

@@ -23,8 +23,8 @@ from tools.make_maps.plan import (
     PlannedApproach,
     PlannedJunction,
     Road,
+    carriageway_at,
     strips,
-    way_at,
 )
 
 SHORTEST_BLOCK_M = 12.0
@@ -42,7 +42,7 @@ class Block:
     to_m: float
     strips: tuple[LaneStrip, ...]
     """From the inner lane to the kerb."""
-    way: Carriageway
+    carriageway: Carriageway
     inner_pockets: int = 0
     kerb_pockets: int = 0
     widened: bool = False
@@ -138,7 +138,7 @@ class _Stretch:
 
     from_t: float
     to_t: float
-    way: Carriageway
+    carriageway: Carriageway
     approach: PlannedApproach | None
     pushed_m: float
 
@@ -165,13 +165,13 @@ def _stretches(road: Road, direction: Direction, link: _Link) -> list[_Stretch]:
     for from_t, to_t in zip(bounds[::2], bounds[1::2], strict=True):
         if to_t - from_t < SHORTEST_BLOCK_M:
             raise ValueError(f"{road.name} {direction}: no room for lanes between {from_t:.0f} and {to_t:.0f} m")
-        way = way_at(road, direction, abs((from_t + to_t) / 2.0))
-        assert way is not None, "a carriageway ends at a junction"
+        carriageway = carriageway_at(road, direction, abs((from_t + to_t) / 2.0))
+        assert carriageway is not None, "a carriageway ends at a junction"
         if arriving is not None and to_t == end_t:
-            found.append(_Stretch(from_t, to_t, way, arriving.approach, arriving.pushed_m))
+            found.append(_Stretch(from_t, to_t, carriageway, arriving.approach, arriving.pushed_m))
         else:
             pushed_m = leaving.pushed_m if leaving is not None and from_t == start_t else 0.0
-            found.append(_Stretch(from_t, to_t, way, None, pushed_m))
+            found.append(_Stretch(from_t, to_t, carriageway, None, pushed_m))
     return found
 
 
@@ -197,7 +197,7 @@ def layout(plan: Plan) -> Layout:
             piece = 0
             own = links[direction][road.name]
             for link in own if direction == "forward" else reversed(own):
-                if way_at(road, direction, (link.low_m + link.high_m) / 2.0) is None:
+                if carriageway_at(road, direction, (link.low_m + link.high_m) / 2.0) is None:
                     continue
                 row: list[Block] = []
                 for stretch in _stretches(road, direction, link):
@@ -233,8 +233,8 @@ def _block(road: Road, direction: Direction, piece: int, stretch: _Stretch, from
         piece=piece,
         from_m=road.axis.snapped_m(from_m),
         to_m=road.axis.snapped_m(to_m),
-        strips=strips(stretch.way, approach, stretch.pushed_m),
-        way=stretch.way,
+        strips=strips(stretch.carriageway, approach, stretch.pushed_m),
+        carriageway=stretch.carriageway,
         inner_pockets=approach.inner_pockets if approach else 0,
         kerb_pockets=approach.kerb_pockets if approach else 0,
         widened=stretch.pushed_m > 0.0 or (approach is not None and approach.pockets > 0),

@@ -2,7 +2,7 @@
 
 A plan is a handful of roads, each an axis with cross-sections, and the places
 where they meet. All lanes, tapers, pockets, connectors, stop lines and kerbs
-follow from it by rule, so a district fits on a page.
+follow from it by rule, so a district fits on a page, `plans/<name>.yaml`.
 
 *Inner* means next to the axis of the road, *kerb* means away from it, so that
 one plan reads the same for both driving sides: the inner pocket is a left-turn
@@ -14,13 +14,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from types import MappingProxyType
+from pathlib import Path
 from typing import Literal
 
+import msgspec
 import numpy as np
+import yaml
+from msgspec.structs import replace
 
 from interplan_sumo.world.roads import DrivingSide
 from tools.make_maps.geometry import Alignment, alignment
@@ -41,57 +44,44 @@ GORE_M = 0.1
 """Paint between a carriageway and the arm of a ramp."""
 
 
-@dataclass(frozen=True, slots=True)
-class Carriageway:
-    """One direction of a road: its lanes from the inner one to the kerb."""
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
+    """Whatever a plan is made of, with the fields that its YAML has."""
 
-    widths_m: tuple[float, ...]
+
+class Carriageway(_Part, frozen=True):
+    """One direction of a road: equal lanes beside a median, or on both sides of the axis of a one-way street."""
+
+    lanes: int
     limit_kmh: float
-    inner_m: float = 0.0
-    """Distance of the first lane's inner edge from the axis: half the median, negative on one-way streets."""
+    width_m: float
+    """Of each lane."""
+    median_m: float = 0.0
+    """Its full width."""
+    one_way: bool = False
     parking_m: float = 0.0
     """Width of the kerb parking beside the last lane, 0 without."""
     far_parking_m: float = 0.0
     """Width of the parking beside the first lane, on one-way streets."""
 
     @property
-    def width_m(self) -> float:
-        return sum(self.widths_m)
+    def widths_m(self) -> tuple[float, ...]:
+        """From the inner lane to the kerb."""
+        return (self.width_m,) * self.lanes
+
+    @property
+    def inner_m(self) -> float:
+        """Distance of the first lane's inner edge from the axis; negative on one-way streets."""
+        return -self.lanes * self.width_m / 2.0 if self.one_way else self.median_m / 2.0
 
 
-def lanes(
-    count: int, limit_kmh: float, *, width_m: float = 3.3, median_m: float = 0.0, parking_m: float = 0.0
-) -> Carriageway:
-    """Equal lanes on one side of a median of the given full width."""
-    return Carriageway((width_m,) * count, limit_kmh, median_m / 2.0, parking_m)
-
-
-def one_way(
-    count: int, limit_kmh: float, *, width_m: float = 3.3, parking_m: float = 0.0, far_parking_m: float = 0.0
-) -> Carriageway:
-    """Equal lanes centred on the axis."""
-    return Carriageway((width_m,) * count, limit_kmh, -count * width_m / 2.0, parking_m, far_parking_m)
-
-
-@dataclass(frozen=True, slots=True)
-class RoadSection:
+class RoadSection(_Part, frozen=True):
     """The cross-section of a road from one station on."""
 
-    from_m: float
-    forward: Carriageway | None
+    from_m: float = 0.0
+    forward: Carriageway | None = None
     backward: Carriageway | None = None
     taper_m: float = 40.0
     """Length over which lanes are gained, lost or shifted, centred on `from_m`."""
-
-
-def both_ways(way: Carriageway) -> tuple[RoadSection, ...]:
-    """One cross-section all along, alike in both directions."""
-    return (RoadSection(0, way, way),)
-
-
-def one_section(way: Carriageway) -> tuple[RoadSection, ...]:
-    """One cross-section all along, for traffic in the direction of the axis."""
-    return (RoadSection(0, way),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,24 +91,17 @@ class BusStop:
     direction: Direction
     at_m: float
     """Station of its middle."""
-    bay: bool = False
+    bay: bool
 
 
-def stops(*stations_m: float, bays: tuple[float, ...] = ()) -> tuple[BusStop, ...]:
-    """Bus stops at stations, negative ones for traffic that drives backward; those among `bays` have one."""
-    return tuple(BusStop("forward" if at > 0 else "backward", abs(at), at in bays) for at in stations_m)
-
-
-@dataclass(frozen=True, slots=True)
-class PlannedCrossing:
+class PlannedCrossing(_Part, frozen=True):
     """A pedestrian crossing away from junctions."""
 
     at_m: float
     signal: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class CarPark:
+class CarPark(_Part, frozen=True):
     """A car park behind the sidewalk, with a driveway in its middle."""
 
     direction: Direction
@@ -127,17 +110,19 @@ class CarPark:
     depth_m: float = 32.0
 
 
-@dataclass(frozen=True)
-class Road:
+class Road(_Part, frozen=True):
     """A named road: an axis, its cross-sections, and what stands along the kerb."""
 
     number: int
     """10 to 99: the leading digits of all its ids."""
     name: str
     points: tuple[tuple[float, ...], ...]
-    """Polygon of tangents, see `geometry.alignment`."""
+    """Polygon of tangents, see `geometry.alignment`; of a ramp those away from the carriageway."""
     sections: tuple[RoadSection, ...]
-    bus_stops: tuple[BusStop, ...] = ()
+    bus_stops: tuple[float, ...] = ()
+    """Stations, negative ones for traffic that drives backward."""
+    bays: tuple[float, ...] = ()
+    """Those of the bus stops that have a bay."""
     crossings: tuple[PlannedCrossing, ...] = ()
     car_parks: tuple[CarPark, ...] = ()
     sidewalk_m: float = 2.5
@@ -147,9 +132,12 @@ class Road:
     def axis(self) -> Alignment:
         return alignment(self.points)
 
+    @property
+    def stops(self) -> tuple[BusStop, ...]:
+        return tuple(BusStop("forward" if at > 0 else "backward", abs(at), at in self.bays) for at in self.bus_stops)
 
-@dataclass(frozen=True, slots=True)
-class PlannedApproach:
+
+class PlannedApproach(_Part, frozen=True):
     """What an arm of a junction adds for the traffic that arrives on it."""
 
     inner_pockets: int = 0
@@ -158,7 +146,7 @@ class PlannedApproach:
     taper_m: float = 30.0
     pocket_width_m: float = 3.1
     use: tuple[str, ...] = ()
-    """Turns per lane from left to right, such as ("L", "LT", "T", "TR"); found by rule if empty."""
+    """Turns per lane from left to right, such as [L, LT, T, TR]; found by rule if empty."""
 
     @property
     def pockets(self) -> int:
@@ -170,12 +158,11 @@ class PlannedApproach:
         return self.storage_m, self.storage_m + self.taper_m
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedJunction:
+class PlannedJunction(_Part, frozen=True):
     """A place where roads meet; a road either passes through it or ends in it.
 
     An *arm* is named by its road and the side on which it leaves the junction:
-    `"main+"` leads to higher stations of `main`, `"main-"` to lower ones.
+    `main+` leads to higher stations of `main`, `main-` to lower ones.
     """
 
     number: int
@@ -184,7 +171,7 @@ class PlannedJunction:
     """Roughly where; the exact place is where the axes of the first two roads cross."""
     roads: tuple[str, ...]
     control: Control
-    approaches: Mapping[str, PlannedApproach] = field(default_factory=lambda: MappingProxyType({}))
+    approaches: dict[str, PlannedApproach] = {}
     crosswalks: tuple[str, ...] | None = None
     """Arms with a crosswalk; None: all."""
     corner_m: float = 6.0
@@ -203,8 +190,7 @@ class PlannedJunction:
         return road != self.roads[0] or self.carriageway in (None, direction)
 
 
-@dataclass(frozen=True, slots=True)
-class Ramp:
+class Ramp(_Part, frozen=True):
     """Where a one-way ramp leaves or joins the kerb lane of a carriageway.
 
     The carriageway must lose (exit) or gain (entry) its kerb lane in the
@@ -216,17 +202,24 @@ class Ramp:
     at_m: float
     ramp: str
     kind: Literal["exit", "entry"]
+    bend: tuple[float, float, float]
+    """Of the ramp, on the tangent of its arm: how far ahead in the direction of travel, radius, spiral length."""
 
 
-@dataclass(frozen=True)
-class Plan:
-    """A district on paper."""
+class Plan(_Part, frozen=True, kw_only=True):
+    """A district on paper, as `plans/<name>.yaml` has it."""
 
-    name: str
+    name: str = ""
+    """That of the file."""
     crs: str
     origin_m: tuple[float, float]
     """Projected coordinates of the local origin."""
     driving_side: DrivingSide
+    turned_deg: float = 0.0
+    """All points are given in a frame that is turned by so much, counter-clockwise."""
+    carriageways: dict[str, Carriageway]
+    approaches: dict[str, PlannedApproach] = {}
+    """Both are written down once, for the roads and junctions that refer to them by YAML's anchors."""
     roads: tuple[Road, ...]
     junctions: tuple[PlannedJunction, ...]
     ramps: tuple[Ramp, ...] = ()
@@ -237,8 +230,29 @@ class Plan:
         return {road.name: road for road in self.roads}
 
 
-def ramp_end(road: Road, driving_side: DrivingSide, ramp: Ramp) -> tuple[float, float, float]:
-    """x, y and heading of travel where a ramp begins or ends, tangential to the lane that it takes up.
+def read_plan(file: Path) -> Plan:
+    """The plan in a YAML file, turned, its ramps led to their carriageways; ValueError names a field that is none."""
+    plan = msgspec.convert(yaml.safe_load(file.read_text(encoding="utf-8")), Plan)
+    cos, sin = math.cos(math.radians(plan.turned_deg)), math.sin(math.radians(plan.turned_deg))
+
+    def turned(x_m: float, y_m: float) -> tuple[float, float]:
+        return x_m * cos - y_m * sin, x_m * sin + y_m * cos
+
+    roads = {
+        road.name: replace(road, points=tuple((*turned(*point[:2]), *point[2:]) for point in road.points))
+        for road in plan.roads
+    }
+    for ramp in plan.ramps:
+        own = roads[ramp.ramp]
+        arm = _ramp_arm(roads[ramp.road], plan.driving_side, ramp)
+        points = (*arm, *own.points) if ramp.kind == "exit" else (*own.points, *arm[::-1])
+        roads[ramp.ramp] = replace(own, points=points)
+    junctions = tuple(replace(junction, at=turned(*junction.at)) for junction in plan.junctions)
+    return replace(plan, name=file.stem, roads=tuple(roads.values()), junctions=junctions)
+
+
+def _ramp_arm(road: Road, driving_side: DrivingSide, ramp: Ramp) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Where a ramp begins or ends, tangential to the lane that it takes up, and its bend on that tangent.
 
     This is the middle of the kerb lane where the taper of the section at
     `ramp.at_m` meets the ramp.
@@ -246,14 +260,17 @@ def ramp_end(road: Road, driving_side: DrivingSide, ramp: Ramp) -> tuple[float, 
     at = next(i for i, section in enumerate(road.sections) if section.from_m == ramp.at_m)
     before, section = road.sections[at - 1], road.sections[at]
     forward = ramp.direction == "forward"
-    ways = [way for s in (before, section) if (way := s.forward if forward else s.backward) is not None]
-    wide = max(ways, key=lambda way: len(way.widths_m))
-    outward_m = wide.inner_m + wide.width_m - wide.widths_m[-1] / 2.0 + GORE_M
+    both = [one for s in (before, section) if (one := s.forward if forward else s.backward) is not None]
+    wide = max(both, key=lambda one: one.lanes)
+    outward_m = wide.inner_m + sum(wide.widths_m) - wide.width_m / 2.0 + GORE_M
     side = -1.0 if forward == (driving_side == "right") else 1.0
     # An exit starts behind the taper in the direction of travel, an entry ends before it.
     ahead = (1.0 if forward else -1.0) * (1.0 if ramp.kind == "exit" else -1.0)
     pose = road.axis.pose(ramp.at_m + ahead * section.taper_m / 2.0, side * outward_m)
-    return pose.x_m, pose.y_m, pose.heading_rad + (0.0 if forward else math.pi)
+    heading_rad = pose.heading_rad + (0.0 if forward else math.pi)
+    ahead_m, *rounding = ramp.bend
+    bend = (pose.x_m + ahead_m * math.cos(heading_rad), pose.y_m + ahead_m * math.sin(heading_rad), *rounding)
+    return (pose.x_m, pose.y_m), bend
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,23 +289,25 @@ class LaneStrip:
         return self.kerb_m - self.inner_m
 
 
-def way_at(road: Road, direction: Direction, station_m: float) -> Carriageway | None:
+def carriageway_at(road: Road, direction: Direction, station_m: float) -> Carriageway | None:
     """The carriageway of one direction at a station."""
     section = [s for s in road.sections if s.from_m <= station_m + 1e-6][-1]
     return section.forward if direction == "forward" else section.backward
 
 
-def missing_median_m(way: Carriageway, approach: PlannedApproach) -> float:
+def missing_median_m(carriageway: Carriageway, approach: PlannedApproach) -> float:
     """By how much the median is too narrow for the inner pockets of an approach."""
-    room_m = max(0.0, 2.0 * way.inner_m - NOSE_M)
+    room_m = max(0.0, 2.0 * carriageway.inner_m - NOSE_M)
     return max(0.0, approach.inner_pockets * approach.pocket_width_m - room_m)
 
 
-def strips(way: Carriageway, approach: PlannedApproach | None = None, pushed_m: float = 0.0) -> tuple[LaneStrip, ...]:
+def strips(
+    carriageway: Carriageway, approach: PlannedApproach | None = None, pushed_m: float = 0.0
+) -> tuple[LaneStrip, ...]:
     """The lanes of a carriageway pushed towards the kerb, with the pockets of an approach."""
     inner_count = approach.inner_pockets if approach else 0
     kerb_count = approach.kerb_pockets if approach else 0
     pocket_m = approach.pocket_width_m if approach else 0.0
-    widths = (pocket_m,) * inner_count + way.widths_m + (pocket_m,) * kerb_count
-    edges = np.concatenate(([0.0], np.cumsum(widths))) + way.inner_m + pushed_m - inner_count * pocket_m
+    widths = (pocket_m,) * inner_count + carriageway.widths_m + (pocket_m,) * kerb_count
+    edges = np.concatenate(([0.0], np.cumsum(widths))) + carriageway.inner_m + pushed_m - inner_count * pocket_m
     return tuple(LaneStrip(float(a), float(b)) for a, b in pairwise(edges))

@@ -81,8 +81,8 @@ class RoadGeometry:
         inside = road.axis.grid_m[(road.axis.grid_m > low_m + 1e-6) & (road.axis.grid_m < high_m - 1e-6)]
         stations = np.concatenate(([low_m], inside, [high_m]))
         poses = road.axis.poses(stations)
-        course = SmoothCurve(poses[:, :2], poses[:, 2])
-        return self.surface(course.shifted(left_m), course.shifted(right_m))
+        curve = SmoothCurve(poses[:, :2], poses[:, 2])
+        return self.surface(curve.shifted(left_m), curve.shifted(right_m))
 
     def surface(self, left: Floats, right: Floats) -> shapely.Polygon:
         """The area between two local lines of equal direction."""

@@ -33,6 +33,22 @@ class Perturbation:
     """After so long the ego is back on the line that was driven."""
 
 
+def augmented(
+    columns: Columns,
+    rng: np.random.Generator,
+    *,
+    perturbation: Perturbation | None = None,
+    agents_dropped: float | None = None,
+    past_dropped: float | None = None,
+) -> Columns:
+    """Samples with what is given of these: starts elsewhere, a share that loses agents, a share that knows no past."""
+    if perturbation is not None:
+        columns = perturbed_start(columns, rng, perturbation)
+    if agents_dropped is not None:
+        columns = without_agents(columns, rng, agents_dropped)
+    return columns if past_dropped is None else without_past(columns, rng, past_dropped)
+
+
 def perturbed_start(columns: Columns, rng: np.random.Generator, how: Perturbation) -> Columns:
     """Samples (their `ego_history` and `ego_future` among them) in which some egos are elsewhere than they were.
 

@@ -52,14 +52,22 @@ class Trained:
     """`epochs`, `patience` or `time`: why it ended."""
 
 
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """Where a training is kept after each epoch."""
+
+    path: Path
+    data_hash: str = ""
+    resume: bool = False
+    """Go on from it."""
+
+
 def train(
     recipe: Recipe,
     samples: Samples,
     held: Samples,
     *,
-    checkpoint: Path,
-    data_hash: str = "",
-    resume: bool = False,
+    checkpoint: Checkpoint,
     device: str = "cpu",
     threads: int = 1,
     max_minutes: float | None = None,
@@ -67,7 +75,7 @@ def train(
 ) -> Trained:
     """Train; the weights of the epoch with the lowest held-out error are kept.
 
-    After each epoch everything is in `checkpoint`; with `resume` training goes
+    After each epoch everything is in the checkpoint; a training that resumes goes
     on from there and comes to the same weights as without a break. Equal seeds
     give equal weights on the same kind of machine with as many threads.
     InputError if the checkpoint is of another training, or there is no such device.
@@ -78,8 +86,8 @@ def train(
     model = recipe.make_model().to(device)
     rule = torch.optim.AdamW(model.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
     falling = torch.optim.lr_scheduler.CosineAnnealingLR(rule, settings.epochs)
-    state = _State(model, rule, falling, _fingerprint(recipe, data_hash), checkpoint)
-    if resume:
+    state = _State(model, rule, falling, _fingerprint(recipe, checkpoint.data_hash), checkpoint.path)
+    if checkpoint.resume:
         state.read(device)
     balanced = Balanced(samples.columns["ego_future"])
     began = time.monotonic() - state.seconds

@@ -194,3 +194,17 @@ class Scale(nn.Module):
 def is_zero(rows: Tensor) -> Tensor:
     """(B, N) bool: rows (B, N, C) in which every number is 0, those that do not exist."""
     return rows.abs().amax(dim=-1) == 0.0
+
+
+def sinusoids(points: int, width: int) -> Tensor:
+    """(points, width) sines and cosines in turn, of wavelengths from 2 pi to 20000 pi points (Vaswani et al. 2017)."""
+    rate = 1e4 ** (-torch.arange(0, width, 2) / width)
+    angle = torch.arange(points)[:, None] * rate
+    return torch.stack((angle.sin(), angle.cos()), dim=-1).flatten(1)
+
+
+def pose_differences(poses: Tensor, wanted: Tensor) -> Tensor:
+    """(..., 3) by how much poses are off in x, y and yaw; a full turn is none."""
+    off = poses - wanted
+    turned = torch.remainder(off[..., 2:] + torch.pi, 2.0 * torch.pi) - torch.pi
+    return torch.cat((off[..., :2], turned), dim=-1)

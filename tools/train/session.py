@@ -20,6 +20,7 @@ from interplan_sumo.dataset.records import SPLITS
 from interplan_sumo.features import schema
 from tools.train.data import held_out_split, read_samples
 from tools.train.loop import (
+    Checkpoint,
     EpochDone,
     Trained,
     batch_of,
@@ -66,7 +67,7 @@ def train_planner(request: TrainRequest, on_epoch: Callable[[EpochDone], None]) 
     samples, held = read_samples(dataset, "train", recipe), read_samples(dataset, held_split, recipe)
     trained = train(
         recipe, samples, held,
-        checkpoint=request.work / name / "checkpoint.pt", data_hash=dataset.hash, resume=request.resume,
+        checkpoint=Checkpoint(request.work / name / "checkpoint.pt", dataset.hash, request.resume),
         device=request.device, threads=request.threads, max_minutes=request.max_minutes, on_epoch=on_epoch,
     )  # fmt: skip
     model = trained.model.cpu()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
+from scipy.stats import binomtest
 from torch import Tensor
 from torch.nn import functional
 
@@ -15,8 +15,6 @@ from tools.tune_llm.examples import TokenSample, in_batches
 from tools.tune_llm.model import TunedModel
 
 BATCH = 16
-Z_95 = 1.959964
-"""Of a two-sided 95 % interval of the normal distribution."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +31,8 @@ class Ratio:
     @property
     def interval(self) -> tuple[float, float]:
         """Wilson's 95 % interval of the share that a larger sample would have."""
-        square = Z_95**2 / self.of
-        middle = (self.value + square / 2.0) / (1.0 + square)
-        spread = Z_95 / (1.0 + square) * math.sqrt(self.value * (1.0 - self.value) / self.of + square / 4.0 / self.of)
-        return max(middle - spread, 0.0), min(middle + spread, 1.0)
+        interval = binomtest(self.count, self.of).proportion_ci(method="wilson")
+        return float(interval.low), float(interval.high)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,8 +24,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from interplan_sumo.batch.engine import run_tasks
-from interplan_sumo.batch.shared_phase import Publish
-from interplan_sumo.batch.tasks import Answer, Limits, Task, Work
+from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError
 from interplan_sumo.verification.ordinary_scenes import FIRST_SEED

@@ -15,9 +15,9 @@ from interplan_llm.hybrid.scene import DecisionScene
 from interplan_llm.models.scripted import ScriptedModel
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.planner import Mission, Observation
-from interplan_sumo.verification.oracle import ENOUGH, Effort, OracleChooser, Tried, Value, oracle_drive
 from interplan_sumo.verification.replay import reference_drive
 from interplan_sumo.world.trajectory import Trajectory
+from tools.oracle import ENOUGH, Effort, OracleChooser, Tried, Value, oracle_drive
 from tools.tune_llm.scenes import TrainingScene
 
 STEPS_PER_PLAN: Final = 5

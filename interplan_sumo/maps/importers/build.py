@@ -96,9 +96,9 @@ class _Drawing:
                     continue
                 block = str(len(members) + 1)
                 members[block] = []
-                band = self.ground.surface(s, p)
-                grounds[block] = band.outline()
-                for i in range(band.lanes):
+                cross_sections = self.ground.surface(s, p)
+                grounds[block] = cross_sections.outline()
+                for i in range(cross_sections.lanes):
                     if SegmentLane(s, p, i) in self.ground.twins:
                         self.used.add(SegmentLane(s, p, i))
                         continue
@@ -106,8 +106,8 @@ class _Drawing:
                     self.id_of[SegmentLane(s, p, i)] = id_
                     self.used.add(SegmentLane(s, p, i))
                     members[block].append(id_)
-                    surfaces[id_] = band.polygon(i)
-                    self.lanes[id_] = self._lane(SegmentLane(s, p, i), id_, block, band)
+                    surfaces[id_] = cross_sections.polygon(i)
+                    self.lanes[id_] = self._lane(SegmentLane(s, p, i), id_, block, cross_sections)
         for id_, polygon in clipped(surfaces).items():
             lane = self.lanes[id_]
             self.lanes[id_] = Lane(
@@ -117,8 +117,8 @@ class _Drawing:
         for block, polygon in clipped({block: grounds[block] for block, ids in members.items() if ids}).items():
             self.roadblocks[block] = Roadblock(block, polygon, tuple(members[block]))
 
-    def _lane(self, node: SegmentLane, id_: str, block: str, band: CrossSections) -> Lane:
-        line = smoothed(band.centerline(node.lane))
+    def _lane(self, node: SegmentLane, id_: str, block: str, cross_sections: CrossSections) -> Lane:
+        line = smoothed(cross_sections.centerline(node.lane))
         self.origins[id_] = self._origins((node,), (0.0, 0.0), line)
         first = self.ground.sections[node.section].columns[node.lane][0]
         return Lane(
@@ -126,9 +126,9 @@ class _Drawing:
             roadblock_id=block,
             index=node.lane,
             centerline=line,
-            polygon=band.polygon(node.lane),
-            left_boundary=band.boundary(node.lane),
-            right_boundary=band.boundary(node.lane + 1),
+            polygon=cross_sections.polygon(node.lane),
+            left_boundary=cross_sections.boundary(node.lane),
+            right_boundary=cross_sections.boundary(node.lane + 1),
             speed_limit_mps=self.source.lanes[first].speed_limit_mps,
         )
 
@@ -137,7 +137,7 @@ class _Drawing:
     def draw_connectors(self) -> None:
         between: dict[tuple[str, str], list[ConnectorPath]] = defaultdict(list)
         for path in connector_paths(self.ground):
-            if path.band.length_m < _SHORTEST_M:
+            if path.cross_sections.length_m < _SHORTEST_M:
                 continue
             ends = (self.lanes[self.id_of[node]].roadblock_id for node in (path.start, path.end))
             between[next(ends), next(ends)].append(path)
@@ -154,9 +154,9 @@ class _Drawing:
 
     def _connector(self, path: ConnectorPath, id_: str, block: str) -> Connector:
         ends = (self.lanes[self.id_of[node]].centerline for node in (path.start, path.end))
-        line = smoothed(path.band.centerline(), *ends, farthest_m=FARTHEST_IN_JUNCTION_M)
+        line = smoothed(path.cross_sections.centerline(), *ends, farthest_m=FARTHEST_IN_JUNCTION_M)
         self.origins[id_] = self._origins(path.parts, path.drawn_m, line)
-        polygon = path.band.polygon()
+        polygon = path.cross_sections.polygon()
         if polygon.is_empty:
             polygon = shapely.buffer(line.linestring, 1.0, cap_style="flat")
         return Connector(
@@ -166,8 +166,8 @@ class _Drawing:
             to_lane_id=self.id_of[path.end],
             centerline=line,
             polygon=polygon,
-            left_boundary=path.band.boundary(0),
-            right_boundary=path.band.boundary(1),
+            left_boundary=path.cross_sections.boundary(0),
+            right_boundary=path.cross_sections.boundary(1),
             speed_limit_mps=self._limit_mps(path),
             turn=_turn(line),
         )

@@ -41,7 +41,7 @@ class ConnectorPath:
     parts: tuple[SegmentLane, ...]
     """The segments between; none where only a gap lies between the two."""
     end: SegmentLane
-    band: CrossSections
+    cross_sections: CrossSections
     """Of one lane, from end to start exactly."""
     drawn_m: tuple[float, ...]
     """Length of the curve drawn over a gap before each part and before the end; 0 where both meet."""
@@ -62,7 +62,7 @@ class SegmentSurfaces:
     twins: dict[SegmentLane, SegmentLane] = field(init=False)
     """Lanes that lie on another one where both lead out of the map, or into it, with that other: they are one."""
     _twins_of: dict[SegmentLane, list[SegmentLane]] = field(init=False)
-    _bands: dict[tuple[int, int], CrossSections] = field(default_factory=dict[tuple[int, int], CrossSections])
+    _cross_sections: dict[tuple[int, int], CrossSections] = field(default_factory=dict[tuple[int, int], CrossSections])
 
     def __post_init__(self) -> None:
         self.twins = {}
@@ -76,23 +76,23 @@ class SegmentSurfaces:
         return self.segments[node.section][node.segment]
 
     def surface(self, section: int, segment: int) -> CrossSections:
-        """The band of a segment."""
+        """The cross-sections of a segment."""
         key = section, segment
-        if key not in self._bands:
+        if key not in self._cross_sections:
             part = self.segments[section][segment]
-            band = self.sections[section].band.cut(part.start_m, part.end_m)
-            self._bands[key] = band.uncrossed() if band.lanes == 1 else band
-        return self._bands[key]
+            cross_sections = self.sections[section].cross_sections.cut(part.start_m, part.end_m)
+            self._cross_sections[key] = cross_sections.uncrossed() if cross_sections.lanes == 1 else cross_sections
+        return self._cross_sections[key]
 
     def narrow(self, node: SegmentLane, side: DrivingSide) -> None:
         """Keep only the left or right half of a segment of one lane."""
         across = self.surface(node.section, node.segment).across
         middle = across.mean(axis=1)
         halves = (across[:, 0], middle) if side == "left" else (middle, across[:, 1])
-        self._bands[node.section, node.segment] = CrossSections(np.stack(halves, axis=1))
+        self._cross_sections[node.section, node.segment] = CrossSections(np.stack(halves, axis=1))
 
-    def band(self, node: SegmentLane) -> CrossSections:
-        """The band of one lane of a segment."""
+    def cross_sections(self, node: SegmentLane) -> CrossSections:
+        """The cross-sections of one lane of a segment."""
         return self.surface(node.section, node.segment).lane(node.lane)
 
     def nodes(self) -> Iterator[SegmentLane]:
@@ -136,7 +136,7 @@ def _part_opposed(ground: SegmentSurfaces, side: DrivingSide) -> None:
 
 def _lying_on(ground: SegmentSurfaces, nodes: Sequence[SegmentLane]) -> list[tuple[SegmentLane, SegmentLane]]:
     """Pairs of lanes that share too much of the surface of one of them, the earlier first."""
-    shapes = np.array([ground.band(node).polygon() for node in nodes], dtype=object)
+    shapes = np.array([ground.cross_sections(node).polygon() for node in nodes], dtype=object)
     if not len(shapes):
         return []
     one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
@@ -149,7 +149,7 @@ def _lying_on(ground: SegmentSurfaces, nodes: Sequence[SegmentLane]) -> list[tup
 
 def _turned_rad(ground: SegmentSurfaces, one: SegmentLane, other: SegmentLane) -> float:
     """The angle between the directions of two lanes."""
-    headings = [ground.band(node).centerline().segment_heading_rad[0] for node in (one, other)]
+    headings = [ground.cross_sections(node).centerline().segment_heading_rad[0] for node in (one, other)]
     return abs(float(wrap_angle(headings[1] - headings[0])))
 
 
@@ -171,7 +171,7 @@ def connector_paths(ground: SegmentSurfaces) -> tuple[ConnectorPath, ...]:
         for parts, end in _paths(ground, start):
             way = _connector_path(ground, (start, *parts, end), torn)
             known = best.get((start, end))
-            if way is not None and (known is None or way.band.length_m < known.band.length_m):
+            if way is not None and (known is None or way.cross_sections.length_m < known.cross_sections.length_m):
                 best[start, end] = way
     ground.torn.extend((a, b, gap_m) for (a, b), gap_m in torn.items())
     return tuple(best.values())
@@ -194,9 +194,9 @@ def _connector_path(
     """What lies between the first and the last lane of a path; None where the path is torn."""
     found: CrossSections | None = None
     drawn_m: list[float] = []
-    before = ground.band(path[0])
+    before = ground.cross_sections(path[0])
     for here, there in pairwise(path):
-        after = ground.band(there)
+        after = ground.cross_sections(there)
         gap_m = float(np.hypot(*(after.middles[0, 0] - before.middles[-1, 0])))
         if gap_m > FARTHEST_M:
             torn[here, there] = gap_m
@@ -210,6 +210,6 @@ def _connector_path(
         before = after
     if found is None:  # two lanes that meet, with nothing between: cannot be, joints give each a segment
         return None
-    start, end = ground.band(path[0]).middles[-1, 0], ground.band(path[-1]).middles[0, 0]
+    start, end = ground.cross_sections(path[0]).middles[-1, 0], ground.cross_sections(path[-1]).middles[0, 0]
     whole = found.moved(start - found.middles[0, 0], end - found.middles[-1, 0]).uncrossed()
     return ConnectorPath(path[0], tuple(path[1:-1]), path[-1], whole, tuple(drawn_m))

@@ -31,7 +31,7 @@ class CrossSections:
 
     @classmethod
     def of(cls, boundaries: Sequence[Floats]) -> CrossSections:
-        """The band between lines of (N, 2) points each, from left to right.
+        """The cross-sections between lines of (N, 2) points each, from left to right.
 
         Lines are matched by their relative arc length, or vertex by vertex
         where that brings them closer; every vertex of each makes a
@@ -72,7 +72,7 @@ class CrossSections:
 
     @cached_property
     def station_m(self) -> Floats:
-        """(K,) distance along the band, the mean of its lanes."""
+        """(K,) distance along the cross-sections, the mean of its lanes."""
         return self.arcs_m.mean(axis=1)
 
     @property
@@ -80,7 +80,7 @@ class CrossSections:
         return float(self.station_m[-1])
 
     def cut(self, start_m: float, end_m: float) -> CrossSections:
-        """The band between two stations, `start_m` < `end_m`."""
+        """The cross-sections between two stations, `start_m` < `end_m`."""
         at = self.station_m
         inside = self.across[(at > start_m + _SAME_M) & (at < end_m - _SAME_M)]
         return CrossSections(np.concatenate((self._at(start_m)[None], inside, self._at(end_m)[None])))
@@ -93,7 +93,7 @@ class CrossSections:
         return (1.0 - share) * self.across[row] + share * self.across[row + 1]
 
     def joined(self, other: CrossSections) -> CrossSections:
-        """This band followed by another of as many lanes; where they nearly meet they are welded half-way.
+        """These cross-sections followed by others of as many lanes; where they nearly meet they are welded half-way.
 
         Ends further apart than `WELDED_M` are joined by a straight segment.
         """
@@ -110,12 +110,12 @@ class CrossSections:
         return CrossSections(self.across[:, index : index + 2])
 
     def moved(self, start: Floats, end: Floats) -> CrossSections:
-        """The band with its ends moved by two vectors (2,), and what lies between in proportion."""
+        """The cross-sections with its ends moved by two vectors (2,), and what lies between in proportion."""
         share = (self.station_m / max(self.length_m, 1e-9))[:, None, None]
         return CrossSections(self.across + (1.0 - share) * start + share * end)
 
     def uncrossed(self) -> CrossSections:
-        """A band of one lane, at even width around its middle where its boundaries change sides or turn back."""
+        """Those of one lane, at even width around its middle where its boundaries change sides or turn back."""
         (width_m,) = np.median(np.hypot(*np.moveaxis(np.diff(self.across, axis=1), -1, 0)), axis=0).tolist()
         ring = np.concatenate((self.across[:, 1], self.across[::-1, 0])) - self.across[0, 0]
         x, y = ring.T
@@ -167,7 +167,7 @@ def _matched(lines: Sequence[Polyline]) -> list[Floats]:
 
 
 def bridge(before: CrossSections, after: CrossSections) -> CrossSections:
-    """A band of one lane from the end of one to the start of another, on a curve that leaves and arrives straight."""
+    """Those of one lane from the end of one to the start of another, on a curve that leaves and arrives straight."""
     start, end = before.middles[-1, 0], after.middles[0, 0]
     reach_m = float(np.hypot(*(end - start)))
     leave, arrive = _direction(before, -1) * reach_m, _direction(after, 0) * reach_m
@@ -185,9 +185,9 @@ def bridge(before: CrossSections, after: CrossSections) -> CrossSections:
     return CrossSections(np.stack((middle + width * normal, middle - width * normal), axis=1))
 
 
-def _direction(band: CrossSections, at: int) -> Floats:
+def _direction(cross_sections: CrossSections, at: int) -> Floats:
     """(2,) unit vector of travel at the first (0) or last (-1) cross-section of a single lane."""
-    line = band.centerline()
+    line = cross_sections.centerline()
     heading = line.segment_heading_rad[at]
     return np.array([np.cos(heading), np.sin(heading)])
 
@@ -209,19 +209,19 @@ def polygons_in(shape: shapely.Geometry) -> list[shapely.Polygon]:
     return [part for part in parts.tolist() if isinstance(part, shapely.Polygon) and not part.is_empty]
 
 
-def cells(band: CrossSections, length_m: float) -> tuple[NDArray[np.object_], Floats]:
-    """A band cut crosswise into cells of about `length_m`.
+def cells(cross_sections: CrossSections, length_m: float) -> tuple[NDArray[np.object_], Floats]:
+    """Cross-sections cut crosswise into cells of about `length_m`.
 
     Returns (C, n) polygons, one per cell and lane, and the (C + 1,) stations of the cuts.
     """
-    count = max(1, round(band.length_m / length_m))
-    stations = np.linspace(0.0, band.length_m, count + 1)
-    at = np.array([np.interp(stations, band.station_m, column) for column in _columns(band)])
-    points = at.reshape(band.lanes + 1, 2, count + 1).transpose(2, 0, 1)
+    count = max(1, round(cross_sections.length_m / length_m))
+    stations = np.linspace(0.0, cross_sections.length_m, count + 1)
+    at = np.array([np.interp(stations, cross_sections.station_m, column) for column in _columns(cross_sections)])
+    points = at.reshape(cross_sections.lanes + 1, 2, count + 1).transpose(2, 0, 1)
     quads = np.stack((points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]), axis=2)
     return np.asarray(shapely.polygons(quads)), stations
 
 
-def _columns(band: CrossSections) -> Floats:
-    """((n + 1) * 2, K) every coordinate along the band."""
-    return band.across.reshape(len(band.across), -1).T
+def _columns(cross_sections: CrossSections) -> Floats:
+    """((n + 1) * 2, K) every coordinate along the cross-sections."""
+    return cross_sections.across.reshape(len(cross_sections.across), -1).T

@@ -16,7 +16,7 @@ from interplan_sumo.maps.importers.source import SourceMap
 from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.maps.to_sumo import convert
-from interplan_sumo.world.files import file_hash
+from interplan_sumo.world.files import file_hash, writing
 from interplan_sumo.world.roads import Roads
 
 VERSION = "1.0"
@@ -46,13 +46,11 @@ def import_map(source: Path, format: str, folder: Path, *, overwrite: bool = Fal
         left_out=made.left_out,
         notes=made.notes,
     )
-    try:
+    with writing(files.folder, "name another folder"):
         files.folder.mkdir(parents=True, exist_ok=True)
         write_map(made.roads, files.gpkg)
         convert(read_map(files.gpkg, name), files.folder)
         record.write(files.folder)
-    except OSError as error:
-        raise InputError(f"cannot write {files.folder}: {error.strerror or error}; name another folder") from None
     return files, record
 
 

@@ -112,7 +112,7 @@ def _stretches(
     lanes: Mapping[str, SourceLane], sections: Sequence[LaneSection], ways: Links
 ) -> tuple[tuple[LaneSegment, ...], ...]:
     """Free and overlapped stretches of every section, as lanes and connectors in turn."""
-    cut = [cells(section.band, CELL_M) for section in sections]
+    cut = [cells(section.cross_sections, CELL_M) for section in sections]
     taken = _overlapped([polygons for polygons, _ in cut], ways)
     found: list[tuple[LaneSegment, ...]] = []
     for s, section in enumerate(sections):

@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
+
 from interplan_sumo.errors import MapError
 
 FORMAT = 1
@@ -51,26 +53,11 @@ def read_record(folder: Path) -> ImportRecord | None:
     """The record of the map in a folder, None if it was not imported; MapError if it is damaged."""
     path = folder / RECORD_FILE
     try:
-        content: Any = json.loads(path.read_text(encoding="utf-8"))
+        content = msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+        if content.get("version") != FORMAT:
+            raise MapError(f"{path} is of version {content.get('version')!r}, expected {FORMAT}; import the map again")
+        return msgspec.convert(content, ImportRecord)
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError) as error:
-        raise MapError(f"{path} cannot be read ({error}); import the map again") from None
-    try:
-        if content["version"] != FORMAT:
-            raise MapError(f"{path} is of version {content['version']!r}, expected {FORMAT}; import the map again")
-        return ImportRecord(
-            file=str(content["file"]),
-            sha256=str(content["sha256"]),
-            format=str(content["format"]),
-            origins={
-                str(key): tuple(
-                    LaneOrigin(str(id_), float(a), float(b), float(c), float(d)) for id_, a, b, c, d in rows
-                )
-                for key, rows in content["origins"].items()
-            },
-            left_out={str(key): tuple(map(str, ids)) for key, ids in content["left_out"].items()},
-            notes=tuple(map(str, content["notes"])),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise MapError(f"{path} is not the record of an import ({error!r}); import the map again") from None
+        raise MapError(f"{path} is not the record of an import ({error}); import the map again") from None

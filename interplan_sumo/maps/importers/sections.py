@@ -36,7 +36,7 @@ class LaneSection:
     """Rows that follow one another, every lane into the one ahead of it."""
 
     rows: tuple[Row, ...]
-    band: CrossSections
+    cross_sections: CrossSections
     seams_m: tuple[float, ...]
     """Stations at which the rows begin, and the end of the last."""
 
@@ -46,7 +46,7 @@ class LaneSection:
 
     @property
     def length_m(self) -> float:
-        return self.band.length_m
+        return self.cross_sections.length_m
 
     @cached_property
     def columns(self) -> tuple[tuple[str, ...], ...]:
@@ -59,7 +59,9 @@ class LaneSection:
         for row, (begin_m, stop_m) in zip(self.rows, pairwise(self.seams_m), strict=True):
             first, last = max(begin_m, start_m), min(stop_m, end_m)
             if last - first > 1e-6:
-                at = np.interp((begin_m, first, last, stop_m), self.band.station_m, self.band.arcs_m[:, lane])
+                at = np.interp(
+                    (begin_m, first, last, stop_m), self.cross_sections.station_m, self.cross_sections.arcs_m[:, lane]
+                )
                 begin, start, end, stop = at.tolist()
                 whole_m = stop - begin
                 found.append(SourceStretch(row[lane], (start - begin) / whole_m, (end - begin) / whole_m, end - start))
@@ -152,11 +154,11 @@ def _meet(here: SourceLane, there: SourceLane) -> bool:
 
 def _section(lanes: Mapping[str, SourceLane], chain: Iterable[Row]) -> LaneSection:
     rows = tuple(chain)
-    band: CrossSections | None = None
+    cross_sections: CrossSections | None = None
     seams_m = [0.0]
     for row in rows:
         segment = CrossSections.of([lanes[row[0]].left, *(lanes[lane].right for lane in row)])
-        band = segment if band is None else band.joined(segment)
-        seams_m.append(band.length_m)
-    assert band is not None
-    return LaneSection(rows, band, tuple(seams_m))
+        cross_sections = segment if cross_sections is None else cross_sections.joined(segment)
+        seams_m.append(cross_sections.length_m)
+    assert cross_sections is not None
+    return LaneSection(rows, cross_sections, tuple(seams_m))

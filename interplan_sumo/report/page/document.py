@@ -112,14 +112,13 @@ class Made:
 def _made(run: StoredRun) -> Made:
     manifest = run.manifest
     seeds = max((request.seeds for request in manifest.requests), default=0)
-    planners = dict.fromkeys(planner for request in manifest.requests for planner in request.planners)
     overrides = ", ".join(f"{key}={value}" for key, value in manifest.overrides.texts().items()) or "none"
     versions = ", ".join(f"{name} {version}" for name, version in manifest.versions.items())
     entries = {
         "Suite": manifest.suite,
         "Suite hash": manifest.suite_hash,
         "Profile": manifest.profile,
-        "Planners": ", ".join(planners),
+        "Planners": ", ".join(run.planners),
         "Seeds": _seeds(seeds),
         "Changes to the traffic": overrides,
         "Versions": versions,

@@ -18,6 +18,7 @@ from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.report.page.drives import ShownDrive, by_scenario, pair_replay, replays_folder, shown_drives
 from interplan_sumo.report.table import ResultsTable
+from interplan_sumo.world.files import writing
 
 ALONE: Final = 3
 """So few replays are made in this process: starting others would take longer."""
@@ -58,10 +59,8 @@ def write_replays(table: ResultsTable, runs: Sequence[StoredRun], page: Path, wh
     jobs = replay_jobs(table, runs, page, which)
     if not jobs:
         return
-    try:
+    with writing(replays_folder(page)):
         replays_folder(page).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot write {replays_folder(page)}: {error.strerror or error}") from None
     problems: list[str] = []
     for done, problem in enumerate(_made(jobs), start=1):
         problems += [problem] if problem else []

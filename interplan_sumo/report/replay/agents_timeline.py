@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.report.replay.numbers import PER_METRE, PER_UNIT, Whole, angles, column, points
@@ -129,6 +130,18 @@ def set_off(trace: Trace, start: tuple[float, float]) -> int | None:
     mine = table.ids == table.ids[int(waiting[0])]
     moving = np.flatnonzero(mine & (np.hypot(table.vx_mps, table.vy_mps) > MOVING_MPS))
     return int(table.frame[moving[0]]) if len(moving) else None
+
+
+def standing_rows(actors: ActorTable) -> NDArray[np.bool_]:
+    """(R,) which rows belong to what never moves and is nobody's car."""
+    rows: dict[str, list[int]] = {}
+    for row, name in enumerate(actors.ids):
+        rows.setdefault(name, []).append(row)
+    still = np.zeros(len(actors), dtype=np.bool_)
+    for of_one in rows.values():
+        places = np.stack((actors.x_m[of_one], actors.y_m[of_one], actors.heading_rad[of_one]))
+        still[of_one] = not actors.behaviour[of_one[0]] and bool((np.ptp(places, axis=1) < 1e-6).all())
+    return still
 
 
 # --- who it is -----------------------------------------------------------------------------------

@@ -38,10 +38,10 @@ from interplan_sumo.report.key_events import FAULT, KeyEvent, deciding_event, lo
 from interplan_sumo.report.replay import agents_timeline, surroundings
 from interplan_sumo.report.replay.charts import CHARTS, chart_series
 from interplan_sumo.report.replay.numbers import PER_METRE, PER_RADIAN, PER_UNIT, points
-from interplan_sumo.report.road_markings import signal_changes
-from interplan_sumo.scenario.route import goal_arc_m, route_centerline
+from interplan_sumo.report.road_markings import goal_line, signal_changes
+from interplan_sumo.scenario.route import way_ahead
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.world.geometry import Floats, Polyline
+from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 
 MOST_DRIVES: Final = 2
@@ -68,7 +68,8 @@ def replay_data(drives: Sequence[StoredDrive]) -> dict[str, Any]:
     _check(drives)
     first = drives[0]
     roads, scenario = first.roads, first.scenario
-    route = _way(roads, scenario)
+    route = way_ahead(roads, scenario)
+    away = route.points[-1] - route.points[0]
     tracks = [np.column_stack((drive.trace.ego.x_m, drive.trace.ego.y_m)) for drive in drives]
     shown = np.concatenate((route.points, *tracks))
     origin = np.floor(shown.min(axis=0))
@@ -81,11 +82,11 @@ def replay_data(drives: Sequence[StoredDrive]) -> dict[str, Any]:
         "per": {"metre": PER_METRE, "radian": PER_RADIAN, "unit": PER_UNIT},
         "dt_s": round(longest.trace.dt_s, 6),
         "frames": len(longest.trace),
-        "turned_rad": round(_direction(route), 4),
+        "turned_rad": round(atan2(away[1], away[0]), 4),
         "extent": points(np.stack((shown.min(axis=0), shown.max(axis=0))), origin),
         "map": surroundings.map_around(roads, area, origin),
         "lights": lights,
-        "route": {"line": points(route.points, origin), "goal": points(_goal_line(roads, scenario), origin)},
+        "route": {"line": points(route.points, origin), "goal": points(goal_line(roads, scenario), origin)},
         "expert": agents_timeline.expert(first.expert, longest.trace.ego.time_us, origin),
         "looks": LOOKS,
         "behaviours": drawing.behaviour_colours(_behaviours(drives)),
@@ -194,31 +195,3 @@ def _about(scenario: Scenario, roads: Roads) -> list[str]:
 
 def _behaviours(drives: Sequence[StoredDrive]) -> set[str]:
     return {str(name) for drive in drives for name in np.unique(drive.trace.actors.behaviour.astype(str))} - {""}
-
-
-# --- the task ------------------------------------------------------------------------------------
-
-
-def _way(roads: Roads, scenario: Scenario) -> Polyline:
-    """The route's line from the start to the goal."""
-    line, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
-    start = scenario.start.pose(roads)
-    start_m, _ = line.project_point(start.x_m, start.y_m)
-    first_m, last_m = sorted((start_m, goal_m))
-    return line.between(first_m, max(last_m, first_m + 1.0))
-
-
-def _direction(line: Polyline) -> float:
-    """Map heading from the first to the last point of a line."""
-    away = line.points[-1] - line.points[0]
-    return atan2(away[1], away[0])
-
-
-def _goal_line(roads: Roads, scenario: Scenario) -> Floats:
-    """(2, 2) the ends of the line across the lanes at the goal."""
-    pose = scenario.goal.pose(roads)
-    block = roads.roadblocks[roads[scenario.goal.lane].roadblock_id]
-    lanes = [roads[lane_id] for lane_id in block.lane_ids]
-    ends = [lanes[0].left_boundary.linestring, lanes[-1].right_boundary.linestring]
-    here = shapely.Point(pose.x_m, pose.y_m)
-    return np.concatenate([shapely.get_coordinates(shapely.shortest_line(here, end))[1:] for end in ends])

@@ -14,11 +14,11 @@ from typing import Any, Final
 from markupsafe import Markup
 
 from interplan_sumo.batch.stored_drive import StoredDrive
-from interplan_sumo.errors import InputError
 from interplan_sumo.maps import render
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.page.html import html
 from interplan_sumo.report.replay.data import replay_data
+from interplan_sumo.world.files import writing
 
 SCRIPTS: Final = ("decode.js", "camera.js", "scene.js", "charts.js", "panels.js", "player.js")
 """In the order in which they are joined to one module."""
@@ -44,10 +44,8 @@ COLOURS: Final = {
 def write_replay(drives: Sequence[StoredDrive], path: Path) -> None:
     """Write `replay_page` to a file; InputError if it cannot be written."""
     text = replay_page(drives)
-    try:
+    with writing(path):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
 
 
 def replay_page(drives: Sequence[StoredDrive]) -> str:

@@ -16,12 +16,14 @@ from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.render import ASPHALT, JUNCTION, PAPER
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.report.key_events import deciding_moment
+from interplan_sumo.report.replay.agents_timeline import standing_rows
 from interplan_sumo.report.sumo_gui.rerun import traffic_at_start, types_of
-from interplan_sumo.report.sumo_gui.shapes import shape_tags, standing_rows
+from interplan_sumo.report.sumo_gui.shapes import shape_tags
 from interplan_sumo.report.sumo_gui.tracks import Tracks
 from interplan_sumo.report.sumo_gui.xml import colour, configuration, document, tag
 from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.sumo import DT_S
+from interplan_sumo.world.files import writing
 
 BEFORE_S: Final = 5.0
 """Playback opens so long before the moment that it is about."""
@@ -69,14 +71,12 @@ def write_sumo_gui(drive: StoredDrive, folder: Path, *, at_s: float | None = Non
         elements, texts[types_file.name] = traffic_at_start(drive, types_file)
         texts[TRAFFIC] = document("routes", elements)
         texts[RERUN] = configuration(_rerun(types_file.name, drive.scenario.duration_s))
-    try:
+    with writing(folder, "give another folder"):
         folder.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(files.network, folder / NETWORK)
         for name, text in texts.items():
             content = text.encode()
             (folder / name).write_bytes(gzip.compress(content, mtime=0) if name.endswith(".gz") else content)
-    except OSError as error:
-        raise InputError(f"cannot write {folder}: {error.strerror or error}; give another folder") from None
     return folder / PLAYBACK
 
 
@@ -106,47 +106,40 @@ def _view_tags(
 
 # --- configurations --------------------------------------------------------------------------------
 
-QUIET: Final = {"xml-validation": "never", "xml-validation.net": "never", "xml-validation.routes": "never"}
-"""The schemas may not be there, and looking for them warns."""
+COMMON: Final = {
+    "net-file": NETWORK,
+    "gui-settings-file": VIEW,
+    "step-length": f"{DT_S:g}",
+    "insertion-checks": "none",
+    "collision.action": "none",
+    "time-to-teleport": "-1",
+    "no-step-log": "true",
+    # the schemas may not be there, and looking for them warns
+    **dict.fromkeys(("xml-validation", "xml-validation.net", "xml-validation.routes"), "never"),
+}
 
 
-def _playback(begin_s: float, end_s: float) -> dict[str, object]:
-    return {
-        "net-file": NETWORK,
+def _playback(begin_s: float, end_s: float) -> dict[str, str]:
+    return COMMON | {
         "additional-files": f"{TYPES},{SHAPES}",
         "device.fcd-replay.files": TRACKS,
-        "gui-settings-file": VIEW,
         "begin": f"{begin_s:.2f}",
         "end": f"{end_s:.2f}",
-        "step-length": f"{DT_S:g}",
         "route-steps": "1000000",  # all tracks at once
-        "insertion-checks": "none",
-        "collision.action": "none",
-        "time-to-teleport": "-1",
         "emergencydecel.warning-threshold": "1000000",
-        **QUIET,
-        "no-step-log": "true",
     }
 
 
-def _rerun(types_file: str, end_s: float) -> dict[str, object]:
+def _rerun(types_file: str, end_s: float) -> dict[str, str]:
     """As the benchmark starts SUMO."""
-    return {
-        "net-file": NETWORK,
+    return COMMON | {
         "additional-files": f"{types_file},{SHAPES}",
         "route-files": TRAFFIC,
-        "gui-settings-file": VIEW,
         "begin": "0",
         "end": f"{end_s:.2f}",
-        "step-length": f"{DT_S:g}",
-        "insertion-checks": "none",
-        "collision.action": "none",
-        "time-to-teleport": "-1",
         "lanechange.duration": "3",
         "default.speeddev": "0",
-        **QUIET,
         "no-warnings": "true",
-        "no-step-log": "true",
     }
 
 

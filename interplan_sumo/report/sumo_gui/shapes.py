@@ -16,7 +16,6 @@ from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.sumo_gui.xml import colour, tag
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, box_corners
-from interplan_sumo.world.trace import ActorTable
 
 GOAL_M: Final = 3.5
 """Length of the line at the goal."""
@@ -54,15 +53,3 @@ def _polygon(name: str, xy: Floats, fill: str, layer: int, opacity: float, *, li
     """Points (N, 2) in SUMO's frame, filled, or as a line of this width."""
     line = {"fill": "0", "lineWidth": f"{line_m:g}"} if line_m is not None else {"fill": "1"}
     return tag("poly", id=name, color=colour(fill, opacity), layer=layer, shape=shape_text(xy), **line)
-
-
-def standing_rows(actors: ActorTable) -> NDArray[np.bool_]:
-    """(R,) which rows belong to what never moves and is nobody's car."""
-    rows: dict[str, list[int]] = {}
-    for row, name in enumerate(actors.ids):
-        rows.setdefault(name, []).append(row)
-    still = np.zeros(len(actors), dtype=np.bool_)
-    for of_one in rows.values():
-        places = np.stack((actors.x_m[of_one], actors.y_m[of_one], actors.heading_rad[of_one]))
-        still[of_one] = not actors.behaviour[of_one[0]] and bool((np.ptp(places, axis=1) < 1e-6).all())
-    return still

@@ -8,8 +8,7 @@ import numpy as np
 
 from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, LaneView, SceneObserver
-from interplan_planners.common.lane_change import lane_change_path, quintic_offset
-from interplan_planners.common.paths import DrivingPath, shifted
+from interplan_planners.common.paths import DrivingPath, lane_change_path, quintic_offset, shifted
 from interplan_planners.common.pdm import PdmCorridor
 from interplan_planners.common.red_lights import RedLights
 from interplan_planners.common.route_search import lanes_of_route
@@ -44,7 +43,7 @@ class _Aim:
     """Of the way that the line leads to."""
     beyond: tuple[float, float, float]
     """Where what is passed ends, and the offset there; zeros where nothing is passed."""
-    course: PdmCorridor
+    corridor: PdmCorridor
 
     def serves(self, passes: bool, lane: str, beyond: tuple[float, float, float], axle: Pose) -> bool:
         """Whether it is still the thing to do, and the car is still near its line."""
@@ -53,18 +52,18 @@ class _Aim:
 
     def holds(self, lane: str, axle: Pose) -> bool:
         """Whether its line belongs to a lane, and the car is near it."""
-        return lane in self.lanes and abs(self.course.center.line.project_point(axle.x_m, axle.y_m)[1]) < LOST_M
+        return lane in self.lanes and abs(self.corridor.center.line.project_point(axle.x_m, axle.y_m)[1]) < LOST_M
 
 
-class Courses:
-    """Makes courses of behaviours; keeps the one under way while nothing about it changes."""
+class BehaviourPaths:
+    """Makes corridors of behaviours; keeps the one under way while nothing about it changes."""
 
     def __init__(self, watch: SceneObserver, fallback_limit_mps: float) -> None:
         self._watch = watch
         self._fallback_limit_mps = fallback_limit_mps
         self._aim: _Aim | None = None
 
-    def course(self, behaviour: Behaviour, scene: DecisionScene, axle: Pose) -> PdmCorridor:
+    def corridor(self, behaviour: Behaviour, scene: DecisionScene, axle: Pose) -> PdmCorridor:
         """Where the behaviour leads; `axle` is the ego's rear axle, which follows lines.
 
         Who stops does it on the line that the car is on, and can go on with what it was about.
@@ -80,7 +79,7 @@ class Courses:
         if held is None or not goes_on:
             held = _Aim(passes, target.way.lanes, beyond, self._made(behaviour, scene, target, axle))
             self._aim = held
-        return replace(held.course, limit_mps=STANDSTILL_MPS) if stands else held.course
+        return replace(held.corridor, limit_mps=STANDSTILL_MPS) if stands else held.corridor
 
     def _made(self, behaviour: Behaviour, scene: DecisionScene, target: LaneView, axle: Pose) -> PdmCorridor:
         mission = self._watch.mission

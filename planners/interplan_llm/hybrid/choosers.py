@@ -9,9 +9,8 @@ import numpy as np
 from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, LaneView, Walker
 from interplan_llm.hybrid.text import messages
+from interplan_llm.models.exchanges import Exchange
 from interplan_llm.models.protocol import LanguageModel, ModelFailure, Request
-from interplan_llm.models.qa_record import Exchange
-from interplan_llm.models.usage_stats import Ledger
 from interplan_planners.common.gaps import GapRules, clearances_needed_m
 from interplan_sumo.planner import Mission
 
@@ -123,7 +122,7 @@ class ModelChooser:
 
     The options are enforced: an answer that was not offered is as good as
     none. Then what is being done goes on, if it is still offered, else the
-    first option is taken, and `ledger` counts it under its cause.
+    first option is taken.
     """
 
     def __init__(
@@ -145,13 +144,11 @@ class ModelChooser:
         self.thoughts = thoughts
         self.real_time = real_time
         self.timeout_s = timeout_s
-        self.ledger = Ledger()
         self.exchanges: list[Exchange] = []
-        """Both of the episode."""
+        """Of the episode."""
         self._past: list[tuple[float, Behaviour]] = []
 
     def start(self, mission: Mission) -> None:  # noqa: ARG002
-        self.ledger = Ledger()
         self.exchanges = []
         self._past = []
 
@@ -174,12 +171,10 @@ class ModelChooser:
         try:
             reply = self.model.ask(request)
         except ModelFailure as failure:
-            self.ledger.failed(failure)
             failed, reply = failure, failure.reply
             chosen = now if now is not None and now in options else options[0]
             latency_s = failure.latency_s
         else:
-            self.ledger.answered(reply)
             assert reply.choice is not None
             chosen, latency_s = Behaviour(reply.choice), reply.latency_s
         self._past.append((scene.time_s, chosen))

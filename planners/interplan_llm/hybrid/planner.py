@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
-from interplan_llm.hybrid.behaviour_paths import Courses
+from interplan_llm.hybrid.behaviour_paths import BehaviourPaths
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChooser
 from interplan_llm.hybrid.scene import DecisionScene, SceneObserver
-from interplan_llm.models.qa_record import Exchange
+from interplan_llm.models.exchanges import Exchange, usage_stats
 from interplan_llm.models.spec import open_model
 from interplan_llm.models.store import Mode
 from interplan_planners.common.pdm import PdmMotion, PdmSettings
@@ -69,7 +69,7 @@ class HybridPlanner:
 
     def start(self, mission: Mission) -> None:
         self._watch = SceneObserver(mission, FALLBACK_LIMIT_MPS)
-        self._courses = Courses(self._watch, FALLBACK_LIMIT_MPS)
+        self._behaviour_paths = BehaviourPaths(self._watch, FALLBACK_LIMIT_MPS)
         self._motion = PdmMotion(PdmSettings(first_path_bonus=CENTER_BONUS), mission.shape)
         self._shape = mission.shape
         self._now: Behaviour | None = None
@@ -87,7 +87,7 @@ class HybridPlanner:
         self._step += 1
         if self._step <= len(self._recorded):
             return self._recorded[self._step - 1]
-        plan, _ = self._motion.plan(observation, self._course)
+        plan, _ = self._motion.plan(observation, self._corridor)
         return plan
 
     def _decide(self, observation: Observation, scene: DecisionScene, asks: bool) -> None:
@@ -98,7 +98,7 @@ class HybridPlanner:
             self._ask(scene, options)
             self._take(observation.time_s)
         behaviour = self._now if self._now is not None and self._now in options else options[0]
-        self._course = self._courses.course(behaviour, scene, observation.ego.rear_axle(self._shape))
+        self._corridor = self._behaviour_paths.corridor(behaviour, scene, observation.ego.rear_axle(self._shape))
 
     def _ask(self, scene: DecisionScene, options: tuple[Behaviour, ...]) -> None:
         if len(options) == 1:
@@ -166,4 +166,4 @@ class HybridLlmPlanner(HybridPlanner):
 
     def report(self) -> dict[str, Any]:
         """How often a model was asked in this episode, and how often in vain."""
-        return self.chooser.ledger.as_json() if isinstance(self.chooser, ModelChooser) else {}
+        return usage_stats(self.exchanges) if isinstance(self.chooser, ModelChooser) else {}

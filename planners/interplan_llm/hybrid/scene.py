@@ -395,7 +395,5 @@ class _Sight:
         turned = wrap_angle(actors.heading_rad[rows] - np.interp(arc, path.line.arc_m, path.line.vertex_heading_rad))
         beside = (ahead > 0.0) & (ahead < WALKER_AHEAD_M) & (np.abs(off) > LANE_HALF_WIDTH_M)
         beside &= (np.abs(off) < ONCOMING_ASIDE_M) & (np.abs(np.sin(turned)) < 0.5)
-        found = [
-            Occluder(float(ahead[i]), "left" if off[i] > 0.0 else "right") for i in np.flatnonzero(beside).tolist()
-        ]
-        return tuple(sorted(found, key=lambda cover: cover.ahead_m))
+        nearest = sorted(np.flatnonzero(beside).tolist(), key=lambda i: ahead[i])
+        return tuple(Occluder(float(ahead[i]), "left" if off[i] > 0.0 else "right") for i in nearest)

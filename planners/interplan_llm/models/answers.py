@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NoReturn
 
-from interplan_llm.models.normalize import normal
-from interplan_llm.models.protocol import MAX_TEXT_BYTES, ModelFailure, Reply, Request
+from interplan_llm.models.protocol import MAX_TEXT_BYTES, ModelFailure, Reply, Request, normal
 
 MAX_JSON_DEPTH = 16
 MAX_JSON_VALUES = 10_000

@@ -121,11 +121,7 @@ class ChatUrl:
 
 def _body(model: str, request: Request, dialect: Dialect) -> dict[str, Any]:
     """A question in the words that the server was seen to understand."""
-    body: dict[str, Any] = {
-        "model": model,
-        "messages": [{"role": message.role, "content": message.text} for message in request.messages],
-        **dialect.sampling(request),
-    }
+    body: dict[str, Any] = {"model": model, **dialect.plain(request)}
     can = dialect.capabilities
     if not request.constrained:
         return body

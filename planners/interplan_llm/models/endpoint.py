@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from ipaddress import ip_address
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-from interplan_llm.models.deadline import within
 from interplan_llm.models.protocol import MAX_TEXT_BYTES, Cause, ModelFailure
 from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
@@ -21,6 +21,8 @@ from interplan_sumo.errors import InputError
 KEY_VARIABLE = "INTERPLAN_LLM_KEY"
 OPENAI_KEY_VARIABLE = "OPENAI_API_KEY"
 """Sent to OpenAI only: other servers must not learn it because it happens to be set."""
+
+T = TypeVar("T")
 
 _OPENAI_DOMAIN = "openai.com"
 _DETAIL_CHARS = 200
@@ -169,6 +171,32 @@ class Endpoint:
             text = text.replace(self._secret, "[key]")
         line = " ".join(text.split())
         return line if len(line) <= _DETAIL_CHARS else f"{line[:_DETAIL_CHARS]}..."
+
+
+def within(seconds: float, work: Callable[[], T]) -> T:
+    """What `work` returns or raises, or TimeoutError after `seconds`.
+
+    Time limits of sockets hold for one read each and for no name lookup, so
+    the work is done in a thread of its own. Late work is left behind in it: a
+    daemon thread, which does not keep the process alive.
+    """
+    done: list[T] = []
+    failed: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            done.append(work())
+        except BaseException as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(max(0.0, seconds))
+    if done:
+        return done[0]
+    if failed:
+        raise failed[0]
+    raise TimeoutError
 
 
 def _retry_after_s(headers: Mapping[str, str]) -> float | None:

@@ -9,18 +9,17 @@ from typing import Any
 from interplan_llm.models.answers import read_choice, read_json
 from interplan_llm.models.constraints import grammar_of, response_format, schema_of
 from interplan_llm.models.endpoint import HttpFailure
-from interplan_llm.models.protocol import Capabilities, ModelFailure, Request
+from interplan_llm.models.protocol import Capabilities, Message, ModelFailure, Request
 
 PROBE_TIMEOUT_S = 120.0
 """For all questions together: the first one may make the server load the model."""
 
 Post = Callable[[Mapping[str, Any]], dict[str, Any]]
 
-_QUESTION = [{"role": "user", "content": "Say hello."}]
+_QUESTION = Request((Message("user", "Say hello."),))
 _UNASKED = ("zx-71", "qj-94")
 """Nothing that a model would say to the question, unless it is held to it."""
 
-_MAX_TOKENS = 32
 _BAD_REQUEST = (400, 422)
 
 
@@ -35,8 +34,10 @@ class Dialect:
     seed: bool = True
     capabilities: Capabilities = field(default_factory=Capabilities)
 
-    def sampling(self, request: Request) -> dict[str, Any]:
-        fields: dict[str, Any] = {self.limit: request.max_tokens}
+    def plain(self, request: Request) -> dict[str, Any]:
+        """A question and its sampling, without what may be answered."""
+        messages = [{"role": message.role, "content": message.text} for message in request.messages]
+        fields: dict[str, Any] = {"messages": messages, self.limit: request.max_tokens}
         if self.temperature:
             fields["temperature"] = request.temperature
         if self.seed:
@@ -61,7 +62,7 @@ def probe(post: Post) -> Dialect:
     nobody would say.
     """
     dialect, plain = _first_accepted(post)
-    asked = {"messages": _QUESTION, **_fields(dialect)}
+    asked = dialect.plain(_QUESTION)
 
     def obeys(option: Mapping[str, Any]) -> bool:
         text = _text(_tried(post, {**asked, **option}))
@@ -83,22 +84,13 @@ def _first_accepted(post: Post) -> tuple[Dialect, dict[str, Any]]:
     refused: HttpFailure | None = None
     for dialect in _DIALECTS:
         try:
-            return dialect, post({"messages": _QUESTION, **_fields(dialect)})
+            return dialect, post(dialect.plain(_QUESTION))
         except HttpFailure as failure:
             if failure.cause != "refused" or failure.status not in _BAD_REQUEST:
                 raise
             refused = refused or failure
     assert refused is not None
     raise refused
-
-
-def _fields(dialect: Dialect) -> dict[str, Any]:
-    fields: dict[str, Any] = {dialect.limit: _MAX_TOKENS}
-    if dialect.temperature:
-        fields["temperature"] = 0.0
-    if dialect.seed:
-        fields["seed"] = 0
-    return fields
 
 
 def _tried(post: Post, body: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
-from interplan_llm.models.normalize import normal
 from interplan_sumo.errors import InterplanError
 
 Role = Literal["system", "user", "assistant"]
@@ -22,6 +22,12 @@ among the choices; nothing recorded."""
 CAUSES: tuple[Cause, ...] = get_args(Cause)
 MAX_TEXT_BYTES = 100_000
 """Longer answers are not read."""
+_BETWEEN = re.compile(r"[\s_-]+")
+
+
+def normal(word: str) -> str:
+    """A word in lower case with single spaces in it: two spellings are the same word if this is."""
+    return _BETWEEN.sub(" ", word.casefold()).strip()
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,9 @@ In paths, texts and names of models `%XX` stands for a character, as in a URL:
 
 from __future__ import annotations
 
+import os
 import re
+from importlib.resources import files
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -25,11 +27,13 @@ from interplan_llm.models.embedded import Adapter, EmbeddedModel
 from interplan_llm.models.fetch import default_model
 from interplan_llm.models.protocol import LanguageModel
 from interplan_llm.models.scripted import always
-from interplan_llm.models.shipped import adapter_file
 from interplan_llm.models.store import MODES, AnswerStore, Mode, StoredModel
 from interplan_sumo.errors import InputError, UnknownNameError
 
 KINDS = ("embedded", "http", "https", "replay", "scripted")
+
+ADAPTERS = ("hybrid", "waypoints")
+"""Those that come with the package: the default model tuned for one planner each, as its card beside it tells."""
 
 _SCALED = re.compile(r"(?P<path>.*)@(?P<scale>[+-]?\d+(\.\d+)?)")
 
@@ -79,6 +83,19 @@ def _embedded(spec: str, threads: int) -> LanguageModel:
     shipped = [Adapter(adapter_file(name))] if tuned else []
     path = _path(file, spec) if colon else default_model()
     return EmbeddedModel(path, [*shipped, *(_adapter(text, spec) for text in adapters)], threads=threads)
+
+
+def adapter_file(name: str) -> Path:
+    """The GGUF file of an adapter. UnknownNameError for a name that is none, InputError if the file is not there."""
+    if name not in ADAPTERS:
+        raise UnknownNameError("tuned adapter", name, ADAPTERS, "Write for example embedded+tuned:hybrid")
+    path = Path(os.fspath(files("interplan_llm"))) / "adapters" / f"{name}.gguf"  # type: ignore[arg-type]
+    if not path.is_file():
+        raise InputError(
+            f"this installation holds no tuned adapter {name!r} ({path}); "
+            f"make one, see docs/language_models.md, and name it: embedded+lora:FILE"
+        )
+    return path
 
 
 def _adapter(text: str, spec: str) -> Adapter:

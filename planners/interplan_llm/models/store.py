@@ -10,15 +10,16 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import math
 import os
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, Any, Literal, get_args
+from typing import IO, Annotated, Any, Literal, get_args
+
+import msgspec
 
 from interplan_llm.models.answers import answered
-from interplan_llm.models.protocol import CAUSES, Capabilities, LanguageModel, ModelFailure, Reply, Request
+from interplan_llm.models.protocol import Capabilities, Cause, LanguageModel, ModelFailure, Reply, Request
 from interplan_sumo.errors import InputError
 
 Mode = Literal["record", "replay", "refresh"]
@@ -35,6 +36,23 @@ class Entry:
 
     model: str
     outcome: Reply | ModelFailure
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    cause: Cause
+    message: str
+    latency_s: Annotated[float, msgspec.Meta(ge=0.0)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """As it stands in the file: a reply or a failure."""
+
+    key: str
+    model: str
+    reply: Reply | None = None
+    failure: _Failure | None = None
 
 
 def key_of(model: str, request: Request) -> str:
@@ -115,7 +133,7 @@ class AnswerStore:
             self._lines += 1
             try:
                 key, entry = _read_line(line)
-            except (ValueError, LookupError, TypeError, RecursionError):
+            except (ValueError, TypeError, RecursionError):
                 raise InputError(
                     f"{self.path}, line {self._lines}: not an answer of a language model; "
                     "delete the line, its question is then asked again"
@@ -184,46 +202,13 @@ def _line(key: str, entry: Entry) -> bytes:
 
 
 def _read_line(line: bytes) -> tuple[str, Entry]:
-    """ValueError, LookupError or TypeError for anything but what `_line` writes."""
-    value = json.loads(line)
-    key, model = _text(value["key"]), _text(value["model"])
-    if "failure" in value:
-        told = value["failure"]
-        cause = told["cause"]
-        if cause not in CAUSES:
-            raise ValueError(cause)
-        failure = ModelFailure(cause, _text(told["message"]), latency_s=_seconds(told["latency_s"]))
-        return key, Entry(model, failure)
-    told = value["reply"]
-    reply = Reply(
-        text=_text(told["text"]),
-        prompt_tokens=_count(told["prompt_tokens"]),
-        completion_tokens=_count(told["completion_tokens"]),
-        latency_s=_seconds(told["latency_s"]),
-        model=_text(told["model"]),
-        provider=_text(told["provider"]),
-        finish_reason=_text(told["finish_reason"]),
-    )
-    return key, Entry(model, reply)
-
-
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise ValueError(value)
-    return value
-
-
-def _count(value: Any) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError(value)
-    return value
-
-
-def _seconds(value: Any) -> float:
-    seconds = float(value)
-    if not (math.isfinite(seconds) and seconds >= 0.0):
-        raise ValueError(value)
-    return seconds
+    """ValueError or TypeError for anything but what `_line` writes."""
+    told = msgspec.convert(json.loads(line), _Line)  # json takes lone surrogates, too
+    if told.failure is not None:
+        return told.key, Entry(told.model, ModelFailure(**asdict(told.failure)))
+    if told.reply is None:
+        raise ValueError(line)
+    return told.key, Entry(told.model, told.reply)
 
 
 @contextlib.contextmanager

@@ -6,11 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from interplan_llm.models.exchanges import Exchange, usage_stats
 from interplan_llm.models.protocol import LanguageModel, Message, ModelFailure, Request
-from interplan_llm.models.qa_record import Exchange
 from interplan_llm.models.spec import open_model
 from interplan_llm.models.store import Mode
-from interplan_llm.models.usage_stats import Ledger
 from interplan_llm.waypoints.answers import kept_up_with, trajectory, waypoints
 from interplan_llm.waypoints.form import GRAMMAR, POINTS, SCHEMA, STEP_S, answer_text
 from interplan_llm.waypoints.prompt import Prompter
@@ -58,9 +57,8 @@ class LlmWaypointsPlanner:
         self.centerline = centerline
         self.real_time = real_time
         self.timeout_s = timeout_s
-        self.ledger = Ledger()
         self.exchanges: list[Exchange] = []
-        """Both of the episode."""
+        """Of the episode."""
 
     def start(self, mission: Mission) -> None:
         self._prompter = Prompter(mission, centerline=self.centerline)
@@ -68,7 +66,6 @@ class LlmWaypointsPlanner:
         self._asks_at_s = -np.inf
         self._pending: tuple[float, Trajectory] | None = None
         self._now: Trajectory | None = None
-        self.ledger = Ledger()
         self.exchanges = []
 
     def plan(self, observation: Observation) -> Trajectory:
@@ -104,7 +101,7 @@ class LlmWaypointsPlanner:
 
     def report(self) -> dict[str, Any]:
         """How often the model was asked in this episode, and how often in vain."""
-        return self.ledger.as_json()
+        return usage_stats(self.exchanges)
 
     def _take(self, now_s: float) -> None:
         """Drive what was answered, once the answer is there."""
@@ -119,13 +116,11 @@ class LlmWaypointsPlanner:
             reply = self.model.ask(request)
             plan = trajectory(waypoints(reply), observation.ego)
         except ModelFailure as failure:
-            self.ledger.failed(failure)
             self.exchanges.append(
                 Exchange(observation.time_s, request, failure.reply, failure, "the last plan, or braking")
             )
             delay_s = self._delay_s(failure.latency_s)
         else:
-            self.ledger.answered(reply)
             self.exchanges.append(Exchange(observation.time_s, request, reply, None, "the waypoints"))
             delay_s = self._delay_s(reply.latency_s)
             self._pending = (observation.time_s + delay_s, plan)

@@ -52,10 +52,6 @@ class MobilVerdict:
     safe: bool
     incentive_mps2: float
     """Own gain, plus politeness times what the two followers gain."""
-    own_mps2: float
-    """Acceleration after the change."""
-    follower_mps2: float
-    """Acceleration of the new follower after the change; 0 if there is none."""
 
 
 def side_of(queue: LaneQueue, arc_m: float, half_length_m: float, end_m: float, limit_mps: float) -> Side:
@@ -117,7 +113,7 @@ def judge(
         and own_after >= -safe_deceleration_mps2
     )
     incentive = own_after - own_before + politeness * (new_after - new_before + old_gain)
-    return MobilVerdict(safe, incentive, own_after, new_after)
+    return MobilVerdict(safe, incentive)
 
 
 def acceleration(driver: IdmDriver, limit_mps: float, speed_mps: float, gap_m: float, lead_mps: float) -> float:

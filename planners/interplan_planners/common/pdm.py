@@ -116,10 +116,10 @@ class PdmMotion:
         self._settings = settings
         self._shape = shape
 
-    def plan(self, observation: Observation, course: PdmCorridor) -> tuple[Trajectory, PdmDecision | None]:
+    def plan(self, observation: Observation, corridor: PdmCorridor) -> tuple[Trajectory, PdmDecision | None]:
         """The plan, and how it was chosen; None where no path was near enough to propose anything."""
         settings, ego, shape = self._settings, observation.ego, self._shape
-        paths, axle = course.paths, ego.rear_axle(shape)
+        paths, axle = corridor.paths, ego.rear_axle(shape)
         starts_m = np.array([path.line.project_point(axle.x_m, axle.y_m)[0] for path in paths])
         far_off = self._jumps_m(ego, paths, starts_m) > FARTHEST_FROM_PATH_M
         if far_off.all():
@@ -130,9 +130,9 @@ class PdmMotion:
         )
         ignore = touched_now(ego, forecast, shape)
         path_of = np.repeat(np.arange(len(paths)), len(settings.speed_fractions))
-        targets_mps = np.tile(course.limit_mps * np.array(settings.speed_fractions), len(paths))
-        closed = course.red_lights.closed(observation.signals, ego, shape)
-        traffic = _Traffic(forecast, ignore, course.red_lights, closed, float(targets_mps.max()) * settings.horizon_s)
+        targets_mps = np.tile(corridor.limit_mps * np.array(settings.speed_fractions), len(paths))
+        closed = corridor.red_lights.closed(observation.signals, ego, shape)
+        traffic = _Traffic(forecast, ignore, corridor.red_lights, closed, float(targets_mps.max()) * settings.horizon_s)
         tracks = [
             self._track(path, arc_m, traffic, (0.0, settings.proposal_horizon_s))
             for path, arc_m in zip(paths, starts_m.tolist(), strict=True)
@@ -140,7 +140,7 @@ class PdmMotion:
         start = RolloutStart(path_of, starts_m[path_of], ego.speed_mps)
         rolled = self._roll_out(tracks, start, targets_mps, settings.proposal_horizon_s)
         drives = follow_all(ego, *center_poses(paths, path_of, rolled.progress_m, shape), shape=shape)
-        scores = score(drives, forecast, course.ground, course.center, shape, ignore=ignore)
+        scores = score(drives, forecast, corridor.ground, corridor.center, shape, ignore=ignore)
         value = scores.total + np.where(path_of == 0, settings.first_path_bonus, 0.0) * (scores.total > 0.0)
         best = int(np.where(far_off[path_of], -1.0, value).argmax())
         braking = (

@@ -1,4 +1,4 @@
-"""Courses: paths for the rear axle that keep a lane, change it, or pass something with an offset and come back."""
+"""Candidate paths: for the rear axle, that keep a lane, change it, or pass something with an offset and come back."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ CENTER_M = 1.46
 SLOW_BEFORE_M = 40.0
 """Who passes something is slow no farther than this before it."""
 BEYOND_M = 240.0
-"""How far a course goes on after its last piece; it is given up for its base before."""
+"""How far a candidate goes on after its last piece; it is given up for its base before."""
 TIGHTEST_M = 5.5
-"""No course bends more than with this radius."""
+"""No candidate bends more than with this radius."""
 
 Kind = Literal["keep", "change", "pass"]
 

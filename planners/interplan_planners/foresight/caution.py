@@ -34,7 +34,7 @@ PASSED_LINE_M = 1.0
 LONG_M = 7.0
 """Vehicles longer than this hide people."""
 HIDING_M = 4.5
-"""If they stand nearer than this to the course."""
+"""If they stand nearer than this to the candidate."""
 STEP_OUT_MPS = 4.6
 """A speed from which the ego can stop for somebody who steps out: 0.3 s to react and 3.5 m/s2."""
 STEP_OUT_BEFORE_M, STEP_OUT_BEYOND_M = 9.0, 2.0
@@ -76,13 +76,13 @@ def waiting_m(blocked: StandingGroup, front_m: float, speed_mps: float, shape: E
     return max(blocked.start_m - swing_m, min(soonest_stop_m(front_m, speed_mps), blocked.start_m - 1.0))
 
 
-def cautious_limits(course: CandidatePath, arc_m: float, scene: PlanningScene) -> Floats:
-    """(S,) the limits of a course, lowered where people may step out before something long that stands beside it."""
+def cautious_limits(candidate: CandidatePath, arc_m: float, scene: PlanningScene) -> Floats:
+    """(S,) the limits of a candidate, lowered where people may step out before something long that stands beside it."""
     actors = scene.traffic.actors
-    limit = course.limit_mps
+    limit = candidate.limit_mps
     long = np.flatnonzero(scene.stays & (actors.kind == ActorKind.VEHICLE) & (actors.length_m > LONG_M))
     for row in long.tolist():
-        s, d = course.path.project(actors.corners[row][:, 0], actors.corners[row][:, 1])
+        s, d = candidate.path.project(actors.corners[row][:, 0], actors.corners[row][:, 1])
         front_m = float(s.max())
         if float(np.abs(d).min()) > HIDING_M or front_m < arc_m or float(np.ptp(s)) < 1.0:
             continue

@@ -43,7 +43,7 @@ def checked_costs(
     rows = np.array(chosen)
     arc_m = finer(drafts.arc_m[rows], drafts.speed_mps[rows])[:, : states + round(TRACKED_AHEAD_S / GRID_S)]
     of = drafts.stage_of[rows]
-    paths = [stage.course.path for stage in stages]
+    paths = [stage.candidate.path for stage in stages]
     drives = follow_all(scene.ego, *center_poses(paths, of, arc_m, shape), states - 1, shape)
     scores = score(drives, _wider(scene.traffic.forecast), ground, paths[0], shape)
     slim = replace(shape, length_m=shape.length_m - 2.0 * OVER_EDGE_M, width_m=shape.width_m - 2.0 * OVER_EDGE_M)
@@ -69,8 +69,8 @@ def _faded(cost: float, when_s: Floats, fades_s: float) -> Floats:
 
 def _goal_m(stage: Stage) -> float:
     """Arc length of a stage's path where the goal is, or where its way leaves the route."""
-    base = stage.course.base
-    here = stage.course.path.line.pose_at(stage.arc_m)
+    base = stage.candidate.base
+    here = stage.candidate.path.line.pose_at(stage.arc_m)
     return stage.arc_m + base.room_m - base.line.project_point(here.x_m, here.y_m)[0]
 
 

@@ -62,7 +62,9 @@ def speed_costs(
             continue
         s, v = drafts.arc_m[rows], drafts.speed_mps[rows]
         front, rear = s + shape.front_m, s - behind_m
-        settled = np.asarray(s >= (stage.course.settles_m if stage.course.new is None else stage.course.merged_m))
+        settled = np.asarray(
+            s >= (stage.candidate.settles_m if stage.candidate.new is None else stage.candidate.merged_m)
+        )
         any_hit = np.any(_hits(stage, front, rear, settled, 0.0, TOUCH_M), axis=2)
         struck = any_hit.any(axis=1)
         first = np.where(struck, time_s[any_hit.argmax(axis=1)], np.inf)
@@ -73,7 +75,7 @@ def speed_costs(
             near, far = stage.unseen
             met = (front > near) & (rear < far)
             cost[rows] += np.where(met.any(axis=1), (1.0 - impatience) * UNSEEN, 0.0)
-        if stage.follower.any() and stage.course.new is not None:
+        if stage.follower.any() and stage.candidate.new is not None:
             cost[rows] += _imposed(stage, front, rear, v, settled)
     return cost
 
@@ -81,7 +83,7 @@ def speed_costs(
 def _hits(
     stage: Stage, front: Floats, rear: Floats, settled: NDArray[np.bool_], ahead_m: float, back_m: float
 ) -> NDArray[np.bool_]:
-    """(n, K + 1, B) whether the ego's stretch of the course meets another's."""
+    """(n, K + 1, B) whether the ego's stretch of the candidate meets another's."""
     mine = (front[:, :, None] + ahead_m > stage.near_m.T) & (rear[:, :, None] - back_m < stage.far_m.T)
     mine &= stage.strip
     # who comes from behind, once the ego is in the lane, keeps its distance itself

@@ -1,4 +1,4 @@
-"""Manoeuvres: the courses that the ego may choose from, and what each is worth beside speed and safety."""
+"""Manoeuvres: the candidates that the ego may choose from, and what each is worth beside speed and safety."""
 
 from __future__ import annotations
 
@@ -65,9 +65,9 @@ ANEW, GIVING_UP = 0.2, 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManoeuvreOption:
-    """A course and what it is worth."""
+    """A candidate and what it is worth."""
 
-    course: CandidatePath
+    candidate: CandidatePath
     worth: float
     """For its lane and the way ahead on it; at most about 0."""
     begun: float = 0.0
@@ -140,38 +140,38 @@ class Manoeuvres:
     # --- what may be done ----------------------------------------------------------------------
 
     def options(
-        self, scene: PlanningScene, course: CandidatePath
+        self, scene: PlanningScene, candidate: CandidatePath
     ) -> tuple[list[ManoeuvreOption], StandingGroup | None]:
-        """Courses to choose from, the present one first; and what blocks the way along the present base."""
-        ego, shape, base = scene.ego, scene.shape, course.base
+        """Candidate paths to choose from, the present one first; and what blocks the way along the present base."""
+        ego, shape, base = scene.ego, scene.shape, candidate.base
         at_m, left_m = base.line.project_point(scene.axle.x_m, scene.axle.y_m)
         blocked = self._blocked(scene, base, at_m - (shape.length_m - shape.front_m))
         free, worth = self.worth(base, at_m, None), self.worth(base, at_m, blocked)
         found: list[ManoeuvreOption] = []
-        if course.kind == "keep":
-            found.append(ManoeuvreOption(course, worth))
+        if candidate.kind == "keep":
+            found.append(ManoeuvreOption(candidate, worth))
             if abs(left_m) > OFF_LINE_M:
                 found += [ManoeuvreOption(self.back_to(base, ego, stretch), worth, -ANEW) for stretch in (1.0, GENTLE)]
-        elif course.kind == "change":
-            found.append(ManoeuvreOption(course, free, RESOLVED))
-            old = course.old
+        elif candidate.kind == "change":
+            found.append(ManoeuvreOption(candidate, free, RESOLVED))
+            old = candidate.old
             assert old is not None
             old_m, old_left_m = old.line.project_point(ego.x_m, ego.y_m)
             if abs(old_left_m) < LEAVABLE_M:
                 behind = self._blocked(scene, old, old_m - 3.0)
                 found.append(ManoeuvreOption(self.back_to(old, ego), self.worth(old, old_m, behind), -GIVING_UP))
         else:
-            grown = blocked is not None and not set(blocked.ids) <= set(course.around)  # there is more to pass
-            found.append(ManoeuvreOption(course, worth) if grown else ManoeuvreOption(course, free, RESOLVED))
-            arc_m, _ = course.path.line.project_point(scene.axle.x_m, scene.axle.y_m)
-            passing = arc_m > course.beside_m[1] - 2.0
+            grown = blocked is not None and not set(blocked.ids) <= set(candidate.around)  # there is more to pass
+            found.append(ManoeuvreOption(candidate, worth) if grown else ManoeuvreOption(candidate, free, RESOLVED))
+            arc_m, _ = candidate.path.line.project_point(scene.axle.x_m, scene.axle.y_m)
+            passing = arc_m > candidate.beside_m[1] - 2.0
             if passing or abs(base.line.project_point(ego.x_m, ego.y_m)[1]) < RECALLABLE_M:
                 found.append(ManoeuvreOption(self.back_to(base, ego), worth, 0.0 if passing else -GIVING_UP))
             if passing:
                 found.append(ManoeuvreOption(self.back_to(base, ego, GENTLE), worth))
 
-        uncommitted = course.kind != "change" and abs(left_m) < UNCOMMITTED_M
-        if blocked is not None and (uncommitted or course.kind == "keep" or blocked.ids != course.around):
+        uncommitted = candidate.kind != "change" and abs(left_m) < UNCOMMITTED_M
+        if blocked is not None and (uncommitted or candidate.kind == "keep" or blocked.ids != candidate.around):
             for passage in blocked.passages:
                 found += self._passes(scene, base, blocked, passage, at_m, free)
         if uncommitted:
@@ -195,8 +195,8 @@ class Manoeuvres:
             if way_m < shortest:
                 continue
             worth = self.worth(there, there_m, self._blocked(scene, there, there_m - 2.0))
-            course = changed(base, there, axle, scene.curvature_per_m, way_m)
-            found.append(ManoeuvreOption(course, worth, -BEGINNING))
+            candidate = changed(base, there, axle, scene.curvature_per_m, way_m)
+            found.append(ManoeuvreOption(candidate, worth, -BEGINNING))
         return found
 
     def _passes(
@@ -233,8 +233,8 @@ class Manoeuvres:
         for out_m in outs:
             back_m = (over_m, over_m + way_back_m)
             bypass = Bypass(passage.offset_m, out_m, back_m, block.ids, passage.oncoming, most_mps, new)
-            course = passed(base, scene.axle, scene.curvature_per_m, bypass)
-            if course is not None:
+            candidate = passed(base, scene.axle, scene.curvature_per_m, bypass)
+            if candidate is not None:
                 begun = -0.5 * BEGINNING - (AGAINST_TRAFFIC if passage.oncoming else 0.0)
-                found.append(ManoeuvreOption(course, worth, begun))
+                found.append(ManoeuvreOption(candidate, worth, begun))
         return found

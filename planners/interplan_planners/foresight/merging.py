@@ -27,9 +27,9 @@ WORTHWHILE = 0.2
 def wished_changes(options: Sequence[ManoeuvreOption]) -> list[tuple[int, float]]:
     """The stages that enter another lane of the same direction and are worth more than staying, and by how much."""
     own = options[0]
-    if own.course.kind != "keep":
+    if own.candidate.kind != "keep":
         return []
-    gains = [(i, option.worth - own.worth) for i, option in enumerate(options) if option.course.new is not None]
+    gains = [(i, option.worth - own.worth) for i, option in enumerate(options) if option.candidate.new is not None]
     return [(i, gain) for i, gain in gains if gain > WORTHWHILE]
 
 

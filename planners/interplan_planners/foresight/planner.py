@@ -33,11 +33,11 @@ FARTHEST_FROM_PLAN_M = 2.2
 """Beyond this the ego has lost its path; a plan along it would be a teleport."""
 LOST_BRAKING_MPS2 = 3.0
 MOST_CHECKED, MOST_OF_A_COURSE = 7, 2
-"""How many drafts get a close look, and how many of them may be of one course."""
+"""How many drafts get a close look, and how many of them may be of one candidate."""
 GOING_ON = 0.5
-"""What it is worth to go on with the present course, in points of progress."""
+"""What it is worth to go on with the present candidate, in points of progress."""
 SETTLED_M = 6.0
-"""After a course has come back to its base the rest of the car comes back as well."""
+"""After a candidate has come back to its base the rest of the car comes back as well."""
 PATIENCE_S, WAITING_MPS = 4.0, 1.5
 """How long the ego waits before something for somebody who might come, and what is waiting."""
 RESTLESS_PER_S, MOST_RESTLESS = 0.5, 6.0
@@ -67,7 +67,7 @@ class ForesightDecision:
 class ForesightPlanner:
     """Samples manoeuvres and speeds, forecasts the others along their lanes, and drives what costs least.
 
-    Every `replan_s` it lays out courses: keep the lane, change it to either
+    Every `replan_s` it lays out candidates: keep the lane, change it to either
     side, pass what stands in the way on either side with an offset and come
     back, or give up what has been begun. Each is combined with some dozen speed
     profiles: the IDM behind whoever leads, capped in several ways, and giving
@@ -114,7 +114,7 @@ class ForesightPlanner:
         self._prediction = Prediction(mission.roads)
         self._stillness = Stillness()
         self._manoeuvres: Manoeuvres | None = None
-        self._course: CandidatePath | None = None
+        self._candidate: CandidatePath | None = None
         self._plan: Trajectory | None = None
         self._planned_s = -inf
         self._waited_s = 0.0
@@ -133,9 +133,9 @@ class ForesightPlanner:
         ego, shape = observation.ego, self._mission.shape
         if self._manoeuvres is None:
             self._manoeuvres = Manoeuvres(self._mission, ego, self.fallback_limit_mps, self.change_time_s)
-        course = self._current(self._manoeuvres, ego)
-        self._course = course
-        if self._off_m(course, ego) > FARTHEST_FROM_PLAN_M:
+        candidate = self._current(self._manoeuvres, ego)
+        self._candidate = candidate
+        if self._off_m(candidate, ego) > FARTHEST_FROM_PLAN_M:
             self.decision = None
             return braking_plan(ego, LOST_BRAKING_MPS2, self.horizon_s + self.replan_s, STEP_S)
         # a plan is kept until the next round and should still reach as far then
@@ -143,27 +143,27 @@ class ForesightPlanner:
         scene = PlanningScene(
             observation, shape, traffic, self._stillness.for_good(observation, traffic, self._prediction)
         )
-        options, blocked = self._manoeuvres.options(scene, course)
-        # where the ego stands across its lane not every course can begin at it
-        options = [option for option in options if self._off_m(option.course, ego) <= FARTHEST_FROM_PLAN_M]
+        options, blocked = self._manoeuvres.options(scene, candidate)
+        # where the ego stands across its lane not every candidate can begin at it
+        options = [option for option in options if self._off_m(option.candidate, ego) <= FARTHEST_FROM_PLAN_M]
         return self._best(scene, self._manoeuvres, options, blocked)
 
     def _current(self, manoeuvres: Manoeuvres, ego: EgoState) -> CandidatePath:
-        """The course as it stands now: it may be done, or lost."""
-        course = self._course
-        if course is None or self._off_m(course, ego) > FARTHEST_FROM_PLAN_M:
+        """The candidate as it stands now: it may be done, or lost."""
+        candidate = self._candidate
+        if candidate is None or self._off_m(candidate, ego) > FARTHEST_FROM_PLAN_M:
             return manoeuvres.here(ego)
         axle = ego.rear_axle(self._mission.shape)
-        arc_m, _ = course.path.line.project_point(axle.x_m, axle.y_m)
-        done = course.settles_m > 0.0 and arc_m > course.settles_m + SETTLED_M
-        return manoeuvres.kept(course.base) if done else course
+        arc_m, _ = candidate.path.line.project_point(axle.x_m, axle.y_m)
+        done = candidate.settles_m > 0.0 and arc_m > candidate.settles_m + SETTLED_M
+        return manoeuvres.kept(candidate.base) if done else candidate
 
-    def _off_m(self, course: CandidatePath, ego: EgoState) -> float:
-        """How far the centre is from where a plan along a course begins: with the rear axle on it, turned as it is."""
+    def _off_m(self, candidate: CandidatePath, ego: EgoState) -> float:
+        """How far the centre is from where a plan along a candidate begins: the rear axle on it, turned as it is."""
         shape = self._mission.shape
         axle = ego.rear_axle(shape)
-        arc_m, _ = course.path.line.project_point(axle.x_m, axle.y_m)
-        at = course.path.line.pose_at(arc_m)
+        arc_m, _ = candidate.path.line.project_point(axle.x_m, axle.y_m)
+        at = candidate.path.line.pose_at(arc_m)
         ahead_m = shape.rear_axle_to_center_m
         x_m, y_m = at.x_m + ahead_m * cos(at.heading_rad), at.y_m + ahead_m * sin(at.heading_rad)
         return hypot(x_m - ego.x_m, y_m - ego.y_m)
@@ -175,20 +175,20 @@ class ForesightPlanner:
         options: list[ManoeuvreOption],
         blocked: StandingGroup | None,
     ) -> Trajectory:
-        """The plan that costs least; its course becomes the present one."""
+        """The plan that costs least; its candidate becomes the present one."""
         ego, shape = scene.ego, scene.shape
-        base = options[0].course.base
+        base = options[0].candidate.base
         base_m, _ = base.line.project_point(ego.x_m, ego.y_m)
         lawful_mps = float(base.limit_mps[min(int(base_m), len(base.limit_mps) - 1)])
         reach_m = (max(lawful_mps, scene.speed_mps) + 3.0) * self.horizon_s + shape.length_m
-        stages = self._stages(scene, [option.course for option in options], base_m, reach_m, blocked)
+        stages = self._stages(scene, [option.candidate for option in options], base_m, reach_m, blocked)
         wished = wished_changes(options)
         leads = leads_beside(stages, wished)
         drafts = drafted(stages, ego.speed_mps, ego.ax_mps2, shape, leads)
         impatience = self._impatience(scene, blocked)
         cost = speed_costs(stages, drafts, shape, lawful_mps, impatience)
         restless = min(RESTLESS_PER_S * self._waited_s, MOST_RESTLESS)
-        bonus = [option.bonus + (restless if option.course.kind == "pass" else 0.0) for option in options]
+        bonus = [option.bonus + (restless if option.candidate.kind == "pass" else 0.0) for option in options]
         cost -= np.array(bonus)[drafts.stage_of]
         cost -= np.where(drafts.stage_of == 0, GOING_ON, 0.0) + prospects(drafts, stages, wished, shape)
 
@@ -196,14 +196,14 @@ class ForesightPlanner:
         total = cost[chosen] + checked_costs(scene, stages, drafts, chosen, manoeuvres.ground)
         order = np.argsort(total, kind="stable").tolist()
         best = chosen[order[0]]
-        course = options[int(drafts.stage_of[best])].course
-        self._course = course
+        candidate = options[int(drafts.stage_of[best])].candidate
+        self._candidate = candidate
         names = tuple((_name(options, drafts, chosen[i]), float(total[i])) for i in order)
-        self.decision = ForesightDecision(course.kind, len(drafts.yields[best]), names[0][1], names, bool(wished))
+        self.decision = ForesightDecision(candidate.kind, len(drafts.yields[best]), names[0][1], names, bool(wished))
         arc_m = finer(drafts.arc_m[best : best + 1], drafts.speed_mps[best : best + 1])[0]
         ahead_s = GRID_S * np.arange(len(arc_m))
         speed_mps = np.interp(ahead_s, STEP_S * np.arange(drafts.arc_m.shape[1]), drafts.speed_mps[best])
-        return rear_axle_plan(course.path.line, ego.time_s + ahead_s, arc_m, speed_mps, shape)
+        return rear_axle_plan(candidate.path.line, ego.time_s + ahead_s, arc_m, speed_mps, shape)
 
     def _impatience(self, scene: PlanningScene, blocked: StandingGroup | None) -> float:
         """0 to 1: how long the ego has been waiting before what blocks its way."""
@@ -218,35 +218,35 @@ class ForesightPlanner:
     def _stages(
         self,
         scene: PlanningScene,
-        courses: Sequence[CandidatePath],
+        candidates: Sequence[CandidatePath],
         base_m: float,
         reach_m: float,
         blocked: StandingGroup | None,
     ) -> list[Stage]:
-        """The courses with everybody who will be on them."""
+        """The candidates with everybody who will be on them."""
         shape, axle = scene.shape, scene.axle
-        present = courses[0]
+        present = candidates[0]
         tail = _tail(scene, present.old if present.old is not None else present.base, base_m)
         beside_of: dict[int, StripOccupancy] = {}
         found: list[Stage] = []
-        for course in courses:
-            arc_m, _ = course.path.line.project_point(axle.x_m, axle.y_m)
-            at_m, _ = course.base.line.project_point(axle.x_m, axle.y_m)
+        for candidate in candidates:
+            arc_m, _ = candidate.path.line.project_point(axle.x_m, axle.y_m)
+            at_m, _ = candidate.base.line.project_point(axle.x_m, axle.y_m)
             beside = None
-            if course.new is not None:
-                new_m, _ = course.new.line.project_point(axle.x_m, axle.y_m)
-                if id(course.new) not in beside_of:
+            if candidate.new is not None:
+                new_m, _ = candidate.new.line.project_point(axle.x_m, axle.y_m)
+                if id(candidate.new) not in beside_of:
                     stretch = (new_m - 60.0, new_m + reach_m)
-                    beside_of[id(course.new)] = occupied_base(course.new, scene.traffic, shape, stretch)
-                beside = moved(beside_of[id(course.new)], arc_m - new_m)
-            stops_m = red_stops(scene, course.base, at_m)
-            if at_m > course.base.room_m + ARRIVED_M:
+                    beside_of[id(candidate.new)] = occupied_base(candidate.new, scene.traffic, shape, stretch)
+                beside = moved(beside_of[id(candidate.new)], arc_m - new_m)
+            stops_m = red_stops(scene, candidate.base, at_m)
+            if at_m > candidate.base.room_m + ARRIVED_M:
                 stops_m.append(soonest_stop_m(at_m + shape.front_m, scene.speed_mps))
-            if course.kind == "keep" and blocked is not None and course.base is blocked.base:
+            if candidate.kind == "keep" and blocked is not None and candidate.base is blocked.base:
                 stops_m.append(waiting_m(blocked, at_m + shape.front_m, scene.speed_mps, shape))
-            limit_mps = cautious_limits(course, arc_m, scene)
+            limit_mps = cautious_limits(candidate, arc_m, scene)
             stops_m = [stop_m + arc_m - at_m for stop_m in stops_m]
-            found.append(staged(course, arc_m, limit_mps, stops_m, scene, tail, reach_m, beside))
+            found.append(staged(candidate, arc_m, limit_mps, stops_m, scene, tail, reach_m, beside))
         return found
 
 
@@ -267,7 +267,7 @@ def _tail(scene: PlanningScene, base: Base, base_m: float) -> NDArray[np.bool_]:
 
 
 def _chosen(cost: np.ndarray, drafts: Drafts) -> list[int]:
-    """The drafts to look at closely: the cheapest, not too many of one course, and the emergency brake."""
+    """The drafts to look at closely: the cheapest, not too many of one candidate, and the emergency brake."""
     chosen: list[int] = []
     taken: dict[int, int] = {}
     for n in np.argsort(cost, kind="stable").tolist():
@@ -283,12 +283,12 @@ def _chosen(cost: np.ndarray, drafts: Drafts) -> list[int]:
 
 def _name(options: Sequence[ManoeuvreOption], drafts: Drafts, n: int) -> str:
     """A draft in words."""
-    course = options[int(drafts.stage_of[n])].course
-    words: list[str] = [course.kind]
-    if course.kind == "change":
-        words.append(f"to {course.base.way.lanes[0]}")
-    if course.kind == "pass":
-        words.append(f"{course.offset_m:+.1f} m")
+    candidate = options[int(drafts.stage_of[n])].candidate
+    words: list[str] = [candidate.kind]
+    if candidate.kind == "change":
+        words.append(f"to {candidate.base.way.lanes[0]}")
+    if candidate.kind == "pass":
+        words.append(f"{candidate.offset_m:+.1f} m")
     if drafts.yields[n]:
         words.append("yield to " + " ".join(map(str, drafts.yields[n])))
     if drafts.cap[n].for_s:

@@ -1,4 +1,4 @@
-"""Speeds: many ways to drive each course, rolled out at once, and what each of them costs."""
+"""Speeds: many ways to drive each candidate, rolled out at once, and what each of them costs."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Drafts:
     """To which of the stage's contenders each gives way; numbers beyond them are leads beside."""
     cap: tuple[Cap, ...]
     urgent: NDArray[np.bool_]  # (N,) emergency braking
-    arc_m: Floats  # (N, K + 1) of the rear axle on the course's path
+    arc_m: Floats  # (N, K + 1) of the rear axle on the candidate's path
     speed_mps: Floats  # (N, K + 1)
     acceleration_mps2: Floats  # (N, K)
 
@@ -124,7 +124,7 @@ def _combined(
 ) -> Iterator[tuple[int, tuple[int, ...], Cap]]:
     """Every stage with all ways to yield and all caps that go with them."""
     for i, stage in enumerate(stages):
-        waits = speed_mps < SLOW_MPS and stage.course.kind != "keep"
+        waits = speed_mps < SLOW_MPS and stage.candidate.kind != "keep"
         for cap in (*CAPS, *(WAIT_CAPS if waits else ())):
             yield i, (), cap
         many = len(stage.yield_near_m)
@@ -161,7 +161,7 @@ class _Ahead:
             near[p, :, :count] = np.where(stage.leads, stage.near_m, np.inf).T
             center[p, :, :count] = np.where(stage.leads, stage.center_m, -np.inf).T
             speed[p, :, :count] = np.where(stage.leads, np.maximum(stage.speed_mps, 0.0), 0.0).T
-            merges = stage.follower | (stage.course.kind == "change")
+            merges = stage.follower | (stage.candidate.kind == "change")
             headway[p, :count] = np.where(merges, MERGE_HEADWAY_S, HEADWAY_S)
             for j, stop_m in enumerate(stage.stops_m, start=count):
                 near[p, :, j], center[p, :, j], gap[p, j] = stop_m, np.inf, STOP_GAP_M

@@ -25,12 +25,12 @@ LANE_MARGIN_M = -0.25
 PEDESTRIAN_GAP_M = 1.5
 """Kept to people besides the usual gap."""
 ALONG_COS = 0.6
-"""Who moves along the course with at least this share of its speed is followed rather than let across."""
+"""Who moves along the candidate with at least this share of its speed is followed rather than let across."""
 ONCOMING_MPS = 1.0
 BEHIND_M = 45.0
 """Whoever is farther behind in a lane that the ego changes to does not matter."""
 RELEASE_S = 0.2
-"""Kept after somebody has left the course before the ego goes on."""
+"""Kept after somebody has left the candidate before the ego goes on."""
 MOST_CONTENDERS = 5
 ENTRY_SHARE = 0.12
 """Of the way out: up to there nothing of the ego is in the oncoming lane."""
@@ -44,9 +44,9 @@ UNSEEN_SHARE = 0.8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:
-    """One course and its actors: B of them at K + 1 instants, by arc length of the course's path."""
+    """One candidate and its actors: B of them at K + 1 instants, by arc length of the candidate's path."""
 
-    course: CandidatePath
+    candidate: CandidatePath
     arc_m: float
     """Of the ego's rear axle."""
     limit_mps: Floats
@@ -56,7 +56,7 @@ class Stage:
     near_m: Floats  # (B, K + 1) inf where absent
     far_m: Floats  # (B, K + 1)
     center_m: Floats  # (B, K + 1)
-    speed_mps: Floats  # (B, K + 1) along the course
+    speed_mps: Floats  # (B, K + 1) along the candidate
     leads: NDArray[np.bool_]  # (B, K + 1) who is followed when ahead
     strip: NDArray[np.bool_]  # (B,) who is in the strip that the ego sweeps: can be hit
     follower: NDArray[np.bool_]  # (B,) who comes along the lane that the ego changes to
@@ -86,7 +86,7 @@ def occupied_base(
 
 
 def staged(
-    course: CandidatePath,
+    candidate: CandidatePath,
     arc_m: float,
     limit_mps: Floats,
     stops_m: Sequence[float],
@@ -95,15 +95,15 @@ def staged(
     reach_m: float,
     beside: StripOccupancy | None,
 ) -> Stage:
-    """A course and its actors.
+    """A candidate and its actors.
 
     `tail` (A,) are those who come behind the ego in its own lane: they follow
-    it. `beside` are those on the lane that the course enters, by the
-    course's arc lengths.
+    it. `beside` are those on the lane that the candidate enters, by the
+    candidate's arc lengths.
     """
     traffic, shape = scene.traffic, scene.shape
     forecast, actors = traffic.forecast, traffic.actors
-    on = _occupied(course, arc_m, traffic, tail, shape, reach_m)
+    on = _occupied(candidate, arc_m, traffic, tail, shape, reach_m)
     count = len(on.rows)
     if beside is not None:
         # who stands is in the strip or not in the way
@@ -117,18 +117,18 @@ def staged(
     people = actors.kind[on.rows] == ActorKind.PEDESTRIAN
     along = (entering_mps > ALONG_COS * total_mps[rows, first]) & ~people
     still = forecast.stands[on.rows] | (total_mps.max(axis=1, initial=0.0) < MOVING_MPS)
-    unseen = _unseen(course, arc_m, present.shape[1]) if course.oncoming else None
+    unseen = _unseen(candidate, arc_m, present.shape[1]) if candidate.oncoming else None
 
     front_m, rear_m = arc_m + shape.front_m, arc_m - (shape.length_m - shape.front_m)
     moving = _Moving(on, present, first, entering_mps, along, still, people, strip)
-    found = [*_merging(moving, arc_m, rear_m, shape), *_crossing(moving, course, front_m)]
+    found = [*_merging(moving, arc_m, rear_m, shape), *_crossing(moving, candidate, front_m)]
     if unseen is not None and np.isfinite(unseen[0]).any() and unseen[0].min() > front_m - 0.3:
         waits_m = np.full(present.shape[1], unseen[0].min())
         found.append(_Contender(-1.0, waits_m, np.zeros(present.shape[1]), False))
     found = sorted(found, key=lambda contender: contender.when_s)[:MOST_CONTENDERS]
     nobody = [np.zeros((0, present.shape[1]))]
     return Stage(
-        course, arc_m, limit_mps, tuple(stops_m), on.near_m, on.far_m, on.center_m, on.speed_mps,
+        candidate, arc_m, limit_mps, tuple(stops_m), on.near_m, on.far_m, on.center_m, on.speed_mps,
         present & (along | still)[:, None], strip, along & ~strip, unseen,
         np.concatenate([contender.near_m[None] for contender in found] or nobody),
         np.concatenate([contender.speed_mps[None] for contender in found] or nobody),
@@ -137,7 +137,7 @@ def staged(
 
 
 def _occupied(
-    course: CandidatePath,
+    candidate: CandidatePath,
     arc_m: float,
     traffic: PredictedTraffic,
     tail: NDArray[np.bool_],
@@ -148,24 +148,24 @@ def _occupied(
     actors, half_m = traffic.actors, 0.5 * shape.width_m
     stretch = (arc_m - 8.0, arc_m + reach_m)
     walking = (actors.kind == ActorKind.PEDESTRIAN) & (actors.speed_mps > MOVING_MPS)
-    on = occupancy(course.path, half_m + SIDE_MARGIN_M, traffic.forecast, stretch, ignore=tail | walking)
+    on = occupancy(candidate.path, half_m + SIDE_MARGIN_M, traffic.forecast, stretch, ignore=tail | walking)
     if not walking.any():
         return on
     return together(
-        on, occupancy(course.path, half_m + PEDESTRIAN_MARGIN_M, traffic.forecast, stretch, ignore=tail | ~walking)
+        on, occupancy(candidate.path, half_m + PEDESTRIAN_MARGIN_M, traffic.forecast, stretch, ignore=tail | ~walking)
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:
-    """Who is on a course, and how; (B,) but for the first two."""
+    """Who is on a candidate, and how; (B,) but for the first two."""
 
     on: StripOccupancy
     present: NDArray[np.bool_]  # (B, K + 1)
     first: NDArray[np.int64]
     """The instant at which it is there first."""
     entering_mps: Floats
-    """Its speed along the course then."""
+    """Its speed along the candidate then."""
     along: NDArray[np.bool_]
     still: NDArray[np.bool_]
     people: NDArray[np.bool_]
@@ -173,7 +173,7 @@ class _Moving:
 
 
 def _merging(moving: _Moving, arc_m: float, rear_m: float, shape: EgoShape) -> Iterator[_Contender]:
-    """Those who come along the course, or beside it, and are not ahead yet: the ego may get behind them."""
+    """Those who come along the candidate, or beside it, and are not ahead yet: the ego may get behind them."""
     on, present = moving.on, moving.present
     time_s = STEP_S * np.arange(present.shape[1])
     alongside = frozenset(on.rows[~moving.strip].tolist())  # it is there that they are met
@@ -193,15 +193,15 @@ def _merging(moving: _Moving, arc_m: float, rear_m: float, shape: EgoShape) -> I
         yield _Contender(when_s, near_m, speed_mps, True)
 
 
-def _crossing(moving: _Moving, course: CandidatePath, front_m: float) -> Iterator[_Contender]:
-    """Those who cross the course or come towards the ego on it: it may wait before their way until they are past."""
+def _crossing(moving: _Moving, candidate: CandidatePath, front_m: float) -> Iterator[_Contender]:
+    """Those who cross the candidate or come towards the ego on it: it may wait before their way until they are past."""
     on, present = moving.on, moving.present
     instants = np.arange(present.shape[1])
     for b in np.flatnonzero(~moving.along & ~moving.still & present.any(axis=1)).tolist():
         wait_m = float(on.near_m[b].min())
-        if course.oncoming and moving.entering_mps[b] < -ONCOMING_MPS:
+        if candidate.oncoming and moving.entering_mps[b] < -ONCOMING_MPS:
             # who noses into the oncoming lane stops those whom it waits for
-            wait_m = min(wait_m, max(_entry_m(course), front_m + 0.3))
+            wait_m = min(wait_m, max(_entry_m(candidate), front_m + 0.3))
         if wait_m < front_m - 0.3:
             continue
         if moving.people[b]:
@@ -212,18 +212,18 @@ def _crossing(moving: _Moving, course: CandidatePath, front_m: float) -> Iterato
         yield _Contender(when_s, np.where(until, wait_m, np.inf), np.zeros(len(instants)), False)
 
 
-def _entry_m(course: CandidatePath) -> float:
+def _entry_m(candidate: CandidatePath) -> float:
     """Where the front bumper must stop at the latest so that nothing of the ego is in the oncoming lane."""
-    return course.leaves_m + ENTRY_SHARE * (course.beside_m[0] - course.leaves_m)
+    return candidate.leaves_m + ENTRY_SHARE * (candidate.beside_m[0] - candidate.leaves_m)
 
 
-def _unseen(course: CandidatePath, arc_m: float, instants: int) -> tuple[Floats, Floats]:
-    """Those who may come from the end of sight, the first of them at the speed limit: what they need of the course."""
-    limit_mps = float(course.base.limit_mps[min(int(arc_m), len(course.base.limit_mps) - 1)])
+def _unseen(candidate: CandidatePath, arc_m: float, instants: int) -> tuple[Floats, Floats]:
+    """Those who may come from the end of sight, the first of them at the speed limit: what they need of it."""
+    limit_mps = float(candidate.base.limit_mps[min(int(arc_m), len(candidate.base.limit_mps) - 1)])
     near_m = arc_m + SIGHT_M - UNSEEN_SHARE * limit_mps * STEP_S * np.arange(instants)
-    end_m = course.beside_m[1] + RETURN_SHARE * (course.settles_m - course.beside_m[1])
+    end_m = candidate.beside_m[1] + RETURN_SHARE * (candidate.settles_m - candidate.beside_m[1])
     comes = near_m < end_m  # and after the first there may be others
-    return np.where(comes, np.maximum(near_m, _entry_m(course)), np.inf), np.where(comes, end_m, -np.inf)
+    return np.where(comes, np.maximum(near_m, _entry_m(candidate)), np.inf), np.where(comes, end_m, -np.inf)
 
 
 def _only(on: StripOccupancy, keep: NDArray[np.bool_]) -> StripOccupancy:

@@ -28,7 +28,7 @@ from interplan_learned.dtpp.inputs import (
     shown,
     start_of,
 )
-from interplan_learned.dtpp.plans import plans
+from interplan_learned.dtpp.planner import plans
 from interplan_learned.dtpp.sizes import SIZES
 from interplan_learned.dtpp.tree import (
     FIRST_STEPS,

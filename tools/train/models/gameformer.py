@@ -19,7 +19,7 @@ from interplan_learned.driving import POSES
 from interplan_learned.gameformer.inputs import MODES, PLAN_STEP_S, PLAN_STEPS, SIZES, inputs
 from interplan_learned.scene import EGO_CHANNELS, FIELDS, scene_futures, thinned
 from interplan_sumo.dataset.columns import Columns
-from tools.train.augment import Perturbation, perturbed_start, without_past
+from tools.train.augment import Perturbation, augmented
 from tools.train.recipe import Batch, GraphCall, Recipe, TrainingSettings
 from tools.train.scene_encoder import (
     AttentionLayer,
@@ -28,6 +28,7 @@ from tools.train.scene_encoder import (
     LineEncoder,
     NetworkSize,
     SceneEncoder,
+    pose_differences,
 )
 
 LEVELS: Final = 2
@@ -71,7 +72,7 @@ def recipe(size: Size = "compact", perturbed: float = 0.5, past_dropped: float =
         poses=_poses,
         graphs=_graphs,
         keep=lambda columns, _dataset: thinned(columns, seen.scene),
-        augmented=partial(_augmented, perturbation=Perturbation(share=perturbed), past_dropped=past_dropped),
+        augmented=partial(augmented, perturbation=Perturbation(share=perturbed), past_dropped=past_dropped),
         settings=NETWORKS[size].settings,
     )
 
@@ -285,9 +286,7 @@ def level_loss(level: Level, futures: Tensor, valid: Tensor) -> Tensor:
 
 def plan_loss(plan: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
     """Smooth L1 of x, y and yaw over the steps there are (B, T), and once more of the last of them."""
-    off = plan - wanted
-    turned = torch.remainder(off[..., 2:] + torch.pi, 2.0 * torch.pi) - torch.pi
-    off = torch.cat((off[..., :2], turned), dim=-1)
+    off = pose_differences(plan, wanted)
     error = functional.smooth_l1_loss(off, torch.zeros_like(off), reduction="none").mean(dim=-1)
     last = (valid.sum(dim=-1, keepdim=True) - 1).clamp(min=0)
     ends = error.gather(1, last)[:, 0][valid[:, 0]]
@@ -315,7 +314,3 @@ class GameFormerPlan(nn.Module):
 def _graphs(model: nn.Module, batch: Batch) -> Mapping[str, GraphCall]:
     arguments = {name: batch[name] for name in INPUTS}
     return {"main": GraphCall(module=GameFormerPlan(model), arguments=arguments, outputs=("plan", "futures", "scores"))}
-
-
-def _augmented(columns: Columns, rng: np.random.Generator, perturbation: Perturbation, past_dropped: float) -> Columns:
-    return without_past(perturbed_start(columns, rng, perturbation), rng, past_dropped)

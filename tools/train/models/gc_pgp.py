@@ -14,18 +14,17 @@ from torch.nn import functional
 
 from interplan_learned.card import Size
 from interplan_learned.driving import POSES
-from interplan_learned.gc_pgp.clusters import clusters
 from interplan_learned.gc_pgp.inputs import FIELDS, POLICY_INPUTS, inputs, kept
 from interplan_learned.gc_pgp.local_graph import NONE, MapNodes, map_nodes
-from interplan_learned.gc_pgp.plans import plans
+from interplan_learned.gc_pgp.plans import chances, clusters, plans, sampled
 from interplan_learned.gc_pgp.sizes import EDGES, LATENTS, PATH_NODES, SIZES, Dimensions
-from interplan_learned.gc_pgp.traversals import chances, sampled
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.world.geometry import Ints
-from tools.train.augment import Perturbation, perturbed_start, without_agents, without_past
+from tools.train.augment import Perturbation, augmented
 from tools.train.metrics import wanted_poses
 from tools.train.recipe import Batch, GraphCall, Recipe, TrainingSettings
+from tools.train.scene_encoder import sinusoids
 
 _EMBEDDED, _CODE, _HIDDEN = 16, 32, 128
 EXPERT_SHARE: Final = 20 / 90
@@ -59,7 +58,7 @@ def recipe(
         graphs=partial(graphs, size=numbers),
         keep=partial(keep, size=numbers),
         augmented=partial(
-            _augmented,
+            augmented,
             perturbation=Perturbation(share=perturbed),
             agents_dropped=agents_dropped,
             past_dropped=past_dropped,
@@ -139,7 +138,7 @@ class Decoder(nn.Module):
         self.heads, self.width = size.heads, size.attention
         self.query = nn.Linear(_CODE, self.width)
         self.key, self.value = (nn.Linear(_CODE, self.width, bias=False) for _ in range(2))
-        self.register_buffer("places", _positions(PATH_NODES, _CODE), persistent=False)
+        self.register_buffer("places", sinusoids(PATH_NODES, _CODE), persistent=False)
         self.head = nn.Sequential(
             nn.Linear(self.width + _CODE + LATENTS, _HIDDEN), nn.LeakyReLU(), nn.Linear(_HIDDEN, POSES * 2)
         )
@@ -200,13 +199,6 @@ class HeadAttention(nn.Module):
         weights = self.query(asking) @ self.key(asked).transpose(1, 2) / math.sqrt(asking.shape[-1])
         weights = torch.softmax(weights.masked_fill(~allowed, _NEVER), dim=-1) * allowed
         return weights @ self.value(asked)
-
-
-def _positions(count: int, width: int) -> Tensor:
-    """(count, width) sines and cosines of places."""
-    rates = torch.exp(-math.log(1e4) * torch.arange(0, width, 2) / width)
-    angles = torch.arange(count)[:, None] * rates
-    return torch.stack((angles.sin(), angles.cos()), dim=-1).flatten(1)
 
 
 # --- what it learns from -------------------------------------------------------------------------
@@ -348,10 +340,3 @@ def graphs(model: nn.Module, batch: Batch, size: Dimensions) -> Mapping[str, Gra
 
 def _as_tensor(values: np.ndarray, like: Tensor) -> Tensor:
     return torch.tensor(values, device=like.device)
-
-
-def _augmented(
-    columns: Columns, rng: np.random.Generator, perturbation: Perturbation, agents_dropped: float, past_dropped: float
-) -> Columns:
-    moved = perturbed_start(columns, rng, perturbation)
-    return without_past(without_agents(moved, rng, agents_dropped), rng, past_dropped)

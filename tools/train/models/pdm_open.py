@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -14,7 +13,7 @@ from interplan_learned.driving import POSES
 from interplan_learned.pdm_open import FIELDS, inputs
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.errors import InputError
-from tools.train.augment import Perturbation, perturbed_start, without_past
+from tools.train.augment import Perturbation, augmented
 from tools.train.metrics import wanted_poses
 from tools.train.recipe import Batch, GraphCall, Recipe, TrainingSettings
 
@@ -46,7 +45,7 @@ def recipe(
         loss=loss,
         poses=_poses,
         graphs=_graphs,
-        augmented=partial(_augmented, perturbation=Perturbation(share=perturbed), past_dropped=past_dropped),
+        augmented=partial(augmented, perturbation=Perturbation(share=perturbed), past_dropped=past_dropped),
         settings=TrainingSettings(epochs=40, batch=64, learning_rate=5e-4, patience=25),
     )
 
@@ -111,7 +110,3 @@ def _poses(model: nn.Module, batch: Batch) -> Tensor:
 def _graphs(model: nn.Module, batch: Batch) -> Mapping[str, GraphCall]:
     arguments = {name: batch[name] for name in ("ego", "centerline")}
     return {"main": GraphCall(module=model, arguments=arguments, outputs=("poses",))}
-
-
-def _augmented(columns: Columns, rng: np.random.Generator, perturbation: Perturbation, past_dropped: float) -> Columns:
-    return without_past(perturbed_start(columns, rng, perturbation), rng, past_dropped)

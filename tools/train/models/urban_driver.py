@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -28,11 +27,10 @@ from interplan_learned.urban_driver import (
     inputs,
     thinned,
 )
-from interplan_sumo.dataset.columns import Columns
-from tools.train.augment import Perturbation, perturbed_start, without_agents
-from tools.train.metrics import wanted_poses
+from tools.train.augment import Perturbation, augmented
+from tools.train.models.pdm_open import targets
 from tools.train.recipe import Batch, GraphCall, Recipe, TrainingSettings
-from tools.train.scene_encoder import Scale
+from tools.train.scene_encoder import Scale, pose_differences, sinusoids
 
 INPUTS: Final = ("ego", "ego_valid", "vehicles", "vehicles_valid", "lines", "lines_valid")
 FEATURES: Final = 8
@@ -93,7 +91,7 @@ def recipe(size: Size = "compact", perturbed: float = 0.5, agents_dropped: float
         poses=_poses,
         graphs=_graphs,
         keep=lambda columns, _dataset: thinned(columns, size),
-        augmented=partial(_augmented, perturbation=perturbation, agents_dropped=agents_dropped),
+        augmented=partial(augmented, perturbation=perturbation, agents_dropped=agents_dropped),
         settings=learning.settings,
     )
 
@@ -212,25 +210,12 @@ class EgoAttention(nn.Module):
         return self.out(seen.flatten(1))
 
 
-def sinusoids(points: int, width: int) -> Tensor:
-    """(points, width) sines and cosines in turn, of wavelengths from 2 pi to 20000 pi points (Vaswani et al. 2017)."""
-    rate = 1e4 ** (-torch.arange(0, width, 2) / width)
-    angle = torch.arange(points)[:, None] * rate
-    return torch.stack((angle.sin(), angle.cos()), dim=-1).flatten(1)
-
-
 def _widened(points: Tensor) -> Tensor:
     """Points with zeros up to eight numbers."""
     return functional.pad(points, (0, FEATURES - points.shape[-1]))
 
 
 # --- learning ------------------------------------------------------------------------------------
-
-
-def targets(arrays: Columns) -> Columns:
-    """`wanted` (B, POSES, 3) and `wanted_valid` (B, POSES)."""
-    wanted, valid = wanted_poses(arrays["ego_future"])
-    return {"wanted": wanted, "wanted_valid": valid}
 
 
 def loss(model: nn.Module, batch: Batch, _done: float) -> Tensor:
@@ -240,9 +225,7 @@ def loss(model: nn.Module, batch: Batch, _done: float) -> Tensor:
 
 def plan_loss(plans: Tensor, wanted: Tensor, valid: Tensor) -> Tensor:
     """Of plans (B, POSES, 3) against wanted poses, where they are valid (B, POSES)."""
-    off = plans - wanted
-    turned = torch.remainder(off[..., 2:] + torch.pi, 2.0 * torch.pi) - torch.pi
-    return torch.cat((off[..., :2], turned), dim=-1)[valid].abs().mean()
+    return pose_differences(plans, wanted)[valid].abs().mean()
 
 
 def _poses(model: nn.Module, batch: Batch) -> Tensor:
@@ -252,9 +235,3 @@ def _poses(model: nn.Module, batch: Batch) -> Tensor:
 def _graphs(model: nn.Module, batch: Batch) -> Mapping[str, GraphCall]:
     arguments = {name: batch[name] for name in INPUTS}
     return {"main": GraphCall(module=model, arguments=arguments, outputs=("poses",))}
-
-
-def _augmented(
-    columns: Columns, rng: np.random.Generator, perturbation: Perturbation, agents_dropped: float
-) -> Columns:
-    return without_agents(perturbed_start(columns, rng, perturbation), rng, agents_dropped)

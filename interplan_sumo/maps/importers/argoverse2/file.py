@@ -1,97 +1,87 @@
-"""The objects of an Argoverse 2 map file, field by field; every fault is a MapError that names file, id and field."""
+"""The objects of an Argoverse 2 map file, checked; every fault is a MapError that names file, layer, id and field."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, TypeVar
 
+import msgspec
 import numpy as np
+import shapely
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.world.geometry import Floats
 
-LAYERS = ("lane_segments", "pedestrian_crossings", "drivable_areas")
 MAX_FILE_BYTES = 200 * 2**20
 """The map of one log has a fifth of a megabyte: a thousand times that is something else."""
-MAX_COORDINATE_M = 100_000.0
-"""No city reaches further from its origin."""
-_MAX_ID = 2**63
+_Id = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+_Word = Annotated[str, msgspec.Meta(pattern=r"\A[^\W\d]\w{0,39}\Z")]
+_Metres = Annotated[float, msgspec.Meta(ge=-100_000.0, le=100_000.0)]  # no city reaches further from its origin
 
 
-@dataclass(frozen=True, slots=True)
-class Item:
-    """One object of a layer: its fields are read through checks."""
+class _Point(msgspec.Struct):
+    x: _Metres
+    y: _Metres
+    z: _Metres
 
-    path: Path
-    layer: str
-    id: str
-    fields: Mapping[str, Any]
 
-    def fault(self, what: str) -> NoReturn:
-        """MapError about this object."""
-        raise MapError(f"{self.path}: {self.layer} {self.id}: {what}")
+class Item(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """One object; its lines (N, 3) are x, y and height in city coordinates, no two points the same in the plane."""
 
-    def value(self, field: str) -> Any:
-        if field not in self.fields:
-            self.fault(f"has no {field}")
-        return self.fields[field]
+    id: _Id
 
-    def text(self, field: str) -> str:
-        """A word, such as a type."""
-        value = self.value(field)
-        if not isinstance(value, str) or not value.isidentifier() or len(value) > 40:
-            self.fault(f"{field} is {_brief(value)}, expected a word")
-        return value
 
-    def flag(self, field: str) -> bool:
-        value = self.value(field)
-        if not isinstance(value, bool):
-            self.fault(f"{field} is {_brief(value)}, expected true or false")
-        return value
+class ArgoverseLane(Item, frozen=True, eq=False):
+    """A lane of any type."""
 
-    def link(self, field: str) -> str | None:
-        """The id of another object, None where the file has null."""
-        value = self.value(field)
-        return None if value is None else self._other(field, value)
+    type: _Word = msgspec.field(name="lane_type")
+    left: Floats = msgspec.field(name="left_lane_boundary")
+    right: Floats = msgspec.field(name="right_lane_boundary")
+    in_intersection: bool = msgspec.field(name="is_intersection")
+    successors: tuple[_Id, ...]
+    predecessors: tuple[_Id, ...]
+    left_neighbour: _Id | None = msgspec.field(name="left_neighbor_id")
+    right_neighbour: _Id | None = msgspec.field(name="right_neighbor_id")
 
-    def links(self, field: str) -> tuple[str, ...]:
-        """Ids of other objects, each once."""
-        value = self.value(field)
-        if not isinstance(value, list):
-            self.fault(f"{field} is {_brief(value)}, expected a list of ids")
-        return tuple(dict.fromkeys(self._other(field, entry) for entry in value))
+    def __post_init__(self) -> None:
+        if self.id in (*self.successors, *self.predecessors, self.left_neighbour, self.right_neighbour):
+            raise ValueError("names itself beside, before or behind it")
+        if not valid_parts(self.ring):
+            raise ValueError("left_lane_boundary and right_lane_boundary enclose no surface")
 
-    def _other(self, field: str, value: Any) -> str:
-        if not is_id(value):
-            self.fault(f"{field} holds {_brief(value)}, expected a whole number")
-        if str(value) == self.id:
-            self.fault(f"{field} names the object itself")
-        return str(value)
+    @property
+    def ring(self) -> shapely.Polygon:
+        """Its surface, which may cross itself."""
+        return shapely.Polygon(np.concatenate((self.left, self.right[::-1]))[:, :2])
 
-    def line(self, field: str, least: int = 2) -> Floats:
-        """(N, 3) x, y and height of the points of a line, at least `least`; repeated ones are dropped."""
-        value = self.value(field)
-        if not isinstance(value, list):
-            self.fault(f"{field} is {_brief(value)}, expected a list of points")
-        try:
-            numbers = [point[axis] for point in value for axis in ("x", "y", "z")]
-        except (TypeError, LookupError):
-            self.fault(f"{field} holds a point without x, y and z")
-        for number in numbers:
-            if type(number) not in (int, float) or not abs(number) <= MAX_COORDINATE_M:
-                self.fault(
-                    f"{field} has the coordinate {_brief(number)}, expected metres, at most {MAX_COORDINATE_M:g}"
-                )
-        points = np.array(numbers, dtype=np.float64).reshape(-1, 3)
-        repeated = np.zeros(len(points), dtype=np.bool_)
-        repeated[1:] = (points[1:, :2] == points[:-1, :2]).all(axis=1)
-        line = points[~repeated]
-        if len(line) < least:
-            self.fault(f"{field} has {len(line)} distinct points, needs {least}")
-        return line
+
+class PedestrianCrossing(Item, frozen=True, eq=False):
+    """Its two edges, each drawn in any direction."""
+
+    edge1: Floats
+    edge2: Floats
+
+
+class DrivableArea(Item, frozen=True, eq=False):
+    """A stretch of road."""
+
+    area_boundary: Floats
+
+    def __post_init__(self) -> None:
+        if len(self.area_boundary) < 3:
+            raise ValueError(f"area_boundary has {len(self.area_boundary)} distinct points, needs 3")
+
+
+class MapArchive(msgspec.Struct):
+    """A file; the objects of each layer in the file's order."""
+
+    lane_segments: list[ArgoverseLane]
+    pedestrian_crossings: list[PedestrianCrossing]
+    drivable_areas: list[DrivableArea]
+
+
+_T = TypeVar("_T", bound=Item)
 
 
 def map_file(path: Path) -> Path:
@@ -105,14 +95,23 @@ def map_file(path: Path) -> Path:
     return files[0]
 
 
-def items(path: Path) -> dict[str, list[Item]]:
-    """The objects of each layer of a file, in the file's order."""
+def read_archive(path: Path) -> MapArchive:
+    """The objects of a file, in the file's order."""
     content = _content(path)
-    return {layer: _layer(path, content, layer) for layer in LAYERS}
+    archive = MapArchive(
+        _layer(path, content, "lane_segments", ArgoverseLane),
+        _layer(path, content, "pedestrian_crossings", PedestrianCrossing),
+        _layer(path, content, "drivable_areas", DrivableArea),
+    )
+    if not archive.lane_segments:
+        raise MapError(f"{path}: lane_segments is empty; there is no road on this map")
+    return archive
 
 
-def is_id(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < _MAX_ID
+def valid_parts(outline: shapely.Geometry) -> list[shapely.Polygon]:
+    """The valid polygons within an outline: one, if it does not cross itself."""
+    parts = shapely.get_parts(shapely.get_parts(shapely.make_valid(outline)))  # a collection may hold a MultiPolygon
+    return [part for part in parts if isinstance(part, shapely.Polygon) and part.area > 0.0]
 
 
 def _content(path: Path) -> dict[str, Any]:
@@ -123,13 +122,13 @@ def _content(path: Path) -> dict[str, Any]:
             raise MapError(f"{path}: the file is larger than {MAX_FILE_BYTES >> 20} MB; it is no map of one log")
         content = json.loads(path.read_bytes(), object_pairs_hook=_once)
     except _TwiceError as error:
-        raise MapError(f"{path}: the key {_brief(error.args[0])} appears twice in one object") from error
+        raise MapError(f"{path}: the key {error.args[0][:40]!r} appears twice in one object") from error
     except OSError as error:
         raise MapError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
         raise MapError(f"{path}: not a JSON file ({' '.join(str(error).split())[:120]})") from error
     if not isinstance(content, dict):
-        raise MapError(f"{path}: not an Argoverse 2 map (no object with {LAYERS[0]})")
+        raise MapError(f"{path}: not an Argoverse 2 map (no object with lane_segments)")
     return content
 
 
@@ -146,27 +145,32 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _layer(path: Path, content: dict[str, Any], layer: str) -> list[Item]:
+def _layer(path: Path, content: dict[str, Any], layer: str, kind: type[_T]) -> list[_T]:
     if layer not in content:
         raise MapError(f"{path}: not an Argoverse 2 map (no {layer})")
     rows = content[layer]
     if not isinstance(rows, dict):
-        raise MapError(f"{path}: {layer} is {_brief(rows)}, expected objects by id")
-    if not rows and layer == LAYERS[0]:
-        raise MapError(f"{path}: {layer} is empty; there is no road on this map")
-    found: list[Item] = []
+        raise MapError(f"{path}: {layer} is no object, expected objects by id")
+    found: list[_T] = []
     for key, fields in rows.items():
-        if not isinstance(fields, dict):
-            raise MapError(f"{path}: {layer} {_brief(key)}: is {_brief(fields)}, expected an object")
-        id_ = fields.get("id")
-        if not is_id(id_) or str(id_) != key:
-            raise MapError(f"{path}: {layer} {_brief(key)}: its id is {_brief(id_)}; both must be the same")
-        found.append(Item(path, layer, key, fields))
+        try:
+            item = msgspec.convert(fields, kind, dec_hook=_line)
+        except msgspec.ValidationError as error:
+            raise MapError(f"{path}: {layer} {key[:40]!r}: {error}") from error
+        if str(item.id) != key:
+            raise MapError(f"{path}: {layer} {key[:40]!r}: its id is {item.id}; both must be the same")
+        found.append(item)
     return found
 
 
-def _brief(value: Any) -> str:
-    """A value in at most 40 characters on one line."""
-    if isinstance(value, (list, dict)):
-        return f"a {'list' if isinstance(value, list) else 'object'} of {len(value)}"
-    return repr(value)[:40]
+def _line(_kind: type, given: Any) -> Floats:
+    try:
+        points = np.array([(p.x, p.y, p.z) for p in msgspec.convert(given, list[_Point])]).reshape(-1, 3)
+    except msgspec.ValidationError as error:  # as a ValueError it gets the field's name, too
+        raise ValueError(str(error)) from None
+    repeated = np.zeros(len(points), dtype=np.bool_)
+    repeated[1:] = (points[1:, :2] == points[:-1, :2]).all(axis=1)
+    line = points[~repeated]
+    if len(line) < 2:
+        raise ValueError(f"{len(line)} distinct points, a line needs 2")
+    return line

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import shapely
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import UnknownNameError
-from interplan_sumo.maps.importers.argoverse2.file import Item, items, map_file
+from interplan_sumo.maps.importers.argoverse2.file import (
+    ArgoverseLane,
+    PedestrianCrossing,
+    map_file,
+    read_archive,
+    valid_parts,
+)
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
 from interplan_sumo.world.argoverse_frame import argoverse_name, city_frame, find_city, scenario_city
 from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
@@ -30,28 +36,6 @@ _TOUCHING_M2 = 1.0
 NO_RULES_NOTE = "The format has no speed limits, traffic lights or signs."
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Lane:
-    """A lane of any type as the file has it, in city coordinates; its boundaries run with the traffic."""
-
-    id: str
-    type: str
-    left: Floats
-    """(N, 3)"""
-    right: Floats
-    """(M, 3)"""
-    in_intersection: bool
-    successors: tuple[str, ...]
-    predecessors: tuple[str, ...]
-    left_neighbour: str | None
-    right_neighbour: str | None
-
-    @property
-    def ring(self) -> shapely.Polygon:
-        """Its surface, which may cross itself."""
-        return shapely.Polygon(np.concatenate((self.left, self.right[::-1]))[:, :2])
-
-
 def read_argoverse2(path: Path, city: str | None = None) -> SourceMap:
     """The map in a `log_map_archive_*.json`, or in a folder that holds exactly one.
 
@@ -64,15 +48,16 @@ def read_argoverse2(path: Path, city: str | None = None) -> SourceMap:
     `city` that Argoverse 2 does not cover.
     """
     file = map_file(path)
-    layers = items(file)
+    archive = read_archive(file)
     notes = [NO_RULES_NOTE]
-    lanes = _straightened([_lane(item) for item in layers["lane_segments"]], notes)
+    lanes = _straightened(archive.lane_segments, notes)
     name, crs, origin_m = _placed(file, city, notes)
     cars = {lane.id: lane for lane in lanes if lane.type == "VEHICLE"}
     others = [lane for lane in lanes if lane.type != "VEHICLE"]
     _note_bridges(list(cars.values()), notes)
-    crossings = _surfaces(layers["pedestrian_crossings"], _crossing, "pedestrian crossings", notes)
-    drivable = _surfaces(layers["drivable_areas"], _drivable, "drivable areas", notes)
+    crossings = _surfaces(map(_crossing, archive.pedestrian_crossings), "pedestrian crossings", notes)
+    areas = (shapely.Polygon(area.area_boundary[:, :2]) for area in archive.drivable_areas)
+    drivable = _surfaces(areas, "drivable areas", notes)
     return SourceMap(
         name=name,
         format="argoverse2",
@@ -122,31 +107,14 @@ def _moved(polygon: shapely.Polygon, origin_m: tuple[float, float]) -> shapely.P
 # --- lanes -----------------------------------------------------------------------------------------
 
 
-def _lane(item: Item) -> _Lane:
-    lane = _Lane(
-        id=item.id,
-        type=item.text("lane_type"),
-        left=item.line("left_lane_boundary"),
-        right=item.line("right_lane_boundary"),
-        in_intersection=item.flag("is_intersection"),
-        successors=item.links("successors"),
-        predecessors=item.links("predecessors"),
-        left_neighbour=item.link("left_neighbor_id"),
-        right_neighbour=item.link("right_neighbor_id"),
-    )
-    if not _parts(lane.ring):
-        item.fault("left_lane_boundary and right_lane_boundary enclose no surface")
-    return lane
-
-
-def _straightened(lanes: Sequence[_Lane], notes: list[str]) -> list[_Lane]:
+def _straightened(lanes: Sequence[ArgoverseLane], notes: list[str]) -> list[ArgoverseLane]:
     """The lanes with both boundaries in one direction and the left one on the left.
 
     A boundary that runs against its twin is turned: of the two ways to do so
     one puts left on the left. Where both run alike, their direction stands.
     """
     turned = swapped = 0
-    found: list[_Lane] = []
+    found: list[ArgoverseLane] = []
     for lane in lanes:
         left, right = lane.left, lane.right
         if _along(left) @ _along(right) < 0.0:
@@ -178,13 +146,13 @@ def _area_to_the_right_m2(left: Floats, right: Floats) -> float:
 
 
 def _source_lanes(
-    cars: Mapping[str, _Lane], others: set[str], origin_m: tuple[float, float], notes: list[str]
+    cars: Mapping[int, ArgoverseLane], others: set[int], origin_m: tuple[float, float], notes: list[str]
 ) -> dict[str, SourceLane]:
     successors, predecessors = _links(cars, others, notes)
     on_left, on_right = _neighbours(cars, notes)
     return {
-        lane.id: SourceLane(
-            id=lane.id,
+        str(lane.id): SourceLane(
+            id=str(lane.id),
             left=frozen(lane.left[:, :2] + origin_m),
             right=frozen(lane.right[:, :2] + origin_m),
             successors=successors[lane.id],
@@ -198,8 +166,8 @@ def _source_lanes(
 
 
 def _links(
-    cars: Mapping[str, _Lane], others: set[str], notes: list[str]
-) -> tuple[dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]:
+    cars: Mapping[int, ArgoverseLane], others: set[int], notes: list[str]
+) -> tuple[dict[int, tuple[str, ...]], dict[int, tuple[str, ...]]]:
     """Successors and predecessors of every lane for cars, each link between two of them named by both."""
     ahead = {id_: dict.fromkeys(lane.successors) for id_, lane in cars.items()}
     behind = {id_: dict.fromkeys(lane.predecessors) for id_, lane in cars.items()}
@@ -216,13 +184,13 @@ def _links(
     if completed:
         notes.append(f"Links that only one of the two lanes names, made known to the other: {completed}.")
 
-    def kept(links: Mapping[str, Iterable[str]]) -> dict[str, tuple[str, ...]]:
-        return {id_: tuple(link for link in found if link not in others) for id_, found in links.items()}
+    def kept(links: Mapping[int, Iterable[int]]) -> dict[int, tuple[str, ...]]:
+        return {id_: tuple(str(link) for link in found if link not in others) for id_, found in links.items()}
 
     return kept(ahead), kept(behind)
 
 
-def _neighbours(cars: Mapping[str, _Lane], notes: list[str]) -> tuple[dict[str, str], dict[str, str]]:
+def _neighbours(cars: Mapping[int, ArgoverseLane], notes: list[str]) -> tuple[dict[int, str], dict[int, str]]:
     """The left and the right neighbour of the lanes that have one.
 
     Argoverse names lanes of the opposite direction too. Kept are those that
@@ -232,8 +200,8 @@ def _neighbours(cars: Mapping[str, _Lane], notes: list[str]) -> tuple[dict[str, 
         [(lane.left_neighbour, lane.id) for lane in cars.values() if lane.left_neighbour in cars]
         + [(lane.id, lane.right_neighbour) for lane in cars.values() if lane.right_neighbour in cars]
     )
-    on_left: dict[str, str] = {}
-    on_right: dict[str, str] = {}
+    on_left: dict[int, int] = {}
+    on_right: dict[int, int] = {}
     for left, right in named:
         if left is None or right is None or left in on_right or right in on_left:
             continue
@@ -242,7 +210,8 @@ def _neighbours(cars: Mapping[str, _Lane], notes: list[str]) -> tuple[dict[str, 
     lost = {frozenset(pair) for pair in named} - {frozenset(pair) for pair in on_left.items()}
     if lost:
         notes.append(f"Pairs of neighbours that are oncoming or do not adjoin from end to end, not kept: {len(lost)}.")
-    return on_left, on_right
+    of_left, of_right = ({lane: str(other) for lane, other in found.items()} for found in (on_left, on_right))
+    return of_left, of_right
 
 
 def _adjoin(one: Floats, other: Floats) -> bool:
@@ -253,12 +222,12 @@ def _adjoin(one: Floats, other: Floats) -> bool:
     return shapely.LineString(one[:, :2]).hausdorff_distance(shapely.LineString(other[:, :2])) <= MAX_NEIGHBOUR_GAP_M
 
 
-def _left_out(lane: _Lane, origin_m: tuple[float, float]) -> LeftOut:
+def _left_out(lane: ArgoverseLane, origin_m: tuple[float, float]) -> LeftOut:
     reason = REASONS.get(lane.type, f"lane of type {lane.type}")
-    return LeftOut(lane.id, reason, _moved(max(_parts(lane.ring), key=shapely.area), origin_m))
+    return LeftOut(str(lane.id), reason, _moved(max(valid_parts(lane.ring), key=shapely.area), origin_m))
 
 
-def _note_bridges(cars: Sequence[_Lane], notes: list[str]) -> None:
+def _note_bridges(cars: Sequence[ArgoverseLane], notes: list[str]) -> None:
     """Say how many pairs of lanes pass above each other."""
     if not cars:
         return
@@ -274,7 +243,7 @@ def _note_bridges(cars: Sequence[_Lane], notes: list[str]) -> None:
         notes.append(f"Pairs of lanes that cross at different heights, as on a bridge: {bridges}.")
 
 
-def _heights_m(cars: Sequence[_Lane], rows: Ints, at: NDArray[np.object_]) -> Floats:
+def _heights_m(cars: Sequence[ArgoverseLane], rows: Ints, at: NDArray[np.object_]) -> Floats:
     """(N,) height of lanes, given by their rows, at the points of their boundaries nearest to places."""
     heights = np.zeros(len(rows))
     for side in ("left", "right"):
@@ -287,15 +256,12 @@ def _heights_m(cars: Sequence[_Lane], rows: Ints, at: NDArray[np.object_]) -> Fl
 # --- surfaces --------------------------------------------------------------------------------------
 
 
-def _surfaces(
-    rows: Iterable[Item], draw: Callable[[Item], shapely.Geometry], what: str, notes: list[str]
-) -> list[shapely.Polygon]:
+def _surfaces(outlines: Iterable[shapely.Geometry], what: str, notes: list[str]) -> list[shapely.Polygon]:
     """Valid polygons, with a note where the file's are none."""
     found: list[shapely.Polygon] = []
     bad = 0
-    for item in rows:
-        drawn = draw(item)
-        parts = _parts(drawn)
+    for drawn in outlines:
+        parts = valid_parts(drawn)
         found.extend(parts)
         bad += not (parts and shapely.is_valid(drawn))
     if bad:
@@ -303,18 +269,8 @@ def _surfaces(
     return found
 
 
-def _crossing(item: Item) -> shapely.Geometry:
+def _crossing(crossing: PedestrianCrossing) -> shapely.Geometry:
     """The ring around the two edges of a crossing, whichever way each was drawn; their hull if they cross."""
-    one, other = item.line("edge1")[:, :2], item.line("edge2")[:, :2]
+    one, other = crossing.edge1[:, :2], crossing.edge2[:, :2]
     rings = [shapely.Polygon(np.concatenate((one, twin))) for twin in (other[::-1], other)]
     return next((ring for ring in rings if ring.is_valid), rings[0].convex_hull)
-
-
-def _drivable(item: Item) -> shapely.Polygon:
-    return shapely.Polygon(item.line("area_boundary", least=3)[:, :2])
-
-
-def _parts(outline: shapely.Geometry) -> list[shapely.Polygon]:
-    """The valid polygons within an outline: one, if it does not cross itself."""
-    parts = shapely.get_parts(shapely.get_parts(shapely.make_valid(outline)))  # a collection may hold a MultiPolygon
-    return [part for part in parts if isinstance(part, shapely.Polygon) and part.area > 0.0]

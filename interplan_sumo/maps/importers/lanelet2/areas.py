@@ -8,8 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.importers.lanelet2.kinds import Kind, kind_of, reason_of
-from interplan_sumo.maps.importers.lanelet2.lanelets import Lanelet, UnusableError, points_of, truth
+from interplan_sumo.maps.importers.lanelet2.lanelets import (
+    Kind,
+    Lanelet,
+    UnusableError,
+    kind_of,
+    points_of,
+    reason_of,
+    truth,
+)
 from interplan_sumo.maps.importers.lanelet2.osm import OsmFile, Relation
 from interplan_sumo.maps.importers.source import LeftOut
 from interplan_sumo.world.geometry import Floats

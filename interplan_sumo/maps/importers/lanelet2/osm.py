@@ -8,12 +8,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
-from xml.etree.ElementTree import Element, ParseError
-
-from defusedxml import DefusedXmlException
-from defusedxml.ElementTree import iterparse
+from xml.etree.ElementTree import Element
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.world.xml_file import elements
 
 _ID = re.compile(r"[+-]?\d{1,20}")  # of editors: negative for what is new, up to 64 bits
 _BEYOND_EARTH = 1e8  # metres or degrees
@@ -88,23 +86,14 @@ class OsmFile:
 def read_osm(path: Path) -> OsmFile:
     """The file at `path`; MapError with one line if it is missing, damaged or of another kind.
 
-    Entities and document types are refused. Of nodes and ways with the same
-    id, the first one counts.
+    Of nodes and ways with the same id, the first one counts.
     """
-    if not path.is_file():
-        raise MapError(f"no map file at {path}; give the path of a Lanelet2 .osm file")
     file = OsmFile(path)
-    try:
-        if path.stat().st_size == 0:
-            file.fault("the file is empty; copy or download it again")
-        _read(file)
-    except DefusedXmlException as error:
-        what = "declares a document type or entities, which are refused"
-        raise MapError(f"{path}: {what}; save it again without them") from error
-    except ParseError as error:
-        raise MapError(f"{path}: not well-formed XML ({error}); copy or download it again") from error
-    except (OSError, LookupError, ValueError) as error:
-        raise MapError(f"{path}: the file cannot be read ({' '.join(str(error).split())})") from error
+    for element in elements(path, "osm"):
+        if element.tag == "osm":
+            file.references.extend(value for key, value in element.attrib.items() if key.lower() == _GEO_REFERENCE)
+        elif element.get("action") != "delete" and element.get("visible") != "false":
+            _read_element(file, element)
     return file
 
 
@@ -115,27 +104,6 @@ def number(text: str | None) -> float:
     except ValueError:
         return math.nan
     return value if abs(value) < _BEYOND_EARTH else math.nan
-
-
-def _read(file: OsmFile) -> None:
-    open_elements: list[Element] = []
-    for event, element in iterparse(str(file.path), events=("start", "end"), forbid_dtd=True):
-        if event == "start":
-            open_elements.append(element)
-            if len(open_elements) == 1:
-                _read_root(file, element)
-            continue
-        open_elements.pop()
-        if len(open_elements) == 1:
-            if element.get("action") != "delete" and element.get("visible") != "false":
-                _read_element(file, element)
-            open_elements[0].clear()
-
-
-def _read_root(file: OsmFile, root: Element) -> None:
-    if root.tag != "osm":
-        file.fault(f"not an OSM file (its outermost element is <{root.tag[:20]}>); expected <osm>")
-    file.references.extend(value for key, value in root.attrib.items() if key.lower() == _GEO_REFERENCE)
 
 
 def _read_element(file: OsmFile, element: Element) -> None:

@@ -10,8 +10,14 @@ from pathlib import Path
 from interplan_sumo.maps.importers.lanelet2.areas import Grounds
 from interplan_sumo.maps.importers.lanelet2.controls import LaneControls, controls_of, is_in_intersection
 from interplan_sumo.maps.importers.lanelet2.frame import frame_of
-from interplan_sumo.maps.importers.lanelet2.kinds import Kind, kind_of
-from interplan_sumo.maps.importers.lanelet2.lanelets import Lanelet, UnusableError, check_drivable, lanelet_of
+from interplan_sumo.maps.importers.lanelet2.lanelets import (
+    Kind,
+    Lanelet,
+    UnusableError,
+    check_drivable,
+    kind_of,
+    lanelet_of,
+)
 from interplan_sumo.maps.importers.lanelet2.limits import Limit, LimitOrigin, limit_of
 from interplan_sumo.maps.importers.lanelet2.osm import OsmFile, read_osm
 from interplan_sumo.maps.importers.lanelet2.travel_directions import (
@@ -46,7 +52,8 @@ def read_lanelet2(path: Path) -> SourceMap:
         reasons = ", ".join(f"{count} {reason}" for reason, count in _reasons(grounds.left_out))
         file.fault(f"holds no lanelet for cars that can be used{f' ({reasons})' if reasons else ''}; check its tags")
     grounds.add_areas(file, frame.points)
-    side, is_shown = driving_side(lanelets)
+    shown = driving_side(lanelets)
+    side = shown or "right"
     directions = travel_directions_of(lanelets, side)
     onward = followers(directions)
     controls = controls_of(file, frame.points, directions, onward, predecessors(onward))
@@ -65,7 +72,7 @@ def read_lanelet2(path: Path) -> SourceMap:
         left_out=tuple(grounds.left_out),
         notes=(
             *frame.notes,
-            *_side_notes(side, is_shown),
+            *(() if shown else ("No two lanes show on which side traffic keeps: the right is assumed.",)),
             *_limit_notes(limits.values()),
             *_lane_notes(lanelets, directions, onward),
             *_control_notes(controls),
@@ -139,10 +146,6 @@ def _name(path: Path) -> str:
 
 
 # --- notes ---------------------------------------------------------------------------------------------
-
-
-def _side_notes(side: str, is_shown: bool) -> list[str]:
-    return [] if is_shown else [f"No two lanes show on which side traffic keeps: the {side} is assumed."]
 
 
 def _limit_notes(limits: Iterable[Limit]) -> list[str]:

@@ -8,15 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from interplan_sumo.maps.driving_side import shown_side
 from interplan_sumo.maps.importers.lanelet2.lanelets import Bound, Lanelet, between, truth
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import DrivingSide
 
 TWO_WAY_WIDTH_M = 4.5
 """A lanelet that is driven in both directions is split in two from this width on."""
-_MEDIAN_M = 12.0  # oncoming lanes that lie further apart are not of one road
 _WIDENING_M = 10.0  # over this length a half becomes the whole lanelet, where only whole ones lie beyond
 _INNER_SPACING_M = 1.0
 
@@ -160,33 +159,9 @@ def _apart_m(one: TravelDirection, other: TravelDirection) -> float:
     return float(np.hypot(*(one.left[[0, -1]] - other.right[[0, -1]]).T).sum())
 
 
-def driving_side(lanelets: Sequence[Lanelet]) -> tuple[DrivingSide, bool]:
-    """The side of the road on which traffic keeps, and whether the map shows it.
-
-    Oncoming lanes have their left boundaries next to each other, or in common,
-    where traffic keeps right; their right boundaries where it keeps left.
-    """
+def driving_side(lanelets: Sequence[Lanelet]) -> DrivingSide | None:
+    """The side that traffic keeps to, None where the lanelets for one direction do not show it."""
     one_way = [lanelet for lanelet in lanelets if not is_two_way(lanelet)]
-    kept_right_m = _facing_m([lanelet.left.points for lanelet in one_way])
-    kept_left_m = _facing_m([lanelet.right.points for lanelet in one_way])
-    return ("left" if kept_left_m > kept_right_m else "right"), kept_left_m != kept_right_m
-
-
-def _facing_m(lines: Sequence[Floats]) -> float:
-    """How much lines run beside opposing ones: over all pairs, the metres by which they are closer than a median."""
-    if not lines:
-        return 0.0
-    shapes = np.array([shapely.LineString(points) for points in lines], dtype=object)
-    middles = shapely.line_interpolate_point(shapes, 0.5, normalized=True)
-    one, other = shapely.STRtree(shapes).query(middles, predicate="dwithin", distance=_MEDIAN_M)
-    at = shapely.line_locate_point(shapes[other], middles[one], normalized=True)
-    along, beside = _directions(shapes[one], np.full(len(one), 0.5)), _directions(shapes[other], at)
-    opposed = (along * beside).sum(axis=1) < -0.9 * np.hypot(*along.T) * np.hypot(*beside.T)
-    return round(float((_MEDIAN_M - shapely.distance(middles[one], shapes[other]))[opposed].sum()), 3)
-
-
-def _directions(shapes: NDArray[np.object_], at: Floats) -> Floats:
-    """(N, 2) directions of lines at shares of their lengths; how long these are means nothing."""
-    ahead = shapely.line_interpolate_point(shapes, np.minimum(at + 0.02, 1.0), normalized=True)
-    behind = shapely.line_interpolate_point(shapes, np.maximum(at - 0.02, 0.0), normalized=True)
-    return shapely.get_coordinates(ahead) - shapely.get_coordinates(behind)
+    left = (shapely.LineString(lanelet.left.points) for lanelet in one_way)
+    right = (shapely.LineString(lanelet.right.points) for lanelet in one_way)
+    return shown_side(left, right)

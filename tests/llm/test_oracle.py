@@ -14,9 +14,9 @@ from interplan_sumo.maps.store import load_roads
 from interplan_sumo.planner import Mission, Observation, Planner
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.simulation.episode import drive
-from interplan_sumo.verification.oracle import ENOUGH, Effort, OracleChooser, OracleDrive, Value, oracle_drive
 from interplan_sumo.world.trace import EgoTrack
 from interplan_sumo.world.trajectory import Trajectory
+from tools.oracle import ENOUGH, Effort, OracleChooser, OracleDrive, Value, oracle_drive
 
 SPEEDS_MPS = {"go": 8.0, "also_go": 8.0, "creep": 2.0}
 SECONDS = 3
