@@ -46,8 +46,6 @@ POINT_M = 0.5
 """Vehicles drive in as far behind the edge of the map; connectors shorter than this are no junctions, but cuts."""
 POINTS_M = 10.0
 """Distances to the ego are judged at points this far apart along the roads."""
-ENTRY_BRAKING_MPS2 = 2.4
-"""No vehicle enters so fast that it must brake harder than this."""
 JUNCTION_S = 3.0
 """None enters nearer to a junction: those that yield there have decided without it."""
 CHANGING_M = 0.1
@@ -341,7 +339,7 @@ class _Entry:
         if ego is not None:
             ahead = replace(ahead, leader=min(ahead.leader or ego, ego))
         flowing_mps = self._flow.speed_mps(driver, lane)
-        speed_mps = start_speed_mps(driver, ahead, hardest_mps2=ENTRY_BRAKING_MPS2, most_mps=flowing_mps)
+        speed_mps = start_speed_mps(driver, ahead, most_mps=flowing_mps)
         if speed_mps is None or not self._occupied.leaves_room(lane.id, front_m, driver.length_m, speed_mps):
             return None
         crossing = next((part for part in way if part.lane.internal and part.lane.line.length_m > POINT_M), None)

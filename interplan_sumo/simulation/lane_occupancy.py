@@ -11,15 +11,13 @@ from interplan_sumo.simulation.idm import acceleration_mps2
 from interplan_sumo.simulation.lane_chains import ChainedLane
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
-from interplan_sumo.simulation.start_speed import StartAhead, safe
+from interplan_sumo.simulation.start_speed import HARDEST_FIRST_BRAKING_MPS2, StartAhead, safe
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
 AHEAD_M, BEHIND_M = 150.0, 80.0
 """How far starting vehicles look for others."""
 CAR_LENGTH_M = 5.0
 """Gaps are meant for cars up to this length; longer vehicles add the rest."""
-FOLLOWER_BRAKING_MPS2 = 2.4
-"""No vehicle starts so slowly that the one behind it must brake harder than this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,5 +120,5 @@ def may_follow(driver: VehicleType | None, speed_mps: float, limit_mps: float, g
         return False
     return driver is None or (
         gap_m > driver.min_gap_m
-        and acceleration_mps2(driver, speed_mps, limit_mps, gap_m, leader_mps) >= -FOLLOWER_BRAKING_MPS2
+        and acceleration_mps2(driver, speed_mps, limit_mps, gap_m, leader_mps) >= -HARDEST_FIRST_BRAKING_MPS2
     )

@@ -13,7 +13,6 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate
-from typing import Any
 
 import numpy as np
 import shapely
@@ -83,11 +82,10 @@ def opposite_edges(network: SumoNetwork) -> Mapping[str, frozenset[str]]:
     owner = np.repeat(np.arange(len(edges)), [len(line.points) for line in lines])
     points = np.concatenate([line.points for line in lines])
     heading = np.concatenate([line.poses_at(line.arc_m)[:, 2] for line in lines])
-    nodes: Any = shapely.points(points)
-    here, there = shapely.STRtree(nodes).query(nodes, predicate="dwithin", distance=OPPOSITE_M)
-    along = np.abs(
-        ((points[there] - points[here]) * np.stack((np.cos(heading[here]), np.sin(heading[here])), 1)).sum(1)
-    )
+    places = [shapely.Point(*point) for point in points.tolist()]
+    here, there = shapely.STRtree(places).query(places, predicate="dwithin", distance=OPPOSITE_M)
+    forward = np.stack((np.cos(heading), np.sin(heading)), axis=1)
+    along = np.abs(((points[there] - points[here]) * forward[here]).sum(axis=1))
     facing = (np.cos(heading[there] - heading[here]) < np.cos(np.radians(150.0))) & (along <= POINTS_M)
     pairs = np.unique(np.stack((here[facing], owner[there[facing]])), axis=1)
     counts: dict[tuple[int, int], int] = {}

@@ -12,12 +12,10 @@ from interplan_sumo.simulation.vehicle_types import VehicleType
 
 HOLD_S = 3.0
 """No vehicle may hit another within this time if all hold their speed (benchmark.md)."""
-HARDEST_FIRST_BRAKING_MPS2 = 2.9
-"""Just milder than the 3 m/s2 that the benchmark allows in the first step."""
+HARDEST_FIRST_BRAKING_MPS2 = 2.4
+"""Milder than the 3 m/s2 that the benchmark allows in the first two seconds: braking grows as one comes nearer."""
 STOPPING_MPS2 = 1.5
 """Comfortable braking towards a light, a junction that may not be open, or a lane with a lower limit."""
-SLOWING_MPS2 = 2.4
-"""The hardest braking before them: it grows a little as they come nearer."""
 LINE_M = 1.0
 """SUMO's cars stop this far before the end of their lane."""
 
@@ -41,22 +39,15 @@ def safe(speed_mps: float, gap_m: float, leader_mps: float) -> bool:
 
 
 def start_speed_mps(
-    driver: VehicleType,
-    ahead: StartAhead,
-    *,
-    hardest_mps2: float = HARDEST_FIRST_BRAKING_MPS2,
-    most_mps: float | None = None,
-    settled: bool = True,
+    driver: VehicleType, ahead: StartAhead, *, most_mps: float | None = None, settled: bool = True
 ) -> float | None:
     """The highest safe start speed; None where even standing is not safe.
 
-    `hardest_mps2` is the hardest braking that following the leader may take at
-    once. Up to `most_mps`, where it is given, even beyond the limit. `settled`
-    demands that its leader's gap is not too short for the speed in the long run.
+    Up to `most_mps`, where it is given, even beyond the limit. `settled` demands
+    that its leader's gap is not too short for the speed in the long run.
     """
     limit_mps = ahead.limit_mps
-    desired_mps = min(limit_mps * driver.speed_factor, driver.max_speed_mps)
-    allowed = [desired_mps if most_mps is None else most_mps]
+    allowed = [min(limit_mps * driver.speed_factor, driver.max_speed_mps) if most_mps is None else most_mps]
     free = replace(driver, min_gap_m=0.0)  # SUMO's IDM keeps no gap to a line or a limit (measured)
     meets: list[Callable[[float], bool]] = []
     if ahead.line_m is not None:
@@ -78,7 +69,7 @@ def start_speed_mps(
         return acceleration_mps2(driver, speed_mps, limit_mps, gap_m, speed_mps) >= 0.0
 
     def brakes_mildly(speed_mps: float) -> bool:
-        return acceleration_mps2(driver, speed_mps, limit_mps, gap_m, leader_mps) >= -hardest_mps2
+        return acceleration_mps2(driver, speed_mps, limit_mps, gap_m, leader_mps) >= -HARDEST_FIRST_BRAKING_MPS2
 
     def holds(speed_mps: float) -> bool:
         return safe(speed_mps, gap_m, leader_mps)
@@ -88,7 +79,7 @@ def start_speed_mps(
 
 def _stops_mildly(free: VehicleType, limit_mps: float, room_m: float, speed_mps: float) -> bool:
     """Whether a car stops at a line `room_m` ahead with a mild first step."""
-    return speed_mps == 0.0 or acceleration_mps2(free, speed_mps, limit_mps, room_m, 0.0) >= -SLOWING_MPS2
+    return speed_mps == 0.0 or acceleration_mps2(free, speed_mps, limit_mps, room_m, 0.0) >= -HARDEST_FIRST_BRAKING_MPS2
 
 
 def _slows_mildly(free: VehicleType, limit_mps: float, room_m: float, lower_mps: float, speed_mps: float) -> bool:
@@ -101,4 +92,4 @@ def _slows_mildly(free: VehicleType, limit_mps: float, room_m: float, lower_mps:
         return True
     comfort_mps2 = 2.0 * sqrt(free.accel_mps2 * free.decel_mps2)
     secure_m = speed_mps * free.tau_s + speed_mps * (speed_mps - lower_mps) / comfort_mps2
-    return acceleration_mps2(free, speed_mps, limit_mps, max(room_m, secure_m), 0.0) >= -SLOWING_MPS2
+    return acceleration_mps2(free, speed_mps, limit_mps, max(room_m, secure_m), 0.0) >= -HARDEST_FIRST_BRAKING_MPS2

@@ -108,7 +108,6 @@ def _denser(scenario: Scenario, rng: np.random.Generator) -> Scenario:
     """The same place with other traffic."""
     demand = replace(
         scenario.traffic, density=str(rng.choice(DENSITIES)), oncoming=str(rng.choice(("none", *DENSITIES))),
-        flow=bool(rng.random() < 0.5),
     )  # fmt: skip
     return replace(scenario, traffic=demand)
 
@@ -119,8 +118,7 @@ def _generated(map: str, seed: int, number: int, rng: np.random.Generator, *, fa
         search = Search(load_roads(map), str(rng.choice([name for name in FAMILIES if name != "trip"])), seed + number)
         for made in search:
             return replace(_denser(made, rng), map=map) if rng.random() < 0.5 else replace(made, map=map)
-    made = random_scenario(map, rng, number, obstacles=bool(rng.random() < 0.3), jaywalker=bool(rng.random() < 0.2))
-    return replace(made, traffic=replace(made.traffic, flow=bool(rng.random() < 0.5)))
+    return random_scenario(map, rng, number, obstacles=bool(rng.random() < 0.3), jaywalker=bool(rng.random() < 0.2))
 
 
 def _drivers(folder: Path, number: int, rng: np.random.Generator, only: str | None) -> tuple[Path, str]:

