@@ -14,7 +14,7 @@ def row(scenario: str, score: float | None = 0.5, **changes: Any) -> Row:
         "scenario_id": scenario, "family": scenario.partition("/")[0], "planner": "idm", "seed": 0, "score": score,
         "metrics": {}, "gates": (), "weights": {}, "fault": Fault("timeout", "killed") if score is None else None,
         "official": True, "overrides": AppliedOverrides(), "trace_hash": None, "times_s": {}, "versions": {},
-        "reached_goal": False, "site": "tiny/1", "scenario_hash": "", "trace": None,
+        "traffic_version": 2, "reached_goal": False, "site": "tiny/1", "scenario_hash": "", "trace": None,
     }  # fmt: skip
     return Row(**fields | changes)
 
@@ -36,7 +36,7 @@ def asked(planners: str = "idm", scenarios: str = "a/0 a/1 a/2", seeds: int = 1)
 def manifest(*requests: RequestedJobs, **changes: Any) -> Manifest:
     fields: dict[str, Any] = {
         "suite": "smoke==1", "suite_hash": "1", "profile": "interplan-paper", "overrides": AppliedOverrides(),
-        "versions": {"sumo": "1.28.0", "python": "3.11.7"}, "command": ("run",), "created": "2024-01-01T00:00:00Z",
-        "platform": "", "plan_limit_s": 10.0, "requests": requests,
+        "versions": {"sumo": "1.28.0", "python": "3.11.7"}, "traffic_version": 2, "command": ("run",),
+        "created": "2024-01-01T00:00:00Z", "platform": "", "plan_limit_s": 10.0, "requests": requests,
     }  # fmt: skip
     return Manifest(**fields | changes)

@@ -158,6 +158,7 @@ class Row(Struct, frozen=True, kw_only=True, omit_defaults=True):
     times_s: dict[str, Seconds]
     """Wall clock by phase, and `total`."""
     versions: dict[str, str]
+    traffic_version: int
     reached_goal: bool
     site: str
     scenario_hash: str
@@ -218,6 +219,7 @@ class Manifest(Struct, frozen=True, kw_only=True):
     profile: str
     overrides: AppliedOverrides
     versions: dict[str, str]
+    traffic_version: int
     command: tuple[str, ...]
     created: str
     platform: str

@@ -30,6 +30,7 @@ from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.planner import RECOMMENDED, Planner, find_planner
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.network import read_network
+from interplan_sumo.simulation.traffic import TRAFFIC_VERSION
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 
 
@@ -85,6 +86,7 @@ def run(
         profile=profile.name,
         overrides=overrides,
         versions=library_versions,
+        traffic_version=TRAFFIC_VERSION,
         command=tuple(command),
         created=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         platform=platform.platform(),
@@ -161,6 +163,7 @@ def _row(outcome: Outcome, site: str, scenario_hash: str, manifest: Manifest, *,
         trace_hash=answer.trace_hash,
         times_s=answer.times_s or {"total": round(outcome.wall_s, 6)},
         versions=manifest.versions,
+        traffic_version=manifest.traffic_version,
         reached_goal=answer.reached_goal,
         site=site,
         scenario_hash=scenario_hash,

@@ -62,7 +62,7 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.files import PART, replacing
 
 MANIFEST = "manifest.json"
-BENCHMARK = ("suite", "suite_hash", "profile", "overrides", "versions")
+BENCHMARK = ("suite", "suite_hash", "profile", "overrides", "versions", "traffic_version")
 """What all rows of a folder share, by its name in the manifest."""
 OWN_SCENARIOS = "scenarios.yaml"
 TRAFFIC = "traffic"

@@ -20,6 +20,7 @@ TIE = 1e-6
 WAY_OUT = {
     "suite": "only drives of one suite can be compared",
     "suite_hash": "the suite has changed in between: drive both with one version",
+    "traffic_version": "the traffic drives otherwise since: drive both with one version",
     "profile": "--profile NAME scores both again",
 }
 """What must be the same in both manifests, and what to do where it is not."""

@@ -219,7 +219,7 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
     driven = [_Driven.of(run) for run in runs]
     ordinary = [each.run for each in driven if each.ordinary]
     others = [each.run for each in driven if not each.ordinary]
-    _check_agree(runs, "profile")
+    _check_agree(runs, "profile", "traffic_version")
     for group in (others, ordinary):
         _check_agree(group, "suite", "suite_hash")
     first = (others or ordinary)[0].manifest

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.signals import Signals
+
+TRAFFIC_VERSION: Final = 2
+"""Goes up with every change that can change a trace; drives of different versions are not compared."""
 
 
 @dataclass(frozen=True, eq=False)

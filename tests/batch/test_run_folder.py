@@ -60,6 +60,7 @@ def test_the_lock_is_free_again_when_its_owner_was_killed(tmp_path: Path) -> Non
         ({"overrides": AppliedOverrides(density="high")}, "with overrides density none, this one has high"),
         ({"overrides": AppliedOverrides(traffic="my.xml sha256:12")}, "with overrides traffic none, this one has my"),
         ({"versions": {"sumo": "1.29.0", "python": "3.11.7"}}, "with versions sumo 1.28.0, this one has 1.29.0"),
+        ({"traffic_version": 3}, "with traffic_version 2, this one has 3"),
         ({"profile": "nuplan"}, "with profile interplan-paper, this one has nuplan"),
     ],
 )

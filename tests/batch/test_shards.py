@@ -38,7 +38,7 @@ def row(number: int, **changes: Any) -> Row:
     held: dict[str, Any] = {
         "score": number % 8 / 8.0, "gates": ("no_collision",), "weights": {"lane_changes": 4.0},
         "metrics": {"no_collision": metric(1.0), "lane_changes": metric(0.5, {"goal": False}, "a lane short")},
-        "trace_hash": f"{number:064}", "times_s": {"total": 2.5}, "versions": {"sumo": "1.28.0"},
+        "trace_hash": f"{number:064}", "times_s": {"total": 2.5}, "versions": {"sumo": "1.28.0"}, "traffic_version": 2,
         "reached_goal": True, "trace": f"traces/{number}",
     }  # fmt: skip
     return records.row(f"lane_change_ltd/{number}", **held | changes)

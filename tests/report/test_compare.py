@@ -101,10 +101,11 @@ def test_drives_without_a_score_on_one_side_are_named_and_left_out():
     [
         ("suite", "common==1", "has suite smoke==1"),
         ("suite_hash", "2", "the suite has changed in between"),
+        ("traffic_version", 3, "the traffic drives otherwise since"),
         ("profile", "nuplan", "--profile NAME scores both again"),
     ],
 )
-def test_different_suites_and_profiles_are_refused(what: str, value: str, words: str):
+def test_different_suites_and_profiles_are_refused(what: str, value: object, words: str):
     with pytest.raises(RunFolderError, match=words):
         compare(before(), replace(after(), manifest=structs.replace(after().manifest, **{what: value})))
 

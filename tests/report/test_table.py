@@ -120,7 +120,7 @@ def test_official_and_overridden_rows_are_never_mixed_and_runs_are_told_apart_by
     assert [line.label for line in make_table(same).lines] == ["idm (a)", "idm (b)"]
 
 
-@pytest.mark.parametrize("what", ["suite", "suite_hash", "profile"])
+@pytest.mark.parametrize("what", ["suite", "suite_hash", "profile", "traffic_version"])
 def test_runs_that_cannot_be_compared_are_refused(what: str) -> None:
     with pytest.raises(RunFolderError, match=f"runs/b has {what} other"):
         make_table([stored(drive("nudge/0", 1.0)), stored(drive("nudge/0", 1.0), path="runs/b", **{what: "other"})])  # type: ignore[arg-type]
