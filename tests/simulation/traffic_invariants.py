@@ -305,7 +305,7 @@ def spawn_braking(without_ego: Drive, bodies: Mapping[str, Body]) -> Iterator[Vi
             continue
         begins = int(np.flatnonzero(without_ego.there[:, i])[0])
         early = change[begins : begins + round(SPAWN_S / DT_S), i]
-        if len(early) and np.nanmin(early) < -SPAWN_BRAKING_MPS2 - TOLERANCE_MPS2:
+        if np.isfinite(early).any() and np.nanmin(early) < -SPAWN_BRAKING_MPS2 - TOLERANCE_MPS2:
             k = begins + int(np.nanargmin(early))
             yield Violation("spawn_braking", k + 1, name, float(-change[k, i]), f"there since frame {begins}")
 
