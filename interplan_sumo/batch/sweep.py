@@ -25,11 +25,12 @@ from interplan_sumo.batch.run_folder import MANIFEST, TRAFFIC, StoredRun, read_r
 from interplan_sumo.batch.traffic_files import Edit, changed_name, write_changed
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.planner import RECOMMENDED, find_planner
-from interplan_sumo.scenario.scenario import LARGEST_GAP_M, Scenario
+from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 
 TYPICAL_S = 5.0
 """A drive of half a minute with a rule-based planner on one core, loading included: the guess before any was timed."""
+DENSITIES = ("low", "medium", "high")
 VALUE = re.compile(r"[A-Za-z0-9_.+-]+")
 """Values become parts of folder names."""
 
@@ -54,8 +55,8 @@ class Parameter:
                 raise InputError(f"--param {key}: {value!r} is no value; numbers and plain words are")
             if any(_same(value, other) for other in values[:number]):
                 raise InputError(f"--param {key} gives {value} twice; give each value once")
-            if key == "density" and value not in LARGEST_GAP_M:
-                raise UnknownNameError("density", value, LARGEST_GAP_M)
+            if key == "density" and value not in DENSITIES:
+                raise UnknownNameError("density", value, DENSITIES)
             if key == "behaviour":
                 vehicle_type_file(value)
             elif key != "density":

@@ -83,7 +83,7 @@ def drawn(id: str, _roads: Roads, site: Site, rng: np.random.Generator) -> Scena
     most_m = min(site.width_m / 2.0 + site.oncoming_m - PASSING_M, least_m + 0.8)
     if most_m < least_m:
         raise UnsuitableError("the oncoming lane is too narrow to pass on")
-    oncoming: Density = "low" if rng.random() < 0.5 else "none"  # denser traffic, which has no end, leaves no gap
+    oncoming: Density = "sparse" if rng.random() < 0.6 else "none"  # denser traffic, which has no end, leaves no gap
     followers = tuple(d for d in (15.0, 32.0) if site.start.arc_m - d > 5.0 and rng.random() < 0.3)
     return overtake(
         id,

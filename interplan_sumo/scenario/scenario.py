@@ -17,11 +17,12 @@ from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Pose, wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
 
-Density = Literal["none", "low", "medium", "high"]
+Density = Literal["none", "sparse", "low", "medium", "high"]
 Behaviour = Literal["conservative", "assertive", "mixed", "urban"]
 
-LARGEST_GAP_M: dict[str, float] = {"low": 100.0, "medium": 50.0, "high": 33.0}
-"""interPlan's densities: centre gaps are uniform from 10 m up to these."""
+LARGEST_GAP_M: dict[str, float] = {"sparse": 400.0, "low": 100.0, "medium": 50.0, "high": 33.0}
+"""interPlan's densities, and one of side streets, which leaves gaps to overtake in: centre gaps are uniform from 10 m
+up to these."""
 SMALLEST_GAP_M = 10.0
 SITE_BIN_M = 10.0
 ADDED_LATER = frozenset({"replayed", "lights", "past"})

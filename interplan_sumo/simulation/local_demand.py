@@ -2,9 +2,9 @@
 
 On the ego's own way and where the lanes that the scenario fills go on, it is
 the scenario's density; on the lanes beside them of the opposite direction, the
-scenario's oncoming density; on all others half of the lightest one: the scenario
-says nothing of them, and side streets carry less than the road that one drives
-on. Where a density is none, nobody drives, and no route leads there.
+scenario's oncoming density; on all others it is sparse: the scenario says nothing
+of them, and side streets carry less than the road that one drives on. Where a
+density is none, nobody drives, and no route leads there.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ import shapely
 from interplan_sumo.scenario.scenario import LARGEST_GAP_M, SMALLEST_GAP_M, TrafficDemand
 from interplan_sumo.simulation.network import SumoNetwork
 
-SIDE_GAP_M = 200.0
-"""The largest gap on roads of which the scenario says nothing."""
 STRAIGHT_ON = 3.0
 """So many times more vehicles go straight on than turn into a road of equal density."""
 OPPOSITE_M = 25.0
@@ -56,9 +54,9 @@ def local_demand(
     against = frozenset((*oncoming, *(each for edge in own for each in opposite_edges(network).get(edge, ())))) - mine
     gaps: dict[str, float] = {}
     for edge in network.edges:
-        density = demand.density if edge in mine else demand.oncoming if edge in against else "low"
+        density = demand.density if edge in mine else demand.oncoming if edge in against else "sparse"
         if density != "none":
-            gaps[edge] = LARGEST_GAP_M[density] if edge in mine or edge in against else SIDE_GAP_M
+            gaps[edge] = LARGEST_GAP_M[density]
     return LocalDemand(gaps, (mine | against) & gaps.keys(), _lasting(network, gaps))
 
 

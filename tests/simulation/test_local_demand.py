@@ -10,7 +10,7 @@ from interplan_sumo.maps.store import find_map, maps
 from interplan_sumo.scenario.scenario import TrafficDemand
 from interplan_sumo.simulation.lane_chains import way_ahead
 from interplan_sumo.simulation.lane_occupancy import LaneOccupancy, Occupant
-from interplan_sumo.simulation.local_demand import SIDE_GAP_M, agent_route, local_demand, opposite_edges
+from interplan_sumo.simulation.local_demand import agent_route, local_demand, opposite_edges
 from interplan_sumo.simulation.network import SumoNetwork, read_network
 
 NETWORK = two_way_road()
@@ -28,7 +28,7 @@ def test_edges_side_by_side_of_opposite_heading_are_opposite() -> None:
 
 def test_own_oncoming_and_side_roads_have_densities_of_their_own() -> None:
     demand = local_demand(NETWORK, TrafficDemand("high", oncoming="medium"), ("e0",), ())
-    assert demand.largest_gap_m == {"e0": 33.0, "w0": 50.0, "e1": SIDE_GAP_M, "w1": SIDE_GAP_M}
+    assert demand.largest_gap_m == {"e0": 33.0, "w0": 50.0, "e1": 400.0, "w1": 400.0}
     assert demand.on_own_road == {"e0", "w0"}
     assert demand.mean_gap_m("e0") == 21.5
 

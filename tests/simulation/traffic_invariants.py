@@ -305,7 +305,7 @@ def spawn_braking(without_ego: Drive, bodies: Mapping[str, Body]) -> Iterator[Vi
             continue
         begins = int(np.flatnonzero(without_ego.there[:, i])[0])
         early = change[begins : begins + round(SPAWN_S / DT_S), i]
-        if len(early) and np.nanmin(early) < -SPAWN_BRAKING_MPS2 - TOLERANCE_MPS2:
+        if np.isfinite(early).any() and np.nanmin(early) < -SPAWN_BRAKING_MPS2 - TOLERANCE_MPS2:
             k = begins + int(np.nanargmin(early))
             yield Violation("spawn_braking", k + 1, name, float(-change[k, i]), f"there since frame {begins}")
 
@@ -329,13 +329,14 @@ def reactions_to_what_is_behind(drive: Drive, twin: Drive, bodies: Mapping[str, 
             alone | (np.abs(slower) > ROUNDING) | (away > ROUNDING),
         )
     )
+    walks = np.array([name not in bodies for name in ids], dtype=bool)  # who will set out is foreseen
     for i, name in enumerate(ids):
         k = int(first[i])
         if k == 0 or k >= last or alone[k, i] or name not in bodies or not slower[k, i] > REACTION_MPS2 * DT_S:
             continue
         x, y = mine[0][k, i], mine[1][k, i]
         near = np.minimum(*(np.nan_to_num(np.hypot(px[k] - x, py[k] - y), nan=np.inf) for px, py, *_ in (mine, other)))
-        touched_before = touched < k - (np.arange(len(ids)) == i) * SUDDEN_FRAMES
+        touched_before = touched < k + np.where(walks, SUDDEN_FRAMES, 0) - (np.arange(len(ids)) == i) * SUDDEN_FRAMES
         if (touched_before & (near < CONTAGION_M)).any():
             continue
         ego_x, ego_y, heading, length, width = drive.ego[k - 1]
