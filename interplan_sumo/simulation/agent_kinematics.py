@@ -10,12 +10,12 @@ A lane change that is cut short by a jump to the middle of the next lane slides.
 
 from __future__ import annotations
 
-from math import degrees, pi
+from math import atan, atan2, degrees, exp, hypot, pi, tan
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from interplan_sumo.world.geometry import Floats, wrap_angle
+from interplan_sumo.world.geometry import Floats
 
 REAR_AXLE = 0.78
 """How far behind the front bumper the rear axle is, as a share of the length: nuPlan's Pacifica."""
@@ -50,6 +50,9 @@ class AgentKinematics:
         self.front_m: Floats = np.zeros((0, 2))
         """(N, 2) middle of the front bumper."""
         self.heading_rad: Floats = np.zeros(0)
+        self.cosine: Floats = np.zeros(0)
+        """Of the headings, as `sine`."""
+        self.sine: Floats = np.zeros(0)
         self.speed_mps: Floats = np.zeros(0)
         self.turned_rad: Floats = np.zeros(0)
         """By SUMO's angle since the step before, not wrapped; none in the first step."""
@@ -72,45 +75,36 @@ class AgentKinematics:
             rows, self._new = self._new, []
             came = np.stack((np.cos(heading[rows]), np.sin(heading[rows])), axis=1) * speed[rows, None]
             self.front_m[rows], self.heading_rad[rows] = front[rows] - self._dt_s * came, heading[rows]
+            self.cosine, self.sine = np.cos(self.heading_rad), np.sin(self.heading_rad)
         if len(front) and len(self.front_m):
             went = front - self.front_m
-            cosine, sine = np.cos(self.heading_rad), np.sin(self.heading_rad)
-            along_m = went[:, 0] * cosine + went[:, 1] * sine
-            left_m = went[:, 1] * cosine - went[:, 0] * sine
-            held = np.maximum(along_m, LEAST * self._dt_s * speed)
-            most_m = STRETCH * self._dt_s * speed + SLIDE_M
-            held_left = np.clip(left_m, -STEEPEST * held, STEEPEST * held)
-            shrunk = np.minimum(1.0, most_m / np.maximum(np.hypot(held, held_left), 1e-9))
-            odd = np.flatnonzero((held > along_m) | (held_left != left_m) | (shrunk < 1.0))
-            if len(odd):
-                along_m, left_m = held * shrunk, held_left * shrunk
-                went[odd, 0] = along_m[odd] * cosine[odd] - left_m[odd] * sine[odd]
-                went[odd, 1] = along_m[odd] * sine[odd] + left_m[odd] * cosine[odd]
-                shown = self.front_m[odd] + went[odd]
-                off_m = np.hypot(*(front[odd] - shown).T)
-                front[odd] = shown
-                self.displaced = frozenset(odd[off_m > DISPLACED_M].tolist())
+            along_m = went[:, 0] * self.cosine + went[:, 1] * self.sine
+            left_m = went[:, 1] * self.cosine - went[:, 0] * self.sine
+            step_m, aside_m = self._dt_s * speed, np.abs(left_m)
+            odd = (along_m < LEAST * step_m) | (aside_m > STEEPEST * along_m)
+            odd |= np.hypot(along_m, left_m) > STRETCH * step_m + SLIDE_M
+            if odd.any():
+                self._hold(front, along_m, left_m, step_m, np.flatnonzero(odd))
             self.turned_rad = turned = heading - self.heading_rad
             self.most_turned_rad = float(max(turned.max(), -turned.min()))
-            if self.most_turned_rad > STRAIGHT_RAD or np.abs(left_m).max() > STRAIGHT_M:
-                heading = self._trailed(went, heading, REAR_AXLE * length_m)
+            for row in np.flatnonzero((np.abs(turned) > STRAIGHT_RAD) | (aside_m > STRAIGHT_M)).tolist():
+                before, wanted = float(self.heading_rad[row]), float(heading[row])
+                axle_m = REAR_AXLE * float(length_m[row])
+                heading[row] = _trailed(before, wanted, float(along_m[row]), float(left_m[row]), axle_m)
         self.front_m, self.heading_rad, self.speed_mps = front, heading, speed
+        self.cosine, self.sine = np.cos(heading), np.sin(heading)
 
-    def _trailed(self, went_m: Floats, wanted_rad: Floats, axle_m: Floats) -> Floats:
-        """The headings (N,) nearest to those wanted with which the rear axles do not slip more than they may.
-
-        `went_m` (N, 2) is the motion of the fronts, `axle_m` (N,) from the front to the rear axle. A
-        point that is pulled straight on by a rod trails it along a tractrix: tan(angle / 2) falls by exp(-way / rod).
-        """
-        way_m = np.hypot(went_m[:, 0], went_m[:, 1])
-        towards = np.arctan2(went_m[:, 1], went_m[:, 0])
-        off = wrap_angle(towards - self.heading_rad)
-        left = 2.0 * np.arctan(np.tan(off / 2.0) * np.exp(-way_m / axle_m))
-        rolled = np.where(way_m > STANDING_M, towards - left, self.heading_rad)
-        axle_way_m = way_m * np.maximum(0.0, np.cos(off))
-        slack = LARGEST_SLIP_RAD * axle_way_m / (axle_m + axle_way_m)
-        apart = wrap_angle(wanted_rad - rolled)
-        return np.where(np.abs(apart) <= slack, wanted_rad, wrap_angle(rolled + np.clip(apart, -slack, slack)))
+    def _hold(self, front: Floats, along_m: Floats, left_m: Floats, step_m: Floats, rows: NDArray[np.intp]) -> None:
+        """Hold the motion of the fronts in `rows` to what a car can do, in place."""
+        along = np.maximum(along_m[rows], LEAST * step_m[rows])
+        left = np.clip(left_m[rows], -STEEPEST * along, STEEPEST * along)
+        shrunk = np.minimum(1.0, (STRETCH * step_m[rows] + SLIDE_M) / np.maximum(np.hypot(along, left), 1e-9))
+        along_m[rows], left_m[rows] = along, left = along * shrunk, left * shrunk
+        cosine, sine = self.cosine[rows], self.sine[rows]
+        shown = self.front_m[rows] + np.stack((along * cosine - left * sine, along * sine + left * cosine), axis=1)
+        off_m = np.hypot(*(front[rows] - shown).T)
+        front[rows] = shown
+        self.displaced = frozenset(rows[off_m > DISPLACED_M].tolist())
 
     def insert(self, rows: list[int]) -> None:
         """Make room for agents that have entered, at these rows of the new order; they begin where SUMO says next."""
@@ -126,3 +120,25 @@ class AgentKinematics:
         rows = np.flatnonzero(stays)
         self.front_m, self.heading_rad = self.front_m[rows], self.heading_rad[rows]
         self.speed_mps = self.speed_mps[rows]
+        self.cosine, self.sine = self.cosine[rows], self.sine[rows]
+
+
+def _trailed(heading_rad: float, wanted_rad: float, along_m: float, left_m: float, axle_m: float) -> float:
+    """The heading nearest to the one wanted with which the rear axle does not slip more than it may.
+
+    The front has moved by `along_m` and `left_m` as seen from the heading before; it is `axle_m` ahead of the
+    axle. A point that is pulled straight on by a rod trails it along a tractrix: tan(angle / 2) falls by
+    exp(-way / rod).
+    """
+    way_m = hypot(along_m, left_m)
+    rolled = heading_rad
+    if way_m > STANDING_M:
+        off = atan2(left_m, along_m)
+        rolled += off - 2.0 * atan(tan(off / 2.0) * exp(-way_m / axle_m))
+    slack = LARGEST_SLIP_RAD * max(0.0, along_m) / (axle_m + max(0.0, along_m))
+    apart = _wrapped(wanted_rad - rolled)
+    return wanted_rad if abs(apart) <= slack else _wrapped(rolled + min(max(apart, -slack), slack))
+
+
+def _wrapped(angle_rad: float) -> float:
+    return (angle_rad + pi) % (2.0 * pi) - pi

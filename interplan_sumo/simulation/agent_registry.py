@@ -122,7 +122,7 @@ class AgentRegistry:
     def actors(self) -> Actors:
         """Everyone and everything as others see them, rows sorted by id."""
         heading_rad, speed_mps, half_m = self.kinematics.heading_rad, self.kinematics.speed_mps, self.length_m / 2.0
-        cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+        cosine, sine = self.kinematics.cosine, self.kinematics.sine
         columns = [
             self.front_x + self._origin[0] - half_m * cosine,
             self.front_y + self._origin[1] - half_m * sine,
