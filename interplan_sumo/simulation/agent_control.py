@@ -95,6 +95,7 @@ class AgentControl:
         self._chance = AgentChance(chance_seed)
         self._told: dict[str, _Told] = {}
         self._overseen: set[str] = set()
+        self._relaxing: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
         self.keeping_lane: frozenset[str] = frozenset()
         """Agents that must not change lane."""
@@ -108,6 +109,8 @@ class AgentControl:
                     name, finite("a lateral speed", LANE_WIDTH_M / self._chance.lane_change_s(name))
                 )
         for name in names:
+            if self._drivers[name].relaxation_s > 0.0:
+                self._relaxing.add(name)
             model = self._drivers[name].car_following_model
             if model in SURGING_MODELS or model not in COLLISION_FREE_MODELS:
                 self._overseen.add(name)
@@ -116,13 +119,14 @@ class AgentControl:
         """The agent has left."""
         self._told.pop(name, None)
         self._overseen.discard(name)
+        self._relaxing.discard(name)
         self._relaxation.forget(name)
         self.keeping_lane -= {name}
 
     def relax(self, agents: AgentSnapshot) -> None:
         """Headways of those that somebody has cut in on."""
-        relaxed = [name for name in agents.names if self._drivers[name].relaxation_s > 0.0]
-        if relaxed:
+        if self._relaxing:
+            relaxed = [name for name in agents.names if name in self._relaxing]
             speeds = dict(zip(agents.names, agents.speed_mps.tolist(), strict=True))
             with Commanding("relaxing headways"):
                 self._relaxation.step(relaxed, speeds.__getitem__, _leader)

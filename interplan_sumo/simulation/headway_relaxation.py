@@ -40,8 +40,6 @@ class HeadwayRelaxation:
         """Notice new leaders, and let those that relax come back by one step."""
         for name in names:
             driver = self._drivers[name]
-            if driver.relaxation_s <= 0.0:
-                continue
             if name in self._short_s:
                 self._keep(name, self._short_s[name] * exp(-self._dt_s / driver.relaxation_s))
             leader = leader_of(name)

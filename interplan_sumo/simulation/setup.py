@@ -89,7 +89,7 @@ def open_sumo_traffic(
     flow = None
     if most_agents is None and scenario.has_flow:
         taken = frozenset((*tokens, *names))
-        free = (token for token in opaque_ids(16**4, rng) if token not in taken)
+        free = (f"{number:04x}" for number in rng.permutation(16**4) if f"{number:04x}" not in taken)
         arrivals = draw_arrivals(types, rng)
         flow = Flow(network, population.demand, blocked, arrivals, free, staged.route_m, rng)
     route = ego_sumo_route(network, ids, route_lanes(roads, scenario))
