@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
@@ -288,13 +288,19 @@ class _Reader(ContentHandler):
         given = element.spreads.get("speedFactor")
         if "speedDev" not in element.attributes or (given is None and deviation == 0.0):
             return given
-        factor = float(element.attributes.get("speedFactor", 1.0)) if given is None else given.first
-        spread = NumberDistribution("normal", factor, deviation, *SPREAD)
+        if given is None:
+            factor = float(element.attributes.get("speedFactor", 1.0))
+            given = NumberDistribution("normal", factor, deviation, *SPREAD)
+        elif deviation == 0.0:
+            self._warned["speedDev 0 takes the spread of speedFactor away, as in SUMO; leave speedDev out"] = (
+                element.line,
+                {"the distribution of speedFactor": None},
+            )
         try:
-            return spread.within(*NUMBERS["speedFactor"])
+            return replace(given, second=deviation).within(*NUMBERS["speedFactor"])
         except ValueError:
-            what = f"speedFactor {factor:g} with speedDev {deviation:g}"
-            raise self._error(f"{what} is hardly ever from {SPREAD[0]:g} to {SPREAD[1]:g}") from None
+            what = f"speedFactor {given.first:g} with speedDev {deviation:g}"
+            raise self._error(f"{what} is hardly ever from {given.lowest:g} to {given.highest:g}") from None
 
     def _note(self, attributes: Mapping[str, str], model: str, line: int) -> None:
         """Remember what cannot act."""
