@@ -25,6 +25,8 @@ from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.setup import open_sumo_traffic, start_state
 from interplan_sumo.simulation.vehicle_type_effects import (
+    CANNOT_RUN,
+    GENERIC,
     SUBLANE,
     UNUSED,
     WITHOUT_EFFECT,
@@ -52,8 +54,8 @@ PAIRS: Final[Mapping[str, tuple[str, str]]] = {
     "sigmaStep": ("0.1", "2"), "hasDriverState": ("false", "true"), "vehdynamics": ("false", "true"),
     "maxvehpreview": ("1", "5"), "delta": ("2", "8"), "maxAccelProfile": ("1 1", "3 1"),
     "desAccelProfile": ("1 1", "3 1"),
-    "speedTable": ("0 5", "0 30"), "lcStrategic": ("0", "10"), "lcKeepRight": ("0", "5"), "lcSpeedGain": ("0", "10"),
-    "lcCooperative": ("0", "1"), "lcAssertive": ("0.5", "5"), "cc8": ("0.5", "3.5"),
+    "speedTable": ("0 5", "0 30"), "lcStrategic": ("-1", "1"), "lcKeepRight": ("0", "5"), "lcSpeedGain": ("0", "10"),
+    "lcCooperative": ("-1", "1"), "lcAssertive": ("0.5", "5"), "cc8": ("0.5", "3.5"),
     "cc9": ("0.5", "3"), "cc3": ("-12", "-4"), "cc4": ("-2", "-0.1"), "treaction": ("0", "2"), "lcOpposite": ("0", "5"),
     "jmDriveAfterYellowTime": ("0", "100"), "jmDriveAfterRedTime": ("0", "100"), "jmDriveRedSpeed": ("1", "20"),
     "jmIgnoreFoeProb": ("0", "1"), "jmIgnoreFoeSpeed": ("0", "20"), "jmIgnoreJunctionFoeProb": ("0", "1"),
@@ -122,16 +124,22 @@ def _driven(scene: str, types: Path) -> str:
 
 def effect(folder: Path, attribute: str) -> tuple[str, str]:
     """Whether an attribute changes a drive, and where that was seen or why not."""
-    for reasons in (UNUSED,):
-        for reason, names in reasons.items():
-            if attribute in names:
-                return "no", reason
+    for reason, names in UNUSED.items():
+        if attribute in names:
+            return "no", reason
+    if attribute == "probability":
+        return "yes", "it weighs the types of a vTypeDistribution"
     readers = [name for name, own in car_following_models().items() if attribute in own]
+    refused = [name for name in CANNOT_RUN if attribute in vehicle_type_schema().models.get(name, ())]
+    if refused and not readers and attribute not in GENERIC:
+        return "no", f"only carFollowModel {', '.join(refused)} reads it, which cannot run here"
     low, high = pair(attribute)
     for model in readers[:2] or TRIED[: 1 if attribute.startswith(("lc", "jm")) else None]:
         besides = {**BASE, "carFollowModel": model, **WITH.get(attribute, {})}
         for scene in SCENES:
             one, other = (drive(folder, scene, {**besides, attribute: value}) for value in (low, high))
+            if (fault := next((said for said in (one, other) if said.startswith("fails")), None)) is not None:
+                return "fails", f"{scene}, carFollowModel {model}: {fault}"
             if one != other:
                 where = f"{scene}, carFollowModel {model}" if attribute != "carFollowModel" else scene
                 return "yes", f"{where}: {low} and {high}"

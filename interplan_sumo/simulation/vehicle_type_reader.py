@@ -37,7 +37,8 @@ NUMBERS: Final[Mapping[str, tuple[float, float]]] = {
     "decel": (0.1, 15.0), "emergencyDecel": (0.1, 20.0), "apparentDecel": (0.1, 20.0), "tau": (0.1, 10.0),
     "delta": (0.1, 20.0), "sigma": (0.0, 1.0), "impatience": (-1.0, 1.0), "desiredMaxSpeed": (0.1, 100.0),
     "actionStepLength": (0.1, 10.0), "stepping": (0.01, 1.0), "collisionMinGapFactor": (0.0, 10.0),
-    "minGapLat": (0.0, 10.0), "maxSpeedLat": (0.0, 10.0), "startupDelay": (0.0, 10.0),
+    "minGapLat": (0.0, 10.0), "maxSpeedLat": (0.01, 10.0), "startupDelay": (0.0, 10.0),
+    "lcOvertakeDeltaSpeedFactor": (-1.0, 1.0), "jmStopSignWait": (0.0, 1e3), "jmAllwayStopWait": (0.0, 1e3),
 }  # fmt: skip
 PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
     "interplan.reactOverlap": (0.0, 1.0),
@@ -176,17 +177,13 @@ class _Reader(ContentHandler):
                 guess = _guess(name, self._schema.attributes)
                 raise self._error(f"vType {_short(element.id)!r} has an unknown attribute {_short(name)!r}{guess}")
             lowest, highest = NUMBERS.get(name) or (kind.bounds() if kind.is_number else (0.0, 0.0))
-            if (
-                kind.is_number
-                and name not in ("probability", "speedDev")
-                and self._spread(element, name, text, lowest, highest)
-            ):
-                pass
-            elif name in NUMBERS and ((kind.is_number and _is_number(text)) or not kind.takes(text)):
-                self._plain(name, text, NUMBERS[name])
-            elif not kind.takes(text):
-                also = f", or {NOTATION}" if kind.is_number else ""
-                raise self._error(f"{name} is {_short(text)!r}, expected {kind.expected()}{also}")
+            drawn = kind.is_number and name not in ("probability", "speedDev")
+            if not (drawn and self._spread(element, name, text, lowest, highest)):
+                if name in NUMBERS and (_is_number(text) or not kind.takes(text)):
+                    self._plain(name, text, NUMBERS[name])
+                if not kind.takes(text):
+                    also = f", or {NOTATION}" if drawn else ""
+                    raise self._error(f"{name} is {_short(text)!r}, expected {kind.expected()}{also}")
             element.attributes[name] = text
 
     def _plain(self, name: str, text: str, bounds: tuple[float, float]) -> float:

@@ -214,6 +214,8 @@ def test_every_attribute_of_sumos_schema_is_taken(tmp_path: Path) -> None:
     [
         ('lcPushi="1"', r"unknown attribute 'lcPushi'; did you mean 'lcPushy'"),
         ('cc1="fast"', r"cc1 is 'fast', expected a number, or a distribution"),
+        ('lcOvertakeDeltaSpeedFactor="2"', r"lcOvertakeDeltaSpeedFactor is 2, expected -1 to 1"),
+        ('jmStopSignWait="-1"', r"jmStopSignWait is -1, expected 0 to 1000"),
         ('maxvehpreview="1.5"', r"maxvehpreview is '1.5', expected a whole number above 0"),
         ('laneChangeModel="LC2014"', r"laneChangeModel is 'LC2014', expected default, DK2008, LC2013"),
         ('jmDriveAfterRedTime="-2"', r"jmDriveAfterRedTime is '-2', expected a number of at least 0 or -1"),
@@ -277,6 +279,8 @@ def test_a_distribution_may_refer_to_types_defined_before_it(tmp_path: Path) -> 
         ('minGapLat="1" latAlignment="left"', ["minGapLat, latAlignment cannot act"]),
         ('carFollowModel="IDM" cc1="2"', ["cc1 cannot act: IDM does not read it, only W99"]),
         ('carFollowModel="W99" cc1="2"', []),
+        ('carFollowModel="ACC" collisionAvoidanceOverride="2"', []),
+        ('ploegH="1"', ["ploegH cannot act: Krauss does not read it, only CC, which cannot run here"]),
         ('carFollowModel="KraussX" tmp1="2" tau="1"', []),
         ('speedFactor="normc(1,0.1,0.8,1.2)"', []),
         ('speedFactor="normc(1,0.1,0.8,1.2)" speedDev="0"', ["speedDev 0 takes the spread of speedFactor away"]),
