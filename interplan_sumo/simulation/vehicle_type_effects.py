@@ -53,6 +53,7 @@ BEYOND_SCHEMA: Final[Mapping[str, frozenset[str]]] = {
 CANNOT_RUN: Final[Mapping[str, str]] = {
     "CC": "is steered by Plexe from outside of SUMO; without it its cars drive as Krauss",
     "Rail": "moves trains",
+    "SmartSK": "never speeds up in SUMO 1.28, not even from a standstill",
 }
 """Car-following models that are refused, and why."""
 CLASSES_ON_ROADS: Final = frozenset(

@@ -13,6 +13,7 @@ from interplan_sumo.errors import UnknownNameError, VehicleTypeError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import sumo
+from interplan_sumo.simulation.vehicle_type_effects import car_following_models
 from interplan_sumo.simulation.vehicle_type_schema import vehicle_type_schema
 from interplan_sumo.simulation.vehicle_types import (
     CLASS_OF_KIND,
@@ -221,6 +222,7 @@ def test_every_attribute_of_sumos_schema_is_taken(tmp_path: Path) -> None:
         ('jmDriveAfterRedTime="-2"', r"jmDriveAfterRedTime is '-2', expected a number of at least 0 or -1"),
         ('carFollowModel="Kerner"', r"carFollowModel is 'Kerner', which SUMO has not; did you mean 'BKerner'"),
         ('carFollowModel="CC"', r"carFollowModel CC is steered by Plexe"),
+        ('carFollowModel="SmartSK"', r"carFollowModel SmartSK never speeds up"),
         ('carFollowModel="Rail"', r"carFollowModel Rail moves trains"),
         ('vClass="ship"', r"vClass is 'ship', which does not drive on roads"),
         ('vClass="passanger"', r"vClass is 'passanger', which SUMO has not; did you mean 'passenger'"),
@@ -256,6 +258,27 @@ def test_hostile_files_give_one_short_line_quickly(tmp_path: Path) -> None:
         assert process_time() - began_s < 2.0
         assert len(str(error.value)) < 400
         assert "\n" not in str(error.value)
+
+
+def test_every_model_that_is_taken_starts_from_a_standstill_and_the_one_refused_for_it_does_not(tmp_path: Path) -> None:
+    import libsumo
+
+    names = [*car_following_models(), "SmartSK"]
+    rows = "".join(f'<vType id="{name}" carFollowModel="{name}"/>' for name in names)
+    path = file(tmp_path, f"<additional>{rows}</additional>")
+    libsumo.start(["sumo", "-n", str(NETWORK_FILE), "-a", str(path), "--no-step-log", "true", "--step-length", "0.1"])
+    try:
+        libsumo.route.add("there", ["e0", "e1"])
+        for place, name in enumerate(names):
+            lane, position_m = place % 3, 380.0 - 60.0 * (place // 3)
+            libsumo.vehicle.add(name, "there", name, departLane=str(lane), departPos=f"{position_m}", departSpeed="0")
+            libsumo.vehicle.setLaneChangeMode(name, 0)
+        for _ in range(100):
+            libsumo.simulationStep()
+        moving = {name for name in names if libsumo.vehicle.getSpeed(name) > 5.0}
+    finally:
+        libsumo.close()
+    assert moving == set(car_following_models())
 
 
 def test_a_nested_car_following_element_is_part_of_its_type(tmp_path: Path) -> None:
