@@ -45,12 +45,15 @@ GENERIC: Final = frozenset(
 )
 """Attributes that car-following models have in common, though the schema lists them with some models only."""
 BEYOND_SCHEMA: Final[Mapping[str, frozenset[str]]] = {
-    "KraussX": frozenset("sigma sigmaStep tmp1 tmp2 tmp3 tmp4 tmp5".split())
+    "KraussX": frozenset("sigma sigmaStep tmp1 tmp2 tmp3 tmp4 tmp5".split()),
+    "ACC": frozenset("speedControlMinGap collisionAvoidanceOverride".split()),
+    "CACC": frozenset("speedControlMinGap collisionAvoidanceOverride tauCACCToACC".split()),
 }
-"""Models that SUMO 1.28 has, and that its schema has forgotten."""
+"""Models of SUMO 1.28, and attributes that they read, which its schema does not tie together."""
 CANNOT_RUN: Final[Mapping[str, str]] = {
     "CC": "is steered by Plexe from outside of SUMO; without it its cars drive as Krauss",
     "Rail": "moves trains",
+    "SmartSK": "never speeds up in SUMO 1.28, not even from a standstill",
 }
 """Car-following models that are refused, and why."""
 CLASSES_ON_ROADS: Final = frozenset(
@@ -66,8 +69,9 @@ OTHER_CLASSES: Final = frozenset(
 
 def car_following_models() -> Mapping[str, frozenset[str]]:
     """The attributes that each car-following model reads besides `GENERIC`; those that cannot run are not there."""
-    models = {**vehicle_type_schema().models, **BEYOND_SCHEMA}
-    return {name: own - GENERIC for name, own in models.items() if name not in CANNOT_RUN}
+    of_schema, none = vehicle_type_schema().models, frozenset[str]()
+    names = [name for name in dict.fromkeys((*of_schema, *BEYOND_SCHEMA)) if name not in CANNOT_RUN]
+    return {name: (of_schema.get(name, none) | BEYOND_SCHEMA.get(name, none)) - GENERIC for name in names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,13 +85,15 @@ class Idle:
 def idle_attributes(attributes: Mapping[str, str], model: str) -> Iterator[Idle]:
     """Those of a vType's attributes that cannot act here, given its car-following model."""
     reasons = {name: reason for group in (UNUSED, WITHOUT_EFFECT) for reason, names in group.items() for name in names}
-    models = car_following_models()
-    of_models = frozenset().union(*models.values())
+    models, of_schema = car_following_models(), vehicle_type_schema().models
+    of_models = frozenset().union(*models.values(), *of_schema.values()) - GENERIC
     for name, text in attributes.items():
         if name in reasons:
             yield Idle(name, reasons[name])
         elif name in of_models and name not in models[model]:
             readers = [each for each, own in models.items() if name in own]
-            yield Idle(name, f"{model} does not read it, only {', '.join(readers)}")
+            others = [each for each in CANNOT_RUN if name in of_schema.get(each, ())]
+            only = ", ".join(readers) or f"{', '.join(others)}, which cannot run here"
+            yield Idle(name, f"{model} does not read it, only {only}")
         elif name == "laneChangeModel" and text == "SL2015":
             yield Idle(f"{name} SL2015", "without lateral resolution SUMO drives LC2013")

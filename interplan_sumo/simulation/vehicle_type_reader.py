@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
@@ -37,7 +37,8 @@ NUMBERS: Final[Mapping[str, tuple[float, float]]] = {
     "decel": (0.1, 15.0), "emergencyDecel": (0.1, 20.0), "apparentDecel": (0.1, 20.0), "tau": (0.1, 10.0),
     "delta": (0.1, 20.0), "sigma": (0.0, 1.0), "impatience": (-1.0, 1.0), "desiredMaxSpeed": (0.1, 100.0),
     "actionStepLength": (0.1, 10.0), "stepping": (0.01, 1.0), "collisionMinGapFactor": (0.0, 10.0),
-    "minGapLat": (0.0, 10.0), "maxSpeedLat": (0.0, 10.0), "startupDelay": (0.0, 10.0),
+    "minGapLat": (0.0, 10.0), "maxSpeedLat": (0.01, 10.0), "startupDelay": (0.0, 10.0),
+    "lcOvertakeDeltaSpeedFactor": (-1.0, 1.0), "jmStopSignWait": (0.0, 1e3), "jmAllwayStopWait": (0.0, 1e3),
 }  # fmt: skip
 PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
     "interplan.reactOverlap": (0.0, 1.0),
@@ -176,17 +177,13 @@ class _Reader(ContentHandler):
                 guess = _guess(name, self._schema.attributes)
                 raise self._error(f"vType {_short(element.id)!r} has an unknown attribute {_short(name)!r}{guess}")
             lowest, highest = NUMBERS.get(name) or (kind.bounds() if kind.is_number else (0.0, 0.0))
-            if (
-                kind.is_number
-                and name not in ("probability", "speedDev")
-                and self._spread(element, name, text, lowest, highest)
-            ):
-                pass
-            elif name in NUMBERS and ((kind.is_number and _is_number(text)) or not kind.takes(text)):
-                self._plain(name, text, NUMBERS[name])
-            elif not kind.takes(text):
-                also = f", or {NOTATION}" if kind.is_number else ""
-                raise self._error(f"{name} is {_short(text)!r}, expected {kind.expected()}{also}")
+            drawn = kind.is_number and name not in ("probability", "speedDev")
+            if not (drawn and self._spread(element, name, text, lowest, highest)):
+                if name in NUMBERS and (_is_number(text) or not kind.takes(text)):
+                    self._plain(name, text, NUMBERS[name])
+                if not kind.takes(text):
+                    also = f", or {NOTATION}" if drawn else ""
+                    raise self._error(f"{name} is {_short(text)!r}, expected {kind.expected()}{also}")
             element.attributes[name] = text
 
     def _plain(self, name: str, text: str, bounds: tuple[float, float]) -> float:
@@ -288,13 +285,19 @@ class _Reader(ContentHandler):
         given = element.spreads.get("speedFactor")
         if "speedDev" not in element.attributes or (given is None and deviation == 0.0):
             return given
-        factor = float(element.attributes.get("speedFactor", 1.0)) if given is None else given.first
-        spread = NumberDistribution("normal", factor, deviation, *SPREAD)
+        if given is None:
+            factor = float(element.attributes.get("speedFactor", 1.0))
+            given = NumberDistribution("normal", factor, deviation, *SPREAD)
+        elif deviation == 0.0:
+            self._warned["speedDev 0 takes the spread of speedFactor away, as in SUMO; leave speedDev out"] = (
+                element.line,
+                {"the distribution of speedFactor": None},
+            )
         try:
-            return spread.within(*NUMBERS["speedFactor"])
+            return replace(given, second=deviation).within(*NUMBERS["speedFactor"])
         except ValueError:
-            what = f"speedFactor {factor:g} with speedDev {deviation:g}"
-            raise self._error(f"{what} is hardly ever from {SPREAD[0]:g} to {SPREAD[1]:g}") from None
+            what = f"speedFactor {given.first:g} with speedDev {deviation:g}"
+            raise self._error(f"{what} is hardly ever from {given.lowest:g} to {given.highest:g}") from None
 
     def _note(self, attributes: Mapping[str, str], model: str, line: int) -> None:
         """Remember what cannot act."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from interplan_sumo.errors import UnknownNameError, VehicleTypeError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import sumo
+from interplan_sumo.simulation.vehicle_type_effects import car_following_models
 from interplan_sumo.simulation.vehicle_type_schema import vehicle_type_schema
 from interplan_sumo.simulation.vehicle_types import (
     CLASS_OF_KIND,
@@ -214,11 +215,14 @@ def test_every_attribute_of_sumos_schema_is_taken(tmp_path: Path) -> None:
     [
         ('lcPushi="1"', r"unknown attribute 'lcPushi'; did you mean 'lcPushy'"),
         ('cc1="fast"', r"cc1 is 'fast', expected a number, or a distribution"),
+        ('lcOvertakeDeltaSpeedFactor="2"', r"lcOvertakeDeltaSpeedFactor is 2, expected -1 to 1"),
+        ('jmStopSignWait="-1"', r"jmStopSignWait is -1, expected 0 to 1000"),
         ('maxvehpreview="1.5"', r"maxvehpreview is '1.5', expected a whole number above 0"),
         ('laneChangeModel="LC2014"', r"laneChangeModel is 'LC2014', expected default, DK2008, LC2013"),
         ('jmDriveAfterRedTime="-2"', r"jmDriveAfterRedTime is '-2', expected a number of at least 0 or -1"),
         ('carFollowModel="Kerner"', r"carFollowModel is 'Kerner', which SUMO has not; did you mean 'BKerner'"),
         ('carFollowModel="CC"', r"carFollowModel CC is steered by Plexe"),
+        ('carFollowModel="SmartSK"', r"carFollowModel SmartSK never speeds up"),
         ('carFollowModel="Rail"', r"carFollowModel Rail moves trains"),
         ('vClass="ship"', r"vClass is 'ship', which does not drive on roads"),
         ('vClass="passanger"', r"vClass is 'passanger', which SUMO has not; did you mean 'passenger'"),
@@ -248,12 +252,33 @@ def test_hostile_files_give_one_short_line_quickly(tmp_path: Path) -> None:
         b"<additional>" + 300_000 * b"<a>",
     ):
         path.write_bytes(text)
-        began_s = perf_counter()
+        began_s = process_time()
         with pytest.raises(VehicleTypeError) as error:
             read_vehicle_types(path)
-        assert perf_counter() - began_s < 2.0
+        assert process_time() - began_s < 2.0
         assert len(str(error.value)) < 400
         assert "\n" not in str(error.value)
+
+
+def test_every_model_that_is_taken_starts_from_a_standstill_and_the_one_refused_for_it_does_not(tmp_path: Path) -> None:
+    import libsumo
+
+    names = [*car_following_models(), "SmartSK"]
+    rows = "".join(f'<vType id="{name}" carFollowModel="{name}"/>' for name in names)
+    path = file(tmp_path, f"<additional>{rows}</additional>")
+    libsumo.start(["sumo", "-n", str(NETWORK_FILE), "-a", str(path), "--no-step-log", "true", "--step-length", "0.1"])
+    try:
+        libsumo.route.add("there", ["e0", "e1"])
+        for place, name in enumerate(names):
+            lane, position_m = place % 3, 380.0 - 60.0 * (place // 3)
+            libsumo.vehicle.add(name, "there", name, departLane=str(lane), departPos=f"{position_m}", departSpeed="0")
+            libsumo.vehicle.setLaneChangeMode(name, 0)
+        for _ in range(100):
+            libsumo.simulationStep()
+        moving = {name for name in names if libsumo.vehicle.getSpeed(name) > 5.0}
+    finally:
+        libsumo.close()
+    assert moving == set(car_following_models())
 
 
 def test_a_nested_car_following_element_is_part_of_its_type(tmp_path: Path) -> None:
@@ -277,7 +302,11 @@ def test_a_distribution_may_refer_to_types_defined_before_it(tmp_path: Path) -> 
         ('minGapLat="1" latAlignment="left"', ["minGapLat, latAlignment cannot act"]),
         ('carFollowModel="IDM" cc1="2"', ["cc1 cannot act: IDM does not read it, only W99"]),
         ('carFollowModel="W99" cc1="2"', []),
+        ('carFollowModel="ACC" collisionAvoidanceOverride="2"', []),
+        ('ploegH="1"', ["ploegH cannot act: Krauss does not read it, only CC, which cannot run here"]),
         ('carFollowModel="KraussX" tmp1="2" tau="1"', []),
+        ('speedFactor="normc(1,0.1,0.8,1.2)"', []),
+        ('speedFactor="normc(1,0.1,0.8,1.2)" speedDev="0"', ["speedDev 0 takes the spread of speedFactor away"]),
         ('timeToTeleport="5"', ["nothing here is ever teleported"]),
     ],
 )
@@ -314,6 +343,14 @@ def test_each_vehicle_has_its_own_numbers_within_their_distributions_and_bounds(
     assert abs(np.corrcoef(tau, [each.length_m for each in drawn])[0, 1]) < 0.07
 
 
+def test_speed_dev_overrules_the_deviation_that_speed_factor_has_within_its_bounds(tmp_path: Path) -> None:
+    types = read_vehicle_types(one(tmp_path, 'speedFactor="normc(1,0.01,0.9,1.1)" speedDev="0.5"'))
+    rng = np.random.default_rng(2)
+    drawn = np.array([types.draw(rng).speed_factor for _ in range(500)])
+    assert 0.9 <= drawn.min() < 0.92
+    assert 1.08 < drawn.max() <= 1.1
+
+
 def test_one_number_is_taken_from_the_generator_whatever_the_file(tmp_path: Path) -> None:
     for path in (one(tmp_path, SPREAD, KEYS), vehicle_type_file("urban"), vehicle_type_file("assertive")):
         rng, other = np.random.default_rng(3), np.random.default_rng(3)
@@ -342,7 +379,11 @@ def test_sumo_drives_each_vehicle_with_the_numbers_that_were_drawn(tmp_path: Pat
         Spawn("e0_1", 40.0 * place + 20.0, 5.0, driver, ("e0", "e1")) for place, driver in enumerate(drivers)
     )
     with traffic(types, spawns, ego_at(1000.0, LANE_Y[0])) as run:
-        kinds = [sumo.vehicle.getTypeID(name) for name in sorted(sumo.vehicle.getIDList()) if name.startswith("a")]
+        kinds = [
+            sumo.vehicle.getTypeID(name).partition("@")[0]
+            for name in sorted(sumo.vehicle.getIDList())
+            if name.startswith("a")
+        ]
         assert kinds == [driver.id for driver in drivers]
         for number, driver in enumerate(drivers):
             get = sumo.vehicle

@@ -37,9 +37,15 @@ def traffic_at_start(drive: StoredDrive, types_file: Path) -> tuple[list[str], s
     with simulation, Commanding("reading the traffic at the start"):
         names: list[str] = sorted(sumo.vehicle.getIDList())
         known = simulation.drivers
-        others = dict.fromkeys(kind for name in names if (kind := sumo.vehicle.getTypeID(name)) not in known)
+        others = dict.fromkeys(kind for name in names if (kind := _type_of(name)) not in known)
         document = types.sumo_document(known.values(), besides=DRAWING)
         return [*(_type(kind) for kind in others), *(_vehicle(name, network) for name in names)], document
+
+
+def _type_of(name: str) -> str:
+    """The type of a vehicle, before SUMO made it a type of its own to change a number."""
+    kind: str = sumo.vehicle.getTypeID(name)
+    return kind.removesuffix(f"@{name}")
 
 
 def _type(kind: str) -> str:
@@ -62,7 +68,7 @@ def _vehicle(name: str, network: SumoNetwork) -> str:
         end_m = min(float(stops[0].endPos), lane.length_m)
         inner += tag("stop", lane=lane.id, endPos=f"{end_m:.2f}", duration=f"{STANDS_S:.0f}")
     return tag(
-        "vehicle", inner, id=name, type=get.getTypeID(name), depart="0", departLane=lane.index,
+        "vehicle", inner, id=name, type=_type_of(name), depart="0", departLane=lane.index,
         departPos=f"{min(position_m, lane.length_m):.3f}",
         departSpeed=f"{min(max(0.0, float(get.getSpeed(name))), limit_mps):.3f}",
     )  # fmt: skip
