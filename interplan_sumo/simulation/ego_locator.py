@@ -2,20 +2,89 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from math import cos, sin
+from collections.abc import Iterable, Mapping, Sequence
+from math import cos, inf, sin
 
-from interplan_sumo.simulation import reactions
-from interplan_sumo.simulation.anchor import BEND_M, Anchor
-from interplan_sumo.simulation.lane_polygons import ClipArea, Ring, ego_ring
-from interplan_sumo.simulation.network import SumoNetwork
-from interplan_sumo.simulation.reactions import EgoOnNetwork, LaneCoverage
+from interplan_sumo.simulation.anchor import BEND_M, LOCAL_M, Anchor
+from interplan_sumo.simulation.lane_polygons import ClipArea, Ring, area_m2, ego_ring, hull
+from interplan_sumo.simulation.network import LanePiece, NetworkLane, SumoNetwork
+from interplan_sumo.simulation.reactions import FULLY_MERGED, EgoOnNetwork, LaneCoverage
 from interplan_sumo.world.ego import EgoShape, EgoState
 
 APPROACHING_MPS = 0.2
 """Faster than this sideways the ego moves towards the lane on that side."""
 ON_CENTRE_M = 0.2
 """Before it is this near to the centre line of its own lane it only moves towards that."""
+
+
+_TOUCH = 1e-6  # shares below this are rounding
+
+
+def coverage_of_one_lane(
+    lane: NetworkLane, near_m: float, corners: Ring, velocity_mps: tuple[float, float]
+) -> dict[str, LaneCoverage] | None:
+    """What a box in SUMO's frame covers if it lies wholly inside one normal lane; None if it does not.
+
+    The quick way for most steps: normal lanes do not overlap, so there is
+    nothing else to find. `near_m` is a lane position within a box length.
+    """
+    if lane.internal:
+        return None
+    line, here_m, half_m = lane.plain_line, lane.arc_of(near_m), lane.width_m / 2.0
+    arcs: list[float] = []
+    for x, y in corners:
+        arc_m, left_m = line.project(x, y, (here_m - LOCAL_M, here_m + LOCAL_M))
+        if abs(left_m) > half_m:
+            return None
+        arcs.append(arc_m)
+    first, last = min(arcs), max(arcs)
+    if first <= 0.0 or last >= line.length_m:
+        return None
+    speed_mps = line.speed_along((first + last) / 2.0, velocity_mps)
+    return {lane.id: LaneCoverage(1.0, lane.position_of(first), lane.position_of(last), speed_mps)}
+
+
+def lane_coverage(
+    near: Iterable[LanePiece], area: ClipArea, velocity_mps: tuple[float, float]
+) -> dict[str, LaneCoverage]:
+    """What an area in SUMO's frame covers of each lane; `velocity_mps` is the ego's, in the same frame.
+
+    `near` are the pieces of lanes that the area may touch; lanes come in their order.
+    """
+    whole_m2 = abs(area_m2(area.ring))
+    coverage: dict[str, LaneCoverage] = {}
+    for piece in near:
+        line, covered_m2 = piece.plain_line, 0.0
+        first, last = inf, -inf
+        for part in piece.convex_parts:
+            covered = area.on(part)
+            if not covered:
+                continue
+            covered_m2 += abs(area_m2(covered))
+            for x, y in covered:
+                arc_m = line.arc_on(part.segment, x, y) if part.segment is not None else line.project(x, y)[0]
+                first, last = min(first, arc_m), max(last, arc_m)
+        share = covered_m2 / whole_m2
+        if share <= _TOUCH:
+            continue
+        lane, before = piece.lane, coverage.get(piece.lane.id)
+        start_m, end_m = lane.position_of(piece.start_m + first), lane.position_of(piece.start_m + last)
+        if before is None:
+            coverage[lane.id] = LaneCoverage(
+                share, start_m, end_m, line.speed_along((first + last) / 2.0, velocity_mps)
+            )
+        else:
+            start_m, end_m = min(start_m, before.start_m), max(end_m, before.end_m)
+            coverage[lane.id] = LaneCoverage(before.share + share, start_m, end_m, before.speed_mps)
+    return coverage
+
+
+def swept_area(box: Ring, velocity_mps: tuple[float, float], time_s: float) -> Ring:
+    """The area that a box covers in `time_s` at constant velocity and heading."""
+    if time_s <= 0.0 or velocity_mps == (0.0, 0.0):
+        return box
+    dx, dy = velocity_mps[0] * time_s, velocity_mps[1] * time_s
+    return hull([*box, *((x + dx, y + dy) for x, y in box)])
 
 
 class EgoLocator:
@@ -32,7 +101,7 @@ class EgoLocator:
     def coverage_of(self, ring: Ring, velocity_mps: tuple[float, float]) -> dict[str, LaneCoverage]:
         """What an area that moves like this covers of each lane."""
         area = ClipArea.of(ring)
-        return reactions.lane_coverage(self._network.pieces_near(area), area, velocity_mps)
+        return lane_coverage(self._network.pieces_near(area), area, velocity_mps)
 
     def _approached(self, ego: EgoState, anchor: Anchor | None) -> dict[str, LaneCoverage]:
         """The lane beside the anchor lane that the ego moves towards, with the stretch that it is beside."""
@@ -96,7 +165,7 @@ class EgoLocator:
                 alone = {anchor.lane: LaneCoverage(1.0, position_m - self._shape.length_m, position_m, speed_mps)}
             elif inside is None:
                 corners, on = ego_ring(ego, self._shape, self._origin), self._network.lanes[anchor.lane]
-                alone = reactions.coverage_of_one_lane(on, position_m, corners, velocity)
+                alone = coverage_of_one_lane(on, position_m, corners, velocity)
             if alone is not None:
                 centre = frozenset((anchor.lane,))
                 return EgoOnNetwork(
@@ -105,10 +174,9 @@ class EgoLocator:
         corners = self.corners = corners or ego_ring(ego, self._shape, self._origin)
         area = ClipArea.of(corners)
         near = self._network.pieces_near(area)
-        coverage = reactions.lane_coverage(near, area, velocity)
+        coverage = lane_coverage(near, area, velocity)
         ahead: dict[float, Mapping[str, LaneCoverage]] = {
-            time_s: self.coverage_of(reactions.swept_area(corners, velocity, time_s), velocity)
-            for time_s in anticipations_s
+            time_s: self.coverage_of(swept_area(corners, velocity, time_s), velocity) for time_s in anticipations_s
         }
         own = self._network.continuations(lane) if lane is not None else frozenset[str]()
         inside = sum(part.share for name, part in coverage.items() if name in own)
@@ -116,7 +184,7 @@ class EgoLocator:
         centre_lanes = frozenset(
             [piece.lane.id for piece in near if piece.lane.id in coverage and piece.holds(x_m, y_m)]
         )
-        straddles = inside < reactions.FULLY_MERGED
+        straddles = inside < FULLY_MERGED
         return EgoOnNetwork(
             coverage, centre_lanes, lane, position_m, ego.speed_mps, straddles, approached=approached
         ), ahead

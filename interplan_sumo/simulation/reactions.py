@@ -30,10 +30,8 @@ from itertools import pairwise
 from math import inf
 from typing import NamedTuple
 
-from interplan_sumo.simulation.anchor import LOCAL_M
 from interplan_sumo.simulation.idm import SMALLEST_GAP_M
-from interplan_sumo.simulation.lane_polygons import ClipArea, Ring, area_m2, hull
-from interplan_sumo.simulation.network import LanePiece, NetworkLane, NetworkLink, SumoNetwork
+from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
 FULLY_MERGED = 0.98
@@ -48,7 +46,7 @@ ENCOUNTER_S = 3.0
 """An ego that has neither touched nor approached an agent's lane for this long, and does so again, is met anew."""
 CONTACT_SHARE = 0.5
 """An ego with more of its box than this in the lane, beside the front of an agent that reacts to it, touches it."""
-_TOUCH = 1e-6  # shares below this are rounding
+_LEAST_MPS = 1e-6
 _ROUNDING_S = 1e-9
 
 FollowSpeed = Callable[[str, float, float, float], float]
@@ -137,73 +135,6 @@ class ReactionDecision(NamedTuple):
     reacting: bool
     speed_mps: float | None = None
     """The most for the next step, within what the agent's motor and brakes can do; None: SUMO's own."""
-
-
-def coverage_of_one_lane(
-    lane: NetworkLane, near_m: float, corners: Ring, velocity_mps: tuple[float, float]
-) -> dict[str, LaneCoverage] | None:
-    """What a box in SUMO's frame covers if it lies wholly inside one normal lane; None if it does not.
-
-    The quick way for most steps: normal lanes do not overlap, so there is
-    nothing else to find. `near_m` is a lane position within a box length.
-    """
-    if lane.internal:
-        return None
-    line, here_m, half_m = lane.plain_line, lane.arc_of(near_m), lane.width_m / 2.0
-    arcs: list[float] = []
-    for x, y in corners:
-        arc_m, left_m = line.project(x, y, (here_m - LOCAL_M, here_m + LOCAL_M))
-        if abs(left_m) > half_m:
-            return None
-        arcs.append(arc_m)
-    first, last = min(arcs), max(arcs)
-    if first <= 0.0 or last >= line.length_m:
-        return None
-    speed_mps = line.speed_along((first + last) / 2.0, velocity_mps)
-    return {lane.id: LaneCoverage(1.0, lane.position_of(first), lane.position_of(last), speed_mps)}
-
-
-def lane_coverage(
-    near: Iterable[LanePiece], area: ClipArea, velocity_mps: tuple[float, float]
-) -> dict[str, LaneCoverage]:
-    """What an area in SUMO's frame covers of each lane; `velocity_mps` is the ego's, in the same frame.
-
-    `near` are the pieces of lanes that the area may touch; lanes come in their order.
-    """
-    whole_m2 = abs(area_m2(area.ring))
-    coverage: dict[str, LaneCoverage] = {}
-    for piece in near:
-        line, covered_m2 = piece.plain_line, 0.0
-        first, last = inf, -inf
-        for part in piece.convex_parts:
-            covered = area.on(part)
-            if not covered:
-                continue
-            covered_m2 += abs(area_m2(covered))
-            for x, y in covered:
-                arc_m = line.arc_on(part.segment, x, y) if part.segment is not None else line.project(x, y)[0]
-                first, last = min(first, arc_m), max(last, arc_m)
-        share = covered_m2 / whole_m2
-        if share <= _TOUCH:
-            continue
-        lane, before = piece.lane, coverage.get(piece.lane.id)
-        start_m, end_m = lane.position_of(piece.start_m + first), lane.position_of(piece.start_m + last)
-        if before is None:
-            coverage[lane.id] = LaneCoverage(
-                share, start_m, end_m, line.speed_along((first + last) / 2.0, velocity_mps)
-            )
-        else:
-            start_m, end_m = min(start_m, before.start_m), max(end_m, before.end_m)
-            coverage[lane.id] = LaneCoverage(before.share + share, start_m, end_m, before.speed_mps)
-    return coverage
-
-
-def swept_area(box: Ring, velocity_mps: tuple[float, float], time_s: float) -> Ring:
-    """The area that a box covers in `time_s` at constant velocity and heading."""
-    if time_s <= 0.0 or velocity_mps == (0.0, 0.0):
-        return box
-    dx, dy = velocity_mps[0] * time_s, velocity_mps[1] * time_s
-    return hull([*box, *((x + dx, y + dy) for x, y in box)])
 
 
 def corridor(network: SumoNetwork, lane: str, route: tuple[str, ...]) -> dict[str, float]:
@@ -392,7 +323,7 @@ class DriverModels:
         """
         speed_mps = agent.speed_mps
         if leader_mps < 0.0:
-            gap_m, leader_mps = gap_m * speed_mps / max(speed_mps - leader_mps, _TOUCH), 0.0
+            gap_m, leader_mps = gap_m * speed_mps / max(speed_mps - leader_mps, _LEAST_MPS), 0.0
         wanted_mps = self.follow(agent.id, speed_mps, max(gap_m, SMALLEST_GAP_M), leader_mps)
         hardest_mps = speed_mps - agent.driver.emergency_decel_mps2 * self.dt_s
         return max(0.0, hardest_mps, min(wanted_mps, speed_mps + agent.driver.accel_mps2 * self.dt_s))

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from interplan_sumo.maps.store import find_map, maps
-from interplan_sumo.simulation import reactions
+from interplan_sumo.simulation import ego_locator
 from interplan_sumo.simulation.lane_polygons import (
     ClipArea,
     Ring,
@@ -42,7 +42,7 @@ def network(*lanes: NetworkLane) -> SumoNetwork:
 def overlaps(where: SumoNetwork, box: Ring) -> dict[str, tuple[float, float, float]]:
     """Share, start and end per lane, by the code that drives."""
     area = ClipArea.of(box)
-    coverage = reactions.lane_coverage(where.pieces_near(area), area, (1.0, 0.0))
+    coverage = ego_locator.lane_coverage(where.pieces_near(area), area, (1.0, 0.0))
     return {name: (part.share, part.start_m, part.end_m) for name, part in coverage.items()}
 
 
@@ -119,9 +119,9 @@ def test_the_quick_way_for_a_box_inside_one_lane_gives_what_the_whole_way_gives(
     each = lane(winding([0.05] * 10, [2.0] * 10), 4.5)
     for share in (0.3, 0.5, 0.7):
         area, here_m = box_beside(each.line, share, 0.2, 0.02), each.position_of(share * each.line.length_m)
-        quick = reactions.coverage_of_one_lane(each, here_m, area, (8.0, 1.0))
+        quick = ego_locator.coverage_of_one_lane(each, here_m, area, (8.0, 1.0))
         clip = ClipArea.of(area)
-        whole = reactions.lane_coverage(network(each).pieces_near(clip), clip, (8.0, 1.0))
+        whole = ego_locator.lane_coverage(network(each).pieces_near(clip), clip, (8.0, 1.0))
         assert quick is not None
         assert tuple(quick[each.id]) == pytest.approx(tuple(whole[each.id]), abs=1e-9)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from networks import LANE_Y, two_way_road
 
-from interplan_sumo.simulation import reactions
+from interplan_sumo.simulation import ego_locator, reactions
 from interplan_sumo.simulation.idm import acceleration_mps2
 from interplan_sumo.simulation.lane_polygons import ClipArea, Ring
 from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
@@ -57,7 +57,7 @@ def ring(ego: EgoState) -> Ring:
 
 def cover(ring: Ring, velocity_mps: tuple[float, float]) -> dict[str, LaneCoverage]:
     area = ClipArea.of(ring)
-    return reactions.lane_coverage(NETWORK.pieces_near(area), area, velocity_mps)
+    return ego_locator.lane_coverage(NETWORK.pieces_near(area), area, velocity_mps)
 
 
 def seen(y_m: float, anchor: str, speed_mps: float = 8.0, x_m: float = 100.0, heading_rad: float = 0.0) -> EgoOnNetwork:
@@ -154,7 +154,7 @@ def test_anticipation_looks_at_the_swept_box() -> None:
     velocity = (7.84, 1.59)
     box = ring(ego)
     now = cover(box, velocity)
-    soon = cover(reactions.swept_area(box, velocity, 2.0), velocity)
+    soon = cover(ego_locator.swept_area(box, velocity, 2.0), velocity)
     assert "e0_1" not in now
     on_network = EgoOnNetwork(now, frozenset({"e0_0"}), "e0_0", 102.6, 8.0, True)
     for behind, mode in ((False, Mode.OVERRIDE_SPEED), (True, Mode.SUMO)):
