@@ -5,7 +5,7 @@ Found by driving pairs of files that differ in one attribute (tools/vehicle_type
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -82,12 +82,12 @@ class Idle:
     reason: str
 
 
-def idle_attributes(attributes: Mapping[str, str], model: str) -> Iterator[Idle]:
+def idle_attributes(attributes: Iterable[str], model: str) -> Iterator[Idle]:
     """Those of a vType's attributes that cannot act here, given its car-following model."""
     reasons = {name: reason for group in (UNUSED, WITHOUT_EFFECT) for reason, names in group.items() for name in names}
     models, of_schema = car_following_models(), vehicle_type_schema().models
     of_models = frozenset().union(*models.values(), *of_schema.values()) - GENERIC
-    for name, text in attributes.items():
+    for name in attributes:
         if name in reasons:
             yield Idle(name, reasons[name])
         elif name in of_models and name not in models[model]:
@@ -95,5 +95,3 @@ def idle_attributes(attributes: Mapping[str, str], model: str) -> Iterator[Idle]
             others = [each for each in CANNOT_RUN if name in of_schema.get(each, ())]
             only = ", ".join(readers) or f"{', '.join(others)}, which cannot run here"
             yield Idle(name, f"{model} does not read it, only {only}")
-        elif name == "laneChangeModel" and text == "SL2015":
-            yield Idle(f"{name} SL2015", "without lateral resolution SUMO drives LC2013")

@@ -50,6 +50,9 @@ PARAMETERS: Final[Mapping[str, tuple[float, float]]] = {
 SWERVE: Final = "interplan.swerve"
 PROFILES: Final = ("maxAccelProfile", "desAccelProfile")
 """Accelerations at the speeds of `speedTable`."""
+TRUTHS_AS_NUMBERS: Final = frozenset(["vehdynamics"])
+"""True or false by the schema, and read as numbers by SUMO 1.28, which fails at its start at anything else."""
+TRUE: Final = frozenset("1 yes true on x".split())
 SPREAD: Final = (0.2, 2.0)
 """To these SUMO cuts the spread that speedDev gives to speedFactor."""
 
@@ -184,7 +187,7 @@ class _Reader(ContentHandler):
                 if not kind.takes(text):
                     also = f", or {NOTATION}" if drawn else ""
                     raise self._error(f"{name} is {_short(text)!r}, expected {kind.expected()}{also}")
-            element.attributes[name] = text
+            element.attributes[name] = str(int(text.lower() in TRUE)) if name in TRUTHS_AS_NUMBERS else text
 
     def _plain(self, name: str, text: str, bounds: tuple[float, float]) -> float:
         if not _is_number(text):

@@ -281,6 +281,14 @@ def test_every_model_that_is_taken_starts_from_a_standstill_and_the_one_refused_
     assert moving == set(car_following_models())
 
 
+def test_a_truth_that_sumo_reads_as_a_number_is_handed_over_as_one(tmp_path: Path) -> None:
+    for given, handed in (("true", "1"), ("on", "1"), ("false", "0"), ("1", "1"), ("0", "0")):
+        types = read_vehicle_types(one(tmp_path, f'carFollowModel="EIDM" vehdynamics="{given}"'))
+        assert f'vehdynamics="{handed}"' in types.sumo_document()
+    with traffic(types, (Spawn("e0_1", 20.0, 4.0, types.members[0], ("e0", "e1")),), ego_at(1000.0, LANE_Y[0])) as run:
+        assert len(run.observe().actors) == 1
+
+
 def test_a_nested_car_following_element_is_part_of_its_type(tmp_path: Path) -> None:
     (member,) = read_vehicle_types(one(tmp_path, 'accel="1"', '<carFollowing-EIDM tau="3"/>')).members
     assert (member.car_following_model, member.tau_s, member.accel_mps2) == ("EIDM", 3.0, 1.0)
@@ -297,7 +305,7 @@ def test_a_distribution_may_refer_to_types_defined_before_it(tmp_path: Path) -> 
     [
         (
             'laneChangeModel="SL2015" lcPushy="1"',
-            ["SL2015", "lcPushy cannot act: it acts only with lateral resolution"],
+            ["lcPushy cannot act: it acts only with lateral resolution"],
         ),
         ('minGapLat="1" latAlignment="left"', ["minGapLat, latAlignment cannot act"]),
         ('carFollowModel="IDM" cc1="2"', ["cc1 cannot act: IDM does not read it, only W99"]),
