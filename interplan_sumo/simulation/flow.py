@@ -4,9 +4,8 @@ Twice a second all stretches of road that lie beyond what the ego sees, and from
 where traffic can come into sight or keeps that which is in sight from driving
 off, are counted. Where there are fewer vehicles than the density wants, one
 enters: where the lane has most room, as fast as its gap and all that lies ahead
-allow, and never so that anybody has to brake for it. Where the map begins in
-sight, vehicles drive in there, one density's gap after the other. Those that are
-far away and go farther leave. Who enters is drawn before the episode: an edge
+allow, and never so that anybody has to brake for it. Those that are far away and
+go farther leave. Who enters is drawn before the episode: an edge
 takes from its place in one ring of drivers, so that egos that drive differently
 still meet much the same traffic.
 """
@@ -14,8 +13,8 @@ still meet much the same traffic.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from math import cos, hypot, inf
+from dataclasses import dataclass
+from math import hypot, inf
 
 import numpy as np
 
@@ -34,8 +33,6 @@ from interplan_sumo.world.geometry import Floats
 
 OUT_OF_SIGHT_M = 110.0
 """No vehicle appears nearer to the ego: a planner sees the centres of boxes within 100 m, and both move in a step."""
-EDGE_CLEAR_M = 50.0
-"""Where the map begins vehicles may come into sight, but not nearer to the ego than this."""
 OWN_REACH_M, SIDE_REACH_M = 220.0, 180.0
 """How far from the ego roads are kept filled: its own, and others that lead towards it."""
 LEAVING_M = 260.0
@@ -43,7 +40,7 @@ LEAVING_M = 260.0
 LOOK_STEPS = 5
 """The roads are looked at twice a second."""
 POINT_M = 0.5
-"""Vehicles drive in as far behind the edge of the map; connectors shorter than this are no junctions, but cuts."""
+"""Connectors shorter than this are no junctions, but cuts."""
 POINTS_M = 10.0
 """Distances to the ego are judged at points this far apart along the roads."""
 JUNCTION_S = 3.0
@@ -147,12 +144,6 @@ class Flow:
         self._forward = np.stack((np.cos(heading), np.sin(heading)), axis=1)
         own = np.array([edge in demand.on_own_road for edge in self._edges])
         self._own = own[self._owner]
-        self._begins = [
-            (number, lane)
-            for number, lanes in enumerate(self._lanes)
-            for lane in lanes
-            if not network.incoming.get(lane.id)
-        ]
         self._steps = 0
         self._away_m: dict[str, float] = {}
         self._speeds: dict[tuple[str, float, float], float] = {}
@@ -201,10 +192,6 @@ class Flow:
                 continue
             found = entry.somewhere(lanes, stretch.first, stretch.last, self._arrival(stretch.edge))
             self._take(found, stretch.edge, entering)
-        for number, lane in self._begins:
-            begin = lane.line.points[0]
-            if EDGE_CLEAR_M <= hypot(begin[0] - x_m, begin[1] - y_m) < OUT_OF_SIGHT_M:
-                self._take(entry.where_it_begins(lane, ego, self._arrival(number)), number, entering)
         return Changes(entering, self._leaving(agents, x_m, y_m))
 
     def route_from(self, lane: str, arrival: Arrival) -> tuple[str, ...]:
@@ -277,19 +264,10 @@ class _Entry:
         rooms = [self._room(lane, first * lane.length_m, last * lane.length_m, arrival) for lane in lanes]
         for _, number, centre_m in sorted(((-room_m, i, at_m) for i, (room_m, at_m) in enumerate(rooms))):
             if centre_m is not None:
-                found = self._start(lanes[number], centre_m, arrival, OUT_OF_SIGHT_M)
+                found = self._start(lanes[number], centre_m, arrival)
                 if found is not None:
                     return found
         return None
-
-    def where_it_begins(self, lane: NetworkLane, ego: EgoState, arrival: Arrival) -> Spawn | None:
-        """An entry where a lane begins at the edge of the map, its gap behind the one before it."""
-        driver, begin = arrival.driver, lane.plain_line.pose_at(0.0)
-        turned = ego.heading_rad - begin.heading_rad
-        before = (hypot(begin.x_m - self._ego_m[0], begin.y_m - self._ego_m[1]) - driver.length_m - CAR_LENGTH_M,
-                  ego.speed_mps * cos(turned))  # fmt: skip
-        centre_m = driver.length_m / 2.0 + POINT_M
-        return self._start(lane, centre_m, arrival, EDGE_CLEAR_M, before, self._gap_m(lane, arrival) - CAR_LENGTH_M)
 
     def _gap_m(self, lane: NetworkLane, arrival: Arrival) -> float:
         """From centre to centre, for cars."""
@@ -318,26 +296,16 @@ class _Entry:
             behind = each.front_m - CAR_LENGTH_M / 2.0 if each is not None else None
         return best
 
-    def _start(
-        self, lane: NetworkLane, centre_m: float, arrival: Arrival, clear_m: float,
-        ego: tuple[float, float] | None = None, least_gap_m: float = 0.0,
-    ) -> Spawn | None:  # fmt: skip
-        """The start of one with its centre at a place; None if it would be seen to appear, or if no speed is safe.
-
-        `ego` is gap and speed of the ego, where it may be ahead.
-        """
+    def _start(self, lane: NetworkLane, centre_m: float, arrival: Arrival) -> Spawn | None:
+        """The start of one with its centre at a place; None if it would be seen to appear, or if no speed is safe."""
         driver, network = arrival.driver, self._flow.network
         pose = lane.plain_line.pose_at(lane.arc_of(centre_m))
-        if hypot(pose.x_m - self._ego_m[0], pose.y_m - self._ego_m[1]) < clear_m:
+        if hypot(pose.x_m - self._ego_m[0], pose.y_m - self._ego_m[1]) < OUT_OF_SIGHT_M:
             return None
         front_m = centre_m + driver.length_m / 2.0
         route = self._flow.route_from(lane.id, arrival)
         way = way_ahead(network, lane.id, route, front_m + AHEAD_M)
         ahead = self._occupied.ahead_of(way, front_m, self._opens)
-        if ahead.leader is not None and ahead.leader[0] < least_gap_m:
-            return None
-        if ego is not None:
-            ahead = replace(ahead, leader=min(ahead.leader or ego, ego))
         flowing_mps = self._flow.speed_mps(driver, lane)
         speed_mps = start_speed_mps(driver, ahead, most_mps=flowing_mps)
         if speed_mps is None or not self._occupied.leaves_room(lane.id, front_m, driver.length_m, speed_mps):
