@@ -18,7 +18,7 @@ help:
 	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
 	@echo "make test        everything but the slow tests, real SUMO included (3 minutes on two cores; WORKERS=8 on eight)"
 	@echo "make test-all    the slow tests, too"
-	@echo "make nightly     a million agent-seconds of traffic around rude egos (half an hour on two cores; FUZZ_SEED=1: others)"
+	@echo "make nightly     a million agent-seconds of traffic around rude egos (an hour on two cores; FUZZ_SEED=1: others)"
 	@echo "make check       lint, format and types"
 	@echo "make golden      only the comparison with nuPlan's own values"
 	@echo "make mutants     200 small wrong changes to the code: does a test notice each? (a quarter of an hour on two cores)"

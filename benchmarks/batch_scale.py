@@ -224,6 +224,7 @@ def toy_row(number: int) -> Row:
         fault=None,
         official=True,
         overrides=AppliedOverrides(),
+        perception="full",
         trace_hash=f"{number:064}",
         times_s={},
         versions={},

@@ -39,6 +39,8 @@ REAL_MAPS = {
     "austin": ("argoverse2", "argoverse2/austin_0a1e6f0a"),
     "lankershim": ("sumo", "sumo_nets/ngsim_lankershim.net.xml"),
 }
+MOST_PER_CASE_S = 1000.0
+"""So many agent-seconds there are per case, at most."""
 AGAIN = 50
 """One in so many cases is driven once more in a fresh process."""
 WORST = 5
@@ -115,16 +117,23 @@ def _type_of(outcome: Outcome, violation: Violation) -> str:
 
 
 def fuzz(agent_s: float, *, seed: int, maps: Maps, steps: int, workers: int, quiet: bool = False) -> list[Report]:
-    """Case after case until so many agent-seconds are driven. A worker that dies is a finding, too."""
+    """Case after case until so many agent-seconds are driven. A worker that dies is a finding, too.
+
+    Scenes differ in size by a hundred times, so there is also a least number of cases.
+    """
     reports: list[Report] = []
     done_s, numbers = 0.0, count()
+
+    def enough() -> bool:
+        return done_s >= agent_s and len(reports) >= agent_s / MOST_PER_CASE_S
+
     drive = partial(driven, seed=seed, maps=maps, steps=steps)
-    while done_s < agent_s:
+    while not enough():
         open_: dict[Future[Report], int] = {}
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
             try:
-                while done_s < agent_s or open_:
-                    while done_s < agent_s and len(open_) < 2 * workers:
+                while open_ or not enough():
+                    while not enough() and len(open_) < 2 * workers:
                         number = next(numbers)
                         open_[pool.submit(drive, number)] = number
                     ready, _ = wait(open_, return_when=FIRST_COMPLETED)

@@ -96,7 +96,7 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
 
         Further options are those of `run` that say what is driven: `seeds` N
         draws traffic with the seeds 0 to N-1, of which 0 is the certified one;
-        `density`, `behaviour`, `traffic`, `profile`. InputError for anything
+        `density`, `behaviour`, `perception`, `traffic`, `profile`. InputError for anything
         that cannot be used.
         """
         wanted = RunOptions.of({"suite": suite, "scenarios": scenarios, **options}, names=SCENE_OPTIONS)
@@ -145,7 +145,7 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
         )
         _hold(self, traffic)
         self._behaviours = traffic.behaviours
-        self._loop = loop = Loop(self.scenario, self._roads, traffic)
+        self._loop = loop = Loop(self.scenario, self._roads, traffic, seed=self.traffic_seed)
         self._is_over = False
         self._senses = Senses(loop.open(), loop.observation)
         self._touched: set[str] = set()

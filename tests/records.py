@@ -13,8 +13,9 @@ def row(scenario: str, score: float | None = 0.5, **changes: Any) -> Row:
     fields: dict[str, Any] = {
         "scenario_id": scenario, "family": scenario.partition("/")[0], "planner": "idm", "seed": 0, "score": score,
         "metrics": {}, "gates": (), "weights": {}, "fault": Fault("timeout", "killed") if score is None else None,
-        "official": True, "overrides": AppliedOverrides(), "trace_hash": None, "times_s": {}, "versions": {},
-        "traffic_version": 2, "reached_goal": False, "site": "tiny/1", "scenario_hash": "", "trace": None,
+        "official": True, "overrides": AppliedOverrides(), "perception": "full", "trace_hash": None, "times_s": {},
+        "versions": {}, "traffic_version": 2, "reached_goal": False, "site": "tiny/1", "scenario_hash": "",
+        "trace": None,
     }  # fmt: skip
     return Row(**fields | changes)
 

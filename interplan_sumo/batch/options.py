@@ -73,6 +73,7 @@ class RunOptions:
         metadata=_about("low|medium|high", choices=("low", "medium", "high"), setting=True, scene=True),
     )
     behaviour: str | None = field(default=None, metadata=_about("NAME", setting=True, scene=True))
+    perception: str | None = field(default=None, metadata=_about("full|occluded|noisy|late", setting=True, scene=True))
     limit: int | None = field(default=None, metadata=_about("At most so many scenarios.", least=1))
     profile: str | None = field(
         default=None,
@@ -102,6 +103,10 @@ class RunOptions:
             _check(each.name, value, **{k: v for k, v in each.metadata.items() if k in ("least", "most", "choices")})
         if self.traffic is not None and self.behaviour is not None:
             raise InputError("--traffic replaces the vehicle types that --set behaviour chooses; give only one")
+        if self.perception is not None:
+            from interplan_sumo.scenario.scenario import perception_named  # not for every command that starts
+
+            object.__setattr__(self, "perception", perception_named(self.perception))
         _check("workers", self.who.processes, least=0, hint=" (in this process)")
 
     @classmethod

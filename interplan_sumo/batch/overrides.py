@@ -18,6 +18,7 @@ class Overrides:
 
     density: Literal["low", "medium", "high"] | None = None
     behaviour: str | None = None
+    perception: str | None = None
     vehicle_types: Path | None = None
     """A vehicle-type file of the user's instead of the scenario's."""
 
@@ -36,10 +37,12 @@ class Overrides:
             except OSError as error:
                 raise InputError(f"cannot read the vehicle-type file {self.vehicle_types}: {error.strerror}") from None
             traffic = f"{self.vehicle_types.name} sha256:{digest[:16]}"
-        return AppliedOverrides(self.density, self.behaviour, traffic)
+        return AppliedOverrides(self.density, self.behaviour, self.perception, traffic)
 
     def applied(self, scenario: Scenario) -> Scenario:
-        """The scenario with them; one without moving traffic stays as it is."""
+        """The scenario with them; one without moving traffic has none that could be changed."""
+        if self.perception is not None:
+            scenario = replace(scenario, perception=self.perception)
         traffic = scenario.traffic
         if traffic.density == "none" and traffic.oncoming == "none":
             return scenario

@@ -64,6 +64,7 @@ class AppliedOverrides(Struct, frozen=True, omit_defaults=True):
 
     density: Literal["low", "medium", "high"] | None = None
     behaviour: str | None = None
+    perception: str | None = None
     traffic: str | None = None
     """Name and hash of a vehicle-type file: `mine.xml sha256:0123456789abcdef`."""
 
@@ -154,6 +155,8 @@ class Row(Struct, frozen=True, kw_only=True, omit_defaults=True):
     official: bool
     """Whether it is an official scenario, driven as it is."""
     overrides: AppliedOverrides
+    perception: str
+    """What the planner saw: `full`, or how it was worse than that."""
     trace_hash: str | None
     times_s: dict[str, Seconds]
     """Wall clock by phase, and `total`."""

@@ -65,7 +65,7 @@ class StoredDrives:
         self.run = run
         self.own = own_scenarios(run)
         held = run.manifest.overrides
-        self._overrides = Overrides(held.density, held.behaviour)
+        self._overrides = Overrides(held.density, held.behaviour, held.perception)
 
     def scenario(self, row: Row) -> Scenario:
         """The scenario of a row as it was driven; InputError if it is not the same any more."""

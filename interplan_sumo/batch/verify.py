@@ -127,6 +127,7 @@ def verify(
         options,
         density=held.density,
         behaviour=held.behaviour,
+        perception=held.perception,
         traffic=recorded_vehicle_types(run.path, run.manifest, options.traffic),
         plan_limit_s=run.manifest.plan_limit_s or 0.0,
     )

@@ -11,7 +11,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from interplan_sumo.errors import ScenarioError
+from interplan_sumo.errors import ScenarioError, UnknownNameError
 from interplan_sumo.scenario.recorded_parts import EgoPast, LoggedLight, ReplayedTrack
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Pose, wrap_angle
@@ -25,8 +25,27 @@ LARGEST_GAP_M: dict[str, float] = {"sparse": 400.0, "low": 100.0, "medium": 50.0
 up to these."""
 SMALLEST_GAP_M = 10.0
 SITE_BIN_M = 10.0
-ADDED_LATER = frozenset({"replayed", "lights", "past"})
+ADDED_LATER = frozenset({"replayed", "lights", "past", "perception"})
 """Fields of Scenario that came after suites had been frozen: a scenario without them keeps the hash that it had."""
+
+
+PERCEPTIONS = ("occluded", "noisy", "late")
+"""What can come between the scene and what a planner sees of it; without any of them perception is `full`."""
+
+
+def perception_modes(text: str) -> tuple[str, ...]:
+    """The modes in `full`, `noisy` or `occluded+late`, in the order of `PERCEPTIONS`; UnknownNameError for others."""
+    named = () if text == "full" else text.split("+")
+    for name in named:
+        if name not in PERCEPTIONS:
+            ways = f"It is full, or some of {', '.join(PERCEPTIONS)} joined by +, such as occluded+noisy"
+            raise UnknownNameError("perception", name, (), ways)
+    return tuple(name for name in PERCEPTIONS if name in named)
+
+
+def perception_named(text: str) -> str:
+    """The one text for these modes; UnknownNameError for one that is none."""
+    return "+".join(perception_modes(text)) or "full"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +79,10 @@ OBSTACLES: dict[str, tuple[ActorKind, float, float]] = {
     "worker": (ActorKind.PEDESTRIAN, 0.9, 0.79),
 }
 """nuPlan's class and the default length and width of each kind; cones and people as in interPlan."""
+OBSTACLE_HEIGHTS_M: dict[str, float] = {
+    "car": 1.5, "bus": 3.0, "truck": 2.4, "cone": 0.75, "barrier": 1.0, "sign": 1.0, "worker": 1.75,
+}  # fmt: skip
+"""The default height of each kind: what is tall hides others where perception is `occluded`."""
 PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M = 0.9, 0.79
 """interPlan's pedestrian; the length lies along the walk."""
 
@@ -76,12 +99,19 @@ class Obstacle:
     length_m: float | None = None
     """None takes the default of its kind."""
     width_m: float | None = None
+    height_m: float | None = None
+    """Of 1.4 m or more it hides others where perception is `occluded`."""
 
     @property
     def size_m(self) -> tuple[float, float]:
         """Length and width."""
         _, length_m, width_m = OBSTACLES[self.kind]
         return self.length_m or length_m, self.width_m or width_m
+
+    @property
+    def tall_m(self) -> float:
+        """Height."""
+        return OBSTACLE_HEIGHTS_M[self.kind] if self.height_m is None else self.height_m
 
     def pose(self, roads: Roads) -> Pose:
         """Pose of its centre in the map frame."""
@@ -151,6 +181,8 @@ class Scenario:
     """Recorded road users that move whatever the ego does. They are all the traffic there is, then."""
     lights: tuple[LoggedLight, ...] = ()
     """Recorded traffic lights, one entry per connector; lights of the map without any keep SUMO's program."""
+    perception: str = "full"
+    """What the planner sees: `full`, or some of `PERCEPTIONS` joined by `+`."""
     past: EgoPast | None = None
     """How the ego came to its start, for planners that look back; None: at constant speed along its lane."""
     maps_beside: Path | None = field(default=None, compare=False)
@@ -162,6 +194,10 @@ class Scenario:
     def __post_init__(self) -> None:
         if self.duration_s <= 0 or abs(self.duration_s * 10 - round(self.duration_s * 10)) > 1e-9:
             raise ScenarioError(f"{self.id}: duration_s is {self.duration_s}, expected a positive multiple of 0.1 s")
+        try:
+            object.__setattr__(self, "perception", perception_named(self.perception))
+        except UnknownNameError as error:
+            raise ScenarioError(f"{self.id}: {error}") from None
         if not np.isfinite(self.start_speed_mps) or self.start_speed_mps < 0:
             raise ScenarioError(f"{self.id}: start_speed_mps is {self.start_speed_mps}, expected 0 or more")
         if not self.route:
@@ -170,10 +206,9 @@ class Scenario:
             if obstacle.kind not in OBSTACLES:
                 known = ", ".join(OBSTACLES)
                 raise ScenarioError(f"{self.id}: obstacles[{i}].kind is {obstacle.kind!r}, expected one of {known}")
-            if not all(np.isfinite(size) and size > 0.0 for size in obstacle.size_m):
-                raise ScenarioError(
-                    f"{self.id}: obstacles[{i}] has the size {obstacle.size_m}, expected positive metres"
-                )
+            size_m = (*obstacle.size_m, obstacle.tall_m)
+            if not all(np.isfinite(size) and size > 0.0 for size in size_m):
+                raise ScenarioError(f"{self.id}: obstacles[{i}] has the size {size_m}, expected positive metres")
         for i, walker in enumerate(self.jaywalkers):
             if not 0.1 <= walker.speed_mps <= 5.0:
                 raise ScenarioError(f"{self.id}: jaywalkers[{i}].speed_mps is {walker.speed_mps}, expected 0.1 to 5")
@@ -239,9 +274,12 @@ class Scenario:
     def canonical(self) -> dict[str, object]:
         """Plain data, for files and for the hash: measures are floats, however they were written.
 
-        Fields of `ADDED_LATER` are left out while they have their default.
+        Fields of `ADDED_LATER`, and heights of obstacles, are left out while they have their default.
         """
         plain = asdict(self)
+        for obstacle in plain["obstacles"]:
+            if obstacle["height_m"] is None:
+                del obstacle["height_m"]
         kept = [
             each.name
             for each in fields(self)

@@ -130,6 +130,7 @@ class ScenarioOverview(msgspec.Struct, frozen=True):
     behaviour: str
     lane_changes: int
     hash: str
+    perception: str = "full"
 
 
 class MapLock(msgspec.Struct, frozen=True):
@@ -195,7 +196,7 @@ def overview(scenario: Scenario, roads: Roads) -> ScenarioOverview:
         raise ScenarioError(f"{scenario.id}: no way from lane {scenario.start.lane} to goal lane {scenario.goal.lane}")
     return ScenarioOverview(
         scenario.id, scenario.family, scenario.map, scenario.site(roads), roads.driving_side,
-        scenario.traffic.density, scenario.traffic.behaviour, need, scenario.hash(),
+        scenario.traffic.density, scenario.traffic.behaviour, need, scenario.hash(), scenario.perception,
     )  # fmt: skip
 
 

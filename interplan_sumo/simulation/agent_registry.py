@@ -52,6 +52,8 @@ class AgentRegistry:
         self.routes: dict[str, tuple[str, ...]] = {}
         self.behaviours: dict[str, str] = {}
         """Name of the vehicle type by token, of all that have been there."""
+        self.heights_m: dict[str, float] = {}
+        """By token."""
         self.kinematics = AgentKinematics(dt_s)
         self.length_m: Floats = np.zeros(0)
         """(N,) of the agents that are there."""
@@ -85,6 +87,7 @@ class AgentRegistry:
         for row in rows:
             name, driver = self.names[row], self.drivers[self.names[row]]
             self.behaviours[self._tokens[name]] = self._behaviour_of_entry if driver.name == ENTRY else driver.name
+            self.heights_m[self._tokens[name]] = driver.height_m
         self.kinematics.insert(rows)
         self._index()
 

@@ -21,10 +21,10 @@ from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Mission, Observation, Past, Planner
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.simulation.history import PAST_STEPS, extrapolated_past
+from interplan_sumo.simulation.history import PAST_STEPS, extrapolated_egos
+from interplan_sumo.simulation.perception import Perception
 from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.simulation.traffic import Traffic, TrafficState
-from interplan_sumo.simulation.visibility import occluding_box, visible
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.geometry import Polyline
@@ -77,6 +77,8 @@ class _Record:
 
     egos: list[EgoState] = field(default_factory=list)
     actors: list[Actors] = field(default_factory=list)
+    seen: list[Actors] = field(default_factory=list)
+    """What the planner saw, from `PAST_STEPS` frames before the first on; nothing where that is `full`."""
     signals: list[Signals] = field(default_factory=list)
     plans: list[Trajectory] = field(default_factory=list)
     plan_wall_s: list[float] = field(default_factory=list)
@@ -85,9 +87,9 @@ class _Record:
         if not self.egos:
             return None
         actors = ActorTable.of(self.actors, behaviours)
-        return Trace(
-            EgoTrack.of(self.egos), actors, tuple(self.signals), tuple(self.plans), np.array(self.plan_wall_s), shape
-        )
+        seen = ActorTable.of(self.seen) if self.seen else None
+        plan_wall_s = np.array(self.plan_wall_s)
+        return Trace(EgoTrack.of(self.egos), actors, tuple(self.signals), tuple(self.plans), plan_wall_s, shape, seen)
 
 
 def drive(
@@ -110,7 +112,7 @@ def drive(
         return Episode(None, EpisodeFault("traffic", str(error)), False, {"setup": time.perf_counter() - began})
     setup_s = time.perf_counter() - began
     try:
-        episode = run_loop(scenario, roads, planner, traffic, options=options, on_phase=tell)
+        episode = run_loop(scenario, roads, planner, traffic, options=options, on_phase=tell, seed=seed)
     finally:
         traffic.close()
     return Episode(episode.trace, episode.fault, episode.reached_goal, {"setup": setup_s, **episode.times_s})
@@ -124,10 +126,14 @@ def run_loop(
     *,
     options: EpisodeOptions,
     on_phase: Callable[[Phase], None],
+    seed: int = 0,
 ) -> Episode:
-    """The loop on any traffic. Planner and traffic faults end it and are told apart in the result."""
+    """The loop on any traffic; what the planner sees is drawn from `seed`.
+
+    Planner and traffic faults end it and are told apart in the result.
+    """
     began = time.perf_counter()
-    loop = Loop(scenario, roads, traffic, options.shape)
+    loop = Loop(scenario, roads, traffic, options.shape, seed)
     record, fault = loop.record, None
     try:
         _run(loop, planner, options.plan_limit_s, on_phase)
@@ -153,7 +159,7 @@ def run_until(scenario: Scenario, planner: Planner, enough: Callable[[], bool], 
     """
     roads = load_roads(scenario.map, scenario.maps_beside)
     with open_traffic(scenario, roads, seed=seed) as traffic:
-        loop = Loop(scenario, roads, traffic)
+        loop = Loop(scenario, roads, traffic, seed=seed)
         planner.start(loop.open())
         while loop.begin_frame():
             plan = planner.plan(loop.observation)
@@ -190,11 +196,15 @@ class Loop:
     goal_m: float
     """Where on `route` the goal line lies."""
 
-    def __init__(self, scenario: Scenario, roads: Roads, traffic: Traffic, shape: EgoShape = PACIFICA) -> None:
+    def __init__(
+        self, scenario: Scenario, roads: Roads, traffic: Traffic, shape: EgoShape = PACIFICA, seed: int = 0
+    ) -> None:
+        """`seed` is that of the traffic: what the planner sees of it is drawn from it, too."""
         self.scenario = scenario
         self.roads = roads
         self.traffic = traffic
         self.shape = shape
+        self._seed = seed
         self.record = _Record()
         self.reached_goal = False
         self.simulation_s = 0.0
@@ -206,17 +216,20 @@ class Loop:
         self.goal_m = goal_arc_m(self.roads, self.scenario)
         self.ego = start_state(self.scenario, self.roads)
         self.scene = self.traffic.observe()
-        self._occluder = occluding_box(self.scenario, self.roads)
-        self._visible = visible(self.scene.actors, self.ego, self._occluder)
-        past = extrapolated_past(self.roads, self.ego, self._visible, DT_S, self.scenario.past)
-        self._egos, self._others = deque(past.egos, PAST_STEPS), deque(past.actors, PAST_STEPS)
+        self._perception = Perception(self.scenario, self.roads, self.traffic.heights_m, self._seed, DT_S)
+        before, self._seen = self._perception.first(self.ego, self.scene.actors)
+        egos = extrapolated_egos(self.roads, self.ego, DT_S, self.scenario.past)
+        self._egos, self._others = deque(egos, PAST_STEPS), deque(before, PAST_STEPS)
+        self._keeps_seen = self.scenario.perception != "full"
+        if self._keeps_seen:
+            self.record.seen.extend(before)
         return Mission(self.roads, self.scenario.route, self.scenario.goal.pose(self.roads), self.shape, DT_S)
 
     @property
     def observation(self) -> Observation:
         """What a planner sees now."""
         past = Past(tuple(self._egos), tuple(self._others))
-        return Observation(self.ego.time_s, self.ego, self._visible, self.scene.signals, past)
+        return Observation(self.ego.time_s, self.ego, self._seen, self.scene.signals, past)
 
     def begin_frame(self) -> bool:
         """Write the present down; False past the goal line, where no plan is needed, and when time is up."""
@@ -224,6 +237,8 @@ class Loop:
             return False
         self.record.egos.append(self.ego)
         self.record.actors.append(self.scene.actors)
+        if self._keeps_seen:
+            self.record.seen.append(self._seen)
         self.record.signals.append(self.scene.signals)
         self.reached_goal = self.route.project_point(self.ego.x_m, self.ego.y_m)[0] > self.goal_m
         return not self.reached_goal
@@ -236,7 +251,7 @@ class Loop:
         stepping = time.perf_counter()
         self.traffic.react(self.ego)
         self._egos.append(self.ego)
-        self._others.append(self._visible)
+        self._others.append(self._seen)
         self.simulation_s += time.perf_counter() - stepping
         self.ego = follow(self.ego, plan, DT_S, self.shape)
         stepping = time.perf_counter()
@@ -244,7 +259,7 @@ class Loop:
         self.traffic.advance()
         self.scene = self.traffic.observe()
         self.simulation_s += time.perf_counter() - stepping
-        self._visible = visible(self.scene.actors, self.ego, self._occluder)
+        self._seen = self._perception.look(self.ego, self.scene.actors)
 
     def trace(self) -> Trace | None:
         """What was written down so far; None before the first frame."""

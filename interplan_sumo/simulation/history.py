@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from interplan_sumo.planner import Past
 from interplan_sumo.scenario.recorded_parts import PAST_STEPS, EgoPast
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
@@ -55,8 +54,8 @@ def _along(line: Polyline, x_m: float, y_m: float, heading_rad: float) -> tuple[
     return float(wrap_angle(heading_rad - line.pose_at(arc_m).heading_rad)), arc_m, left_m
 
 
-def extrapolated_past(roads: Roads, ego: EgoState, actors: Actors, dt_s: float, driven: EgoPast | None = None) -> Past:
-    """The 2 s before an episode: everyone has come at their present speed, but for the ego where its past is known."""
+def extrapolated_egos(roads: Roads, ego: EgoState, dt_s: float, driven: EgoPast | None = None) -> tuple[EgoState, ...]:
+    """The 2 s before an episode: the ego has come at its present speed, unless its past is known."""
     ago_s = dt_s * np.arange(PAST_STEPS, 0, -1)
     if driven is None:
         ego_poses = backcast(roads, ego.x_m, ego.y_m, ego.heading_rad, ego.speed_mps * ago_s)
@@ -64,20 +63,25 @@ def extrapolated_past(roads: Roads, ego: EgoState, actors: Actors, dt_s: float, 
     else:
         ego_poses = np.stack((driven.x_m, driven.y_m, driven.heading_rad), axis=1)
         speeds_mps = np.array(driven.speed_mps)
-    egos = tuple(
+    return tuple(
         replace(
             ego, time_s=ego.time_s - float(s), x_m=float(x), y_m=float(y), heading_rad=float(heading), vx_mps=float(v)
         )
         for s, (x, y, heading), v in zip(ago_s, ego_poses, speeds_mps, strict=True)
     )
-    tracks = np.empty((len(actors), PAST_STEPS, 3))
+
+
+def extrapolated_actors(roads: Roads, actors: Actors, dt_s: float, steps: int = PAST_STEPS) -> tuple[Actors, ...]:
+    """So many steps before an episode: everyone has come at their present speed."""
+    ago_s = dt_s * np.arange(steps, 0, -1)
+    tracks = np.empty((len(actors), steps, 3))
     for row in range(len(actors)):
         tracks[row] = backcast(
             roads, actors.x_m[row], actors.y_m[row], actors.heading_rad[row], actors.speed_mps[row] * ago_s
         )
     cosine, sine = np.cos(tracks[..., 2]), np.sin(tracks[..., 2])
     speed = actors.speed_mps
-    frames = tuple(
+    return tuple(
         replace(
             actors,
             x_m=tracks[:, k, 0],
@@ -86,6 +90,5 @@ def extrapolated_past(roads: Roads, ego: EgoState, actors: Actors, dt_s: float, 
             vx_mps=speed * cosine[:, k],
             vy_mps=speed * sine[:, k],
         )
-        for k in range(PAST_STEPS)
+        for k in range(steps)
     )
-    return Past(egos, frames)

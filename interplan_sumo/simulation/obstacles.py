@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -45,6 +46,14 @@ def standing_actors(scenario: Scenario, roads: Roads, ids: tuple[str, ...]) -> A
         vx_mps=zeros,
         vy_mps=zeros,
     )
+
+
+def standing_heights_m(scenario: Scenario, ids: tuple[str, ...]) -> dict[str, float]:
+    """The heights of the obstacles of a scenario by id; the named occluder hides others however tall it is."""
+    return {
+        name: inf if i == scenario.occluder else obstacle.tall_m
+        for i, (name, obstacle) in enumerate(zip(ids, scenario.obstacles, strict=True))
+    }
 
 
 def blockages(network: SumoNetwork, obstacles: Actors, origin_m: tuple[float, float]) -> tuple[LaneBlockage, ...]:

@@ -15,6 +15,8 @@ from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Floats
 
 BEHAVIOUR = "replayed"
+VEHICLE_HEIGHT_M = 1.5
+"""A car's: recordings tell none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,13 +36,20 @@ class ReplayedTraffic:
     """
 
     def __init__(
-        self, tracks: Sequence[ReplayedTrack], ids: Sequence[str], standing: Actors, lights: LoggedLights | None = None
+        self,
+        tracks: Sequence[ReplayedTrack],
+        ids: Sequence[str],
+        standing: Actors,
+        lights: LoggedLights | None = None,
+        heights_m: Mapping[str, float] | None = None,
     ) -> None:
-        """`ids` are those of the tracks as others see them; `standing` are the obstacles."""
+        """`ids` are those of the tracks as others see them; `standing` are the obstacles, `heights_m` theirs."""
         self._known = [_known(id, track) for id, track in zip(ids, tracks, strict=True)]
         self._standing = standing
         self._lights = lights or LoggedLights(())
         self._step = 0
+        vehicles = [id for id, track in zip(ids, tracks, strict=True) if track.kind == "vehicle"]
+        self.heights_m = dict(heights_m or {}) | dict.fromkeys(vehicles, VEHICLE_HEIGHT_M)
 
     def __enter__(self) -> ReplayedTraffic:
         return self

@@ -15,7 +15,7 @@ from interplan_sumo.simulation.flow import Flow, draw_arrivals
 from interplan_sumo.simulation.lane_chains import ego_sumo_route
 from interplan_sumo.simulation.lights import LoggedLights
 from interplan_sumo.simulation.network import read_network
-from interplan_sumo.simulation.obstacles import blockages, standing_actors
+from interplan_sumo.simulation.obstacles import blockages, standing_actors, standing_heights_m
 from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, StagedScenario, populate
@@ -98,6 +98,7 @@ def open_sumo_traffic(
         crowd=crowd, flow=flow, with_ego=with_ego,
         logged=LoggedLights.on(scenario.lights, ids.links) if scenario.lights else None,
         chance_seed=int(rng.integers(2**32)),
+        heights_m=standing_heights_m(scenario, tokens[: len(scenario.obstacles)]),
     )  # fmt: skip
     return SumoTraffic(setup)
 
@@ -106,7 +107,8 @@ def _replays(scenario: Scenario, roads: Roads, seed: int) -> ReplayedTraffic:
     many = len(scenario.obstacles)
     tokens = opaque_ids(many + len(scenario.replayed), scenario.rng(seed))
     standing = standing_actors(scenario, roads, tokens[:many])
-    return ReplayedTraffic(scenario.replayed, tokens[many:], standing, LoggedLights(scenario.lights))
+    heights_m = standing_heights_m(scenario, tokens[:many])
+    return ReplayedTraffic(scenario.replayed, tokens[many:], standing, LoggedLights(scenario.lights), heights_m)
 
 
 def opaque_ids(count: int, rng: np.random.Generator, besides: tuple[str, ...] = ()) -> tuple[str, ...]:

@@ -59,6 +59,8 @@ class TrafficSetup:
     """Lights that show what was recorded."""
     chance_seed: int = 0
     """For what agents decide by chance."""
+    heights_m: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Of obstacles by id."""
 
 
 class SumoTraffic:
@@ -84,6 +86,7 @@ class SumoTraffic:
         self._signals: Signals | None = None
         self._next_switch_s = 0.0
         self._agents = AgentRegistry(types.path, setup.standing, setup.crowd, ids.origin_m, DT_S)
+        self._agents.heights_m.update(setup.heights_m)
         drawn = [*(spawn.driver for spawn in setup.spawns), *(setup.flow.drivers if setup.flow is not None else ())]
         open_simulation(network.path, types.sumo_document(drawn))
         self._open = True
@@ -159,6 +162,7 @@ class SumoTraffic:
                 driver,
                 length_m=get.getLength(driver.id),
                 width_m=get.getWidth(driver.id),
+                height_m=get.getHeight(driver.id),
                 tau_s=get.getTau(driver.id),
                 min_gap_m=get.getMinGap(driver.id),
                 accel_mps2=get.getAccel(driver.id),
@@ -177,6 +181,10 @@ class SumoTraffic:
     @property
     def behaviours(self) -> Mapping[str, str]:
         return self._agents.behaviours
+
+    @property
+    def heights_m(self) -> Mapping[str, float]:
+        return self._agents.heights_m
 
     def observe(self) -> TrafficState:
         return TrafficState(self._agents.actors(), self._read_signals())

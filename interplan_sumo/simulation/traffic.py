@@ -30,6 +30,11 @@ class Traffic(Protocol):
         """Behaviour type of each agent by its id; constant over the episode, never shown to planners."""
         ...
 
+    @property
+    def heights_m(self) -> Mapping[str, float]:
+        """Heights of vehicles and obstacles by id, of all that there were up to now."""
+        ...
+
     def observe(self) -> TrafficState:
         """The scene now."""
         ...

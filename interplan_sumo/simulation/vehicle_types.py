@@ -55,6 +55,7 @@ class VehicleType:
     id: str
     length_m: float = 5.0
     width_m: float = 1.8
+    height_m: float = 1.5
     tau_s: float = 1.0
     min_gap_m: float = 2.5
     accel_mps2: float = 2.6

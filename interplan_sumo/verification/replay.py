@@ -56,7 +56,7 @@ def first_frame(scenario: Scenario, *, seed: int = 0) -> Trace:
 
 def reference_drive(scenario: Scenario) -> Trace:
     """The IDM driver in the same traffic, without obstacles and jaywalkers; ScenarioError if that fails."""
-    bare = replace(scenario, obstacles=(), jaywalkers=(), occluder=None)
+    bare = replace(scenario, obstacles=(), jaywalkers=(), occluder=None, perception="full")
     episode = drive(bare, load_planner(DRIVER))
     if episode.trace is None or episode.fault is not None:
         reason = episode.fault.message if episode.fault is not None else "nothing was recorded"

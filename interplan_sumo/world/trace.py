@@ -1,10 +1,11 @@
-"""Trace: the record of one episode, in memory and as four Parquet files.
+"""Trace: the record of one episode, in memory and as Parquet files.
 
 | file | a row is | columns |
 |---|---|---|
 | ego.parquet | a frame | frame, time_us, x, y, heading (rear axle), vx, vy, ax, ay (rear axle, car frame), tire_steering_angle, tire_steering_rate, angular_velocity, angular_acceleration, center_x, center_y, plan_wall_s |
 | actors.parquet | an actor in a frame | frame, track_token, type, x, y, heading, length, width (box centre), vx, vy (map frame), behaviour |
 | signals.parquet | a connector in a frame | frame, lane_connector_id, status |
+| seen.parquet | an actor as the planner saw it in a frame | as actors.parquet, without behaviour; only where the scenario's perception is not `full`. The first frame is -20: what the planner was told of the time before the start |
 | plans.parquet | a pose of the plan of a frame | frame, time_us, x, y, heading (box centre) |
 
 Metres, radians, seconds, integer microseconds. `behaviour` is for analysis;
@@ -39,8 +40,11 @@ EGO_COLUMNS = (
     "angular_velocity", "angular_acceleration", "center_x", "center_y", "plan_wall_s",
 )  # fmt: skip
 ACTOR_COLUMNS = ("frame", "track_token", "type", "x", "y", "heading", "length", "width", "vx", "vy", "behaviour")
+SEEN_COLUMNS = ACTOR_COLUMNS[:-1]
 SIGNAL_COLUMNS = ("frame", "lane_connector_id", "status")
 PLAN_COLUMNS = ("frame", "time_us", "x", "y", "heading")
+SEEN_BEFORE = 20
+"""Frames before the first that `Trace.seen` holds: as many as a planner looks back."""
 _NOT_HASHED = frozenset({"plan_wall_s"})
 
 
@@ -228,6 +232,11 @@ class Trace:
     plan_wall_s: Floats
     """(P,) wall-clock seconds of each planner call."""
     shape: EgoShape = PACIFICA
+    seen: ActorTable | None = None
+    """What the planner saw where its perception was not `full`: as many frames, after `SEEN_BEFORE` before the first.
+
+    Ask `seen_at`.
+    """
 
     def __len__(self) -> int:
         return len(self.ego)
@@ -238,8 +247,14 @@ class Trace:
         time_us = self.ego.time_us
         return float(time_us[-1] - time_us[0]) * 1e-6 / (len(time_us) - 1) if len(time_us) > 1 else 0.1
 
+    def seen_at(self, frame: int) -> Actors:
+        """What the planner saw in a frame, from -`SEEN_BEFORE` on; ValueError if that was not kept."""
+        if self.seen is None:
+            raise ValueError("perception was full: what the planner saw follows from the actors")
+        return self.seen.at(frame + SEEN_BEFORE)
+
     def tables(self) -> dict[str, pd.DataFrame]:
-        """The four tables by file stem, columns in documented order."""
+        """The tables by file stem, columns in documented order; `seen`, where there is one, comes last."""
         import pandas as pd
 
         ego = self.ego.to_frame(self.shape)
@@ -268,7 +283,11 @@ class Trace:
                 "heading": stacked("heading_rad"),
             }
         )
-        return {"ego": ego, "actors": self.actors.to_frame(), "signals": signals, "plans": plans}
+        tables = {"ego": ego, "actors": self.actors.to_frame(), "signals": signals, "plans": plans}
+        if self.seen is not None:
+            seen = self.seen.to_frame()[list(SEEN_COLUMNS)]
+            tables["seen"] = seen.assign(frame=seen["frame"] - SEEN_BEFORE)
+        return tables
 
     def hash(self) -> str:
         """SHA-256 over all states, equal for equal runs.
@@ -292,7 +311,7 @@ class Trace:
         return digest.hexdigest()
 
     def write(self, folder: Path) -> None:
-        """Write the four Parquet files into `folder`, which is made if needed."""
+        """Write the Parquet files into `folder`, which is made if needed."""
         folder.mkdir(parents=True, exist_ok=True)
         for name, table in self.tables().items():
             for text in ("track_token", "type", "behaviour", "lane_connector_id", "status"):
@@ -326,7 +345,13 @@ class Trace:
             plans = tuple(
                 Trajectory(columns[0][a:b] * 1e-6, *(c[a:b] for c in columns[1:])) for a, b in pairwise(plan_split)
             )
-        return cls(ego, actors, signals, plans, wall[np.isfinite(wall)], shape)
+        seen = None
+        if (folder / "seen.parquet").exists():
+            seen_rows = _read_table(folder, "seen", SEEN_COLUMNS)
+            with _blamed(folder, "seen"):
+                since_start = seen_rows.assign(frame=seen_rows["frame"] + SEEN_BEFORE)
+                seen = ActorTable.from_frame(since_start, frames + SEEN_BEFORE)
+        return cls(ego, actors, signals, plans, wall[np.isfinite(wall)], shape, seen)
 
 
 def _read_table(folder: Path, name: str, columns: Sequence[str]) -> pd.DataFrame:

@@ -14,10 +14,9 @@ from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.recorded import scene
 from interplan_sumo.scenario.recorded_parts import PAST_COLUMNS, PAST_STEPS, EgoPast
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.simulation.history import extrapolated_past
+from interplan_sumo.simulation.history import extrapolated_egos
 from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.tiny_worlds import straight_road
-from interplan_sumo.world.actors import Actors
 from tests.scenario.made_recordings import drives, poses_along, recording, track
 
 ROADS = straight_road(lanes=2, length_m=300.0)
@@ -68,12 +67,12 @@ def test_the_past_ends_in_the_start_whatever_the_ego_did_to_get_there(left_m: fl
 def test_planners_see_the_past_of_the_scenario() -> None:
     scenario = made(4.0)
     ego = start_state(scenario, ROADS)
-    seen = extrapolated_past(ROADS, ego, Actors.none(), 0.1, scenario.past)
+    seen = extrapolated_egos(ROADS, ego, 0.1, scenario.past)
     assert scenario.past is not None
-    assert tuple(each.x_m for each in seen.egos) == scenario.past.x_m
-    assert [each.time_s for each in seen.egos] == pytest.approx(np.arange(-20, 0) * 0.1)
+    assert tuple(each.x_m for each in seen) == scenario.past.x_m
+    assert [each.time_s for each in seen] == pytest.approx(np.arange(-20, 0) * 0.1)
     slower = replace(scenario.past, speed_mps=(7.0,) * PAST_STEPS)
-    assert {each.vx_mps for each in extrapolated_past(ROADS, ego, Actors.none(), 0.1, slower).egos} == {7.0}
+    assert {each.vx_mps for each in extrapolated_egos(ROADS, ego, 0.1, slower)} == {7.0}
 
 
 @pytest.mark.parametrize("name", PAST_COLUMNS)

@@ -15,7 +15,7 @@ from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, Ints, Polyline, Pose
 from interplan_sumo.world.roads import Roads
-from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
+from interplan_sumo.world.trace import SEEN_BEFORE, ActorTable, EgoTrack, Trace
 
 SIGHT_M: Final = 130.0
 """What never comes nearer to the ego is left out; planners see 100 m."""
@@ -81,6 +81,32 @@ def agents(drive: StoredDrive, origin: Floats) -> list[dict[str, Any]]:
                 "speed": column(speed_mps, PER_UNIT),
             }
         )
+    return found
+
+
+def seen(trace: Trace, origin: Floats) -> list[dict[str, Any]]:
+    """Every stretch of frames in which the planner saw an actor, where its perception was not `full`.
+
+    Each has `id`, its size, its first frame, how many there are, and columns: x, y, heading.
+    """
+    table = trace.seen
+    if table is None:
+        return []
+    started = table.frame >= SEEN_BEFORE
+    found: list[dict[str, Any]] = []
+    for rows in (stretch[started[stretch]] for stretch in _stretches(table)):
+        if len(rows):
+            first = int(rows[0])
+            found.append(
+                {
+                    "id": str(table.ids[first]),
+                    "length_m": round(float(table.length_m[first]), 2),
+                    "width_m": round(float(table.width_m[first]), 2),
+                    "first": int(table.frame[first]) - SEEN_BEFORE,
+                    "frames": len(rows),
+                    **_path(table.x_m[rows], table.y_m[rows], table.heading_rad[rows], origin),
+                }
+            )
     return found
 
 

@@ -118,7 +118,7 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
     `planner`, `seed`, `profile`, `score` (0 to 100, or None), `fault` (a sentence or
     None), `end` (how it ended, in words), `frames`, `metrics`, `events`,
     `deciding` (frame, metric and reason), `charts`, what is around (`ego`, `agents`,
-    `plans`, `triggers`) and `signals` (`road_markings.signal_changes`).
+    `seen`, `plans`, `triggers`) and `signals` (`road_markings.signal_changes`).
     """
     facts = Facts(drive.trace, drive.roads, drive.expert, drive.scenario)
     sheet = score_facts(facts, drive.profile)
@@ -140,6 +140,7 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
         "charts": chart_series(facts, sheet, drivable),
         "ego": agents_timeline.ego(drive.trace, origin),
         "agents": agents_timeline.agents(drive, origin),
+        "seen": agents_timeline.seen(drive.trace, origin),
         "plans": agents_timeline.plans(drive.trace, origin),
         "signals": signal_changes(drive.trace, lights),
         "triggers": triggers,
@@ -187,6 +188,7 @@ def _about(scenario: Scenario, roads: Roads) -> list[str]:
         f"drives on the {roads.driving_side}",
         f"{recorded} recorded road users" if recorded else f"density {demand.density}",
         "" if demand.oncoming == "none" else f"oncoming {demand.oncoming}",
+        "" if scenario.perception == "full" else f"perception {scenario.perception}",
         f"{demand.behaviour} drivers" if scenario.has_traffic and not recorded else "",
         f"{people} jaywalker{'s' if people > 1 else ''}" if people else "",
     )

@@ -58,6 +58,7 @@ function decodedDrive(drive, per) {
     charts,
     ego: { ...drive.ego, ...decodedPath(drive.ego, drive.frames, per) },
     agents: drive.agents.map((agent) => decodedAgent(agent, per)),
+    seen: drive.seen.map((track) => ({ ...track, ...decodedPath(track, track.frames, per) })),
     plans: drive.plans.map((plan) => decodedPoints(plan, per.metre)),
     triggers: drive.triggers.map((trigger) => ({
       ...trigger,

@@ -5,6 +5,7 @@ const LAYERS = [
   ["trail", "Trail", true],
   ["route", "Route", true],
   ["lights", "Lights", true],
+  ["seen", "What the planner saw", true],
   ["expert", "Expert", false],
   ["other", "Other planner", false],
   ["names", "Names", false],
@@ -191,6 +192,7 @@ function eventMarks(data, seek) {
 function layerBoxes(data, look, layers, changed) {
   const offered = LAYERS.filter(([name]) => name !== "other" || data.drives.length > 1)
     .filter(([name]) => name !== "expert" || data.expert.x.length)
+    .filter(([name]) => name !== "seen" || data.drives.some((drive) => drive.seen.length))
     .filter(([name]) => name !== "lights" || data.map.lights.length);
   const boxes = offered.map(([name, title, on]) => {
     layers[name] ??= on;

@@ -85,6 +85,7 @@ class Scene {
     const there = agentsAt(drive, held);
     for (const { agent, pose } of there.filter(isVehicle)) this.drawAgent(agent, pose, view);
     this.drawEgo(drive, held, view);
+    if (view.layers.seen) this.drawSeen(drive, held, view);
     const people = there.filter((each) => !isVehicle(each)); // last, so that one sees who is under the ego
     for (const { agent, pose } of people) this.drawAgent(agent, pose, view);
     this.drawLoss(drive, held, view);
@@ -209,6 +210,20 @@ class Scene {
     context.stroke();
     context.setLineDash([]);
     context.globalAlpha = 1;
+  }
+
+  /** Outlines of the others where the planner took them to be; they jump from frame to frame, as they did for it. */
+  drawSeen(drive, frame, { context, scale }) {
+    const now = Math.floor(frame);
+    context.strokeStyle = this.look.colour("ink");
+    context.lineWidth = Math.max(0.1, 1.4 / scale);
+    context.setLineDash([0.5, 0.3]);
+    for (const track of drive.seen) {
+      if (now < track.first || now >= track.first + track.frames) continue;
+      boxPath(context, poseAt(track, now - track.first), track.length_m, track.width_m);
+      context.stroke();
+    }
+    context.setLineDash([]);
   }
 
   drawPlan(drive, frame, { context, scale, colour }) {
