@@ -51,8 +51,7 @@ class LaneOccupancy:
         if each.rear_m < 0.0:
             for before in self._network.before.get(lane, ()):
                 length_m = self._network.lanes[before].length_m
-                tail = Occupant(length_m, max(0.0, length_m + each.rear_m), each.speed_mps, each.driver)
-                insort(self._on.setdefault(before, []), tail, key=_front_m)
+                self.add(before, Occupant(length_m, length_m + each.rear_m, each.speed_mps, each.driver))
 
     def copy(self) -> LaneOccupancy:
         """Another one with the same vehicles."""
