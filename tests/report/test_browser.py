@@ -139,7 +139,7 @@ def test_filters_narrow_the_drives_and_say_how_many_are_left(report: Page) -> No
     report.locator("[name=text]").fill("vehicle 36")
     assert report.locator(SHOWN).count() == 1
     report.get_by_role("button", name="Clear").click()
-    report.wait_for_function("document.getElementById('count').textContent === '320 drives'")
+    wait_until(report, lambda: report.inner_text("#count") == "320 drives")
 
 
 def test_headers_sort_by_keyboard_say_which_way_and_know_numbers(report: Page) -> None:
