@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,10 +15,11 @@ import pytest
 
 import interplan_sumo as ips
 from interplan_planners.straight_ahead import StraightAhead
-from interplan_sumo.batch.records import Row, ScoreRecord
+from interplan_sumo.batch.records import ScoreRecord
 from interplan_sumo.errors import PlannerLoadError, RunFolderError, UnknownNameError
 from interplan_sumo.report.compare import Comparison
 from interplan_sumo.world.trajectory import Trajectory
+from tests.batch.busy import Log
 
 SCENE = "nudge/0"
 MINE = replace(ips.load_scenario("overtake/0"), id="mine/0", family="mine", duration_s=3.0)
@@ -157,19 +158,6 @@ def test_an_unchanged_official_scenario_is_official_and_a_changed_one_is_not() -
     assert ips.load_scenario(file).duration_s == 2.0
 
 
-class Counting:
-    """A watch that a notebook could have."""
-
-    def __init__(self) -> None:
-        self.said: list[object] = []
-
-    def begin(self, jobs: int, done: Iterable[object]) -> None:
-        self.said += [jobs, *done]
-
-    def finished(self, row: Row) -> None:
-        self.said.append(row.scenario_id)
-
-
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
@@ -249,7 +237,7 @@ def test_scenarios_are_listed_by_suite_and_by_file_and_a_watch_is_told_of_every_
     write_scenarios((MINE,), tmp_path / "mine.yaml")
     assert ips.scenarios(str(tmp_path / "mine.yaml")) == (MINE,)
     assert ips.load_scenario(tmp_path / "mine.yaml") == MINE
-    watch = Counting()
+    watch = Log()
     found = ips.run(Creeping(), scenarios=tmp_path / "mine.yaml", workers=0, progress=watch)
     assert found["scenario_id"].tolist() == ["mine/0"]
-    assert watch.said == [1, "mine/0"]
+    assert (watch.jobs, watch.done, [row.scenario_id for row in watch.rows]) == (1, [], ["mine/0"])

@@ -9,19 +9,18 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.cli import main
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.planner import RECOMMENDED
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, Suite, find_suite
-from tests.commands import ran
+from tests.commands import ran, started
+from tests.records import hashes
 
 FIRST = find_suite(DEFAULT_SUITE).scenarios[0].id
 SLOW = "tests.batch.rude_planners:Slow"
@@ -42,28 +41,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-@contextmanager
-def started(place: Path, *arguments: object) -> Generator[subprocess.Popen[str]]:
-    """The command in a process of its own, once it has written its first row to the run folder `place`."""
-    command = [sys.executable, "-m", "interplan_sumo", *map(str, arguments)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        try:
-            deadline = time.monotonic() + 30.0
-            while not (place / "results.jsonl").exists() or not (place / "results.jsonl").stat().st_size:
-                assert time.monotonic() < deadline
-                assert process.poll() is None, process.stderr
-                time.sleep(0.02)
-            yield process
-        finally:
-            process.kill()
-
-
-def hashes(place: Path) -> dict[tuple[str, int], str]:
-    rows = [json.loads(line) for line in (place / "results.jsonl").read_text().splitlines()]
-    assert len(rows) == len({(row["scenario_id"], row["seed"]) for row in rows})
-    return {(row["scenario_id"], row["seed"]): row["trace_hash"] for row in rows}
-
-
 @pytest.mark.parametrize(
     "command",
     ["", "run", "report", "score", "compare", "verify", "sweep", "scenarios list", "planners list", "maps list"],
@@ -77,19 +54,8 @@ def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixtu
 def test_scenarios_list_has_the_documented_fields(capsys: pytest.CaptureFixture[str]) -> None:
     entries = said(capsys, "scenarios", "list", "--suite", DEFAULT_SUITE, "--json")
     assert [entry["id"] for entry in entries] == [s.id for s in find_suite(DEFAULT_SUITE).scenarios]
-    documented = {
-        "id",
-        "family",
-        "map",
-        "site",
-        "driving_side",
-        "density",
-        "behaviour",
-        "lane_changes",
-        "certificate",
-        "hash",
-    }
-    assert all(documented <= entry.keys() for entry in entries)
+    documented = "id family map site driving_side density behaviour lane_changes certificate hash"
+    assert all(set(documented.split()) <= entry.keys() for entry in entries)
     assert {entry["lane_changes"] for entry in entries} == {0, 1, 2, 3}
     assert entries[0]["driving_side"] in ("left", "right")
 
@@ -143,16 +109,8 @@ def test_maps_check_passes_for_a_shipped_map_and_fails_for_a_foreign_network(
 ) -> None:
     name = find_suite(DEFAULT_SUITE).scenarios[0].map
     report = said(capsys, "maps", "check", name, "--json")
-    assert {
-        "ok",
-        "lanes",
-        "connectors",
-        "lane_deviation_m",
-        "connector_deviation_m",
-        "missing",
-        "extra",
-        "problems",
-    } <= (report.keys())
+    documented = "ok lanes connectors lane_deviation_m connector_deviation_m missing extra problems"
+    assert set(documented.split()) <= report.keys()
     assert report["ok"] is True
     assert {"max", "p99"} <= report["lane_deviation_m"].keys()
     folder = tmp_path / name / "1.0"
@@ -394,8 +352,9 @@ def test_a_second_run_on_the_folder_is_refused_and_ctrl_c_leaves_one_that_goes_o
         _, err = process.communicate(timeout=30)
     assert process.returncode == 3
     assert "stopped; what was done is kept. Go on with: interplan-sumo run --planner" in err
-    before = hashes(place)
+    before = hashes(read_run(place))
     assert len(before) == 1
     assert ran(capsys, *arguments, "--quiet")[0] == 0
-    assert len(hashes(place)) == 2
-    assert before.items() <= hashes(place).items()
+    after = hashes(read_run(place))
+    assert len(after) == 2
+    assert before.items() <= after.items()

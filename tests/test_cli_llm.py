@@ -19,13 +19,8 @@ def test_one_decision_is_shown_with_prompt_options_answer_and_cost(capsys: pytes
     assert main(["llm", "try", "construction/2", "--model", "scripted:merge_left"]) == 0
     shown = capsys.readouterr().out
     assert shown.startswith("construction/2 at ")
-    for part in (
-        "[system]",
-        "[user]\nOwn speed",
-        "- merge_left: ",
-        "[answer of scripted:merge_left]",
-        "cost: 0 tokens",
-    ):
+    answer = "[answer of scripted:merge_left]"
+    for part in ("[system]", "[user]\nOwn speed", "- merge_left: ", answer, "cost: 0 tokens"):
         assert part in shown
     assert shown.endswith("done: merge_left\n")
 
@@ -87,6 +82,7 @@ def test_a_run_becomes_chats_with_a_card(driven: Path, tmp_path: Path, capsys: p
     system, user, assistant = json.loads(line)["messages"]
     assert (system["role"], user["role"], assistant["role"]) == ("system", "user", "assistant")
     assert "Lane ahead" in user["content"]
+    assert "Goal: forward" in user["content"]
     assert len(json.loads(assistant["content"])["waypoints"]) == 16
 
 
@@ -94,19 +90,8 @@ def test_chats_as_json_and_without_the_lanes_line(
     driven: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "chats.jsonl"
-    arguments = [
-        "llm",
-        "export",
-        str(driven),
-        "--out",
-        str(out),
-        "--no-centerline",
-        "--count",
-        "1",
-        "--quiet",
-        "--json",
-    ]
-    assert main(arguments) == 0
+    options = "--no-centerline --count 1 --quiet --json".split()
+    assert main(["llm", "export", str(driven), "--out", str(out), *options]) == 0
     said = capsys.readouterr()
     card = json.loads(said.out)
     assert said.err == ""

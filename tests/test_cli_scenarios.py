@@ -72,16 +72,3 @@ def test_render_draws_an_id_a_file_and_a_sheet(file: Path, capsys: pytest.Captur
     file.write_text(f"{file.read_text()}---\n{again}")
     assert ran(capsys, "scenarios", "render", file, tmp_path / "sheet.png")[0] == 0
     assert (tmp_path / "sheet.png").read_bytes() != first
-
-
-def test_run_drives_a_file(file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    arguments = ("run", "--planner", "straight_ahead", "--scenarios", file, "--workers", 0, "--out", tmp_path / "run")
-    code, out, _ = ran(capsys, *arguments, "--quiet", "--json")
-    assert code == 0
-    report = json.loads(out)
-    assert (report["suite"], report["complete"]) == ("mine.yaml", True)
-    (row,) = [json.loads(line) for line in (tmp_path / "run" / "results.jsonl").read_text().splitlines()]
-    assert (row["scenario_id"], row["official"]) == (QUIET, False)
-    file.unlink()
-    code, out, _ = ran(capsys, "score", tmp_path / "run", "--profile", "nuplan", "--json")
-    assert (code, json.loads(out)["profile"]) == (0, "nuplan")

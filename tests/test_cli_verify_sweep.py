@@ -7,20 +7,18 @@ import io
 import json
 import shutil
 import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.cli import main
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import TrafficDemand
 from tests.batch.busy import BUSY
-from tests.commands import ran
+from tests.commands import ran, started
 
 HERE = ("--planner", "straight_ahead", "--workers", "0")
 TAU = ("--param", "tau=1,3")
@@ -49,11 +47,6 @@ def swept(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("cli_sweep") / "sweep"
     assert main(["sweep", *HERE, *TAU, "--scenarios", str(file), "--out", str(place), "--quiet"]) == 0
     return place
-
-
-def hashes(place: Path) -> dict[str, str]:
-    rows = [json.loads(line) for line in (place / "results.jsonl").read_text().splitlines()]
-    return {row["scenario_id"]: row["trace_hash"] for row in rows}
 
 
 # --- verify ---
@@ -151,9 +144,9 @@ def test_equal_sweeps_give_equal_tables_and_a_changed_parameter_other_hashes(
     assert (tmp_path / "again" / "sweep.csv").read_bytes() == (swept / "sweep.csv").read_bytes()
     assert (found["parameters"], found["complete"]) == ({"tau": ["1", "3"]}, True)
     assert [row["setting"] for row in found["rows"]] == [{"tau": "1"}, {"tau": "3"}]
-    short, long = (hashes(swept / name) for name in ("tau=1", "tau=3"))
-    assert short["mine/0"] != long["mine/0"]
-    assert short["mine/1"] == long["mine/1"]  # nobody drives there
+    short, long = (read_run(swept / name).rows for name in ("tau=1", "tau=3"))
+    differ = [short[key].trace_hash != long[key].trace_hash for key in short]
+    assert differ == [True, False]  # where nobody else drives, nothing changes
 
 
 def test_a_sweep_of_three_parameters_has_no_picture_and_says_so(
@@ -173,22 +166,16 @@ def test_a_sweep_of_three_parameters_has_no_picture_and_says_so(
 def test_an_interrupted_sweep_goes_on_where_it_was(file: Path, tmp_path: Path) -> None:
     place = tmp_path / "sweep"
     command = [
-        sys.executable, "-m", "interplan_sumo", "sweep", "--planner", "tests.batch.rude_planners:Slow",
-        "--param", "tau=1,2", "--scenarios", str(file), "--workers", "0", "--out", str(place),
+        "sweep", "--planner", "tests.batch.rude_planners:Slow", "--param", "tau=1,2", "--scenarios", str(file),
+        "--workers", "0", "--out", str(place),
     ]  # fmt: skip
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        deadline = time.monotonic() + 60.0
-        while not (place / "tau=1" / "results.jsonl").exists() or not (place / "tau=1/results.jsonl").stat().st_size:
-            assert time.monotonic() < deadline
-            assert process.poll() is None
-            time.sleep(0.02)
+    with started(place / "tau=1", *command) as process:
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60.0)
     assert process.returncode == 3
-    assert f"Go on with: interplan-sumo {' '.join(command[3:])}" in err
+    assert f"Go on with: interplan-sumo {' '.join(command)}" in err
     assert not (place / "sweep.csv").exists()
     kept = (place / "tau=1" / "results.jsonl").read_bytes()
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    assert main(command) == 0
     assert (place / "tau=1" / "results.jsonl").read_bytes().startswith(kept)
     assert (place / "sweep.csv").is_file()

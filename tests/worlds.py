@@ -4,55 +4,15 @@ from __future__ import annotations
 
 from math import cos, sin
 
+from interplan_sumo.planner import Observation, Past
 from interplan_sumo.scenario.recorded_parts import ReplayedKind, ReplayedTrack
 from interplan_sumo.simulation.replayed import ReplayedTraffic
-from interplan_sumo.tiny_worlds import (
-    CRS,
-    DT_S,
-    LANE_WIDTH_M,
-    cars,
-    curved_road,
-    drive,
-    drive_along,
-    drive_through,
-    ego,
-    ego_on,
-    junction,
-    mission,
-    observation,
-    pedestrians,
-    road_along,
-    signals,
-    straight_plan,
-    straight_road,
-    together,
-)
+from interplan_sumo.tiny_worlds import *  # noqa: F403 - all of them, under one name with those below
+from interplan_sumo.tiny_worlds import DT_S, observation
 from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Polyline
-
-__all__ = [
-    "CRS",
-    "DT_S",
-    "LANE_WIDTH_M",
-    "cars",
-    "curved_road",
-    "drive",
-    "drive_along",
-    "drive_through",
-    "ego",
-    "ego_on",
-    "junction",
-    "mission",
-    "observation",
-    "pedestrians",
-    "replayed",
-    "road_along",
-    "rolling",
-    "signals",
-    "straight_plan",
-    "straight_road",
-    "together",
-]
+from interplan_sumo.world.signals import Signals
 
 
 def rolling(
@@ -69,3 +29,9 @@ def rolling(
 def replayed(*tracks: ReplayedTrack) -> ReplayedTraffic:
     """Traffic of these tracks, seen under their own ids."""
     return ReplayedTraffic(tracks, [track.id for track in tracks], Actors.none())
+
+
+def unmoved(ego: EgoState, actors: Actors | None = None, signals: Signals | None = None) -> Observation:
+    """What a planner sees where nobody has moved for two seconds."""
+    everyone = Actors.none() if actors is None else actors
+    return observation(ego, everyone, signals, Past((ego,) * 20, (everyone,) * 20))

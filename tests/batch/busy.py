@@ -1,9 +1,11 @@
-"""Scenes on the plainest map, for tests that drive often: one without traffic, and a short one with much of it."""
+"""Scenes on the plainest map, for tests that drive often, without traffic or with much of it; and a watch for runs."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
+from interplan_sumo.batch.records import Brief, Row
 from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
 
 PLAIN = Scenario(
@@ -17,3 +19,18 @@ PLAIN = Scenario(
 )
 """Nobody else on the road, and the usual duration."""
 BUSY = replace(PLAIN, traffic=TrafficDemand("high", "mixed"), duration_s=1.5)
+
+
+class Log:
+    """A watch that remembers."""
+
+    def __init__(self) -> None:
+        self.jobs = 0
+        self.done: list[Brief] = []
+        self.rows: list[Row] = []
+
+    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
+        self.jobs, self.done = jobs, list(done)
+
+    def finished(self, row: Row) -> None:
+        self.rows.append(row)

@@ -47,12 +47,6 @@ class Terminated(Interrupted):
     number = signal.SIGTERM
 
 
-class Hangs(StraightAhead):
-    def plan(self, observation: Observation) -> Trajectory:
-        time.sleep(600.0)
-        return super().plan(observation)
-
-
 class Chatters(StraightAhead):
     def plan(self, observation: Observation) -> Trajectory:
         print("x" * 4000)

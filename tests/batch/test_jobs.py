@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,21 +11,14 @@ from interplan_sumo.batch.jobs import chosen, jobs_for
 from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import AppliedOverrides, keys_of
 from interplan_sumo.errors import InputError, UnknownNameError
-from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import Scenario, TrafficDemand
+from tests.batch.busy import PLAIN
 from tests.records import asked
 
 
 def scenario(name: str, density: str = "none", oncoming: str = "none") -> Scenario:
-    return Scenario(
-        id=name,
-        family=name.partition("/")[0],
-        map="tiny",
-        start=LanePosition("1", 10.0),
-        start_speed_mps=10.0,
-        goal=LanePosition("1", 90.0),
-        route=("1",),
-        traffic=TrafficDemand(density, "mixed", oncoming),  # type: ignore[arg-type]
-    )
+    demand = TrafficDemand(density, "mixed", oncoming)  # type: ignore[arg-type]
+    return replace(PLAIN, id=name, family=name.partition("/")[0], traffic=demand)
 
 
 ALL = tuple(scenario(f"{family}/{n}") for family in ("nudge", "overtake") for n in range(3))
@@ -52,22 +46,15 @@ def test_a_glob_that_matches_nothing_is_named_with_a_guess() -> None:
         chosen(ALL, ["nudge/*", "nuge/1"])
 
 
-def test_density_changes_only_where_there_is_moving_traffic() -> None:
+def test_density_and_behaviour_change_only_where_there_is_moving_traffic() -> None:
     high = Overrides("high")
     assert high.applied(scenario("a", "low")).traffic.density == "high"
     assert high.applied(scenario("a", "none")) == scenario("a", "none")
     oncoming_only = high.applied(scenario("a", "none", oncoming="low")).traffic
     assert (oncoming_only.density, oncoming_only.oncoming) == ("none", "high")
-
-
-def test_behaviour_changes_only_where_there_is_moving_traffic() -> None:
     assertive = Overrides(behaviour="assertive")
     assert assertive.applied(scenario("a", "low")).traffic.behaviour == "assertive"
     assert assertive.applied(scenario("a")).traffic.behaviour == "mixed"
-
-
-def test_an_override_changes_the_hash_of_the_scenario() -> None:
-    assert Overrides("high").applied(scenario("a", "low")).hash() != scenario("a", "low").hash()
 
 
 def test_a_vehicle_type_file_counts_by_name_and_content(tmp_path: Path) -> None:

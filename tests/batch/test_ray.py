@@ -92,16 +92,6 @@ def test_the_others_get_their_results_and_their_files_come_home(
     assert (folder / "fresh").read_bytes() == b"here"
 
 
-def test_a_worker_opens_its_group_once_and_no_two_groups_share_one(found: dict[tuple[str, int], Outcome]) -> None:
-    served: dict[int, set[str]] = {}
-    for (group, _), outcome in found.items():
-        if outcome.fault is None:
-            served.setdefault(outcome.value["process"], set()).add(group)
-    assert all(len(groups) == 1 for groups in served.values())
-    works = [outcome.value for (group, _), outcome in found.items() if group == "works"]
-    assert sum(value["nth"] == 1 for value in works) == len({value["process"] for value in works})
-
-
 def test_a_traffic_fault_is_retried_once_and_a_kill_from_outside_forgiven(
     found: dict[tuple[str, int], Outcome], folder: Path
 ) -> None:

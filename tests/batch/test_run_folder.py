@@ -178,20 +178,14 @@ def test_a_disk_that_cannot_be_synced_is_told(tmp_path: Path, monkeypatch: pytes
         assert folder.done == set()
 
 
-def test_half_written_files_of_a_killed_run_are_cleared_away(tmp_path: Path) -> None:
+def test_half_written_files_and_traces_of_a_killed_run_are_cleared_away(tmp_path: Path) -> None:
     (tmp_path / ".part-x1").write_text("{", encoding="utf-8")  # killed before it was a run folder
     opened(tmp_path).close()
     (tmp_path / ".part-x2").touch()
+    for name in (".part-x1", "a_0-12345678"):
+        (tmp_path / "traces" / name).mkdir(parents=True)
     opened(tmp_path).close()
-    assert sorted(p.name for p in tmp_path.glob(".*")) == []
-
-
-def test_half_written_traces_of_a_killed_run_are_cleared_away(tmp_path: Path) -> None:
-    opened(tmp_path).close()
-    (tmp_path / "traces" / ".part-x1").mkdir(parents=True)
-    (tmp_path / "traces" / "a_0-12345678").mkdir()
-    opened(tmp_path).close()
-    assert [p.name for p in (tmp_path / "traces").iterdir()] == ["a_0-12345678"]
+    assert [p.name for p in (*tmp_path.glob(".*"), *(tmp_path / "traces").iterdir())] == ["a_0-12345678"]
 
 
 def test_a_trace_replaces_what_an_interrupted_run_left(tmp_path: Path) -> None:

@@ -10,10 +10,6 @@ from hypothesis import strategies as st
 from interplan_sumo.dataset.balance import balanced, spread
 
 
-def rng() -> np.random.Generator:
-    return np.random.default_rng(7)
-
-
 def test_the_choice_is_drawn_and_equal_seeds_draw_alike() -> None:
     groups = np.zeros(100, dtype=np.int64)
     one, same, other = (balanced(groups, 10, np.random.default_rng(seed)) for seed in (1, 1, 2))
@@ -24,7 +20,7 @@ def test_the_choice_is_drawn_and_equal_seeds_draw_alike() -> None:
 @given(st.lists(st.integers(0, 4), max_size=60), st.integers(0, 80))
 def test_no_group_lacks_what_another_has_two_more_of(groups: list[int], count: int) -> None:
     table = np.array(groups, dtype=np.int64)
-    taken = balanced(table, count, rng())
+    taken = balanced(table, count, np.random.default_rng(7))
     assert len(taken) == len(set(taken.tolist())) == min(count, len(groups))
     assert (np.diff(taken) > 0).all()
     of_each, held = np.bincount(table[taken], minlength=5), np.bincount(table, minlength=5)

@@ -13,7 +13,6 @@ import pytest
 from worlds import drive
 
 from interplan_llm.models.protocol import Message
-from interplan_llm.waypoints.planner import LlmWaypointsPlanner
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.run import run
 from interplan_sumo.dataset.chats import ChatRequest, future_places, side_of, write_chats
@@ -133,26 +132,6 @@ def test_the_card_tells_what_the_lines_are_made_of(ours: Path, tmp_path: Path) -
     assert card["options"] == {**options, "planner": "teller"}
     assert card["of_suites"] == 0
     assert card["versions"]["interplan_sumo"]
-
-
-def test_the_question_is_the_one_that_the_planner_puts(ours: Path, tmp_path: Path) -> None:
-    out = tmp_path / "a.jsonl"
-    write_chats(ChatRequest(out, (ours,), choice=ANY_SCORE), LlmWaypointsPlanner("scripted:nothing"))
-    for line in out.read_text(encoding="utf-8").splitlines():
-        system, user, assistant = json.loads(line)["messages"]
-        assert [each["role"] for each in (system, user, assistant)] == ["system", "user", "assistant"]
-        assert "Goal: forward" in user["content"]
-        answer = json.loads(assistant["content"])
-        assert answer["thoughts"].startswith("Nothing comes near.")
-        assert len(answer["waypoints"]) == 16
-
-
-def test_scenes_of_a_suite_are_refused_unless_they_are_allowed(driven: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"scenes of the benchmark's suites \(.*\).*say --allow-benchmark"):
-        written(tmp_path / "a.jsonl", driven)
-    assert not (tmp_path / "a.jsonl").exists()
-    lines, card = written(tmp_path / "a.jsonl", driven, benchmark=True)
-    assert len(lines) == card["of_suites"] == 2
 
 
 @pytest.mark.parametrize(

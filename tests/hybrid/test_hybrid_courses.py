@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import cars, ego, junction, mission, observation, straight_road
+from worlds import cars, ego, junction, mission, straight_road, unmoved
 
 from interplan_llm.hybrid.behaviour_paths import BehaviourPaths, passing_line
 from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, SceneObserver
 from interplan_planners.common.pdm import PdmCorridor
-from interplan_sumo.planner import Mission, Past
+from interplan_sumo.planner import Mission
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Polyline, Pose
@@ -24,12 +24,11 @@ class Drive:
 
     def __init__(self, job: Mission = ROAD, actors: Actors | None = None) -> None:
         self.watch = SceneObserver(job, 15.0)
-        self.actors = Actors.none() if actors is None else actors
+        self.actors = actors
         self._behaviour_paths = BehaviourPaths(self.watch, 15.0)
 
     def scene(self, state: EgoState) -> DecisionScene:
-        past = Past((state,) * 20, (self.actors,) * 20)
-        return self.watch.scene(observation(state, self.actors, None, past))
+        return self.watch.scene(unmoved(state, self.actors))
 
     def corridor(self, behaviour: Behaviour, state: EgoState) -> PdmCorridor:
         return self._behaviour_paths.corridor(behaviour, self.scene(state), state.rear_axle(PACIFICA))

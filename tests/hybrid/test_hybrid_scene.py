@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from worlds import cars, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road
+from worlds import cars, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road, unmoved
 
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.scene import CLEARANCE_M, BlockedLane, DecisionScene, SceneObserver
@@ -33,9 +33,7 @@ def seen(
     x_m: float = 100.0,
 ) -> DecisionScene:
     """The scene around an ego; whoever stands has been standing for two seconds."""
-    state = ego(x_m, y_m, speed_mps)
-    everyone = Actors.none() if actors is None else actors
-    return SceneObserver(job, 15.0).scene(observation(state, everyone, lights, Past((state,) * 20, (everyone,) * 20)))
+    return SceneObserver(job, 15.0).scene(unmoved(ego(x_m, y_m, speed_mps), actors, lights))
 
 
 def blockage(scene: DecisionScene) -> BlockedLane:

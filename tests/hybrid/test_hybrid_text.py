@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from worlds import cars, ego, mission, observation, pedestrians, straight_road
+from worlds import cars, ego, mission, pedestrians, straight_road, unmoved
 
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import ModelChooser
@@ -13,7 +13,6 @@ from interplan_llm.hybrid.scene import DecisionScene, Oncoming, SceneObserver
 from interplan_llm.hybrid.text import messages
 from interplan_llm.models.protocol import ModelFailure, Request
 from interplan_llm.models.scripted import ScriptedModel, always
-from interplan_sumo.planner import Past
 from interplan_sumo.world.actors import Actors
 
 ROAD = straight_road(lanes=3, length_m=500.0, limit_mps=12.0)
@@ -22,9 +21,7 @@ BOTH = (Behaviour.FOLLOW, Behaviour.MERGE_LEFT)
 
 
 def seen(actors: Actors | None = None, y_m: float = -3.5, speed_mps: float = 8.0) -> DecisionScene:
-    state = ego(100.0, y_m, speed_mps)
-    everyone = Actors.none() if actors is None else actors
-    return SceneObserver(JOB, 15.0).scene(observation(state, everyone, None, Past((state,) * 20, (everyone,) * 20)))
+    return SceneObserver(JOB, 15.0).scene(unmoved(ego(100.0, y_m, speed_mps), actors))
 
 
 def told(scene: DecisionScene, past: tuple[tuple[float, Behaviour], ...] = ()) -> str:

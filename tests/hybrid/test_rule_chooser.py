@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from worlds import cars, ego, mission, observation, pedestrians, straight_road, together
+from worlds import cars, ego, mission, pedestrians, straight_road, together, unmoved
 
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import RuleChooser
 from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, Oncoming, SceneObserver
-from interplan_sumo.planner import Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
 
@@ -25,11 +24,8 @@ PASSING = (Behaviour.OVERTAKE, Behaviour.STOP)
 
 def seen(*others: Actors, speed_mps: float = 8.0) -> DecisionScene:
     """An ego at 100 m in the middle of three lanes, the goal to its left; who stands has stood for two seconds."""
-    state = ego(100.0, OWN_Y, speed_mps)
-    everyone = together(*others) if others else Actors.none()
-    return SceneObserver(TO_THE_LEFT, 15.0).scene(
-        observation(state, everyone, None, Past((state,) * 20, (everyone,) * 20))
-    )
+    everyone = together(*others) if others else None
+    return SceneObserver(TO_THE_LEFT, 15.0).scene(unmoved(ego(100.0, OWN_Y, speed_mps), everyone))
 
 
 def chosen(

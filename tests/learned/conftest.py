@@ -1,10 +1,8 @@
-"""What the tests of learned planners share: a data set, which nobody changes, and one thread for torch."""
+"""What the tests of learned planners share: a data set, which nobody changes, and modules that need torch."""
 
 from __future__ import annotations
 
 import importlib
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -29,16 +27,3 @@ def modules_that_need_torch(request: pytest.FixtureRequest) -> None:
     for name, module in getattr(request.module, "NEEDS_TORCH", {}).items():
         pytest.importorskip("torch", reason="needs torch: pip install 'interplan-sumo[train]'")
         setattr(request.module, name, importlib.import_module(module))
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """More are slower for networks of this size, much so on a busy machine; where torch is imported at all."""
-    torch = sys.modules.get("torch")
-    if torch is None:
-        yield
-        return
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,15 +30,21 @@ NEEDS_TORCH = {"torch": "torch", "loop": "tools.train.loop"}
 
 
 def trained(
-    data: Dataset, checkpoint: Path, epochs: int = 4, seed: int = 0, resume: bool = False, **more: Any
+    data: Dataset, checkpoint: Path, resume: bool = False, until: float = inf, max_minutes: float = inf, **settings: Any
 ) -> tuple[Trained, list[EpochDone]]:
+    """A training with other settings than the usual ones, interrupted after so many epochs."""
     recipe = find_recipe("pdm_open")
-    recipe = replace(recipe, settings=replace(recipe.settings, epochs=epochs, seed=seed, batch=32))
+    recipe = replace(recipe, settings=replace(recipe.settings, **{"epochs": 4, "batch": 32, **settings}))
     told: list[EpochDone] = []
+
+    def tell(done: EpochDone) -> None:
+        told.append(done)
+        if done.epoch == until:
+            raise KeyboardInterrupt
+
     samples, held = read_samples(data, "train", recipe), read_samples(data, "val", recipe)
     kept = loop.Checkpoint(checkpoint, resume=resume)
-    done = loop.train(recipe, samples, held, checkpoint=kept, on_epoch=told.append, **more)
-    return done, told
+    return loop.train(recipe, samples, held, checkpoint=kept, on_epoch=tell, max_minutes=max_minutes), told
 
 
 def weights(done: Trained) -> np.ndarray:
@@ -54,40 +61,21 @@ def test_the_loss_falls_and_the_plans_beat_constant_velocity(tiny_data: Dataset,
     assert told[-1].best_m < loop.constant_velocity_errors(held)["ade"]
 
 
-def test_equal_seeds_give_equal_weights_and_others_do_not(tiny_data: Dataset, tmp_path: Path) -> None:
-    one, _ = trained(tiny_data, tmp_path / "one.pt", epochs=2)
-    same, _ = trained(tiny_data, tmp_path / "same.pt", epochs=2)
-    other, _ = trained(tiny_data, tmp_path / "other.pt", epochs=2, seed=1)
-    np.testing.assert_array_equal(weights(one), weights(same))
-    assert not np.array_equal(weights(one), weights(other))
-
-
-def test_a_training_that_was_interrupted_comes_to_the_same_weights(tiny_data: Dataset, tmp_path: Path) -> None:
-    class BrokenOffError(Exception):
-        pass
-
-    def interrupt(done: EpochDone) -> None:
-        if done.epoch == 2:
-            raise BrokenOffError
-
+def test_seeds_settle_the_weights_and_so_they_do_over_an_interruption(tiny_data: Dataset, tmp_path: Path) -> None:
     whole, _ = trained(tiny_data, tmp_path / "whole.pt")
-    recipe = find_recipe("pdm_open")
-    recipe = replace(recipe, settings=replace(recipe.settings, epochs=4, batch=32))
-    samples, held = read_samples(tiny_data, "train", recipe), read_samples(tiny_data, "val", recipe)
-    with pytest.raises(BrokenOffError):
-        loop.train(recipe, samples, held, checkpoint=loop.Checkpoint(tmp_path / "broken.pt"), on_epoch=interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        trained(tiny_data, tmp_path / "broken.pt", until=2)
     resumed, told = trained(tiny_data, tmp_path / "broken.pt", resume=True)
     assert [each.epoch for each in told] == [3, 4]
     np.testing.assert_array_equal(weights(whole), weights(resumed))
+    other, _ = trained(tiny_data, tmp_path / "other.pt", seed=1)
+    assert not np.array_equal(weights(whole), weights(other))
 
 
 def test_it_stops_in_time_and_where_nothing_gets_better(tiny_data: Dataset, tmp_path: Path) -> None:
     done, told = trained(tiny_data, tmp_path / "checkpoint.pt", max_minutes=0.0)
     assert (done.stopped, done.epochs, told) == ("time", 0, [])
-    recipe = find_recipe("pdm_open")
-    recipe = replace(recipe, settings=replace(recipe.settings, epochs=9, patience=2, learning_rate=1e-12))
-    samples = read_samples(tiny_data, "val", recipe)
-    done = loop.train(recipe, samples, samples, checkpoint=loop.Checkpoint(tmp_path / "patient.pt"))
+    done, _ = trained(tiny_data, tmp_path / "patient.pt", epochs=9, patience=2, learning_rate=1e-12)
     assert done.stopped == "patience"
     assert done.epochs == done.best_epoch + 2
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from worlds import cars, ego, mission, observation, straight_road
+from worlds import cars, ego, mission, observation, straight_road, unmoved
 
 from interplan_llm.hybrid.behaviours import Behaviour, offered
 from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser, RuleChooser
@@ -18,7 +18,6 @@ from interplan_llm.models.scripted import always
 from interplan_sumo.errors import InputError
 from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.planner import Past
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario, suites
@@ -65,9 +64,8 @@ def training(number: int = 0) -> TrainingScene:
 @cache
 def scene() -> DecisionScene:
     road = straight_road(lanes=2, length_m=500.0, limit_mps=12.0)
-    state, others = ego(100.0, -3.5, 8.0), cars((118.0, -3.5))
-    job = mission(road, ("11",), goal_arc_m=200.0)
-    return SceneObserver(job, 15.0).scene(observation(state, others, None, Past((state,) * 20, (others,) * 20)))
+    seen = unmoved(ego(100.0, -3.5, 8.0), cars((118.0, -3.5)))
+    return SceneObserver(mission(road, ("11",), goal_arc_m=200.0), 15.0).scene(seen)
 
 
 def tried(*scores: float, held: int = 0) -> Tried:
@@ -161,11 +159,8 @@ def test_in_rollouts_a_plan_is_followed_for_half_a_second() -> None:
 
 
 def test_whole_rounds_of_scenes_are_held_out_so_that_no_scene_is_in_both_splits() -> None:
-    splits = [training(number).split for number in range(3 * 10 * len(names(ordinary=False)))]
-    rounds = [
-        set(splits[first : first + len(names(ordinary=False))])
-        for first in range(0, len(splits), len(names(ordinary=False)))
-    ]
+    count = len(names(ordinary=False))
+    rounds = [{training(first + k).split for k in range(count)} for first in range(0, 3 * 10 * count, count)]
     assert all(len(each) == 1 for each in rounds)
     assert [k % HELD_OUT[0] for k, each in enumerate(rounds) if each == {"val"}] == [HELD_OUT[1]] * 3
 

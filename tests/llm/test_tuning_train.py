@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,16 +25,6 @@ pytestmark = [
     pytest.mark.skipif(importlib.util.find_spec(name) is None, reason=f"needs {name}: 'interplan-sumo[train]'")
     for name in NEEDED
 ]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_thread() -> Iterator[None]:
-    import torch
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +81,7 @@ def test_the_loss_falls_and_what_is_always_right_is_learned(
 
 
 def test_the_card_says_what_was_made_of_what(tiny: Path, examples: Path, tmp_path: Path) -> None:
-    card = tuned(tiny, examples, tmp_path / "sign.gguf")
+    card = tuned(tiny, examples, tmp_path / "sign.gguf", "--precision", "bfloat16")
     assert "not a zero-shot result" in card["caveat"]
     assert card["adapter"]["sha256"] == file_hash(tmp_path / "sign.gguf")
     assert card["base"] == {"file": "tiny.gguf", "sha256": file_hash(tiny)}

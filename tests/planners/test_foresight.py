@@ -18,6 +18,7 @@ from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.roads import DrivingSide, Roads
 from interplan_sumo.world.signals import Signals
 from tests.planners.staging_planners import driven, moved
+from tests.worlds import unmoved
 
 WIDTH_M = 3.5
 TWO = straight_road(lanes=2, length_m=400.0, limit_mps=12.0)
@@ -122,7 +123,7 @@ def test_the_longer_it_waits_the_more_it_is_worth_to_pass() -> None:
     costs: list[float] = []
     for k in range(16):
         held = ego_on(task.roads, "1", 110.0, time_s=0.4 * k)
-        planner.plan(observation(held, parked, None, Past((held,) * 20, (parked,) * 20)))
+        planner.plan(unmoved(held, parked))
         assert planner.decision is not None
         costs.append(min(cost for name, cost in planner.decision.options if name.startswith("pass")))
     assert costs == sorted(costs, reverse=True)

@@ -79,6 +79,19 @@ def opened(browser: Browser, path: Path, *, dark: bool = False, script: bool = T
     page.close()
 
 
+@contextmanager
+def reopened(found: OpenPage, ready: str) -> Generator[Page]:
+    """The page as if it had just been opened; it asks for nothing, and nothing makes the browser complain."""
+    page = found.page
+    page.set_viewport_size(sized(USUAL))
+    page.goto(page.url.partition("#")[0])
+    page.reload()
+    page.wait_for_selector(ready)
+    yield page
+    assert {url.partition("#")[0] for url in found.requests} == {page.url.partition("#")[0]}
+    assert found.errors == []
+
+
 # --- the report ----------------------------------------------------------------------------------
 
 FAMILIES = "construction accident jaywalker nudge overtake lane_change_ltd lane_change_mtd lane_change_htd".split()
@@ -111,15 +124,8 @@ def report_opened(browser: Browser, report_file: Path) -> Iterator[OpenPage]:
 
 @pytest.fixture
 def report(report_opened: OpenPage) -> Iterator[Page]:
-    """The report as if it had just been opened; it asks for nothing, and nothing makes the browser complain."""
-    page = report_opened.page
-    page.set_viewport_size(sized(USUAL))
-    page.goto(page.url.partition("#")[0])
-    page.reload()
-    page.locator("#filters").wait_for()
-    yield page
-    assert {url.partition("#")[0] for url in report_opened.requests} == {page.url.partition("#")[0]}
-    assert report_opened.errors == []
+    with reopened(report_opened, "#filters") as page:
+        yield page
 
 
 def test_filters_narrow_the_drives_and_say_how_many_are_left(report: Page) -> None:
@@ -133,7 +139,7 @@ def test_filters_narrow_the_drives_and_say_how_many_are_left(report: Page) -> No
     report.locator("[name=text]").fill("vehicle 36")
     assert report.locator(SHOWN).count() == 1
     report.get_by_role("button", name="Clear").click()
-    report.wait_for_function("document.getElementById('count').textContent === '320 drives'")
+    wait_until(report, lambda: report.inner_text("#count") == "320 drives")
 
 
 def test_headers_sort_by_keyboard_say_which_way_and_know_numbers(report: Page) -> None:
@@ -189,14 +195,8 @@ def replay_opened(browser: Browser, tmp_path_factory: pytest.TempPathFactory) ->
 
 @pytest.fixture
 def replay(replay_opened: OpenPage) -> Iterator[Page]:
-    """The replay as if it had just been opened; it asks for nothing, and nothing makes the browser complain."""
-    page = replay_opened.page
-    page.set_viewport_size(sized(USUAL))
-    page.reload()
-    page.wait_for_selector("html[data-ready]")
-    yield page
-    assert {url.partition("#")[0] for url in replay_opened.requests} == {page.url}
-    assert replay_opened.errors == []
+    with reopened(replay_opened, "html[data-ready]") as page:
+        yield page
 
 
 def now_s(page: Page) -> float:
@@ -305,7 +305,6 @@ def test_the_bar_a_chart_and_the_address_lead_to_a_time(replay: Page) -> None:
     replay.reload()
     replay.wait_for_selector("html[data-ready]")
     assert now_s(replay) == 2.5
-    replay.goto(replay.url.partition("#")[0])
 
 
 def test_every_control_is_reached_by_tab_and_has_a_name(replay: Page) -> None:

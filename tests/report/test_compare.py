@@ -110,13 +110,10 @@ def test_different_suites_and_profiles_are_refused(what: str, value: object, wor
         compare(before(), replace(after(), manifest=structs.replace(after().manifest, **{what: value})))
 
 
-def scored_by(version: int) -> StoredRun:
-    return stored(drive("nudge/0", 0.5, scoring_version=version))
-
-
 def test_different_scoring_versions_are_refused():
+    a, b = (stored(drive("nudge/0", 0.5, scoring_version=version)) for version in (1, 2))
     with pytest.raises(RunFolderError, match="different scoring versions"):
-        compare(scored_by(1), scored_by(2))
+        compare(a, b)
 
 
 def test_a_planner_is_named_where_it_is_not_clear_which():

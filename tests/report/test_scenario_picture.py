@@ -18,26 +18,17 @@ from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report import scenario_picture as picture
 from interplan_sumo.report.scenario_drawing import View, behaviour_colours
 from interplan_sumo.report.scenario_picture import contact_sheet, render_scenario
-from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, TrafficDemand
 from interplan_sumo.world.roads import Roads
+from tests.batch.busy import PLAIN
 
 pytestmark = pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
 
 LANE = "402032"
-BUSY = Scenario(
-    id="mine/0",
-    family="mine",
-    map="strip",
-    start=LanePosition(LANE, 20.0),
-    start_speed_mps=12.0,
-    goal=LanePosition("402030", 200.0),
-    route=("40203",),
-    traffic=TrafficDemand("medium", "mixed"),
-)
+BUSY = replace(PLAIN, goal=LanePosition("402030", 200.0), traffic=TrafficDemand("medium"))
 CROSSED = replace(
-    BUSY,
+    PLAIN,
     id="mine/1",
-    traffic=TrafficDemand(),
     goal=LanePosition(LANE, 200.0),
     obstacles=(
         Obstacle(LanePosition(LANE, 104.0, -3.6), "bus"),

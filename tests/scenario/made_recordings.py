@@ -10,6 +10,7 @@ from interplan_sumo.tiny_worlds import CRS
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.recording import RecordedTrack, Recording
+from interplan_sumo.world.roads import Roads
 
 STEP_S = 0.1
 
@@ -53,3 +54,12 @@ def stands(id: str, x_m: float, y_m: float, steps: int = 50, **more: object) -> 
 
 def recording(*tracks: RecordedTrack, ego_id: str | None = "ego", crs: str = CRS, step_s: float = STEP_S) -> Recording:
     return Recording("made", crs, step_s, tuple(sorted(tracks, key=lambda each: each.id)), ego_id)
+
+
+def turn_through(roads: Roads, connector: str) -> Floats:
+    """Along the middle of the lane before, the connector and the lane behind."""
+    way = roads.connectors[connector]
+    lanes = (way.from_lane_id, connector, way.to_lane_id)
+    return np.concatenate(
+        [roads[lane].centerline.poses_at(np.arange(0.0, roads[lane].centerline.length_m, 0.8)) for lane in lanes]
+    )

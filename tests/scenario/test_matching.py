@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from interplan_sumo.scenario.matching import REACH_M, matched_path, matches
 from interplan_sumo.tiny_worlds import junction, straight_road
-from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
-from tests.scenario.made_recordings import poses_along
+from tests.scenario.made_recordings import poses_along, turn_through
 
 CUT = straight_road(lanes=2, length_m=120.0, cuts_m=((50.0, 60.0),))
 """Lanes 11 and 12, connectors 21 and 22, lanes 31 and 32."""
@@ -65,15 +64,6 @@ def test_a_path_beside_all_lanes_is_none_and_one_that_leaves_them_is_followed_up
     assert not path.is_whole
     assert path.chain == ("11",)
     assert path.last.arc_m == pytest.approx(40.0, abs=1.1)
-
-
-def turn_through(roads: Roads, connector: str) -> Floats:
-    """Along the middle of the lane before, the connector and the lane behind."""
-    way = roads.connectors[connector]
-    lanes = (way.from_lane_id, connector, way.to_lane_id)
-    return np.concatenate(
-        [roads[lane].centerline.poses_at(np.arange(0.0, roads[lane].centerline.length_m, 0.8)) for lane in lanes]
-    )
 
 
 CROSSING = junction()

@@ -13,7 +13,7 @@ from interplan_sumo.scenario.scenario import LanePosition
 from interplan_sumo.tiny_worlds import junction, straight_road
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.recording import RecordedTrack, Recording
-from tests.scenario.made_recordings import drives, poses_along, recording, stands, track
+from tests.scenario.made_recordings import drives, poses_along, recording, stands, track, turn_through
 
 ROADS = straight_road(lanes=2, length_m=400.0, cuts_m=((100.0, 110.0),))
 """Lanes 11 and 12, connectors 21 and 22, lanes 31 and 32."""
@@ -77,12 +77,8 @@ def test_the_route_follows_a_lane_change_and_a_turn() -> None:
     assert (found.scenario.start.lane, found.scenario.goal.lane) == ("11", "32")
     crossing = junction()
     left = next(c for c in crossing.connectors.values() if c.turn.name == "LEFT")
-    lanes = (left.from_lane_id, left.id, left.to_lane_id)
-    poses = np.concatenate(
-        [crossing[i].centerline.poses_at(np.arange(0.0, crossing[i].centerline.length_m)) for i in lanes]
-    )
-    found = scene(recording(track("ego", poses[20:])), crossing)
-    assert found.scenario.route == crossing.route_through(lanes)
+    found = scene(recording(track("ego", turn_through(crossing, left.id)[20:])), crossing)
+    assert found.scenario.route == crossing.route_through((left.from_lane_id, left.id, left.to_lane_id))
     assert found.scenario.goal.lane == left.to_lane_id
 
 

@@ -12,21 +12,13 @@ from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.recorded_parts import PAST_COLUMNS, PAST_STEPS, EgoPast, LoggedLight, ReplayedTrack
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline, route_lanes
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario, TrafficDemand
+from tests.metrics.staging import scenario_on
 
 ROAD = straight_road(lanes=3, length_m=300.0, cuts_m=((100.0, 110.0), (200.0, 210.0)))
 
 
-def staged(goal_lane: str = "51", start_lane: str = "13", **rest: object) -> Scenario:
-    return Scenario(
-        id="test/0",
-        family="test",
-        map="test",
-        start=LanePosition(start_lane, 10.0),
-        start_speed_mps=10.0,
-        goal=LanePosition(goal_lane, 50.0),
-        route=("1", "2", "3", "4", "5"),
-        **rest,  # type: ignore[arg-type]
-    )
+def staged(goal_lane: str = "51", start_lane: str = "13") -> Scenario:
+    return scenario_on(ROAD, (start_lane, 10.0), (goal_lane, 50.0))
 
 
 @pytest.mark.parametrize(
@@ -94,6 +86,6 @@ def test_a_goal_off_the_route_is_an_error() -> None:
 
 
 def test_the_site_is_the_first_obstacle_or_else_the_goal() -> None:
-    assert staged().site(ROAD) == "test/5@50"
+    assert staged().site(ROAD) == "tiny_road/5@50"
     blocked = replace(staged(), obstacles=(Obstacle(LanePosition("31", 47.0)),))
-    assert blocked.site(ROAD) == "test/3@40"
+    assert blocked.site(ROAD) == "tiny_road/3@40"

@@ -18,7 +18,6 @@ from interplan_sumo.scenario.scenario import Density, Scenario, TrafficDemand
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.episode import drive
 from interplan_sumo.simulation.flow import (
-    EDGE_CLEAR_M,
     LEAVING_M,
     OUT_OF_SIGHT_M,
     OWN_REACH_M,
@@ -117,15 +116,11 @@ def test_those_that_are_far_away_leave_when_they_go_farther() -> None:
     assert look(flow, [("e1_0", near + 4.0, 8.0), ("e1_0", far + 4.0, 8.0), ("e1_1", far, 0.0)], ego).leaving == ["a1"]
 
 
-def test_where_the_map_begins_they_come_into_sight_one_gap_after_the_other_but_not_right_before_the_ego() -> None:
-    def first(ego_x: float, leader_x: float) -> list[Spawn]:
-        cars = [(f"e0_{lane}", leader_x, 10.0) for lane in range(3)]
-        found = [spawn for _, spawn in look(keeper(), cars, ego_at(ego_x, LANE_Y[1])).entering]
-        return [spawn for spawn in found if centre_x(spawn) < 20.0]
-
-    assert len(first(EDGE_CLEAR_M + 5.0, 45.0)) == 3
-    assert first(EDGE_CLEAR_M - 1.0, 45.0) == []
-    assert first(EDGE_CLEAR_M + 5.0, 12.0) == []
+@pytest.mark.parametrize(("ego_x", "enter"), [(100.0, False), (130.0, True)])
+def test_where_the_map_begins_none_enters_in_sight_of_the_ego(ego_x: float, enter: bool) -> None:
+    found = [centre_x(spawn) for _, spawn in look(keeper(), [], ego_at(ego_x, LANE_Y[1])).entering]
+    assert any(x_m < ego_x for x_m in found) is enter
+    assert all(abs(x_m - ego_x) >= OUT_OF_SIGHT_M for x_m in found)
 
 
 def test_a_car_that_is_changing_lane_is_on_both() -> None:

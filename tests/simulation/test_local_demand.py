@@ -82,7 +82,7 @@ def test_leaders_are_seen_on_the_lanes_ahead_and_followers_on_those_behind() -> 
 def test_who_reaches_back_into_the_lane_before_is_on_it_too() -> None:
     occupied = LaneOccupancy(NETWORK)
     occupied.add("e1_1", Occupant(2.0, -3.0, 5.0, DRIVER))
-    before = NETWORK.before["e1_1"]
-    assert [len(occupied.on(lane)) for lane in before] == [1] * len(before)
+    (cut,) = NETWORK.before["e1_1"]  # a cut is an internal lane of 0.1 m
+    assert [len(occupied.on(lane)) for lane in (cut, "e0_1")] == [1, 1]
     occupied.add("e1_0", Occupant(9.0, 4.0, 5.0, DRIVER))
     assert all(not occupied.on(lane) for lane in NETWORK.before["e1_0"])
