@@ -218,7 +218,7 @@ def plot(path: Path, found: dict[str, dict[str, Answer]], dials: dict[str, list[
         other.set_ylim(bottom=0.0)
         if key == "reactOverlap":
             lines = [*axis.lines, *other.lines]
-            axis.legend(lines, [line.get_label() for line in lines], fontsize=7)
+            axis.legend(lines, [line.get_label() for line in lines], fontsize=7, loc="center right")
     figure.savefig(path, dpi=110)
 
 

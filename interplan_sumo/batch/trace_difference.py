@@ -10,15 +10,18 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from interplan_sumo.world.geometry import Floats
-from interplan_sumo.world.trace import Trace
+from interplan_sumo.world.trace import SEEN_COLUMNS, Trace
 
 POSITION_BAR_M = 1e-3
 """Positions this close count as those of one drive: across machines the last bits of a sum may differ."""
 PER_UNIT = 1e6
 """Steps per metre, radian or second to which the trace hash rounds; what rounds to the same step is equal."""
-NAMES = {"ego": (), "actors": ("track_token",), "signals": ("lane_connector_id",), "plans": ("pose",)}
+NAMES = {
+    "ego": (), "actors": ("track_token",), "signals": ("lane_connector_id",), "seen": ("track_token",),
+    "plans": ("pose",),
+}  # fmt: skip
 """What a row of each table is about, besides its frame; in the order in which one step makes them."""
-POSITIONS = {"ego": ("center_x", "center_y"), "actors": ("x", "y"), "plans": ("x", "y")}
+POSITIONS = {"ego": ("center_x", "center_y"), "actors": ("x", "y"), "seen": ("x", "y"), "plans": ("x", "y")}
 _NOT_COMPARED = ("frame", "plan_wall_s")
 _BOTH, _NOW = "both", "_now"
 
@@ -28,7 +31,7 @@ class TraceDifference:
     """How a trace made again differs from the stored one."""
 
     frame: int
-    """The first frame in which they differ."""
+    """The first frame in which they differ; negative in what was seen before the start."""
     time_s: float
     what: str
     """What differs there: table, who, column, both values."""
@@ -68,13 +71,14 @@ def difference(stored: Trace, now: Trace) -> TraceDifference | None:
     if first is None:
         return None
     frame, what = first
-    time_us = (stored if frame < len(stored) else now).ego.time_us
-    return TraceDifference(frame, round(float(time_us[frame]) * 1e-6, 6), what, largest_m, only_numbers)
+    time_us, since = (stored if frame < len(stored) else now).ego.time_us, max(frame, 0)
+    return TraceDifference(frame, round(float(time_us[since]) * 1e-6, 6), what, largest_m, only_numbers)
 
 
 def _numbered(trace: Trace) -> dict[str, pd.DataFrame]:
     """The tables of a trace, the poses of each plan numbered."""
     tables = trace.tables()
+    tables.setdefault("seen", tables["actors"].loc[:, list(SEEN_COLUMNS)].head(0))
     tables["plans"]["pose"] = tables["plans"].groupby("frame").cumcount()
     return tables
 

@@ -42,6 +42,7 @@ def test_settings_are_options_by_name() -> None:
         ({"workers": "many"}, "'many' is no number of processes"),
         ({"plan_limit_s": -1.0}, "plan_limit_s is -1.0, expected 0 or more"),
         ({"memory_gb": "much"}, "memory_gb is 'much'"),
+        ({"perception": "foggy"}, "no perception named 'foggy'. It is full, or some of occluded, noisy, late"),
         ({"density": "hihg"}, "Did you mean 'high'"),
         ({"behaviour": "mixed", "traffic": "my.xml"}, "give only one"),
         ({"scenarios": (3,)}, "scenarios is"),
@@ -58,6 +59,10 @@ def test_a_value_that_cannot_be_is_refused_where_the_options_are_made(given: dic
 )
 def test_the_edge_of_what_may_be_is_taken(edge: dict[str, Any]) -> None:
     assert RunOptions(**edge).seeds >= 1
+
+
+def test_perceptions_that_mean_the_same_are_one() -> None:
+    assert RunOptions(perception="late+occluded").overrides == RunOptions(perception="occluded+late").overrides
 
 
 def test_one_text_or_path_is_taken_where_several_may_be() -> None:

@@ -18,10 +18,12 @@ from interplan_sumo.batch.records import AppliedOverrides
 from interplan_sumo.batch.run import check_inputs, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.stored_drive import rescore
+from interplan_sumo.batch.trace_difference import difference
 from interplan_sumo.batch.verify import RowSample, verify
 from interplan_sumo.errors import InputError, MapError, RunFolderError, UnknownNameError, VehicleTypeError
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.suite import find_suite
+from interplan_sumo.world.trace import Trace
 from tests.batch.busy import Log
 from tests.records import hashes
 
@@ -121,6 +123,27 @@ def test_a_vehicle_type_file_of_ones_own_replaces_the_traffic(official: StoredRu
     mine.write_text('<routes><vType id="traffic" maxSpeed="4" tau="3"/></routes>')
     with pytest.raises(RunFolderError, match="with overrides traffic"):
         run(request(tmp_path / "run", "straight_ahead", traffic=mine))
+
+
+def test_a_worse_perception_is_another_drive_whoever_does_it_and_comes_again(tmp_path: Path) -> None:
+    asked = request(tmp_path / "here", "idm", perception="noisy+occluded")
+    here, there = run(asked), run(replace(asked, out=tmp_path / "there", workers=2))
+    (row,) = here.rows.values()
+    assert (row.perception, row.official) == ("occluded+noisy", False)
+    assert row.overrides == AppliedOverrides(perception="occluded+noisy")
+    assert hashes(here) == hashes(there)
+    again, problems = rescore(here, "interplan-paper")
+    assert (hashes(again), problems) == (hashes(here), [])
+    assert [check.verdict for check in verify(here, RowSample()).checks] == ["equal"]
+    assert row.trace is not None
+    stored = Trace.read(here.path / row.trace)
+    assert stored.seen is not None
+    moved = replace(stored, seen=replace(stored.seen, x_m=stored.seen.x_m + 0.5))
+    parted = difference(stored, moved)
+    assert parted is not None
+    assert (parted.frame, parted.largest_m, parted.what[:5]) == (-20, pytest.approx(0.5), "seen ")
+    (here.path / row.trace / "seen.parquet").unlink()
+    assert rescore(here, "interplan-paper")[1][0].endswith("delete its line in results.jsonl and repeat the run")
 
 
 def test_scoring_again_gives_the_same_scores_without_simulating(official: StoredRun) -> None:

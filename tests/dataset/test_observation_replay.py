@@ -82,6 +82,13 @@ def test_a_drive_past_cars_is_seen_again(tmp_path: Path) -> None:
     assert counts[-1] == 3
 
 
+def test_what_was_seen_too_late_and_with_errors_is_seen_again(tmp_path: Path) -> None:
+    scenario = replace(find_scenario("jaywalker/0"), duration_s=3.0, perception="occluded+noisy+late")
+    witness = Witness()
+    episode = drive(scenario, witness, seed=3)
+    hold_against(witness, episode, scenario, load_roads(scenario.map), tmp_path)
+
+
 def test_pedestrians_behind_the_bus_stay_hidden_in_what_is_seen_again(tmp_path: Path) -> None:
     hiding = find_scenario("jaywalker/0")
     scenario = replace(hiding, duration_s=5.0)

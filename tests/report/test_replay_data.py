@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import accumulate
 from typing import Any
 
@@ -17,8 +18,8 @@ from interplan_sumo.report.replay import agents_timeline, surroundings
 from interplan_sumo.report.replay.data import replay_data
 from interplan_sumo.report.replay.numbers import PER_METRE, column, points, series
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle
-from interplan_sumo.world.actors import ActorKind
-from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.trace import SEEN_BEFORE, ActorTable, EgoTrack, Trace
 from tests.metrics.staging import drive_at
 from tests.report.tiny_drives import CRUISE_MPS, START_M, crossing_at, drive_at_lights, parked_at, tiny_drive
 from tests.worlds import cars, drive, junction, pedestrians, signals, straight_road, together
@@ -242,3 +243,14 @@ def test_a_drive_of_hardly_any_frames_can_be_shown_and_one_of_none_is_refused(fr
     nothing = Trace(EgoTrack.of([]), ActorTable.of([]), (), (), np.zeros(0))
     with pytest.raises(InputError, match="idm on lane_change_ltd/0, seed 0, ended before its first frame"):
         replay_data([tiny_drive([], trace=nothing, expert_mps=CRUISE)])
+
+
+def test_what_the_planner_saw_is_shown_from_the_start_on_where_it_was_not_all() -> None:
+    away = [START_M + 20.0 + k for k in range(SEEN_BEFORE + len(CRUISE))]
+    truth = tiny_drive(CRUISE, actors=[cars((x, 0.0)) for x in away[SEEN_BEFORE:]])
+    crowd = [Actors.none() if k == SEEN_BEFORE + 5 else cars((x, 0.3)) for k, x in enumerate(away)]
+    trace = replace(truth.trace, seen=ActorTable.of(crowd[: SEEN_BEFORE + len(truth.trace)]))
+    assert only(replay_data([truth]))["seen"] == []
+    first, second = only(replay_data([tiny_drive(CRUISE, trace=trace)]))["seen"]
+    assert (first["first"], first["frames"], second["first"]) == (0, 5, 6)
+    assert undone(first["x"], 5, PER_METRE)[0] - undone(second["x"], 1, PER_METRE)[0] == pytest.approx(-6.0)

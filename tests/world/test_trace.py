@@ -13,7 +13,15 @@ from worlds import cars, signals
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
-from interplan_sumo.world.trace import ACTOR_COLUMNS, EGO_COLUMNS, ActorTable, EgoTrack, Trace
+from interplan_sumo.world.trace import (
+    ACTOR_COLUMNS,
+    EGO_COLUMNS,
+    SEEN_BEFORE,
+    SEEN_COLUMNS,
+    ActorTable,
+    EgoTrack,
+    Trace,
+)
 from interplan_sumo.world.trajectory import Trajectory
 
 
@@ -37,6 +45,22 @@ def test_a_trace_reads_back_equal(tmp_path: Path) -> None:
     assert len(after.plans) == 3
     assert after.plan_wall_s == pytest.approx([0.01, 0.02, 0.03])
     assert after.ego.state(2) == before.ego.state(2)
+
+
+def test_what_was_seen_is_a_table_of_its_own_from_before_the_start_on_and_counts_for_the_hash(tmp_path: Path) -> None:
+    there = trace()
+    crowd = [cars((float(k), 0.0)) if k else Actors.none() for k in range(SEEN_BEFORE + len(there))]
+    seen = replace(there, seen=ActorTable.of(crowd))
+    seen.write(tmp_path)
+    table = pd.read_parquet(tmp_path / "seen.parquet")
+    assert tuple(table.columns) == SEEN_COLUMNS
+    assert (table["frame"].min(), table["frame"].max()) == (1 - SEEN_BEFORE, 3)
+    after = Trace.read(tmp_path)
+    assert after.seen_at(-SEEN_BEFORE).ids == ()
+    assert [after.seen_at(frame).x_m[0] for frame in (-1, 0, 3)] == [19.0, 20.0, 23.0]
+    assert after.hash() == seen.hash() != there.hash()
+    with pytest.raises(ValueError, match="perception was full"):
+        there.seen_at(0)
 
 
 def test_pandas_opens_every_table_with_the_documented_columns(tmp_path: Path) -> None:
