@@ -19,7 +19,7 @@ from interplan_sumo.world.geometry import Floats
 
 REAR_AXLE = 0.78
 """How far behind the front bumper the rear axle is, as a share of the length: nuPlan's Pacifica."""
-LARGEST_SLIP_RAD = 0.16
+LARGEST_SLIP_RAD = 0.13
 """Between the way that the rear axle goes and the way that it points; decisions.md allows 10 degrees."""
 STRETCH = 1.2
 """SUMO scales the lanes of an edge to one length; on the outer lane of a bend cars go faster than they say."""

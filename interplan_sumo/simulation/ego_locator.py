@@ -13,8 +13,8 @@ from interplan_sumo.world.ego import EgoShape, EgoState
 
 APPROACHING_MPS = 0.2
 """Faster than this sideways the ego moves towards the lane on that side."""
-ON_CENTRE_M = 0.2
-"""Before it is this near to the centre line of its own lane it only moves towards that."""
+APPROACH_S = 3.0
+"""A lane that it would not reach within this time it does not move towards: so long people look ahead at a merge."""
 
 
 _TOUCH = 1e-6  # shares below this are rounding
@@ -104,30 +104,24 @@ class EgoLocator:
         return lane_coverage(self._network.pieces_near(area), area, velocity_mps)
 
     def _approached(self, ego: EgoState, anchor: Anchor | None) -> dict[str, LaneCoverage]:
-        """The lane beside the anchor lane that the ego moves towards, with the stretch that it is beside."""
-        if anchor is None:
-            return {}
-        along_x, along_y = cos(anchor.heading_rad), sin(anchor.heading_rad)
-        east_mps, north_mps = ego.velocity_mps
-        left_mps = north_mps * along_x - east_mps * along_y
-        half_m = self._shape.length_m / 2.0
-        dx = ego.x_m + half_m * cos(ego.heading_rad) - self._origin[0] - anchor.x_m
-        dy = ego.y_m + half_m * sin(ego.heading_rad) - self._origin[1] - anchor.y_m
-        left_m = dy * along_x - dx * along_y
-        lane = self._network.lanes[anchor.lane]
-        if lane.internal or abs(left_mps) <= APPROACHING_MPS or left_m * left_mps < -ON_CENTRE_M * abs(left_mps):
-            return {}
-        beside = self._network.edges[lane.edge]
-        for index in (lane.index - 1, lane.index + 1):
-            if not 0 <= index < len(beside):
+        """Lanes that the ego will reach if it goes on as it does, sideways to them, with what it is beside."""
+        velocity = ego.velocity_mps
+        corners = ego_ring(ego, self._shape, self._origin)
+        own = self._network.continuations(anchor.lane) if anchor is not None else frozenset[str]()
+        x_m, y_m = ego.x_m - self._origin[0], ego.y_m - self._origin[1]
+        found: dict[str, LaneCoverage] = {}
+        for name in self.coverage_of(swept_area(corners, velocity, APPROACH_S), velocity):
+            lane = self._network.lanes[name]
+            line = lane.plain_line
+            arc_m, left_m = line.project(x_m, y_m)
+            heading_rad = line.heading_at(arc_m)
+            left_mps = velocity[1] * cos(heading_rad) - velocity[0] * sin(heading_rad)
+            if name in own or left_m * left_mps >= 0.0 or abs(left_mps) <= APPROACHING_MPS:
                 continue
-            there = self._network.lanes[beside[index]]
-            _, offset_m = there.plain_line.project(anchor.x_m, anchor.y_m)  # of the anchor, left of that lane
-            if offset_m * left_mps < 0.0:
-                end_m = anchor.position_m / lane.length_m * there.length_m
-                speed_mps = east_mps * along_x + north_mps * along_y
-                return {there.id: LaneCoverage(0.0, end_m - self._shape.length_m, end_m, max(0.0, speed_mps))}
-        return {}
+            arcs = [line.project(*corner)[0] for corner in corners]
+            begin_m, end_m = lane.position_of(min(arcs)), lane.position_of(max(arcs))
+            found[name] = LaneCoverage(0.0, begin_m, end_m, line.speed_along(arc_m, velocity))
+        return found
 
     def _inside(self, ego: EgoState, anchor: Anchor) -> bool | None:
         """Whether the box certainly lies, or does not lie, inside the anchor lane, a normal one, and nowhere else.

@@ -33,7 +33,17 @@ BOUNDARY_Y = -7.0  # between lanes 0 and 1
 
 
 def driver(overlap: float, **rest: float) -> VehicleType:
-    return VehicleType("d", 4.6, 1.85, 1.5, 1.0, 1.0, 2.0, react_overlap=overlap, **rest)  # type: ignore[arg-type]
+    return VehicleType(
+        "d",
+        length_m=4.6,
+        width_m=1.85,
+        tau_s=1.5,
+        min_gap_m=1.0,
+        accel_mps2=1.0,
+        decel_mps2=2.0,
+        react_overlap=overlap,
+        **rest,
+    )  # type: ignore[arg-type]
 
 
 def follower(
