@@ -89,4 +89,4 @@ def hidden(actors: Actors, rows: Ints, hiding: Ints, eye: tuple[float, float]) -
     shut = np.zeros((len(rows), 5), dtype=np.bool_)
     of_pair, of_point = np.nonzero(cut)
     shut[whom[of_pair], of_point] = True
-    return shut.all(axis=1)
+    return np.logical_and.reduce(shut, axis=1)
