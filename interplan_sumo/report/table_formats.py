@@ -154,7 +154,8 @@ def notes(table: ResultsTable, *, paper: bool = False) -> list[str]:
             "would leave them out. Repeat the run command with the same --out to complete it."
         )
     if any(line.overrides for line in table.lines):
-        found.append("Rows in square brackets were run with changed traffic: not comparable with official ones.")
+        note = "were run with another traffic or perception: not comparable with official ones."
+        found.append(f"Rows in square brackets {note}")
     for line in table.lines:
         if line.questions:
             share = 100.0 * line.unanswered / line.questions

@@ -6,7 +6,7 @@ import os
 import shutil
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ import pytest
 from interplan_sumo.report.page.document import page as report_page
 from interplan_sumo.report.replay.page import write_replay
 from interplan_sumo.report.table import make_table
+from interplan_sumo.world.trace import SEEN_BEFORE, ActorTable
 from tests.report.rows import drive, stored
 from tests.report.tiny_drives import CRUISE_MPS, tiny_drive
 from tests.worlds import cars, pedestrians, together
@@ -355,4 +356,19 @@ def test_a_drive_alone_fills_the_page(browser: Browser, tmp_path: Path) -> None:
         found.page.wait_for_selector("html[data-ready]")
         assert found.page.locator(".pane").count() == 1
         assert found.page.get_by_label("Other planner").count() == 0
+        assert found.page.get_by_label("What the planner saw").count() == 0
+        assert found.errors == []
+
+
+def test_a_switch_shows_what_the_planner_saw(browser: Browser, tmp_path: Path) -> None:
+    trace = tiny_drive([CRUISE_MPS] * 20, actors=cars((30.0, 0.0))).trace
+    ghosts = ActorTable.of([cars((28.0, 3.0))] * (SEEN_BEFORE + len(trace)))
+    seen = tiny_drive([CRUISE_MPS] * 20, trace=replace(trace, seen=ghosts))
+    write_replay([seen], tmp_path / "one.html")
+    with opened(browser, tmp_path / "one.html") as found:
+        found.page.wait_for_selector("html[data-ready]")
+        shown = found.page.locator("canvas").first.screenshot()
+        found.page.get_by_label("What the planner saw").uncheck()
+        found.page.wait_for_timeout(200)
+        assert found.page.locator("canvas").first.screenshot() != shown
         assert found.errors == []

@@ -1,13 +1,22 @@
-"""Listings of planners: what they are made of and where they were published."""
+"""Listings: what planners are made of and where they were published, and what they see of scenarios."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.metadata import EntryPoint, EntryPoints
 
 import pytest
 
 from interplan_sumo import planner, registry
-from interplan_sumo.report.listings import planner_entries
+from interplan_sumo.report.listings import planner_entries, scenario_details, suite_entries
+from interplan_sumo.scenario.suite import find_scenario
+
+
+def test_scenarios_say_what_planners_see_of_them() -> None:
+    assert {entry["perception"] for entry in suite_entries("smoke==1")} == {"full"}
+    noisy = replace(find_scenario("nudge/0"), perception="noisy")
+    entry = scenario_details(noisy)
+    assert (entry["perception"], entry["scenario"]["perception"]) == ("noisy", "noisy")
 
 
 class Published:
