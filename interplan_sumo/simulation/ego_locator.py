@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from math import cos, inf, sin
 
 from interplan_sumo.simulation.anchor import BEND_M, LOCAL_M, Anchor
@@ -103,11 +103,10 @@ class EgoLocator:
         area = ClipArea.of(ring)
         return lane_coverage(self._network.pieces_near(area), area, velocity_mps)
 
-    def _approached(self, ego: EgoState, anchor: Anchor | None) -> dict[str, LaneCoverage]:
+    def _approached(self, ego: EgoState, covered: Container[str]) -> dict[str, LaneCoverage]:
         """Lanes that the ego will reach if it goes on as it does, sideways to them, with what it is beside."""
         velocity = ego.velocity_mps
         corners = ego_ring(ego, self._shape, self._origin)
-        own = self._network.continuations(anchor.lane) if anchor is not None else frozenset[str]()
         x_m, y_m = ego.x_m - self._origin[0], ego.y_m - self._origin[1]
         found: dict[str, LaneCoverage] = {}
         for name in self.coverage_of(swept_area(corners, velocity, APPROACH_S), velocity):
@@ -116,7 +115,7 @@ class EgoLocator:
             arc_m, left_m = line.project(x_m, y_m)
             heading_rad = line.heading_at(arc_m)
             left_mps = velocity[1] * cos(heading_rad) - velocity[0] * sin(heading_rad)
-            if name in own or left_m * left_mps >= 0.0 or abs(left_mps) <= APPROACHING_MPS:
+            if name in covered or left_m * left_mps >= 0.0 or abs(left_mps) <= APPROACHING_MPS:
                 continue
             arcs = [line.project(*corner)[0] for corner in corners]
             begin_m, end_m = lane.position_of(min(arcs)), lane.position_of(max(arcs))
@@ -147,7 +146,7 @@ class EgoLocator:
         self, ego: EgoState, anchor: Anchor | None, anticipations_s: Sequence[float], *, courteous: bool
     ) -> tuple[EgoOnNetwork, dict[float, Mapping[str, LaneCoverage]]]:
         """The ego on the lanes, and what its swept box covers per anticipation time."""
-        velocity, approached = ego.velocity_mps, self._approached(ego, anchor) if courteous else {}
+        velocity = ego.velocity_mps
         lane = anchor.lane if anchor is not None else None
         position_m = anchor.position_m if anchor is not None else 0.0
         corners: Ring = ()
@@ -162,6 +161,7 @@ class EgoLocator:
                 alone = coverage_of_one_lane(on, position_m, corners, velocity)
             if alone is not None:
                 centre = frozenset((anchor.lane,))
+                approached = self._approached(ego, alone) if courteous else {}
                 return EgoOnNetwork(
                     alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True, approached=approached
                 ), {}
@@ -179,6 +179,7 @@ class EgoLocator:
             [piece.lane.id for piece in near if piece.lane.id in coverage and piece.holds(x_m, y_m)]
         )
         straddles = inside < FULLY_MERGED
+        approached = self._approached(ego, coverage) if courteous else {}
         return EgoOnNetwork(
             coverage, centre_lanes, lane, position_m, ego.speed_mps, straddles, approached=approached
         ), ahead

@@ -229,18 +229,28 @@ def decide(
         share = 0.0 if met is None else met.share
         if not remembered.reacting:
             decisions[agent.id] = ReactionDecision(Mode.IGNORE_EGO if sumo_sees_ego else Mode.SUMO, share, False)
-        elif met is None:
-            speed_mps = drivers.next_speed_mps(agent, *approached or (inf, 0.0))
-            comfortable_mps = max(0.0, agent.speed_mps - driver.decel_mps2 * drivers.dt_s)
-            mode = Mode.IGNORE_EGO if sumo_sees_ego else Mode.OVERRIDE_SPEED
-            decisions[agent.id] = ReactionDecision(mode, 0.0, True, max(comfortable_mps, speed_mps))
-        elif sumo_sees_ego and met.speed_mps >= LEAST_ALIGNMENT * ego.speed_mps and ego.speed_mps >= 0.0:
-            decisions[agent.id] = ReactionDecision(Mode.SUMO, share, True)
         else:
-            speed_mps = drivers.next_speed_mps(agent, met.gap_m, met.speed_mps)
-            decisions[agent.id] = ReactionDecision(Mode.OVERRIDE_SPEED, share, True, speed_mps)
+            gap_m, leader_mps = (met.gap_m, met.speed_mps) if met is not None else approached or (inf, 0.0)
+            speed_mps = drivers.next_speed_mps(agent, gap_m, leader_mps)
+            seen = sumo_sees_ego and leader_mps >= LEAST_ALIGNMENT * ego.speed_mps and ego.speed_mps >= 0.0
+            if remembered.courteous and speed_mps < (gentle_mps := _gently_mps(agent, gap_m, leader_mps, drivers.dt_s)):
+                mode = Mode.IGNORE_EGO if sumo_sees_ego else Mode.OVERRIDE_SPEED
+                decisions[agent.id] = ReactionDecision(mode, share, True, gentle_mps)
+            elif met is not None and seen:
+                decisions[agent.id] = ReactionDecision(Mode.SUMO, share, True)
+            else:
+                mode = Mode.IGNORE_EGO if met is None and sumo_sees_ego else Mode.OVERRIDE_SPEED
+                decisions[agent.id] = ReactionDecision(mode, share, True, speed_mps)
         remembered.overlooked = decisions[agent.id].mode is Mode.IGNORE_EGO
     return decisions
+
+
+def _gently_mps(agent: Agent, gap_m: float, leader_mps: float, dt_s: float) -> float:
+    """The speed after a step of comfortable braking, or harder where only that keeps the standstill gap."""
+    driver, closing_mps = agent.driver, max(0.0, agent.speed_mps - leader_mps)
+    needed_mps2 = closing_mps * closing_mps / (2.0 * max(gap_m - driver.min_gap_m, SMALLEST_GAP_M))
+    hardest_mps2 = min(max(driver.decel_mps2, needed_mps2), driver.emergency_decel_mps2)
+    return max(0.0, agent.speed_mps - hardest_mps2 * dt_s)
 
 
 class _Met(NamedTuple):

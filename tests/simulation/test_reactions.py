@@ -277,8 +277,8 @@ def test_courtesy_is_the_chance_to_open_a_gap_before_the_boxes_overlap(chance: f
     assert (told.speed_mps is not None) is yields
 
 
-@pytest.mark.parametrize(("position_m", "speed_mps"), [(97.0, 10.0 - 0.2), (97.5, None)])
-def test_a_courteous_agent_brakes_no_harder_than_is_comfortable_and_never_for_an_ego_beside_it(
+@pytest.mark.parametrize(("position_m", "speed_mps"), [(90.0, 10.0 - 0.2), (96.0, 10.0 - 0.5), (97.5, None)])
+def test_a_courteous_agent_brakes_no_harder_than_is_comfortable_or_needed_and_never_for_an_ego_beside_it(
     position_m: float, speed_mps: float | None
 ) -> None:
     told = approaching(follower(1.0, position_m=position_m, courtesy=1.0), 0.0)
