@@ -94,7 +94,7 @@ def drawn(id: str, _roads: Roads, site: Site, rng: np.random.Generator) -> Scena
                 mirrored=bool(rng.random() < 0.5),
                 traffic=TrafficDemand(
                     density="low" if many and rng.random() < 0.3 else "none",
-                    oncoming="low" if not many and rng.random() < 0.3 else "none",
+                    oncoming="sparse" if not many and rng.random() < 0.3 else "none",
                     behaviour=("conservative", "assertive", "mixed")[int(rng.integers(3))],
                 ),
             )
