@@ -35,7 +35,7 @@ from interplan_sumo.world.trace import EgoTrack
 
 RELEASED = {
     "interplan==1": (80, "d9cf817ea6859a2cfaea6a20cf32819c7819f874ecbabffeefc38bf1e792ac80"),
-    "common==1": (56, "81da354e1cd2d422301104ca620975968b0fa7eeed22ea6d5dd3fb007b3bd9c2"),
+    "common==1": (56, "a0293bdcfc851af23e7e82297d7546b50a3176b6395066d2f88048d4dd3f263b"),
     "llm==1": (24, "bea3eb184544323ed63a946eb18a6c295608ca000c00c70d0f6594707a19e668"),
     "smoke==1": (8, "37169166d85c42d080aaaee68c1722b0c07c24c06d69a21683a12a51d91dd8e4"),
 }
