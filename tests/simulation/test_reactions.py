@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,18 +33,11 @@ EASTWARD = ("e0", "e1")
 BOUNDARY_Y = -7.0  # between lanes 0 and 1
 
 
-def driver(overlap: float, **rest: float) -> VehicleType:
+def driver(overlap: float, **rest: Any) -> VehicleType:
+    size: dict[str, Any] = {"length_m": 4.6, "width_m": 1.85}
     return VehicleType(
-        "d",
-        length_m=4.6,
-        width_m=1.85,
-        tau_s=1.5,
-        min_gap_m=1.0,
-        accel_mps2=1.0,
-        decel_mps2=2.0,
-        react_overlap=overlap,
-        **rest,
-    )  # type: ignore[arg-type]
+        "d", tau_s=1.5, min_gap_m=1.0, accel_mps2=1.0, decel_mps2=2.0, react_overlap=overlap, **size | rest
+    )
 
 
 def follower(
