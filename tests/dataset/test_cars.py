@@ -115,7 +115,7 @@ def in_the_ranks(trace: Trace, token: str) -> Trace:
     return Trace(track, ActorTable.of(crowd), trace.signals, (), np.zeros(0), shape)
 
 
-ALMOST = {"ego_history": 0.15, "ego_future": 0.03, "agents": 0.06, "origin": 0.02}
+ALMOST = {"ego_history": 0.2, "ego_future": 0.03, "agents": 0.06, "origin": 0.02}
 """Smoothing moves places by centimetres; everything else turns with the heading: millimetres a metre."""
 
 
