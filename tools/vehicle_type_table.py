@@ -67,6 +67,7 @@ WITH: Final[Mapping[str, Mapping[str, str]]] = {
     "jmDriveRedSpeed": {"jmDriveAfterRedTime": "100"}, "jmIgnoreFoeProb": {"jmIgnoreFoeSpeed": "20"},
     "jmIgnoreFoeSpeed": {"jmIgnoreFoeProb": "1"}, "maxAccelProfile": {"speedTable": "0 30"},
     "desAccelProfile": {"speedTable": "0 30"}, "speedTable": {"maxAccelProfile": "3 1"}, "sigmaStep": {"sigma": "0.8"},
+    "maxSpeedLat": {"lcSpeedGain": "10"},
     **{name: {"laneChangeModel": "SL2015"} for name in SUBLANE},
 }  # fmt: skip
 """What an attribute needs besides, to act at all."""

@@ -31,7 +31,7 @@ UNUSED: Final[Mapping[str, frozenset[str]]] = {
 WITHHELD: Final = frozenset().union(*UNUSED.values())
 SUBLANE: Final = frozenset(
     "lcSublane lcPushy lcPushyGap lcImpatience lcTimeToImpatience lcAccelLat lcMaxDistLatStanding lcLaneDiscipline "
-    "lcTurnAlignmentDistance minGapLat latAlignment maxSpeedLat".split()
+    "lcTurnAlignmentDistance minGapLat latAlignment".split()
 )
 WITHOUT_EFFECT: Final[Mapping[str, frozenset[str]]] = {
     "it acts only with lateral resolution, which is off: a vehicle is in one lane or changes it": SUBLANE,

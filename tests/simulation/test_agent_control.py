@@ -67,9 +67,8 @@ def test_a_new_leader_at_no_less_than_the_own_headway_changes_nothing(gap_m: flo
     assert bool(told) is relaxes
 
 
-def lane_changes_s(with_ego: bool) -> list[float]:
+def lane_changes_s(cars: VehicleTypes, *, with_ego: bool = True) -> list[float]:
     """How long six agents take to change lane."""
-    cars = types("conservative")
     spawns = tuple(agent(cars, "e0_0", 40.0 + 40.0 * i, 10.0) for i in range(6))
     with traffic(cars, spawns, ego_at(20.0, LANE_Y[2]), with_ego=with_ego) as run:
         for i in range(6):
@@ -84,11 +83,20 @@ def lane_changes_s(with_ego: bool) -> list[float]:
 
 
 def test_each_driver_takes_its_own_time_to_change_lane_and_without_an_ego_sumos() -> None:
-    own, plain = lane_changes_s(True), lane_changes_s(False)
+    cars = types("conservative")
+    own, plain = lane_changes_s(cars), lane_changes_s(cars, with_ego=False)
     assert len({round(each, 1) for each in own}) >= 4
     assert min(own) >= 2.8
     assert max(own) <= 8.1
     assert plain == pytest.approx([2.95] * 6, abs=0.11)
+
+
+def test_a_type_with_a_lateral_speed_of_its_own_keeps_it_and_nobody_is_warned_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "slow.xml"
+    path.write_text(vehicle_type_file("conservative").read_text().replace("<vType ", '<vType maxSpeedLat="0.7" '))
+    cars = read_vehicle_types(path)
+    assert cars.warnings == ()
+    assert lane_changes_s(cars) == pytest.approx([3.5 / 0.7] * 6, abs=0.15)
 
 
 def test_chance_falls_to_each_agent_from_the_seed_alone() -> None:
