@@ -27,11 +27,9 @@ from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.score import score
-from interplan_sumo.scenario.route import route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
-from interplan_sumo.simulation.lane_chains import ego_sumo_route
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, StagedScenario, populate
@@ -57,7 +55,8 @@ def bare(scenario: Scenario, agents: int, steps: int) -> float:
     network, ids = read_network(files.network), NetworkIds.read(files.ids)
     types = read_vehicle_types(vehicle_type_file(scenario.traffic.behaviour))
     rng, reach = scenario.rng(0), reach_m(agents)
-    spawns = populate(StagedScenario(scenario, roads, network, ids, types), (), rng, reach).spawns[:agents]
+    population = populate(StagedScenario(scenario, roads, network, ids, types), (), rng, reach)
+    spawns = population.spawns[:agents]
     libsumo.start(
         ["sumo", "-n", str(network.path), "-a", str(types.path), "--step-length", "0.1", "--insertion-checks", "none",
          "--lanechange.duration", "3", "--default.speeddev", "0", "--collision.action", "none",
@@ -71,7 +70,7 @@ def bare(scenario: Scenario, agents: int, steps: int) -> float:
             f"a{i}", f"a{i}", each.driver.id, departLane=str(lane.index), departPos=str(each.position_m),
             departSpeed=str(each.speed_mps),
         )  # fmt: skip
-    libsumo.route.add("ego", ego_sumo_route(network, ids, route_lanes(roads, scenario)))
+    libsumo.route.add("ego", population.ego_route)
     vehicle.add("ego", "ego", "DEFAULT_VEHTYPE")
     vehicle.setSpeedMode("ego", 32)
     start = scenario.start.pose(roads)

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from interplan_sumo.maps.network import NetworkIds, SumoPiece
-from interplan_sumo.simulation.network import SumoNetwork, read_network
+from interplan_sumo.simulation.network import SumoNetwork, plain_ids, read_network
 from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.simulation.setup import opaque_ids
 from interplan_sumo.simulation.spawning import Spawn
@@ -30,12 +29,6 @@ WESTWARD_Y = 1.75
 
 def two_way_road() -> SumoNetwork:
     return read_network(NETWORK_FILE)
-
-
-def plain_ids(network: SumoNetwork) -> NetworkIds:
-    """Ids under which every SUMO lane is its own source lane."""
-    pieces = {lane.id: (SumoPiece(lane.id, 0.0, lane.line.length_m),) for lane in network.lanes.values()}
-    return NetworkIds((0.0, 0.0), "right", pieces, {})
 
 
 def types(behaviour: str) -> VehicleTypes:

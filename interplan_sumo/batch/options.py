@@ -34,6 +34,10 @@ def _about(help: str, **about: Any) -> dict[str, Any]:
     return {"help": help, **about}
 
 
+DENSITIES: Final = ("low", "medium", "high")
+"""That scenes with traffic can be driven in instead of their own."""
+
+
 @dataclass(frozen=True, slots=True)
 class RunOptions:
     """What to run, where to, and within which limits. InputError for a value that cannot be."""
@@ -70,7 +74,7 @@ class RunOptions:
     )
     density: str | None = field(
         default=None,
-        metadata=_about("low|medium|high", choices=("low", "medium", "high"), setting=True, scene=True),
+        metadata=_about("|".join(DENSITIES), choices=DENSITIES, setting=True, scene=True),
     )
     behaviour: str | None = field(default=None, metadata=_about("NAME", setting=True, scene=True))
     perception: str | None = field(default=None, metadata=_about("full|occluded|noisy|late", setting=True, scene=True))

@@ -18,7 +18,7 @@ from math import isfinite
 from pathlib import Path
 
 from interplan_sumo.batch.jobs import Selection
-from interplan_sumo.batch.options import SETTINGS, RunOptions
+from interplan_sumo.batch.options import DENSITIES, SETTINGS, RunOptions
 from interplan_sumo.batch.records import JobKey, RequestedJobs, keys_of
 from interplan_sumo.batch.run import RunProgress, check_inputs, run
 from interplan_sumo.batch.run_folder import MANIFEST, TRAFFIC, StoredRun, read_run
@@ -30,7 +30,6 @@ from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 
 TYPICAL_S = 5.0
 """A drive of half a minute with a rule-based planner on one core, loading included: the guess before any was timed."""
-DENSITIES = ("low", "medium", "high")
 VALUE = re.compile(r"[A-Za-z0-9_.+-]+")
 """Values become parts of folder names."""
 

@@ -130,7 +130,7 @@ class ScenarioOverview(msgspec.Struct, frozen=True):
     behaviour: str
     lane_changes: int
     hash: str
-    perception: str = "full"
+    perception: str
 
 
 class MapLock(msgspec.Struct, frozen=True):

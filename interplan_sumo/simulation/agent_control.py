@@ -30,6 +30,7 @@ LANE_CHANGE_LOG_S = (1.415, 0.472)
 """Lane changes take 4.6 s on average with a deviation of 2.3 s, lognormal (Toledo and Zohar, 2007)."""
 SHORTEST_LANE_CHANGE_S, LONGEST_LANE_CHANGE_S = 3.0, 8.0
 LANE_WIDTH_M = 3.5
+"""Of a usual lane: what a lane change crosses."""
 PLAIN_LATERAL_MPS = 1.0
 """SUMO's `maxSpeedLat` where a type has none of its own."""
 SURGING_MODELS = frozenset({"EIDM"})

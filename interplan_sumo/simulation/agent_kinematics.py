@@ -15,7 +15,7 @@ from math import atan, atan2, degrees, exp, hypot, pi, tan
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.geometry import Floats, wrap_angle
 
 REAR_AXLE = 0.78
 """How far behind the front bumper the rear axle is, as a share of the length: nuPlan's Pacifica."""
@@ -136,9 +136,5 @@ def _trailed(heading_rad: float, wanted_rad: float, along_m: float, left_m: floa
         off = atan2(left_m, along_m)
         rolled += off - 2.0 * atan(tan(off / 2.0) * exp(-way_m / axle_m))
     slack = LARGEST_SLIP_RAD * max(0.0, along_m) / (axle_m + max(0.0, along_m))
-    apart = _wrapped(wanted_rad - rolled)
-    return wanted_rad if abs(apart) <= slack else _wrapped(rolled + min(max(apart, -slack), slack))
-
-
-def _wrapped(angle_rad: float) -> float:
-    return (angle_rad + pi) % (2.0 * pi) - pi
+    apart = wrap_angle(wanted_rad - rolled)
+    return wanted_rad if abs(apart) <= slack else wrap_angle(rolled + min(max(apart, -slack), slack))

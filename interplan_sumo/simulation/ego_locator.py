@@ -15,8 +15,6 @@ APPROACHING_MPS = 0.2
 """Faster than this sideways the ego moves towards the lane on that side."""
 APPROACH_S = 3.0
 """A lane that it would not reach within this time it does not move towards: so long people look ahead at a merge."""
-
-
 _TOUCH = 1e-6  # shares below this are rounding
 
 
@@ -103,10 +101,9 @@ class EgoLocator:
         area = ClipArea.of(ring)
         return lane_coverage(self._network.pieces_near(area), area, velocity_mps)
 
-    def _approached(self, ego: EgoState, covered: Container[str]) -> dict[str, LaneCoverage]:
+    def _approached(self, ego: EgoState, corners: Ring, covered: Container[str]) -> dict[str, LaneCoverage]:
         """Lanes that the ego will reach if it goes on as it does, sideways to them, with what it is beside."""
         velocity = ego.velocity_mps
-        corners = ego_ring(ego, self._shape, self._origin)
         x_m, y_m = ego.x_m - self._origin[0], ego.y_m - self._origin[1]
         found: dict[str, LaneCoverage] = {}
         for name in self.coverage_of(swept_area(corners, velocity, APPROACH_S), velocity):
@@ -161,7 +158,8 @@ class EgoLocator:
                 alone = coverage_of_one_lane(on, position_m, corners, velocity)
             if alone is not None:
                 centre = frozenset((anchor.lane,))
-                approached = self._approached(ego, alone) if courteous else {}
+                ring = corners or (ego_ring(ego, self._shape, self._origin) if courteous else ())
+                approached = self._approached(ego, ring, alone) if courteous else {}
                 return EgoOnNetwork(
                     alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True, approached=approached
                 ), {}
@@ -179,7 +177,7 @@ class EgoLocator:
             [piece.lane.id for piece in near if piece.lane.id in coverage and piece.holds(x_m, y_m)]
         )
         straddles = inside < FULLY_MERGED
-        approached = self._approached(ego, coverage) if courteous else {}
+        approached = self._approached(ego, corners, coverage) if courteous else {}
         return EgoOnNetwork(
             coverage, centre_lanes, lane, position_m, ego.speed_mps, straddles, approached=approached
         ), ahead

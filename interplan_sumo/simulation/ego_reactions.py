@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -52,6 +53,23 @@ class AgentCommands:
     """Agents that must not change lane."""
 
 
+class _Beside(NamedTuple):
+    """Where agents are beside a blockage: within reach of its middle, and on another lane of its edge."""
+
+    x_m: float
+    y_m: float
+    reach_m: float
+    lanes: frozenset[str]
+    blockage: LaneBlockage
+
+    @classmethod
+    def of(cls, network: SumoNetwork, blockage: LaneBlockage) -> _Beside:
+        lane, half_m = network.lanes[blockage.lane], (blockage.end_m - blockage.start_m) / 2.0
+        middle = lane.plain_line.pose_at(lane.arc_of(blockage.start_m + half_m))
+        lanes = frozenset(network.edges[lane.edge]) - {lane.id}
+        return cls(middle.x_m, middle.y_m, half_m + BESIDE_M, lanes, blockage)
+
+
 class EgoReactions:
     """Knows each agent's corridor, and what it remembers of the ego."""
 
@@ -70,6 +88,7 @@ class EgoReactions:
         self._drivers = registry.drivers
         self._routes = registry.routes
         self._blocked = blocked
+        self._beside = [_Beside.of(network, each) for each in blocked]
         self._models = models
         self._anticipations_s: tuple[float, ...] = ()
         self._courteous = False
@@ -164,19 +183,12 @@ class EgoReactions:
     def _beside_blockages(self, agents: AgentSnapshot) -> frozenset[str]:
         """Agents beside what blocks the next lane: SUMO may slide a standing car into it."""
         found: set[str] = set()
-        for each in self._blocked:
-            lane = self._network.lanes[each.lane]
-            half_m = (each.end_m - each.start_m) / 2.0
-            middle = lane.plain_line.pose_at(lane.arc_of(each.start_m + half_m))
-            reach_m = half_m + BESIDE_M
-            rows = np.flatnonzero((agents.front_x - middle.x_m) ** 2 + (agents.front_y - middle.y_m) ** 2 < reach_m**2)
+        for x_m, y_m, reach_m, lanes, each in self._beside:
+            rows = np.flatnonzero((agents.front_x - x_m) ** 2 + (agents.front_y - y_m) ** 2 < reach_m**2)
             names = [agents.names[row] for row in rows.tolist()]
-            for name, here, position_m in zip(names, agents.lanes(names), agents.positions_m(names), strict=True):
-                edge, begins_m = (
-                    self._network.lanes[here].edge if here else "",
-                    position_m - self._drivers[name].length_m,
-                )
-                if edge == lane.edge and here != each.lane and position_m > each.start_m and begins_m < each.end_m:
+            for name, here, front_m in zip(names, agents.lanes(names), agents.positions_m(names), strict=True):
+                rear_m = front_m - self._drivers[name].length_m
+                if here in lanes and front_m > each.start_m and rear_m < each.end_m:
                     found.add(name)
         return frozenset(found)
 

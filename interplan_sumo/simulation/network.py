@@ -18,6 +18,7 @@ import shapely
 from numpy.typing import NDArray
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.maps.network import NetworkIds, SumoPiece
 from interplan_sumo.maps.network_file import FileLane, NetworkFile, read_network_file
 from interplan_sumo.simulation.lane_polygons import ClipArea, ConvexPart, RectangleIndex, Ring, convex_parts_between
 from interplan_sumo.simulation.plain_polyline import PlainPolyline
@@ -270,6 +271,12 @@ class SumoNetwork:
             return link.major
         light, index = link.light
         return self.first_state[light][index] == "G"
+
+
+def plain_ids(network: SumoNetwork) -> NetworkIds:
+    """Ids under which every SUMO lane is its own source lane."""
+    pieces = {lane.id: (SumoPiece(lane.id, 0.0, lane.line.length_m),) for lane in network.lanes.values()}
+    return NetworkIds((0.0, 0.0), "right", pieces, {})
 
 
 def read_network(path: Path) -> SumoNetwork:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 
@@ -9,10 +10,9 @@ import numpy as np
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map
-from interplan_sumo.scenario.route import route_centerline, route_lanes
+from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.flow import Flow, draw_arrivals
-from interplan_sumo.simulation.lane_chains import ego_sumo_route
 from interplan_sumo.simulation.lights import LoggedLights
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.obstacles import blockages, standing_actors, standing_heights_m
@@ -88,14 +88,12 @@ def open_sumo_traffic(
     names = opaque_ids(len(spawns), rng, besides=tokens)
     flow = None
     if most_agents is None and scenario.has_flow:
-        taken = frozenset((*tokens, *names))
-        free = (f"{number:04x}" for number in rng.permutation(16**4) if f"{number:04x}" not in taken)
+        free = _shuffled_ids(rng, (*tokens, *names))
         arrivals = draw_arrivals(types, rng)
         flow = Flow(network, population.demand, blocked, arrivals, free, staged.route_m, rng)
-    route = ego_sumo_route(network, ids, route_lanes(roads, scenario))
     setup = TrafficSetup(
-        network, ids, types, start_state(scenario, roads), route, shape, spawns, names, standing, blocked,
-        crowd=crowd, flow=flow, with_ego=with_ego,
+        network, ids, types, start_state(scenario, roads), population.ego_route, shape, spawns, names, standing,
+        blocked, crowd=crowd, flow=flow, with_ego=with_ego,
         logged=LoggedLights.on(scenario.lights, ids.links) if scenario.lights else None,
         chance_seed=int(rng.integers(2**32)),
         heights_m=standing_heights_m(scenario, tokens[: len(scenario.obstacles)]),
@@ -113,5 +111,11 @@ def _replays(scenario: Scenario, roads: Roads, seed: int) -> ReplayedTraffic:
 
 def opaque_ids(count: int, rng: np.random.Generator, besides: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Ids that say nothing of their bearers, in random order: four hexadecimal digits each, none of `besides`."""
+    return tuple(islice(_shuffled_ids(rng, besides), count))
+
+
+def _shuffled_ids(rng: np.random.Generator, besides: Iterable[str]) -> Iterator[str]:
+    """All ids but `besides`; their order is drawn at once."""
+    taken = frozenset(besides)
     drawn = (f"{number:04x}" for number in rng.permutation(16**4))
-    return tuple(islice((token for token in drawn if token not in besides), count))
+    return (token for token in drawn if token not in taken)

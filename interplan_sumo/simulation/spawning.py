@@ -87,6 +87,8 @@ class Population:
     spawns: tuple[Spawn, ...]
     """In a fixed order, those that the scenario places first."""
     demand: LocalDemand
+    ego_route: tuple[str, ...]
+    """SUMO edges."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +152,8 @@ def populate(
         if chain:
             span = (max(chain[0].start_m, -upstream_m), min(chain[-1].end_m, downstream_m))
             chains.append((lane_id, density, chain, span))
-    way = ego_sumo_route(network, staged.ids, route_lanes(roads, scenario))
-    demand = local_demand(network, wanted, (*way, *_edges(chains, own)), _edges(chains, against))
+    ego_route = ego_sumo_route(network, staged.ids, route_lanes(roads, scenario))
+    demand = local_demand(network, wanted, (*ego_route, *_edges(chains, own)), _edges(chains, against))
     placed = [_placed(staged, i, demand, rng) for i in range(len(scenario.vehicles))]
     spawns = list(placed)
     for lane_id, density, chain, span in chains:
@@ -172,12 +174,10 @@ def populate(
     occupied.add(lane, Occupant(front_m, front_m - staged.shape.length_m, scenario.start_speed_mps))
     if wanted.density != "none" or wanted.oncoming != "none":
         spawns += _on_side_roads(staged, demand, (ego_x - origin[0], ego_y - origin[1]), used, occupied, spawns, rng)
-    return Population(tuple(_settled(network, spawns, len(placed), occupied)), demand)
+    return Population(tuple(_settled(network, spawns, len(placed), occupied)), demand, ego_route)
 
 
-def _edges(
-    chains: Sequence[tuple[str, Density, list[ChainedLane], tuple[float, float]]], of: Sequence[str]
-) -> set[str]:
+def _edges(chains: Sequence[_PlannedChain], of: Sequence[str]) -> set[str]:
     return {part.lane.edge for lane, _, chain, _ in chains if lane in of for part in chain if not part.lane.internal}
 
 

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from interplan_sumo.maps.network import NetworkIds, SumoPiece
-from interplan_sumo.simulation.network import SumoNetwork, read_network
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.simulation.network import SumoNetwork, plain_ids, read_network
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
@@ -162,8 +162,7 @@ SITUATIONS: tuple[Situation, ...] = (
 def road() -> tuple[SumoNetwork, NetworkIds]:
     """The road of all situations; every SUMO lane is its own source lane."""
     network = read_network(ROAD)
-    pieces = {lane.id: (SumoPiece(lane.id, 0.0, lane.line.length_m),) for lane in network.lanes.values()}
-    return network, NetworkIds((0.0, 0.0), "right", pieces, {})
+    return network, plain_ids(network)
 
 
 def answer(situation: Situation, types: VehicleTypes, driver: VehicleType) -> Answer:
