@@ -18,7 +18,7 @@ BASE = {"errors", "resources", "registry"}
 LAYER_0 = {"world"}
 LAYER_1 = {"maps", "dynamics", "features", "planner", "plan_check", "recordings", "scenario", "families", "tiny_worlds"}
 LAYER_2 = {"simulation", "metrics", "policy"}
-LAYER_3 = {"verification", "batch", "report", "testing", "doctor", "dataset", "gym"}
+LAYER_3 = {"verification", "batch", "report", "realism", "testing", "doctor", "dataset", "gym"}
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "resources": {"errors"},
@@ -41,6 +41,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "verification": BASE | LAYER_0 | LAYER_1 | LAYER_2,
     "batch": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification"},
     "report": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "verification"},
+    "realism": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},
     "doctor": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch"},
     "bridge": BASE | LAYER_0 | {"dynamics", "maps", "planner"},
     "dataset": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification", "batch"},
