@@ -8,7 +8,6 @@ import numpy as np
 
 from interplan_sumo.errors import PlannerError
 from interplan_sumo.world.ego import EgoState
-from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
 
 START_SLACK_S = 1e-3
@@ -53,13 +52,12 @@ def check_plan(plan: object, ego: EgoState, now_s: float) -> None:
 
 def _check_numbers(plan: Trajectory) -> None:
     # Trajectory checks this when it is made; a plan from foreign code may have got round it.
-    for name in ("time_s", "x_m", "y_m", "heading_rad"):
-        values: Floats = getattr(plan, name)
-        if isfinite(float(values.sum())):  # the quick way: a sum is finite only if every term is
-            continue
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            raise PlannerError(f"the plan holds a number that is not finite: {name}[{bad[0]}] = {values[bad[0]]}")
+    columns = {name: getattr(plan, name) for name in ("time_s", "x_m", "y_m", "heading_rad")}
+    if not isfinite(np.concatenate([*columns.values()]).sum()):  # the quick way: so it is only if every term is
+        for name, values in columns.items():
+            bad = np.flatnonzero(~np.isfinite(values))
+            if bad.size:
+                raise PlannerError(f"the plan holds a number that is not finite: {name}[{bad[0]}] = {values[bad[0]]}")
     heading = plan.heading_rad
     if max(float(heading.max()), -float(heading.min())) > LARGEST_HEADING_RAD:
         i = int(np.argmax(np.abs(heading)))
@@ -95,7 +93,10 @@ def _check_times(plan: Trajectory, now_s: float) -> None:
 
 
 def _check_motion(plan: Trajectory, ego: EgoState, now_s: float) -> None:
-    x_m, y_m = float(np.interp(now_s, plan.time_s, plan.x_m)), float(np.interp(now_s, plan.time_s, plan.y_m))
+    if now_s == plan.time_s[0]:  # as most planners have it
+        x_m, y_m = float(plan.x_m[0]), float(plan.y_m[0])
+    else:
+        x_m, y_m = float(np.interp(now_s, plan.time_s, plan.x_m)), float(np.interp(now_s, plan.time_s, plan.y_m))
     away_m = hypot(x_m - ego.x_m, y_m - ego.y_m)
     if away_m > FARTHEST_START_M:
         raise PlannerError(

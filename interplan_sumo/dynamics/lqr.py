@@ -17,7 +17,7 @@ from math import cos, pi, sin
 import numpy as np
 
 from interplan_sumo.dynamics import bicycle
-from interplan_sumo.dynamics.rear_axle import rear_axle_of, rear_axles_of
+from interplan_sumo.dynamics.rear_axle import rear_axle_of
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats, wrap_angle
 from interplan_sumo.world.trajectory import Trajectory
@@ -87,7 +87,9 @@ def target(state: EgoState, plan: Trajectory, shape: EgoShape = PACIFICA) -> Tar
         raise ValueError(f"the plan covers {start_s:.3f} to {plan.time_s[-1]:.3f} s, not now ({state.time_s:.3f} s)")
 
     heading = _unwrapped(plan.heading_rad)
-    x_m, y_m = rear_axles_of(plan.x_m, plan.y_m, heading, shape)
+    cosine, sine = np.cos(heading), np.sin(heading)
+    behind_m = shape.rear_axle_to_center_m
+    x_m, y_m = plan.x_m - behind_m * cosine, plan.y_m - behind_m * sine
     # One point on the grid per full 0.1 s; half a microsecond forgives the rounding of times.
     count = max(1, int((end_s + 0.5e-6) / GRID_S))
     grid_s = _grid(count)
@@ -95,11 +97,12 @@ def target(state: EgoState, plan: Trajectory, shape: EgoShape = PACIFICA) -> Tar
         grid_heading, grid_x, grid_y = heading, x_m, y_m
     else:
         grid_heading, grid_x, grid_y = (np.interp(grid_s, time_s, v) for v in (heading, x_m, y_m))
+        cosine, sine = np.cos(grid_heading), np.sin(grid_heading)
+        grid_heading = _unwrapped(grid_heading)
     step_x_m, step_y_m = grid_x[1:] - grid_x[:-1], grid_y[1:] - grid_y[:-1]
-    forward_m = step_x_m * np.cos(grid_heading[:-1]) + step_y_m * np.sin(grid_heading[:-1])
+    forward_m = step_x_m * cosine[:-1] + step_y_m * sine[:-1]
     at = now_s / GRID_S
-    unwrapped = _unwrapped(grid_heading)
-    turn_rad = unwrapped[1:] - unwrapped[:-1]
+    turn_rad = grid_heading[1:] - grid_heading[:-1]
     if turn_rad.any():
         speed = _speeds(forward_m)
         last = min(count - 1, int(at) + HORIZON_STEPS)
@@ -109,7 +112,10 @@ def target(state: EgoState, plan: Trajectory, shape: EgoShape = PACIFICA) -> Tar
         curvature = [0.0]
         speed_mps = _speed_at(forward_m, at + HORIZON_STEPS)
 
-    plan_x, plan_y, plan_heading = (float(np.interp(now_s, time_s, v)) for v in (x_m, y_m, heading))
+    if now_s == 0.0:  # as most planners have it
+        plan_x, plan_y, plan_heading = float(x_m[0]), float(y_m[0]), float(heading[0])
+    else:
+        plan_x, plan_y, plan_heading = (float(np.interp(now_s, time_s, v)) for v in (x_m, y_m, heading))
     ego_x, ego_y = rear_axle_of(state.x_m, state.y_m, state.heading_rad, shape)
     return Target(
         speed_mps=speed_mps,
@@ -150,11 +156,10 @@ def command(state: EgoState, target: Target, shape: EgoShape = PACIFICA) -> Comm
 
 def _unwrapped(heading_rad: Floats) -> Floats:
     """The same headings without jumps by full turns."""
-    turns = np.rint(np.diff(heading_rad) / (2.0 * pi))
-    if not turns.any():
+    if heading_rad.max() - heading_rad.min() < pi:
         return heading_rad
     unwrapped = heading_rad.copy()
-    unwrapped[1:] -= 2.0 * pi * np.cumsum(turns)
+    unwrapped[1:] -= 2.0 * pi * np.cumsum(np.rint(np.diff(heading_rad) / (2.0 * pi)))
     return unwrapped
 
 

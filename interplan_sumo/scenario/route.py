@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from functools import lru_cache
+from math import hypot, inf
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from interplan_sumo.world.roads import Roads
 
 JOIN_M = 5.0
 """Where the chain must change lane the line is slanted over this length on either side."""
+_LEAST_M = 1e-6
 
 
 def route_lanes(roads: Roads, scenario: Scenario) -> tuple[str, ...]:
@@ -107,3 +109,30 @@ def goal_arc_m(roads: Roads, scenario: Scenario) -> float:
     """Arc length of the goal line on `route_centerline`."""
     pose = scenario.goal.pose(roads)
     return route_centerline(roads, scenario).project_point(pose.x_m, pose.y_m)[0]
+
+
+class GoalLine:
+    """Whether the goal line is passed: whether the nearest point of the route lies beyond it."""
+
+    def __init__(self, line: Polyline, goal_m: float) -> None:
+        """`goal_m` is where on the route's line it lies."""
+        self._line = line
+        self._goal_m = goal_m
+        self._beyond = line.between(goal_m, line.length_m) if line.length_m - goal_m > _LEAST_M else None
+        self._seen_at = (inf, inf)
+        self._free_m = 0.0
+
+    def is_passed(self, x_m: float, y_m: float) -> bool:
+        """Whether the route's point nearest to this one lies beyond the line.
+
+        Each distance changes by no more than one moves, so that for half of how much nearer
+        the part before the line is than the part beyond it nothing has to be looked up.
+        """
+        if hypot(x_m - self._seen_at[0], y_m - self._seen_at[1]) < self._free_m:
+            return False
+        arc_m, aside_m = self._line.project_point(x_m, y_m)
+        if arc_m > self._goal_m:
+            return True
+        beyond_m = inf if self._beyond is None else abs(self._beyond.project_point(x_m, y_m)[1])
+        self._seen_at, self._free_m = (x_m, y_m), (beyond_m - abs(aside_m)) / 2.0 - _LEAST_M
+        return False

@@ -106,6 +106,7 @@ class AgentRegistry:
         others = (self._standing, pedestrians)
         tokens = [*(self._tokens[name] for name in self.names), *self._standing.ids, *pedestrians.ids]
         self._order = np.argsort(np.array(tokens, dtype=object), kind="stable")
+        self._in_order = len(tokens) == len(self.names)
         self._ids_in_order = tuple(tokens[i] for i in self._order)
         kinds = np.array([_KINDS.get(d.vehicle_class, ActorKind.VEHICLE) for d in drivers], dtype=np.int8)
         self._kinds = np.concatenate((kinds, *(a.kind for a in others)))[self._order]
@@ -133,14 +134,12 @@ class AgentRegistry:
             speed_mps * cosine,
             speed_mps * sine,
         ]
-        others = [self._standing] if len(self._standing) else []
-        if self._crowd is not None:
-            others.append(self._crowd.observe())
-        if others:
+        if not self._in_order:
+            others = (self._standing, self._crowd.observe()) if self._crowd is not None else (self._standing,)
             names = ("x_m", "y_m", "heading_rad", "vx_mps", "vy_mps")
             rest = ([getattr(actors, name) for actors in others] for name in names)
-            columns = [np.concatenate((column, *more)) for column, more in zip(columns, rest, strict=True)]
-        x_m, y_m, heading_rad, vx_mps, vy_mps = (column[self._order] for column in columns)
+            columns = [np.concatenate((c, *more))[self._order] for c, more in zip(columns, rest, strict=True)]
+        x_m, y_m, heading_rad, vx_mps, vy_mps = columns
         return Actors.trusted(
             self._ids_in_order, self._kinds, x_m, y_m, heading_rad, self._lengths_m, self._widths_m, vx_mps, vy_mps
         )

@@ -19,7 +19,7 @@ from interplan_sumo.errors import PlannerError, TrafficError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Mission, Observation, Past, Planner
-from interplan_sumo.scenario.route import goal_arc_m, route_centerline
+from interplan_sumo.scenario.route import GoalLine, goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.history import PAST_STEPS, extrapolated_egos
 from interplan_sumo.simulation.perception import Perception
@@ -214,6 +214,7 @@ class Loop:
         """Look at the scene for the first time; what a planner is told before the first step."""
         self.route = route_centerline(self.roads, self.scenario)
         self.goal_m = goal_arc_m(self.roads, self.scenario)
+        self._goal_line = GoalLine(self.route, self.goal_m)
         self.ego = start_state(self.scenario, self.roads)
         self.scene = self.traffic.observe()
         self._perception = Perception(self.scenario, self.roads, self.traffic.heights_m, self._seed, DT_S)
@@ -240,7 +241,7 @@ class Loop:
         if self._keeps_seen:
             self.record.seen.append(self._seen)
         self.record.signals.append(self.scene.signals)
-        self.reached_goal = self.route.project_point(self.ego.x_m, self.ego.y_m)[0] > self.goal_m
+        self.reached_goal = self._goal_line.is_passed(self.ego.x_m, self.ego.y_m)
         return not self.reached_goal
 
     def advance(self, plan: Trajectory) -> None:

@@ -74,21 +74,10 @@ def extrapolated_egos(roads: Roads, ego: EgoState, dt_s: float, driven: EgoPast 
 def extrapolated_actors(roads: Roads, actors: Actors, dt_s: float, steps: int = PAST_STEPS) -> tuple[Actors, ...]:
     """So many steps before an episode: everyone has come at their present speed."""
     ago_s = dt_s * np.arange(steps, 0, -1)
-    tracks = np.empty((len(actors), steps, 3))
+    poses = np.empty((steps, 3, len(actors)))
     for row in range(len(actors)):
-        tracks[row] = backcast(
-            roads, actors.x_m[row], actors.y_m[row], actors.heading_rad[row], actors.speed_mps[row] * ago_s
-        )
-    cosine, sine = np.cos(tracks[..., 2]), np.sin(tracks[..., 2])
-    speed = actors.speed_mps
-    return tuple(
-        replace(
-            actors,
-            x_m=tracks[:, k, 0],
-            y_m=tracks[:, k, 1],
-            heading_rad=tracks[:, k, 2],
-            vx_mps=speed * cosine[:, k],
-            vy_mps=speed * sine[:, k],
-        )
-        for k in range(steps)
-    )
+        gone_m = actors.speed_mps[row] * ago_s
+        poses[:, :, row] = backcast(roads, actors.x_m[row], actors.y_m[row], actors.heading_rad[row], gone_m)
+    vx, vy = actors.speed_mps * np.cos(poses[:, 2]), actors.speed_mps * np.sin(poses[:, 2])
+    same = (actors.length_m, actors.width_m)
+    return tuple(Actors.trusted(actors.ids, actors.kind, *poses[k], *same, vx[k], vy[k]) for k in range(steps))

@@ -23,6 +23,9 @@ for _name, _value in _proj.items():
 sumo: Any = libsumo
 """libsumo, whose extension module carries no types."""
 
+getters: Any = sumo._libsumo
+"""The extension module itself, `vehicle_getSpeed(name)`: the layer around it costs half as much as a getter again."""
+
 DT_S = 0.1
 TYPES = "vehicle_types.xml"
 """What SUMO calls the file that it reads vehicle types from."""

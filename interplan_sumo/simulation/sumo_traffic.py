@@ -24,7 +24,7 @@ from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.simulation.spawning import Spawn
-from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, open_simulation, sumo
+from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, getters, open_simulation, sumo
 from interplan_sumo.simulation.traffic import TrafficState
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.world.actors import Actors
@@ -293,12 +293,12 @@ class SumoTraffic:
 
     def _read(self) -> None:
         """Read all agents in one pass over plain getters, which are faster than subscriptions."""
-        vehicle, names = sumo.vehicle, self._agents.names
+        names = self._agents.names
+        position, angle, speed = getters.vehicle_getPosition, getters.vehicle_getAngle, getters.vehicle_getSpeed
         with Commanding("reading the agents"):
-            position = vehicle.getPosition
-            fronts = [position(name) for name in names]
-            angles = [vehicle.getAngle(name) for name in names]
-            speeds = [vehicle.getSpeed(name) for name in names]
+            fronts = [metres for name in names for metres in position(name)]
+            angles = [angle(name) for name in names]
+            speeds = [speed(name) for name in names]
         self._agents.kinematics.move(fronts, angles, speeds, self._agents.length_m)
 
     def _read_signals(self) -> Signals:

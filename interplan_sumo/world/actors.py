@@ -103,7 +103,9 @@ class Actors:
 
     def only(self, keep: ArrayLike) -> Actors:
         """The rows selected by a boolean mask (N,) or by increasing indices."""
-        rows = np.arange(len(self))[np.asarray(keep)]
+        rows = np.asarray(keep)
+        if rows.dtype == np.bool_:
+            rows = np.flatnonzero(rows)
         if len(rows) == len(self):
             return self
         columns = [getattr(self, name)[rows] for name in _COLUMNS]

@@ -27,16 +27,14 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         count = np.size(self.time_s)
-        for name in _COLUMNS:
-            value = getattr(self, name)
-            if value is None:
-                continue
-            array = frozen(value)
+        columns = {name: frozen(value) for name in _COLUMNS if (value := getattr(self, name)) is not None}
+        for name, array in columns.items():
             if array.shape != (count,):
                 raise ValueError(f"Trajectory.{name} has shape {array.shape}, expected ({count},)")
-            if not np.isfinite(array).all():
-                raise ValueError(f"Trajectory.{name} holds a number that is not finite")
             object.__setattr__(self, name, array)
+        if not np.isfinite(np.concatenate([*columns.values()])).all():
+            bad = next(name for name, array in columns.items() if not np.isfinite(array).all())
+            raise ValueError(f"Trajectory.{bad} holds a number that is not finite")
         if count < 2:
             raise ValueError(f"a Trajectory needs at least two poses, got {count}")
         if not (self.time_s[1:] > self.time_s[:-1]).all():
