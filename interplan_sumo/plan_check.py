@@ -68,7 +68,7 @@ def _check_numbers(plan: Trajectory) -> None:
 
 def _check_times(plan: Trajectory, now_s: float) -> None:
     steps_s = plan.time_s[1:] - plan.time_s[:-1]
-    if not steps_s.min() > 0.0:
+    if np.count_nonzero(steps_s > 0.0) < len(steps_s):
         i = int(np.argmax(steps_s <= 0.0))
         raise PlannerError(
             f"the plan's times do not increase: time_s[{i}] = {plan.time_s[i]:.6f}, "
@@ -104,7 +104,7 @@ def _check_motion(plan: Trajectory, ego: EgoState, now_s: float) -> None:
             f"({ego.x_m:.2f}, {ego.y_m:.2f}), at most {FARTHEST_START_M:g} m; plan the box centre, in the map frame"
         )
     at_s, x, y = plan.time_s, plan.x_m, plan.y_m
-    if np.abs(at_s[1:] - at_s[:-1] - _SAMPLE_S).max() > _TIME_SLACK_S:
+    if np.count_nonzero(np.abs(at_s[1:] - at_s[:-1] - _SAMPLE_S) > _TIME_SLACK_S):
         first_s, last_s = float(at_s[0]), float(at_s[-1])
         count = max(1, ceil((last_s - first_s) / _SAMPLE_S - _TIME_SLACK_S))
         at_s = first_s + _SAMPLE_S * np.arange(count + 1)

@@ -103,7 +103,7 @@ def target(state: EgoState, plan: Trajectory, shape: EgoShape = PACIFICA) -> Tar
     forward_m = step_x_m * cosine[:-1] + step_y_m * sine[:-1]
     at = now_s / GRID_S
     turn_rad = grid_heading[1:] - grid_heading[:-1]
-    if turn_rad.any():
+    if np.count_nonzero(turn_rad):
         speed = _speeds(forward_m)
         last = min(count - 1, int(at) + HORIZON_STEPS)
         curvature = _curvatures(speed, turn_rad.tolist(), last)

@@ -83,11 +83,11 @@ class AgentKinematics:
             step_m, aside_m = self._dt_s * speed, np.abs(left_m)
             odd = (along_m < LEAST * step_m) | (aside_m > STEEPEST * along_m)
             odd |= np.hypot(along_m, left_m) > STRETCH * step_m + SLIDE_M
-            if odd.any():
-                self._hold(front, along_m, left_m, step_m, np.flatnonzero(odd))
+            if np.count_nonzero(odd):
+                self._hold(front, along_m, left_m, step_m, odd.nonzero()[0])
             self.turned_rad = turned = heading - self.heading_rad
             self.most_turned_rad = float(max(turned.max(), -turned.min()))
-            for row in np.flatnonzero((np.abs(turned) > STRAIGHT_RAD) | (aside_m > STRAIGHT_M)).tolist():
+            for row in ((np.abs(turned) > STRAIGHT_RAD) | (aside_m > STRAIGHT_M)).nonzero()[0].tolist():
                 before, wanted = float(self.heading_rad[row]), float(heading[row])
                 axle_m = REAR_AXLE * float(length_m[row])
                 heading[row] = _trailed(before, wanted, float(along_m[row]), float(left_m[row]), axle_m)

@@ -79,7 +79,7 @@ class Perception:
 
     def _rows_in_sight(self, eye: tuple[float, float], actors: Actors) -> Ints:
         dx, dy = actors.x_m - eye[0], actors.y_m - eye[1]
-        rows = np.flatnonzero(dx * dx + dy * dy <= SENSOR_RANGE_M * SENSOR_RANGE_M)
+        rows = (dx * dx + dy * dy <= SENSOR_RANGE_M * SENSOR_RANGE_M).nonzero()[0]
         if self._is_occluded:
             return rows[~hidden(actors, rows, self._tall_rows(actors), eye)]
         if self._named is None:

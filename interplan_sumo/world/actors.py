@@ -71,10 +71,10 @@ class Actors:
     def trusted(cls, ids: tuple[str, ...], *columns: NDArray[Any]) -> Actors:
         """Actors without the checks, for rows known to be good: sorted, columns in order of the fields."""
         actors = object.__new__(cls)
-        object.__setattr__(actors, "ids", ids)
-        for name, column in zip(_COLUMNS, columns, strict=True):
+        actors.__dict__["ids"] = ids
+        for column in columns:
             column.setflags(write=False)
-            object.__setattr__(actors, name, column)
+        actors.__dict__.update(zip(_COLUMNS, columns, strict=True))  # this happens several times a step
         return actors
 
     @classmethod
@@ -105,7 +105,7 @@ class Actors:
         """The rows selected by a boolean mask (N,) or by increasing indices."""
         rows = np.asarray(keep)
         if rows.dtype == np.bool_:
-            rows = np.flatnonzero(rows)
+            rows = rows.nonzero()[0]
         if len(rows) == len(self):
             return self
         columns = [getattr(self, name)[rows] for name in _COLUMNS]
