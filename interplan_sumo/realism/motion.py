@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
+from scipy.signal import savgol_coeffs
 
 from interplan_sumo.realism.tracks import Track
 from interplan_sumo.world.geometry import Floats, frozen, wrap_angle
@@ -76,8 +78,7 @@ def motion_of(track: Track) -> Motion | None:
     heading_rad = np.interp(time_s, track.time_s, np.unwrap(track.heading_rad))
 
     def smooth(values: Floats, derivative: int = 0) -> Floats:
-        found = np.asarray(savgol_filter(values, 2 * half + 1, 2, derivative, delta=step_s, axis=-1), np.float64)
-        return found[..., half : rows - half]
+        return _inside(values, half, step_s, derivative)
 
     (x_m, y_m), (vx, vy), (ax, ay) = (smooth(position_m, derivative) for derivative in (0, 1, 2))
     speed_mps = np.hypot(vx, vy)
@@ -107,7 +108,25 @@ def _derivative(speed_mps: Floats, half: int, step_s: float, order: int) -> Floa
     half = min(half, (len(speed_mps) - 1) // 2)
     if half < 2:
         return np.zeros(len(speed_mps))
-    return np.asarray(savgol_filter(speed_mps, 2 * half + 1, 2, order, delta=step_s, mode="interp"), np.float64)
+    at_place, window = _weights(half, order, step_s), 2 * half + 1
+    return np.concatenate([
+        at_place[:half] @ speed_mps[:window],
+        _inside(speed_mps, half, step_s, order),
+        at_place[half + 1 :] @ speed_mps[-window:],
+    ])  # fmt: skip
+
+
+def _inside(values: Floats, half: int, step_s: float, derivative: int) -> Floats:
+    """Filtered along the last axis where the window has both its sides."""
+    return sliding_window_view(values, 2 * half + 1, axis=-1) @ _weights(half, derivative, step_s)[half]
+
+
+@lru_cache(maxsize=256)
+def _weights(half: int, derivative: int, step_s: float) -> Floats:
+    """(2 half + 1, 2 half + 1) row k: what the values of a window weigh in the parabola through them at its place k."""
+    window = 2 * half + 1
+    rows = [savgol_coeffs(window, 2, derivative, delta=step_s, pos=place, use="dot") for place in range(window)]
+    return frozen(rows)
 
 
 def _standing(speed_mps: Floats, x_m: Floats, y_m: Floats, half: int) -> NDArray[np.bool_]:

@@ -18,24 +18,34 @@ from interplan_sumo.errors import MapError
 _GZIP_MAGIC = b"\x1f\x8b"
 
 
-def elements(path: Path, root: str) -> Generator[Element]:
+def elements(path: Path, *roots: str) -> Generator[Element]:
     """The root element as it opens, then each of its children, complete; the tree lets go of a child after its turn.
 
-    MapError names the file if it is missing or damaged, has another root than `root`, or declares a document type or
-    entities.
+    MapError names the file if it is missing or damaged, has another root than one of `roots`, or declares a document
+    type or entities.
     """
     with _damage_named(path), _opened(path) as stream:
         depth, top = 0, None
         for event, element in iterparse(stream, events=("start", "end"), forbid_dtd=True):
             depth += 1 if event == "start" else -1
             if top is None:
-                if element.tag != root:
-                    raise MapError(f"{path}: its root is <{element.tag[:40]}>, expected <{root}>; give such a file")
+                if element.tag not in roots:
+                    expected = " or ".join(f"<{root}>" for root in roots)
+                    raise MapError(f"{path}: its root is <{element.tag[:40]}>, expected {expected}; give such a file")
                 top = element
                 yield element
             elif event == "end" and depth == 1:
                 yield element
                 top.remove(element)
+
+
+def root_of(path: Path) -> str | None:
+    """The name of the root element; None of what is missing, damaged or no XML."""
+    try:
+        with _damage_named(path), _opened(path) as stream:
+            return next((element.tag for _, element in iterparse(stream, events=("start",), forbid_dtd=True)), None)
+    except MapError:
+        return None
 
 
 @contextmanager

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 from tracking import DT_S, moved, steady, track
 
+from interplan_sumo.realism import motion
 from interplan_sumo.realism.motion import motion_of
 
 T_S = DT_S * np.arange(101.0)
@@ -55,3 +57,12 @@ def test_missing_boxes_are_filled_along_a_line() -> None:
     found = moved(type(whole)("a", "vehicle", **parts, length_m=4.0, width_m=2.0))
     assert found.speed_mps == pytest.approx(10.0)
     assert len(found.time_s) == len(moved(whole).time_s)
+
+
+@pytest.mark.parametrize("rows", [5, 9, 15, 80])
+def test_the_filter_is_scipys(rows: int) -> None:
+    values = np.random.default_rng(0).normal(size=rows)
+    half = min(7, (rows - 1) // 2)
+    for order in (1, 2):
+        expected = savgol_filter(values, 2 * half + 1, 2, order, delta=0.1)
+        assert motion._derivative(values, 7, 0.1, order) == pytest.approx(expected, abs=1e-9)
