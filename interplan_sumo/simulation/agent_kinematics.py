@@ -34,7 +34,7 @@ STRAIGHT_M = 1e-3
 STANDING_M = 1e-6
 """Less than this in a step is no motion."""
 SLIDE_M = 0.2
-"""Per step, for the lateral speed of a lane change, 3.5 m in 3 s."""
+"""Per step, for the lateral speed of a lane change, 3.5 m in 3 s; no more than the way that a slow car drives."""
 
 
 def navigation_deg(heading_rad: float) -> float:
@@ -82,7 +82,7 @@ class AgentKinematics:
             left_m = went[:, 1] * self.cosine - went[:, 0] * self.sine
             step_m, aside_m = self._dt_s * speed, np.abs(left_m)
             odd = (along_m < LEAST * step_m) | (aside_m > STEEPEST * along_m)
-            odd |= np.hypot(along_m, left_m) > STRETCH * step_m + SLIDE_M
+            odd |= np.hypot(along_m, left_m) > _farthest_m(step_m)
             if np.count_nonzero(odd):
                 self._hold(front, along_m, left_m, step_m, odd.nonzero()[0])
             self.turned_rad = turned = heading - self.heading_rad
@@ -98,7 +98,7 @@ class AgentKinematics:
         """Hold the motion of the fronts in `rows` to what a car can do, in place."""
         along = np.maximum(along_m[rows], LEAST * step_m[rows])
         left = np.clip(left_m[rows], -STEEPEST * along, STEEPEST * along)
-        shrunk = np.minimum(1.0, (STRETCH * step_m[rows] + SLIDE_M) / np.maximum(np.hypot(along, left), 1e-9))
+        shrunk = np.minimum(1.0, _farthest_m(step_m[rows]) / np.maximum(np.hypot(along, left), 1e-9))
         along_m[rows], left_m[rows] = along, left = along * shrunk, left * shrunk
         cosine, sine = self.cosine[rows], self.sine[rows]
         shown = self.front_m[rows] + np.stack((along * cosine - left * sine, along * sine + left * cosine), axis=1)
@@ -121,6 +121,11 @@ class AgentKinematics:
         self.front_m, self.heading_rad = self.front_m[rows], self.heading_rad[rows]
         self.speed_mps = self.speed_mps[rows]
         self.cosine, self.sine = self.cosine[rows], self.sine[rows]
+
+
+def _farthest_m(step_m: Floats) -> Floats:
+    """How far a front can have moved in a step in which its car drove `step_m`."""
+    return STRETCH * step_m + np.minimum(SLIDE_M, step_m)
 
 
 def _trailed(heading_rad: float, wanted_rad: float, along_m: float, left_m: float, axle_m: float) -> float:

@@ -38,6 +38,8 @@ class AgentSnapshot:
     """The SUMO lanes of agents, '' is nowhere; asked for only when they may have to react."""
     positions_m: Callable[[Sequence[str]], list[float]]
     """Lane positions of the front bumpers of agents."""
+    choice: Callable[[str], Sequence[str]]
+    """The SUMO lanes that an agent means to take, from its own on; asked for only where a lane leads to several."""
 
 
 class AgentRegistry:
@@ -114,13 +116,16 @@ class AgentRegistry:
         self._widths_m = np.concatenate((self.width_m, *(a.width_m for a in others)))[self._order]
 
     def snapshot(
-        self, lanes: Callable[[Sequence[str]], list[str]], positions_m: Callable[[Sequence[str]], list[float]]
+        self,
+        lanes: Callable[[Sequence[str]], list[str]],
+        positions_m: Callable[[Sequence[str]], list[float]],
+        choice: Callable[[str], Sequence[str]],
     ) -> AgentSnapshot:
-        """All agents now; `lanes` and `positions_m` ask SUMO."""
+        """All agents now; `lanes`, `positions_m` and `choice` ask SUMO."""
         moving = self.kinematics
         return AgentSnapshot(
             self.names, self.front_x, self.front_y, moving.heading_rad, moving.speed_mps, moving.turned_rad,
-            moving.most_turned_rad, moving.displaced, lanes, positions_m,
+            moving.most_turned_rad, moving.displaced, lanes, positions_m, choice,
         )  # fmt: skip
 
     def actors(self) -> Actors:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import cos, inf, sin
 
 from interplan_sumo.simulation.anchor import BEND_M, LOCAL_M, Anchor
 from interplan_sumo.simulation.lane_polygons import ClipArea, Ring, area_m2, ego_ring, hull
 from interplan_sumo.simulation.network import LanePiece, NetworkLane, SumoNetwork
+from interplan_sumo.simulation.plain_polyline import PlainPolyline
 from interplan_sumo.simulation.reactions import FULLY_MERGED, EgoOnNetwork, LaneCoverage
 from interplan_sumo.world.ego import EgoShape, EgoState
 
@@ -85,6 +86,15 @@ def swept_area(box: Ring, velocity_mps: tuple[float, float], time_s: float) -> R
     return hull([*box, *((x + dx, y + dy) for x, y in box)])
 
 
+def _along(line: PlainPolyline, x_m: float, y_m: float) -> float:
+    """Arc length of the nearest point of a line, negative before its start."""
+    arc_m, _ = line.project(x_m, y_m)
+    if arc_m > 0.0:
+        return arc_m
+    start = line.pose_at(0.0)
+    return (x_m - start.x_m) * cos(start.heading_rad) + (y_m - start.y_m) * sin(start.heading_rad)
+
+
 class EgoLocator:
     """Finds the ego of one shape on one network, whose frame lies at `origin_m` in the map frame."""
 
@@ -101,8 +111,12 @@ class EgoLocator:
         area = ClipArea.of(ring)
         return lane_coverage(self._network.pieces_near(area), area, velocity_mps)
 
-    def _approached(self, ego: EgoState, corners: Ring, covered: Container[str]) -> dict[str, LaneCoverage]:
-        """Lanes that the ego will reach if it goes on as it does, sideways to them, with what it is beside."""
+    def _approached(self, ego: EgoState, corners: Ring, covered: Mapping[str, LaneCoverage]) -> dict[str, LaneCoverage]:
+        """Lanes that the ego will reach if it goes on as it does, sideways to them, with what it is beside.
+
+        A lane stays approached until the ego is in it: what it covers of it at
+        first is a corner of its front. Positions before a lane's start are negative.
+        """
         velocity = ego.velocity_mps
         x_m, y_m = ego.x_m - self._origin[0], ego.y_m - self._origin[1]
         found: dict[str, LaneCoverage] = {}
@@ -112,9 +126,13 @@ class EgoLocator:
             arc_m, left_m = line.project(x_m, y_m)
             heading_rad = line.heading_at(arc_m)
             left_mps = velocity[1] * cos(heading_rad) - velocity[0] * sin(heading_rad)
-            if name in covered or left_m * left_mps >= 0.0 or abs(left_mps) <= APPROACHING_MPS:
+            if (
+                (name in covered and covered[name].share >= FULLY_MERGED)
+                or left_m * left_mps >= 0.0
+                or abs(left_mps) <= APPROACHING_MPS
+            ):
                 continue
-            arcs = [line.project(*corner)[0] for corner in corners]
+            arcs = [_along(line, *corner) for corner in corners]
             begin_m, end_m = lane.position_of(min(arcs)), lane.position_of(max(arcs))
             found[name] = LaneCoverage(0.0, begin_m, end_m, line.speed_along(arc_m, velocity))
         return found
@@ -158,11 +176,14 @@ class EgoLocator:
                 alone = coverage_of_one_lane(on, position_m, corners, velocity)
             if alone is not None:
                 centre = frozenset((anchor.lane,))
-                ring = corners or (ego_ring(ego, self._shape, self._origin) if courteous else ())
-                approached = self._approached(ego, ring, alone) if courteous else {}
+                approached: dict[str, LaneCoverage] = {}
+                if courteous:
+                    self.corners = corners or ego_ring(ego, self._shape, self._origin)
+                    approached = self._approached(ego, self.corners, alone)
                 return EgoOnNetwork(
-                    alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True, approached=approached
-                ), {}
+                    alone, centre, lane, position_m, ego.speed_mps, straddles=False, alone=True,
+                    approached=approached, braking_mps2=max(0.0, -ego.ax_mps2),
+                ), {}  # fmt: skip
         corners = self.corners = corners or ego_ring(ego, self._shape, self._origin)
         area = ClipArea.of(corners)
         near = self._network.pieces_near(area)
@@ -179,5 +200,6 @@ class EgoLocator:
         straddles = inside < FULLY_MERGED
         approached = self._approached(ego, corners, coverage) if courteous else {}
         return EgoOnNetwork(
-            coverage, centre_lanes, lane, position_m, ego.speed_mps, straddles, approached=approached
-        ), ahead
+            coverage, centre_lanes, lane, position_m, ego.speed_mps, straddles, approached=approached,
+            braking_mps2=max(0.0, -ego.ax_mps2), in_junction=lane is not None and self._network.lanes[lane].internal,
+        ), ahead  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import cos, sin, sqrt
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from interplan_sumo.simulation import reactions
 from interplan_sumo.simulation.agent_registry import AgentRegistry, AgentSnapshot
 from interplan_sumo.simulation.anchor import Anchor
 from interplan_sumo.simulation.ego_locator import EgoLocator
+from interplan_sumo.simulation.lane_chains import corridor
 from interplan_sumo.simulation.lane_change_overhang import LaneChangeOverhang
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
 from interplan_sumo.simulation.lane_polygons import Ring
@@ -111,7 +113,8 @@ class EgoReactions:
         for name, lane in zip(names, agents.lanes(names), strict=True):
             known = self._corridors.get(name)
             if known is None or known[0] != lane:
-                ahead = reactions.corridor(self._network, lane, self._routes[name]) if lane else {}
+                choice = partial(agents.choice, name)
+                ahead = corridor(self._network, lane, self._routes[name], choice) if lane else {}
                 known = self._corridors[name] = (lane, ahead)
             found.append(known)
         return found
@@ -352,7 +355,8 @@ class EgoReactions:
         found: list[Agent] = []
         for (name, row, _, ahead), position_m in zip(ahead_of, positions_m, strict=True):
             driver, speed_mps = self._drivers[name], float(agents.speed_mps[row])
-            behind = driver.anticipation_s > 0.0 and self._is_behind(agents, row)
+            foresees = driver.anticipation_s > 0.0 or driver.courtesy > 0.0
+            behind = foresees and self._is_behind(agents, row)
             found.append(Agent(name, driver, position_m, speed_mps, ahead, behind))
         return found
 

@@ -1,12 +1,17 @@
-"""Ways through the network: chains of lanes that are filled, and the routes of agents and of the ego."""
+"""Ways through the network: chains of lanes that are filled, routes, and the lanes that an agent has ahead of it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
+
+LOOKAHEAD_M = 150.0
+"""How far ahead of its lane an agent's corridor reaches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,3 +139,57 @@ def ego_sumo_route(network: SumoNetwork, ids: NetworkIds, lanes: tuple[str, ...]
                 edges.append(lane.edge)
     last = next(p.sumo_lane for p in reversed(ids.pieces[lanes[-1]]) if not network.lanes[p.sumo_lane].internal)
     return (*edges, *(edge for edge in continued_route(network, last, 500.0)[1:] if edge not in edges))
+
+
+def corridor(
+    network: SumoNetwork, lane: str, route: tuple[str, ...], choice: Callable[[], Sequence[str]] = tuple
+) -> dict[str, float]:
+    """The lanes that an agent on `lane` will drive on along `route`, with the distance to the start of each.
+
+    Where a lane leads to several of the next edge it is the one that is in the
+    agent's `choice`, which is asked for only then, else the first. Ends where
+    the agent must change lane first. An agent inside a junction has the rest
+    of the junction and the lane behind it in its corridor.
+    """
+    found = {lane: 0.0}
+    here = network.lanes[lane]
+    distance_m = here.length_m
+    if here.internal:
+        link = _link_through(network, lane, route)
+        if link is None:
+            return found
+        inner = link.via[link.via.index(lane) + 1 :]
+    else:
+        link = _link_onward(network, lane, route, choice)
+        inner = link.via if link is not None else ()
+    while link is not None and distance_m < LOOKAHEAD_M + here.length_m:
+        for name in inner:
+            found[name] = distance_m
+            distance_m += network.lanes[name].length_m
+        found[link.to_lane] = distance_m
+        distance_m += network.lanes[link.to_lane].length_m
+        link = _link_onward(network, link.to_lane, route, choice)
+        inner = link.via if link is not None else ()
+    return found
+
+
+def _link_onward(
+    network: SumoNetwork, lane: str, route: tuple[str, ...], choice: Callable[[], Sequence[str]]
+) -> NetworkLink | None:
+    edge = network.lanes[lane].edge
+    if edge not in route[:-1]:
+        return None
+    following = route[route.index(edge) + 1]
+    ways = [way for way in network.links[lane] if network.lanes[way.to_lane].edge == following]
+    if len(ways) > 1:
+        chosen = choice()
+        ways.sort(key=lambda way: way.to_lane not in chosen)
+    return ways[0] if ways else None
+
+
+def _link_through(network: SumoNetwork, internal: str, route: tuple[str, ...]) -> NetworkLink | None:
+    pairs = set(pairwise(route))
+    for way in network.ways_through(internal):
+        if (network.lanes[way.from_lane].edge, network.lanes[way.to_lane].edge) in pairs:
+            return way
+    return None

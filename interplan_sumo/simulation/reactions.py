@@ -6,7 +6,8 @@ own corridor (its lane and what continues it) is held against a threshold of
 its vehicle type. The condition to react is f > 0 and f >= min(threshold, 0.98),
 or an ego whose centre has been ahead in the corridor for 2 s, or courtesy: an
 ego that moves towards the agent's lane, to which it has made up its mind to
-give way. It reacts from its reaction time later on, until f = 0 and the ego
+give way. Who does so is told what to do until the ego is in its lane: SUMO's
+junctions know nothing of merging. It reacts from its reaction time later on, until f = 0 and the ego
 has turned away. Only what begins ahead of its front bumper concerns it, and
 nothing while the ego's whole box is behind that. From this follows a mode:
 
@@ -14,6 +15,7 @@ nothing while the ego's whole box is behind that. From this follows a mode:
 |---|---|---|
 | no | no | SUMO: the agent is left to SUMO |
 | no | yes | IGNORE_EGO: SUMO is told to overlook the ego |
+| out of courtesy | either | IGNORE_EGO, and no harder than the gap needs |
 | yes | yes, driving the agent's way | SUMO, which follows the ego |
 | yes | no, or oncoming, backing, crossing | OVERRIDE_SPEED: what the agent's own car-following model wants |
 
@@ -26,24 +28,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import pairwise
 from math import inf
 from typing import NamedTuple
 
 from interplan_sumo.simulation.idm import SMALLEST_GAP_M
-from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
 FULLY_MERGED = 0.98
 """Overlap from which the ego counts as fully merged: a box never lies to the last per cent in one lane."""
 LEADER_AFTER_S = 2.0
 """After this time with its centre in an agent's corridor the ego is its leader whatever the overlap."""
-LOOKAHEAD_M = 150.0
-"""How far ahead of its lane an agent's corridor reaches."""
 LEAST_ALIGNMENT = 0.85
 """Below this cosine between the ego's motion and the lane SUMO's idea of the ego is too wrong to follow."""
 ENCOUNTER_S = 3.0
 """An ego that has neither touched nor approached an agent's lane for this long, and does so again, is met anew."""
+CLOSEST_M = 0.5
+"""So near somebody courteous lets the ego come while it makes room, if its standstill gap is not less anyway."""
 CONTACT_SHARE = 0.5
 """An ego with more of its box than this in the lane, beside the front of an agent that reacts to it, touches it."""
 _LEAST_MPS = 1e-6
@@ -93,7 +93,11 @@ class EgoOnNetwork(NamedTuple):
     alone: bool = False
     """Whether the box lies wholly inside the anchor lane and nowhere else."""
     approached: Mapping[str, LaneCoverage] = {}
-    """The SUMO lane beside the anchor lane that it moves towards, if any, with the stretch that it is beside."""
+    """SUMO lanes that it moves towards, or farther into, with the stretch that it is beside."""
+    braking_mps2: float = 0.0
+    """How hard it brakes."""
+    in_junction: bool = False
+    """Whether SUMO sees it inside a junction, where it concerns agents on other lanes as well."""
 
 
 class Agent(NamedTuple):
@@ -137,50 +141,6 @@ class ReactionDecision(NamedTuple):
     """The most for the next step, within what the agent's motor and brakes can do; None: SUMO's own."""
 
 
-def corridor(network: SumoNetwork, lane: str, route: tuple[str, ...]) -> dict[str, float]:
-    """The lanes that an agent on `lane` will drive on along `route`, with the distance to the start of each.
-
-    Ends where the agent must change lane first. An agent inside a junction
-    has the rest of the junction and the lane behind it in its corridor.
-    """
-    found = {lane: 0.0}
-    here = network.lanes[lane]
-    distance_m = here.length_m
-    if here.internal:
-        link = _link_through(network, lane, route)
-        if link is None:
-            return found
-        inner = link.via[link.via.index(lane) + 1 :]
-    else:
-        link = _link_onward(network, lane, route)
-        inner = link.via if link is not None else ()
-    while link is not None and distance_m < LOOKAHEAD_M + here.length_m:
-        for name in inner:
-            found[name] = distance_m
-            distance_m += network.lanes[name].length_m
-        found[link.to_lane] = distance_m
-        distance_m += network.lanes[link.to_lane].length_m
-        link = _link_onward(network, link.to_lane, route)
-        inner = link.via if link is not None else ()
-    return found
-
-
-def _link_onward(network: SumoNetwork, lane: str, route: tuple[str, ...]) -> NetworkLink | None:
-    edge = network.lanes[lane].edge
-    if edge not in route[:-1]:
-        return None
-    following = route[route.index(edge) + 1]
-    return next((x for x in network.links[lane] if network.lanes[x.to_lane].edge == following), None)
-
-
-def _link_through(network: SumoNetwork, internal: str, route: tuple[str, ...]) -> NetworkLink | None:
-    pairs = set(pairwise(route))
-    for way in network.ways_through(internal):
-        if (network.lanes[way.from_lane].edge, network.lanes[way.to_lane].edge) in pairs:
-            return way
-    return None
-
-
 def decide(
     agents: Iterable[Agent],
     ego: EgoOnNetwork,
@@ -207,7 +167,7 @@ def decide(
         sumo_sees_ego = anchor_m is not None and anchor_m + ego.anchor_position_m > rear_m
         if anchor_m == 0.0 and remembered is not None and remembered.overlooked:
             sumo_sees_ego = True  # SUMO keeps the order of the cars on a lane, even if one has passed through another
-        approached = _approached(agent, ego.approached) if driver.courtesy > 0.0 else None
+        approached = _approached(agent, ego.approached) if driver.courtesy > 0.0 and not agent.ego_behind else None
         if remembered is None:
             if met is None and not sumo_sees_ego and approached is None:
                 continue
@@ -228,27 +188,53 @@ def decide(
             remembered.reacting = True
         share = 0.0 if met is None else met.share
         if not remembered.reacting:
-            decisions[agent.id] = ReactionDecision(Mode.IGNORE_EGO if sumo_sees_ego else Mode.SUMO, share, False)
+            overlooks = sumo_sees_ego or (remembered.courteous is True and ego.in_junction)
+            decisions[agent.id] = ReactionDecision(Mode.IGNORE_EGO if overlooks else Mode.SUMO, share, False)
+        elif remembered.courteous:
+            decisions[agent.id] = _courteously(agent, met, approached, ego, sumo_sees_ego, drivers)
         else:
-            gap_m, leader_mps = (met.gap_m, met.speed_mps) if met is not None else approached or (inf, 0.0)
-            speed_mps = drivers.next_speed_mps(agent, gap_m, leader_mps)
-            seen = sumo_sees_ego and leader_mps >= LEAST_ALIGNMENT * ego.speed_mps and ego.speed_mps >= 0.0
-            if remembered.courteous and speed_mps < (gentle_mps := _gently_mps(agent, gap_m, leader_mps, drivers.dt_s)):
-                mode = Mode.IGNORE_EGO if sumo_sees_ego else Mode.OVERRIDE_SPEED
-                decisions[agent.id] = ReactionDecision(mode, share, True, gentle_mps)
-            elif met is not None and seen:
+            gap_m, leader_mps = (met.gap_m, met.speed_mps) if met is not None else (inf, 0.0)
+            if met is not None and sumo_sees_ego and _leads_on(ego, leader_mps):
                 decisions[agent.id] = ReactionDecision(Mode.SUMO, share, True)
             else:
-                mode = Mode.IGNORE_EGO if met is None and sumo_sees_ego else Mode.OVERRIDE_SPEED
-                decisions[agent.id] = ReactionDecision(mode, share, True, speed_mps)
+                speed_mps = drivers.next_speed_mps(agent, gap_m, leader_mps)
+                decisions[agent.id] = ReactionDecision(Mode.OVERRIDE_SPEED, share, True, speed_mps)
         remembered.overlooked = decisions[agent.id].mode is Mode.IGNORE_EGO
     return decisions
 
 
-def _gently_mps(agent: Agent, gap_m: float, leader_mps: float, dt_s: float) -> float:
-    """The speed after a step of comfortable braking, or harder where only that keeps the standstill gap."""
+def _leads_on(ego: EgoOnNetwork, leader_mps: float) -> bool:
+    """Whether the ego, this fast along the agent's lane, drives the way that SUMO's proxy does."""
+    return leader_mps >= LEAST_ALIGNMENT * ego.speed_mps and ego.speed_mps >= 0.0
+
+
+def _courteously(
+    agent: Agent,
+    met: _Met | None,
+    approached: tuple[float, float] | None,
+    ego: EgoOnNetwork,
+    sumo_sees_ego: bool,
+    drivers: DriverModels,
+) -> ReactionDecision:
+    """What an agent does that gives way: it opens a gap behind the ego's whole box, of which `met` may be a corner.
+
+    It is left to SUMO once the ego is in its lane and its own model content.
+    """
+    places = [place for place in (approached, met and (met.gap_m, met.speed_mps)) if place is not None]
+    gap_m, leader_mps = min(places, default=(inf, 0.0))
+    own_mps = drivers.next_speed_mps(agent, gap_m, leader_mps)
+    gentle_mps = _gently_mps(agent, gap_m, leader_mps, ego.braking_mps2, drivers.dt_s)
+    share = 0.0 if met is None else met.share
+    if own_mps >= gentle_mps and share >= FULLY_MERGED and sumo_sees_ego and _leads_on(ego, leader_mps):
+        return ReactionDecision(Mode.SUMO, share, True)
+    return ReactionDecision(Mode.IGNORE_EGO, share, True, max(own_mps, gentle_mps))
+
+
+def _gently_mps(agent: Agent, gap_m: float, leader_mps: float, leader_brakes_mps2: float, dt_s: float) -> float:
+    """The speed after a step of comfortable braking, or harder where only that keeps it from the ego."""
     driver, closing_mps = agent.driver, max(0.0, agent.speed_mps - leader_mps)
-    needed_mps2 = closing_mps * closing_mps / (2.0 * max(gap_m - driver.min_gap_m, SMALLEST_GAP_M))
+    room_m = max(gap_m - min(driver.min_gap_m, CLOSEST_M), SMALLEST_GAP_M)
+    needed_mps2 = closing_mps * closing_mps / (2.0 * room_m) + leader_brakes_mps2
     hardest_mps2 = min(max(driver.decel_mps2, needed_mps2), driver.emergency_decel_mps2)
     return max(0.0, agent.speed_mps - hardest_mps2 * dt_s)
 
@@ -282,7 +268,7 @@ def _met(agent: Agent, coverage: Mapping[str, LaneCoverage], centre_lanes: froze
 
 
 def _approached(agent: Agent, approached: Mapping[str, LaneCoverage]) -> tuple[float, float] | None:
-    """Gap to, and speed of, an ego that moves towards the agent's corridor ahead of its front bumper."""
+    """Gap to the rear, and speed, of an ego that moves towards the agent's corridor ahead of its front bumper."""
     for lane, part in approached.items():
         start_m = agent.corridor.get(lane)
         if start_m is not None and start_m + part.start_m >= agent.position_m:

@@ -199,7 +199,7 @@ class SumoTraffic:
         if self._crowd is not None:
             self._crowd.notice(ego, self._shape)
             walking, standing = self._crowd.foreseen(self._ids.origin_m), self._crowd.standing(self._ids.origin_m)
-        agents = self._agents.snapshot(self._lanes_of, self._positions_m)
+        agents = self._agents.snapshot(self._lanes_of, self._positions_m, self._choice_of)
         self._control.relax(agents)
         self._control.tell(agents, self._reactions.decide(ego, self._proxy.anchor, walking, standing, agents))
 
@@ -320,3 +320,8 @@ class SumoTraffic:
         position_of = sumo.vehicle.getLanePosition
         with Commanding("reading the agents' positions"):
             return [position_of(name) for name in names]
+
+    def _choice_of(self, name: str) -> Sequence[str]:
+        with Commanding("reading which lanes {!r} means to take", name):
+            lane = sumo.vehicle.getLaneID(name)
+            return next((each[5] for each in sumo.vehicle.getBestLanes(name) if each[0] == lane), ())

@@ -60,7 +60,7 @@ class Lane1:
         def positions_m(names: Sequence[str]) -> list[float]:
             return [self.fronts[int(name[1:])][0] for name in names]
 
-        agents = self.registry.snapshot(lambda names: ["e0_1"] * len(names), positions_m)
+        agents = self.registry.snapshot(lambda names: ["e0_1"] * len(names), positions_m, lambda _: ())
         return self.reactions.decide(self.ego, self.anchor, (), {}, agents)
 
 
@@ -139,6 +139,7 @@ def test_an_agent_is_left_to_sumo_again_once_the_ego_has_gone() -> None:
 
 @pytest.mark.parametrize(("left_mps", "left_m", "lane"), [
     (0.3, 0.0, "e0_2"), (-0.3, 0.0, "e0_0"), (0.1, 0.0, None), (0.3, -0.5, None), (0.3, 0.5, "e0_2"),
+    (0.3, 1.2, "e0_2"), (0.3, 1.8, "e0_2"),
 ])  # fmt: skip
 def test_an_ego_that_moves_sideways_from_its_centre_line_approaches_the_next_lane(
     left_mps: float, left_m: float, lane: str | None

@@ -50,6 +50,7 @@ def driving(yaw_rad: float, turned_rad: float, speed_mps: float) -> AgentSnapsho
         displaced=frozenset(),
         lanes=lambda _: ["e0_1"],
         positions_m=lambda _: [100.0],
+        choice=lambda _: (),
     )
 
 

@@ -13,6 +13,7 @@ from networks import LANE_Y, two_way_road
 
 from interplan_sumo.simulation import ego_locator, reactions
 from interplan_sumo.simulation.idm import acceleration_mps2
+from interplan_sumo.simulation.lane_chains import corridor
 from interplan_sumo.simulation.lane_polygons import ClipArea, Ring
 from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.reactions import (
@@ -43,7 +44,7 @@ def driver(overlap: float, **rest: Any) -> VehicleType:
 def follower(
     overlap: float, lane: str = "e0_1", position_m: float = 60.0, *, ego_behind: bool = False, **rest: float
 ) -> Agent:
-    ahead = reactions.corridor(NETWORK, lane, EASTWARD)
+    ahead = corridor(NETWORK, lane, EASTWARD)
     return Agent("a", driver(overlap, **rest), position_m, 10.0, ahead, ego_behind)
 
 
@@ -138,7 +139,7 @@ def test_an_ego_behind_the_agent_concerns_nobody() -> None:
 
 
 def test_an_oncoming_agent_is_slowed_for_an_ego_in_its_lane_by_the_closing_speed() -> None:
-    westward = reactions.corridor(NETWORK, "w0_0", ("w0",))
+    westward = corridor(NETWORK, "w0_0", ("w0",))
     agent = Agent("a", driver(0.0), 220.0, 12.0, westward)  # 400 - 220 = x 180, coming towards x = 100
     against = decision(agent, seen(1.75, "e0_2"))
     assert against.mode is Mode.OVERRIDE_SPEED
@@ -168,9 +169,18 @@ def test_anticipation_looks_at_the_swept_box() -> None:
 
 
 def test_the_corridor_runs_on_through_junctions_along_the_route() -> None:
-    ahead = reactions.corridor(NETWORK, "e0_1", EASTWARD)
+    ahead = corridor(NETWORK, "e0_1", EASTWARD)
     assert ahead == pytest.approx({"e0_1": 0.0, ":B_1_1": 400.0, "e1_1": 400.1})
-    assert reactions.corridor(NETWORK, ":B_1_1", EASTWARD) == pytest.approx({":B_1_1": 0.0, "e1_1": 0.1})
+    assert corridor(NETWORK, ":B_1_1", EASTWARD) == pytest.approx({":B_1_1": 0.0, "e1_1": 0.1})
+
+
+@pytest.mark.parametrize(("choice", "taken"), [(("e0_0", "e1_1"), "e1_1"), (("e0_0", "e1_0"), "e1_0"), ((), "e1_0")])
+def test_where_a_lane_leads_to_several_the_corridor_is_the_one_that_the_agent_means_to_take(
+    choice: tuple[str, ...], taken: str
+) -> None:
+    ways = {**NETWORK.links, "e0_0": tuple(NetworkLink("e0_0", to, (), "s", True, None) for to in ("e1_0", "e1_1"))}
+    forked = SumoNetwork(Path("none"), NETWORK.lanes, NETWORK.edges, ways, {})
+    assert list(corridor(forked, "e0_0", EASTWARD, lambda: choice)) == ["e0_0", taken]
 
 
 def test_the_corridor_reaches_150_m_beyond_the_own_lane() -> None:
@@ -178,7 +188,7 @@ def test_the_corridor_reaches_150_m_beyond_the_own_lane() -> None:
     lanes = [NetworkLane(f"e{i}_0", f"e{i}", 0, line, 10.0, 3.5, 13.9, internal=False) for i, line in enumerate(lines)]
     links = {a.id: (NetworkLink(a.id, b.id, (), "s", True, None),) for a, b in pairwise(lanes)}
     road = SumoNetwork(Path("none"), {each.id: each for each in lanes}, {}, {**links, "e29_0": ()}, {})
-    ahead = reactions.corridor(road, "e0_0", tuple(each.edge for each in lanes))
+    ahead = corridor(road, "e0_0", tuple(each.edge for each in lanes))
     assert max(ahead.values()) == 150.0  # the lane that begins at 160 m is no longer ahead
 
 
@@ -255,10 +265,12 @@ def test_a_condition_that_passes_within_the_reaction_time_was_none() -> None:
     assert not any(decision(agent, seen(at_overlap(each), "e0_0"), memory).reacting for each in overlaps)
 
 
-def approaching(agent: Agent, chance: float, memory: dict[str, ReactionMemory] | None = None) -> ReactionDecision:
+def approaching(
+    agent: Agent, chance: float, memory: dict[str, ReactionMemory] | None = None, **ego_is: Any
+) -> ReactionDecision:
     """What an agent on lane 1 does about an ego on lane 0 that moves towards it, from 97.4 to 102.6 m, at 8 m/s."""
     beside = {"e0_1": LaneCoverage(0.0, 97.4, 102.6, 8.0)}
-    ego = seen(LANE_Y[0], "e0_0")._replace(approached=beside)
+    ego = seen(LANE_Y[0], "e0_0")._replace(approached=beside, **ego_is)
     decided = reactions.decide([agent], ego, {}, {} if memory is None else memory, drivers(chance))
     return decided.get("a", ReactionDecision(Mode.SUMO, 0.0, False))
 
@@ -271,7 +283,7 @@ def test_courtesy_is_the_chance_to_open_a_gap_before_the_boxes_overlap(chance: f
     assert (told.speed_mps is not None) is yields
 
 
-@pytest.mark.parametrize(("position_m", "speed_mps"), [(90.0, 10.0 - 0.2), (96.0, 10.0 - 0.5), (97.5, None)])
+@pytest.mark.parametrize(("position_m", "speed_mps"), [(90.0, 10.0 - 0.2), (96.4, 10.0 - 0.4), (97.5, None)])
 def test_a_courteous_agent_brakes_no_harder_than_is_comfortable_or_needed_and_never_for_an_ego_beside_it(
     position_m: float, speed_mps: float | None
 ) -> None:
@@ -283,7 +295,29 @@ def test_who_gives_way_goes_on_once_the_ego_is_in_the_lane() -> None:
     memory: dict[str, ReactionMemory] = {}
     agent = follower(1.0, courtesy=1.0)
     assert approaching(agent, 0.0, memory).reacting
-    assert decision(agent, seen(at_overlap(0.1), "e0_0"), memory).mode is Mode.OVERRIDE_SPEED
+    assert decision(agent, seen(at_overlap(0.9), "e0_1"), memory).speed_mps is not None
+    assert decision(agent, seen(at_overlap(1.0), "e0_1"), memory) == ReactionDecision(Mode.SUMO, 1.0, True)
+
+
+def test_who_gives_way_keeps_behind_the_rear_of_an_ego_of_which_only_the_front_is_in_the_lane() -> None:
+    corner = {"e0_1": LaneCoverage(0.1, 101.0, 102.6, 8.0)}
+    agent = follower(1.0, position_m=96.4, courtesy=1.0)
+    memory: dict[str, ReactionMemory] = {}
+    before = approaching(agent, 0.0, memory)
+    assert approaching(agent, 0.0, memory, coverage=corner) == before._replace(overlap=0.1)
+
+
+def test_who_gives_way_to_an_ego_that_brakes_brakes_that_much_harder() -> None:
+    agent = follower(1.0, position_m=96.4, courtesy=1.0)
+    assert approaching(agent, 0.0, braking_mps2=3.0).speed_mps == pytest.approx(10.0 - 0.7)
+
+
+@pytest.mark.parametrize(("courtesy", "mode"), [(1.0, Mode.IGNORE_EGO), (0.0, Mode.SUMO)])
+def test_in_a_junction_sumo_does_not_brake_for_an_ego_to_which_somebody_is_about_to_give_way(
+    courtesy: float, mode: Mode
+) -> None:
+    agent = follower(1.0, position_m=85.0, courtesy=courtesy, reaction_time_s=0.8)
+    assert approaching(agent, 0.5, in_junction=True).mode is mode
 
 
 @pytest.mark.parametrize(("apart_s", "anew"), [(2.9, False), (3.0, True)])
