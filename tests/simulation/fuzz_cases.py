@@ -37,7 +37,7 @@ from tests.simulation.rude_egos import Surroundings, behaviours, driven
 from tests.simulation.traffic_invariants import Array, Body, Drive, Frame, Violation
 
 ROUTES = Path(__file__).parents[2] / "routes"
-MODELS = ("Krauss", "KraussOrig1", "PWagner2009", "KraussPS", "IDMM", "EIDM", "ACC", "CACC", "W99", "Wiedemann")
+MODELS = ("Krauss", "KraussOrig1", "PWagner2009", "KraussX", "IDMM", "EIDM", "ACC", "CACC", "W99", "Wiedemann")
 RANDOM_BRAKING = "PWagner2009"
 """Ends its braking by chance, and SUMO's chance falls otherwise where there is an ego: no twin tells a reaction."""
 SHIPPED_MAPS = ("back_bay", "hazelwood", "one_north", "strip")

@@ -72,11 +72,12 @@ def test_a_car_at_10_mps_does_not_jump_back(went_m: float, shown_m: float) -> No
     assert moved((0.0, 0.0, 90.0, 10.0), (went_m, 0.0, 90.0, 10.0)).front_m[0, 0] == pytest.approx(shown_m)
 
 
-def test_a_car_that_stands_stays_where_it_is_and_follows_sumos_front_once_it_drives() -> None:
-    frames = [(0.0, 0.0, 90.0, 0.0), *((0.0, 0.02 * k, 70.0, 0.0) for k in range(1, 76))]
+@pytest.mark.parametrize("angle_deg", [90.0, 60.0])
+def test_a_car_that_stands_stays_where_it_is_and_follows_sumos_front_once_it_drives(angle_deg: float) -> None:
+    frames = [(0.0, 0.0, angle_deg, 0.0), *((0.0, 0.02 * k, 70.0, 0.0) for k in range(1, 76))]
     cars = moved(*frames)
     assert cars.front_m[0] == pytest.approx([0.0, 0.0], abs=1e-9)
-    assert cars.heading_rad[0] == pytest.approx(0.0, abs=1e-9)
+    assert cars.heading_rad[0] == pytest.approx(np.radians(90.0 - angle_deg), abs=1e-9)
     assert cars.displaced == {0}
     for k in range(60):
         cars.move([(0.1 * (k + 1), 1.5)], [90.0], [1.0], CAR)

@@ -87,7 +87,7 @@ def followed(of: VehicleTypes, y_m: float) -> Array:
     return speeds(of, ego, 60, mps=12.0)
 
 
-@pytest.mark.parametrize("model", ["IDM", *(each for each in MODELS if each not in ("PWagner2009", "Daniel1"))])
+@pytest.mark.parametrize("model", ["IDM", *(each for each in MODELS if each != "PWagner2009")])
 def test_an_ego_astride_is_followed_as_one_in_the_lane_is_by_whatever_model(model: str, tmp_path: Path) -> None:
     """Each driver's own model decides; noise is switched off, which would fall differently on both."""
     stays = ('lcSpeedGain="0.5"', 'lcSpeedGain="0" lcStrategic="-1"')
