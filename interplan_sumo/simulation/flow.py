@@ -4,7 +4,8 @@ Twice a second all stretches of road that lie beyond what the ego sees, and from
 where traffic can come into sight or keeps that which is in sight from driving
 off, are counted. Where there are fewer vehicles than the density wants, one
 enters: where the lane has most room, as fast as its gap and all that lies ahead
-allow, and never so that anybody has to brake for it. Those that are far away and
+allow, and never so that anybody has to brake for it; none where the ego's road
+holds enough already, be it in a queue. Those that are far away and
 go farther leave. Who enters is drawn before the episode: an edge
 takes from its place in one ring of drivers, so that egos that drive differently
 still meet much the same traffic.
@@ -144,6 +145,9 @@ class Flow:
         self._forward = np.stack((np.cos(heading), np.sin(heading)), axis=1)
         own = np.array([edge in demand.on_own_road for edge in self._edges])
         self._own = own[self._owner]
+        lanes_m = [sum(lane.length_m for lane in lanes) for lanes in self._lanes]
+        per_edge = [metres / demand.mean_gap_m(edge) for edge, metres in zip(self._edges, lanes_m, strict=True)]
+        self._vehicles = np.array(per_edge)[self._owner] * (self._end - self._begin)
         self._steps = 0
         self._away_m: dict[str, float] = {}
         self._speeds: dict[tuple[str, float, float], float] = {}
@@ -177,6 +181,7 @@ class Flow:
         """Who enters and who leaves with the next step; `opens` tells which links are open."""
         x_m, y_m = ego.x_m - origin_m[0], ego.y_m - origin_m[1]
         entry = _Entry(self, self._occupied(agents), (x_m, y_m), opens)
+        missing = self._missing(agents, x_m, y_m)
         here: dict[int, list[float]] = {}
         for lane, position_m in zip(agents.lanes, agents.positions_m, strict=True):
             number = self._edge_of.get(lane)
@@ -188,10 +193,12 @@ class Flow:
             lanes = self._lanes[stretch.edge]
             length_m = sum(lane.length_m for lane in lanes) * (stretch.last - stretch.first)
             wanted = length_m / self.demand.mean_gap_m(self._edges[stretch.edge])
-            if wanted - count <= self._due[stretch.edge]:
+            own = self._edges[stretch.edge] in self.demand.on_own_road
+            if wanted - count <= self._due[stretch.edge] or (own and missing <= 0.0):
                 continue
             found = entry.somewhere(lanes, stretch.first, stretch.last, self._arrival(stretch.edge))
-            self._take(found, stretch.edge, entering)
+            if self._take(found, stretch.edge, entering) and own:
+                missing -= 1.0
         return Changes(entering, self._leaving(agents, x_m, y_m))
 
     def route_from(self, lane: str, arrival: Arrival) -> tuple[str, ...]:
@@ -202,12 +209,22 @@ class Flow:
     def _arrival(self, edge: int) -> Arrival:
         return self._arrivals[self._next[edge] % len(self._arrivals)]
 
-    def _take(self, found: Spawn | None, edge: int, entering: list[tuple[str, Spawn]]) -> None:
+    def _take(self, found: Spawn | None, edge: int, entering: list[tuple[str, Spawn]]) -> bool:
         """Let one in, or, where it finds no room, have the next one try at the next look."""
         self._next[edge] += 1
         token = next(self._tokens, None) if found is not None else None
-        if found is not None and token is not None:
-            entering.append((token, found))
+        if found is None or token is None:
+            return False
+        entering.append((token, found))
+        return True
+
+    def _missing(self, agents: OnTheRoad, x_m: float, y_m: float) -> float:
+        """How many vehicles fewer than the density wants are on the ego's own road, near and far."""
+        away_m = np.hypot(self._points[:, 0] - x_m, self._points[:, 1] - y_m)
+        wanted = float(self._vehicles[self._own & (away_m <= OWN_REACH_M)].sum())
+        near = np.hypot(agents.x_m - x_m, agents.y_m - y_m) <= OWN_REACH_M
+        edges = (self._edge_of.get(agents.lanes[row]) for row in np.flatnonzero(near).tolist())
+        return wanted - sum(edge is not None and self._edges[edge] in self.demand.on_own_road for edge in edges)
 
     def _occupied(self, agents: OnTheRoad) -> LaneOccupancy:
         occupied = LaneOccupancy(self.network, self._blocked)

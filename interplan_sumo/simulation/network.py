@@ -265,12 +265,12 @@ class SumoNetwork:
         """State string of each traffic light's program at time 0."""
         return {light: states[0] for light, states in self.programs.items()}
 
-    def opens_freely(self, link: NetworkLink) -> bool:
-        """Whether a car may drive through at time 0 without yielding."""
+    def opens_freely(self, link: NetworkLink, shown: Mapping[str, str]) -> bool:
+        """Whether a car may drive through at time 0 without yielding; `shown` are lights that differ from programs."""
         if link.light is None:
             return link.major
         light, index = link.light
-        return self.first_state[light][index] == "G"
+        return shown.get(light, self.first_state[light])[index] == "G"
 
 
 def plain_ids(network: SumoNetwork) -> NetworkIds:

@@ -94,7 +94,7 @@ def open_sumo_traffic(
     setup = TrafficSetup(
         network, ids, types, start_state(scenario, roads), population.ego_route, shape, spawns, names, standing,
         blocked, crowd=crowd, flow=flow, with_ego=with_ego,
-        logged=LoggedLights.on(scenario.lights, ids.links) if scenario.lights else None,
+        logged=LoggedLights.on(scenario.lights, ids.links) if scenario.lights else None, shown=population.shown,
         chance_seed=int(rng.integers(2**32)),
         heights_m=standing_heights_m(scenario, tokens[: len(scenario.obstacles)]),
     )  # fmt: skip

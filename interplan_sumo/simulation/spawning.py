@@ -9,8 +9,9 @@ for what is there start slower.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from interplan_sumo.simulation.lane_occupancy import CAR_LENGTH_M, LaneOccupancy
 from interplan_sumo.simulation.local_demand import LEAST_ROAD_M, LocalDemand, agent_route, local_demand
 from interplan_sumo.simulation.network import NetworkLane, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
+from interplan_sumo.simulation.passed_light import passed_light
 from interplan_sumo.simulation.start_speed import HARDEST_FIRST_BRAKING_MPS2, StartAhead, safe, start_speed_mps
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.world.ego import PACIFICA, EgoShape
@@ -89,6 +91,8 @@ class Population:
     demand: LocalDemand
     ego_route: tuple[str, ...]
     """SUMO edges."""
+    shown: Mapping[str, str]
+    """States of lights that begin otherwise than their programs do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,11 +174,14 @@ def populate(
     origin = staged.ids.origin_m
     occupied = LaneOccupancy(network, blocked)
     lane, fraction = staged.ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
-    front_m = fraction * network.lanes[lane].length_m + staged.shape.length_m / 2.0
+    centre_m = fraction * network.lanes[lane].length_m
+    front_m = centre_m + staged.shape.length_m / 2.0
+    shown = passed_light(network, lane, centre_m) if not scenario.lights else {}
     occupied.add(lane, Occupant(front_m, front_m - staged.shape.length_m, scenario.start_speed_mps))
     if wanted.density != "none" or wanted.oncoming != "none":
         spawns += _on_side_roads(staged, demand, (ego_x - origin[0], ego_y - origin[1]), used, occupied, spawns, rng)
-    return Population(tuple(_settled(network, spawns, len(placed), occupied)), demand, ego_route)
+    spawns = _settled(network, spawns, len(placed), occupied, shown)
+    return Population(tuple(spawns), demand, ego_route, shown)
 
 
 def _edges(chains: Sequence[_PlannedChain], of: Sequence[str]) -> set[str]:
@@ -345,7 +352,9 @@ def _within(lane: NetworkLane, ego_m: tuple[float, float], reach_m: float) -> tu
     return lane.position_of(float(line.arc_m[near[0]])), lane.position_of(float(line.arc_m[near[-1]]))
 
 
-def _settled(network: SumoNetwork, spawns: Sequence[Spawn], placed: int, occupied: LaneOccupancy) -> list[Spawn]:
+def _settled(
+    network: SumoNetwork, spawns: Sequence[Spawn], placed: int, occupied: LaneOccupancy, shown: Mapping[str, str]
+) -> list[Spawn]:
     """All at speeds that suit what lies ahead on their routes: connectors, lights, junctions, leaders, the ego.
 
     The first `placed` keep their speed where it suits, even beyond the limit.
@@ -365,7 +374,7 @@ def _settled(network: SumoNetwork, spawns: Sequence[Spawn], placed: int, occupie
             speed_mps = speeds[i]
             if speed_mps is None:
                 continue
-            ahead = now.ahead_of(way, each.position_m, network.opens_freely)
+            ahead = now.ahead_of(way, each.position_m, partial(network.opens_freely, shown=shown))
             slower = start_speed_mps(each.driver, ahead, most_mps=speed_mps, settled=i >= placed)
             speeds[i] = 0.0 if slower is None and i < placed else slower
         if speeds == before:

@@ -57,6 +57,8 @@ class TrafficSetup:
     """False leaves the ego out of SUMO altogether: the twin run against which reactions are measured."""
     logged: LoggedLights | None = None
     """Lights that show what was recorded."""
+    shown: Mapping[str, str] = field(default_factory=dict[str, str])
+    """States in which lights begin, where those are not the first ones of their programs."""
     chance_seed: int = 0
     """For what agents decide by chance."""
     heights_m: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -100,6 +102,7 @@ class SumoTraffic:
             for token, each in zip(setup.tokens, setup.spawns, strict=True):
                 self._add(token, each)
             self._block(setup.blocked)
+            self._switch(setup.shown)
             if setup.with_ego:
                 self._proxy = EgoProxy(network, ids.origin_m, setup.shape, setup.ego_route, setup.ego)
             self.advance()
@@ -153,6 +156,15 @@ class SumoTraffic:
                 )
                 sumo.vehicle.setStop(name, lane.edge, front_m, lane.index, 1e6)
                 sumo.vehicle.setLaneChangeMode(name, NO_LANE_CHANGE)
+
+    def _switch(self, shown: Mapping[str, str]) -> None:
+        """Let lights begin with the phases of their programs that have some states."""
+        lights = sumo.trafficlight
+        with Commanding("switching lights"):
+            for light, state in shown.items():
+                now = lights.getProgram(light)
+                (program,) = (each for each in lights.getAllProgramLogics(light) if each.programID == now)
+                lights.setPhase(light, [phase.state for phase in program.phases].index(state))
 
     def _as_loaded(self, driver: VehicleType) -> VehicleType:
         """The type with the numbers that SUMO uses, its class defaults included."""
