@@ -47,14 +47,18 @@ class EgoProxy:
             kind.setLength(EGO_TYPE, shape.length_m)
             kind.setWidth(EGO_TYPE, shape.width_m)
             kind.setSpeedDeviation(EGO_TYPE, 0.0)
-            kind.setSpeedFactor(EGO_TYPE, 5.0)
+            kind.setSpeedFactor(EGO_TYPE, 1.0)
             kind.setMaxSpeed(EGO_TYPE, 60.0)
             sumo.route.add(EGO, route)
-            speed_mps = max(0.0, ego.speed_mps)
-            sumo.vehicle.add(EGO, EGO, EGO_TYPE, departLane="0", departPos="0", departSpeed=f"{speed_mps:.6f}")
+            sumo.vehicle.add(EGO, EGO, EGO_TYPE, departLane="0", departPos="0", departSpeed="0")
             sumo.vehicle.setSpeedMode(EGO, SPEED_AS_TOLD)
             sumo.vehicle.setLaneChangeMode(EGO, NO_LANE_CHANGE)
         self.place(ego)
+
+    def enter(self, ego: EgoState) -> None:
+        """It has entered, with a speed that SUMO would refuse to one that enters above the limit."""
+        with Commanding("giving the ego its speed"):
+            sumo.vehicle.setPreviousSpeed(EGO, finite("the ego's speed", max(0.0, ego.speed_mps)), 0.0)
 
     def place(self, ego: EgoState) -> None:
         """Put it where the ego will be after the step; TrafficError for a pose that is not finite."""

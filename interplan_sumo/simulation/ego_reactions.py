@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from math import cos, sin, sqrt
+from math import cos, inf, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +30,7 @@ from interplan_sumo.simulation.reactions import (
     ReactionDecision,
     ReactionMemory,
 )
+from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats
 
@@ -104,6 +105,7 @@ class EgoReactions:
         self._skipped: EgoOnNetwork | None = None
         self._at_start = True
         self._locator = EgoLocator(network, origin_m, shape)
+        self._numbers_of: dict[str, tuple[float, ...]] = {}
         self._known_names: Sequence[str] = ()
         self._known_numbers = np.zeros((6, 0))
 
@@ -125,6 +127,7 @@ class EgoReactions:
         self._commanded.discard(name)
         self._overhang.forget(name)
         self._corridors.pop(name, None)
+        self._numbers_of.pop(name, None)
 
     def decide(
         self,
@@ -238,7 +241,8 @@ class EgoReactions:
         known = self._memory.keys() | self._commanded
         if obstructions:
             met = {lane for _, coverage in obstructions for lane in coverage}
-            corridors = zip(agents.names, self._corridors_of(agents, agents.names), strict=True)
+            names = [agents.names[row] for row in self._within_reach_of(agents, obstructions)]
+            corridors = zip(names, self._corridors_of(agents, names), strict=True)
             known.update([name for name, (_, corridor) in corridors if not met.isdisjoint(corridor)])
         rows = set(near)
         if known:
@@ -316,12 +320,26 @@ class EgoReactions:
 
         `away_m2` (N,) are squared distances from their fronts to the ego's centre.
         """
-        numbers = self._numbers(agents.names)
-        towards_mps = ego.vx_mps * np.cos(agents.heading_rad - ego.heading_rad)
-        speed = agents.speed_mps
-        wished_m = numbers[0] + speed * (numbers[1] + np.maximum(0.0, speed - towards_mps) * numbers[2])
-        reach_m = wished_m * numbers[3] + self._shape.length_m
-        return np.flatnonzero(away_m2 <= reach_m * reach_m).tolist()
+        away_mps = ego.vx_mps * np.cos(agents.heading_rad - ego.heading_rad)
+        return (away_m2 <= self._reach_m(agents, away_mps) ** 2).nonzero()[0].tolist()
+
+    def _within_reach_of(
+        self, agents: AgentSnapshot, obstructions: Sequence[tuple[str, Mapping[str, LaneCoverage]]]
+    ) -> list[int]:
+        """Rows of the agents that one of the obstructions, were it to stand, would make brake noticeably."""
+        lanes = self._network.lanes
+        parts = [each for _, coverage in obstructions for each in coverage.items()]
+        places = [lanes[name].plain_line.pose_at(lanes[name].arc_of(part.start_m)) for name, part in parts]
+        x_m, y_m = np.array([(place.x_m, place.y_m) for place in places]).reshape(-1, 2).T
+        dx, dy = agents.front_x - x_m[:, None], agents.front_y - y_m[:, None]
+        away_m2 = (dx * dx + dy * dy).min(axis=0, initial=inf)
+        return (away_m2 <= self._reach_m(agents, 0.0) ** 2).nonzero()[0].tolist()
+
+    def _reach_m(self, agents: AgentSnapshot, away_mps: Floats | float) -> Floats:
+        """(N,) how near a leader that drives away at a speed has to be to make an agent brake noticeably."""
+        numbers, speed = self._numbers(agents.names), agents.speed_mps
+        wished_m = numbers[0] + speed * (numbers[1] + np.maximum(0.0, speed - away_mps) * numbers[2])
+        return wished_m * numbers[3] + self._shape.length_m
 
     def _numbers(self, names: Sequence[str]) -> Floats:
         """(6, N) standstill gap, headway, 1 / (2 sqrt(a b)), noticeable per wished gap, length and contact.
@@ -329,19 +347,18 @@ class EgoReactions:
         Contact: squared distance of two fronts from which on the agent and the ego cannot touch.
         """
         if self._known_names is not names:
-            drivers = [self._drivers[name] for name in names]
+            for name in names:
+                if name not in self._numbers_of:
+                    self._numbers_of[name] = self._numbers_of_one(self._drivers[name])
             self._known_names = names
-            self._known_numbers = np.array(
-                [
-                    [d.min_gap_m for d in drivers],
-                    [d.tau_s for d in drivers],
-                    [0.5 / sqrt(d.accel_mps2 * d.decel_mps2) for d in drivers],
-                    [sqrt(d.accel_mps2 / NOTICEABLE_MPS2) for d in drivers],
-                    [d.length_m for d in drivers],
-                    [(d.length_m + self._shape.length_m) ** 2 for d in drivers],
-                ]
-            )
+            self._known_numbers = np.array([self._numbers_of[name] for name in names]).reshape(-1, 6).T.copy()
         return self._known_numbers
+
+    def _numbers_of_one(self, driver: VehicleType) -> tuple[float, ...]:
+        return (
+            driver.min_gap_m, driver.tau_s, 0.5 / sqrt(driver.accel_mps2 * driver.decel_mps2),
+            sqrt(driver.accel_mps2 / NOTICEABLE_MPS2), driver.length_m, (driver.length_m + self._shape.length_m) ** 2,
+        )  # fmt: skip
 
     def _concerned(self, agents: AgentSnapshot, rows: Sequence[int], lanes: set[str], known: set[str]) -> list[Agent]:
         """Those of the agents in `rows` that are known, or have one of `lanes` ahead."""

@@ -9,7 +9,7 @@ drive into the rear. So they are told of it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import cos, pi
+from math import cos, pi, sin
 
 import numpy as np
 
@@ -55,8 +55,11 @@ class LaneChangeOverhang:
         for row, lane in zip(rows, lanes, strict=True):
             name = snapshot.names[row]
             driver, heading = self._drivers[name], float(snapshot.heading_rad[row])
-            x = snapshot.front_x[row] - driver.length_m / 2.0 * np.cos(heading)
-            y = snapshot.front_y[row] - driver.length_m / 2.0 * np.sin(heading)
+            front_x, front_y = float(snapshot.front_x[row]), float(snapshot.front_y[row])
+            if lane and self._is_inside(lane, driver, front_x, front_y, heading):
+                self._candidates.discard(name)
+                continue
+            x, y = front_x - driver.length_m / 2.0 * cos(heading), front_y - driver.length_m / 2.0 * sin(heading)
             (box,) = box_polygons([x], [y], [heading], [driver.length_m], [driver.width_m])
             own = self._network.continuations(lane) if lane else frozenset[str]()
             spans = lanes_overlapped(self._network, box, own)
@@ -65,6 +68,16 @@ class LaneChangeOverhang:
                 continue
             found.append((name, self._moving(spans, heading, float(snapshot.speed_mps[row]))))
         return found
+
+    def _is_inside(self, name: str, driver: VehicleType, front_x: float, front_y: float, heading_rad: float) -> bool:
+        """Whether a body lies inside its lane, as far as that is straight; what sweeps the next lanes begins later."""
+        lane = self._network.lanes[name]
+        if lane.internal:
+            return False
+        arc_m, left_m = lane.plain_line.project(front_x, front_y)
+        turned_rad = lane.plain_line.heading_at(arc_m) - heading_rad
+        rear_m = left_m + driver.length_m * sin(turned_rad)
+        return max(abs(left_m), abs(rear_m)) + driver.width_m / 2.0 < lane.width_m / 2.0 and cos(turned_rad) > 0.5
 
     def _moving(
         self, spans: Mapping[str, tuple[float, float]], heading_rad: float, speed_mps: float

@@ -83,7 +83,7 @@ class SumoTraffic:
         self._step = 0
         self._added = 0
         self._entering: set[str] = set()
-        self._speeding: dict[str, float] = {}  # agents that start above the limit -> speed factor afterwards
+        self._speeding: dict[str, float] = {}  # agents that start above the limit -> their speeds
         self._lights = Lights(ids.links)
         self._signals: Signals | None = None
         self._next_switch_s = 0.0
@@ -106,6 +106,8 @@ class SumoTraffic:
             if setup.with_ego:
                 self._proxy = EgoProxy(network, ids.origin_m, setup.shape, setup.ego_route, setup.ego)
             self.advance()
+            if self._proxy is not None:
+                self._proxy.enter(setup.ego)
         except BaseException:
             self.close()
             raise
@@ -135,9 +137,8 @@ class SumoTraffic:
                 name, name, driver.id, departLane=str(lane.index), departPos=f"{each.position_m:.6f}",
                 departSpeed="max" if speeds else f"{each.speed_mps:.6f}",
             )  # fmt: skip
-            if speeds:  # SUMO refuses a start above the limit, so the agent's limit is another one for that moment
-                sumo.vehicle.setSpeedFactor(name, each.speed_mps / lane.limit_mps)
-                self._speeding[name] = driver.speed_factor
+            if speeds:  # SUMO refuses a start above the limit
+                self._speeding[name] = each.speed_mps
         self._agents.add(name, token, driver, each.route)
         self._entering.add(name)
 
@@ -289,9 +290,9 @@ class SumoTraffic:
         self._agents.enter(names)
         with Commanding("setting up agents that have entered"):
             self._control.enter(names)
-        with Commanding("giving agents their own speed limit back"):
+        with Commanding("giving agents that start above the limit their speed"):
             for name in sorted(names & self._speeding.keys()):
-                sumo.vehicle.setSpeedFactor(name, self._speeding.pop(name))
+                sumo.vehicle.setPreviousSpeed(name, self._speeding.pop(name), 0.0)
 
     def _is_open(self, link: NetworkLink) -> bool:
         """Whether a car may drive through now without yielding."""
