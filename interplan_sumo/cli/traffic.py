@@ -1,4 +1,4 @@
-"""Command `traffic check`: what a vehicle-type file does here."""
+"""Commands about traffic: `traffic check`, what a vehicle-type file does here, and `traffic realism`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from interplan_sumo.cli.options import DONE, LOOKS, JsonOption
+from interplan_sumo.cli.realism import TakingSeveral, realism
 
 traffic_app = typer.Typer(help="Vehicle-type files: how others drive.", **LOOKS)
 
@@ -37,3 +38,6 @@ def check_file(
         for part in check_tables(found):
             place.print(part)
     return DONE
+
+
+traffic_app.command("realism", cls=TakingSeveral)(realism)

@@ -26,7 +26,8 @@ class Sample:
     """(N,) equal numbers: the same road user."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", frozen(self.values))
+        # The last digits of floats are no difference: without this all who drive at the limit might differ by 1e-15.
+        object.__setattr__(self, "values", frozen(np.round(self.values, 9)))
         object.__setattr__(self, "owners", frozen(self.owners, np.int64))
         if self.values.ndim != 1 or self.values.shape != self.owners.shape:
             raise ValueError(f"Sample has values {self.values.shape} of owners {self.owners.shape}")
@@ -62,21 +63,31 @@ class Sample:
         """How many the values are of."""
         return len(np.unique(self.owners))
 
+    @cached_property
+    def cumulative(self) -> tuple[Floats, Floats]:
+        """The values in ascending order, and the share of the weight at each and before it, 0 to 1."""
+        order = np.argsort(self.values, kind="stable")
+        reached = np.cumsum(self.weights[order])
+        return self.values[order], reached / reached[-1] if len(self) else reached
+
     def quantile(self, share: float) -> float:
         """The least value at or below which lies this share of the weight; ValueError if there is none."""
         if not len(self):
             raise ValueError("an empty sample has no quantiles")
-        order = np.argsort(self.values, kind="stable")
-        reached = np.cumsum(self.weights[order])
-        at = np.searchsorted(reached, share * reached[-1] * (1.0 - 1e-12))
-        return float(self.values[order][min(int(at), len(self) - 1)])
+        values, reached = self.cumulative
+        return float(values[min(int(np.searchsorted(reached, share * (1.0 - 1e-12))), len(self) - 1)])
+
+    def shares(self, places: Floats) -> Floats:
+        """The share of the weight at or below each place; ValueError if there is none."""
+        if not len(self):
+            raise ValueError("an empty sample has no distance to another")
+        values, reached = self.cumulative
+        return np.concatenate([[0.0], reached])[np.searchsorted(values, places, side="right")]
 
 
 def kolmogorov_smirnov(one: Sample, other: Sample) -> float:
     """The greatest difference of the two weighted cumulative distributions, 0 to 1; ValueError if one is empty."""
-    _refuse_empty(one, other)
-    places = np.unique(np.concatenate([one.values, other.values]))
-    return float(np.abs(_shares(one, places) - _shares(other, places)).max())
+    return float(_apart(one, other)[1].max())
 
 
 def wasserstein(one: Sample, other: Sample) -> float:
@@ -84,19 +95,11 @@ def wasserstein(one: Sample, other: Sample) -> float:
 
     It is the way that weight has to be carried on average to make one distribution of the other (1-Wasserstein).
     """
-    _refuse_empty(one, other)
-    places = np.unique(np.concatenate([one.values, other.values]))
-    apart = np.abs(_shares(one, places) - _shares(other, places))
+    places, apart = _apart(one, other)
     return float(apart[:-1] @ np.diff(places))
 
 
-def _shares(sample: Sample, places: Floats) -> Floats:
-    """The share of the weight at or below each place."""
-    order = np.argsort(sample.values, kind="stable")
-    reached = np.concatenate([[0.0], np.cumsum(sample.weights[order])])
-    return reached[np.searchsorted(sample.values[order], places, side="right")] / reached[-1]
-
-
-def _refuse_empty(*samples: Sample) -> None:
-    if not all(map(len, samples)):
-        raise ValueError("an empty sample has no distance to another")
+def _apart(one: Sample, other: Sample) -> tuple[Floats, Floats]:
+    """All values, ascending, and how far the cumulative distributions are apart from there to the next."""
+    places = np.sort(np.concatenate([one.values, other.values]))
+    return places, np.abs(one.shares(places) - other.shares(places))

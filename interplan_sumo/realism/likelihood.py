@@ -58,15 +58,20 @@ class Bins:
 
 
 def probabilities(simulated: Sample, bins: Bins) -> Floats:
-    """(count,) of each bin, smoothed, so that none is 0; all the same if nothing was simulated."""
+    """(count,) of each bin, smoothed, so that none is 0."""
     counts = np.bincount(bins.of(simulated.values), weights=simulated.weights, minlength=bins.count) + PSEUDOCOUNT
     return counts / counts.sum()
 
 
 def likelihood(recorded: Sample, simulated: Sample, bins: Bins) -> float:
-    """How likely the recorded values are if the simulated ones are the truth, 0 to 1; ValueError if there is none."""
+    """How likely the recorded values are if the simulated ones are the truth, 0 to 1; ValueError if there is none.
+
+    0 if nothing was simulated: that explains nothing.
+    """
     if not len(recorded):
         raise ValueError("nothing was recorded of this feature, so nothing is likely")
+    if not len(simulated):
+        return 0.0
     return _expected(recorded, probabilities(simulated, bins), bins)
 
 

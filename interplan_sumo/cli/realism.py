@@ -1,0 +1,106 @@
+"""Command `traffic realism`: how real simulated traffic is beside recordings."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from interplan_sumo.cli.options import DONE, JsonOption, QuietOption, WorkersOption, take_one_thread
+from interplan_sumo.errors import InputError
+
+
+class TakingSeveral(TyperCommand):
+    """A command whose option --against takes all that follows it up to the next option, as a shell's glob gives it."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        spread: list[str] = []
+        inside = False
+        for word in args:
+            if word.startswith("-"):
+                inside = word == "--against"
+            elif inside and spread[-1] != "--against":
+                spread.append("--against")
+            spread.append(word)
+        return super().parse_args(ctx, spread)
+
+
+def realism(
+    context: typer.Context,
+    runs: Annotated[
+        list[Path], typer.Argument(help="Run folders, traces, or fcd output of SUMO (.xml, .xml.gz).", metavar="RUN...")
+    ],
+    against: Annotated[
+        list[Path],
+        typer.Option(
+            help="Recordings, or folders of them: any format that scenarios import knows, or plain tracks.",
+            metavar="RECORDING...",
+        ),
+    ],
+    types: Annotated[
+        Path | None, typer.Option(help="Vehicle types of fcd output, for their sizes.", metavar="FILE.xml")
+    ] = None,
+    baselines: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also drive standard scenes with each shipped file and each car-following model, and keep them here.",
+            metavar="DIR",
+        ),
+    ] = None,
+    html: Annotated[Path | None, typer.Option(help="Write one self-contained page.", metavar="FILE")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the distributions.", metavar="FILE.png")] = None,
+    workers: WorkersOption = None,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> int:
+    """How real simulated traffic is: distributions beside recorded ones, distances, and one realism number."""
+    take_one_thread()
+    from interplan_sumo.realism.baselines import baselines as found_baselines
+    from interplan_sumo.realism.baselines import checked_folder, drive_baseline
+    from interplan_sumo.realism.comparison import realism_report
+    from interplan_sumo.realism.features import feature_samples
+    from interplan_sumo.realism.formats import realism_json, realism_tables
+    from interplan_sumo.realism.sources import named_sources
+    from interplan_sumo.realism.tracks import open_recordings
+    from interplan_sumo.report.printing import console, print_json
+
+    if plot is not None:
+        from interplan_sumo.realism.plot import need_matplotlib
+
+        need_matplotlib()
+    for path in (*runs, *against):
+        if not path.exists():
+            raise InputError(f"cannot read {path}: there is no such file or folder")
+    recordings = open_recordings(against)
+    simulations = {each.name: feature_samples(each.parts()) for each in named_sources(runs, types)}
+    beside: dict[str, Any] = {}
+    if baselines is not None:
+        chosen = found_baselines(checked_folder(baselines))
+        for number, each in enumerate(chosen, start=1):
+            if not quiet:
+                print(f"baseline {number} of {len(chosen)}: {each.name}", file=sys.stderr)
+            source = drive_baseline(each, baselines, workers)
+            if source is None:
+                print(f"warning: {each.name} is left out: SUMO fails with it in every scene", file=sys.stderr)
+            else:
+                beside[each.name] = feature_samples(source.parts())
+    report = realism_report(simulations, recordings, beside)
+    if html is not None:
+        from interplan_sumo.realism.page import write_realism_page
+
+        write_realism_page(report, html, shlex.join(["interplan-sumo", *context.obj]))
+    if plot is not None:
+        from interplan_sumo.realism.plot import plot_realism
+
+        plot_realism(report, plot)
+    if as_json:
+        print_json(realism_json(report))
+    else:
+        place = console()
+        for part in realism_tables(report):
+            place.print(part)
+    return DONE

@@ -1,0 +1,134 @@
+"""The realism report as one HTML file: distributions side by side as drawings, and all figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from interplan_sumo.realism.comparison import RealismReport, RealismRow
+from interplan_sumo.realism.distances import Sample
+from interplan_sumo.realism.features import FEATURES, TrafficFeature
+from interplan_sumo.realism.formats import COLUMNS, ROW_COLUMNS, feature_cells, report_notes, row_figures, row_title
+from interplan_sumo.realism.likelihood import Bins
+from interplan_sumo.report.page.html import html
+from interplan_sumo.world.files import writing
+from interplan_sumo.world.geometry import Floats
+
+WIDE, HIGH = 300.0, 150.0
+"""Of a drawing, in its own units."""
+MOST_LINES: Final = 6
+"""More would hide one another: runs first, then baselines."""
+FINER: Final = 3
+"""So many bars of a drawing to a bin of the likelihood."""
+TICKS: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class DistributionLine:
+    """A distribution as a path of steps."""
+
+    name: str
+    colour: int
+    path: str
+
+
+@dataclass(frozen=True, slots=True)
+class DistributionDrawing:
+    """One feature: the recordings as an area, simulations as lines, and ticks along the axis."""
+
+    title: str
+    recorded: str
+    lines: tuple[DistributionLine, ...]
+    ticks: tuple[tuple[float, str], ...]
+    about: str
+    """In words, for who cannot see it."""
+
+
+def drawn_rows(report: RealismReport) -> list[RealismRow]:
+    """The rows that drawings show."""
+    rows = [row for row in report.rows if row.kind == "run"]
+    return [*rows, *(row for row in report.rows if row.kind == "baseline")][:MOST_LINES]
+
+
+def write_realism_page(report: RealismReport, path: Path, command: Sequence[str]) -> None:
+    """The page; InputError if it cannot be written. Names are text whatever they hold."""
+    text = realism_page(report, command)
+    with writing(path, "give another file as --html"):
+        path.write_text(text, encoding="utf-8")
+
+
+def realism_page(report: RealismReport, command: Sequence[str]) -> str:
+    """The report as HTML."""
+    shown = [each for each in FEATURES if len(report.recorded.together[each.key])]
+    part = files("interplan_sumo.report.page")
+    style = "".join(part.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", "realism.css"))
+    return html(
+        "realism.html.j2",
+        style=style,
+        script="",
+        drawings=[_drawing(each, report) for each in shown],
+        lines=[(number, row_title(row)) for number, row in enumerate(drawn_rows(report))],
+        runs=[
+            (row.name, row_figures(row), [feature_cells(each, row.features[each.key], report) for each in FEATURES])
+            for row in report.rows
+            if row.kind == "run"
+        ],
+        features=tuple(each.short for each in shown),
+        columns=COLUMNS,
+        row_columns=ROW_COLUMNS,
+        rows=[(row_title(row), row_figures(row), [row.features[each.key].ks for each in shown]) for row in report.rows],
+        places=[
+            (name, [samples[each.key].road_users for each in shown]) for name, samples in report.recorded.places.items()
+        ],
+        notes=report_notes(report),
+        command=" ".join(command),
+        wide=WIDE,
+        high=HIGH,
+    )
+
+
+def _drawing(feature: TrafficFeature, report: RealismReport) -> DistributionDrawing:
+    bins = Bins(feature.bins.low, feature.bins.high, feature.bins.count * FINER)
+    recorded = report.recorded.together[feature.key]
+    rows = drawn_rows(report)
+    shares = [_shares(row.features[feature.key].simulated, bins) for row in rows]
+    of_recorded = _shares(recorded, bins)
+    # A simulation in which all do the same would press everything else flat.
+    top = min(max(float(each.max(initial=0.0)) for each in (of_recorded, *shares)), 2.5 * float(of_recorded.max()))
+    said = ", ".join(
+        f"{row.name} {row.features[feature.key].simulated.quantile(0.5):.2f}"
+        for row in rows
+        if len(row.features[feature.key].simulated)
+    )
+    numbers = np.linspace(bins.low, bins.high, TICKS + 1)
+    return DistributionDrawing(
+        title=f"{feature.title} ({feature.unit})",
+        recorded=f"M0 {HIGH:g}{_steps(of_recorded, top)}V{HIGH:g}Z",
+        lines=tuple(
+            DistributionLine(row.name, number, f"M0 {HIGH:g}{_steps(each, top)}V{HIGH:g}")
+            for number, (row, each) in enumerate(zip(rows, shares, strict=True))
+            if each.any()
+        ),
+        ticks=tuple(
+            (WIDE * number / TICKS, f"{value:g}") for number, value in enumerate(np.round(numbers, 3).tolist())
+        ),
+        about=f"medians: recorded {recorded.quantile(0.5):.2f}, {said or 'nothing simulated'}",
+    )
+
+
+def _shares(sample: Sample, bins: Bins) -> Floats:
+    """The share of the road users in each bin; all 0 of an empty sample."""
+    counts = np.bincount(bins.of(sample.values), weights=sample.weights, minlength=bins.count)
+    return counts / max(counts.sum(), 1e-12)
+
+
+def _steps(shares: Floats, top: float) -> str:
+    """The upper edge of a histogram from left to right, in SVG's words."""
+    heights = HIGH * (1.0 - np.minimum(shares / top, 1.0))
+    ends = WIDE * np.arange(1, len(shares) + 1) / len(shares)
+    return "".join(f"V{height:.1f}H{end:.1f}" for height, end in zip(heights, ends, strict=True))
