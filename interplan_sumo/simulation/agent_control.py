@@ -43,6 +43,8 @@ LEAST_GAP_M = 0.3
 """The others brake as hard as they can when they could else not stop this far behind their leader."""
 WANTED_LESS_MPS = 1e-3
 """SUMO wanted less than it was told if by more than this: below that it is rounding."""
+NEW_STEPS = 20
+"""Who has just come keeps its lane for so long: nobody else expects it to change at once."""
 CUT_IN_WITHIN_M = 60.0
 """Farther ahead nobody cuts in."""
 
@@ -98,6 +100,7 @@ class AgentControl:
         self._overseen: set[str] = set()
         self._relaxing: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
+        self._new: dict[str, int] = {}
         self.keeping_lane: frozenset[str] = frozenset()
         """Agents that must not change lane."""
         self.models = DriverModels(self._follow_speed_mps, self._chance.of, self._relaxation.cut_in, DT_S)
@@ -116,13 +119,24 @@ class AgentControl:
             if model in SURGING_MODELS or model not in COLLISION_FREE_MODELS:
                 self._overseen.add(name)
 
+        self._new.update(dict.fromkeys(names, NEW_STEPS))
+        self.keep_lanes(self.keeping_lane)
+
     def forget(self, name: str) -> None:
         """The agent has left."""
+        self._new.pop(name, None)
         self._told.pop(name, None)
         self._overseen.discard(name)
         self._relaxing.discard(name)
         self._relaxation.forget(name)
         self.keeping_lane -= {name}
+
+    def grow_old(self) -> None:
+        """A step has passed: those that came some time ago may change lane from now on."""
+        if self._new:
+            old = {name for name, steps in self._new.items() if steps <= 1}
+            self._new = {name: steps - 1 for name, steps in self._new.items() if steps > 1}
+            self.keep_lanes(self.keeping_lane - old)
 
     def relax(self, agents: AgentSnapshot) -> None:
         """Headways of those that somebody has cut in on."""
@@ -204,7 +218,8 @@ class AgentControl:
         self._told[name] = _Told(ignore, mode, wanted_mps, speed_mps)
 
     def keep_lanes(self, wanted: frozenset[str]) -> None:
-        """Have these agents keep their lanes, and those before no longer."""
+        """Have these agents keep their lanes, as those do that have just come, and those before no longer."""
+        wanted |= self._new.keys()
         if wanted == self.keeping_lane:
             return
         with Commanding("setLaneChangeMode"):

@@ -323,6 +323,8 @@ class _Entry:
         route = self._flow.route_from(lane.id, arrival)
         way = way_ahead(network, lane.id, route, front_m + AHEAD_M)
         ahead = self._occupied.ahead_of(way, front_m, self._opens)
+        if ahead.line_m is not None and ahead.line_m < CAR_LENGTH_M:
+            return None
         flowing_mps = self._flow.speed_mps(driver, lane)
         speed_mps = start_speed_mps(driver, ahead, most_mps=flowing_mps)
         if speed_mps is None or not self._occupied.leaves_room(lane.id, front_m, driver.length_m, speed_mps):

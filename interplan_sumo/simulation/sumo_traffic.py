@@ -15,8 +15,9 @@ import shapely
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation.agent_control import AgentControl
 from interplan_sumo.simulation.agent_registry import AgentRegistry
-from interplan_sumo.simulation.ego_proxy import NO_LANE_CHANGE, EgoProxy
+from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE, EgoProxy
 from interplan_sumo.simulation.ego_reactions import FREEZE_RADIUS_M, EgoReactions
+from interplan_sumo.simulation.first_seconds import FirstSeconds
 from interplan_sumo.simulation.flow import Flow, OnTheRoad
 from interplan_sumo.simulation.lane_polygons import Ring
 from interplan_sumo.simulation.lights import Lights, LoggedLights
@@ -30,6 +31,9 @@ from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.signals import Signals, SignalStatus
+
+SOON_S = 2.5
+"""A light that switches within this time is none to drive towards as if it stayed green."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,6 +100,7 @@ class SumoTraffic:
             known = {each.id: each for each in (*types.members, *types.others, *drawn)}
             self._drivers = {name: self._as_loaded(each) for name, each in known.items()}
             self._control = AgentControl(self._agents.drivers, setup.chance_seed, with_ego=setup.with_ego)
+            self._first_seconds = FirstSeconds(self._agents.drivers, besides=EGO)
             self._reactions = EgoReactions(
                 network, ids.origin_m, setup.shape, self._agents, setup.blocked, self._control.models
             )
@@ -246,6 +251,7 @@ class SumoTraffic:
         self._started = True
         if gone:
             self._remove(gone & set(self._agents.names))
+        self._control.grow_old()
         if departed:
             self._enter(departed)
         self._read()
@@ -287,6 +293,7 @@ class SumoTraffic:
     def _enter(self, names: set[str]) -> None:
         """Agents that have entered with this step."""
         self._entering -= names
+        names = self._settled(names)
         self._agents.enter(names)
         with Commanding("setting up agents that have entered"):
             self._control.enter(names)
@@ -294,13 +301,25 @@ class SumoTraffic:
             for name in sorted(names & self._speeding.keys()):
                 sumo.vehicle.setPreviousSpeed(name, self._speeding.pop(name), 0.0)
 
+    def _settled(self, names: set[str]) -> set[str]:
+        """Those of them that can stay: at the start all of them, later those that nobody has to brake hard for."""
+        with Commanding("settling agents that have entered"):
+            self._first_seconds.settle(names)
+            if not self._agents.names:
+                return names
+            disturbing = {name for name in names if self._first_seconds.disturbs(name)}
+            for name in sorted(disturbing):
+                sumo.vehicle.remove(name)
+        return names - disturbing
+
     def _is_open(self, link: NetworkLink) -> bool:
         """Whether a car may drive through now without yielding."""
         if link.light is None:
             return link.major
         light, index = link.light
         with Commanding("reading light {}", light):
-            return sumo.trafficlight.getRedYellowGreenState(light)[index] == "G"
+            shows = sumo.trafficlight.getRedYellowGreenState(light)[index]
+            return shows == "G" and sumo.trafficlight.getNextSwitch(light) - sumo.simulation.getTime() > SOON_S
 
     # --- reading -------------------------------------------------------------------------------
 

@@ -19,6 +19,8 @@ from interplan_sumo.maps.store import MapFiles, find_map, load_roads, maps
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario, TrafficDemand
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation import setup
+from interplan_sumo.simulation.agent_control import LANE_CHANGE_DEFAULT, NEW_STEPS
+from interplan_sumo.simulation.ego_proxy import NO_LANE_CHANGE
 from interplan_sumo.simulation.episode import drive
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 from interplan_sumo.world.actors import ActorKind
@@ -100,6 +102,7 @@ def test_without_an_ego_a_district_equals_plain_sumo_to_the_bit(name: str) -> No
                    of.getSpeed(each))
             for each in of.getIDList()
         }  # fmt: skip
+        phases = {light: libsumo.trafficlight.getPhase(light) for light in libsumo.trafficlight.getIDList()}
         for _ in range(300):
             ours.append(snapshot())
             traffic.react(ego)
@@ -117,9 +120,14 @@ def test_without_an_ego_a_district_equals_plain_sumo_to_the_bit(name: str) -> No
             libsumo.route.add(each, route)
             start = {"departPos": f"{position_m:.6f}", "departSpeed": f"{speed_mps:.6f}"}
             of.add(each, each, kind, departLane=str(lane), **start)
+        for light, phase in phases.items():
+            if libsumo.trafficlight.getPhase(light) != phase:
+                libsumo.trafficlight.setPhase(light, phase)
         plain: list[tuple[Snapshot, list[str]]] = []
-        for _ in range(300):
+        for step in range(300):
             libsumo.simulationStep()
+            for each in agents.keys() & of.getIDList() if step in (0, NEW_STEPS) else ():
+                of.setLaneChangeMode(each, LANE_CHANGE_DEFAULT if step else NO_LANE_CHANGE)
             plain.append(snapshot())
     finally:
         libsumo.close()

@@ -1,0 +1,91 @@
+"""In their first two seconds agents keep their lanes and brake mildly, whatever model they drive by."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from networks import agent, ego_at, traffic, types
+
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.simulation.agent_control import NEW_STEPS
+from interplan_sumo.simulation.setup import open_sumo_traffic
+from interplan_sumo.simulation.sumo import sumo
+from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
+
+MODELS = ("IDM", "Krauss", "KraussOrig1", "PWagner2009", "EIDM", "ACC", "CACC", "W99", "Wiedemann", "IDMM")
+NOBODY = ego_at(1400.0, -1.75)
+FIRST_S = 2.0
+
+
+def types_of(model: str, folder: Path) -> VehicleTypes:
+    text = vehicle_type_file("conservative").read_text()
+    path = folder / f"{model}.xml"
+    path.write_text(text.replace('carFollowModel="IDM"', f'carFollowModel="{model}"'))
+    return read_vehicle_types(path)
+
+
+def speeds(behaviour: VehicleTypes, gap_m: float, speed_mps: float, leader_mps: float) -> list[float]:
+    """Of one behind another, which goes on at its speed."""
+    length_m = behaviour.members[0].length_m
+    both = (
+        agent(behaviour, "e0_0", 250.0, leader_mps),
+        agent(behaviour, "e0_0", 250.0 - length_m - gap_m, speed_mps),
+    )
+    with traffic(behaviour, both, NOBODY, with_ego=False) as run:
+        found: list[float] = []
+        for _ in range(round(FIRST_S / 0.1) + 1):
+            sumo.vehicle.setSpeed("a0", leader_mps)
+            found.append(float(sumo.vehicle.getSpeed("a1")))
+            run.react(NOBODY)
+            run.advance()
+    return found
+
+
+@pytest.mark.parametrize("model", [model for model in MODELS if model != "CACC"])  # it jitters while it follows
+def test_who_would_brake_hard_starts_slower_and_who_would_not_keeps_its_speed(model: str, tmp_path: Path) -> None:
+    behaviour = types_of(model, tmp_path)
+    near, far = speeds(behaviour, 15.0, 13.0, 5.0), speeds(behaviour, 150.0, 13.0, 13.0)
+    assert near[0] < 13.0
+    assert max(before - after for before, after in pairwise(near)) / 0.1 <= 3.0
+    assert far[0] == pytest.approx(13.0)
+
+
+def test_nobody_changes_lane_in_its_first_two_seconds_but_later() -> None:
+    """Behind a slow one, with a free lane beside it."""
+    behaviour = types("assertive")
+    both = (agent(behaviour, "e0_1", 120.0, 3.0), agent(behaviour, "e0_1", 90.0, 8.0))
+    lanes: list[float] = []
+    with traffic(behaviour, both, NOBODY, with_ego=False) as run:
+        for _ in range(100):
+            sumo.vehicle.setSpeed("a0", 3.0)
+            lanes.append(abs(sumo.vehicle.getLateralLanePosition("a1")) + 3.5 * (sumo.vehicle.getLaneIndex("a1") != 1))
+            run.react(NOBODY)
+            run.advance()
+    assert max(lanes[:NEW_STEPS]) == 0.0
+    assert max(lanes) > 1.0
+
+
+@pytest.mark.parametrize("model", [pytest.param(model, marks=pytest.mark.slow) for model in MODELS])
+def test_on_the_maps_who_starts_and_who_comes_later_brakes_mildly(model: str, tmp_path: Path) -> None:
+    scenario = find_scenario("lane_change_htd/5")
+    types_of(model, tmp_path)
+    hard, many, since, before = 0, 0, dict[str, int](), dict[str, float]()
+    with open_sumo_traffic(
+        scenario, load_roads(scenario.map), vehicle_types=tmp_path / f"{model}.xml", with_ego=False
+    ) as run:
+        for step in range(200):
+            now = run.observe().actors
+            there = dict(zip(now.ids, now.speed_mps.tolist(), strict=True))
+            for name in there:
+                if step - since.setdefault(name, step) < FIRST_S / 0.1 and name in before:
+                    hard += (before[name] - there[name]) / 0.1 > 3.05
+            before, many = there, len(since)
+            run.react(NOBODY)
+            run.advance()
+    assert many > 40
+    assert hard == 0
+    assert np.mean(list(before.values())) > 1.0
