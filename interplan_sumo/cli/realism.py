@@ -32,7 +32,12 @@ class TakingSeveral(TyperCommand):
 def realism(
     context: typer.Context,
     runs: Annotated[
-        list[Path], typer.Argument(help="Run folders, traces, or fcd output of SUMO (.xml, .xml.gz).", metavar="RUN...")
+        list[Path],
+        typer.Argument(
+            help="Run folders, traces, fcd output of SUMO (.xml, .xml.gz), or vehicle-type files, with which standard "
+            "scenes are driven first.",
+            metavar="RUN...",
+        ),
     ],
     against: Annotated[
         list[Path],
@@ -59,8 +64,8 @@ def realism(
 ) -> int:
     """How real simulated traffic is: distributions beside recorded ones, distances, and one realism number."""
     take_one_thread()
+    from interplan_sumo.realism.baselines import Baseline, drive_baselines, drives_folder, is_vehicle_types
     from interplan_sumo.realism.baselines import baselines as found_baselines
-    from interplan_sumo.realism.baselines import checked_folder, drive_baseline
     from interplan_sumo.realism.comparison import realism_report
     from interplan_sumo.realism.features import feature_samples
     from interplan_sumo.realism.formats import realism_json, realism_tables
@@ -76,18 +81,18 @@ def realism(
         if not path.exists():
             raise InputError(f"cannot read {path}: there is no such file or folder")
     recordings = open_recordings(against)
-    simulations = {each.name: feature_samples(each.parts()) for each in named_sources(runs, types)}
-    beside: dict[str, Any] = {}
-    if baselines is not None:
-        chosen = found_baselines(checked_folder(baselines))
-        for number, each in enumerate(chosen, start=1):
-            if not quiet:
-                print(f"baseline {number} of {len(chosen)}: {each.name}", file=sys.stderr)
-            source = drive_baseline(each, baselines, workers)
-            if source is None:
-                print(f"warning: {each.name} is left out: SUMO fails with it in every scene", file=sys.stderr)
-            else:
-                beside[each.name] = feature_samples(source.parts())
+
+    def say(line: str) -> None:
+        if not quiet:
+            print(line, file=sys.stderr)
+
+    files = [path for path in runs if is_vehicle_types(path)]
+    sources = named_sources([path for path in runs if path not in files], types)
+    simulations = {each.name: feature_samples(each.parts()) for each in sources}
+    with drives_folder(baselines) as folder:
+        simulations |= drive_baselines([Baseline(str(path), path) for path in files], folder, workers, say)
+        shipped = found_baselines(folder) if baselines is not None else []
+        beside = drive_baselines(shipped, folder, workers, say)
     report = realism_report(simulations, recordings, beside)
     if html is not None:
         from interplan_sumo.realism.page import write_realism_page

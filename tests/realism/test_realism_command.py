@@ -8,7 +8,14 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from interplan_sumo.realism.baselines import Baseline, baselines, drive_baseline
+from interplan_sumo.realism.baselines import (
+    Baseline,
+    baselines,
+    drive_baseline,
+    drive_baselines,
+    drives_folder,
+    is_vehicle_types,
+)
 from interplan_sumo.realism.features import FEATURES, feature_samples
 from interplan_sumo.realism.tracks import RecordedTraffic
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
@@ -121,4 +128,17 @@ def test_a_baseline_is_driven_once_and_kept(tmp_path: Path) -> None:
         assert source is not None
         found = feature_samples(source.parts())
         assert found["speed"].road_users > 10
-    assert len((tmp_path / "mixed" / "results.jsonl").read_text().splitlines()) == 1
+    (out,) = tmp_path.iterdir()
+    assert len((out / "results.jsonl").read_text().splitlines()) == 1
+
+
+def test_a_vehicle_type_file_is_driven_and_told_from_fcd_output(tmp_path: Path, simulated: Path) -> None:
+    file = vehicle_type_file("assertive")
+    assert is_vehicle_types(file)
+    assert not is_vehicle_types(simulated)
+    assert not is_vehicle_types(tmp_path)
+    said: list[str] = []
+    with drives_folder(None) as folder:
+        assert drive_baselines([], folder, 0, said.append) == {}
+    assert not folder.exists()
+    assert not said
