@@ -21,7 +21,7 @@ HARDEST_MPS2 = 2.6
 """Milder than the 3 m/s2 that the benchmark allows in the first two seconds: not everything ahead is foreseen."""
 CALM_MODELS = frozenset({"IDM", "IDMM", "EIDM", "Krauss", "KraussPS", "KraussX"})
 """The other models answer small differences with hard braking: for them the next one ahead is taken to brake, too."""
-TWITCHY_MPS2, LEADER_BRAKES_MPS2 = 2.0, 1.5
+TWITCHY_MPS2, LEADER_BRAKES_MPS2 = 1.7, 2.0
 MOST_CLOSING_MPS = {"ACC": 2.4, "CACC": 1.5}
 """Models that brake in proportion to the difference in speed, however far away the next one ahead is."""
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0)

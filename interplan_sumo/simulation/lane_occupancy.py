@@ -16,6 +16,8 @@ from interplan_sumo.simulation.vehicle_types import VehicleType
 
 AHEAD_M, BEHIND_M = 150.0, 80.0
 """How far starting vehicles look for others."""
+HOLD_AHEAD_M = 90.0
+"""So far ahead one comes within the time for which nobody may hit another: 3 s at 30 m/s."""
 CAR_LENGTH_M = 5.0
 """Gaps are meant for cars up to this length; longer vehicles add the rest."""
 
@@ -77,6 +79,26 @@ class LaneOccupancy:
                 return min(ahead)
         return None
 
+    def leaders(self, lane: str, front_m: float, reach_m: float) -> list[tuple[float, float]]:
+        """Gap to, and speed of, the next one ahead of a front bumper on each way on from there, wherever it goes."""
+        found: list[tuple[float, float]] = []
+        seen, waiting = {lane}, [(lane, 0.0)]
+        while waiting:
+            here, start_m = waiting.pop()
+            ahead = [
+                (start_m + each.rear_m - front_m, each.speed_mps)
+                for each in self._on.get(here, ())
+                if here != lane or each.front_m > front_m + 1e-6
+            ]
+            end_m = start_m + self._network.lanes[here].length_m
+            if ahead:
+                found.append(min(ahead))
+            elif end_m - front_m < reach_m:
+                following = [after for after in self._network.after.get(here, ()) if after not in seen]
+                seen.update(following)
+                waiting.extend((after, end_m) for after in following)
+        return found
+
     def followers(self, lane: str, front_m: float, rear_m: float) -> list[tuple[float, Occupant]]:
         """The next ones behind a vehicle on all ways that lead to it, each with its gap."""
         found: list[tuple[float, Occupant]] = []
@@ -98,7 +120,8 @@ class LaneOccupancy:
         """What a vehicle has before it that starts on the first lane of a way; `opens` tells which links are open."""
         line_m = next((part.end_m - front_m for part in way if part.link is not None and not opens(part.link)), None)
         slower = [(part.start_m - front_m, part.lane.limit_mps) for part in way[1:]]
-        return StartAhead(way[0].lane.limit_mps, line_m, slower, self.leader(way, front_m))
+        leaders = self.leaders(way[0].lane.id, front_m, HOLD_AHEAD_M)
+        return StartAhead(way[0].lane.limit_mps, line_m, slower, self.leader(way, front_m), leaders)
 
     def leaves_room(self, lane: str, front_m: float, length_m: float, speed_mps: float) -> bool:
         """Whether those behind a vehicle that starts there keep a gap, are not endangered nor made to brake hard."""

@@ -210,6 +210,15 @@ class SumoNetwork:
         return {lane: tuple(dict.fromkeys(lanes)) for lane, lanes in found.items()}
 
     @cached_property
+    def after(self) -> Mapping[str, tuple[str, ...]]:
+        """The lanes, normal or internal, that begin where each lane ends."""
+        found: dict[str, list[str]] = {}
+        for lane, befores in self.before.items():
+            for before in befores:
+                found.setdefault(before, []).append(lane)
+        return {lane: tuple(lanes) for lane, lanes in found.items()}
+
+    @cached_property
     def _around(self) -> dict[str, frozenset[str]]:
         around: dict[str, set[str]] = {lane: {lane} for lane in self.lanes}
         for links in self.links.values():

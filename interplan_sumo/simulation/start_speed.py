@@ -16,6 +16,8 @@ HARDEST_FIRST_BRAKING_MPS2 = 2.4
 """Milder than the 3 m/s2 that the benchmark allows in the first two seconds: braking grows as one comes nearer."""
 STOPPING_MPS2 = 1.5
 """Comfortable braking towards a light, a junction that may not be open, or a lane with a lower limit."""
+LEAST_GAP_M = 0.5
+"""As much is left after that time."""
 LINE_M = 1.0
 """SUMO's cars stop this far before the end of their lane."""
 
@@ -31,11 +33,13 @@ class StartAhead:
     """Lanes ahead, connectors among them: where each begins, and its limit."""
     leader: tuple[float, float] | None = None
     """Gap to, and speed of, the next one ahead."""
+    leaders: Sequence[tuple[float, float]] = ()
+    """The same of the next ones ahead on all ways on, whichever it takes."""
 
 
 def safe(speed_mps: float, gap_m: float, leader_mps: float) -> bool:
     """Whether a follower does not hit its leader within the hold time."""
-    return gap_m > 0.5 and (speed_mps - leader_mps) * HOLD_S <= gap_m - 0.5
+    return gap_m > LEAST_GAP_M and (speed_mps - leader_mps) * HOLD_S <= gap_m - LEAST_GAP_M
 
 
 def start_speed_mps(
@@ -59,6 +63,7 @@ def start_speed_mps(
             lower_mps *= driver.speed_factor
             allowed.append(sqrt(lower_mps**2 + 2.0 * STOPPING_MPS2 * max(0.0, room_m)))
             meets.append(partial(_slows_mildly, free, limit_mps, max(0.0, room_m), lower_mps))
+    allowed += [leader_mps + max(0.0, gap_m - LEAST_GAP_M) / HOLD_S for gap_m, leader_mps in ahead.leaders]
     if ahead.leader is None:
         return largest_speed_mps(allowed, meets)
     gap_m, leader_mps = ahead.leader

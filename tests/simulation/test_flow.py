@@ -245,19 +245,8 @@ def flowing(number: int) -> Scenario:
     return random_scenario(name, np.random.default_rng(number), number, obstacles=number % 2 == 0)
 
 
-SLOW = [pytest.param(k, marks=pytest.mark.slow) for k in range(5, 60) if k not in (20, 47)]
-TOUCHES = pytest.mark.xfail(strict=True, reason="two bodies touch by 7 cm where two turns merge, almost standing")
-BRAKES = pytest.mark.xfail(strict=True, reason="one brakes for a light that it could not know of when it entered")
-
-
 @pytest.mark.parametrize(
-    "number",
-    [
-        *range(1, 5),
-        *SLOW,
-        pytest.param(20, marks=[pytest.mark.slow, TOUCHES]),
-        pytest.param(47, marks=[pytest.mark.slow, BRAKES]),
-    ],
+    "number", [*range(1, 5), *(pytest.param(number, marks=pytest.mark.slow) for number in range(5, 60))]
 )
 def test_no_vehicle_appears_in_sight_or_in_anothers_way(number: int) -> None:
     audit = audited(flowing(number), seed=number, steps=200, wild=False)

@@ -12,6 +12,7 @@ from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation import spawning
 from interplan_sumo.simulation.lane_chains import ChainedLane, chain_through, continued_route
+from interplan_sumo.simulation.lane_occupancy import LaneOccupancy, Occupant
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.start_speed import StartAhead, start_speed_mps
@@ -98,6 +99,16 @@ def test_a_placed_vehicle_may_be_faster_than_the_limit_and_slower(most_mps: floa
 def test_nobody_starts_behind_a_leader_that_is_too_near_to_stand_behind() -> None:
     assert start_speed_mps(DRIVER, StartAhead(15.0, leader=(DRIVER.min_gap_m, 10.0))) is None
     assert start_speed_mps(DRIVER, StartAhead(15.0, leader=(DRIVER.min_gap_m + 0.5, 10.0))) is not None
+
+
+def test_who_starts_reaches_nobody_within_three_seconds_on_any_way() -> None:
+    """Not even where it does not go."""
+    ahead = StartAhead(20.0, leaders=[(36.5, 2.0), (90.0, 20.0)])
+    assert start_speed_mps(DRIVER, ahead) == pytest.approx(2.0 + 36.0 / 3.0)
+    occupied = LaneOccupancy(NETWORK)
+    occupied.add("e1_0", Occupant(30.0, 25.0, 4.0))
+    assert occupied.leaders("e0_0", 350.0, 80.0) == [(pytest.approx(75.0, abs=0.1), 4.0)]
+    assert occupied.leaders("e0_0", 350.0, 45.0) == []
 
 
 def hardest_braking(name: str, behaviour: str) -> float:

@@ -109,18 +109,13 @@ def test_an_empty_road_needs_no_sumo() -> None:
     assert traffic_problems(staged(map="nowhere"), ONE_LANE) == []
 
 
-MEETS = pytest.mark.xfail(
-    strict=True, reason="cross traffic at a junction would touch if all held their speed; right of way keeps it apart"
-)
-
-
 @pytest.mark.parametrize(
     "name",
     [
         "back_bay",
         pytest.param("hazelwood", marks=pytest.mark.slow),
-        pytest.param("one_north", marks=[pytest.mark.slow, MEETS]),
-        pytest.param("strip", marks=[pytest.mark.slow, MEETS]),
+        pytest.param("one_north", marks=pytest.mark.slow),
+        pytest.param("strip", marks=pytest.mark.slow),
     ],
 )
 def test_dense_traffic_near_junctions_is_safe_at_the_start(name: str) -> None:
