@@ -107,7 +107,7 @@ def test_who_starts_reaches_nobody_within_three_seconds_on_any_way() -> None:
     assert start_speed_mps(DRIVER, ahead) == pytest.approx(2.0 + 36.0 / 3.0)
     occupied = LaneOccupancy(NETWORK)
     occupied.add("e1_0", Occupant(30.0, 25.0, 4.0))
-    assert occupied.leaders("e0_0", 350.0, 80.0) == [(pytest.approx(75.0, abs=0.1), 4.0)]
+    assert occupied.leaders("e0_0", 350.0, 80.0) == [(pytest.approx(75.1), 4.0)]
     assert occupied.leaders("e0_0", 350.0, 45.0) == []
 
 
