@@ -58,6 +58,8 @@ class _Told(NamedTuple):
     """For the step; None: it drives as SUMO wants."""
     from_mps: float = 0.0
     """How fast it drove before."""
+    left: bool = False
+    """Whether a speed was decided, but SUMO braked harder anyway."""
 
 
 UNTOLD = _Told(False, SPEED_MODE_DEFAULT)
@@ -189,9 +191,9 @@ class AgentControl:
         """Tell an agent that drives at `speed_mps` what is decided.
 
         Whatever SUMO itself would have it do, for another car or a light, holds
-        as well: up to `decel` SUMO sees to it, and what SUMO wanted beyond that
-        in the last step is kept up. No command, and no release, so ever breaks
-        the agent's brakes.
+        as well: up to `decel` SUMO sees to it, and while SUMO wants more than
+        that, and more than is decided, the agent is left to it. No command, and
+        no release, so ever breaks the agent's brakes.
         """
         before = self._told.get(name, UNTOLD)
         ignore, wanted_mps = decision.mode is Mode.IGNORE_EGO, decision.speed_mps
@@ -200,13 +202,9 @@ class AgentControl:
             vehicle.setParameter(name, "carFollowModel.ignoreIDs", EGO if ignore else "")
             vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore else "")
         mode = SPEED_MODE_DEFAULT
-        if wanted_mps is not None:
+        left = wanted_mps is not None and self._brakes_harder(name, before, speed_mps, wanted_mps)
+        if wanted_mps is not None and not left:
             driver = self._drivers[name]
-            if before.speed_mps is not None:
-                own_mps = vehicle.getSpeedWithoutTraCI(name)  # SUMO wanted this, or whatever more than it was told
-                braked_mps = before.from_mps - own_mps
-                if own_mps < before.speed_mps - WANTED_LESS_MPS and braked_mps > driver.decel_mps2 * DT_S:
-                    wanted_mps = min(wanted_mps, speed_mps - braked_mps)
             if wanted_mps < speed_mps - driver.decel_mps2 * DT_S:
                 mode = SPEED_MODE_HARD_BRAKING
                 wanted_mps = max(wanted_mps, speed_mps - driver.emergency_decel_mps2 * DT_S, 0.0)
@@ -215,7 +213,20 @@ class AgentControl:
             vehicle.setSpeed(name, -1.0)
         if mode != before.speed_mode:
             vehicle.setSpeedMode(name, mode)
-        self._told[name] = _Told(ignore, mode, wanted_mps, speed_mps)
+        self._told[name] = _Told(ignore, mode, None if left else wanted_mps, speed_mps, left)
+
+    def _brakes_harder(self, name: str, before: _Told, speed_mps: float, wanted_mps: float) -> bool:
+        """Whether SUMO, as it was about to in the last step, brakes harder than `decel`, and than for `wanted_mps`."""
+        if before.left:
+            own_mps = speed_mps
+        elif before.speed_mps is None:
+            return False
+        else:
+            own_mps = sumo.vehicle.getSpeedWithoutTraCI(name)  # SUMO wanted this, or whatever more than it was told
+            if own_mps >= before.speed_mps - WANTED_LESS_MPS:
+                return False
+        braked_mps = before.from_mps - own_mps
+        return braked_mps > self._drivers[name].decel_mps2 * DT_S and wanted_mps > speed_mps - braked_mps
 
     def keep_lanes(self, wanted: frozenset[str]) -> None:
         """Have these agents keep their lanes, as those do that have just come, and those before no longer."""

@@ -161,6 +161,10 @@ class EgoReactions:
             self._decide(self._skipped, {}, (), agents, near, anchor)  # for what the agents remember of it
             self._skipped = None
         decisions = self._decide(on_network, ahead, obstructions, agents, near, anchor)
+        for row in self._overhang.faces_somebody(agents, self._models.dt_s):
+            name = agents.names[row]
+            slowest_mps = float(agents.speed_mps[row]) - self._drivers[name].emergency_decel_mps2 * self._models.dt_s
+            decisions[name] = reactions.no_faster(decisions.get(name), max(0.0, slowest_mps))
         self._at_start = False
         decisions.update(dict.fromkeys(self._commanded - decisions.keys(), BACK_TO_SUMO))
         for name, decision in decisions.items():

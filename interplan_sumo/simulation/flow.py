@@ -236,10 +236,10 @@ class Flow:
                 continue
             each = Occupant(position_m, position_m - driver.length_m, speed_mps, driver)
             occupied.add(lane, each)
-            if abs(aside_m) > CHANGING_M and not lanes[lane].internal:
-                siblings, index = self.network.edges[lanes[lane].edge], lanes[lane].index
-                for beside in siblings[max(0, index - 1) : index + 2]:
-                    if beside != lane:
+            if abs(aside_m) > CHANGING_M:
+                edge, index = lanes[lane].edge, lanes[lane].index
+                for beside in (f"{edge}_{index - 1}", f"{edge}_{index + 1}"):  # also inside junctions
+                    if beside in lanes:
                         occupied.add(beside, each)
         return occupied
 

@@ -3,7 +3,8 @@
 A car that changes lane in slow traffic turns far out of its lane, and its rear
 follows only as it drives on. SUMO keeps both lanes occupied until the front is
 on the new centre line, then frees the old lane at once; those behind would
-drive into the rear. So they are told of it.
+drive into the rear. So they are told of it. And it must not drive into whom,
+for SUMO, it has passed already.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from math import cos, pi, sin
 
 import numpy as np
+import shapely
 
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
@@ -22,6 +24,10 @@ from interplan_sumo.world.geometry import box_polygons, wrap_angle
 
 SLOW_MPS = 7.0
 """At 3.5 m in 3 s across, a car this fast or faster never turns so far that its rear leaves its lane."""
+TOUCH_M = 0.15
+"""So near a car may come to another one that, for SUMO, it has passed."""
+LONGEST_M = 20.0
+"""No vehicle is longer."""
 TURNING_RAD = 0.004
 """A car that slides sideways at SUMO's least lateral speed, 0.5 m/s, turns by more than this in a step."""
 
@@ -88,6 +94,35 @@ class LaneChangeOverhang:
             along_rad = lane.line.pose_at(lane.arc_of((start_m + end_m) / 2.0)).heading_rad
             coverage[name] = LaneCoverage(0.0, start_m, end_m, speed_mps * cos(heading_rad - along_rad))
         return coverage
+
+    def faces_somebody(self, snapshot: AgentSnapshot, dt_s: float) -> list[int]:
+        """Rows of cars shown elsewhere than where SUMO has them that must brake for whom they stand behind there."""
+        return [row for row in sorted(snapshot.displaced) if self._faces_somebody(row, snapshot, dt_s)]
+
+    def _faces_somebody(self, row: int, snapshot: AgentSnapshot, dt_s: float) -> bool:
+        me, heading, speed = self._drivers[snapshot.names[row]], snapshot.heading_rad[row], snapshot.speed_mps[row]
+        reach_m = TOUCH_M + float(speed) * dt_s + float(speed) ** 2 / (2.0 * me.emergency_decel_mps2)
+        cosine, sine = np.cos(snapshot.heading_rad), np.sin(snapshot.heading_rad)
+        dx, dy = snapshot.front_x - snapshot.front_x[row], snapshot.front_y - snapshot.front_y[row]
+        ahead_m = dx * cosine[row] + dy * sine[row]
+        rows = np.flatnonzero((ahead_m > 0.0) & (np.hypot(dx, dy) < reach_m + me.width_m + LONGEST_M))
+        if not len(rows):
+            return False
+        x, y = float(snapshot.front_x[row]), float(snapshot.front_y[row])
+        middle_m = reach_m / 2.0
+        (way,) = box_polygons(
+            [x + middle_m * cosine[row]], [y + middle_m * sine[row]], [heading], [reach_m], [me.width_m]
+        )
+        others = [self._drivers[snapshot.names[i]] for i in rows.tolist()]
+        lengths = np.array([each.length_m for each in others])
+        bodies = box_polygons(
+            snapshot.front_x[rows] - lengths / 2.0 * cosine[rows],
+            snapshot.front_y[rows] - lengths / 2.0 * sine[rows],
+            snapshot.heading_rad[rows],
+            lengths,
+            [each.width_m for each in others],
+        )
+        return bool(shapely.intersects(way, bodies).any())
 
     def forget(self, name: str) -> None:
         """The agent has left."""

@@ -43,7 +43,10 @@ LEAST_ALIGNMENT = 0.85
 ENCOUNTER_S = 3.0
 """An ego that has neither touched nor approached an agent's lane for this long, and does so again, is met anew."""
 CLOSEST_M = 0.5
-"""So near somebody courteous lets the ego come while it makes room, if its standstill gap is not less anyway."""
+"""So near somebody courteous lets the ego come while it makes room, and nobody closes up farther.
+
+Not where the standstill gap is less anyway."""
+STANDING_MPS = 0.5
 CONTACT_SHARE = 0.5
 """An ego with more of its box than this in the lane, beside the front of an agent that reacts to it, touches it."""
 _LEAST_MPS = 1e-6
@@ -315,12 +318,15 @@ class DriverModels:
         """What the agent's own model wants behind a leader, as far as its motor and brakes allow.
 
         A leader that comes towards it (negative speed) is met where both would
-        be if neither braked: the agent stops before that.
+        be if neither braked: the agent stops before that. Some models pull away
+        in a gap below their standstill gap: nobody closes up farther there.
         """
         speed_mps = agent.speed_mps
         if leader_mps < 0.0:
             gap_m, leader_mps = gap_m * speed_mps / max(speed_mps - leader_mps, _LEAST_MPS), 0.0
         wanted_mps = self.follow(agent.id, speed_mps, max(gap_m, SMALLEST_GAP_M), leader_mps)
+        if gap_m < min(agent.driver.min_gap_m, CLOSEST_M):
+            wanted_mps = min(wanted_mps, leader_mps)
         hardest_mps = speed_mps - agent.driver.emergency_decel_mps2 * self.dt_s
         return max(0.0, hardest_mps, min(wanted_mps, speed_mps + agent.driver.accel_mps2 * self.dt_s))
 
@@ -342,22 +348,31 @@ def yield_to(
         wanted = [drivers.next_speed_mps(agent, *leader) for leader in _leaders(agent, obstructions)]
         if not wanted:
             continue
-        before = decided.get(agent.id, ReactionDecision(Mode.OVERRIDE_SPEED, 0.0, False))
-        if before.speed_mps is not None:
-            wanted.append(before.speed_mps)
-        mode = Mode.IGNORE_EGO if before.mode is Mode.IGNORE_EGO else Mode.OVERRIDE_SPEED
-        decided[agent.id] = ReactionDecision(mode, before.overlap, before.reacting, min(wanted))
+        decided[agent.id] = no_faster(decided.get(agent.id), min(wanted))
     return decided
 
 
+def no_faster(before: ReactionDecision | None, most_mps: float) -> ReactionDecision:
+    """A decision, or none, with a bound of the speed."""
+    if before is None:
+        return ReactionDecision(Mode.OVERRIDE_SPEED, 0.0, False, most_mps)
+    mode = Mode.IGNORE_EGO if before.mode is Mode.IGNORE_EGO else Mode.OVERRIDE_SPEED
+    speed_mps = most_mps if before.speed_mps is None else min(most_mps, before.speed_mps)
+    return ReactionDecision(mode, before.overlap, before.reacting, speed_mps)
+
+
 def _leaders(agent: Agent, obstructions: Mapping[str, Sequence[tuple[str, LaneCoverage]]]) -> set[tuple[float, float]]:
-    """Gap and speed, not below 0, of everything in the corridor that is not behind the front bumper."""
+    """Gap and speed, not below 0, of everything in the corridor that is not behind the front bumper.
+
+    Who stands waits for pedestrians beside it, too: they walk on, whoever is in their way.
+    """
+    beside_m = agent.position_m - (agent.driver.length_m if agent.speed_mps < STANDING_MPS else 0.0)
     found: set[tuple[float, float]] = set()
     for lane, parts in obstructions.items():
         start_m = agent.corridor.get(lane)
         if start_m is None:
             continue
         for other, part in parts:
-            if other != agent.id and start_m + part.end_m > agent.position_m:
+            if other != agent.id and start_m + part.end_m > (agent.position_m if other else beside_m):
                 found.add((start_m + part.start_m - agent.position_m, max(0.0, part.speed_mps)))
     return found

@@ -10,7 +10,9 @@ import pytest
 from networks import LANE_Y, agent, ego_at, traffic, types
 
 from interplan_sumo.simulation.agent_control import AgentChance
+from interplan_sumo.simulation.ego_reactions import AgentCommands
 from interplan_sumo.simulation.headway_relaxation import HeadwayRelaxation
+from interplan_sumo.simulation.reactions import Mode, ReactionDecision
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes, read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import EgoState
 
@@ -65,6 +67,32 @@ def test_a_new_leader_at_no_less_than_the_own_headway_changes_nothing(gap_m: flo
     drivers = {"a": VehicleType("d", tau_s=1.5, relaxation_s=5.0)}
     HeadwayRelaxation(drivers, lambda _, tau_s: told.append(tau_s), 0.1).cut_in("a", gap_m, 10.0)
     assert bool(told) is relaxes
+
+
+def test_an_agent_that_is_told_a_speed_brakes_for_sumos_reasons_as_hard_as_ever() -> None:
+    """Told to go on, it stops before what SUMO has on its lane just as it does untold."""
+    cars = types("conservative")
+    spawns = (agent(cars, "e0_1", 60.0, 12.0), agent(cars, "e0_1", 100.0, 0.0))
+
+    def speeds(told: ReactionDecision) -> list[float]:
+        found: list[float] = []
+        with traffic(cars, spawns, ego_at(300.0, LANE_Y[0])) as run:
+            for _ in range(60):
+                libsumo.vehicle.setSpeed("a1", 0.0)
+                run._control.tell(
+                    run._agents.snapshot(run._lanes_of, run._positions_m, run._choice_of),
+                    AgentCommands({"a0": told}, frozenset()),
+                )
+                run.advance()
+                found.append(libsumo.vehicle.getSpeed("a0"))
+        return found
+
+    left, told = (
+        speeds(ReactionDecision(mode, 0.0, False, mps))
+        for mode, mps in ((Mode.SUMO, None), (Mode.OVERRIDE_SPEED, 13.0))
+    )
+    assert min(np.diff(left)) < -0.3  # harder than `decel`
+    assert told == pytest.approx(left, abs=0.3)
 
 
 def lane_changes_s(cars: VehicleTypes, *, with_ego: bool = True) -> list[float]:

@@ -134,6 +134,8 @@ def test_a_car_that_is_changing_lane_is_on_both() -> None:
     car = [("e1_1", 500.0, 10.0)]
     assert len(flow._occupied(_one(car, 0.0)).on("e1_0")) == 0
     assert len(flow._occupied(_one(car, 0.3)).on("e1_0")) == 1
+    inside = flow._occupied(_one([(":B_1_1", 0.1, 10.0)], 0.3))
+    assert [len(inside.on(lane)) for lane in (":B_1_0", "e0_0")] == [1, 1]
     assert look(flow, car, ego).entering
 
 

@@ -73,6 +73,23 @@ def test_a_car_that_hardly_turns_or_drives_fast_overhangs_nothing(turned_rad: fl
     assert LaneChangeOverhang(NETWORK, {"a": CAR}).candidates(driving(0.5, turned_rad, speed_mps)) == []
 
 
+@pytest.mark.parametrize(("x_m", "aside_m", "displaced", "waits"), [
+    (104.8, 0.0, True, True), (105.0, 0.0, True, False), (104.8, 2.1, True, False), (104.8, 0.0, False, False),
+    (99.9, 1.0, True, False),
+])  # fmt: skip
+def test_a_car_that_is_elsewhere_than_where_sumo_has_it_waits_for_whom_it_stands_behind(
+    x_m: float, aside_m: float, displaced: bool, waits: bool
+) -> None:
+    """It needs 0.15 m and 0.11 m at 1 m/s, ahead of 100 m; the other one is 4.6 m long."""
+    alone = driving(0.0, 0.0, 1.0)
+    both = replace(
+        alone, names=("a", "b"), front_x=np.array([100.0, x_m + 0.06]), front_y=LANE_Y[1] + np.array([0.0, aside_m]),
+        heading_rad=np.zeros(2), speed_mps=np.array([1.0, 0.0]), displaced=frozenset([0] if displaced else []),
+    )  # fmt: skip
+    found = LaneChangeOverhang(NETWORK, {"a": CAR, "b": CAR}).faces_somebody(both, 0.1)
+    assert found == ([0] if waits else [])
+
+
 @pytest.mark.parametrize(("apart_m", "spans"), [(13.9, [(94.0, 124.8)]), (14.1, [(94.0, 110.0), (118.1, 125.0)])])
 def test_stretches_that_two_obstacles_block_are_one_where_no_car_fits_between(
     apart_m: float, spans: list[tuple[float, float]]

@@ -224,6 +224,22 @@ def test_of_two_cars_ahead_the_one_counts_for_which_idm_brakes_harder(standing_g
     assert told.speed_mps == pytest.approx(speed_mps, abs=2e-3)
 
 
+@pytest.mark.parametrize(("speed_mps", "waits"), [(0.4, True), (0.6, False)])
+def test_who_stands_waits_for_a_pedestrian_beside_it_and_who_drives_goes_on(speed_mps: float, waits: bool) -> None:
+    agent = follower(1.0)._replace(speed_mps=speed_mps)
+    crossing = LaneCoverage(0.0, 58.0, 59.0, 0.0)
+    told = reactions.yield_to([agent], {"e0_1": [("", crossing)]}, {}, drivers())
+    assert [each.speed_mps for each in told.values()] == ([0.0] if waits else [])
+    assert reactions.yield_to([agent], {"e0_1": [("b", crossing)]}, {}, drivers()) == {}
+
+
+@pytest.mark.parametrize(("gap_m", "speed_mps"), [(0.45, 0.0), (0.55, 0.1)])
+def test_nobody_closes_up_below_half_a_metre_even_if_its_model_pulls_away(gap_m: float, speed_mps: float) -> None:
+    pulls_away = DriverModels(lambda *_: 0.4, lambda _: 0.5, lambda *_: None, 0.1)
+    agent = follower(1.0)._replace(speed_mps=0.0)
+    assert pulls_away.next_speed_mps(agent, gap_m, 0.0) == pytest.approx(speed_mps)
+
+
 @pytest.mark.parametrize(("position_m", "reacts"), [(97.3, True), (97.5, False)])
 def test_only_what_begins_ahead_of_the_front_bumper_concerns_an_agent(position_m: float, reacts: bool) -> None:
     """The rear of the ego is at 97.4 m."""
