@@ -176,6 +176,8 @@ class EgoReactions:
                 del self._memory[name]
         if on_network.straddles:
             keep_lane |= self._keeping_lane(agents, away_m2)
+        if self._overlap_lane is not None:
+            keep_lane |= self._beside_overlap(agents, self._overlap_lane)
         return AgentCommands(decisions, keep_lane)
 
     def _get_to_know_drivers(self) -> None:
@@ -189,6 +191,12 @@ class EgoReactions:
         """Agents that keep their lane beside an ego that straddles two; `away_m2` as in `_within_reach`."""
         beside = (agents.names[row] for row in np.flatnonzero(away_m2 <= FREEZE_RADIUS_M**2).tolist())
         return frozenset([name for name in beside if not self._drivers[name].swerve])
+
+    def _beside_overlap(self, agents: AgentSnapshot, lane: str) -> frozenset[str]:
+        """Agents next to a lane on which the ego has passed through others: SUMO takes what it hides for room."""
+        beside = set(self._network.edges.get(self._network.lanes[lane].edge, ())) - {lane}
+        here = zip(agents.names, self._corridors_of(agents, agents.names), strict=True)
+        return frozenset([name for name, (at, _) in here if at in beside])
 
     def _beside_blockages(self, agents: AgentSnapshot) -> frozenset[str]:
         """Agents beside what blocks the next lane: SUMO may slide a standing car into it."""

@@ -71,8 +71,8 @@ class OnTheRoad:
     """'' is nowhere."""
     positions_m: Sequence[float]
     """Of the front bumpers along the lanes."""
-    asides_m: Sequence[float]
-    """How far they are from the middle of their lanes."""
+    asides_m: Floats
+    """How far their bodies are from the middle of their lanes."""
     speeds_mps: Floats
     drivers: Sequence[VehicleType]
     x_m: Floats
@@ -230,13 +230,18 @@ class Flow:
         occupied = LaneOccupancy(self.network, self._blocked)
         lanes = self.network.lanes
         for lane, position_m, aside_m, speed_mps, driver in zip(
-            agents.lanes, agents.positions_m, agents.asides_m, agents.speeds_mps.tolist(), agents.drivers, strict=True
+            agents.lanes,
+            agents.positions_m,
+            agents.asides_m.tolist(),
+            agents.speeds_mps.tolist(),
+            agents.drivers,
+            strict=True,
         ):
             if lane not in lanes:
                 continue
             each = Occupant(position_m, position_m - driver.length_m, speed_mps, driver)
             occupied.add(lane, each)
-            if abs(aside_m) > CHANGING_M:
+            if aside_m > CHANGING_M:
                 edge, index = lanes[lane].edge, lanes[lane].index
                 for beside in (f"{edge}_{index - 1}", f"{edge}_{index + 1}"):  # also inside junctions
                     if beside in lanes:

@@ -34,6 +34,8 @@ from interplan_sumo.world.signals import Signals, SignalStatus
 
 SOON_S = 2.5
 """A light that switches within this time is none to drive towards as if it stayed green."""
+LANE_SLACK_M = 0.5
+"""The rear of a car that is turned by less than this against its lane stays in it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -261,9 +263,18 @@ class SumoTraffic:
         agents = self._agents
         names, aside_of = agents.names, sumo.vehicle.getLateralLanePosition
         with Commanding("reading how far the agents are from the middle of their lanes"):
-            asides_m = [aside_of(name) for name in names]
+            asides_m = np.abs([aside_of(name) for name in names])
+        moving, lanes, positions_m = agents.kinematics, self._lanes_of(names), self._positions_m(names)
+        on = [self._network.lanes.get(lane) for lane in lanes]
+        along_rad = [
+            lane.plain_line.heading_at(lane.arc_of(position_m)) if lane is not None else 0.0
+            for lane, position_m in zip(on, positions_m, strict=True)
+        ]
+        trailing_m = agents.length_m * np.abs(np.sin(moving.heading_rad - along_rad))
+        asides_m += np.where(trailing_m > LANE_SLACK_M, trailing_m, 0.0)
+        asides_m[sorted(moving.displaced)] += FREEZE_RADIUS_M
         there = OnTheRoad(
-            names, self._lanes_of(names), self._positions_m(names), asides_m, agents.kinematics.speed_mps,
+            names, lanes, positions_m, asides_m, moving.speed_mps,
             [agents.drivers[name] for name in names], agents.front_x, agents.front_y,
         )  # fmt: skip
         changes = flow.changes(there, self._ego, self._ids.origin_m, self._is_open)

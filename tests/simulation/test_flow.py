@@ -56,7 +56,7 @@ def look(flow: Flow, cars: list[Car], ego: EgoState) -> Changes:
     x_m = np.array([_x_m(lane, at_m) for lane, at_m, _ in cars])
     there = OnTheRoad(
         [f"a{i}" for i in range(len(cars))], [car[0] for car in cars], [car[1] for car in cars],
-        [0.0] * len(cars), np.array([car[2] for car in cars]), [driver] * len(cars), x_m, np.zeros(len(cars)),
+        np.zeros(len(cars)), np.array([car[2] for car in cars]), [driver] * len(cars), x_m, np.zeros(len(cars)),
     )  # fmt: skip
     return flow.changes(there, ego, (0.0, 0.0), lambda _: True)
 
@@ -141,7 +141,9 @@ def test_a_car_that_is_changing_lane_is_on_both() -> None:
 
 def _one(car: list[Car], aside_m: float) -> OnTheRoad:
     driver = types("conservative").members[0]
-    return OnTheRoad(["a"], [car[0][0]], [car[0][1]], [aside_m], np.array([8.0]), [driver], np.zeros(1), np.zeros(1))
+    return OnTheRoad(
+        ["a"], [car[0][0]], [car[0][1]], np.array([aside_m]), np.array([8.0]), [driver], np.zeros(1), np.zeros(1)
+    )
 
 
 @settings(max_examples=150, deadline=None)
