@@ -72,13 +72,14 @@ def test_a_new_leader_at_no_less_than_the_own_headway_changes_nothing(gap_m: flo
 def test_an_agent_that_is_told_a_speed_brakes_for_sumos_reasons_as_hard_as_ever() -> None:
     """Told to go on, it stops before what SUMO has on its lane just as it does untold."""
     cars = types("conservative")
-    spawns = (agent(cars, "e0_1", 60.0, 12.0), agent(cars, "e0_1", 100.0, 0.0))
+    spawns = (agent(cars, "e0_1", 60.0, 10.0), agent(cars, "e0_1", 100.0, 10.0))
 
     def speeds(told: ReactionDecision) -> list[float]:
         found: list[float] = []
         with traffic(cars, spawns, ego_at(300.0, LANE_Y[0])) as run:
-            for _ in range(60):
-                libsumo.vehicle.setSpeed("a1", 0.0)
+            libsumo.vehicle.setSpeedMode("a1", 0)
+            for step in range(80):
+                libsumo.vehicle.setSpeed("a1", 10.0 if step < 30 else 0.0)
                 run._control.tell(
                     run._agents.snapshot(run._lanes_of, run._positions_m, run._choice_of),
                     AgentCommands({"a0": told}, frozenset()),
