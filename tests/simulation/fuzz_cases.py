@@ -102,7 +102,7 @@ def case(seed: int, number: int, maps: Maps, folder: Path) -> Case:
     else:
         scenario = _generated(maps.names[int(rng.integers(len(maps.names)))], seed, number, rng, families=pick < 0.75)
     kinds = {each.kind for each in scenario.vehicles}
-    types, words = _drivers(folder, number, rng, only="urban" if kinds - {"car"} else None)
+    types, words = _drivers(folder / f"types_{seed}_{number}.xml", rng, only="urban" if kinds - {"car"} else None)
     return Case(number, scenario, int(rng.integers(1000)), ego, types, words)
 
 
@@ -123,8 +123,8 @@ def _generated(map: str, seed: int, number: int, rng: np.random.Generator, *, fa
     return random_scenario(map, rng, number, obstacles=bool(rng.random() < 0.3), jaywalker=bool(rng.random() < 0.2))
 
 
-def _drivers(folder: Path, number: int, rng: np.random.Generator, only: str | None) -> tuple[Path, str]:
-    """A vehicle-type file: a shipped one, or one with another car-following model and other reactions.
+def _drivers(path: Path, rng: np.random.Generator, only: str | None) -> tuple[Path, str]:
+    """A vehicle-type file: a shipped one, or one at `path` with another car-following model and other reactions.
 
     `only` names the file that has every kind of vehicle, where the scene places some.
     """
@@ -143,7 +143,6 @@ def _drivers(folder: Path, number: int, rng: np.random.Generator, only: str | No
         if rng.random() < 0.5 and _supported(key):
             text = _with_parameter(text, key, value)
             words.append(f"{key}={value:g}")
-    path = folder / f"types_{number}.xml"
     path.write_text(text)
     return path, " ".join(words)
 
