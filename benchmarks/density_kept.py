@@ -43,6 +43,7 @@ class Count:
     later: float
     expected_first: float
     expected_later: float
+    standing_first: float
     standing_later: float
 
 
@@ -63,7 +64,7 @@ def counted(scenario: Scenario, planner: str, seed: int) -> Count | None:
     ]
     return Count(
         float(within[0]), float(within[LATER_STEP:].mean()), expected[0], float(np.mean(expected[1:])),
-        float(standing[LATER_STEP:].mean()),
+        float(standing[0]), float(standing[LATER_STEP:].mean()),
     )  # fmt: skip
 
 
@@ -104,16 +105,16 @@ def main() -> None:
                 counts[scenario.traffic.density].append(count)
                 if asked.scenes:
                     print(f"{scenario.id} {seed}: {count.first:.0f} -> {count.later:.1f}", flush=True)
-    print("density  drives  start  later  ratio     expected       ratio to it  standing")
+    print("density  drives  start  later  ratio     expected       ratio to it  standing  ratio of moving")
     for density, found in counts.items():
-        first, later, wanted_first, wanted_later, standing = (
+        first, later, wanted_first, wanted_later, stood, standing = (
             float(np.mean([getattr(each, name) for each in found]))
-            for name in ("first", "later", "expected_first", "expected_later", "standing_later")
+            for name in ("first", "later", "expected_first", "expected_later", "standing_first", "standing_later")
         )
         to_it = later / wanted_later / (first / wanted_first)
         print(
             f"{density:8} {len(found):6} {first:6.1f} {later:6.1f} {later / first:6.2f}  {wanted_first:6.1f} to "
-            f"{wanted_later:5.1f} {to_it:12.2f} {standing:10.1f}"
+            f"{wanted_later:5.1f} {to_it:12.2f} {standing:10.1f} {(later - standing) / (first - stood):15.2f}"
         )
 
 

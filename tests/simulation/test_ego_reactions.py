@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from networks import LANE_Y, WESTWARD_Y, agent, ego_at, traffic, two_way_road, types
 
+from interplan_sumo.simulation.agent_control import NEW_STEPS
 from interplan_sumo.simulation.agent_registry import AgentRegistry
 from interplan_sumo.simulation.anchor import find_anchor
 from interplan_sumo.simulation.ego_locator import EgoLocator
@@ -28,6 +29,8 @@ def test_agents_within_40_m_of_a_straddling_ego_keep_their_lane(behind_m: float,
     cars = types("conservative")
     ego = ego_at(100.0, BOUNDARY_Y)
     with traffic(cars, (agent(cars, "e0_2", ego.x_m - behind_m, 8.0),), ego) as run:
+        for _ in range(NEW_STEPS):
+            run.advance()
         run.react(EgoState(0.0, float(run.observe().actors.x_m[0]) + 2.3 + behind_m, ego.y_m, 0.0, vx_mps=8.0))
         assert (libsumo.vehicle.getLaneChangeMode("a0") == KEEPS_LANE) == keeps
 

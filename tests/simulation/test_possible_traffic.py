@@ -170,7 +170,7 @@ def recorded(scenario_id: str, *, with_ego: bool, steps: int) -> tuple[Drive, di
 def test_bodies_follow_their_wheels_and_lane_changes_last_differently() -> None:
     """Dense traffic before a lane that ends: many lane changes, slow ones, too."""
     durations: list[float] = []
-    for scenario_id in ("lane_change_htd/0", "lane_change_mtd/2"):
+    for scenario_id in ("lane_change_htd/0", "lane_change_htd/2", "lane_change_htd/5"):
         driven, agents = recorded(scenario_id, with_ego=False, steps=200)
         found = violations(driven, agents)
         assert [each for each in found if each.kind == "side_slip"] == []
