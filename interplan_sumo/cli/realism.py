@@ -34,8 +34,8 @@ def realism(
     runs: Annotated[
         list[Path],
         typer.Argument(
-            help="Run folders, traces, fcd output of SUMO (.xml, .xml.gz), or vehicle-type files, whose drivers are "
-            "simulated on shipped city networks.",
+            help="Run folders, traces, fcd output of SUMO (.xml, .xml.gz), or vehicle-type files (or names of shipped "
+            "ones), whose drivers are simulated on shipped city networks.",
             metavar="RUN...",
         ),
     ],
@@ -60,7 +60,13 @@ def realism(
 ) -> int:
     """How real simulated traffic is: distributions beside recorded ones, distances, and one realism number."""
     take_one_thread()
-    from interplan_sumo.realism.baselines import Baseline, is_vehicle_types, shipped_baselines, simulated_baselines
+    from interplan_sumo.realism.baselines import (
+        Baseline,
+        is_vehicle_types,
+        shipped_baselines,
+        shipped_files,
+        simulated_baselines,
+    )
     from interplan_sumo.realism.comparison import realism_report
     from interplan_sumo.realism.features import feature_samples
     from interplan_sumo.realism.formats import realism_json, realism_tables
@@ -72,7 +78,8 @@ def realism(
         from interplan_sumo.realism.plot import need_matplotlib
 
         need_matplotlib()
-    for path in (*runs, *against):
+    files = {path: path if path.exists() else shipped_files().get(str(path), path) for path in runs}
+    for path in (*files.values(), *against):
         if not path.exists():
             raise InputError(f"cannot read {path}: there is no such file or folder")
     recordings = open_recordings(against)
@@ -81,10 +88,10 @@ def realism(
         if not quiet:
             print(line, file=sys.stderr)
 
-    files = [path for path in runs if is_vehicle_types(path)]
-    sources = named_sources([path for path in runs if path not in files], types)
+    drivers = [Baseline(str(path), file) for path, file in files.items() if is_vehicle_types(file)]
+    sources = named_sources([path for path, file in files.items() if not is_vehicle_types(file)], types)
     simulations = {each.name: feature_samples(each.parts()) for each in sources}
-    simulations |= simulated_baselines([Baseline(str(path), path) for path in files], say)
+    simulations |= simulated_baselines(drivers, say)
     with shipped_baselines() as shipped:
         beside = simulated_baselines(shipped, say) if baselines else {}
     report = realism_report(simulations, recordings, beside)

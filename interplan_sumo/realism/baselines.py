@@ -31,10 +31,15 @@ def is_vehicle_types(path: Path) -> bool:
     return path.is_file() and root_of(path) == "additional"
 
 
+def shipped_files() -> dict[str, Path]:
+    """The vehicle-type files that ship, by name."""
+    return {path.stem: path for path in sorted(routes_root().glob("*.xml"))}
+
+
 @contextmanager
 def shipped_baselines() -> Generator[list[Baseline]]:
     """The shipped files, and a type with nothing but its model for each car-following model."""
-    shipped = [Baseline(f"{path.stem} (shipped)", path) for path in sorted(routes_root().glob("*.xml"))]
+    shipped = [Baseline(f"{name} (shipped)", path) for name, path in shipped_files().items()]
     with TemporaryDirectory(prefix="interplan_") as folder:
         yield [*shipped, *(_of_model(Path(folder), model) for model in car_following_models())]
 

@@ -125,3 +125,14 @@ def test_a_vehicle_type_file_is_told_from_fcd_output_and_a_broken_one_is_refused
     code, _, err = ran(capsys, "traffic", "realism", broken, "--against", against)
     assert code == 2
     assert "drivers.xml, line 1" in err
+
+
+@pytest.mark.slow
+def test_a_shipped_file_is_simulated_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    against = recorded(tmp_path, platoon("here", 10.0))
+    code, out, err = ran(capsys, "traffic", "realism", "conservative", "--against", against, "--json")
+    assert code == 0
+    assert err == "simulating 1 of 1: conservative\n"
+    row = json.loads(out)["rows"][0]
+    assert row["name"] == "conservative"
+    assert row["features"]["standstill_gap"]["simulated"]["p50"] == pytest.approx(1.0, abs=0.1)
