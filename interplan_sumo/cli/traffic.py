@@ -1,4 +1,4 @@
-"""Commands about traffic: `traffic check`, what a vehicle-type file does here, and `traffic realism`."""
+"""Commands about traffic: what a vehicle-type file does here, `traffic realism` and `traffic calibrate`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from interplan_sumo.cli.calibrate import calibrate_drivers
 from interplan_sumo.cli.options import DONE, LOOKS, JsonOption
 from interplan_sumo.cli.realism import TakingSeveral, realism
 
@@ -41,3 +42,4 @@ def check_file(
 
 
 traffic_app.command("realism", cls=TakingSeveral)(realism)
+traffic_app.command("calibrate")(calibrate_drivers)

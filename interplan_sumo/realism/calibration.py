@@ -1,0 +1,199 @@
+"""Drivers fitted to recordings, from reading to the vehicle-type file: `calibrate`."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from interplan_sumo.errors import InputError
+from interplan_sumo.realism.car_following import PARAMETERS, spacing_rmse_m
+from interplan_sumo.realism.driver_fit import DriverFit
+from interplan_sumo.realism.driver_population import QUALITIES, DriverPopulation
+from interplan_sumo.realism.held_out import HeldOut, fitted, held_out
+from interplan_sumo.realism.observed_drivers import ObservedDrivers, observed_drivers
+from interplan_sumo.realism.published import PRIORS, Road
+from interplan_sumo.realism.tracks import RecordedTraffic
+from interplan_sumo.realism.vehicle_type_writer import vehicle_type_text
+from interplan_sumo.world.geometry import Floats
+
+TOLD: Final = 0.5
+"""A record tells a parameter if it takes away this share of the population's variance, or more."""
+UNITS: Final[dict[str, str]] = dict(zip(QUALITIES, ("s", "m", "m/s2", "m/s2", "", "s", "s", "s"), strict=True))
+NAMES: Final[dict[str, str]] = dict(
+    zip(
+        QUALITIES,
+        ("time gap T", "standstill gap s0", "acceleration a", "braking b", "desired speed over the allowed one",
+         "reaction time (published)", "critical gap of lane changes (published)", "lane change (published)"),
+        strict=True,
+    )
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationOptions:
+    """What a user may say beside the recordings."""
+
+    road: Road = "city"
+    """Whose published drivers fill in what the recordings do not tell."""
+    limits_mps: Mapping[str, float] | None = None
+    """By place, where known."""
+    count: int = 64
+    """How many types are drawn."""
+    shift: float = 0.0
+    """Quantiles by which every drawn driver is more cautious than the measured one."""
+    date: str = ""
+    """When the recordings were made."""
+    source: str = ""
+    """Whose they are, and under which licence."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """What was fitted, and how well."""
+
+    options: CalibrationOptions
+    recordings: tuple[RecordedTraffic, ...]
+    drivers: ObservedDrivers
+    fit: DriverFit
+    population: DriverPopulation
+    held_out: HeldOut
+
+    @property
+    def rmse_m(self) -> Floats:
+        """(E,) spacing errors of the episodes, each driver with its own type."""
+        batch = self.drivers.batch(free=False)
+        return spacing_rmse_m(batch, np.exp(self.fit.drivers)[batch.driver])
+
+    @property
+    def told(self) -> dict[str, int]:
+        """How many drivers tell each parameter."""
+        return dict(zip(PARAMETERS, (self.fit.identified >= TOLD).sum(axis=0).tolist(), strict=True))
+
+    def drawn(self) -> Floats:
+        """(N, 8) drivers."""
+        return self.population.drawn(self.options.count, self.options.shift)
+
+    def text(self) -> str:
+        """The vehicle-type file."""
+        return vehicle_type_text(self.drawn(), [*_comment(self)])
+
+
+def calibrate(recordings: Sequence[RecordedTraffic], options: CalibrationOptions | None = None) -> Calibration:
+    """Fit drivers to recordings; InputError if there is too little in them, or an option cannot be."""
+    options = options or CalibrationOptions()
+    if options.road not in PRIORS:
+        raise InputError(f"the road is {options.road!r}, expected {' or '.join(PRIORS)}")
+    for place, limit_mps in (options.limits_mps or {}).items():
+        if not 1.0 < limit_mps < 60.0:
+            raise InputError(f"the limit of {place} is {limit_mps:g} m/s, expected 1 to 60")
+    prior = PRIORS[options.road]
+    drivers = observed_drivers(recordings, options.limits_mps)
+    fit = fitted(drivers, prior)
+    population = DriverPopulation.of(fit)
+    population.drawn(options.count, options.shift)  # a fault in an option is told before the long part
+    return Calibration(options, tuple(recordings), drivers, fit, population, held_out(drivers, prior))
+
+
+def _comment(found: Calibration) -> Iterator[str]:
+    options, drivers = found.options, found.drivers
+    yield "Drivers fitted to recordings by `interplan-sumo traffic calibrate`; regenerate rather than edit."
+    if options.source:
+        yield from _wrapped(f"Source: {options.source}")
+    yield from _wrapped(f"Recordings: {', '.join(each.name for each in found.recordings)}.")
+    yield f"Date: {options.date or 'not given'}."
+    episodes = sum(len(each.episodes) for each in drivers.drivers)
+    yield from _wrapped(
+        f"Sample: {len(drivers.drivers)} drivers in {len(drivers.places)} places, {episodes} episodes behind a leader. "
+        f"Told by the records of: {', '.join(f'{NAMES[name]} {count}' for name, count in found.told.items())}; "
+        f"where a record tells little the population decides, and before it {PRIORS[options.road].source}."
+    )
+    yield from _wrapped(
+        "Allowed speeds (m/s): "
+        + ", ".join(f"{place} {mps:.1f}" for place, mps in sorted(drivers.allowed_mps.items()))
+        + "; of places without a known limit the 85th percentile of free speeds over 1.1."
+    )
+    yield from _wrapped(f"Spacing error of a driver's own type, median over episodes: {np.median(found.rmse_m):.2f} m.")
+    left = found.held_out
+    if left.places:
+        yield from _wrapped(
+            f"Held out, one place after the other: {left.median('own_rmse_m'):.2f} m with the type fitted for a driver "
+            f"by the population of the other places, {left.median('ahead_rmse_m'):.2f} m ahead of what it was fitted "
+            f"to, {left.median('anybody_rmse_m'):.2f} m with the median type."
+        )
+    yield from _wrapped(
+        "Published, not fitted: reaction times (Green, 2000), critical gaps and relaxation after cut-ins (I-24 MOTION, "
+        "NGSIM US-101), durations of lane changes (Thiemann et al., 2008; Toledo and Zohar, 2007)."
+    )
+    yield from _wrapped(
+        f"Shift: {options.shift:+g} quantiles towards caution. {options.count} types, lognormal and correlated: "
+        + ", ".join(f"{NAMES[name]} {_middle(found, at)}" for at, name in enumerate(QUALITIES))
+        + "."
+    )
+    if len(drivers.walking_mps):
+        low, middle, high = np.percentile(drivers.walking_mps, [5, 50, 95])
+        count = len(drivers.walking_mps)
+        yield f"Walkers (not part of this file): {middle:.2f} m/s, p5 {low:.2f}, p95 {high:.2f}, n {count}."
+
+
+def _middle(found: Calibration, at: int) -> str:
+    """Median, and p5 to p95, of the drawn drivers."""
+    low, middle, high = np.percentile(found.drawn()[:, at], [5, 50, 95])
+    unit = UNITS[QUALITIES[at]]
+    return f"{middle:.2f}{' ' + unit if unit else ''} ({low:.2f} to {high:.2f})"
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, 110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+
+
+def calibration_json(found: Calibration) -> dict[str, Any]:
+    """One document; null where there is nothing to say."""
+    drawn, fit = found.drawn(), found.fit
+    return {
+        "recordings": [{"name": each.name, "place": each.place} for each in found.recordings],
+        "drivers": len(found.drivers.drivers),
+        "episodes": sum(len(each.episodes) for each in found.drivers.drivers),
+        "allowed_mps": {place: round(mps, 2) for place, mps in sorted(found.drivers.allowed_mps.items())},
+        "rmse_m": {"median": _number(np.median(found.rmse_m)), "p90": _number(np.percentile(found.rmse_m, 90))},
+        "fit": {
+            name: {
+                "median": _number(np.exp(fit.mean[at])),
+                "log_sigma": _number(np.sqrt(fit.covariance[at, at])),
+                "told_by": found.told[name],
+                "drivers": [_number(value) for value in np.exp(fit.drivers[:, at])],
+            }
+            for at, name in enumerate(PARAMETERS)
+        },
+        "types": {
+            name: {f"p{share}": _number(np.percentile(drawn[:, at], share)) for share in (5, 25, 50, 75, 95)}
+            for at, name in enumerate(QUALITIES)
+        },
+        "held_out": {
+            "own_rmse_m": _number(found.held_out.median("own_rmse_m")),
+            "ahead_rmse_m": _number(found.held_out.median("ahead_rmse_m")),
+            "anybody_rmse_m": _number(found.held_out.median("anybody_rmse_m")),
+            "between_places_ks": {name: _number(value) for name, value in found.held_out.between.items()},
+            "places": [
+                {
+                    "place": each.place,
+                    "drivers": each.drivers,
+                    "own_rmse_m": _number(each.own_rmse_m),
+                    "ahead_rmse_m": _number(each.ahead_rmse_m),
+                    "anybody_rmse_m": _number(each.anybody_rmse_m),
+                    "ks": {name: _number(value) for name, value in each.distances.items()},
+                }
+                for each in found.held_out.places
+            ],
+        },
+        "walking_mps": [_number(value) for value in np.percentile(found.drivers.walking_mps, [5, 50, 95])]
+        if len(found.drivers.walking_mps)
+        else None,
+    }
+
+
+def _number(value: Any) -> float | None:
+    return round(float(value), 4) if np.isfinite(value) else None

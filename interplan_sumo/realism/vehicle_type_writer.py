@@ -1,0 +1,54 @@
+"""Drawn drivers as a vehicle-type file that SUMO and the benchmark read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+from xml.sax.saxutils import escape
+
+from interplan_sumo.errors import InputError
+from interplan_sumo.realism.driver_population import QUALITIES
+from interplan_sumo.realism.published import RELAXATION_S
+from interplan_sumo.world.geometry import Floats
+
+LANE_WIDTH_M: Final = 3.5
+"""What a lane change covers sideways."""
+ASSERTIVE: Final = (0.5, 5.0)
+"""Of lcAssertive: beyond, SUMO's drivers force their way in or never change."""
+_HEAD: Final = '<?xml version="1.0" encoding="UTF-8"?>\n'
+_FIXED: Final = (
+    'vClass="passenger" carFollowModel="IDM" length="4.6" width="1.85" height="1.5" emergencyDecel="9.0" maxSpeed="55"'
+)
+_LANES: Final = 'speedDev="0" lcKeepRight="0" lcOpposite="0" lcMaxSpeedLatStanding="0" lcMaxSpeedLatFactor="1"'
+
+
+def vehicle_type_text(drivers: Floats, comment: Sequence[str]) -> str:
+    """A file with a distribution `traffic` of one type for each drawn driver (N, 8), and a comment at its head."""
+    lines = "\n     ".join(escape(line).replace("--", "- -") for line in comment)
+    types = "".join(_type(number, driver) for number, driver in enumerate(drivers))
+    distribution = f'    <vTypeDistribution id="traffic">\n{types}    </vTypeDistribution>\n'
+    return f"{_HEAD}<!-- {lines} -->\n<additional>\n{distribution}</additional>\n"
+
+
+def write_vehicle_types(path: Path, text: str) -> None:
+    """InputError where it cannot be written."""
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def _type(number: int, driver: Floats) -> str:
+    of = dict(zip(QUALITIES, driver.tolist(), strict=True))
+    assertive = min(max(of["time_gap_s"] / of["critical_gap_s"], ASSERTIVE[0]), ASSERTIVE[1])
+    aside_mps = LANE_WIDTH_M / of["lane_change_s"]
+    return (
+        f'        <vType id="driver_{number:03}" {_FIXED}\n'
+        f'               tau="{of["time_gap_s"]:.3f}" minGap="{of["standstill_gap_m"]:.2f}" '
+        f'accel="{of["accel_mps2"]:.3f}" decel="{of["decel_mps2"]:.3f}" speedFactor="{of["speed_factor"]:.3f}"\n'
+        f'               lcAssertive="{assertive:.2f}" maxSpeedLat="{aside_mps:.3f}" {_LANES}>\n'
+        f'            <param key="interplan.reactionTime" value="{of["reaction_s"]:.2f}"/>\n'
+        f'            <param key="interplan.relaxation" value="{RELAXATION_S}"/>\n'
+        "        </vType>\n"
+    )
