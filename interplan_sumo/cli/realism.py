@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from interplan_sumo.cli.options import DONE, JsonOption, QuietOption, WorkersOption, take_one_thread
+from interplan_sumo.cli.options import DONE, JsonOption, QuietOption, take_one_thread
 from interplan_sumo.errors import InputError
 
 
@@ -34,8 +34,8 @@ def realism(
     runs: Annotated[
         list[Path],
         typer.Argument(
-            help="Run folders, traces, fcd output of SUMO (.xml, .xml.gz), or vehicle-type files, with which standard "
-            "scenes are driven first.",
+            help="Run folders, traces, fcd output of SUMO (.xml, .xml.gz), or vehicle-type files (or names of shipped "
+            "ones), whose drivers are simulated on shipped city networks.",
             metavar="RUN...",
         ),
     ],
@@ -50,22 +50,23 @@ def realism(
         Path | None, typer.Option(help="Vehicle types of fcd output, for their sizes.", metavar="FILE.xml")
     ] = None,
     baselines: Annotated[
-        Path | None,
-        typer.Option(
-            help="Also drive standard scenes with each shipped file and each car-following model, and keep them here.",
-            metavar="DIR",
-        ),
-    ] = None,
+        bool,
+        typer.Option("--baselines", help="Also simulate each shipped file and each car-following model; minutes."),
+    ] = False,
     html: Annotated[Path | None, typer.Option(help="Write one self-contained page.", metavar="FILE")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the distributions.", metavar="FILE.png")] = None,
-    workers: WorkersOption = None,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
     """How real simulated traffic is: distributions beside recorded ones, distances, and one realism number."""
     take_one_thread()
-    from interplan_sumo.realism.baselines import Baseline, drive_baselines, drives_folder, is_vehicle_types
-    from interplan_sumo.realism.baselines import baselines as found_baselines
+    from interplan_sumo.realism.baselines import (
+        Baseline,
+        is_vehicle_types,
+        shipped_baselines,
+        shipped_files,
+        simulated_baselines,
+    )
     from interplan_sumo.realism.comparison import realism_report
     from interplan_sumo.realism.features import feature_samples
     from interplan_sumo.realism.formats import realism_json, realism_tables
@@ -77,7 +78,8 @@ def realism(
         from interplan_sumo.realism.plot import need_matplotlib
 
         need_matplotlib()
-    for path in (*runs, *against):
+    files = {path: path if path.exists() else shipped_files().get(str(path), path) for path in runs}
+    for path in (*files.values(), *against):
         if not path.exists():
             raise InputError(f"cannot read {path}: there is no such file or folder")
     recordings = open_recordings(against)
@@ -86,13 +88,12 @@ def realism(
         if not quiet:
             print(line, file=sys.stderr)
 
-    files = [path for path in runs if is_vehicle_types(path)]
-    sources = named_sources([path for path in runs if path not in files], types)
+    drivers = [Baseline(str(path), file) for path, file in files.items() if is_vehicle_types(file)]
+    sources = named_sources([path for path, file in files.items() if not is_vehicle_types(file)], types)
     simulations = {each.name: feature_samples(each.parts()) for each in sources}
-    with drives_folder(baselines) as folder:
-        simulations |= drive_baselines([Baseline(str(path), path) for path in files], folder, workers, say)
-        shipped = found_baselines(folder) if baselines is not None else []
-        beside = drive_baselines(shipped, folder, workers, say)
+    simulations |= simulated_baselines(drivers, say)
+    with shipped_baselines() as shipped:
+        beside = simulated_baselines(shipped, say) if baselines else {}
     report = realism_report(simulations, recordings, beside)
     if html is not None:
         from interplan_sumo.realism.page import write_realism_page

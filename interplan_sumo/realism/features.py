@@ -41,7 +41,10 @@ ONSET_S: Final = 1.5
 LONGEST_TTC_S: Final = 20.0
 """Beyond it nobody brakes because of a collision to come."""
 SEEN_S: Final = 5.0
-"""The strongest acceleration is that of vehicles which are seen at least so long."""
+"""The strongest acceleration is that of each whole stretch of so long, standing apart.
+
+Who is seen for longer has more chances.
+"""
 WALKED_M: Final = 2.0
 """A walker gets at least so far."""
 SHAKY_MPS3: Final = 1.5
@@ -159,8 +162,12 @@ def _accelerations(traffic: MovingTraffic) -> Values:
 
 
 def _strongest_accelerations(traffic: MovingTraffic) -> Values:
-    seen = (each for each in _steady(traffic) if each.time_s[-1] - each.time_s[0] >= SEEN_S - 1e-6)
-    return ([max(float(each.acceleration_mps2.max()), 0.0)] for each in seen)
+    for each in _steady(traffic):
+        rows = round(SEEN_S / each.step_s) + 1
+        starts = range(0, len(each.time_s) - rows + 1, rows - 1)
+        stretches = [slice(start, start + rows) for start in starts]
+        driven = [at for at in stretches if (each.speed_mps[at] > MOVING_MPS).any()]
+        yield [max(float(each.acceleration_mps2[at].max()), 0.0) for at in driven]
 
 
 def _jerks(traffic: MovingTraffic) -> Values:
@@ -258,8 +265,8 @@ FEATURES: Final = (
     TrafficFeature("speed", "speed", "speed", "m/s", _speeds, Bins(0.0, 35.0, 10), 1.0),
     TrafficFeature("free_speed", "free speed", "free speed", "m/s", _free_speeds, Bins(0.0, 35.0, 10), 1.0),
     TrafficFeature("acceleration", "acceleration", "accel.", "m/s²", _accelerations, Bins(-4.0, 4.0, 11), 1.0),
-    TrafficFeature("strongest_acceleration", "strongest acceleration", "max. acc.", "m/s²", _strongest_accelerations,
-                   Bins(0.0, 5.0, 10), 1.0),
+    TrafficFeature("strongest_acceleration", "strongest acceleration in 5 s", "max. acc.", "m/s²",
+                   _strongest_accelerations, Bins(0.0, 5.0, 10), 1.0),
     TrafficFeature("jerk", "jerk", "jerk", "m/s³", _jerks, Bins(-4.0, 4.0, 11), 1.0),
     TrafficFeature("yaw_rate", "yaw rate", "yaw", "rad/s", _yaw_rates, Bins(-0.5, 0.5, 11), 1.0),
     TrafficFeature("time_gap", "time gap", "time gap", "s", _time_gaps, Bins(0.0, 5.0, 10), 2.0),

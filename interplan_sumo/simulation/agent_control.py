@@ -34,9 +34,7 @@ LANE_WIDTH_M = 3.5
 PLAIN_LATERAL_MPS = 1.0
 """SUMO's `maxSpeedLat` where a type has none of its own."""
 SURGING_MODELS = frozenset({"EIDM"})
-"""Car-following models that accelerate by more than `accel` at times."""
-SURGE_MPS2 = 1.2
-"""They come no nearer to it in a step: when it pulls away, EIDM was seen to add 1.14 m/s2."""
+"""Car-following models that accelerate by more than `accel` at times, from one step to the next."""
 COLLISION_FREE_MODELS = frozenset({"IDM", "IDMM", "EIDM", "Krauss", "KraussOrig1", "KraussPS", "KraussX"})
 """The other car-following models of SUMO may drive into their leaders at low speed (W99 by 0.24 m, without any ego)."""
 LEAST_GAP_M = 0.3
@@ -177,8 +175,7 @@ class AgentControl:
         """How fast an agent may be after the next step; inf where its model needs no word."""
         driver = self._drivers[name]
         if driver.car_following_model in SURGING_MODELS:
-            surges = sumo.vehicle.getAcceleration(name) > driver.accel_mps2 - SURGE_MPS2
-            return speed_mps + driver.accel_mps2 * DT_S if surges else inf
+            return speed_mps + driver.accel_mps2 * DT_S
         leader = _leader(name)
         if leader is None:
             return inf

@@ -8,17 +8,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from interplan_sumo.realism.baselines import (
-    Baseline,
-    baselines,
-    drive_baseline,
-    drive_baselines,
-    drives_folder,
-    is_vehicle_types,
-)
-from interplan_sumo.realism.features import FEATURES, feature_samples
+from interplan_sumo.realism.baselines import is_vehicle_types, shipped_baselines
+from interplan_sumo.realism.features import FEATURES
 from interplan_sumo.realism.tracks import RecordedTraffic
-from interplan_sumo.simulation.vehicle_types import vehicle_type_file
+from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from tests.commands import ran
 from tests.realism.test_comparison import platoon
 from tests.realism.test_fcd import car, written
@@ -101,7 +94,6 @@ def test_the_plot_is_drawn(tmp_path: Path, simulated: Path, capsys: pytest.Captu
         ("{rec} --against {text}", "no recording of a known format"),
         ("{sim} --against {rec} --types {sim}", "expected <additional> or <routes>"),
         ("{sim} --against {rec} --html {sim}/page.html", "page.html"),
-        ("{sim} --against {rec} --baselines {text}", "is a file"),
     ],
 )
 def test_what_cannot_be_used_is_one_line(
@@ -115,30 +107,32 @@ def test_what_cannot_be_used_is_one_line(
     assert len(err.splitlines()) == 1
 
 
-def test_baselines_are_the_shipped_files_and_every_model(tmp_path: Path) -> None:
-    names = [each.name for each in baselines(tmp_path)]
-    assert {"mixed (shipped)", "IDM (SUMO's defaults)", "Krauss (SUMO's defaults)"} <= {*names}
-    assert len({each.file.stem for each in baselines(tmp_path)}) == len(names)
+def test_baselines_are_the_shipped_files_and_every_model() -> None:
+    with shipped_baselines() as found:
+        names = [each.name for each in found]
+        assert {"mixed (shipped)", "IDM (SUMO's defaults)", "Krauss (SUMO's defaults)"} <= {*names}
+        assert all(read_vehicle_types(each.file).members for each in found)
 
 
-def test_a_baseline_is_driven_once_and_kept(tmp_path: Path) -> None:
-    mixed = Baseline("mixed", vehicle_type_file("mixed"))
-    for _ in range(2):
-        source = drive_baseline(mixed, tmp_path, workers=0, scenes=["lane_change_mtd/0"])
-        assert source is not None
-        found = feature_samples(source.parts())
-        assert found["speed"].road_users > 10
-    (out,) = tmp_path.iterdir()
-    assert len((out / "results.jsonl").read_text().splitlines()) == 1
-
-
-def test_a_vehicle_type_file_is_driven_and_told_from_fcd_output(tmp_path: Path, simulated: Path) -> None:
-    file = vehicle_type_file("assertive")
-    assert is_vehicle_types(file)
+def test_a_vehicle_type_file_is_told_from_fcd_output_and_a_broken_one_is_refused(
+    tmp_path: Path, simulated: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert is_vehicle_types(vehicle_type_file("assertive"))
     assert not is_vehicle_types(simulated)
     assert not is_vehicle_types(tmp_path)
-    said: list[str] = []
-    with drives_folder(None) as folder:
-        assert drive_baselines([], folder, 0, said.append) == {}
-    assert not folder.exists()
-    assert not said
+    against, broken = recorded(tmp_path, platoon("here", 10.0)), tmp_path / "drivers.xml"
+    broken.write_text('<additional><vType id="traffic" tau="-1"/></additional>')
+    code, _, err = ran(capsys, "traffic", "realism", broken, "--against", against)
+    assert code == 2
+    assert "drivers.xml, line 1" in err
+
+
+@pytest.mark.slow
+def test_a_shipped_file_is_simulated_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    against = recorded(tmp_path, platoon("here", 10.0))
+    code, out, err = ran(capsys, "traffic", "realism", "conservative", "--against", against, "--json")
+    assert code == 0
+    assert err == "simulating 1 of 1: conservative\n"
+    row = json.loads(out)["rows"][0]
+    assert row["name"] == "conservative"
+    assert row["features"]["standstill_gap"]["simulated"]["p50"] == pytest.approx(1.0, abs=0.1)

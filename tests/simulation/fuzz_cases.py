@@ -39,7 +39,10 @@ from tests.simulation.traffic_invariants import Array, Body, Drive, Frame, Viola
 ROUTES = Path(__file__).parents[2] / "routes"
 MODELS = ("Krauss", "KraussOrig1", "PWagner2009", "KraussX", "IDMM", "EIDM", "ACC", "CACC", "W99", "Wiedemann")
 RANDOM_BRAKING = "PWagner2009"
-"""Ends its braking by chance, and SUMO's chance falls otherwise where there is an ego: no twin tells a reaction."""
+"""Ends its braking by chance, and SUMO's chance falls otherwise where there is an ego: no twin tells a reaction.
+
+Nor is a hard braking a bad start: with a `decel` of 2 m/s2 it stops behind any leader with 3.2 m/s2.
+"""
 SHIPPED_MAPS = ("back_bay", "hazelwood", "one_north", "strip")
 SUITES = ("interplan==1", "common==1")
 DENSITIES = ("low", "medium", "high")
@@ -233,8 +236,8 @@ def run(case: Case, *, steps: int = 300, twin: bool = True, twice: bool = False)
         without = _recorded(case, roads, egos, found, with_ego=False)
         if without is not None:
             found.twin, twin_bodies = without[0], without[1]
-            found.violations += invariants.spawn_braking(found.twin, twin_bodies)
             if RANDOM_BRAKING not in case.drivers:
+                found.violations += invariants.spawn_braking(found.twin, twin_bodies)
                 found.violations += invariants.reactions_to_what_is_behind(found.drive, found.twin, bodies)
             found.violations += [
                 replace(each, kind=f"without_ego_{each.kind}")
