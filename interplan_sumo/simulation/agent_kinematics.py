@@ -128,18 +128,25 @@ def _farthest_m(step_m: Floats) -> Floats:
     return STRETCH * step_m + np.minimum(SLIDE_M, step_m)
 
 
+def rolled_rad(heading_rad: float, along_m: float, left_m: float, axle_m: float) -> float:
+    """The heading after the front has moved by `along_m` and `left_m` as seen from the heading before, not wrapped.
+
+    It is `axle_m` ahead of the rear axle, which rolls. A point that is pulled straight on by a rod trails it along
+    a tractrix: tan(angle / 2) falls by exp(-way / rod).
+    """
+    way_m = hypot(along_m, left_m)
+    if way_m <= STANDING_M:
+        return heading_rad
+    off = atan2(left_m, along_m)
+    return heading_rad + off - 2.0 * atan(tan(off / 2.0) * exp(-way_m / axle_m))
+
+
 def _trailed(heading_rad: float, wanted_rad: float, along_m: float, left_m: float, axle_m: float) -> float:
     """The heading nearest to the one wanted with which the rear axle does not slip more than it may.
 
-    The front has moved by `along_m` and `left_m` as seen from the heading before; it is `axle_m` ahead of the
-    axle. A point that is pulled straight on by a rod trails it along a tractrix: tan(angle / 2) falls by
-    exp(-way / rod).
+    The other arguments are those of `rolled_rad`.
     """
-    way_m = hypot(along_m, left_m)
-    rolled = heading_rad
-    if way_m > STANDING_M:
-        off = atan2(left_m, along_m)
-        rolled += off - 2.0 * atan(tan(off / 2.0) * exp(-way_m / axle_m))
+    rolled = rolled_rad(heading_rad, along_m, left_m, axle_m)
     slack = LARGEST_SLIP_RAD * max(0.0, along_m) / (axle_m + max(0.0, along_m))
     apart = wrap_angle(wanted_rad - rolled)
     return wanted_rad if abs(apart) <= slack else wrap_angle(rolled + min(max(apart, -slack), slack))

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import cos, inf, sin, sqrt
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -14,11 +13,13 @@ import shapely
 from interplan_sumo.simulation import reactions
 from interplan_sumo.simulation.agent_registry import AgentRegistry, AgentSnapshot
 from interplan_sumo.simulation.anchor import Anchor
+from interplan_sumo.simulation.blockage_neighbours import BlockageNeighbours
 from interplan_sumo.simulation.ego_locator import EgoLocator
 from interplan_sumo.simulation.lane_chains import corridor
 from interplan_sumo.simulation.lane_change_overhang import LaneChangeOverhang
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
 from interplan_sumo.simulation.lane_polygons import Ring
+from interplan_sumo.simulation.long_vehicles import LongVehicles
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.reactions import (
@@ -40,8 +41,6 @@ NOTICEABLE_MPS2 = 0.05
 FREEZE_RADIUS_M = 40.0
 """Agents this near to an ego that straddles two lanes keep their lane, unless their type says `interplan.swerve`."""
 
-BESIDE_M = 20.0
-"""The front of an agent that is beside a blockage is no farther from its ends than the longest vehicle is long."""
 NOTHING_REMEMBERED = ReactionMemory()
 BACK_TO_SUMO = ReactionDecision(Mode.SUMO, 0.0, False)
 
@@ -54,23 +53,6 @@ class AgentCommands:
     """By agent; those not named go on as they do."""
     keep_lane: frozenset[str]
     """Agents that must not change lane."""
-
-
-class _Beside(NamedTuple):
-    """Where agents are beside a blockage: within reach of its middle, and on another lane of its edge."""
-
-    x_m: float
-    y_m: float
-    reach_m: float
-    lanes: frozenset[str]
-    blockage: LaneBlockage
-
-    @classmethod
-    def of(cls, network: SumoNetwork, blockage: LaneBlockage) -> _Beside:
-        lane, half_m = network.lanes[blockage.lane], (blockage.end_m - blockage.start_m) / 2.0
-        middle = lane.plain_line.pose_at(lane.arc_of(blockage.start_m + half_m))
-        lanes = frozenset(network.edges[lane.edge]) - {lane.id}
-        return cls(middle.x_m, middle.y_m, half_m + BESIDE_M, lanes, blockage)
 
 
 class EgoReactions:
@@ -91,7 +73,7 @@ class EgoReactions:
         self._drivers = registry.drivers
         self._routes = registry.routes
         self._blocked = blocked
-        self._beside = [_Beside.of(network, each) for each in blocked]
+        self._beside = BlockageNeighbours(network, blocked, registry.drivers)
         self._models = models
         self._anticipations_s: tuple[float, ...] = ()
         self._courteous = False
@@ -100,6 +82,7 @@ class EgoReactions:
         self._memory: dict[str, ReactionMemory] = {}
         self._commanded: set[str] = set()  # agents that are not left to SUMO
         self._overhang = LaneChangeOverhang(network, registry.drivers)
+        self._long = LongVehicles(network, registry.drivers, shape, origin_m)
         self._overlap_lane: str | None = None
         self._standing: dict[str, dict[str, LaneCoverage]] = {}
         self._skipped: EgoOnNetwork | None = None
@@ -147,8 +130,9 @@ class EgoReactions:
         on_network, ahead = self._locator.locate(ego, anchor, self._anticipations_s, courteous=self._courteous)
         turning = self._overhang.candidates(agents)
         obstructions = self._obstructions(walking, standing, turning, agents)
-        others = bool(obstructions or turning or self._commanded or self._at_start)
-        keep_lane = self._beside_blockages(agents)
+        waiting = self._long.waiting(agents, ego)
+        others = bool(obstructions or turning or waiting or self._commanded or self._at_start)
+        keep_lane = self._beside.agents(agents)
         alone = on_network.alone and ego.speed_mps >= 0.0 and not others and not on_network.approached
         if alone and not self._proxy_overlaps(agents, anchor):
             self._skipped = on_network  # everyone behind follows the ego, as SUMO does by itself
@@ -165,6 +149,10 @@ class EgoReactions:
             name = agents.names[row]
             slowest_mps = float(agents.speed_mps[row]) - self._drivers[name].emergency_decel_mps2 * self._models.dt_s
             decisions[name] = reactions.no_faster(decisions.get(name), max(0.0, slowest_mps))
+        for row in waiting:
+            name = agents.names[row]
+            slower_mps = float(agents.speed_mps[row]) - self._drivers[name].decel_mps2 * self._models.dt_s
+            decisions[name] = reactions.no_faster(decisions.get(name), max(0.0, slower_mps))
         self._at_start = False
         decisions.update(dict.fromkeys(self._commanded - decisions.keys(), BACK_TO_SUMO))
         for name, decision in decisions.items():
@@ -197,18 +185,6 @@ class EgoReactions:
         beside = set(self._network.edges.get(self._network.lanes[lane].edge, ())) - {lane}
         here = zip(agents.names, self._corridors_of(agents, agents.names), strict=True)
         return frozenset([name for name, (at, _) in here if at in beside])
-
-    def _beside_blockages(self, agents: AgentSnapshot) -> frozenset[str]:
-        """Agents beside what blocks the next lane: SUMO may slide a standing car into it."""
-        found: set[str] = set()
-        for x_m, y_m, reach_m, lanes, each in self._beside:
-            rows = np.flatnonzero((agents.front_x - x_m) ** 2 + (agents.front_y - y_m) ** 2 < reach_m**2)
-            names = [agents.names[row] for row in rows.tolist()]
-            for name, here, front_m in zip(names, agents.lanes(names), agents.positions_m(names), strict=True):
-                rear_m = front_m - self._drivers[name].length_m
-                if here in lanes and front_m > each.start_m and rear_m < each.end_m:
-                    found.add(name)
-        return frozenset(found)
 
     def _obstructions(
         self,

@@ -17,6 +17,7 @@ import shapely
 
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
+from interplan_sumo.simulation.long_vehicles import LONG_M
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.reactions import LaneCoverage
 from interplan_sumo.simulation.vehicle_types import VehicleType
@@ -68,7 +69,7 @@ class LaneChangeOverhang:
             x, y = front_x - driver.length_m / 2.0 * cos(heading), front_y - driver.length_m / 2.0 * sin(heading)
             (box,) = box_polygons([x], [y], [heading], [driver.length_m], [driver.width_m])
             own = self._network.continuations(lane) if lane else frozenset[str]()
-            spans = lanes_overlapped(self._network, box, own)
+            spans = lanes_overlapped(self._network, box, own, in_junctions=driver.length_m > LONG_M)
             if not spans:
                 self._candidates.discard(name)
                 continue

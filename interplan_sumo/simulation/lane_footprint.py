@@ -13,9 +13,9 @@ _TOUCH_M2 = 1e-6  # smaller areas are rounding
 
 
 def lanes_overlapped(
-    network: SumoNetwork, box: shapely.Polygon, besides: Container[str] = frozenset()
+    network: SumoNetwork, box: shapely.Polygon, besides: Container[str] = frozenset(), *, in_junctions: bool = False
 ) -> dict[str, tuple[float, float]]:
-    """Normal lanes whose footprint a box in SUMO's frame reaches into, `besides` left out.
+    """Lanes whose footprint a box in SUMO's frame reaches into, `besides` and, usually, those in junctions left out.
 
     With SUMO's lane positions from where to where; sorted by place in the network file.
     """
@@ -24,7 +24,7 @@ def lanes_overlapped(
     for hit in np.sort(tree.query(box, predicate="intersects")):
         piece = pieces[int(hit)]
         lane = piece.lane
-        if lane.internal or lane.id in besides:
+        if (lane.internal and not in_junctions) or lane.id in besides:
             continue
         part = shapely.intersection(network.footprints[int(hit)], box)
         if shapely.area(part) < _TOUCH_M2:
