@@ -27,6 +27,7 @@ KINDS: Final[dict[str, TrackKind]] = {
     ActorKind.BICYCLE.name: "bicycle",
 }
 ACTORS: Final = "actors.parquet"
+_LARGEST: Final = 1e8
 _COLUMNS: Final = ("frame", "track_token", "type", "x", "y", "heading", "length", "width", "vx", "vy")
 
 
@@ -78,8 +79,10 @@ def read_trace(folder: Path, name: str) -> RecordedTraffic:
         table = table.sort_values(["track_token", "frame"], kind="stable")
         numbers = {each: table[each].to_numpy(np.float64) for each in _COLUMNS if each not in ("track_token", "type")}
         ids, kinds = table["track_token"].astype(str).to_numpy(object), table["type"].astype(str).to_numpy(object)
-        if not all(np.isfinite(column).all() for column in numbers.values()):
-            raise ValueError("a number is not finite")
+        if not all((np.abs(column) < _LARGEST).all() for column in numbers.values()):
+            raise ValueError("it holds a number that is none of traffic")
+        if any((numbers[each] <= 0.0).any() for each in ("length", "width")):
+            raise ValueError("it holds a box without a size")
         fresh = (np.diff(numbers["frame"]) != 1.0) | (ids[1:] != ids[:-1])
         bounds = [0, *(np.flatnonzero(fresh) + 1).tolist(), len(ids)] if len(ids) else []
         return RecordedTraffic(

@@ -45,7 +45,9 @@ def test_an_empty_street_has_no_tracks(tmp_path: Path) -> None:
     assert read_trace(trace(tmp_path, (0, "cone", "TRAFFIC_CONE", 1.0)), "t").tracks == ()
 
 
-@pytest.mark.parametrize("changed", [{"x": float("nan")}, {"x": "east"}, {"length": None}])
+@pytest.mark.parametrize(
+    "changed", [{"x": float("nan")}, {"x": 1e200}, {"x": "east"}, {"length": None}, {"length": 0.0}]
+)
 def test_a_damaged_trace_is_named(tmp_path: Path, changed: dict[str, object]) -> None:
     folder = trace(tmp_path, (0, "a", "VEHICLE", 0.0), (1, "a", "VEHICLE", 0.0), **changed)
     with pytest.raises(InputError, match=r"actors\.parquet"):
