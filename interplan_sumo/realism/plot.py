@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.realism.comparison import RealismReport
+from interplan_sumo.realism.comparison import FEWEST, RealismReport
 from interplan_sumo.realism.distances import Sample
-from interplan_sumo.realism.features import FEATURES
 from interplan_sumo.realism.page import drawn_rows
 from interplan_sumo.report.sweep_plot import COLOURS, INK
 from interplan_sumo.world.files import writing
@@ -26,11 +25,13 @@ def need_matplotlib() -> None:
 
 
 def plot_realism(report: RealismReport, path: Path) -> None:
-    """Draw the features that were recorded into a file (.png, .pdf, .svg); InputError if it cannot be written."""
+    """Draw the features that are scored into a file (.png, .pdf, .svg); InputError if it cannot be written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    shown = [each for each in FEATURES if len(report.recorded.together[each.key])]
+    shown = report.recorded.scored
+    if not shown:
+        raise InputError(f"nothing to draw: no feature has {FEWEST} recorded road users; name more recordings")
     down = -(-len(shown) // ACROSS)
     figure = Figure(figsize=(ACROSS * PANEL[0], down * PANEL[1] + 0.3), layout="constrained")
     FigureCanvasAgg(figure)
