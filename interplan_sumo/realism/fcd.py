@@ -1,7 +1,8 @@
 """Tracks of SUMO's own fcd output (`sumo --fcd-output FILE`, plain or gzipped), so that any simulation can be judged.
 
-SUMO writes the middle of a vehicle's front bumper, a person's middle, and angles clockwise from north. It writes no
-sizes: those are of the vehicle types, which stand in a route or additional file.
+SUMO writes the middle of a vehicle's front bumper, a person's middle, and angles clockwise from north; who rides in a
+vehicle has the place of the vehicle, and is left out. It writes no sizes: those are of the vehicle types, which stand
+in a route or additional file.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ LONGEST_STEP_S: Final = 0.3
 MOST_VALUES: Final = 200_000_000
 """Numbers held at once; 1.6 GB."""
 _FARTHEST_M: Final = 1e8
+_PLACE: Final = ("x", "y", "angle", "speed")
 
 SIZES_M: Final[Mapping[str, tuple[float, float]]] = {
     "emergency": (6.5, 2.16), "bus": (12.0, 2.5), "coach": (14.0, 2.6), "delivery": (6.5, 2.16), "truck": (7.1, 2.4),
@@ -87,13 +89,15 @@ def _seen(path: Path) -> dict[tuple[str, str], tuple[str, array[float]]]:
         if times_s and time_s <= times_s[-1]:
             raise InputError(f"{path}: timestep {time_s:g} comes after {times_s[-1]:g}; give one simulation's output")
         times_s.append(time_s)
+        driven = {_place(element) for element in step if element.tag == "vehicle"}
         for element in step:
-            if element.tag not in ("vehicle", "person"):
+            rides = element.tag == "person" and _place(element) in driven
+            if element.tag not in ("vehicle", "person") or rides:
                 continue
             key = (element.tag, element.get("id", ""))
             if key not in found:
                 found[key] = element.get("type", ""), array("d")
-            found[key][1].extend((time_s, *(_number(path, element, name) for name in ("x", "y", "angle", "speed"))))
+            found[key][1].extend((time_s, *(_number(path, element, name) for name in _PLACE)))
             held += 5
         if held > MOST_VALUES:
             raise InputError(f"{path}: too large, it has more than {MOST_VALUES // 5} places; give a part of it")
@@ -103,6 +107,11 @@ def _seen(path: Path) -> dict[tuple[str, str], tuple[str, array[float]]]:
     if step_s > LONGEST_STEP_S:
         raise InputError(f"{path}: its steps last {step_s:.3g} s, too long to tell braking; use --step-length 0.1")
     return found
+
+
+def _place(element: Element) -> tuple[str | None, ...]:
+    """As SUMO writes it: who rides in a vehicle is exactly where that is."""
+    return tuple(map(element.get, _PLACE))
 
 
 def read_bodies(path: Path) -> dict[str, Body]:

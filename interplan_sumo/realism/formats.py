@@ -140,8 +140,8 @@ def quantiles_text(sample: Sample) -> str:
 
 
 def row_title(row: RealismRow) -> str:
-    """A recording's row says what it is compared with."""
-    return f"{row.name} to other places" if row.kind == "recording" else row.name
+    """A recording's row says what it is: that place played back, beside the others."""
+    return f"log replay of {row.name}" if row.kind == "recording" else row.name
 
 
 def row_figures(row: RealismRow) -> tuple[str, str, str]:
@@ -154,7 +154,8 @@ def report_notes(report: RealismReport) -> list[str]:
     unscored = [each.title for each in FEATURES if each not in report.recorded.scored]
     places = ", ".join(report.recorded.places)
     notes = [
-        f"n counts road users, each of which weighs the same. Recorded places: {places}.",
+        f"n counts road users, each of which weighs the same. Recorded places: {places}; the log replay of a place is "
+        "compared with all others.",
         "Realism: weighted mean of the likelihoods of the recorded values, in the form of Waymo's sim-agents metric; "
         "at most: what the recordings have by themselves. "
         "Places apart: the median KS distance of two places; a simulation that is as near to them as they are to one "

@@ -77,6 +77,12 @@ def test_angles_are_clockwise_from_north_and_walkers_are_where_they_stand(tmp_pa
     assert walker.x_m == pytest.approx([0.0, 0.1, 0.2])
 
 
+def test_who_rides_in_a_vehicle_does_not_walk(tmp_path: Path) -> None:
+    beside = car(9.0, 2.0, speed=1.0, tag="person").replace('"a"', '"b"')
+    tracks = read(tmp_path, *(car(k) + car(k, tag="person") + beside for k in range(3))).tracks
+    assert [(each.id, each.kind) for each in tracks] == [("a", "vehicle"), ("person b", "pedestrian")]
+
+
 def test_who_was_away_comes_back_as_another_track(tmp_path: Path) -> None:
     steps = [car(k) for k in range(20)]
     steps[5:15] = [""] * 10

@@ -59,7 +59,7 @@ def test_a_table_and_a_document_say_the_same(
     assert code == 0
     for row in document["rows"]:
         assert f"{row['realism']:.3f}" in out
-    assert "Recorded places: here, there." in out
+    assert "Recorded places: here, there;" in out
 
 
 def test_the_page_shows_names_as_text_and_loads_nothing(
