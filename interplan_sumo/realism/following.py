@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from interplan_sumo.realism.motion import Motion
@@ -22,8 +23,6 @@ SHORTEST_S: Final = 1.0
 """A shorter leadership is no episode."""
 _SPACING_M: Final = 0.25
 """Between the points of a way."""
-_ASIDE_M: Final = 10.0
-"""Nobody this far from a way is on it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,9 +124,12 @@ def _leaders(samples: _Samples, tree: KDTree, follower: int) -> tuple[Ints, Ints
     near = np.sort(np.array(tree.query_ball_point(samples.xy[own].mean(axis=0), reach_m), dtype=np.int64))
     near = near[(samples.vehicle[near] != follower)]
     near = near[(samples.step[near] >= samples.step[own[0]]) & (samples.step[near] <= samples.step[own[-1]])]
+    near = near[_may_lead(samples, near, own, tangent_rad)]
     if not len(near):
         return near, near, np.zeros(0)
-    at = np.asarray(KDTree(points).query(samples.xy[near], distance_upper_bound=_ASIDE_M)[1], dtype=np.int64)
+    at = np.asarray(
+        KDTree(points).query(samples.xy[near], distance_upper_bound=samples.width_m.max())[1], dtype=np.int64
+    )
     near, at = near[at < len(points)], at[at < len(points)]
     dx, dy = (samples.xy[near] - points[at]).T
     cos, sin = np.cos(tangent_rad[at]), np.sin(tangent_rad[at])
@@ -146,6 +148,18 @@ def _leaders(samples: _Samples, tree: KDTree, follower: int) -> tuple[Ints, Ints
     order = np.lexsort((gap_m, behind))
     nearest = order[np.append(True, np.diff(behind[order]) > 0)] if len(order) else order
     return behind[nearest], near[nearest], gap_m[nearest]
+
+
+def _may_lead(samples: _Samples, near: Ints, own: Ints, tangent_rad: Floats) -> NDArray[np.bool_]:
+    """Who is not too far away at its time, and heads somewhere along the way: most others need no closer look."""
+    at_the_time = own[samples.step[near] - samples.step[own[0]]]
+    apart_m = np.hypot(*(samples.xy[near] - samples.xy[at_the_time]).T)
+    turns_rad = np.unwrap(tangent_rad)
+    middle_rad, half_rad = (turns_rad.max() + turns_rad.min()) / 2.0, float(np.ptp(turns_rad)) / 2.0
+    along = np.abs(wrap_angle(samples.heading_rad[near] - middle_rad)) < half_rad + SAME_WAY_RAD
+    return (apart_m < FARTHEST_M + samples.length_m.max() + samples.width_m.max()) & (
+        along | (half_rad + SAME_WAY_RAD >= np.pi)
+    )
 
 
 def _way(samples: _Samples, own: Ints) -> tuple[Floats, Floats, Floats, Floats]:
