@@ -41,8 +41,8 @@ LEAST_GAP_M = 0.3
 """The others brake as hard as they can when they could else not stop this far behind their leader."""
 WANTED_LESS_MPS = 1e-3
 """SUMO wanted less than it was told if by more than this: below that it is rounding."""
-NEW_STEPS = 20
-"""Who has just come keeps its lane for so long: nobody else expects it to change at once."""
+NEW_STEPS = 25
+"""Who has just come, and who is beside it, keeps its lane for so long: neither expects the other to change."""
 CUT_IN_WITHIN_M = 60.0
 """Farther ahead nobody cuts in."""
 
@@ -100,7 +100,7 @@ class AgentControl:
         self._overseen: set[str] = set()
         self._relaxing: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
-        self._new: dict[str, int] = {}
+        self._keeping_steps: dict[str, int] = {}
         self.keeping_lane: frozenset[str] = frozenset()
         """Agents that must not change lane."""
         self.models = DriverModels(self._follow_speed_mps, self._chance.of, self._relaxation.cut_in, DT_S)
@@ -118,13 +118,16 @@ class AgentControl:
             model = self._drivers[name].car_following_model
             if model in SURGING_MODELS or model not in COLLISION_FREE_MODELS:
                 self._overseen.add(name)
+        self.keep_lanes_a_while(names)
 
-        self._new.update(dict.fromkeys(names, NEW_STEPS))
+    def keep_lanes_a_while(self, names: Collection[str]) -> None:
+        """Those that have just come keep their lanes for a while, and so do those beside them."""
+        self._keeping_steps.update(dict.fromkeys(names, NEW_STEPS))
         self.keep_lanes(self.keeping_lane)
 
     def forget(self, name: str) -> None:
         """The agent has left."""
-        self._new.pop(name, None)
+        self._keeping_steps.pop(name, None)
         self._told.pop(name, None)
         self._overseen.discard(name)
         self._relaxing.discard(name)
@@ -133,9 +136,9 @@ class AgentControl:
 
     def grow_old(self) -> None:
         """A step has passed: those that came some time ago may change lane from now on."""
-        if self._new:
-            old = {name for name, steps in self._new.items() if steps <= 1}
-            self._new = {name: steps - 1 for name, steps in self._new.items() if steps > 1}
+        if self._keeping_steps:
+            old = {name for name, steps in self._keeping_steps.items() if steps <= 1}
+            self._keeping_steps = {name: steps - 1 for name, steps in self._keeping_steps.items() if steps > 1}
             self.keep_lanes(self.keeping_lane - old)
 
     def relax(self, agents: AgentSnapshot) -> None:
@@ -227,7 +230,7 @@ class AgentControl:
 
     def keep_lanes(self, wanted: frozenset[str]) -> None:
         """Have these agents keep their lanes, as those do that have just come, and those before no longer."""
-        wanted |= self._new.keys()
+        wanted |= self._keeping_steps.keys()
         if wanted == self.keeping_lane:
             return
         with Commanding("setLaneChangeMode"):

@@ -232,6 +232,10 @@ class EgoReactions:
             names = [agents.names[row] for row in self._within_reach_of(agents, obstructions)]
             corridors = zip(names, self._corridors_of(agents, names), strict=True)
             known.update([name for name, (_, corridor) in corridors if not met.isdisjoint(corridor)])
+        overlaps = self._proxy_overlaps(agents, anchor)
+        if overlaps:  # whom the ego hides concerns them, however far away it is itself
+            corridors = zip(agents.names, self._corridors_of(agents, agents.names), strict=True)
+            known.update([name for name, (_, corridor) in corridors if self._overlap_lane in corridor])
         rows = set(near)
         if known:
             rows.update([row for row, name in enumerate(agents.names) if name in known])
@@ -243,11 +247,10 @@ class EgoReactions:
                 for lane, part in coverage.items():
                     on_lanes.setdefault(lane, []).append((name, part))
             decisions = reactions.yield_to(concerned, on_lanes, decisions, self._models)
-        overlaps = self._proxy_overlaps(agents, anchor)
         overlooking = [
             each
             for each in concerned
-            if each.id in decisions and (overlaps or decisions[each.id].mode is Mode.IGNORE_EGO)
+            if overlaps or (each.id in decisions and decisions[each.id].mode is Mode.IGNORE_EGO)
         ]
         if overlooking:
             decisions = reactions.yield_to(overlooking, self._ahead(overlooking, agents), decisions, self._models)

@@ -280,7 +280,7 @@ class SumoTraffic:
         changes = flow.changes(there, self._ego, self._ids.origin_m, self._is_open)
         for entry in changes.entering:
             self._add(*entry)
-            self._control.keep_lanes(self._control.keeping_lane | self._beside(entry[1]))  # until the others see it
+            self._control.keep_lanes_a_while(self._beside(entry[1]))
         if changes.leaving:
             with Commanding("removing agents that are far away"):
                 for name in changes.leaving:
@@ -288,7 +288,7 @@ class SumoTraffic:
             self._remove(frozenset(changes.leaving))
 
     def _beside(self, each: Spawn) -> frozenset[str]:
-        """Agents near one that is about to enter: they could not see it before they change lane."""
+        """Agents near one that is about to enter: none of them changes into its way before it has settled."""
         lane, agents = self._network.lanes[each.lane], self._agents
         place = lane.plain_line.pose_at(lane.arc_of(each.position_m))
         away_m = np.hypot(agents.front_x - place.x_m, agents.front_y - place.y_m)
