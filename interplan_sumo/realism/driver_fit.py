@@ -79,7 +79,8 @@ class DriverEvidence:
 
 
 SEEN_SIGMA: Final = np.array([1.0, 0.15, 1.0, 1.0, 0.03])
-"""Of the logarithms of what was seen directly: one stop is not as the other, nor is one mile."""
+"""Of the logarithms of what was seen directly, with the same tails: who cruises before a light,
+or far behind a slow one, does not show what it wants."""
 
 
 def fit_drivers(
@@ -101,7 +102,7 @@ def fit_drivers(
         weights = (ODD + len(mean)) / (ODD + far)
         if population is None:
             before, told = mean, batch.rows * batch.step_s / CORRELATED_S
-            mean, covariance = _as_seen(*prior.updated(drivers, uncertainty, weights), known)
+            mean, covariance = _as_seen(*prior.updated(drivers, uncertainty, weights), drivers, known)
             weighted_m2 = (TAILS + told) / (TAILS + told * errors_m2 / sigma_m**2) * told * errors_m2
             fitted = float((1.0 - np.einsum("dpp,p->dp", uncertainty, 1.0 / np.diag(covariance))).clip(0.0).sum())
             sigma_m = float(np.sqrt(weighted_m2.sum() / max(told.sum() - fitted, 1.0)).clip(0.05, 2.0))
@@ -110,18 +111,17 @@ def fit_drivers(
     return DriverFit(mean, covariance, drivers, uncertainty, sigma_m)
 
 
-def _as_seen(mean: Floats, covariance: Floats, known: DriverEvidence) -> tuple[Floats, Floats]:
-    """A population in which what enough drivers show directly has the mean and spread that they show.
+def _as_seen(mean: Floats, covariance: Floats, drivers: Floats, known: DriverEvidence) -> tuple[Floats, Floats]:
+    """A population with the mean and spread of those who show a parameter directly, where they are enough.
 
     Queues and cruising drivers tell standstill gaps and desired speeds better
-    than followers' spacing does. Correlations stay.
+    than the spacing of all followers does. Correlations stay.
     """
     mean, scale = mean.copy(), np.ones(len(mean))
-    for column, values in enumerate(known.values.T):
-        logs = values[np.isfinite(values)]
-        if len(logs) >= DIRECT:
-            mean[column] = logs.mean()
-            scale[column] = logs.std(ddof=1) / np.sqrt(covariance[column, column])
+    for column, told in enumerate(np.isfinite(known.values).T):
+        if told.sum() >= DIRECT:
+            mean[column] = drivers[told, column].mean()
+            scale[column] = drivers[told, column].std(ddof=1) / np.sqrt(covariance[column, column])
     return mean, covariance * np.outer(scale, scale)
 
 
@@ -175,7 +175,8 @@ def _local(
     np.add.at(curvature, batch.driver, curvature_e)
     told_directly = np.isfinite(known.values)
     off = np.where(told_directly, drivers - np.where(told_directly, known.values, 0.0), 0.0) / SEEN_SIGMA
-    cost += (off**2).sum(axis=1) / 2.0
-    slope += off / SEEN_SIGMA
-    curvature[:, np.arange(width), np.arange(width)] += told_directly / SEEN_SIGMA**2
+    direct = (TAILS + 1.0) / (TAILS + off**2) * told_directly
+    cost += (TAILS + 1.0) / 2.0 * np.log1p(off**2 / TAILS).sum(axis=1)
+    slope += direct * off / SEEN_SIGMA
+    curvature[:, np.arange(width), np.arange(width)] += direct / SEEN_SIGMA**2
     return cost, slope, curvature, mean_m2

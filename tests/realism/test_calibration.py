@@ -71,7 +71,8 @@ def test_known_drivers_are_found_again() -> None:
     assert len(ids) == 30
     error = np.abs(np.exp(found.fit.drivers[followers]) / drivers[ids] - 1.0)
     assert (np.median(error, axis=0) <= 0.1).all()
-    assert np.exp(found.fit.mean[:4]) == pytest.approx(np.median(drivers, axis=0)[:4], rel=0.15)
+    middle = np.median(drivers, axis=0)[:4]  # leaders show speeds, too, that they took for no driver's reasons
+    assert np.exp(found.fit.mean[:4]) == pytest.approx(middle, rel=0.15)
 
 
 def test_the_spacing_of_fitted_drivers_is_right_to_a_metre() -> None:
