@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import libsumo
 import numpy as np
 import pytest
 
@@ -79,6 +80,20 @@ def test_nobody_brakes_harder_than_brakes_can_whoever_crosses_its_lane(
         change = np.diff([actors.speed_mps for actors in stepped(run, ego, 50)], axis=0) / DT_S
     assert change.min() > -9.05
     assert change.max() < 1.05
+
+
+def test_whom_the_ego_has_passed_through_is_seen_by_those_far_behind_it_too() -> None:
+    """One stands in the lane; an ego drives through it and on at 15 m/s before another one comes."""
+    drivers = types("conservative")
+    ego = lambda step: ego_at(100.0 + 1.5 * step, LANE_Y[1], 15.0)  # noqa: E731
+    both = (agent(drivers, "e0_1", 150.0, 0.0), agent(drivers, "e0_1", 20.0, 8.0))
+    with traffic(drivers, both, ego(0)) as run:
+        for each in stepped(run, ego, 200):
+            assert len(each) == 2
+            libsumo.vehicle.setSpeed("a0", 0.0)
+            libsumo.vehicle.setLaneChangeMode("a0", 0)
+            libsumo.vehicle.setLaneChangeMode("a1", 0)
+        assert 140.0 < libsumo.vehicle.getLanePosition("a1") < 150.0 - 4.6
 
 
 def followed(of: VehicleTypes, y_m: float) -> Array:
