@@ -37,6 +37,8 @@ def calibrate_drivers(
     from interplan_sumo.realism.vehicle_type_writer import write_vehicle_types
     from interplan_sumo.report.printing import console, print_json
 
+    if not out.parent.is_dir() or out.is_dir():
+        raise InputError(f"cannot write {out}: {'it is a folder' if out.is_dir() else 'there is no such folder'}")
     options = CalibrationOptions(road, _limits(limit or []), drivers, shift, date, source)  # type: ignore[arg-type]
     found = calibrate(open_recordings(recordings), options)
     write_vehicle_types(out, found.text())

@@ -86,14 +86,22 @@ def open_recordings(paths: Sequence[Path]) -> tuple[RecordedTraffic, ...]:
     return tuple(found)
 
 
-def open_recording(path: Path, format: str | None = None) -> tuple[RecordedTraffic, ...]:
+def open_recording(path: Path) -> tuple[RecordedTraffic, ...]:
     """The plain track form, or whatever formats of recordings are known; InputError for anything else.
 
     A log of nuPlan is read from its beginning to its end, in one piece.
     """
-    if format is None and is_plain(path):
+    if is_plain(path):
         return (read_tracks(path),)
-    found = RECORDING_FORMATS[format_of(path, format)]
+    if not path.exists():
+        raise InputError(f"cannot read {path}: there is no such file or folder")
+    try:
+        found = RECORDING_FORMATS[format_of(path)]
+    except InputError:
+        raise InputError(
+            f"{path} is no recording: neither a plain track file (Parquet with the columns {', '.join(COLUMNS)}) "
+            f"nor of one of the formats {', '.join(RECORDING_FORMATS)}"
+        ) from None
     options = {"duration": found.lasts(path)[0]} if found.lasts is not None and path.is_file() else {}
     read = found.read(path, **options)
     return tuple(of_recording(each) for each in ([read] if isinstance(read, Recording) else read))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -25,7 +26,7 @@ _LANES: Final = 'speedDev="0" lcKeepRight="0" lcOpposite="0" lcMaxSpeedLatStandi
 
 def vehicle_type_text(drivers: Floats, comment: Sequence[str]) -> str:
     """A file with a distribution `traffic` of one type for each drawn driver (N, 8), and a comment at its head."""
-    lines = "\n     ".join(escape(line).replace("--", "- -") for line in comment)
+    lines = "\n     ".join(re.sub("-(?=-)", "- ", escape(line)) for line in comment)  # no comment of XML holds two
     types = "".join(_type(number, driver) for number, driver in enumerate(drivers))
     distribution = f'    <vTypeDistribution id="traffic">\n{types}    </vTypeDistribution>\n'
     return f"{_HEAD}<!-- {lines} -->\n<additional>\n{distribution}</additional>\n"

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import ran
+from defusedxml import ElementTree
 from realdata import real
 from tracking import DT_S, steady, track
 
@@ -17,6 +18,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.realism.calibration import Calibration, CalibrationOptions, calibrate
 from interplan_sumo.realism.driver_population import BOUNDS, QUALITIES, DriverPopulation
 from interplan_sumo.realism.tracks import RecordedTraffic, Track, open_recordings
+from interplan_sumo.realism.vehicle_type_writer import vehicle_type_text
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.geometry import Floats
 
@@ -154,3 +156,8 @@ def test_shipped_measured_drivers_differ_and_have_milder_and_bolder_versions(nam
 
 def test_pooled_city_recordings_are_open() -> None:
     assert len({each.place for each in open_recordings([real("tracks")])}) >= 6
+
+
+def test_what_a_source_is_called_never_breaks_the_file() -> None:
+    text = vehicle_type_text(np.ones((1, 8)), ["a---b --> <vType> -"])
+    assert ElementTree.fromstring(text.encode()).find("vTypeDistribution") is not None

@@ -91,7 +91,7 @@ def test_the_plot_is_drawn(tmp_path: Path, simulated: Path, capsys: pytest.Captu
         ("nowhere --against {rec}", "cannot read nowhere"),
         ("{sim} --against nowhere", "cannot read nowhere"),
         ("{sim}", "--against"),
-        ("{rec} --against {text}", "no recording of a known format"),
+        ("{rec} --against {text}", "is no recording: neither"),
         ("{sim} --against {rec} --types {sim}", "expected <additional> or <routes>"),
         ("{sim} --against {rec} --html {sim}/page.html", "page.html"),
     ],

@@ -73,7 +73,7 @@ def test_what_cannot_be_is_told_by_row(tmp_path: Path, wrong: dict[str, object],
 def test_what_is_no_recording_is_told_in_a_line(tmp_path: Path) -> None:
     other = tmp_path / "readme.txt"
     other.write_text("no tracks")
-    with pytest.raises(InputError, match="is no recording of a known format"):
+    with pytest.raises(InputError, match="is no recording: neither"):
         open_recording(other)
     with pytest.raises(InputError, match="is no file of tracks"):
         read_tracks(other)

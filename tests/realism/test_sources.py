@@ -62,7 +62,7 @@ def test_fcd_output_is_a_source_too_and_what_is_nothing_is_refused(tmp_path: Pat
     (part,) = TrafficSource("fcd", path).parts()
     assert [each.id for each in part.tracks] == ["a"]
     (tmp_path / "notes.txt").write_text("nothing")
-    with pytest.raises(InputError, match="no recording of a known format"):
+    with pytest.raises(InputError, match="is no recording: neither"):
         list(TrafficSource("x", tmp_path / "notes.txt").parts())
 
 
