@@ -122,9 +122,9 @@ def check(made: Path, capsys: pytest.CaptureFixture[str], seeds: range) -> None:
 
 
 def test_a_damaged_file_is_one_line(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    check(made, capsys, range(120))
+    check(made, capsys, range(60))
 
 
 @pytest.mark.slow
 def test_two_thousand_damaged_files_are_one_line_each(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    check(made, capsys, range(120, 2000))
+    check(made, capsys, range(60, 2000))

@@ -119,6 +119,7 @@ def test_recordings_in_which_nobody_follows_are_told() -> None:
         calibrate([RecordedTraffic("street_1", "street", (steady("a", 0.0, 10.0),))])
 
 
+@pytest.mark.slow
 def test_real_recordings_become_a_file_that_sumo_s_schema_takes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
