@@ -22,10 +22,10 @@ def simulated(behaviour: str, seed: int = 0) -> RecordedTraffic:
 
 
 def test_a_seed_says_who_comes_when_and_where() -> None:
-    one, again = simulated("mixed"), simulated.__wrapped__("mixed")
+    one, again = simulated("conservative"), simulated.__wrapped__("conservative")
     assert [each.id for each in one.tracks] == [each.id for each in again.tracks]
     assert all(np.array_equal(a.x_m, b.x_m) for a, b in zip(one.tracks, again.tracks, strict=True))
-    other = simulated("mixed", seed=1)
+    other = simulated("conservative", seed=1)
     assert [len(each.time_s) for each in one.tracks] != [len(each.time_s) for each in other.tracks]
 
 
