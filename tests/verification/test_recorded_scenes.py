@@ -29,7 +29,8 @@ pytestmark = pytest.mark.slow
     [
         (
             b"lane,x,y\n",
-            "is no recording of a known format (argoverse2, commonroad, interplan, nuplan); name one with --format",
+            "is no recording of a known format (argoverse2, argoverse2_sensor, commonroad, interplan, nuplan); "
+            "name one with --format",
         ),
         (b"<commonRoad", "unclosed token"),
         (b"PAR1junk", "not a Parquet file"),
