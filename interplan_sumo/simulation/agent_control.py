@@ -91,7 +91,7 @@ class AgentControl:
     def __init__(self, drivers: Mapping[str, VehicleType], chance_seed: int, *, with_ego: bool) -> None:
         """`drivers` by agent, as they come; `chance_seed` is for what they decide by chance.
 
-        Without an ego they are SUMO's own, to the bit.
+        Without an ego they are SUMO's own to the bit, once they have been there for a while.
         """
         self._drivers = drivers
         self._with_ego = with_ego
