@@ -92,8 +92,10 @@ def realism(
     sources = named_sources([path for path, file in files.items() if not is_vehicle_types(file)], types)
     simulations = {each.name: feature_samples(each.parts()) for each in sources}
     simulations |= simulated_baselines(drivers, say)
-    with shipped_baselines() as shipped:
-        beside = simulated_baselines(shipped, say) if baselines else {}
+    beside = {}
+    if baselines:
+        with shipped_baselines() as shipped:
+            beside = simulated_baselines(shipped, say)
     report = realism_report(simulations, recordings, beside)
     if html is not None:
         from interplan_sumo.realism.page import write_realism_page

@@ -10,7 +10,6 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
@@ -18,7 +17,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.realism.tracks import LONGEST_GAP_S, RecordedTraffic, Track, TrackKind
+from interplan_sumo.realism.tracks import RecordedTraffic, Track, TrackKind, unbroken
 from interplan_sumo.world.xml_file import elements, root_of
 
 ROOT: Final = "fcd-export"
@@ -166,11 +165,10 @@ def _tracks(id_: str, body: Body, table: np.ndarray, *, front: bool) -> list[Tra
     heading_rad = np.pi / 2.0 - np.radians(angle_deg)
     back_m = body.length_m / 2.0 if front else 0.0
     x_m, y_m = x_m - back_m * np.cos(heading_rad), y_m - back_m * np.sin(heading_rad)
-    bounds = [0, *(np.flatnonzero(np.diff(time_s) > LONGEST_GAP_S) + 1).tolist(), len(time_s)]
     return [
         Track(
-            f"{id_}~{number}" if number > 1 else id_, body.kind, time_s[a:b], x_m[a:b], y_m[a:b], heading_rad[a:b],
-            np.abs(speed_mps[a:b]), body.length_m, body.width_m,
+            name, body.kind, time_s[part], x_m[part], y_m[part], heading_rad[part], np.abs(speed_mps[part]),
+            body.length_m, body.width_m,
         )
-        for number, (a, b) in enumerate(pairwise(bounds), start=1)
+        for name, part in unbroken(id_, time_s)
     ]  # fmt: skip

@@ -88,12 +88,16 @@ class MovingTraffic:
         )
 
     @cached_property
+    def _numbers(self) -> Mapping[int, int]:
+        """By `id` of a motion: of `vehicles`, then of `standing`."""
+        return {id(each): at for at, each in enumerate((*self.vehicles, *self.standing))}
+
+    @cached_property
     def followings(self) -> Mapping[int, list[Following]]:
         """The episodes of each vehicle behind another: of `vehicles` by its number, then of `standing`."""
-        number = {id(each): at for at, each in enumerate((*self.vehicles, *self.standing))}
         found: dict[int, list[Following]] = {}
         for each in followings([*self.vehicles, *self.standing]):
-            found.setdefault(number[id(each.follower)], []).append(each)
+            found.setdefault(self._numbers[id(each.follower)], []).append(each)
         return found
 
     @cached_property
@@ -102,16 +106,15 @@ class MovingTraffic:
 
         Parked cars stand behind one another, too.
         """
-        number = {id(each): at for at, each in enumerate((*self.vehicles, *self.standing))}
         found: dict[int, list[float]] = {}
         behind: list[tuple[int, int]] = []
         for follower, episodes in self.followings.items():
             for each in episodes:
                 stands = (each.speed_mps == 0.0) & (each.leader_speed_mps == 0.0) & (each.gap_m < QUEUE_M)
-                gaps_m = [float(np.median(each.gap_m[rows])) for rows in _stretches(stands, STOP_S / each.step_s)]
+                gaps_m = [float(np.median(each.gap_m[rows])) for rows in stretches(stands, STOP_S / each.step_s)]
                 if gaps_m:
                     found.setdefault(follower, []).extend(gaps_m)
-                    behind.append((follower, number[id(each.leader)]))
+                    behind.append((follower, self._numbers[id(each.leader)]))
         drive, before = {*range(len(self.vehicles))}, -1
         while len(drive) != before:
             before = len(drive)
@@ -165,8 +168,8 @@ def _strongest_accelerations(traffic: MovingTraffic) -> Values:
     for each in _steady(traffic):
         rows = round(SEEN_S / each.step_s) + 1
         starts = range(0, len(each.time_s) - rows + 1, rows - 1)
-        stretches = [slice(start, start + rows) for start in starts]
-        driven = [at for at in stretches if (each.speed_mps[at] > MOVING_MPS).any()]
+        parts = [slice(start, start + rows) for start in starts]
+        driven = [at for at in parts if (each.speed_mps[at] > MOVING_MPS).any()]
         yield [max(float(each.acceleration_mps2[at].max()), 0.0) for at in driven]
 
 
@@ -195,7 +198,7 @@ def _steady_followings(traffic: MovingTraffic) -> Iterator[list[Following]]:
 def _onsets(episode: Following) -> Ints:
     """The rows at which somebody who is following begins to brake."""
     braking = (episode.acceleration_mps2 < BRAKING_MPS2) & (episode.speed_mps > 0.0)
-    first = [rows[0] for rows in _stretches(braking, 0.5 / episode.step_s)]
+    first = [rows[0] for rows in stretches(braking, 0.5 / episode.step_s)]
     fast = [row for row in first if row > 0 and episode.speed_mps[row] > FOLLOWING_MPS]
     return np.array(fast, dtype=np.int64)
 
@@ -237,7 +240,7 @@ def _walking_speeds(traffic: MovingTraffic) -> Values:
     return (each.speed_mps[each.speed_mps > 0.0] for each in traffic.walkers)
 
 
-def _stretches(holds: np.ndarray, least: float) -> list[Ints]:
+def stretches(holds: np.ndarray, least: float) -> list[Ints]:
     """The rows of each stretch in which something holds without a break for at least so many rows."""
     rows = np.flatnonzero(holds)
     parts = np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1) if len(rows) else []

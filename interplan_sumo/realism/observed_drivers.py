@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.realism.car_following import Episode, EpisodeBatch, FreeDriving, batch_of
-from interplan_sumo.realism.features import BY_KEY, FREE_RADPS, MovingTraffic
+from interplan_sumo.realism.features import BY_KEY, FREE_RADPS, MovingTraffic, stretches
 from interplan_sumo.realism.following import Following
 from interplan_sumo.realism.motion import MOVING_MPS, Motion
 from interplan_sumo.realism.tracks import RecordedTraffic
@@ -149,8 +149,7 @@ def _free(vehicle: Motion, episodes: Sequence[Following], allowed_mps: float) ->
     free = (vehicle.acceleration_mps2 > BRAKES_MPS2) & (np.abs(vehicle.yaw_rate_radps) < FREE_RADPS)
     for each in episodes:
         free &= (vehicle.time_s < each.time_s[0]) | (vehicle.time_s > each.time_s[-1])
-    rows = np.flatnonzero(free & (vehicle.speed_mps > 0.0))
-    for part in np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1) if len(rows) else []:
+    for part in stretches(free & (vehicle.speed_mps > 0.0), 1):
         speed_mps = vehicle.speed_mps[part]
         if len(part) * vehicle.step_s >= FREE_STRETCH_S and speed_mps[-1] > FAST_SHARE * allowed_mps:
             yield FreeDriving(vehicle.step_s, speed_mps)

@@ -16,16 +16,11 @@ import pyarrow.parquet as pq
 from interplan_sumo.batch.run_folder import MANIFEST, read_run
 from interplan_sumo.errors import InputError
 from interplan_sumo.realism.fcd import is_fcd, read_fcd
-from interplan_sumo.realism.tracks import RecordedTraffic, Track, TrackKind, open_recordings
-from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.realism.tracks import ACTOR_KINDS, RecordedTraffic, Track, TrackKind, open_recordings
 
 STEP_S: Final = 0.1
 """Between the frames of a trace."""
-KINDS: Final[dict[str, TrackKind]] = {
-    ActorKind.VEHICLE.name: "vehicle",
-    ActorKind.PEDESTRIAN.name: "pedestrian",
-    ActorKind.BICYCLE.name: "bicycle",
-}
+KINDS: Final[dict[str, TrackKind]] = {actor.name: kind for actor, kind in ACTOR_KINDS.items()}
 ACTORS: Final = "actors.parquet"
 _LARGEST: Final = 1e8
 _COLUMNS: Final = ("frame", "track_token", "type", "x", "y", "heading", "length", "width", "vx", "vy")

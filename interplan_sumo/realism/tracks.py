@@ -26,7 +26,7 @@ LONGEST_GAP_S: Final = 0.55
 COLUMNS: Final = ("track", "type", "time_s", "x_m", "y_m", "heading_rad", "speed_mps", "length_m", "width_m")
 """Of the plain track form. Speeds may be missing, or NaN."""
 KINDS: Final[dict[str, TrackKind]] = {"veh": "vehicle", "ped": "pedestrian", "bike": "bicycle"}
-_ACTORS: Final[dict[ActorKind, TrackKind]] = {
+ACTOR_KINDS: Final[dict[ActorKind, TrackKind]] = {
     ActorKind.VEHICLE: "vehicle",
     ActorKind.PEDESTRIAN: "pedestrian",
     ActorKind.BICYCLE: "bicycle",
@@ -107,6 +107,13 @@ def open_recording(path: Path) -> tuple[RecordedTraffic, ...]:
     return tuple(of_recording(each) for each in ([read] if isinstance(read, Recording) else read))
 
 
+def unbroken(id_: str, time_s: Floats) -> Iterator[tuple[str, slice]]:
+    """The parts of a record between gaps above `LONGEST_GAP_S`, each with an id of its own."""
+    bounds = [0, *(np.flatnonzero(np.diff(time_s) > LONGEST_GAP_S) + 1).tolist(), len(time_s)]
+    for number, (begin, end) in enumerate(pairwise(bounds), start=1):
+        yield (id_ if number == 1 else f"{id_}~{number}"), slice(begin, end)
+
+
 def is_plain(path: Path) -> bool:
     """Whether a file is a Parquet file with the columns of the plain track form."""
     try:
@@ -127,7 +134,7 @@ def of_recording(recording: Recording) -> RecordedTraffic:
     tracks = [
         Track(
             id=each.id,
-            kind=_ACTORS[each.kind],
+            kind=ACTOR_KINDS[each.kind],
             time_s=(each.first_step + np.arange(float(len(each.poses)))) * recording.step_s,
             x_m=each.poses[:, 0],
             y_m=each.poses[:, 1],
@@ -137,7 +144,7 @@ def of_recording(recording: Recording) -> RecordedTraffic:
             width_m=each.width_m,
         )
         for each in recording.tracks
-        if each.kind in _ACTORS
+        if each.kind in ACTOR_KINDS
     ]
     return RecordedTraffic(recording.name, recording.map_name or place_of(recording.name), tuple(tracks))
 
@@ -187,9 +194,7 @@ def _tracks(path: Path, id_: str, rows: pd.DataFrame) -> Iterator[Track]:
     if rows["type"].nunique() > 1:
         raise InputError(f"{path}: track {id_[:40]!r} is of several types: {', '.join(sorted(rows['type'].unique()))}")
     time_s = rows["time_s"].to_numpy()
-    bounds = [0, *(np.flatnonzero(np.diff(time_s) > LONGEST_GAP_S) + 1).tolist(), len(rows)]
     length_m, width_m = (float(rows[name].median()) for name in ("length_m", "width_m"))
-    for number, (begin, end) in enumerate(pairwise(bounds), start=1):
-        columns = {name: rows[name].to_numpy()[begin:end] for name in COLUMNS[2:7]}
-        name = id_ if number == 1 else f"{id_}~{number}"
+    for name, part in unbroken(id_, time_s):
+        columns = {column: rows[column].to_numpy()[part] for column in COLUMNS[2:7]}
         yield Track(name, KINDS[rows["type"].iloc[0]], **columns, length_m=length_m, width_m=width_m)

@@ -15,7 +15,7 @@ from math import atan, atan2, degrees, exp, hypot, pi, tan
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from interplan_sumo.world.geometry import Floats, wrap_angle
+from interplan_sumo.world.geometry import Floats, box_polygons, wrap_angle
 
 REAR_AXLE = 0.78
 """How far behind the front bumper the rear axle is, as a share of the length: nuPlan's Pacifica."""
@@ -126,6 +126,13 @@ class AgentKinematics:
 def _farthest_m(step_m: Floats) -> Floats:
     """How far a front can have moved in a step in which its car drove `step_m`."""
     return STRETCH * step_m + np.minimum(SLIDE_M, step_m)
+
+
+def bodies(front_poses: Floats, length_m: ArrayLike, width_m: ArrayLike) -> NDArray[np.object_]:
+    """(N,) boxes of cars whose front bumpers are at (N, 3) x, y, heading; lengths and widths (N,) or of all."""
+    x, y, heading = front_poses.T
+    length, width = (np.broadcast_to(np.asarray(size, np.float64), x.shape) for size in (length_m, width_m))
+    return box_polygons(x - length / 2.0 * np.cos(heading), y - length / 2.0 * np.sin(heading), heading, length, width)
 
 
 def rolled_rad(heading_rad: float, along_m: float, left_m: float, axle_m: float) -> float:

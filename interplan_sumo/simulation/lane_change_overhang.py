@@ -15,13 +15,14 @@ from math import cos, pi, sin
 import numpy as np
 import shapely
 
+from interplan_sumo.simulation.agent_kinematics import bodies
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
 from interplan_sumo.simulation.long_vehicles import LONG_M
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.reactions import LaneCoverage
 from interplan_sumo.simulation.vehicle_types import VehicleType
-from interplan_sumo.world.geometry import box_polygons, wrap_angle
+from interplan_sumo.world.geometry import wrap_angle
 
 SLOW_MPS = 7.0
 """At 3.5 m in 3 s across, a car this fast or faster never turns so far that its rear leaves its lane."""
@@ -66,8 +67,7 @@ class LaneChangeOverhang:
             if lane and self._is_inside(lane, driver, front_x, front_y, heading):
                 self._candidates.discard(name)
                 continue
-            x, y = front_x - driver.length_m / 2.0 * cos(heading), front_y - driver.length_m / 2.0 * sin(heading)
-            (box,) = box_polygons([x], [y], [heading], [driver.length_m], [driver.width_m])
+            (box,) = bodies(np.array([[front_x, front_y, heading]]), driver.length_m, driver.width_m)
             own = self._network.continuations(lane) if lane else frozenset[str]()
             spans = lanes_overlapped(self._network, box, own, in_junctions=driver.length_m > LONG_M)
             if not spans:
@@ -103,27 +103,18 @@ class LaneChangeOverhang:
     def _faces_somebody(self, row: int, snapshot: AgentSnapshot, dt_s: float) -> bool:
         me, heading, speed = self._drivers[snapshot.names[row]], snapshot.heading_rad[row], snapshot.speed_mps[row]
         reach_m = TOUCH_M + float(speed) * dt_s + float(speed) ** 2 / (2.0 * me.emergency_decel_mps2)
-        cosine, sine = np.cos(snapshot.heading_rad), np.sin(snapshot.heading_rad)
+        cosine, sine = np.cos(heading), np.sin(heading)
         dx, dy = snapshot.front_x - snapshot.front_x[row], snapshot.front_y - snapshot.front_y[row]
-        ahead_m = dx * cosine[row] + dy * sine[row]
+        ahead_m = dx * cosine + dy * sine
         rows = np.flatnonzero((ahead_m > 0.0) & (np.hypot(dx, dy) < reach_m + me.width_m + LONGEST_M))
         if not len(rows):
             return False
         x, y = float(snapshot.front_x[row]), float(snapshot.front_y[row])
-        middle_m = reach_m / 2.0
-        (way,) = box_polygons(
-            [x + middle_m * cosine[row]], [y + middle_m * sine[row]], [heading], [reach_m], [me.width_m]
-        )
+        (way,) = bodies(np.array([[x + reach_m * cosine, y + reach_m * sine, heading]]), reach_m, me.width_m)
         others = [self._drivers[snapshot.names[i]] for i in rows.tolist()]
-        lengths = np.array([each.length_m for each in others])
-        bodies = box_polygons(
-            snapshot.front_x[rows] - lengths / 2.0 * cosine[rows],
-            snapshot.front_y[rows] - lengths / 2.0 * sine[rows],
-            snapshot.heading_rad[rows],
-            lengths,
-            [each.width_m for each in others],
-        )
-        return bool(shapely.intersects(way, bodies).any())
+        poses = np.stack((snapshot.front_x[rows], snapshot.front_y[rows], snapshot.heading_rad[rows]), axis=1)
+        boxes = bodies(poses, [each.length_m for each in others], [each.width_m for each in others])
+        return bool(shapely.intersects(way, boxes).any())
 
     def forget(self, name: str) -> None:
         """The agent has left."""

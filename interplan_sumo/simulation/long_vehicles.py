@@ -12,13 +12,13 @@ from math import atan2, cos, hypot, sin
 import numpy as np
 import shapely
 
-from interplan_sumo.simulation.agent_kinematics import REAR_AXLE, rolled_rad
+from interplan_sumo.simulation.agent_kinematics import REAR_AXLE, bodies, rolled_rad
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.lane_polygons import ego_ring
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import EgoShape, EgoState
-from interplan_sumo.world.geometry import box_polygons, wrap_angle
+from interplan_sumo.world.geometry import wrap_angle
 
 LONG_M = 6.5
 """Shorter ones stay in their lanes."""
@@ -76,7 +76,7 @@ class LongVehicles:
             return None
         way_m = CLEAR_M + speed_mps**2 / (2.0 * driver.decel_mps2) + 0.1 * speed_mps
         x, y = float(snapshot.front_x[row]), float(snapshot.front_y[row])
-        poses = [(x, y, heading)]
+        poses: list[tuple[float, float, float]] = []
         for gone_m in np.arange(STEP_M, way_m + STEP_M, STEP_M).tolist():
             there = line.pose_at(min(arc_m + gone_m, line.length_m))
             beyond_m = max(0.0, arc_m + gone_m - line.length_m)
@@ -87,7 +87,7 @@ class LongVehicles:
             heading = rolled_rad(heading, went_m * cos(off), went_m * sin(off), REAR_AXLE * driver.length_m)
             x, y = next_x, next_y
             poses.append((x, y, heading))
-        return shapely.union_all(_bodies(np.array(poses[1:]), driver.length_m, driver.width_m))
+        return shapely.union_all(bodies(np.array(poses), driver.length_m, driver.width_m))
 
     def _met(self, snapshot: AgentSnapshot, row: int, sweep: shapely.Geometry, ego_box: shapely.Polygon) -> set[int]:
         """Rows of those that the swept area touches and the body does not yet; -1 for the ego."""
@@ -97,19 +97,10 @@ class LongVehicles:
         rows = [other for other in np.flatnonzero(away_m < reach_m).tolist() if other != row]
         drivers = [self._drivers[snapshot.names[other]] for other in rows]
         poses = np.stack((snapshot.front_x[rows], snapshot.front_y[rows], snapshot.heading_rad[rows]), axis=1)
-        bodies = _bodies(poses, [each.length_m for each in drivers], [each.width_m for each in drivers])
-        rows, others = [*rows, -1], [*bodies, ego_box]
+        boxes = bodies(poses, [each.length_m for each in drivers], [each.width_m for each in drivers])
+        rows, others = [*rows, -1], [*boxes, ego_box]
         me = self._drivers[snapshot.names[row]]
         here = np.array([[snapshot.front_x[row], snapshot.front_y[row], snapshot.heading_rad[row]]])
-        (body,) = _bodies(here, me.length_m, me.width_m)
+        (body,) = bodies(here, me.length_m, me.width_m)
         touched = shapely.intersects(sweep, others) & ~shapely.intersects(body, others)
         return {other for other, touches in zip(rows, touched.tolist(), strict=True) if touches}
-
-
-def _bodies(front_poses: np.ndarray, length_m: float | Sequence[float], width_m: float | Sequence[float]) -> np.ndarray:
-    """(N,) boxes of bodies whose front bumpers are at (N, 3) x, y, heading."""
-    x, y, heading = front_poses.T
-    lengths, widths = np.broadcast_to(length_m, x.shape), np.broadcast_to(width_m, x.shape)
-    return box_polygons(
-        x - lengths / 2.0 * np.cos(heading), y - lengths / 2.0 * np.sin(heading), heading, lengths, widths
-    )

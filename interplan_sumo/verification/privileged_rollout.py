@@ -22,7 +22,7 @@ from interplan_sumo.dynamics.lqr import (
     TRACKING_GAIN_PER_S,
     follow,
 )
-from interplan_sumo.scenario.route import goal_arc_m, route_centerline
+from interplan_sumo.scenario.route import GoalLine, goal_arc_m, route_centerline
 from interplan_sumo.simulation.episode import DT_S
 from interplan_sumo.verification.corridor import GRID_M, FrenetCorridor, smoothed
 from interplan_sumo.verification.drivable_paths import DrivablePath, headings_of, quintic
@@ -103,10 +103,11 @@ def driven(
     wanted = _softened(_places(line, profile, frames - profile.frame + 1), begin_m, now.vx_mps, now.ax_mps2)
     speeds = np.gradient(wanted, DT_S)
     pushes = np.gradient(speeds, DT_S)
-    route, goal_m = route_centerline(corridor.roads, corridor.scenario), goal_arc_m(corridor.roads, corridor.scenario)
+    roads, scenario = corridor.roads, corridor.scenario
+    goal = GoalLine(route_centerline(roads, scenario), goal_arc_m(roads, scenario))
     for i in range(frames - profile.frame):
         ego = states[-1]
-        if route.project_point(ego.x_m, ego.y_m)[0] > goal_m:
+        if goal.is_passed(ego.x_m, ego.y_m):
             break
         along_m = _place_on(line, ego, float(wanted[i]))
         wish = float(pushes[i + 1]) + SPEED_GAIN_PER_S * (float(speeds[i]) - ego.vx_mps)
