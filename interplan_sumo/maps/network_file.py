@@ -11,6 +11,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.maps.program_elements import program_of
+from interplan_sumo.maps.signal_program import SignalProgram
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.xml_file import elements
 
@@ -121,13 +123,20 @@ class FileJunction:
 
 @dataclass(frozen=True, slots=True)
 class FileProgram:
-    """The program of a traffic light."""
+    """A program of a traffic light."""
 
     id: str
-    offset_s: float
-    """After this time of the simulation it begins."""
-    phases: tuple[tuple[float, str], ...]
-    """(seconds, state with one letter for each link)."""
+    """The traffic light."""
+    program: SignalProgram
+
+    @property
+    def offset_s(self) -> float:
+        return self.program.offset_s
+
+    @property
+    def phases(self) -> tuple[tuple[float, str], ...]:
+        """(seconds, state with one letter for each link)."""
+        return tuple((phase.duration_s, phase.state) for phase in self.program.phases)
 
 
 @dataclass(slots=True, eq=False)
@@ -152,6 +161,7 @@ class NetworkFile:
     edges: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
     """Normal edge -> its lanes by index, 0 at the kerb."""
     programs: list[FileProgram] = field(default_factory=list[FileProgram])
+    """Of several of one light SUMO runs the last."""
 
     @property
     def left_hand(self) -> bool:
@@ -286,12 +296,10 @@ def _add_connection(file: NetworkFile, element: Element) -> None:
 
 def _program(file: NetworkFile, element: Element) -> FileProgram:
     id_ = element.get("id", "")
-    what = f"traffic light {id_[:40]!r}"
-    phases = tuple(
-        (_number(file.path, f"{what}: duration", phase.get("duration", "")), phase.get("state", ""))
-        for phase in element.iterfind("phase")
-    )
-    return FileProgram(id_, _number(file.path, f"{what}: offset", element.get("offset", "0")), phases)
+    try:
+        return FileProgram(id_, program_of(element))
+    except ValueError as error:
+        raise file.fault(f"traffic light {id_[:40]!r}: {error}") from None
 
 
 def _shape(path: Path, what: str, text: str) -> Floats:

@@ -328,7 +328,7 @@ def _network(file: NetworkFile) -> SumoNetwork:
     for program in file.programs:
         if not program.phases:
             raise ValueError(f"traffic light {program.id} has no phase")
-        programs.setdefault(program.id, _from_time_0(program.phases, program.offset_s))
+        programs[program.id] = _from_time_0(program.phases, program.offset_s)  # of several SUMO runs the last
     return SumoNetwork(
         path=file.path,
         lanes=lanes,

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import shapely
 
+from interplan_sumo.maps.signal_program import SignalProgram
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import DrivingSide, StopLineKind
 
@@ -57,6 +58,47 @@ class SourceStopLine:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SourceSignal:
+    """A controller: lights that share a program."""
+
+    id: str
+    """The file's own."""
+    lights: tuple[str, ...]
+    """Light of each letter in the states of its programs, as lanes name them; empty where it is not for cars."""
+    programs: tuple[SignalProgram, ...] = ()
+    """The last one runs. Empty where the file says which lights go together, but not when."""
+    tells_who_yields: bool = True
+    """Whether "G" means that nobody may cross, and "g" a green with the duty to yield; else both are just green."""
+    ways: Mapping[str, tuple[str, str]] = field(default_factory=dict[str, tuple[str, str]])
+    """Light -> (from, to), the two lanes between which alone it holds, for lights that share the end of a lane."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourceWay:
+    """A way through a junction."""
+
+    lanes: tuple[str, ...]
+    """The lane that runs through the junction, or the two between which a direct way leads."""
+    state: str = ""
+    """SUMO's letter for who goes first without a working light (M, m, =, s, w, Z); empty where the file knows none."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourceJunction:
+    """Who goes first among some ways, as the file has it."""
+
+    id: str
+    """The file's own."""
+    kind: str
+    """SUMO's type of junction: priority, right_before_left, allway_stop, priority_stop, zipper, traffic_light, ..."""
+    ways: tuple[SourceWay, ...]
+    yields: frozenset[tuple[int, int]]
+    """Pairs of ways, by their places in `ways`, of which the first yields to the second."""
+    foes: frozenset[tuple[int, int]] | None = None
+    """Pairs, both ways round, whose paths meet; None where the file does not say and geometry decides."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class LeftOut:
     """Something of the file that is no lane for cars, with the reason in words."""
 
@@ -83,6 +125,10 @@ class SourceMap:
     drivable: tuple[shapely.Polygon, ...] = ()
     """Paved areas beyond the lanes, or around them, where the file draws such."""
     left_out: tuple[LeftOut, ...] = ()
+    signals: tuple[SourceSignal, ...] = ()
+    """Lights of no controller get a program of ours."""
+    junctions: tuple[SourceJunction, ...] = ()
+    """Ways of no junction, and pairs that none tells of, go by signs and geometry."""
     notes: tuple[str, ...] = ()
     """What else a user should know: assumptions made, data that could not be used. One sentence each."""
 
