@@ -29,15 +29,17 @@ def proofs(
     *,
     workers: int | None,
     stored: dict[str, Certificate] | None = None,
+    panel: Sequence[str] | None = None,
     limits: Limits | None = None,
 ) -> Generator[Proof]:
     """Certify scenarios, or with `stored` certificates check those, in worker processes.
 
-    0 works in this one, None takes all cores. Yields one proof per scenario in
-    the order in which they end; each depends on its scenario alone. Closing
-    the iterator ends all workers.
+    A `panel` of planners drives each scenario that is certified. 0 workers work
+    in this process, None takes all cores. Yields one proof per scenario in the
+    order in which they end; each depends on its scenario alone. Closing the
+    iterator ends all workers.
     """
-    tasks = [Task(s.id, GROUP, (s, (stored or {}).get(s.id), stored is not None)) for s in scenarios]
+    tasks = [Task(s.id, GROUP, (s, (stored or {}).get(s.id), stored is not None, panel)) for s in scenarios]
     many = available_cores() if workers is None else workers
     for outcome in run_tasks(tasks, _open, workers=many, limits=limits or Limits()):
         fault, answer = outcome.fault, msgspec.convert(outcome.value, ProofAnswer)
@@ -47,13 +49,13 @@ def proofs(
 
 
 def _open(_group: str, publish: Publish) -> Work:
-    def work(payload: tuple[Scenario, Certificate | None, bool]) -> Answer:
+    def work(payload: tuple[Scenario, Certificate | None, bool, Sequence[str] | None]) -> Answer:
         publish("simulate")
-        scenario, held, only_check = payload
+        scenario, held, only_check, panel = payload
         if only_check:
             proof = Proof(scenario, held, tuple(check_certificate(scenario, held)), 0 if held is None else 2)
         else:
-            proof = certify(scenario)
+            proof = certify(scenario, panel=panel)
         record = None if proof.certificate is None else proof.certificate.record()
         return msgspec.to_builtins(ProofAnswer(record, proof.problems, proof.simulations)), None
 

@@ -14,7 +14,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
-    from interplan_sumo.scenario.certificates import Certificate
+    from interplan_sumo.scenario.certificates import Certificate, Summary
     from interplan_sumo.scenario.scenario import Scenario
     from interplan_sumo.verification.certificates import Proof
 
@@ -26,20 +26,30 @@ def certify(
     ] = None,
     workers: WorkersOption = None,
     check: Annotated[bool, typer.Option("--check", help="Only replay the stored drives and judge them again.")] = False,
+    panel: Annotated[
+        str | None,
+        typer.Option(help="Planners that try what is certified, with commas between; '' for none. [by rules: four]"),
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Prove scenarios solvable: search a drive that passes, and store it with the suite or file as its expert.
 
+    The certificate also says which planners of the panel solve the scenario; it is open if none does.
     Exit code 3 if a scenario could not be certified, 1 if a stored proof does not hold.
     """
     from interplan_sumo.batch.jobs import chosen, split_files
+    from interplan_sumo.planner import find_planner
     from interplan_sumo.scenario import certificates
+    from interplan_sumo.verification.solvers import PANEL
 
     files, globs = split_files(scenarios or ())
     everyone, path = _source(suite, files)
     wanted = chosen(everyone, globs)
     stored = certificates.read_certificates(path) if path.is_file() else {}
-    found = proved(wanted, workers, stored if check else None)
+    asked = list(PANEL) if panel is None else [name.strip() for name in panel.split(",") if name.strip()]
+    for name in asked:
+        find_planner(name.partition("?")[0])
+    found = proved(wanted, workers, stored if check else None, asked or None)
     found.sort(key=lambda proof: [s.id for s in wanted].index(proof.scenario.id))
     failed = [proof for proof in found if proof.certificate is None]
     if not check:
@@ -55,13 +65,16 @@ def certify(
 
 
 def proved(
-    scenarios: Sequence[Scenario], workers: int | None, stored: dict[str, Certificate] | None = None
+    scenarios: Sequence[Scenario],
+    workers: int | None,
+    stored: dict[str, Certificate] | None = None,
+    panel: Sequence[str] | None = None,
 ) -> list[Proof]:
     """`proofs` as they come, each with a line on stderr."""
     from interplan_sumo.batch.certify_job import proofs
 
     found: list[Proof] = []
-    for proof in proofs(scenarios, workers=workers, stored=stored):
+    for proof in proofs(scenarios, workers=workers, stored=stored, panel=panel):
         found.append(proof)
         print(f"[{len(found)}/{len(scenarios)}] {_line(proof)}", file=sys.stderr, flush=True)
     return found
@@ -87,8 +100,14 @@ def _line(proof: Proof) -> str:
     summary = proof.certificate.summary
     return (
         f"{proof.scenario.id}: score {summary.score:.3f}, {summary.distance_m:.0f} of "
-        f"{summary.reference_distance_m:.0f} m, {proof.simulations} simulations, {proof.wall_s:.1f} s"
+        f"{summary.reference_distance_m:.0f} m, {proof.simulations} simulations, {proof.wall_s:.1f} s{_solved(summary)}"
     )
+
+
+def _solved(summary: Summary) -> str:
+    if summary.solved_by is None:
+        return ""
+    return f", solved by {summary.solved_words}" if summary.solved_by else ", open: nobody of the panel solves it"
 
 
 def _print(found: list[Proof], path: str, *, as_json: bool) -> None:

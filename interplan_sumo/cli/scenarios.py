@@ -23,11 +23,11 @@ def list_scenarios(
     suite: Annotated[str | None, typer.Option(help="NAME==VERSION; default: all suites.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """The official scenarios: where each is and what its traffic does."""
-    from interplan_sumo.report.listings import certified, suite_entries
+    """The official scenarios: where each is, what its traffic does, and who solves it."""
+    from interplan_sumo.report.listings import certified, in_words, suite_entries
 
     entries = suite_entries(suite)
-    print_entries(list(map(certified, entries)) if as_json else entries, as_json=as_json, hide=("hash",))
+    print_entries(list(map(certified if as_json else in_words, entries)), as_json=as_json, hide=("hash",))
 
 
 @scenarios_app.command("show")

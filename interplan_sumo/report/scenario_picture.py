@@ -19,6 +19,7 @@ from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.scenario_drawing import View
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline, start_arc_m, way_ahead
 from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
+from interplan_sumo.scenario.suite import certificate_of
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.files import writing
@@ -122,6 +123,7 @@ def contact_sheet(scenarios: Iterable[Scenario], path: str | PathLike[str]) -> N
                 scenario.map,
                 demand.density,
                 *([f"oncoming {demand.oncoming}"] if demand.oncoming != "none" else ()),
+                *(["open"] if _is_open(scenario) else ()),
             ]
             figure.text(
                 left / width, (bottom + CELL[1] + 3) / height, scenario.id, fontsize=8, weight="bold", color=INK
@@ -236,10 +238,24 @@ def _title(figure: Figure, scenario: Scenario, roads: Roads, total: int) -> None
         words.append(f"{need} lane change{'s' if need > 1 else ''}")
     if scenario.jaywalkers:
         words.append(f"walking at {', '.join(f'{walker.speed_mps:g}' for walker in scenario.jaywalkers)} m/s")
+    words += _solved(scenario)
     figure.text(14 / WIDTH, (total - 27) / total, scenario.id, fontsize=17, weight="bold", color=INK)
     site = f"{scenario.site(roads)}, {roads.driving_side}-hand traffic"
     figure.text(1.0 - 14 / WIDTH, (total - 25) / total, site, fontsize=12, ha="right", color=INK)
     figure.text(14 / WIDTH, (total - 52) / total, "   |   ".join(words), fontsize=11, color=INK)
+
+
+def _solved(scenario: Scenario) -> list[str]:
+    """Who solves an official scenario, as far as that was asked."""
+    proved = certificate_of(scenario.id, scenario.hash())
+    if proved is None or proved.solved_by is None:
+        return []
+    return [f"solved by {proved.solved_words}" if proved.solved_by else "open: no planner solves it"]
+
+
+def _is_open(scenario: Scenario) -> bool:
+    proved = certificate_of(scenario.id, scenario.hash())
+    return proved is not None and proved.solved_by == ()
 
 
 def _legend(

@@ -58,6 +58,14 @@ class Summary:
     """Whether it passes the goal line; it ends there then, else with the last second."""
     trace_hash: str
     """Of the replay under the official traffic."""
+    solved_by: tuple[str, ...] | None = None
+    """Planners without privileged knowledge that were asked and solve it; none of them: the scene is open; None: nobody
+    was asked."""
+
+    @property
+    def solved_words(self) -> str:
+        """For people: who solves it, `open` if nobody, nothing if nobody was asked."""
+        return "" if self.solved_by is None else ", ".join(self.solved_by) or "open"
 
 
 @dataclass(frozen=True, eq=False)

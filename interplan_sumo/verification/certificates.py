@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from interplan_sumo.families import find_family
 from interplan_sumo.maps.store import load_roads
@@ -14,6 +15,7 @@ from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.verification.certificate_search import attempts
 from interplan_sumo.verification.reachability import unreachable
 from interplan_sumo.verification.replay import reference_drive, replay, route_distance_m
+from interplan_sumo.verification.solvers import solvers
 from interplan_sumo.world.trace import Trace
 
 LEAST_SHARE = 0.7
@@ -39,9 +41,12 @@ class Proof:
     wall_s: float = 0.0
 
 
-def certify(scenario: Scenario, *, most_simulations: int = MOST_SIMULATIONS) -> Proof:
+def certify(
+    scenario: Scenario, *, panel: Sequence[str] | None = None, most_simulations: int = MOST_SIMULATIONS
+) -> Proof:
     """Look for a drive that passes every test under the official traffic. Deterministic.
 
+    With a panel of planners the certificate says which of them solve the scenario.
     InputError if the scenario cannot be staged, TrafficError if SUMO fails.
     """
     reference = reference_drive(scenario)
@@ -61,6 +66,8 @@ def certify(scenario: Scenario, *, most_simulations: int = MOST_SIMULATIONS) -> 
         enough = best is not None and best.summary.score >= GOOD_ENOUGH
         if enough or simulations >= most_simulations or simulations >= passed_after + MORE_SIMULATIONS:
             break
+    if best is not None and panel is not None:
+        best = replace(best, summary=replace(best.summary, solved_by=solvers(scenario, best.track, panel)))
     return Proof(scenario, best, () if best is not None else tuple(nearest[1]), simulations)
 
 

@@ -27,6 +27,15 @@ def test_a_worker_finds_and_checks_what_this_process_finds() -> None:
     assert "score" in checked["nudge/0"].problems[0]
 
 
+def test_a_certificate_names_who_of_the_panel_solves_the_scenario_and_an_open_one_nobody() -> None:
+    (asked,) = proofs(SCENARIOS[:1], workers=0, panel=["straight_ahead", "pdm_closed"])
+    (open_to_all,) = proofs(SCENARIOS[:1], workers=0, panel=["straight_ahead"])
+    (nobody_asked,) = proofs(SCENARIOS[:1], workers=0)
+    found = [p.certificate.summary for p in (asked, open_to_all, nobody_asked) if p.certificate is not None]
+    assert [summary.solved_by for summary in found] == [("pdm_closed",), (), None]
+    assert [summary.solved_words for summary in found] == ["pdm_closed", "open", ""]
+
+
 def test_a_scenario_without_a_stored_certificate_does_not_pass_the_check() -> None:
     (proof,) = proofs(SCENARIOS[:1], workers=0, stored={})
     assert proof.certificate is None

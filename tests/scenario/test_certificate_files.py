@@ -28,6 +28,7 @@ def certificate(scenario_id: str, frames: int = 20) -> Certificate:
 
 def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
     written = {c.summary.scenario_id: c for c in (certificate("b/1", 30), certificate("a/0", 20))}
+    written["b/1"] = replace(written["b/1"], summary=replace(written["b/1"].summary, solved_by=("idm", "foresight")))
     write_certificates(tmp_path / "c.parquet", written.values())
     read = read_certificates(tmp_path / "c.parquet")
     assert list(read) == ["a/0", "b/1"]
