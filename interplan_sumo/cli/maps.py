@@ -88,7 +88,7 @@ def check_map(
         if record is None:
             raise InputError(f"{files.folder} was not imported; compare it with a map.gpkg")
         roads = load_roads(folder)
-        details = check(files, roads).as_json() | {"source": asdict(check_source(roads, record, source))}
+        details = check(files, roads).as_json() | {"source": asdict(check_source(files, roads, record, source))}
         details["problems"] = [*details["source"].pop("problems"), *details["problems"]]
         details["ok"] = not details["problems"]
     if as_json:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from interplan_sumo.maps.controls import MapControls, read_controls
 from interplan_sumo.maps.junctions import path_conflicts
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.network_links import CheckedLink, NetworkSummary, read_network_summary
@@ -118,7 +119,7 @@ def check_map(files: MapFiles, roads: Roads) -> MapReport:
     problems += [MapProblem("extra", "network", way, "is joined there, but not in the map") for way in extra]
     problems += [_of(roads[lane_id], "limit", "has another speed limit in the network") for lane_id in wrong_limits]
     problems += _broken_links(roads, ids, network)
-    problems += light_problems(roads, ids, network)
+    problems += light_problems(roads, ids, network, read_controls(files.folder))
     problems += schema_problems(roads)
     under_light = [c.id for c in roads.connectors.values() if c.has_traffic_light]
     return MapReport(
@@ -196,8 +197,11 @@ SHORTEST_YELLOW_S = 2.5
 _LETTERS = frozenset("Ggyr")
 
 
-def light_problems(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[MapProblem]:
-    """One for each fault: a connector without its light, a path that never gets green, conflicting greens."""
+def light_problems(roads: Roads, ids: NetworkIds, network: NetworkSummary, controls: MapControls) -> list[MapProblem]:
+    """One for each fault: a connector without its light, a path that never gets green, conflicting greens.
+
+    Programs that the map took over from its file are as they are: they only have to be the same in the network.
+    """
     problems: list[MapProblem] = []
     by_start = {way.via[0]: way for way in network.links if way.via}
     groups: dict[str, list[tuple[Connector, CheckedLink]]] = defaultdict(list)
@@ -217,7 +221,12 @@ def light_problems(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> li
             groups[named[0]].append((connector, way))
     for light, members in groups.items():
         phases = network.lights.get(light)
-        if phases is None:
+        carried = any(controls.links.get(connector.id) == way.light for connector, way in members)
+        if carried and network.programs.get(light) != controls.signals[light]:
+            problems.append(MapProblem("light", "light", light, "has other programs than the map took over"))
+        elif carried:
+            continue
+        elif phases is None:
             problems.append(MapProblem("light", "light", light, "has no program"))
         elif any(way.light is not None and way.light[1] >= len(state) for _, way in members for _, state in phases):
             problems.append(MapProblem("light", "light", light, "has states shorter than its links"))

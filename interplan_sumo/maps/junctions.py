@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -74,11 +75,20 @@ class Junction:
     yields: NDArray[np.bool_]
     """Row yields to column; of two in conflict exactly one, of an all-way stop both."""
     all_way_stop: bool
+    kind: str = ""
+    """SUMO's type of junction, where the map's file gave it; else it follows from signs and lights."""
+    letters: Mapping[int, str] = field(default_factory=dict[int, str])
+    """Row -> SUMO's state of a link without a working light, where the file gave it."""
 
     @property
     def lit(self) -> tuple[int, ...]:
         """Rows under a traffic light."""
         return tuple(i for i, c in enumerate(self.connectors) if c.has_traffic_light)
+
+    @property
+    def lit_ids(self) -> tuple[str, ...]:
+        """Connectors under a traffic light."""
+        return tuple(self.connectors[row].id for row in self.lit)
 
 
 # --- which connectors belong together ----------------------------------------------------------
@@ -113,11 +123,13 @@ def end_port(block_id: str) -> str:
     return f"{block_id}>"
 
 
-def junction_groups(roads: Roads) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
+def junction_groups(
+    roads: Roads, together: Iterable[Sequence[str]] = ()
+) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
     """Roadblock end -> node id, and node id -> its connectors in map order.
 
     Connectors belong to one node when they share the end of a roadblock or an
-    intersection, or when their paths cross. Node ids are "I<intersection>",
+    intersection, when their paths cross, or when they are named `together`. Node ids are "I<intersection>",
     "N<connector>" for joints, "<roadblock>.in" and "<roadblock>.out" at loose ends.
     """
     sets = Sets()
@@ -129,8 +141,10 @@ def junction_groups(roads: Roads) -> tuple[dict[str, str], dict[str, tuple[str, 
         if intersection is not None:
             sets.join(port, by_intersection.setdefault(intersection, port))
     rows = list(roads.connectors.values())
-    for i, j in _crossing_pairs(rows):
-        a, b = (end_port(roads.lanes[rows[k].from_lane_id].roadblock_id) for k in (i, j))
+    pairs = [(rows[i], rows[j]) for i, j in _crossing_pairs(rows)]
+    pairs += [(roads.connectors[a], roads.connectors[b]) for group in together for a, b in pairwise(group)]
+    for one, other in pairs:
+        a, b = (end_port(roads.lanes[each.from_lane_id].roadblock_id) for each in (one, other))
         sets.join(a, b)
     members: dict[str, list[str]] = defaultdict(list)
     inside: dict[str, set[str]] = defaultdict(set)

@@ -20,6 +20,7 @@ LANE_WIDTH_M = 3.2
 """SUMO's default, where a file gives no width."""
 _NO_POINTS: Floats = np.zeros((0, 2))
 _DRIVEN = frozenset(("normal", "connector"))
+_CONDITIONS = frozenset(("condition", "assignment", "function"))
 # SUMO's vehicle classes.
 CLASSES = frozenset(
     "private emergency authority army vip pedestrian passenger hov taxi bus coach delivery truck trailer motorcycle "
@@ -110,12 +111,25 @@ class FileJunction:
         """(N, 2) its outline."""
         return _shape(self.path, f"junction {self.id[:40]!r}", self.element.get("shape", ""))
 
+    @property
+    def kind(self) -> str:
+        """SUMO's type."""
+        return self.element.get("type", "")
+
     @cached_property
     def yields(self) -> dict[int, frozenset[int]]:
         """Link -> links that it yields to, both counted as they leave the incoming lanes."""
+        return self._bits("response")
+
+    @cached_property
+    def foes(self) -> dict[int, frozenset[int]]:
+        """Link -> links whose paths meet its own."""
+        return self._bits("foes")
+
+    def _bits(self, name: str) -> dict[int, frozenset[int]]:
         return {
             int(request.attrib["index"]): frozenset(
-                at for at, bit in enumerate(reversed(request.attrib["response"])) if bit == "1"
+                at for at, bit in enumerate(reversed(request.attrib[name])) if bit == "1"
             )
             for request in self.element.iterfind("request")
         }
@@ -128,6 +142,8 @@ class FileProgram:
     id: str
     """The traffic light."""
     program: SignalProgram
+    conditions: bool = False
+    """Whether it switches by expressions of its own, or is read from elsewhere."""
 
     @property
     def offset_s(self) -> float:
@@ -297,7 +313,7 @@ def _add_connection(file: NetworkFile, element: Element) -> None:
 def _program(file: NetworkFile, element: Element) -> FileProgram:
     id_ = element.get("id", "")
     try:
-        return FileProgram(id_, program_of(element))
+        return FileProgram(id_, program_of(element), any(each.tag in _CONDITIONS for each in element))
     except ValueError as error:
         raise file.fault(f"traffic light {id_[:40]!r}: {error}") from None
 

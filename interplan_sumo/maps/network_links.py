@@ -7,6 +7,7 @@ from pathlib import Path
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.network_file import FileLane, NetworkFile, read_network_file
+from interplan_sumo.maps.signal_program import SignalProgram
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +22,8 @@ class CheckedLink:
     node: str
     link: int
     """Index among the links of the node."""
+    state: str
+    """SUMO's letter for who goes first without a working light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +35,12 @@ class NetworkSummary:
     links: tuple[CheckedLink, ...]
     lights: dict[str, tuple[tuple[float, str], ...]]
     """Traffic light -> phases of (seconds, state)."""
+    programs: dict[str, tuple[SignalProgram, ...]]
+    """Traffic light -> all its programs, the one that runs last."""
     yields: dict[str, dict[int, frozenset[int]]]
     """Node -> link -> links that it yields to."""
+    foes: dict[str, dict[int, frozenset[int]]]
+    """Node -> link -> links that it meets."""
 
 
 def read_network_summary(path: Path) -> NetworkSummary:
@@ -65,16 +72,21 @@ def _summary(file: NetworkFile) -> NetworkSummary:
         for link, number in enumerate(n for lane in junction.incoming for n in leaving.get(lane, ())):
             at[number] = junction.id, link
     links = tuple(
-        CheckedLink(each.from_lane, each.to_lane, file.via(each), each.link, *at[number])
+        CheckedLink(each.from_lane, each.to_lane, file.via(each), each.link, *at[number], each.state)
         for number, each in enumerate(file.connections)
     )
     for link in links:
         if missing := {link.from_lane, *link.via, link.to_lane} - lanes.keys():
             raise ValueError(f"a connection names lane {min(missing)}, which does not exist")
+    all_programs: dict[str, list[SignalProgram]] = {}
+    for program in file.programs:
+        all_programs.setdefault(program.id, []).append(program.program)
     return NetworkSummary(
         left_hand=file.left_hand,
         lanes=lanes,
         links=links,
         lights={program.id: program.phases for program in file.programs},
+        programs={light: tuple(programs) for light, programs in all_programs.items()},
         yields={junction.id: junction.yields for junction in file.junctions},
+        foes={junction.id: junction.foes for junction in file.junctions},
     )

@@ -11,7 +11,9 @@ import numpy as np
 import shapely
 
 from interplan_sumo.maps import junctions, signals_plan
+from interplan_sumo.maps.controls import MapControls
 from interplan_sumo.maps.edges import Edge, LaneGroup, LaneStretch, lane_group
+from interplan_sumo.maps.junction_rules import ruled
 from interplan_sumo.maps.junctions import Junction, end_port, start_port
 from interplan_sumo.maps.signals_plan import Program
 from interplan_sumo.world.geometry import Floats
@@ -57,7 +59,9 @@ class NetworkPlan:
     junctions: Mapping[str, Junction]
     """By node; nodes at cuts and loose ends have none."""
     programs: Mapping[str, Program]
-    """By node; the traffic light has the node's id."""
+    """Of ours, by node; the traffic light has the node's id."""
+    controls: MapControls
+    """What the map took over from its file: lights with the programs of the file, and right of way."""
 
     @cached_property
     def edges(self) -> tuple[Edge, ...]:
@@ -90,9 +94,14 @@ class NetworkPlan:
         return min(self.limit_mps(connector.from_lane_id), self.limit_mps(connector.to_lane_id))
 
 
-def network_plan(roads: Roads) -> NetworkPlan:
-    """The network that a map calls for."""
-    nodes, members = junctions.junction_groups(roads)
+def network_plan(roads: Roads, controls: MapControls) -> NetworkPlan:
+    """The network that a map calls for.
+
+    A node all of whose lit connectors have a program of the map's file follows
+    it; else all of them get one of ours.
+    """
+    controls = controls.within(roads.connectors)
+    nodes, members = junctions.junction_groups(roads, [rules.connectors for rules in controls.junctions])
     groups = {
         block.id: lane_group(roads, block, nodes[start_port(block.id)], nodes[end_port(block.id)])
         for block in roads.roadblocks.values()
@@ -100,7 +109,10 @@ def network_plan(roads: Roads) -> NetworkPlan:
     }
     signs = junctions.lane_signs(roads)
     meetings = {node: junctions.junction(roads, found, signs) for node, found in members.items()}
-    lit = [node for node, meeting in meetings.items() if meeting.lit]
+    meetings = ruled(meetings, controls.junctions)
+    lit = [node for node, meeting in meetings.items() if not controls.links.keys() >= set(meeting.lit_ids)]
+    ours = {id_ for node in lit for id_ in meetings[node].lit_ids}
+    controls = controls.lighting({id_ for id_ in controls.links if roads.connectors[id_].has_traffic_light} - ours)
     programs = {node: signals_plan.program(roads, meetings[node], k) for k, node in enumerate(sorted(lit))}
     links = [
         Link(join.node, join.from_edge, join.from_lane, join.to_edge, join.to_lane, join.stretch)
@@ -119,7 +131,8 @@ def network_plan(roads: Roads) -> NetworkPlan:
             links.append(Link(node, *start, *end, whole, connector.id))
     points = np.concatenate([lane.centerline.points for lane in roads.lanes.values()])
     origin = np.floor(points.min(axis=0) / _ORIGIN_GRID_M) * _ORIGIN_GRID_M
-    return NetworkPlan(roads, (float(origin[0]), float(origin[1])), groups, tuple(links), meetings, programs)
+    corner = float(origin[0]), float(origin[1])
+    return NetworkPlan(roads, corner, groups, tuple(links), meetings, programs, controls)
 
 
 def node_points(plan: NetworkPlan) -> dict[str, Floats]:

@@ -8,6 +8,7 @@ replaced by what the geometry says.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
 from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
@@ -17,6 +18,7 @@ from interplan_sumo.maps.edges import LaneStretch
 from interplan_sumo.maps.network import NetworkIds, SumoPiece
 from interplan_sumo.maps.network_plan import NetworkPlan, opposite_lanes
 from interplan_sumo.maps.plain_xml import shape_text
+from interplan_sumo.maps.program_elements import program_element
 from interplan_sumo.maps.right_of_way import BuiltLink, Key, set_right_of_way, text_of
 
 SHORTEST_LANE_M = 0.1
@@ -28,6 +30,7 @@ def finish(plan: NetworkPlan, root: Element) -> NetworkIds:
     """Correct the network in place and return its id map; MapError where netconvert did not follow the plan."""
     ways = _ways(plan, root)
     pieces = _lay_lanes(plan, root, ways)
+    _add_lights(plan, root, ways)
     set_right_of_way(plan, root, ways)
     _add_opposites(plan, root)
     _strip(plan, root)
@@ -40,7 +43,8 @@ def finish(plan: NetworkPlan, root: Element) -> NetworkIds:
             for node, program in plan.programs.items()
             for index, connector in enumerate(program.links)
             if connector in pieces
-        },
+        }
+        | {connector: link for connector, link in plan.controls.links.items() if connector in pieces},
     )
 
 
@@ -99,6 +103,28 @@ def _lay_lanes(plan: NetworkPlan, root: Element, ways: dict[Key, BuiltLink]) -> 
 
 def _speed(plan: NetworkPlan, lane_id: str) -> str:
     return f"{plan.limit_mps(lane_id):.4f}"
+
+
+# --- lights of the map's file ------------------------------------------------------------------
+
+
+def _add_lights(plan: NetworkPlan, root: Element, ways: Mapping[Key, BuiltLink]) -> None:
+    """Put in the programs that the map took over, and tie their connections to them."""
+    used: set[str] = set()
+    lit: set[str] = set()
+    for way in ways.values():
+        link = plan.controls.links.get(way.link.connector_id or "")
+        if link is not None:
+            way.connection.set("tl", link[0])
+            way.connection.set("linkIndex", str(link[1]))
+            used.add(link[0])
+            lit.add(way.link.node)
+    at = next((k for k, element in enumerate(root) if element.tag in ("tlLogic", "junction")), len(root))
+    added = [program_element(key, each) for key in sorted(used) for each in plan.controls.signals[key]]
+    root[at:at] = added
+    for element in root.iterfind("junction"):
+        if element.get("id") in lit:
+            element.set("type", "traffic_light")
 
 
 # --- the rest ----------------------------------------------------------------------------------

@@ -119,6 +119,6 @@ def _lights(plan: NetworkPlan) -> Iterable[str]:
         head = {"id": node, "type": "static", "programID": "0", "offset": f"{program.offset_s:g}"}
         yield _tag("tlLogic", head, phases)
     for link in plan.links:
-        if link.connector_id is not None and _is_lit(plan, link):
+        if link.connector_id is not None and link.node in plan.programs and _is_lit(plan, link):
             index = plan.programs[link.node].links.index(link.connector_id)
             yield _tag("connection", {**_ends(link), "tl": link.node, "linkIndex": index})

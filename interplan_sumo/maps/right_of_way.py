@@ -79,8 +79,8 @@ def set_right_of_way(plan: NetworkPlan, root: Element, ways: Mapping[Key, BuiltL
             plan, text_of(element, "id"), [w for i in text_of(element, "incLanes").split() for w in leaving[i]]
         )
         _set_requests(element, node)
-        if node.junction is not None and node.id not in plan.programs:
-            element.set("type", _kind(node.junction))
+        if node.junction is not None and not node.junction.lit:
+            element.set("type", node.junction.kind or _kind(node.junction))
         for at, way in enumerate(node.ways):
             way.connection.set("state", _state(node, at))
             if _only_merges(node, at):
@@ -129,6 +129,10 @@ def _state(node: _Node, at: int) -> str:
     yields = bool(node.response[at].any())
     if node.ways[at].connection.get("tl") is not None:
         return "o" if yields else "O"
+    row = node.rows[at]
+    given = "" if node.junction is None or row is None else node.junction.letters.get(row, "")
+    if given and given not in "oO" and not (given == "M" and yields):
+        return given
     if node.sign(at) is Sign.STOP:
         return "w" if node.junction is not None and node.junction.all_way_stop and yields else "s"
     return "m" if yields else "M"

@@ -17,6 +17,7 @@ from defusedxml.ElementTree import ParseError
 from defusedxml.ElementTree import parse as parse_xml
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.maps.controls import read_controls
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.network_plan import network_plan
 from interplan_sumo.maps.network_postprocess import finish, network_text
@@ -38,12 +39,13 @@ _NETCONVERT_OPTIONS = (
 def convert(roads: Roads, folder: Path) -> NetworkIds:
     """Write map.net.xml.gz and ids.json into `folder` (made if needed) and return the id map.
 
-    Equal roads give equal bytes. Needs netconvert (the [maps] extra); MapError
-    carries its message if it refuses the map.
+    What lies there as `controls.json`, signal programs and right of way, holds
+    in the network. Equal maps give equal bytes. Needs netconvert (the [maps]
+    extra); MapError carries its message if it refuses the map.
     """
     if not roads.lanes:
         raise MapError(f"map {roads.name} has no lanes; a network needs at least one")
-    plan = network_plan(roads)
+    plan = network_plan(roads, read_controls(folder))
     root = network(plain_files(plan), left_hand=roads.driving_side == "left")
     ids = finish(plan, root)
     folder.mkdir(parents=True, exist_ok=True)

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.maps.controls import read_controls
 from interplan_sumo.maps.crop import crop
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.geopackage_writer import write_map
@@ -64,6 +65,7 @@ def carry_map(
 
     def fill(folder: Path) -> None:
         write_map(part, folder / files.gpkg.name)
+        read_controls(files.folder).within(part.connectors).write(folder)
         convert(read_map(folder / files.gpkg.name, files.name), folder)
 
     return place_map(there, root, fill)

@@ -43,7 +43,7 @@ def imported(root: Path, name: str) -> tuple[MapFiles, Path]:
 @by_map
 def test_nothing_of_the_file_is_lost(root: Path, name: str) -> None:
     files, source = imported(root, name)
-    report = check_source(load_roads(files.folder), source=source, record=_record(files))
+    report = check_source(files, load_roads(files.folder), _record(files), source)
     assert report.problems == ()
     assert report.lanes.file == report.lanes.map > 30
     assert report.links.file == report.links.map > 30

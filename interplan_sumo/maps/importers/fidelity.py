@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Container, Iterable, Mapping, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
+from interplan_sumo.maps.importers.control_fidelity import ControlReport
 from interplan_sumo.maps.importers.lines import mean_length_m
 from interplan_sumo.maps.importers.record import ImportRecord, LaneOrigin
 from interplan_sumo.maps.importers.source import SourceCount, SourceMap
@@ -52,6 +53,10 @@ class SourceReport:
     leaving: int
     """Links that lead beyond the file."""
     problems: tuple[MapProblem, ...]
+    signal_phases: Pair = Pair(0, 0)
+    """Of the signal programs; in the map those that are the same."""
+    who_yields: Pair = Pair(0, 0)
+    """Pairs of ways of which one yields to the other; in the map those of them of which the same one does."""
 
 
 def compare(roads: Roads, record: ImportRecord, source: SourceMap, counted: SourceCount | None) -> SourceReport:
@@ -97,6 +102,12 @@ def compare(roads: Roads, record: ImportRecord, source: SourceMap, counted: Sour
         leaving=count.leaving,
         problems=tuple(problems),
     )
+
+
+def with_controls(report: SourceReport, controls: ControlReport) -> SourceReport:
+    """The report with what became of signals and right of way."""
+    phases, yields = Pair(*controls.phases), Pair(*controls.yields)
+    return replace(report, problems=(*report.problems, *controls.problems), signal_phases=phases, who_yields=yields)
 
 
 def count_of(source: SourceMap) -> SourceCount:

@@ -6,13 +6,18 @@ from dataclasses import replace
 from pathlib import Path
 
 from interplan_sumo.errors import InputError, MapError
+from interplan_sumo.maps.controls import MapControls
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.importers.build import Built, build
-from interplan_sumo.maps.importers.fidelity import SourceReport, compare
+from interplan_sumo.maps.importers.carried_controls import carried_controls
+from interplan_sumo.maps.importers.control_fidelity import compare_controls
+from interplan_sumo.maps.importers.fidelity import SourceReport, compare, with_controls
 from interplan_sumo.maps.importers.formats import MAP_FORMATS
 from interplan_sumo.maps.importers.record import ImportRecord, LaneOrigin
 from interplan_sumo.maps.importers.source import SourceMap
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.maps.network_links import read_network_summary
 from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.maps.to_sumo import convert
@@ -20,10 +25,11 @@ from interplan_sumo.world.files import file_hash, writing
 from interplan_sumo.world.roads import Roads
 
 VERSION = "1.0"
+_NONE: tuple[MapControls, tuple[str, ...]] = MapControls(), ()
 
 
 def import_map(source: Path, format: str, folder: Path, *, overwrite: bool = False) -> tuple[MapFiles, ImportRecord]:
-    """Write `<folder>/1.0/` with map.gpkg, map.net.xml.gz, ids.json and import.json; the map is named after `folder`.
+    """Write `<folder>/1.0/`, named after `folder`: map.gpkg, controls.json, map.net.xml.gz, ids.json and import.json.
 
     `source` may be a folder that holds one file of the format. What is a map
     of nuPlan's schema already is written anew, with its own ids. Equal files
@@ -38,25 +44,28 @@ def import_map(source: Path, format: str, folder: Path, *, overwrite: bool = Fal
     file = _file(source, reader.pattern)
     read = reader.read(file)
     made = build(replace(read, name=name)) if isinstance(read, SourceMap) else _as_it_is(replace(read, name=name))
+    controls, changed = carried_controls(read, made.roads, made.origins) if isinstance(read, SourceMap) else _NONE
     record = ImportRecord(
         file=file.name,
         sha256=file_hash(file),
         format=format,
         origins=made.origins,
         left_out=made.left_out,
-        notes=made.notes,
+        notes=(*made.notes, *changed),
     )
     with writing(files.folder, "name another folder"):
         files.folder.mkdir(parents=True, exist_ok=True)
         write_map(made.roads, files.gpkg)
+        controls.write(files.folder)
         convert(read_map(files.gpkg, name), files.folder)
         record.write(files.folder)
     return files, record
 
 
-def check_source(roads: Roads, record: ImportRecord, source: Path) -> SourceReport:
+def check_source(files: MapFiles, roads: Roads, record: ImportRecord, source: Path) -> SourceReport:
     """An imported map against the file that it came from, read again, and a second time by other code if there is any.
 
+    Its SUMO network is read for the signals and the right of way.
     UnknownNameError if the package that reads the format is gone.
     """
     reader = MAP_FORMATS[record.format]
@@ -64,7 +73,9 @@ def check_source(roads: Roads, record: ImportRecord, source: Path) -> SourceRepo
     read = reader.read(file)
     if not isinstance(read, SourceMap):
         raise InputError(f"{file}: a map of {reader.title} is taken as it is; there is nothing to compare it with")
-    report = compare(roads, record, read, None if reader.count is None else reader.count(file))
+    network = read_network_summary(files.network)
+    controls = compare_controls(roads, record.origins, read, NetworkIds.read(files.ids), network)
+    report = with_controls(compare(roads, record, read, None if reader.count is None else reader.count(file)), controls)
     if file_hash(file) != record.sha256:
         said = f"is not the file that the map was imported from ({record.file}): its checksum differs"
         report = replace(report, problems=(MapProblem("another_file", "file", str(file), said), *report.problems))

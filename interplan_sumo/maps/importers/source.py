@@ -69,8 +69,8 @@ class SourceSignal:
     """The last one runs. Empty where the file says which lights go together, but not when."""
     tells_who_yields: bool = True
     """Whether "G" means that nobody may cross, and "g" a green with the duty to yield; else both are just green."""
-    ways: Mapping[str, tuple[str, str]] = field(default_factory=dict[str, tuple[str, str]])
-    """Light -> (from, to), the two lanes between which alone it holds, for lights that share the end of a lane."""
+    ways: Mapping[str, frozenset[tuple[str, str]]] = field(default_factory=dict[str, frozenset[tuple[str, str]]])
+    """Light -> (from, to), the lanes between which alone it holds, for lights that share the end of a lane."""
 
 
 @dataclass(frozen=True, slots=True)

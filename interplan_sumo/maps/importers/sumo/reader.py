@@ -14,6 +14,7 @@ import shapely
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.lines import along, beside, ring
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
+from interplan_sumo.maps.importers.sumo.controls import junctions_of, light_name, signals_of, without_trains
 from interplan_sumo.maps.network_file import (
     CLASSES,
     FileConnection,
@@ -82,6 +83,7 @@ def read_sumo_network(path: Path) -> SourceMap:
         for way in file.connections
         if _CAR in way.classes and way.from_lane in car_lanes and way.to_lane in car_lanes
     ]
+    ways, level_crossings = without_trains(file, ways)
     chains, closed = _through(file, frame, ways)
     ways = [way if way.via in chains else replace(way, via="") for way in ways if way.via not in closed]
     lanes = _lanes(file, car_lanes, ways)
@@ -90,6 +92,7 @@ def read_sumo_network(path: Path) -> SourceMap:
         notes.append("The network has no lanes within junctions: lanes follow each other directly.")
     elif not file.attributes.get("limitTurnSpeed", "-").startswith("-"):
         notes.append("Speed limits within junctions are SUMO's: lower where a turn is tight.")
+    signals, lost = signals_of(file, ways)
     return SourceMap(
         name=file.path.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".net"),
         format="SUMO network",
@@ -103,7 +106,9 @@ def read_sumo_network(path: Path) -> SourceMap:
             *_left_out(file, drawn, car_lanes),
             *(LeftOut(via, "way through a junction closed to cars") for via in sorted(closed)),
         ),
-        notes=tuple(notes),
+        signals=signals,
+        junctions=junctions_of(file, ways, chains),
+        notes=(*notes, *level_crossings, *lost),
     )
 
 
@@ -160,7 +165,7 @@ def _lanes(
     lights: dict[str, dict[str, None]] = {}
     for way in ways:
         if not way.via and way.light:
-            lights.setdefault(way.from_lane, {})[_light(way)] = None
+            lights.setdefault(way.from_lane, {})[light_name(way)] = None
     after: dict[str, dict[str, None]] = {}
     before: dict[str, dict[str, None]] = {}
     for way in ways:
@@ -247,11 +252,6 @@ def _parts(file: NetworkFile, way: FileConnection) -> list[FileLane]:
     return [file.internal[step] for step in steps]
 
 
-def _light(way: FileConnection) -> str:
-    """Traffic light and link, such as J1/3."""
-    return f"{way.light}/{way.light_link}"
-
-
 def _lowest(parts: Iterable[FileLane]) -> float | None:
     return min((part.speed_mps for part in parts if part.speed_mps is not None), default=None)
 
@@ -270,7 +270,7 @@ def _connection_lanes(chains: Mapping[str, _DrawnLane], ways: Sequence[FileConne
             predecessors=tuple(dict.fromkeys(way.from_lane for way in over)),
             speed_limit_mps=_limit(chains[via].lane.speed_mps),
             in_intersection=True,
-            lights_at_start=tuple(dict.fromkeys(_light(way) for way in over if way.light)),
+            lights_at_start=tuple(dict.fromkeys(light_name(way) for way in over if way.light)),
         )
         for via, over in by_via.items()
     }
