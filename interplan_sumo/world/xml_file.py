@@ -21,22 +21,28 @@ _GZIP_MAGIC = b"\x1f\x8b"
 def elements(path: Path, *roots: str) -> Generator[Element]:
     """The root element as it opens, then each of its children, complete; the tree lets go of a child after its turn.
 
-    MapError names the file if it is missing or damaged, has another root than one of `roots`, or declares a document
-    type or entities.
+    MapError names the file if it is missing or damaged, has another root than one of `roots` (whatever its namespace),
+    or declares a document type or entities.
     """
     with _damage_named(path), _opened(path) as stream:
         depth, top = 0, None
         for event, element in iterparse(stream, events=("start", "end"), forbid_dtd=True):
             depth += 1 if event == "start" else -1
             if top is None:
-                if element.tag not in roots:
+                if local_name(element.tag) not in roots:
                     expected = " or ".join(f"<{root}>" for root in roots)
-                    raise MapError(f"{path}: its root is <{element.tag[:40]}>, expected {expected}; give such a file")
+                    name = local_name(element.tag)[:40]
+                    raise MapError(f"{path}: its root is <{name}>, expected {expected}; give such a file")
                 top = element
                 yield element
             elif event == "end" and depth == 1:
                 yield element
                 top.remove(element)
+
+
+def local_name(tag: str) -> str:
+    """The name of an element without its namespace."""
+    return tag.rpartition("}")[2]
 
 
 def root_of(path: Path) -> str | None:

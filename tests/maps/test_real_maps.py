@@ -20,6 +20,7 @@ REAL_MAPS = {
     "pittsburgh": ("argoverse2", ("argoverse2", "pit_57819")),
     "karlsruhe": ("lanelet2", ("lanelet2", "mapping_example.osm")),
     "lankershim": ("commonroad", ("commonroad", "USA_Lanker-1_1_T-1.xml")),
+    "town01": ("opendrive", ("opendrive", "Town01.xodr")),
     "lankershim_sumo": ("sumo", ("sumo_nets", "ngsim_lankershim.net.xml")),
 }
 by_map = pytest.mark.parametrize("name", REAL_MAPS)

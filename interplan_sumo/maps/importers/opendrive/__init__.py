@@ -1,0 +1,6 @@
+"""OpenDRIVE maps (`.xodr`), versions 1.4 to 1.8."""
+
+from interplan_sumo.maps.importers.formats import MapFormat
+from interplan_sumo.maps.importers.opendrive.reader import read_opendrive
+
+FORMAT = MapFormat("OpenDRIVE", "*.xodr", read_opendrive)

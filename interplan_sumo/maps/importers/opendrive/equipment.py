@@ -1,0 +1,101 @@
+"""Reading the signals and objects of an OpenDRIVE road."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from xml.etree.ElementTree import Element
+
+from interplan_sumo.maps.importers.opendrive.elements import (
+    Corner,
+    UnusableRoadError,
+    XodrObject,
+    XodrRepeat,
+    XodrSignal,
+)
+
+_WANTED = frozenset(("crosswalk", "parkingspace", "roadmark", "stopline"))
+"""Kinds of objects that matter to those who drive, without regard to case."""
+
+
+def signals_of(road: Element, number: Callable[..., float]) -> tuple[XodrSignal, ...]:
+    """The signals of a road and the references to some; those without a place are passed over."""
+    found: list[XodrSignal] = []
+    for element in road.iterfind("signals/*"):
+        if element.tag in ("signal", "signalReference"):
+            try:
+                found.append(_signal(element, number))
+            except UnusableRoadError:
+                continue
+    return tuple(found)
+
+
+def _signal(element: Element, number: Callable[..., float]) -> XodrSignal:
+    priority = element.find("semantics/priority")
+    return XodrSignal(
+        id=element.get("id", "").strip(),
+        station_m=number(element, "s"),
+        left_m=number(element, "t", 0.0),
+        orientation=element.get("orientation", "none").strip(),
+        is_dynamic=element.get("dynamic", "no").strip() in ("yes", "true", "1"),
+        kind=element.get("type", "").strip(),
+        country=element.get("country", "").strip(),
+        name=element.get("name", "").strip(),
+        meaning="" if priority is None else priority.get("type", "").strip(),
+        validity=tuple(_validity(element, number)),
+        is_reference=element.tag == "signalReference",
+    )
+
+
+def _validity(element: Element, number: Callable[..., float]) -> Iterator[tuple[int, int]]:
+    for validity in element.iterfind("validity"):
+        ends = int(number(validity, "fromLane")), int(number(validity, "toLane"))
+        yield min(ends), max(ends)
+
+
+def objects_of(road: Element, number: Callable[..., float]) -> tuple[XodrObject, ...]:
+    """The crosswalks, parking spaces and marks of a road; what has no place is passed over."""
+    found: list[XodrObject] = []
+    for element in road.iterfind("objects/object"):
+        kind, name = element.get("type", "").strip(), element.get("name", "").strip()
+        if kind.lower() in _WANTED or "crosswalk" in name.lower() or "stopline" in name.lower():
+            try:
+                found.append(_object(element, kind, name, number))
+            except UnusableRoadError:
+                continue
+    return tuple(found)
+
+
+def _object(element: Element, kind: str, name: str, number: Callable[..., float]) -> XodrObject:
+    return XodrObject(
+        id=element.get("id", "").strip(),
+        kind=kind.lower(),
+        subtype=element.get("subtype", "").strip().lower(),
+        name=name.lower(),
+        station_m=number(element, "s"),
+        left_m=number(element, "t"),
+        heading_rad=number(element, "hdg", 0.0),
+        length_m=number(element, "length", 0.0),
+        width_m=number(element, "width", 0.0),
+        outlines=tuple(
+            tuple(_corners(outline, number))
+            for path in ("outline", "outlines/outline")
+            for outline in element.iterfind(path)
+        ),
+        repeats=tuple(
+            XodrRepeat(
+                number(repeat, "s"),
+                number(repeat, "length", 0.0),
+                number(repeat, "distance", 0.0),
+                (number(repeat, "tStart", 0.0), number(repeat, "tEnd", 0.0)),
+            )
+            for repeat in element.iterfind("repeat")
+        ),
+    )
+
+
+def _corners(outline: Element, number: Callable[..., float]) -> Iterator[Corner]:
+    for corner in outline:
+        if corner.tag == "cornerRoad":
+            yield "road", number(corner, "s"), number(corner, "t")
+        elif corner.tag == "cornerLocal":
+            yield "local", number(corner, "u"), number(corner, "v")
