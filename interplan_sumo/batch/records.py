@@ -7,6 +7,7 @@ Numbers are finite: the encoder writes null for one that is not, and the decoder
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, Self, TypeVar
 
@@ -94,6 +95,9 @@ class ScoreRecord(Struct, frozen=True):
     gates: tuple[str, ...]
     weights: dict[str, Weight]
     metrics: dict[str, MetricRecord]
+    done: bool | None
+    unsafe: bool | None
+    beside: dict[str, Score]
 
     @classmethod
     def of(cls, sheet: ScoreSheet) -> Self:
@@ -109,6 +113,9 @@ class ScoreRecord(Struct, frozen=True):
                 name: MetricRecord(plain(each.score), plain(each.detail), each.reason)
                 for name, each in sheet.metrics.items()
             },
+            sheet.done,
+            sheet.unsafe,
+            {name: plain(value) for name, value in sheet.beside.items()},
         )
 
 
@@ -167,6 +174,12 @@ class Row(Struct, frozen=True, kw_only=True, omit_defaults=True):
     scenario_hash: str
     trace: str | None
     """Where it lies, relative to the run folder."""
+    done: bool | None = None
+    """Whether the task was done; None where the profile does not judge it, or there was a fault."""
+    unsafe: bool | None = None
+    """Whether a gate of safety took points; None as for `done`."""
+    beside: dict[str, Score] = {}
+    """Scores by other profiles that are told beside this one."""
     profile: str | None = None
     """Of a row that was scored again, as `scoring_version`."""
     scoring_version: int | None = msgspec.field(name="version", default=None)
@@ -261,6 +274,11 @@ class Brief(NamedTuple):
     drivable_area: float | None
     goal_lane: bool | None
     """Whether the drive ended in the goal lane."""
+    done: bool | None
+    """Whether the task was done, as the profile has it, and whether a gate of safety took points; None as in rows."""
+    unsafe: bool | None
+    beside: tuple[tuple[str, float], ...]
+    """Scores by other profiles, 0 to 1."""
     total_s: float | None
     """Wall clock of the whole job."""
     scoring: int | None
@@ -313,6 +331,9 @@ class _BriefRow(Struct, kw_only=True):
     official: bool
     metrics: _BriefMetrics
     times_s: _BriefTimes
+    done: bool | None = None
+    unsafe: bool | None = None
+    beside: dict[str, Score] = {}
     scoring_version: int | None = msgspec.field(name="version", default=None)
     planner_report: ModelUse | None = None
 
@@ -328,6 +349,9 @@ def _brief(row: _BriefRow) -> Brief:
         row.metrics.no_collision and row.metrics.no_collision.score,
         row.metrics.drivable_area and row.metrics.drivable_area.score,
         lanes and lanes.detail.goal,
+        row.done,
+        row.unsafe,
+        tuple((sys.intern(name), score) for name, score in row.beside.items()),
         row.times_s.total,
         row.scoring_version,
         asked and asked.queries,

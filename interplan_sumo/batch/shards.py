@@ -21,12 +21,12 @@ import pyarrow.parquet as pq
 
 from interplan_sumo.batch.records import Brief, Row
 from interplan_sumo.batch.results import RESULTS, rows_of, whole_lines
-from interplan_sumo.metrics.profile import row_metrics
+from interplan_sumo.metrics.profile import PROFILES, row_metrics
 from interplan_sumo.world.files import replacing
 
 FOLDER = "results"
 """In the run folder, and nothing else is in it: `pandas.read_parquet` reads it as a whole."""
-FORMAT = 1
+FORMAT = 2
 """Of the columns; a shard of another format is made again."""
 MARK: Final = b"interplan_sumo"
 """The key of what a shard says about itself."""
@@ -47,6 +47,10 @@ def _metric(name: str) -> Callable[[Row], Any]:
     return lambda row: row.metrics[name].score if name in row.metrics else None
 
 
+def _beside(profile: str) -> Callable[[Row], Any]:
+    return lambda row: row.beside.get(profile)
+
+
 def _time_s(phase: str) -> Callable[[Row], Any]:
     return lambda row: row.times_s.get(phase)
 
@@ -59,6 +63,9 @@ COLUMNS: Final = (
     ShardColumn("seed", pa.int64(), attrgetter("seed")),
     ShardColumn("score", NUMBER, attrgetter("score")),
     *(ShardColumn(f"metric_{name}", NUMBER, _metric(name)) for name in row_metrics()),
+    ShardColumn("done", BOOL, attrgetter("done")),
+    ShardColumn("unsafe", BOOL, attrgetter("unsafe")),
+    *(ShardColumn(f"score_{name}", NUMBER, _beside(name)) for name in PROFILES),
     ShardColumn("reached_goal", BOOL, attrgetter("reached_goal")),
     ShardColumn("reached_goal_lane", BOOL, lambda row: Brief.of(row).goal_lane),
     ShardColumn("fault_class", TEXT, lambda row: row.fault and row.fault.kind),

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from interplan_sumo.world.geometry import Floats
-from interplan_sumo.world.trace import SEEN_COLUMNS, Trace
+from interplan_sumo.world.trace import SEEN_COLUMNS, WITHOUT_EGO, Trace
 
 POSITION_BAR_M = 1e-3
 """Positions this close count as those of one drive: across machines the last bits of a sum may differ."""
@@ -76,8 +76,9 @@ def difference(stored: Trace, now: Trace) -> TraceDifference | None:
 
 
 def _numbered(trace: Trace) -> dict[str, pd.DataFrame]:
-    """The tables of a trace, the poses of each plan numbered."""
+    """The tables of a trace as the hash sees them, the poses of each plan numbered."""
     tables = trace.tables()
+    tables["actors"] = tables["actors"].drop(columns=WITHOUT_EGO, errors="ignore")
     tables.setdefault("seen", tables["actors"].loc[:, list(SEEN_COLUMNS)].head(0))
     tables["plans"]["pose"] = tables["plans"].groupby("frame").cumcount()
     return tables

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,8 @@ class Facts:
     """The drive against which progress is measured; may be longer or shorter than the trace."""
     scenario: Scenario | None = None
     """What was staged; nuPlan's metrics do without."""
+    results: dict[object, Any] = field(default_factory=dict[object, Any], init=False, repr=False)
+    """What metrics have said so far, by their functions."""
 
     @property
     def frames(self) -> int:

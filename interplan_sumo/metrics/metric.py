@@ -58,7 +58,11 @@ class Metric:
     """The frame in which points were lost; asked only where some were."""
 
     def __call__(self, facts: Facts) -> MetricResult:
-        return self.judge(facts)
+        """What the function says of a drive; asked once, however many profiles and metrics want it."""
+        known: dict[object, MetricResult] = facts.results
+        if self.judge not in known:
+            known[self.judge] = self.judge(facts)
+        return known[self.judge]
 
 
 def metric(

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
-from interplan_sumo.metrics.collisions import Collision, Group
+import numpy as np
+
+from interplan_sumo.metrics.circumstances import ego_doing
+from interplan_sumo.metrics.collisions import STOPPED_MPS, Collision, Contact, Group
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult, metric
 
@@ -25,6 +29,29 @@ def no_collision(facts: Facts) -> MetricResult:
 
 
 @metric(failure="at-fault collision", lost_at=first_contact_at_fault)
+def strict_no_collision(facts: Facts) -> MetricResult:
+    """1 without any collision at fault, else 0; nor may the ego come to rest against what already stood there.
+
+    nuPlan lays no contact to an ego at 0.05 m/s or less.
+    """
+    laid = tuple(replace(c, at_fault=True) if not c.at_fault and crept_into(facts, c) else c for c in facts.collisions)
+    return _result(facts, 0.0 if any(c.at_fault for c in laid) else 1.0, laid)
+
+
+def crept_into(facts: Facts, contact: Collision) -> bool:
+    """Whether the ego all but stood when it touched what stood before, and had moved since the frame before."""
+    if contact.contact is not Contact.STOPPED_EGO or contact.frame == 0:
+        return False
+    actors, before = facts.trace.actors, contact.frame - 1
+    earlier = actors.rows(before)
+    rows = earlier.start + np.flatnonzero(actors.ids[earlier] == contact.track)
+    stood = contact.group is Group.OBJECT or bool((facts.actor_speed_mps[[*rows, contact.row]] <= STOPPED_MPS).all())
+    moved_m = float(np.hypot(*(facts.centre[contact.frame] - facts.centre[before])))
+    came_m = max((float(np.hypot(*(facts.actor_xy[contact.row] - facts.actor_xy[row]))) for row in rows), default=0.0)
+    return stood and moved_m > came_m
+
+
+@metric(failure="at-fault collision", lost_at=first_contact_at_fault)
 def nuplan_no_collision(facts: Facts) -> MetricResult:
     """nuPlan's score: 0.5 for one static object, 0 for more, or for any road user."""
     return _result(facts, shared_budget([c.group for c in facts.collisions if c.at_fault]))
@@ -38,8 +65,9 @@ def shared_budget(hit: list[Group]) -> float:
     return score
 
 
-def _result(facts: Facts, score: float) -> MetricResult:
-    at_fault = [c for c in facts.collisions if c.at_fault]
+def _result(facts: Facts, score: float, contacts: tuple[Collision, ...] | None = None) -> MetricResult:
+    contacts = facts.collisions if contacts is None else contacts
+    at_fault = [c for c in contacts if c.at_fault]
     counts = Counter(c.group for c in at_fault)
     energies = {g: [c.energy_mps for c in at_fault if c.group is g] for g in Group}
     detail = {
@@ -48,12 +76,17 @@ def _result(facts: Facts, score: float) -> MetricResult:
         "energy_mps": {
             g.value: {"max": max(e), "min": min(e), "mean": sum(e) / len(e)} for g, e in energies.items() if e
         },
-        "contacts": [{**c.as_dict(), "time_s": float(facts.time_s[c.frame])} for c in facts.collisions],
+        "contacts": [{**c.as_dict(), "time_s": float(facts.time_s[c.frame])} for c in contacts],
     }
     return MetricResult(score, detail, reason=_reason(facts, at_fault) if score < 1.0 else None)
 
 
-_HOW = {"stopped_track": "drove into standing", "front": "drove into", "lateral": "touched, astride two lanes,"}
+_HOW = {
+    "stopped_track": "drove into standing",
+    "front": "drove into",
+    "lateral": "touched, astride two lanes,",
+    "stopped_ego": "came to rest against",
+}
 
 
 def _reason(facts: Facts, at_fault: list[Collision]) -> str:
@@ -61,4 +94,4 @@ def _reason(facts: Facts, at_fault: list[Collision]) -> str:
     what = first.kind.words
     where = f"{_HOW[first.contact.value]} {what} {first.track}"
     more = f" and {len(at_fault) - 1} more" if len(at_fault) > 1 else ""
-    return f"{where} at {facts.time_s[first.frame]:.1f} s, at {facts.speed_mps[first.frame]:.1f} m/s{more}"
+    return f"{where} at {facts.time_s[first.frame]:.1f} s, {ego_doing(facts, first.frame)}{more}"

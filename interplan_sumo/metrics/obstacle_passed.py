@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from interplan_sumo.metrics.circumstances import how_it_went
 from interplan_sumo.metrics.expert_route import project_m
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult, metric
@@ -22,7 +23,7 @@ def obstacle_passed(facts: Facts) -> MetricResult:
     best = float(margin.max(initial=-np.inf))
     passed = best > 0.0
     first = float(facts.time_s[int(np.argmax(margin > 0.0))]) if passed else None
-    reason = None if passed else f"stayed {-best:.1f} m short of clearing the last obstacle"
+    reason = None if passed else f"stayed {-best:.1f} m short of clearing the last obstacle; {how_it_went(facts)}"
     return MetricResult(
         1.0 if passed else 0.0, {"passed_at_s": first, "best_margin_m": best}, {"margin_m": margin}, reason
     )

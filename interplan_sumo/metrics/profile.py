@@ -3,13 +3,15 @@
     needs_scenario: true            # whether a trace and a map are not enough
     honours_exemptions: true        # whether gates that a scenario exempts are left out
     gates:                          # factors of the score
-      - {metric: no_collision}
+      - {metric: no_collision, role: safety}
       - {metric: obstacle_passed, when: with_obstacles}
     weights:                        # terms of the weighted mean
       - {metric: nuplan_progress, as: progress, weight: 5}
 
-`as` is the name in rows and tables, the metric's own if it is left out; `when` one of `CONDITIONS`. A package adds a
-profile by an entry point `NAME = "PACKAGE"` in the group `interplan_sumo.profiles`, with `NAME.yaml` in that package.
+`as` is the name in rows and tables, the metric's own if it is left out; `when` one of `CONDITIONS`; `role` says what
+the loss of a gate means: the drive was unsafe, or its task was not done. `beside` names profiles whose scores are told
+beside the own. A package adds a profile by an entry point `NAME = "PACKAGE"` in the group `interplan_sumo.profiles`,
+with `NAME.yaml` in that package.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import msgspec
 import yaml
@@ -35,7 +37,7 @@ from interplan_sumo.world.files import replacing
 if TYPE_CHECKING:
     from interplan_sumo.metrics.facts import Facts
 
-DEFAULT_PROFILE: Final = "interplan-paper"
+DEFAULT_PROFILE: Final = "interplan-strict"
 PROFILES: Final = Registry("interplan_sumo.profiles", "scoring profile", ModuleType)
 """The packages that hold each registered profile."""
 SUFFIXES: Final = (".yaml", ".yml")
@@ -66,6 +68,9 @@ CONDITIONS: Final[Mapping[str, Callable[[Facts], bool]]] = {
 }
 
 
+Role = Literal["safety", "task"]
+
+
 class Term(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A gate, or a term of the weighted mean."""
 
@@ -76,6 +81,8 @@ class Term(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One of `CONDITIONS`."""
     weight: Annotated[float, msgspec.Meta(gt=0.0, le=1e6)] | None = None
     """None of a gate."""
+    role: Role | None = None
+    """What it says of a drive that this gate took points from."""
 
     def __post_init__(self) -> None:
         for name, known, what in ((self.metric, METRICS, "metric"), (self.when, CONDITIONS, "condition")):
@@ -93,9 +100,16 @@ class Profile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     """Whether gates that `Scenario.exempt` names are left out."""
     gates: tuple[Term, ...] = ()
     weights: Annotated[tuple[Term, ...], msgspec.Meta(min_length=1)]
+    beside: tuple[str, ...] = ()
+    """Registered profiles by which every drive is scored as well."""
 
     def __post_init__(self) -> None:
+        for name in self.beside:
+            if name not in PROFILES:
+                raise ValueError(UnknownNameError("scoring profile", name, PROFILES))
         for term in self.terms:
+            if term.role is not None and term.weight is not None:
+                raise ValueError(f"{term.name} has a weight and the role {term.role}; only gates have roles")
             if (term.weight is None) is (term in self.weights):
                 raise ValueError(f"{term.name} needs a weight among the weights, and none among the gates")
             conditions = sorted(other.when for other in self.terms if other.name == term.name)

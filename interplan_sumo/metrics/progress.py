@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from interplan_sumo.metrics.association import runs
+from interplan_sumo.metrics.circumstances import longest_wait
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.geometry import Floats
@@ -13,20 +13,15 @@ FLOOR_M = 2.0
 """nuPlan's: both distances count at least this much; further back than this scores 0."""
 LEAST_RATIO = 0.2
 """nuPlan's bound of making progress."""
-CREEPING_MPS = 0.5
-"""Below this an ego that should advance waits."""
-SHORTEST_WAIT_S = 1.0
 NO_NEARER_M = 0.1
 """Who gains no more than this gains nothing."""
 
 
 def stopped_advancing(facts: Facts, _: MetricResult) -> int:
     """The beginning of the longest wait; of who never waited, the first frame as far on the route as it ever came."""
-    waiting = facts.speed_mps < CREEPING_MPS
-    waits = [range(first, end) for first, end in runs(waiting.tolist()) if waiting[first]]
-    waits = [wait for wait in waits if len(wait) * facts.step_us * 1e-6 >= SHORTEST_WAIT_S]
-    if waits:
-        return max(waits, key=len).start
+    wait = longest_wait(facts)
+    if wait is not None:
+        return wait.start
     arc_m = facts.route_arc_m
     return int(np.argmax(arc_m >= arc_m.max() - NO_NEARER_M))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Final
@@ -10,12 +10,12 @@ from typing import Final
 from interplan_sumo.errors import InputError
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import METRICS, MetricResult, informative_metrics
-from interplan_sumo.metrics.profile import CONDITIONS, DEFAULT_PROFILE, Profile, find_profile
+from interplan_sumo.metrics.profile import CONDITIONS, DEFAULT_PROFILE, Profile, Role, find_profile
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import EgoTrack, Trace
 
-SCORING_VERSION: Final = 1
+SCORING_VERSION: Final = 2
 """Goes up with any change that can change a score."""
 
 
@@ -32,6 +32,25 @@ class ScoreSheet:
     """Metrics that multiply the score."""
     weights: Mapping[str, float]
     """Metrics in the weighted mean."""
+    roles: Mapping[str, Role]
+    """What the loss of a gate means, of those where it means something."""
+    beside: Mapping[str, float]
+    """The scores by other profiles that are told beside this one."""
+
+    @property
+    def unsafe(self) -> bool | None:
+        """Whether a gate of safety took points; None where the profile has none."""
+        return self._lost("safety")
+
+    @property
+    def done(self) -> bool | None:
+        """Whether the task was done; None where no gate says so."""
+        undone = self._lost("task")
+        return None if undone is None else not undone
+
+    def _lost(self, role: Role) -> bool | None:
+        scores = [self.metrics[name].score for name, its in self.roles.items() if its == role]
+        return any(score != 1.0 for score in scores) if scores else None
 
     def reasons(self) -> dict[str, str]:
         """One sentence for each judged metric that lost points."""
@@ -58,6 +77,30 @@ def score(
 def score_facts(facts: Facts, profile: str | Profile = DEFAULT_PROFILE) -> ScoreSheet:
     """`score` of facts at hand."""
     profile = find_profile(profile)
+    judged = _judged(facts, profile)
+    metrics, others = dict(judged.metrics), {name: _judged(facts, find_profile(name)) for name in profile.beside}
+    for other in others.values():
+        metrics = {**other.metrics, **metrics}
+    metrics |= {name: METRICS[name](facts) for name in informative_metrics()}
+    in_force = [term for term in profile.gates if term.name in judged.gates]
+    roles: dict[str, Role] = {term.name: term.role for term in in_force if term.role is not None}
+    return ScoreSheet(
+        judged.score, profile.name, SCORING_VERSION, metrics, judged.gates, judged.weights, roles,
+        {name: other.score for name, other in others.items()},
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Judged:
+    """What one profile makes of a drive."""
+
+    score: float
+    metrics: Mapping[str, MetricResult]
+    gates: tuple[str, ...]
+    weights: Mapping[str, float]
+
+
+def _judged(facts: Facts, profile: Profile) -> _Judged:
     if profile.needs_scenario and facts.scenario is None:
         raise InputError(f"profile {profile.name} needs the scenario of the trace; give it, or use profile nuplan")
     exempt = facts.staged.exempt if profile.honours_exemptions else ()
@@ -76,13 +119,33 @@ def score_facts(facts: Facts, profile: str | Profile = DEFAULT_PROFILE) -> Score
             gates.append(term.name)
         else:
             weights[term.name] = term.weight
-    value = weighted_score({n: metrics[n].score or 0.0 for n in (*gates, *weights)}, gates, weights)
-    metrics |= {name: METRICS[name](facts) for name in informative_metrics()}
-    return ScoreSheet(value, profile.name, SCORING_VERSION, metrics, tuple(gates), weights)
+    score = weighted_score({n: metrics[n].score or 0.0 for n in (*gates, *weights)}, gates, weights)
+    return _Judged(score, metrics, tuple(gates), weights)
 
 
-def weighted_score(scores: Mapping[str, float], gates: list[str], weights: Mapping[str, float]) -> float:
+def weighted_score(scores: Mapping[str, float], gates: Sequence[str], weights: Mapping[str, float]) -> float:
     """Product of the gates times the weighted mean of the rest; 0 where nothing has a weight."""
     total = sum(weights.values())
     mean = sum(weight * scores[name] for name, weight in weights.items()) / total if total else 0.0
     return prod(scores[name] for name in gates) * mean
+
+
+def points_lost(scores: Mapping[str, float], gates: Sequence[str], weights: Mapping[str, float]) -> dict[str, float]:
+    """How many of the 100 points each metric cost; together what is missing.
+
+    Gates at 0 share all points among them, for with any of them the rest is
+    worth nothing. Else gates take their share one after the other, and what the
+    weighted metrics miss counts as far as the gates leave it.
+    """
+    cost = dict.fromkeys((*gates, *weights), 0.0)
+    shut = [name for name in gates if scores[name] == 0.0]
+    if shut:
+        return cost | dict.fromkeys(shut, 100.0 / len(shut))
+    left = 100.0
+    for name in gates:
+        cost[name] = left * (1.0 - scores[name])
+        left *= scores[name]
+    total = sum(weights.values())
+    for name, weight in weights.items():
+        cost[name] = left * weight / total * (1.0 - scores[name])
+    return cost

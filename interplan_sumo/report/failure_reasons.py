@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from interplan_sumo.batch.records import Row
 from interplan_sumo.metrics.metric import METRICS, failure_words
+from interplan_sumo.metrics.score import points_lost
 
 LEAST_LOSS = 0.0005
-"""A metric that loses less, of 1, lost nothing that a table shows."""
-
-
-def why_lost(row: Row) -> list[str]:
-    """A sentence for the fault, for each gate that took points, or for a score of zero without any; else nothing."""
-    if row.fault:
-        return [fault_sentence(row)]
-    lost = [metric_sentence(row, name) for name in row.gates if row.judged[name] < 1.0]
-    return lost or (["every weighted metric is zero"] if row.score == 0.0 else [])
+"""What costs less, of a score of 1, is nothing that a table shows."""
 
 
 def lost_points(row: Row) -> list[str]:
-    """A sentence for the fault, or for each judged metric that lost points, gates first."""
+    """A sentence for the fault, or for each judged metric that cost points, gates first.
+
+    Where gates are at 0 only they are told: with any of them the rest is worth nothing.
+    """
     if row.fault:
         return [fault_sentence(row)]
-    return [metric_sentence(row, name) for name, score in row.judged.items() if score < 1.0 - LEAST_LOSS]
+    cost = points_lost(row.judged, row.gates, row.weights)
+    return [metric_sentence(row, name, points) for name, points in cost.items() if points >= 100.0 * LEAST_LOSS]
 
 
 def fault_sentence(row: Row) -> str:
@@ -29,11 +26,16 @@ def fault_sentence(row: Row) -> str:
     return f"{row.fault.kind} fault: {row.fault.message}" if row.fault else ""
 
 
-def metric_sentence(row: Row, name: str) -> str:
-    """What a metric of the row says about the points it lost."""
-    title = failure_words(name)
+def metric_sentence(row: Row, name: str, points: float | None = None) -> str:
+    """What a metric of the row says about the points it lost, and how many these are."""
     reason = row.metrics[name].reason
+    title = failure_words(name) if points is None else with_points(failure_words(name), points)
     return f"{title}: {reason}" if reason else title
+
+
+def with_points(words: str, points: float) -> str:
+    """Words about a loss with what it cost of the 100 points."""
+    return f"{words} ({points:.{0 if points >= 9.95 else 1}f} points)"
 
 
 def metric_title(name: str) -> str:

@@ -12,8 +12,8 @@ from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.lane_crossings import find_crossings
 from interplan_sumo.metrics.metric import MetricResult, failure_words, lost_frame
 from interplan_sumo.metrics.profile import Profile
-from interplan_sumo.metrics.score import ScoreSheet, score_facts
-from interplan_sumo.report.failure_reasons import LEAST_LOSS, fault_sentence
+from interplan_sumo.metrics.score import ScoreSheet, points_lost, score_facts
+from interplan_sumo.report.failure_reasons import LEAST_LOSS, fault_sentence, with_points
 
 FAULT: Final = "fault"
 """Stands for the metric where the planner's fault ended the drive."""
@@ -31,6 +31,8 @@ class KeyEvent:
     metric: str
     """A metric's name, `FAULT` or `NOTHING`."""
     reason: str
+    points: float = 0.0
+    """What it cost, of 100."""
 
 
 def key_events(drive: StoredDrive, profile: str | Profile | None = None) -> tuple[KeyEvent, ...]:
@@ -42,33 +44,31 @@ def key_events(drive: StoredDrive, profile: str | Profile | None = None) -> tupl
 
 
 def deciding_moment(drive: StoredDrive, profile: str | Profile | None = None) -> KeyEvent:
-    """The fault, else the first gate that was lost, else the loss of the metric that cost most, else the end."""
+    """The fault, else the loss that cost most points, of equal ones the first, else the end."""
     facts, sheet = _judged(drive, profile)
-    return deciding_event(loss_events(facts, sheet, drive.row), facts, sheet)
+    return deciding_event(loss_events(facts, sheet, drive.row), facts)
 
 
 def loss_events(facts: Facts, sheet: ScoreSheet, row: Row) -> tuple[KeyEvent, ...]:
     """`key_events` of facts and score at hand."""
     found: list[KeyEvent] = []
-    for name in (*sheet.gates, *sheet.weights):
+    scores = {name: sheet.metrics[name].score or 0.0 for name in (*sheet.gates, *sheet.weights)}
+    cost = points_lost(scores, sheet.gates, sheet.weights)
+    for name in scores:
         result = sheet.metrics[name]
         if _loss(result) >= LEAST_LOSS:
             frame = lost_frame(name, facts, result)
-            found.append(_event(facts, frame, name, result.reason or "points were lost"))
+            found.append(_event(facts, frame, name, result.reason or "points were lost", cost[name]))
     if row.fault:
         found.append(_event(facts, facts.frames - 1, FAULT, fault_sentence(row)))
     return tuple(sorted(found, key=lambda event: event.frame))
 
 
-def deciding_event(lost: tuple[KeyEvent, ...], facts: Facts, sheet: ScoreSheet) -> KeyEvent:
+def deciding_event(lost: tuple[KeyEvent, ...], facts: Facts) -> KeyEvent:
     """The one of `loss_events` that `deciding_moment` names."""
-    for wanted in ((FAULT,), sheet.gates):
-        first = next((event for event in lost if event.metric in wanted), None)
-        if first is not None:
-            return first
     if not lost:
         return _event(facts, facts.frames - 1, NOTHING, "no points were lost")
-    return max(lost, key=lambda event: sheet.weights[event.metric] * _loss(sheet.metrics[event.metric]))
+    return max(lost, key=lambda event: (event.metric == FAULT, event.points))
 
 
 def _judged(drive: StoredDrive, profile: str | Profile | None) -> tuple[Facts, ScoreSheet]:
@@ -80,8 +80,8 @@ def _loss(result: MetricResult) -> float:
     return 0.0 if result.score is None else 1.0 - result.score
 
 
-def _event(facts: Facts, frame: int, metric: str, reason: str) -> KeyEvent:
-    return KeyEvent(round(float(facts.time_s[frame]), 6), frame, metric, reason)
+def _event(facts: Facts, frame: int, metric: str, reason: str, points: float = 0.0) -> KeyEvent:
+    return KeyEvent(round(float(facts.time_s[frame]), 6), frame, metric, reason, points)
 
 
 # --- all that happened -----------------------------------------------------------------------------
@@ -102,7 +102,7 @@ def replay_events(
 ) -> list[ReplayEvent]:
     """Everything of note in time order: what was `lost`, contacts, changes of lane and light, and who was `set_off`."""
     lost = tuple(lost)
-    decided = deciding_event(lost, facts, sheet)
+    decided = deciding_event(lost, facts)
     found = [_lost(event, sheet, decides=event is decided) for event in lost]
     found += _contacts(facts, sheet)
     found += [ReplayEvent(frame, "trigger", "a pedestrian sets off") for frame in set_off if frame is not None]
@@ -123,7 +123,8 @@ def _lost(event: KeyEvent, sheet: ScoreSheet, *, decides: bool) -> ReplayEvent:
     if event.metric == FAULT:
         return ReplayEvent(event.frame, "fault", event.reason, decides)
     kind = "gate" if event.metric in sheet.gates else "weight"
-    return ReplayEvent(event.frame, kind, f"{failure_words(event.metric)}: {event.reason}", decides)
+    words = with_points(failure_words(event.metric), event.points)
+    return ReplayEvent(event.frame, kind, f"{words}: {event.reason}", decides)
 
 
 def _contacts(facts: Facts, sheet: ScoreSheet) -> list[ReplayEvent]:

@@ -25,6 +25,7 @@ MANY_DRIVES = 1000
 Z_95 = 1.959964
 """97.5 % of the normal distribution lie below so many standard deviations."""
 ORDINARY: Final = "ordinary"
+PAPER_PROFILE: Final = "interplan-paper"
 BENCHMARK: Final = "interplan"
 """Keys of the columns over all ordinary driving, and over all the rest."""
 
@@ -42,6 +43,8 @@ class Column:
     """Whether it is a mean over the scenarios of a family."""
     value: Callable[[Brief], float | None]
     """0 to 1, of one drive with a score; None where the profile does not judge it."""
+    optional: bool = False
+    """Whether it is left out where no drive is judged by it."""
 
 
 def table_columns(driven: Iterable[str] = ()) -> tuple[Column, ...]:
@@ -57,12 +60,35 @@ def table_columns(driven: Iterable[str] = ()) -> tuple[Column, ...]:
     return (
         # stands where the paper has nuPlan's Val14
         Column(ORDINARY, "Ordinary", "Ordinary driving", lambda family: find_family(family).ordinary, _score),
-        Column(BENCHMARK, "interPlan", "interPlan, all families", lambda name: not find_family(name).ordinary, _score),
+        Column(BENCHMARK, "interPlan", "interPlan, all families", _is_rare, _score),
+        Column("done_share", "Done %", "Task done", _is_rare, _done, optional=True),
+        Column("unsafe_share", "Unsafe %", "Unsafe", _is_rare, _unsafe, optional=True),
+        Column("paper_score", "by paper", f"interPlan by {PAPER_PROFILE}", _is_rare, _paper_score, optional=True),
         *of_families,
         Column("driv", "Driv.", "Lane changes: stayed on the road", _changes_lanes, _drivable_area),
         Column("goal", "Goal", "Lane changes: reached the goal lane", _changes_lanes, _reached_goal_lane),
         Column("no_col", "No-Col.", "Lane changes: no collision at fault", _changes_lanes, _no_collision),
     )
+
+
+def _is_rare(family: str) -> bool:
+    return not find_family(family).ordinary
+
+
+def _done(drive: Brief) -> float | None:
+    if drive.fault:
+        return 0.0
+    return None if drive.done is None else float(drive.done)
+
+
+def _unsafe(drive: Brief) -> float | None:
+    if drive.fault:
+        return 1.0  # nobody drove on
+    return None if drive.unsafe is None else float(drive.unsafe)
+
+
+def _paper_score(drive: Brief) -> float | None:
+    return 0.0 if drive.fault else dict(drive.beside).get(PAPER_PROFILE)
 
 
 def _changes_lanes(family: str) -> bool:
@@ -169,8 +195,9 @@ class ResultsTable:
     lines: tuple[Line, ...]
 
     def asked(self, column: Column) -> bool:
-        """Whether any line was to drive what the column is about."""
-        return any(line.cells[column.key].asked for line in self.lines)
+        """Whether any line was to drive what the column is about, and is judged by it if that is optional."""
+        cells = [line.cells[column.key] for line in self.lines]
+        return any(cell.asked and (not column.optional or cell.incomplete or cell.value is not None) for cell in cells)
 
     @property
     def complete(self) -> bool:

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from interplan_sumo.batch.records import Row
 from interplan_sumo.families import find_family
-from interplan_sumo.report.failure_reasons import fault_sentence, lost_points, why_lost
+from interplan_sumo.report.failure_reasons import fault_sentence, lost_points
 from interplan_sumo.report.paper_comparison import (
     PUBLISHED_COLUMNS,
     SOURCE,
@@ -83,8 +83,8 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
 
 
 def reasons(line: Line) -> Iterator[tuple[Row, str]]:
-    """The rows with a fault, a score of zero or a lost gate, one sentence at a time."""
-    return ((row, sentence) for row in line.rows for sentence in why_lost(row))
+    """All that cost points, drive by drive, one sentence at a time."""
+    return ((row, sentence) for row in line.rows for sentence in lost_points(row))
 
 
 def as_csv(table: ResultsTable, *, paper: bool = False) -> str:
@@ -182,7 +182,7 @@ def as_text(
     parts += listed("Not run yet", missing[:LISTED], len(missing))
     if why:
         lost = [f"{drive_name(row)}: {sentence}" for line in table.lines for row, sentence in reasons(line)]
-        parts += listed("Why: zeros and lost gates", lost, len(lost))
+        parts += listed("Why: what cost how many of the 100 points", lost, len(lost))
     if details:
         drives = [_drive(row) for line in table.lines for row in line.rows]
         parts += listed("Every drive", drives, len(drives))

@@ -228,6 +228,10 @@ class AgentControl:
         braked_mps = before.from_mps - own_mps
         return braked_mps > self._drivers[name].decel_mps2 * DT_S and wanted_mps > speed_mps - braked_mps
 
+    def overlooks_ego(self, name: str) -> bool:
+        """Whether an agent has been told to overlook the ego."""
+        return self._told.get(name, UNTOLD).ignores_ego
+
     def keep_lanes(self, wanted: frozenset[str]) -> None:
         """Have these agents keep their lanes, as those do that have just come, and those before no longer."""
         wanted |= self._keeping_steps.keys()

@@ -82,6 +82,10 @@ class AgentRegistry:
         self.drivers[name] = driver
         self.routes[name] = route
 
+    def token_of(self, name: str) -> str:
+        """The id under which others see an agent."""
+        return self._tokens[name]
+
     def enter(self, names: Collection[str]) -> None:
         """These, which were added before, are there from now on."""
         self.names = sorted([*self.names, *names], key=self._tokens.__getitem__)

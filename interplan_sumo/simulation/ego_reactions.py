@@ -53,6 +53,10 @@ class AgentCommands:
     """By agent; those not named go on as they do."""
     keep_lane: frozenset[str]
     """Agents that must not change lane."""
+    for_ego_mps: Mapping[str, float]
+    """What the ego alone makes of those that are told a speed because of it."""
+    for_others_mps: Mapping[str, float]
+    """What all others make of those that are told a speed because of them."""
 
 
 class EgoReactions:
@@ -136,7 +140,7 @@ class EgoReactions:
         alone = on_network.alone and ego.speed_mps >= 0.0 and not others and not on_network.approached
         if alone and not self._proxy_overlaps(agents, anchor):
             self._skipped = on_network  # everyone behind follows the ego, as SUMO does by itself
-            return AgentCommands({}, keep_lane)
+            return AgentCommands({}, keep_lane, {}, {})
         dx = agents.front_x - (ego.x_m - self._origin[0])
         dy = agents.front_y - (ego.y_m - self._origin[1])
         away_m2 = dx * dx + dy * dy
@@ -144,15 +148,18 @@ class EgoReactions:
         if self._skipped is not None:
             self._decide(self._skipped, {}, (), agents, near, anchor)  # for what the agents remember of it
             self._skipped = None
-        decisions = self._decide(on_network, ahead, obstructions, agents, near, anchor)
+        for_ego, for_others = self._decide(on_network, ahead, obstructions, agents, near, anchor)
         for row in self._overhang.faces_somebody(agents, self._models.dt_s):
             name = agents.names[row]
             slowest_mps = float(agents.speed_mps[row]) - self._drivers[name].emergency_decel_mps2 * self._models.dt_s
-            decisions[name] = reactions.no_faster(decisions.get(name), max(0.0, slowest_mps))
+            for_others[name] = reactions.no_faster(for_others.get(name), max(0.0, slowest_mps))
         for row in waiting:
             name = agents.names[row]
             slower_mps = float(agents.speed_mps[row]) - self._drivers[name].decel_mps2 * self._models.dt_s
-            decisions[name] = reactions.no_faster(decisions.get(name), max(0.0, slower_mps))
+            for_others[name] = reactions.no_faster(for_others.get(name), max(0.0, slower_mps))
+        decisions = dict(for_ego)
+        for name, other in for_others.items():
+            decisions[name] = reactions.no_faster(for_ego.get(name), other.speed_mps or 0.0)
         self._at_start = False
         decisions.update(dict.fromkeys(self._commanded - decisions.keys(), BACK_TO_SUMO))
         for name, decision in decisions.items():
@@ -166,7 +173,7 @@ class EgoReactions:
             keep_lane |= self._keeping_lane(agents, away_m2)
         if self._overlap_lane is not None:
             keep_lane |= self._beside_overlap(agents, self._overlap_lane)
-        return AgentCommands(decisions, keep_lane)
+        return AgentCommands(decisions, keep_lane, _speeds_mps(for_ego), _speeds_mps(for_others))
 
     def _get_to_know_drivers(self) -> None:
         """Anticipation and courtesy of all agents so far: what of the ego has to be worked out for them."""
@@ -217,8 +224,8 @@ class EgoReactions:
         agents: AgentSnapshot,
         near: Sequence[int],
         anchor: Anchor | None,
-    ) -> dict[str, ReactionDecision]:
-        """What each agent that the ego or one of `obstructions` may concern does about it.
+    ) -> tuple[dict[str, ReactionDecision], dict[str, ReactionDecision]]:
+        """What each agent that the ego or one of `obstructions` may concern does about it: about the ego, about others.
 
         `near` are the rows of agents that the ego may concern.
         """
@@ -240,21 +247,20 @@ class EgoReactions:
         if known:
             rows.update([row for row, name in enumerate(agents.names) if name in known])
         concerned = self._concerned(agents, sorted(rows), lanes, known)
-        decisions = reactions.decide(concerned, on_network, ahead, self._memory, self._models, at_start=self._at_start)
+        for_ego = reactions.decide(concerned, on_network, ahead, self._memory, self._models, at_start=self._at_start)
+        for_others: dict[str, ReactionDecision] = {}
         if obstructions:
             on_lanes: dict[str, list[tuple[str, LaneCoverage]]] = {}
             for name, coverage in obstructions:
                 for lane, part in coverage.items():
                     on_lanes.setdefault(lane, []).append((name, part))
-            decisions = reactions.yield_to(concerned, on_lanes, decisions, self._models)
+            for_others = reactions.yield_to(concerned, on_lanes, {}, self._models)
         overlooking = [
-            each
-            for each in concerned
-            if overlaps or (each.id in decisions and decisions[each.id].mode is Mode.IGNORE_EGO)
+            each for each in concerned if overlaps or (each.id in for_ego and for_ego[each.id].mode is Mode.IGNORE_EGO)
         ]
         if overlooking:
-            decisions = reactions.yield_to(overlooking, self._ahead(overlooking, agents), decisions, self._models)
-        return decisions
+            for_others = reactions.yield_to(overlooking, self._ahead(overlooking, agents), for_others, self._models)
+        return for_ego, for_others
 
     def _ahead(self, overlooking: Sequence[Agent], agents: AgentSnapshot) -> dict[str, list[tuple[str, LaneCoverage]]]:
         """Every agent and every obstacle in the corridors of `overlooking`.
@@ -374,3 +380,7 @@ class EgoReactions:
         along_x, along_y = float(np.cos(heading_rad)), float(np.sin(heading_rad))
         front_m = float(agents.front_x[row]) * along_x + float(agents.front_y[row]) * along_y
         return all(x * along_x + y * along_y <= front_m for x, y in self._locator.corners)
+
+
+def _speeds_mps(decisions: Mapping[str, ReactionDecision]) -> dict[str, float]:
+    return {name: each.speed_mps for name, each in decisions.items() if each.speed_mps is not None}

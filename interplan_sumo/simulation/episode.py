@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -77,6 +77,8 @@ class _Record:
 
     egos: list[EgoState] = field(default_factory=list)
     actors: list[Actors] = field(default_factory=list)
+    without_ego: list[Mapping[str, float] | None] = field(default_factory=list)
+    """As in `TrafficState`."""
     seen: list[Actors] = field(default_factory=list)
     """What the planner saw, from `PAST_STEPS` frames before the first on; nothing where that is `full`."""
     signals: list[Signals] = field(default_factory=list)
@@ -86,7 +88,8 @@ class _Record:
     def trace(self, behaviours: dict[str, str], shape: EgoShape) -> Trace | None:
         if not self.egos:
             return None
-        actors = ActorTable.of(self.actors, behaviours)
+        asked = [each for each in self.without_ego if each is not None]
+        actors = ActorTable.of(self.actors, behaviours, asked if len(asked) == len(self.actors) else None)
         seen = ActorTable.of(self.seen) if self.seen else None
         plan_wall_s = np.array(self.plan_wall_s)
         return Trace(EgoTrack.of(self.egos), actors, tuple(self.signals), tuple(self.plans), plan_wall_s, shape, seen)
@@ -238,6 +241,7 @@ class Loop:
             return False
         self.record.egos.append(self.ego)
         self.record.actors.append(self.scene.actors)
+        self.record.without_ego.append(self.scene.ax_without_ego)
         if self._keeps_seen:
             self.record.seen.append(self._seen)
         self.record.signals.append(self.scene.signals)

@@ -28,6 +28,7 @@ from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, getters, open_simulation, sumo
 from interplan_sumo.simulation.traffic import TrafficState
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
+from interplan_sumo.simulation.without_ego import StepBefore, WithoutEgo
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.signals import Signals, SignalStatus
@@ -93,6 +94,8 @@ class SumoTraffic:
         self._lights = Lights(ids.links)
         self._signals: Signals | None = None
         self._next_switch_s = 0.0
+        self._before: StepBefore | None = None
+        self._ax_without_ego: Mapping[str, float] = {}
         self._agents = AgentRegistry(types.path, setup.standing, setup.crowd, ids.origin_m, DT_S)
         self._agents.heights_m.update(setup.heights_m)
         drawn = [*(spawn.driver for spawn in setup.spawns), *(setup.flow.drivers if setup.flow is not None else ())]
@@ -106,6 +109,7 @@ class SumoTraffic:
             self._reactions = EgoReactions(
                 network, ids.origin_m, setup.shape, self._agents, setup.blocked, self._control.models
             )
+            self._without_ego = WithoutEgo(network, ids.origin_m, self._agents, setup.blocked, self._choice_of)
             for token, each in zip(setup.tokens, setup.spawns, strict=True):
                 self._add(token, each)
             self._block(setup.blocked)
@@ -207,7 +211,7 @@ class SumoTraffic:
         return self._agents.heights_m
 
     def observe(self) -> TrafficState:
-        return TrafficState(self._agents.actors(), self._read_signals())
+        return TrafficState(self._agents.actors(), self._read_signals(), self._ax_without_ego)
 
     def react(self, ego: EgoState) -> None:
         self._ego = ego
@@ -221,7 +225,11 @@ class SumoTraffic:
             walking, standing = self._crowd.foreseen(self._ids.origin_m), self._crowd.standing(self._ids.origin_m)
         agents = self._agents.snapshot(self._lanes_of, self._positions_m, self._choice_of)
         self._control.relax(agents)
-        self._control.tell(agents, self._reactions.decide(ego, self._proxy.anchor, walking, standing, agents))
+        commands = self._reactions.decide(ego, self._proxy.anchor, walking, standing, agents)
+        self._control.tell(agents, commands)
+        speeds = dict(zip(agents.names, agents.speed_mps.tolist(), strict=True))
+        told = (commands.for_ego_mps, commands.for_others_mps)
+        self._before = StepBefore(ego, speeds, *told, self._control.overlooks_ego)
 
     def place_ego(self, ego: EgoState) -> None:
         if self._proxy is not None:
@@ -257,6 +265,13 @@ class SumoTraffic:
         if departed:
             self._enter(departed)
         self._read()
+        self._ask_without_ego()
+
+    def _ask_without_ego(self) -> None:
+        """What those that braked in this step because of the ego would have done without it."""
+        found = {} if self._before is None else self._without_ego.accelerations(self._before)
+        self._before = None
+        self._ax_without_ego = {self._agents.token_of(name): value for name, value in found.items()}
 
     def _let_in_and_out(self, flow: Flow) -> None:
         """Who comes and goes far from the ego."""

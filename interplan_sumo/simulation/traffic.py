@@ -20,6 +20,9 @@ class TrafficState:
 
     actors: Actors
     signals: Signals
+    ax_without_ego: Mapping[str, float] | None = None
+    """Of those that braked in the step before because of the ego: the acceleration (m/s2) that their own models would
+    have chosen without it, by id. None where nobody has a model to ask."""
 
 
 class Traffic(Protocol):

@@ -18,6 +18,8 @@ from interplan_sumo.verification.replay import reference_drive, replay, route_di
 from interplan_sumo.verification.solvers import solvers
 from interplan_sumo.world.trace import Trace
 
+PROFILE = "interplan-paper"
+"""By which certificates are judged."""
 LEAST_SHARE = 0.7
 """A drive that does not reach the goal line gets at least this share of the reference distance."""
 GOOD_ENOUGH = 0.98
@@ -118,7 +120,7 @@ def shortcomings(scenario: Scenario, sheet: ScoreSheet, summary: Summary) -> lis
 
 def _judged(scenario: Scenario, trace: Trace, reference: Trace) -> tuple[ScoreSheet, Summary]:
     roads = load_roads(scenario.map, scenario.maps_beside)
-    sheet = score(trace, roads, reference.ego, scenario)
+    sheet = score(trace, roads, reference.ego, scenario, PROFILE)
     line, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
     last = trace.ego.state(len(trace) - 1)
     summary = Summary(

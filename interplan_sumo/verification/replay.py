@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -34,18 +35,21 @@ def replay(scenario: Scenario, track: EgoTrack, *, seed: int = 0) -> Trace:
     states = [start_state(scenario, roads), *(track.state(k) for k in range(1, frames))]
     actors: list[Actors] = []
     signals: list[Signals] = []
+    without_ego: list[Mapping[str, float]] = []
     with open_traffic(scenario, roads, seed=seed) as traffic:
         behaviours = dict(traffic.behaviours)
         for k in range(frames):
             scene = traffic.observe()
             actors.append(scene.actors)
             signals.append(scene.signals)
+            without_ego += [] if scene.ax_without_ego is None else [scene.ax_without_ego]
             if k + 1 < frames:
                 traffic.react(states[k])
                 traffic.place_ego(states[k + 1])
                 traffic.advance()
         behaviours |= traffic.behaviours  # vehicles may have entered meanwhile
-    return Trace(EgoTrack.of(states), ActorTable.of(actors, behaviours), tuple(signals), (), np.zeros(0))
+    others = ActorTable.of(actors, behaviours, without_ego if len(without_ego) == frames else None)
+    return Trace(EgoTrack.of(states), others, tuple(signals), (), np.zeros(0))
 
 
 def first_frame(scenario: Scenario, *, seed: int = 0) -> Trace:

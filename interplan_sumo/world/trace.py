@@ -3,19 +3,23 @@
 | file | a row is | columns |
 |---|---|---|
 | ego.parquet | a frame | frame, time_us, x, y, heading (rear axle), vx, vy, ax, ay (rear axle, car frame), tire_steering_angle, tire_steering_rate, angular_velocity, angular_acceleration, center_x, center_y, plan_wall_s |
-| actors.parquet | an actor in a frame | frame, track_token, type, x, y, heading, length, width (box centre), vx, vy (map frame), behaviour |
+| actors.parquet | an actor in a frame | frame, track_token, type, x, y, heading, length, width (box centre), vx, vy (map frame), behaviour, ax_without_ego |
 | signals.parquet | a connector in a frame | frame, lane_connector_id, status |
-| seen.parquet | an actor as the planner saw it in a frame | as actors.parquet, without behaviour; only where the scenario's perception is not `full`. The first frame is -20: what the planner was told of the time before the start |
+| seen.parquet | an actor as the planner saw it in a frame | as actors.parquet, without the last two; only where the scenario's perception is not `full`. The first frame is -20: what the planner was told of the time before the start |
 | plans.parquet | a pose of the plan of a frame | frame, time_us, x, y, heading (box centre) |
 
 Metres, radians, seconds, integer microseconds. `behaviour` is for analysis;
-planners never see it. `plan_wall_s` is a measurement and not hashed.
+planners never see it. `ax_without_ego` is the acceleration (m/s2) that a
+vehicle's own SUMO model would have chosen in the step before without the ego,
+where it braked and the ego was a reason, else empty; left out where nobody has
+a model, as in recordings. It follows from the states and is not hashed, nor is
+`plan_wall_s`, which is a measurement.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from itertools import pairwise
@@ -41,11 +45,12 @@ EGO_COLUMNS = (
 )  # fmt: skip
 ACTOR_COLUMNS = ("frame", "track_token", "type", "x", "y", "heading", "length", "width", "vx", "vy", "behaviour")
 SEEN_COLUMNS = ACTOR_COLUMNS[:-1]
+WITHOUT_EGO = "ax_without_ego"
 SIGNAL_COLUMNS = ("frame", "lane_connector_id", "status")
 PLAN_COLUMNS = ("frame", "time_us", "x", "y", "heading")
 SEEN_BEFORE = 20
 """Frames before the first that `Trace.seen` holds: as many as a planner looks back."""
-_NOT_HASHED = frozenset({"plan_wall_s"})
+_NOT_HASHED = frozenset({"plan_wall_s", WITHOUT_EGO})
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,10 +145,18 @@ class ActorTable:
     behaviour: NDArray[np.object_]  # (R,) str, '' where none
     starts: Ints
     """(N + 1,) rows of frame k are starts[k] to starts[k + 1]."""
+    ax_without_ego: Floats | None = None
+    """(R,) m/s2: what a vehicle would have chosen in the step before without the ego; not a number where it was not
+    asked. None where nobody has a model to ask."""
 
     @classmethod
-    def of(cls, frames: Sequence[Actors], behaviour: dict[str, str] | None = None) -> ActorTable:
-        """A table from one `Actors` per frame."""
+    def of(
+        cls,
+        frames: Sequence[Actors],
+        behaviour: dict[str, str] | None = None,
+        without_ego: Sequence[Mapping[str, float]] | None = None,
+    ) -> ActorTable:
+        """A table from one `Actors` per frame; `without_ego` are the accelerations per frame, by id."""
         behaviours = behaviour or {}
         counts = np.array([len(a) for a in frames], dtype=np.int64)
         ids = [i for a in frames for i in a.ids]
@@ -165,6 +178,7 @@ class ActorTable:
             vy_mps=column("vy_mps"),
             behaviour=np.array([behaviours.get(i, "") for i in ids], dtype=object),
             starts=np.concatenate(([0], np.cumsum(counts))),
+            ax_without_ego=None if without_ego is None else _asked(frames, without_ego),
         )
 
     def __len__(self) -> int:
@@ -189,7 +203,8 @@ class ActorTable:
             self.frame, self.ids, kinds[self.kind], self.x_m, self.y_m, self.heading_rad, self.length_m, self.width_m,
             self.vx_mps, self.vy_mps, self.behaviour,
         )  # fmt: skip
-        return pd.DataFrame(dict(zip(ACTOR_COLUMNS, values, strict=True)))
+        table = pd.DataFrame(dict(zip(ACTOR_COLUMNS, values, strict=True)))
+        return table if self.ax_without_ego is None else table.assign(**{WITHOUT_EGO: self.ax_without_ego})
 
     @classmethod
     def from_frame(cls, table: pd.DataFrame, frames: int, *, keep_order: bool = False) -> ActorTable:
@@ -216,7 +231,17 @@ class ActorTable:
             vy_mps=column("vy"),
             behaviour=table["behaviour"].astype(str).to_numpy(object) if "behaviour" in table else none,
             starts=np.searchsorted(frame, np.arange(frames + 1)),
+            ax_without_ego=column(WITHOUT_EGO) if WITHOUT_EGO in table else None,
         )
+
+
+def _asked(frames: Sequence[Actors], without_ego: Sequence[Mapping[str, float]]) -> Floats:
+    """(R,) the values of each frame, by id, on the rows of their actors."""
+    values = [np.full(len(actors), np.nan) for actors in frames]
+    for actors, column, asked in zip(frames, values, without_ego, strict=True):
+        for id, acceleration in asked.items():
+            column[actors.ids.index(id)] = acceleration
+    return np.concatenate(values) if values else np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,7 +107,7 @@ def test_overridden_traffic_is_marked_and_kept_apart(official: StoredRun, tmp_pa
     assert row.official is False
     assert row.overrides == AppliedOverrides("medium", "assertive")
     assert row.scenario_hash != FIRST.hash()
-    again, problems = rescore(stored, "interplan-paper")
+    again, problems = rescore(stored, "interplan-strict")
     assert problems == []
     assert hashes(again) == hashes(stored)
 
@@ -132,7 +132,7 @@ def test_a_worse_perception_is_another_drive_whoever_does_it_and_comes_again(tmp
     assert (row.perception, row.official) == ("occluded+noisy", False)
     assert row.overrides == AppliedOverrides(perception="occluded+noisy")
     assert hashes(here) == hashes(there)
-    again, problems = rescore(here, "interplan-paper")
+    again, problems = rescore(here, "interplan-strict")
     assert (hashes(again), problems) == (hashes(here), [])
     assert [check.verdict for check in verify(here, RowSample()).checks] == ["equal"]
     assert row.trace is not None
@@ -143,11 +143,11 @@ def test_a_worse_perception_is_another_drive_whoever_does_it_and_comes_again(tmp
     assert parted is not None
     assert (parted.frame, parted.largest_m, parted.what[:5]) == (-20, pytest.approx(0.5), "seen ")
     (here.path / row.trace / "seen.parquet").unlink()
-    assert rescore(here, "interplan-paper")[1][0].endswith("delete its line in results.jsonl and repeat the run")
+    assert rescore(here, "interplan-strict")[1][0].endswith("delete its line in results.jsonl and repeat the run")
 
 
 def test_scoring_again_gives_the_same_scores_without_simulating(official: StoredRun) -> None:
-    again, problems = rescore(official, "interplan-paper")
+    again, problems = rescore(official, "interplan-strict")
     assert problems == []
     assert hashes(again) == hashes(official)
 
@@ -168,7 +168,7 @@ def test_a_run_is_scored_by_the_profile_that_it_is_given_and_goes_on_with_no_oth
     (row,) = stored.rows.values()
     assert (row.gates, row.weights, row.score) == ((), {"progress": 1.0}, row.metrics["progress"].score)
     assert stored.manifest.profile.startswith("mine@")
-    with pytest.raises(RunFolderError, match=r"with profile mine@.*, this one has interplan-paper"):
+    with pytest.raises(RunFolderError, match=r"with profile mine@.*, this one has interplan-strict"):
         run(request(tmp_path / "run", "straight_ahead"))
     mine.write_text(mine.read_text().replace("progress", "comfort"))
     with pytest.raises(RunFolderError, match=r"with profile mine@.*, this one has mine@"):
@@ -203,7 +203,7 @@ def test_a_damaged_trace_is_named_and_the_rest_is_scored(damage: str, official: 
     else:
         shutil.rmtree(place)
         shutil.copytree(stored.path / str(others[0].trace), place)
-    again, problems = rescore(stored, "interplan-paper")
+    again, problems = rescore(stored, "interplan-strict")
     assert len(problems) == 1
     assert str(place) in problems[0]
     assert len(again.rows) == len(stored.rows) - 1
@@ -213,7 +213,7 @@ def test_a_damaged_trace_is_named_and_the_rest_is_scored(damage: str, official: 
 def test_a_scenario_that_has_changed_since_is_not_scored(official: StoredRun) -> None:
     key, row = next(iter(official.rows.items()))
     changed = replace(official, rows={key: structs.replace(row, scenario_hash="0" * 64)})
-    _, problems = rescore(changed, "interplan-paper")
+    _, problems = rescore(changed, "interplan-strict")
     assert "has changed since it was driven" in problems[0]
 
 

@@ -33,7 +33,7 @@ from tests.metrics.staging import NOBODY, drive_at, lane_y_m, scenario_on
 from tests.worlds import cars, drive, straight_road
 
 ROAD = straight_road(lanes=2, length_m=600.0)
-PROFILES = ("interplan-paper", "interplan-code", "nuplan")
+PROFILES = ("interplan-strict", "interplan-paper", "interplan-code", "nuplan")
 SCENARIO = scenario_on(ROAD, ("11", 20.0), ("11", 550.0))
 CRUISE = drive(*[10.0] * 301, start=Pose(20.0, 0.0, 0.0))
 EXPERT = CRUISE.ego
@@ -58,7 +58,7 @@ def test_a_perfect_drive_scores_one_in_every_profile():
 
 def test_a_lane_keeper_that_needs_a_lane_change_gets_four_fifths():
     scenario = scenario_on(ROAD, ("11", 20.0), ("12", 550.0))
-    sheet = score_facts(facts_of(scenario=scenario))
+    sheet = score_facts(facts_of(scenario=scenario), "interplan-paper")
     assert sheet.score == pytest.approx(0.8)
     assert sheet.reasons() == {"lane_changes": "ended 1 lane beside the goal lane, on lane 11"}
 
@@ -67,7 +67,7 @@ def test_one_cone_is_a_zero_in_the_paper_and_a_half_elsewhere():
     cone = cars((150.0, 0.0), kind=ActorKind.TRAFFIC_CONE, length_m=0.5, width_m=0.5)
     facts = facts_of(drive_at(CRUISE.ego.x_m, actors=cone))
     gates = {profile: score_facts(facts, profile).metrics["no_collision"].score for profile in PROFILES}
-    assert gates == {"interplan-paper": 0.0, "interplan-code": 0.5, "nuplan": 0.5}
+    assert gates == {"interplan-strict": 0.0, "interplan-paper": 0.0, "interplan-code": 0.5, "nuplan": 0.5}
     assert score_facts(facts).score == 0.0
 
 
@@ -99,14 +99,14 @@ def test_the_published_code_weighs_driving_direction_where_a_lane_is_blocked_and
 
 def test_an_obstacle_gate_exists_only_where_there_is_an_obstacle():
     blocked = facts_of(scenario=replace(SCENARIO, obstacles=(CAR,)))
-    assert "obstacle_passed" not in score_facts(facts_of()).metrics
+    assert "obstacle_passed" not in score_facts(facts_of(), "interplan-paper").metrics
     for profile in ("interplan-paper", "interplan-code"):
         passed = score_facts(blocked, profile)
         assert "obstacle_passed" in passed.gates
         assert passed.score == 1.0
     assert "obstacle_passed" not in score_facts(blocked, "nuplan").metrics
     beyond_the_end = replace(SCENARIO, obstacles=(Obstacle(LanePosition("11", 500.0, 3.0)),))
-    assert score_facts(facts_of(scenario=beyond_the_end)).score == 0.0
+    assert score_facts(facts_of(scenario=beyond_the_end), "interplan-paper").score == 0.0
 
 
 @pytest.mark.parametrize("profile", PROFILES)

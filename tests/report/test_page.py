@@ -70,7 +70,7 @@ def test_a_drive_that_shows_as_100_lost_nothing() -> None:
     rows = [drive("nudge/0", 0.9995, progress=0.999), drive("nudge/1", 0.9994, progress=0.998)]
     whole, lost = shown_drives(make_table([stored(*rows)]))
     assert (whole.reasons, whole.lost) == ((), False)
-    assert (lost.reasons, lost.lost) == (("little progress",), True)
+    assert (lost.reasons, lost.lost) == (("little progress (0.1 points)",), True)
 
 
 def test_an_incomplete_run_says_so_at_the_top() -> None:
@@ -86,7 +86,7 @@ def test_faults_are_listed_at_the_top_and_lead_to_their_rows_where_all_lost_poin
     top, _, rest = html.partition('id="scores"')
     assert '<a href="#drive-1">nudge/1, idm, seed 0</a>: planner fault: no plan' in top
     assert '<tr id="drive-1"' in rest
-    assert "at-fault collision: drove into vehicle 7 at 3.0 s" in read(rest).text
+    assert "at-fault collision (100 points): drove into vehicle 7 at 3.0 s" in read(rest).text
 
 
 def test_planners_of_a_scenario_stand_side_by_side() -> None:

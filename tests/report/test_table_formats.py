@@ -52,17 +52,21 @@ def test_json_has_the_documented_fields() -> None:
     ]
 
 
-def test_why_has_a_sentence_for_every_lost_gate_of_a_drive() -> None:
+def test_why_has_a_sentence_for_everything_that_cost_points() -> None:
     half = drive("nudge/0", 0.5, no_collision=0.5, no_collision_because="drove into standing traffic cone 3 at 2.0 s")
     two = drive("nudge/1", 0.0, no_collision=0.0, drivable_area=0.0)
     nothing = drive("nudge/2", 0.0, progress=0.0, lane_changes=0.0)
     (row,) = as_json(make_table([stored(half, two, nothing, drive("nudge/3", 0.9, progress=0.8))]), why=True)["rows"]
-    assert "nudge/1, idm, seed 0: at-fault collision: drove into vehicle 7 at 3.0 s" in text(table(), why=True)
+    assert "nudge/1, idm, seed 0: at-fault collision (100 points): drove into vehicle 7 at 3.0 s" in text(
+        table(), why=True
+    )
     assert [(entry["scenario_id"], entry["reason"]) for entry in row["why"]] == [
-        ("nudge/0", "at-fault collision: drove into standing traffic cone 3 at 2.0 s"),
-        ("nudge/1", "at-fault collision"),
-        ("nudge/1", "drivable area left"),
-        ("nudge/2", "every weighted metric is zero"),
+        ("nudge/0", "at-fault collision (50 points): drove into standing traffic cone 3 at 2.0 s"),
+        ("nudge/1", "at-fault collision (50 points)"),
+        ("nudge/1", "drivable area left (50 points)"),
+        ("nudge/2", "little progress (56 points)"),
+        ("nudge/2", "goal lane missed (44 points)"),
+        ("nudge/3", "little progress (11 points)"),
     ]
 
 
@@ -70,7 +74,7 @@ def test_details_are_every_drive_with_what_it_lost() -> None:
     (row,) = as_json(table())["rows"]
     assert [(d["scenario_id"], d["score"], d["lost"]) for d in row["drives"]] == [
         ("nudge/0", 100.0, []),
-        ("nudge/1", 0.0, ["at-fault collision: drove into vehicle 7 at 3.0 s"]),
+        ("nudge/1", 0.0, ["at-fault collision (100 points): drove into vehicle 7 at 3.0 s"]),
         ("overtake/0", 0.0, ["planner fault: plan() raised ValueError"]),
     ]
     shown = text(table(), details=True)

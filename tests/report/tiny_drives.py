@@ -9,7 +9,6 @@ from pathlib import Path
 
 from interplan_sumo.batch.records import Fault
 from interplan_sumo.batch.stored_drive import StoredDrive
-from interplan_sumo.metrics.profile import DEFAULT_PROFILE
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import Pose
@@ -20,6 +19,7 @@ from tests import records
 from tests.metrics.staging import scenario_on
 from tests.worlds import LANE_WIDTH_M, drive, junction, straight_road
 
+PROFILE = "interplan-paper"
 START_M = 10.0
 START = Pose(START_M, 0.0, 0.0)
 CRUISE_MPS = 10.0
@@ -67,7 +67,7 @@ def tiny_drive(
     failed = Fault(*fault) if fault else None  # type: ignore[arg-type]
     row = records.row(scenario_id, 1.0, planner=name, fault=failed, reached_goal=reached_goal)
     named: Scenario = replace(scenario, id=scenario_id)
-    return TinyDrive(row, named, driven, Path("runs/a"), False, DEFAULT_PROFILE, road, expert)
+    return TinyDrive(row, named, driven, Path("runs/a"), False, PROFILE, road, expert)
 
 
 def drive_at_lights(

@@ -123,7 +123,7 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
     facts = Facts(drive.trace, drive.roads, drive.expert, drive.scenario)
     sheet = score_facts(facts, drive.profile)
     lost = loss_events(facts, sheet, drive.row)
-    decided = deciding_event(lost, facts, sheet)
+    decided = deciding_event(lost, facts)
     triggers = agents_timeline.triggers(drive, facts.route_line, origin)
     set_off: list[int | None] = [trigger["frame"] for trigger in triggers]
     return {
