@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import prod
 from typing import Final
 
@@ -32,9 +32,9 @@ class ScoreSheet:
     """Metrics that multiply the score."""
     weights: Mapping[str, float]
     """Metrics in the weighted mean."""
-    roles: Mapping[str, Role]
+    roles: Mapping[str, Role] = field(default_factory=dict[str, "Role"])
     """What the loss of a gate means, of those where it means something."""
-    beside: Mapping[str, float]
+    beside: Mapping[str, float] = field(default_factory=dict[str, float])
     """The scores by other profiles that are told beside this one."""
 
     @property
