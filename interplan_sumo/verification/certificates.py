@@ -16,6 +16,7 @@ from interplan_sumo.verification.certificate_search import attempts
 from interplan_sumo.verification.reachability import unreachable
 from interplan_sumo.verification.replay import reference_drive, replay, route_distance_m
 from interplan_sumo.verification.solvers import solvers
+from interplan_sumo.verification.start_checks import validate
 from interplan_sumo.world.trace import Trace
 
 PROFILE = "interplan-paper"
@@ -46,11 +47,24 @@ class Proof:
 def certify(
     scenario: Scenario, *, panel: Sequence[str] | None = None, most_simulations: int = MOST_SIMULATIONS
 ) -> Proof:
-    """Look for a drive that passes every test under the official traffic. Deterministic.
+    """Look for a drive that passes every test under the official traffic, if the start is sound. Deterministic.
 
     With a panel of planners the certificate says which of them solve the scenario.
     InputError if the scenario cannot be staged, TrafficError if SUMO fails.
     """
+    unsound = validate(scenario)
+    if unsound:
+        return Proof(scenario, None, tuple(unsound), 0)
+    proof = passing_drive(scenario, most_simulations)
+    best = proof.certificate
+    if best is None or panel is None:
+        return proof
+    summary = replace(best.summary, solved_by=solvers(scenario, best.track, panel))
+    return replace(proof, certificate=replace(best, summary=summary))
+
+
+def passing_drive(scenario: Scenario, most_simulations: int) -> Proof:
+    """The best drive of a search, whether or not the start is sound."""
     reference = reference_drive(scenario)
     best: Certificate | None = None
     nearest: tuple[float, list[str]] = (-1.0, ["no drive was found that avoids everybody"])
@@ -68,15 +82,13 @@ def certify(
         enough = best is not None and best.summary.score >= GOOD_ENOUGH
         if enough or simulations >= most_simulations or simulations >= passed_after + MORE_SIMULATIONS:
             break
-    if best is not None and panel is not None:
-        best = replace(best, summary=replace(best.summary, solved_by=solvers(scenario, best.track, panel)))
     return Proof(scenario, best, () if best is not None else tuple(nearest[1]), simulations)
 
 
 def check_certificate(scenario: Scenario, certificate: Certificate | None) -> list[str]:
     """What is wrong with a certificate, one sentence each; nothing if it holds.
 
-    The drive must begin where the scenario does, every state must follow from
+    The scenario must be sound at its start. The drive must begin where the scenario does, every state must follow from
     the one before by the bicycle model, and its replay through the official
     traffic must give the stored trace hash, distance and score, and pass.
     TrafficError if SUMO fails.
@@ -86,7 +98,9 @@ def check_certificate(scenario: Scenario, certificate: Certificate | None) -> li
     stored = certificate.summary
     if (stored.scenario_id, stored.scenario_hash) != (scenario.id, scenario.hash()):
         return [f"it is for another scenario: {stored.scenario_id} with hash {stored.scenario_hash[:12]}"]
-    wrong = unreachable(start_state(scenario, load_roads(scenario.map, scenario.maps_beside)), certificate.track)
+    wrong = validate(scenario) or unreachable(
+        start_state(scenario, load_roads(scenario.map, scenario.maps_beside)), certificate.track
+    )
     if wrong:
         return wrong
     trace = replay(scenario, certificate.track)

@@ -13,7 +13,7 @@ from interplan_sumo.metrics.score import ScoreSheet
 from interplan_sumo.scenario.certificates import Certificate, Summary
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.scenario.suite import find_scenario
-from interplan_sumo.verification.certificates import certify, check_certificate, shortcomings
+from interplan_sumo.verification.certificates import certify, check_certificate, passing_drive, shortcomings
 
 
 @cache
@@ -70,9 +70,18 @@ def wall(scenario: Scenario) -> tuple[Obstacle, ...]:
 
 
 def test_a_scenario_that_cannot_be_solved_has_no_certificate_but_a_reason() -> None:
-    verdict = certify(replace(nudge(), obstacles=wall(nudge()), duration_s=10.0), most_simulations=2)
+    verdict = passing_drive(replace(nudge(), obstacles=wall(nudge()), duration_s=10.0), most_simulations=2)
     assert verdict.certificate is None
     assert "obstacle" in "; ".join(verdict.problems)
+
+
+def test_a_scenario_that_is_not_sound_at_its_start_gets_no_certificate_and_keeps_none(proof: Certificate) -> None:
+    fast = replace(nudge(), start_speed_mps=40.0)
+    verdict = certify(fast)
+    assert verdict.certificate is None
+    assert any("above the limit" in problem for problem in verdict.problems)
+    same_name = replace(proof, summary=replace(proof.summary, scenario_hash=fast.hash()))
+    assert any("above the limit" in problem for problem in check_certificate(fast, same_name))
 
 
 def test_where_no_drive_can_be_tried_at_all_there_is_a_reason_too() -> None:
@@ -82,7 +91,7 @@ def test_where_no_drive_can_be_tried_at_all_there_is_a_reason_too() -> None:
     late = replace(
         overtake, obstacles=wall(overtake), start=LanePosition(parked.lane, parked.arc_m - 9.0), start_speed_mps=13.0
     )
-    verdict = certify(late, most_simulations=3)
+    verdict = passing_drive(late, most_simulations=3)
     assert verdict.certificate is None
     assert verdict.simulations == 1
     assert verdict.problems == ("no drive was found that avoids everybody",)
