@@ -8,13 +8,14 @@ replaced by what the geometry says.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.edges import LaneStretch
+from interplan_sumo.maps.narrow_streets import narrow_streets
 from interplan_sumo.maps.network import NetworkIds, SumoPiece
 from interplan_sumo.maps.network_plan import NetworkPlan, opposite_lanes
 from interplan_sumo.maps.plain_xml import shape_text
@@ -32,7 +33,9 @@ def finish(plan: NetworkPlan, root: Element) -> NetworkIds:
     pieces = _lay_lanes(plan, root, ways)
     _add_lights(plan, root, ways)
     set_right_of_way(plan, root, ways)
-    _add_opposites(plan, root)
+    narrow = narrow_streets(plan)
+    _add_opposites(plan, root, narrow)
+    _mark_narrow(root, narrow)
     _strip(plan, root)
     return NetworkIds(
         origin_m=plan.origin_m,
@@ -130,10 +133,26 @@ def _add_lights(plan: NetworkPlan, root: Element, ways: Mapping[Key, BuiltLink])
 # --- the rest ----------------------------------------------------------------------------------
 
 
-def _add_opposites(plan: NetworkPlan, root: Element) -> None:
-    """Name the oncoming lane of inner lanes, and give both edges one length, on which SUMO insists."""
+def _mark_narrow(root: Element, narrow: Mapping[str, str]) -> None:
+    """Name the oncoming edge on the same ground, and give both one length: SUMO counts positions from either end."""
+    edges = {text_of(edge, "id"): edge for edge in root.iterfind("edge")}
+    for here, there in narrow.items():
+        edges[here].set("bidi", there)
+        lane, oncoming = (edges[name].findall("lane")[0] for name in (here, there))
+        mean_m = (float(text_of(lane, "length")) + float(text_of(oncoming, "length"))) / 2
+        for each in (lane, oncoming):
+            each.set("length", f"{mean_m:.3f}")
+
+
+def _add_opposites(plan: NetworkPlan, root: Element, narrow: Container[str]) -> None:
+    """Name the oncoming lane of inner lanes, and give both edges one length, on which SUMO insists.
+
+    On narrow streets there is no lane beside one's own to overtake on.
+    """
     edges = {text_of(edge, "id"): edge for edge in root.iterfind("edge")}
     for lane_id, opposite_id in opposite_lanes(plan).items():
+        if lane_id.rpartition("_")[0] in narrow:
+            continue
         here, there = (edges[name.rpartition("_")[0]].findall("lane") for name in (lane_id, opposite_id))
         here[-1].append(Element("neigh", {"lane": opposite_id}))
         mean_m = (float(text_of(here[0], "length")) + float(text_of(there[0], "length"))) / 2

@@ -121,7 +121,7 @@ def test_where_lanes_cross_both_are_cut() -> None:
 @pytest.mark.parametrize(("overlap_m", "kinds"), [(0.8, {"L"}), (1.0, {"C"})])
 def test_a_quarter_of_the_width_may_overlap(overlap_m: float, kinds: set[str]) -> None:
     """3.5 m wide: 0.875 m."""
-    lanes = {"a": straight("a", 0, 50), "b": straight("b", 50, 0, WIDTH_M - overlap_m)}
+    lanes = {"a": straight("a", 0, 50), "b": straight("b", 0, 50, WIDTH_M - overlap_m)}
     middles = {shape(own)[len(own) // 2] for own in parts(world(lanes)).values()}
     assert middles == kinds
 

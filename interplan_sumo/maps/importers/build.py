@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -18,7 +19,8 @@ from interplan_sumo.maps.importers.drop_invalid import drop_invalid
 from interplan_sumo.maps.importers.lane_segments import JOINT_M, lane_segments, links
 from interplan_sumo.maps.importers.record import LaneOrigin
 from interplan_sumo.maps.importers.sections import SourceStretch, sections
-from interplan_sumo.maps.importers.smooth import FARTHEST_IN_JUNCTION_M, smoothed
+from interplan_sumo.maps.importers.shared_ground import divided
+from interplan_sumo.maps.importers.smooth import FARTHEST_IN_JUNCTION_M, FARTHEST_M, smoothed
 from interplan_sumo.maps.importers.source import SourceMap
 from interplan_sumo.world.geometry import Polyline, wrap_angle
 from interplan_sumo.world.roads import Connector, Lane, Roadblock, Roads, Turn
@@ -54,9 +56,7 @@ def build(source: SourceMap) -> Built:
         raise MapError(f"{source.name}: the file holds no lane for cars")
     parts = sections(source)
     joined = links(source.lanes, parts)
-    drawing = _Drawing(
-        source, SegmentSurfaces(parts, lane_segments(source.lanes, parts, joined), joined, source.driving_side)
-    )
+    drawing = _Drawing(source, SegmentSurfaces(parts, lane_segments(source.lanes, parts, joined), joined))
     drawing.draw_lanes()
     drawing.draw_connectors()
     left_out: dict[str, list[str]] = defaultdict(list)
@@ -87,7 +87,6 @@ class _Drawing:
     # --- lanes -----------------------------------------------------------------------------------
 
     def draw_lanes(self) -> None:
-        surfaces: dict[str, shapely.Polygon] = {}
         grounds: dict[str, shapely.Polygon] = {}
         members: dict[str, list[str]] = {}
         for s, section_segments in enumerate(self.ground.segments):
@@ -106,20 +105,21 @@ class _Drawing:
                     self.id_of[SegmentLane(s, p, i)] = id_
                     self.used.add(SegmentLane(s, p, i))
                     members[block].append(id_)
-                    surfaces[id_] = cross_sections.polygon(i)
                     self.lanes[id_] = self._lane(SegmentLane(s, p, i), id_, block, cross_sections)
-        for id_, polygon in clipped(surfaces).items():
-            lane = self.lanes[id_]
-            self.lanes[id_] = Lane(
-                id_, lane.roadblock_id, lane.index, lane.centerline, polygon, lane.left_boundary, lane.right_boundary,
-                lane.speed_limit_mps,
-            )  # fmt: skip
+        shares = divided(self.lanes, self.source.driving_side)
+        surfaces = clipped({id_: shares.get(id_, lane.polygon) for id_, lane in self.lanes.items()})
+        self.lanes = {id_: replace(lane, polygon=surfaces[id_]) for id_, lane in self.lanes.items()}
+        for block, ids in members.items():
+            if any(id_ in shares for id_ in ids):
+                grounds[block] = surface_of([surfaces[id_] for id_ in ids])
         for block, polygon in clipped({block: grounds[block] for block, ids in members.items() if ids}).items():
             self.roadblocks[block] = Roadblock(block, polygon, tuple(members[block]))
 
     def _lane(self, node: SegmentLane, id_: str, block: str, cross_sections: CrossSections) -> Lane:
         line = smoothed(cross_sections.centerline(node.lane))
-        self.origins[id_] = self._origins((node,), (0.0, 0.0), line)
+        own = self._origins((node,), (0.0, 0.0), line)
+        on_it = tuple(row for twin in self.ground.twins_of(node) for row in self._origins((twin,), (0.0, 0.0), line))
+        self.origins[id_] = (*on_it, *own) if node.segment == 0 else (*own, *on_it)
         first = self.ground.sections[node.section].columns[node.lane][0]
         return Lane(
             id=id_,
@@ -154,7 +154,8 @@ class _Drawing:
 
     def _connector(self, path: ConnectorPath, id_: str, block: str) -> Connector:
         ends = (self.lanes[self.id_of[node]].centerline for node in (path.start, path.end))
-        line = smoothed(path.cross_sections.centerline(), *ends, farthest_m=FARTHEST_IN_JUNCTION_M)
+        farthest_m = FARTHEST_IN_JUNCTION_M if self._in_junction(path) else FARTHEST_M
+        line = smoothed(path.cross_sections.centerline(), *ends, farthest_m=farthest_m)
         self.origins[id_] = self._origins(path.parts, path.drawn_m, line)
         polygon = path.cross_sections.polygon()
         if polygon.is_empty:
@@ -171,6 +172,17 @@ class _Drawing:
             speed_limit_mps=self._limit_mps(path),
             turn=_turn(line),
         )
+
+    def _in_junction(self, path: ConnectorPath) -> bool:
+        """Whether a way leads through an intersection: over one that the file names, else over more than a joint."""
+        rows = [row for node in path.parts for row in self._stretches(node)]
+        if self._names_junctions:
+            return any(self.source.lanes[row.source_id].in_intersection for row in rows)
+        return path.cross_sections.length_m > 4.0 * JOINT_M
+
+    @cached_property
+    def _names_junctions(self) -> bool:
+        return any(lane.in_intersection for lane in self.source.lanes.values())
 
     def _limit_mps(self, path: ConnectorPath) -> float | None:
         """The lowest limit of the lanes of the file on the way; on a mere joint that of the lane before it."""

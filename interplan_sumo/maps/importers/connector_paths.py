@@ -11,13 +11,15 @@ import numpy as np
 import shapely
 
 from interplan_sumo.maps.importers.cross_sections import CrossSections, bridge
-from interplan_sumo.maps.importers.lane_segments import OVERLAP_SHARE, LaneSegment, Links
+from interplan_sumo.maps.importers.lane_segments import LaneSegment, Links
+from interplan_sumo.maps.importers.overlaps import OVERLAP_SHARE
 from interplan_sumo.maps.importers.sections import LaneSection
 from interplan_sumo.world.geometry import wrap_angle
-from interplan_sumo.world.roads import DrivingSide
 
 MEETING_M = 0.3
 """Ends that lie no further apart than this are moved together; over a wider gap a curve is drawn."""
+TWINS_M = 1.0
+"""Lanes at the end of the map that lie on each other are one unless they are further apart where they go on."""
 FARTHEST_M = 80.0
 """No way is drawn over a wider gap: such a link is a fault of the file."""
 _ALONG_RAD = np.radians(45.0)
@@ -54,7 +56,6 @@ class SegmentSurfaces:
     sections: Sequence[LaneSection]
     segments: Sequence[Sequence[LaneSegment]]
     links: Links
-    side: DrivingSide = "right"
     torn: list[tuple[SegmentLane, SegmentLane, float]] = field(
         default_factory=list[tuple[SegmentLane, SegmentLane, float]]
     )
@@ -70,7 +71,6 @@ class SegmentSurfaces:
         self._twins_of = {}
         for other, twin in self.twins.items():
             self._twins_of.setdefault(twin, []).append(other)
-        _part_opposed(self, self.side)
 
     def segment(self, node: SegmentLane) -> LaneSegment:
         return self.segments[node.section][node.segment]
@@ -84,13 +84,6 @@ class SegmentSurfaces:
             self._cross_sections[key] = cross_sections.uncrossed() if cross_sections.lanes == 1 else cross_sections
         return self._cross_sections[key]
 
-    def narrow(self, node: SegmentLane, side: DrivingSide) -> None:
-        """Keep only the left or right half of a segment of one lane."""
-        across = self.surface(node.section, node.segment).across
-        middle = across.mean(axis=1)
-        halves = (across[:, 0], middle) if side == "left" else (middle, across[:, 1])
-        self._cross_sections[node.section, node.segment] = CrossSections(np.stack(halves, axis=1))
-
     def cross_sections(self, node: SegmentLane) -> CrossSections:
         """The cross-sections of one lane of a segment."""
         return self.surface(node.section, node.segment).lane(node.lane)
@@ -101,9 +94,13 @@ class SegmentSurfaces:
                 for i in range(self.sections[s].lanes):
                     yield SegmentLane(s, p, i)
 
+    def twins_of(self, node: SegmentLane) -> Sequence[SegmentLane]:
+        """The lanes that lie on this one."""
+        return self._twins_of.get(node, ())
+
     def following(self, node: SegmentLane) -> tuple[SegmentLane, ...]:
         """The nodes into which a node leads, with those into which its twins do."""
-        one = (node, *self._twins_of.get(node, ()))
+        one = (node, *self.twins_of(node))
         found = (self.twins.get(ahead, ahead) for each in one for ahead in self._ahead(each))
         return tuple(dict.fromkeys(found))
 
@@ -120,18 +117,12 @@ def _twins(ground: SegmentSurfaces) -> dict[SegmentLane, SegmentLane]:
     for at_end in (False, True):
         nodes = [node for node in ground.nodes() if _is_loose(ground, node, at_end=at_end)]
         for one, other in _lying_on(ground, nodes):
-            if one not in found and other not in found and _turned_rad(ground, one, other) < _ALONG_RAD:
+            inner = [ground.cross_sections(node).middles[0 if at_end else -1, 0] for node in (one, other)]
+            if np.hypot(*(inner[1] - inner[0])) > TWINS_M or _turned_rad(ground, one, other) > _ALONG_RAD:
+                continue
+            if one not in found and other not in found:
                 found[other] = one
     return found
-
-
-def _part_opposed(ground: SegmentSurfaces, side: DrivingSide) -> None:
-    """Lanes at the ends of the map that lie on an oncoming one keep the half of the road on which one drives."""
-    nodes = [node for node in ground.nodes() if any(_is_loose(ground, node, at_end=end) for end in (False, True))]
-    alone = [node for node in nodes if node not in ground.twins and ground.sections[node.section].lanes == 1]
-    opposed = [pair for pair in _lying_on(ground, alone) if _turned_rad(ground, *pair) > np.pi - _ALONG_RAD]
-    for node in dict.fromkeys(node for pair in opposed for node in pair):
-        ground.narrow(node, side)
 
 
 def _lying_on(ground: SegmentSurfaces, nodes: Sequence[SegmentLane]) -> list[tuple[SegmentLane, SegmentLane]]:

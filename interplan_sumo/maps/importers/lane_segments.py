@@ -1,9 +1,10 @@
 """Segments: which stretches of the sections become lanes, and which connectors.
 
 nuPlan wants lanes that never overlap, and a connector between any two. A
-stretch on which lanes overlap (where they fork, merge or cross), or which the
-file calls an intersection, becomes connectors; so does half a metre on either
-side of a joint at which two lanes would meet directly. The rest are lanes.
+stretch on which lanes are in each other's way (where they fork, merge or
+cross), or which the file calls an intersection, becomes connectors; so does
+half a metre on either side of a joint at which two lanes would meet directly.
+The rest are lanes, also where both directions share a narrow street.
 """
 
 from __future__ import annotations
@@ -12,34 +13,30 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
-from interplan_sumo.maps.importers.cross_sections import cells
+from interplan_sumo.maps.importers.overlaps import LaneEnd, SectionCells, section_cells
 from interplan_sumo.maps.importers.sections import LaneSection
 from interplan_sumo.maps.importers.source import SourceLane
-from interplan_sumo.world.geometry import Floats
 
-OVERLAP_SHARE = 0.25
-"""Lanes that share more than this of their width are in each other's way; less is a matter of drawing."""
-CELL_M = 1.0
 MARGIN_M = 0.5
 """Kept free before and behind an overlap."""
-JOINT_M = 0.5
+JOINT_M = 0.3
 """What each of two lanes gives to the connector between them."""
-SHORTEST_END_M = 4.0
+SHORTEST_END_M = 5.6
 """A free stretch before or behind an overlap is a lane from this length on."""
 SHORTEST_BETWEEN_M = 20.0
-"""A free stretch between two overlaps: a shorter one lies within an intersection, and nobody should wait there."""
+"""A free stretch between two overlaps: a shorter one lies within an intersection, and nobody should wait there.
+What the file tells apart from its intersections is a lane from `SHORTEST_END_M` on."""
+LONGEST_WAY_M = 30.0
+"""What the file calls an intersection, with nobody in the way for longer than this, is a drive or an alley."""
 SHORTEST_WHOLE_M = 1.5
 """A section free from end to end."""
 CROSSING_SHARE, LONGEST_CROSSING_M = 0.4, 80.0
-"""A section no longer than this, of which so much overlaps, leads through an intersection: all of it is connectors."""
-STUB_M = 1.4
-"""The lane that stands where an overlap leads out of the map."""
-
-LaneEnd = tuple[int, int]
-"""Section and lane in it."""
+"""A section no longer than this, of which so much overlaps, leads through an intersection, unless the file knows where
+these are: all of it is connectors."""
+STUB_M = 5.6
+"""The lane that stands where an overlap leads out of the map; what is hardly longer is all lane."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,95 +109,70 @@ def _stretches(
     lanes: Mapping[str, SourceLane], sections: Sequence[LaneSection], ways: Links
 ) -> tuple[tuple[LaneSegment, ...], ...]:
     """Free and overlapped stretches of every section, as lanes and connectors in turn."""
-    cut = [cells(section.cross_sections, CELL_M) for section in sections]
-    taken = _overlapped([polygons for polygons, _ in cut], ways)
+    flags = [[any(lanes[lane].in_intersection for lane in row) for row in section.rows] for section in sections]
+    linked = frozenset((end, following) for end, ahead in ways.ahead.items() for following in ahead)
+    knows = any(any(row) for row in flags)
     found: list[tuple[LaneSegment, ...]] = []
-    for s, section in enumerate(sections):
-        stations = cut[s][1]
-        taken[s] |= _in_intersections(lanes, section, stations)
+    for s, (section, cells) in enumerate(zip(sections, section_cells(sections, flags, linked), strict=True)):
         ends = [(s, i) for i in range(section.lanes)]
         open_start = any(not ways.behind.get(end) for end in ends)
         open_end = any(not ways.ahead.get(end) for end in ends)
-        found.append(_turns(section.length_m, stations, taken[s], open_start=open_start, open_end=open_end))
+        busy = _busy(cells, section.length_m, knows=knows)
+        found.append(_turns(section.length_m, busy, open_start=open_start, open_end=open_end))
     return tuple(found)
 
 
-def _in_intersections(lanes: Mapping[str, SourceLane], section: LaneSection, stations: Floats) -> NDArray[np.bool_]:
-    """(C,) cells that lie in what the file calls an intersection."""
-    middle = (stations[:-1] + stations[1:]) / 2.0
-    row = np.clip(np.searchsorted(section.seams_m, middle) - 1, 0, len(section.rows) - 1)
-    inside = np.array([any(lanes[lane].in_intersection for lane in ids) for ids in section.rows])
-    return inside[row]
+def _busy(cells: SectionCells, length_m: float, *, knows: bool) -> list[tuple[float, float]]:
+    """(start, end) of the stretches that lead through intersections; `knows` if the file tells where these are."""
+    stations = cells.stations
+    taken = cells.taken | cells.in_junction
+    for first, last in _runs(cells.in_junction & ~cells.taken):
+        if stations[last] - stations[first] > LONGEST_WAY_M:
+            taken[first:last] = False
+    if not taken.any():
+        return []
+    if not knows and taken.mean() >= CROSSING_SHARE and length_m <= LONGEST_CROSSING_M:
+        return [(0.0, length_m)]
+    spans = [
+        (max(0.0, float(stations[a]) - MARGIN_M), min(length_m, float(stations[b]) + MARGIN_M)) for a, b in _runs(taken)
+    ]
+    shortest_m = SHORTEST_END_M if knows else SHORTEST_BETWEEN_M
+    merged = spans[:1]
+    for start_m, end_m in spans[1:]:
+        if start_m - merged[-1][1] < shortest_m:
+            merged[-1] = merged[-1][0], end_m
+        else:
+            merged.append((start_m, end_m))
+    if merged[0][0] < SHORTEST_END_M:
+        merged[0] = 0.0, merged[0][1]
+    if length_m - merged[-1][1] < SHORTEST_END_M:
+        merged[-1] = merged[-1][0], length_m
+    return merged
 
 
-def _overlapped(polygons: Sequence[NDArray[np.object_]], ways: Links) -> list[NDArray[np.bool_]]:
-    """(C,) per section: cells in which a lane shares too much of its width with one that is not its neighbour."""
-    shapes = np.concatenate([p.ravel() for p in polygons])
-    bad = ~shapely.is_valid(shapes)
-    shapes[bad] = shapely.convex_hull(shapes[bad])
-    section = np.concatenate([np.full(p.size, s) for s, p in enumerate(polygons)])
-    lane = np.concatenate([np.tile(np.arange(p.shape[1]), p.shape[0]) for p in polygons])
-    cell = np.concatenate([np.repeat(np.arange(p.shape[0]), p.shape[1]) for p in polygons])
-    one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
-    apart = (section[one] != section[other]) & (one < other)
-    one, other = one[apart], other[apart]
-    joined = {((s, i), end) for (s, i), ends in ways.ahead.items() for end in ends}
-    joined |= {(b, a) for a, b in joined}
-    linked = np.array(
-        [
-            ((int(section[a]), int(lane[a])), (int(section[b]), int(lane[b]))) in joined
-            for a, b in zip(one, other, strict=True)
-        ],
-        dtype=np.bool_,
-    )
-    one, other = one[~linked], other[~linked]
-    common = shapely.area(shapely.intersection(shapes[one], shapes[other]))
-    one, other, common = np.append(one, other), np.append(other, one), np.append(common, common)
-    # Cells of the other lane lie behind one another, so what they share with this one adds up, lane by lane.
-    lanes_of = section[other] * (int(lane.max(initial=0)) + 1) + lane[other]
-    order = np.lexsort((lanes_of, one))
-    one, lanes_of, common = one[order], lanes_of[order], common[order]
-    fresh = np.flatnonzero(np.diff(one, prepend=-1).astype(bool) | np.diff(lanes_of, prepend=-1).astype(bool))
-    shared = np.add.reduceat(common, fresh) if len(fresh) else common
-    whole = shapely.area(shapes)
-    found = [np.zeros(p.shape[0], dtype=np.bool_) for p in polygons]
-    for row, area in zip(one[fresh].tolist(), shared.tolist(), strict=True):
-        if area > OVERLAP_SHARE * whole[row] and area > 0.05:
-            found[int(section[row])][int(cell[row])] = True
-    return found
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(first, behind the last) of every run of flags that are set."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def _turns(
-    length_m: float, stations: Floats, taken: NDArray[np.bool_], *, open_start: bool, open_end: bool
+    length_m: float, busy: Sequence[tuple[float, float]], *, open_start: bool, open_end: bool
 ) -> tuple[LaneSegment, ...]:
-    """Lanes and connectors in turn along a section, from the cells that are taken."""
-    if not taken.any():
+    """Lanes and connectors in turn along a section, from the stretches that lead through intersections."""
+    if not busy:
         return (LaneSegment(0.0, length_m, length_m >= SHORTEST_WHOLE_M or open_start or open_end),)
-    if taken.mean() >= CROSSING_SHARE and length_m <= LONGEST_CROSSING_M:
-        taken = np.ones_like(taken)
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], taken, [False])).astype(np.int8)))
-    busy = [
-        [max(0.0, float(stations[a]) - MARGIN_M), min(length_m, float(stations[b]) + MARGIN_M)]
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-    ]
-    if busy[0][0] < SHORTEST_END_M:
-        busy[0][0] = 0.0
-    if length_m - busy[-1][1] < SHORTEST_END_M:
-        busy[-1][1] = length_m
-    merged = [busy[0]]
-    for start_m, end_m in busy[1:]:
-        if start_m - merged[-1][1] < SHORTEST_BETWEEN_M:
-            merged[-1][1] = end_m
-        else:
-            merged.append([start_m, end_m])
-    stub_m = min(STUB_M, length_m / 3.0)
-    if open_start and merged[0][0] == 0.0:
-        merged[0][0] = stub_m
-    if open_end and merged[-1][1] == length_m:
-        merged[-1][1] = length_m - stub_m
+    spans = [[start_m, end_m] for start_m, end_m in busy]
+    through = spans[0] == [0.0, length_m]
+    if through and (open_start or open_end) and length_m <= STUB_M * (open_start + open_end) + 2.0 * JOINT_M:
+        return (LaneSegment(0.0, length_m, True),)
+    if open_start and spans[0][0] == 0.0:
+        spans[0][0] = min(STUB_M, spans[0][1] / 2.0)
+    if open_end and spans[-1][1] == length_m:
+        spans[-1][1] = max(length_m - STUB_M, (spans[-1][0] + length_m) / 2.0)
     found: list[LaneSegment] = []
     at_m = 0.0
-    for start_m, end_m in merged:
+    for start_m, end_m in spans:
         if start_m > at_m:
             found.append(LaneSegment(at_m, start_m, True))
         found.append(LaneSegment(start_m, end_m, False))

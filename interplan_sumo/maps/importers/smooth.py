@@ -8,7 +8,7 @@ from scipy.linalg import solveh_banded
 from interplan_sumo.maps.importers.cross_sections import SPACING_M
 from interplan_sumo.world.geometry import Floats, Polyline
 
-FARTHEST_M = 0.3
+FARTHEST_M = 0.18
 """No vertex is moved further than this: the line stays in the middle of its lane."""
 FARTHEST_IN_JUNCTION_M = 0.8
 """Ways through intersections have more room, and begin and end with the sharpest kinks."""
@@ -16,6 +16,8 @@ STIFFNESS = 100.0
 """What a second difference costs against a displacement (Whittaker's smoothing, 1923). With vertices 0.9 m apart, waves
 of 18 m are halved, longer ones pass, and a bend of 8 m radius narrows by 0.13 m."""
 _PINNED = 1e9
+_ROUNDS = 6
+"""How often vertices that would move too far are held more firmly before they are simply held back."""
 _LEAD = 3  # vertices of a neighbour that tell its direction
 
 
@@ -35,10 +37,15 @@ def smoothed(
     weight = np.full(len(points), _PINNED)
     weight[inner] = 1.0
     origin = points[0]
-    moved = solveh_banded(_bands(weight), weight[:, None] * (points - origin), lower=True) + origin
     by = np.zeros_like(points)
-    by[inner] = (moved - points)[inner]
-    away_m = np.hypot(*by.T)
+    away_m = np.zeros(len(points))
+    for _ in range(_ROUNDS):
+        moved = solveh_banded(_bands(weight), weight[:, None] * (points - origin), lower=True) + origin
+        by[inner] = (moved - points)[inner]
+        away_m = np.hypot(*by.T)
+        if away_m.max() <= farthest_m:
+            break
+        weight[inner] *= np.maximum(1.0, away_m[inner] / farthest_m) ** 2
     by *= np.minimum(1.0, farthest_m / np.maximum(away_m, 1e-9))[:, None]
     return Polyline((points + by)[len(lead) : len(points) - len(tail)])
 
