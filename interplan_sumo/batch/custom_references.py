@@ -1,4 +1,4 @@
-"""Experts of one's own scenarios: certificates beside their file, else a drive made once; kept in the run folder."""
+"""Experts of one's own scenarios: certificates beside their file, else the nominal drive; kept in the run folder."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import pandas as pd
 
 from interplan_sumo.batch.run_folder import slug
 from interplan_sumo.errors import InputError, RunFolderError
+from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
+from interplan_sumo.scenario.nominal_drive import nominal_drive, reaches_goal
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.files import replacing, writing
@@ -26,10 +28,7 @@ def keep_certified(scenarios: Iterable[Scenario], files: Iterable[str], run_fold
     Only where the certificate is for exactly this scenario. InputError if the
     certificates cannot be read, RunFolderError if the run folder not be written.
     """
-    found: dict[str, Certificate] = {}
-    for folder in dict.fromkeys(Path(file).parent for file in files):
-        if (folder / certificates.FILE).is_file():
-            found |= certificates.read_certificates(folder / certificates.FILE)
+    found = _certificates_beside(files)
     for scenario in scenarios:
         certificate = found.get(scenario.id)
         path = _path(scenario, run_folder)
@@ -38,23 +37,46 @@ def keep_certified(scenarios: Iterable[Scenario], files: Iterable[str], run_fold
 
 
 def own_expert(scenario: Scenario, run_folder: Path) -> EgoTrack:
-    """The expert drive of a scenario that belongs to no suite; the first call drives it, which opens SUMO.
+    """The expert drive of a scenario that belongs to no suite; the first call works it out, if there is none.
 
-    Workers may drive the same one at the same time: they get the same drive,
-    and the file is put in its place as a whole. InputError if the scenario
-    cannot be driven or the folder not be written.
+    Workers may do so at the same time: they get the same drive, and the file
+    is put in its place as a whole. InputError if the goal cannot be reached or
+    the folder not be written.
     """
     path = _path(scenario, run_folder)
     if path.is_file():
         try:
             return EgoTrack.from_frame(pd.read_parquet(path), PACIFICA)
         except Exception as error:  # pyarrow has many
-            raise InputError(f"cannot read {path}: {error}; delete it, and it is driven again") from None
-    from interplan_sumo.verification.replay import reference_drive
-
-    track = reference_drive(scenario).ego
+            raise InputError(f"cannot read {path}: {error}; delete it, and it is made again") from None
+    track = nominal_drive(load_roads(scenario.map, scenario.maps_beside), scenario)
     _keep(track, path)
     return EgoTrack.from_frame(track.to_frame(PACIFICA), PACIFICA)
+
+
+def missed_goals(scenarios: Iterable[Scenario], files: Iterable[str]) -> list[str]:
+    """A line for each scenario without a certificate whose goal line is out of reach in the time, even at the limit."""
+    certified = _certificates_beside(files)
+    said: list[str] = []
+    for scenario in scenarios:
+        if (known := certified.get(scenario.id)) and known.summary.scenario_hash == scenario.hash():
+            continue
+        roads = load_roads(scenario.map, scenario.maps_beside)
+        if not reaches_goal(roads, scenario, nominal_drive(roads, scenario)):
+            said.append(
+                f"{scenario.id}: at the limit the goal line takes more than {scenario.duration_s:g} s, so its task is "
+                "to come as far as that; move the goal nearer or raise duration_s"
+            )
+    return said
+
+
+def _certificates_beside(files: Iterable[str]) -> dict[str, Certificate]:
+    """What `certificates.parquet` beside the files holds."""
+    found: dict[str, Certificate] = {}
+    for folder in dict.fromkeys(Path(file).parent for file in files):
+        if (folder / certificates.FILE).is_file():
+            found |= certificates.read_certificates(folder / certificates.FILE)
+    return found
 
 
 def _path(scenario: Scenario, run_folder: Path) -> Path:

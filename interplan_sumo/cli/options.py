@@ -103,6 +103,16 @@ def say_what_cannot_act(vehicle_types: Path | None) -> None:
             print(f"warning: {line}", file=sys.stderr)
 
 
+def say_what_is_out_of_reach(options: RunOptions) -> None:
+    """Warnings about goal lines that nobody can pass in time, on stderr; InputError if the scenarios cannot be used."""
+    from interplan_sumo.batch.custom_references import missed_goals
+    from interplan_sumo.batch.jobs import Selection
+
+    selection = Selection.of(options)
+    for line in () if selection.source.official else missed_goals(selection.scenarios, selection.files):
+        print(f"warning: {line}", file=sys.stderr)
+
+
 def run_folder(context: typer.Context, options: RunOptions, prefix: str) -> tuple[Path, list[str]]:
     """The folder of a run, a new one where none is given, and the command that goes on in it."""
     folder = options.out or Path("runs") / f"{prefix}{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"

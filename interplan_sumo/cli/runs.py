@@ -20,6 +20,7 @@ from interplan_sumo.cli.options import (
     QuietOption,
     run_folder,
     say_what_cannot_act,
+    say_what_is_out_of_reach,
     take_one_thread,
     takes_run_options,
 )
@@ -44,6 +45,7 @@ def run(context: typer.Context, options: RunOptions, quiet: QuietOption = False,
     try:
         with progress(quiet=quiet) as watch, stdout:  # in-process planners may print: not into the JSON
             say_what_cannot_act(options.traffic)
+            say_what_is_out_of_reach(options)
             stored = batch.run(replace(options, out=folder), watch, command=command)
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)

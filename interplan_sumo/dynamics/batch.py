@@ -9,7 +9,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from interplan_sumo.dynamics.bicycle import ACCELERATION_LAG_S, MAX_TIRE_ANGLE_RAD, STEERING_LAG_S
+from interplan_sumo.dynamics.bicycle import (
+    ACCELERATION_LAG_S,
+    MAX_ACCELERATION_MPS2,
+    MAX_TIRE_ANGLE_RAD,
+    STEERING_LAG_S,
+)
 from interplan_sumo.dynamics.lqr import (
     CURVATURE_RATE_PENALTY,
     GRID_S,
@@ -158,14 +163,15 @@ def _drive(start: EgoState, plans: _References, steps: int, shape: EgoShape) -> 
             a = np.where(stopping, -STOP_GAIN_PER_S * (v - wished_mps[k]), a)
             rate = np.where(stopping, 0.0, rate)
 
-        ax = ax + passed_a * (a - ax)
+        ax = np.minimum(np.maximum(ax + passed_a * (a - ax), -MAX_ACCELERATION_MPS2), MAX_ACCELERATION_MPS2)
         rate = passed_tire * rate
         step_m = GRID_S * v
         x = x + step_m * np.cos(turned)
         y = y + step_m * np.sin(turned)
         turned = wrap_angle(turned + step_m * np.tan(tire) / wheelbase)
         v = v + GRID_S * ax
-        tire = np.minimum(np.maximum(tire + GRID_S * rate, -MAX_TIRE_ANGLE_RAD), MAX_TIRE_ANGLE_RAD)
+        most = np.minimum(MAX_TIRE_ANGLE_RAD, np.arctan2(MAX_ACCELERATION_MPS2 * wheelbase, v * v))
+        tire = np.minimum(np.maximum(tire + GRID_S * rate, -most), most)
         after = rows[:, k + 1]
         after[0], after[1], after[2], after[3], after[4], after[5], after[6] = x, y, turned, v, ax, tire, rate
     rows[7, 1:] = rows[3, 1:] * np.tan(rows[5, 1:]) / wheelbase

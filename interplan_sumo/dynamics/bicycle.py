@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin, tan
+from math import atan2, cos, pi, sin, tan
 
 from interplan_sumo.dynamics.rear_axle import center_of, rear_axle_of
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
@@ -12,6 +12,8 @@ from interplan_sumo.world.geometry import wrap_angle
 ACCELERATION_LAG_S = 0.2
 STEERING_LAG_S = 0.05
 MAX_TIRE_ANGLE_RAD = pi / 3
+MAX_ACCELERATION_MPS2 = 9.0
+"""What tyres hold on a dry road, along and across. nuPlan's model has no such bound; no stored case gets there."""
 
 
 def step(
@@ -19,11 +21,13 @@ def step(
 ) -> EgoState:
     """The state `dt_s` later under constant commands, by one explicit Euler step at the rear axle.
 
-    Acceleration and tyre angle follow their commands with a lag. Position and
-    heading advance with the old speed, heading and tyre angle. Speed is not
-    kept from turning negative; heading is wrapped to [-pi, pi).
+    Acceleration and tyre angle follow their commands with a lag, as far as
+    `MAX_ACCELERATION_MPS2` allows. Position and heading advance with the old
+    speed, heading and tyre angle. Speed is not kept from turning negative;
+    heading is wrapped to [-pi, pi).
     """
     acceleration = state.ax_mps2 + dt_s / (dt_s + ACCELERATION_LAG_S) * (acceleration_mps2 - state.ax_mps2)
+    acceleration = max(-MAX_ACCELERATION_MPS2, min(MAX_ACCELERATION_MPS2, acceleration))
     # The commanded angle is old + dt * rate, of which the lag lets a share pass.
     tire_rate = dt_s / (dt_s + STEERING_LAG_S) * tire_rate_radps
 
@@ -33,7 +37,8 @@ def step(
     rear_y += dt_s * speed * sin(heading)
     heading = wrap_angle(heading + dt_s * speed * tan(tire_angle) / shape.wheelbase_m)
     speed += dt_s * acceleration
-    tire_angle = max(-MAX_TIRE_ANGLE_RAD, min(MAX_TIRE_ANGLE_RAD, tire_angle + dt_s * tire_rate))
+    most = min(MAX_TIRE_ANGLE_RAD, atan2(MAX_ACCELERATION_MPS2 * shape.wheelbase_m, speed * speed))
+    tire_angle = max(-most, min(most, tire_angle + dt_s * tire_rate))
     yaw_rate = speed * tan(tire_angle) / shape.wheelbase_m
 
     x_m, y_m = center_of(rear_x, rear_y, heading, shape)

@@ -116,7 +116,7 @@ def test_a_damaged_expert_is_named(tmp_path: Path, file: Path) -> None:
     found = run(request(tmp_path / "run", file, "mine/0"))
     (kept,) = (found.path / "experts").iterdir()
     kept.write_bytes(b"nothing")
-    with pytest.raises(InputError, match="delete it, and it is driven again"):
+    with pytest.raises(InputError, match="delete it, and it is made again"):
         own_expert(PLAIN, found.path)
     kept.unlink()
     assert len(own_expert(PLAIN, found.path)) > 10

@@ -67,6 +67,19 @@ def test_the_tyres_stop_at_sixty_degrees(rate: float, angle: float) -> None:
     assert bicycle.step(start, 0.0, rate, 0.1).tire_angle_rad == pytest.approx(angle)
 
 
+@pytest.mark.parametrize(("command", "reached"), [(26.0, 26.0 / 3.0), (30.0, 9.0), (-30.0, -9.0)])
+def test_no_command_takes_more_than_tyres_hold_along(command: float, reached: float) -> None:
+    assert bicycle.step(ego(speed_mps=10.0), command, 0.0, 0.1).ax_mps2 == pytest.approx(reached)
+
+
+@pytest.mark.parametrize(("turned_rad", "held"), [(0.06, True), (0.08, False), (-0.08, False)])
+def test_nor_across(turned_rad: float, held: bool) -> None:
+    state = bicycle.step(replace(ego(speed_mps=20.0), tire_angle_rad=turned_rad), 0.0, 0.0, 0.1)
+    across_mps2 = abs(state.yaw_rate_radps) * state.vx_mps
+    assert (state.tire_angle_rad == turned_rad) is held
+    assert across_mps2 == pytest.approx(9.0) if not held else across_mps2 < 9.0
+
+
 def test_braking_past_a_standstill_rolls_backwards() -> None:
     assert bicycle.step(replace(ego(speed_mps=0.1), ax_mps2=-3.0), -3.0, 0.0, 0.1).vx_mps == pytest.approx(-0.2)
 
