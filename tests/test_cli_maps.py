@@ -110,6 +110,7 @@ def test_a_map_is_not_overwritten_unless_asked_for(
         ("log_map_archive_a.json", "lanelet2", "log_map_archive_a.json"),
         ("log_map_archive_a.json", "commonroad", "log_map_archive_a.json"),
         ("log_map_archive_a.json", "opendrive", "log_map_archive_a.json"),
+        ("log_map_archive_a.json", "osm", "log_map_archive_a.json"),
         ("log_map_archive_a.json", "sumo", "log_map_archive_a.json"),
         ("log_map_archive_a.json", "nuplan", "log_map_archive_a.json"),
     ],

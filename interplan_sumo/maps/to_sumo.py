@@ -101,7 +101,7 @@ def network(plain: Mapping[str, str], left_hand: bool) -> Element:
         except OSError as error:
             raise MapError(f"netconvert does not run: {error}") from error
         if done.returncode != 0:
-            raise MapError(f"netconvert refused the map: {_message(done.stderr)}")
+            raise MapError(f"netconvert refused the map: {netconvert_message(done.stderr)}")
         try:
             root = parse_xml(Path(folder, "net.xml")).getroot()
         except (OSError, ParseError) as error:
@@ -110,6 +110,7 @@ def network(plain: Mapping[str, str], left_hand: bool) -> Element:
     return root
 
 
-def _message(text: str) -> str:
+def netconvert_message(text: str) -> str:
+    """The errors among what netconvert said."""
     lines = [line.removeprefix("Error: ").strip() for line in text.splitlines() if line.startswith("Error")]
     return "; ".join(lines[:5]) or text.strip()[-300:] or "no message"

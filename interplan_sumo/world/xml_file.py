@@ -69,7 +69,11 @@ def _damage_named(path: Path) -> Generator[None]:
         raise MapError(f"{path}: the file cannot be read ({error})") from error
 
 
-def _opened(path: Path) -> IO[bytes]:
+def is_zipped(path: Path) -> bool:
+    """Whether a file is gzipped, whatever its name."""
     with path.open("rb") as stream:
-        zipped = stream.read(len(_GZIP_MAGIC)) == _GZIP_MAGIC
-    return cast(IO[bytes], gzip.open(path)) if zipped else path.open("rb")
+        return stream.read(len(_GZIP_MAGIC)) == _GZIP_MAGIC
+
+
+def _opened(path: Path) -> IO[bytes]:
+    return cast(IO[bytes], gzip.open(path)) if is_zipped(path) else path.open("rb")

@@ -47,6 +47,8 @@ def read_lanelet2(path: Path) -> SourceMap:
     file = read_osm(path)
     frame = frame_of(file)
     grounds = Grounds()
+    if not any(file.of_type("lanelet")) and any("highway" in way.tags for way in file.ways.values()):
+        file.fault("is an extract of OpenStreetMap, not a Lanelet2 map; give --format osm")
     lanelets = _car_lanelets(file, frame.points, grounds)
     if not lanelets:
         reasons = ", ".join(f"{count} {reason}" for reason, count in _reasons(grounds.left_out))
