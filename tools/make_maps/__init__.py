@@ -4,6 +4,5 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tools.make_maps.plan import Plan, read_plan
-
-PLANS: dict[str, Plan] = {file.stem: read_plan(file) for file in sorted(Path(__file__).parent.glob("plans/*.yaml"))}
+PLANS: dict[str, Path] = {file.stem: file for file in sorted(Path(__file__).parent.glob("plans/*.yaml"))}
+"""The files of all plans by the names of their maps."""

@@ -13,6 +13,7 @@ from interplan_sumo.maps.to_sumo import convert
 from tools.make_maps import PLANS
 from tools.make_maps.draw import draw_plan
 from tools.make_maps.plan import Plan
+from tools.make_maps.reading import read_plan
 
 VERSION = "1.0"
 
@@ -32,6 +33,6 @@ def make_map(plan: Plan, root: Path) -> MapReport:
 
 
 if __name__ == "__main__":
-    for each in PLANS.values():
-        report = make_map(each, Path(sys.argv[1] if len(sys.argv) > 1 else "nets"))
-        print(each.name, "is sound" if report.ok else "; ".join(map(str, report.problems)))
+    for name, file in PLANS.items():
+        report = make_map(read_plan(file), Path(sys.argv[1] if len(sys.argv) > 1 else "nets"))
+        print(name, "is sound" if report.ok else "; ".join(map(str, report.problems)))

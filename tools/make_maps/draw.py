@@ -109,19 +109,13 @@ def _draw_joint(drawing: Drawing, joint: Joint) -> None:
     elif ramp is not None:
         _draw_ramp(drawing, joint, ramp)
     else:
-        gained = len(joint.after.strips) - len(joint.before.strips)
-        kind = (IntersectionKind.PASS_THROUGH, IntersectionKind.LANE_BRANCH, IntersectionKind.LANE_MERGE)[
-            int(np.sign(gained))
-        ]
-        pairs = joint_pairs(joint.before.strips, joint.after.strips)
-        place = str(block_id(drawing.ground, joint.before))
-        drawn = _join(drawing, joint, pairs, place, ())
-        envelope = _envelope(drawing.ground, joint)
-        draw_intersection(drawing, place, [envelope, *(c.polygon for c in drawn)], kind)
+        drawn = _join(drawing, joint, joint_pairs(joint.before.strips, joint.after.strips), None, ())
+        drawing.joints.append((joint.before.road, _envelope(drawing.ground, joint)))
+        drawing.joints += [(joint.before.road, connector.polygon) for connector in drawn]
 
 
 def _join(
-    drawing: Drawing, joint: Joint, pairs: Sequence[tuple[int, int]], place: str, stop_line_ids: tuple[str, ...]
+    drawing: Drawing, joint: Joint, pairs: Sequence[tuple[int, int]], place: str | None, stop_line_ids: tuple[str, ...]
 ) -> list[Connector]:
     drawn = [
         connect(drawing, joint.before, a, joint.after, b, NEXT_PIECE, stop_line_ids=stop_line_ids) for a, b in pairs
@@ -157,7 +151,7 @@ def _draw_ramp(drawing: Drawing, joint: Joint, ramp: Ramp) -> None:
 
 
 def _draw_crossing(drawing: Drawing, joint: Joint, crossing: PlannedCrossing) -> None:
-    """A pedestrian crossing; both carriageways stop for it at one place, drawn with the first of them."""
+    """A pedestrian crossing; its area over both carriageways is drawn with the first of them."""
     ground, plan = drawing.ground, drawing.ground.plan
     road = plan.road[joint.before.road]
     same = [j for j in drawing.layout.joints if j.before.road == road.name and _crossing_at(plan, j) is crossing]
@@ -165,7 +159,8 @@ def _draw_crossing(drawing: Drawing, joint: Joint, crossing: PlannedCrossing) ->
     kind = StopLineKind.TRAFFIC_LIGHT if crossing.signal else StopLineKind.PEDESTRIAN_CROSSING
     line = draw_stop_line(drawing, joint.before, range(len(joint.before.strips)), 0, kind)
     pairs = joint_pairs(joint.before.strips, joint.after.strips)
-    _join(drawing, joint, pairs, place, (line,) if crossing.signal else ())
+    _join(drawing, joint, pairs, None, (line,) if crossing.signal else ())
+    drawing.joints.append((road.name, _envelope(ground, joint)))
     if joint is same[0]:
         low_m, high_m = sorted((joint.before.to_m, joint.after.from_m))
         middle_m = (low_m + high_m) / 2.0
@@ -177,9 +172,6 @@ def _draw_crossing(drawing: Drawing, joint: Joint, crossing: PlannedCrossing) ->
         across = min(edges), max(edges)
         area = ground.across(road, middle_m - CROSSWALK_M / 2.0, middle_m + CROSSWALK_M / 2.0, *across)
         drawing.crosswalks.append(Area(place, area))
-        paved = ground.across(road, low_m, high_m, *across)
-        control = IntersectionKind.TRAFFIC_LIGHT if crossing.signal else IntersectionKind.PASS_THROUGH
-        draw_intersection(drawing, place, [paved], control)
 
 
 # --- junctions -----------------------------------------------------------------------------------
@@ -218,6 +210,7 @@ def _draw_junction(drawing: Drawing, junction: PlannedJunction, arms: Sequence[A
                     name = draw_stop_line(drawing, arm.arriving, group_lanes, group, kind)
                     line_of |= {(arm.key, lane): name for lane in group_lanes}
     place = str(junction.number)
+    assert junction.control is not None, "controls are written out"
     signal = junction.control == "signal"
     drawn: dict[tuple[str, str], list[Connector]] = {}
     blocks: dict[tuple[str, str], tuple[Block, Block]] = {}
@@ -277,13 +270,14 @@ def _assembled(drawing: Drawing) -> Roads:
     for road in plan.roads:
         own = [block for block in drawing.layout.blocks if block.road == road.name]
         polygons = [drawing.roadblocks[str(block_id(ground, block))].polygon for block in own]
+        polygons += [polygon for name, polygon in drawing.joints if name == road.name]
         merged = shapely.union_all([p.buffer(OVERLAP_M, join_style="mitre") for p in polygons])
         parts = sorted(shapely.get_parts(merged), key=lambda p: tuple(np.round(p.bounds, 1)))
         surfaces += [(road, part) for part in parts]
     segments = _numbered(surfaces)
     beside = [*parking_strips(ground, drawing.layout), *bus_bays(ground, drawing.layout)]
     extras = _numbered([(road, p.buffer(OVERLAP_M, join_style="mitre")) for road, p in beside])
-    parks = _numbered(car_parks(ground, drawing.layout))
+    parks = _numbered(car_parks(ground))
     paved = [area.polygon for area in (*segments, *extras, *parks, *drawing.intersections)]
     return Roads(
         name=plan.name,

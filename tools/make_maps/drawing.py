@@ -60,6 +60,8 @@ class Drawing:
     stop_lines: dict[str, StopLine] = field(default_factory=dict[str, StopLine])
     intersections: list[Intersection] = field(default_factory=list[Intersection])
     crosswalks: list[Area] = field(default_factory=list[Area])
+    joints: list[tuple[str, shapely.Polygon]] = field(default_factory=list[tuple[str, shapely.Polygon]])
+    """Ground of roads between their roadblocks, by road."""
 
 
 def block_id(ground: RoadGeometry, block: Block) -> int:
@@ -142,7 +144,7 @@ def limit_mps(limit_kmh: float) -> float:
 
 
 def group_connectors(
-    drawing: Drawing, connectors: Sequence[Connector], before: Block, after: Block, place: str
+    drawing: Drawing, connectors: Sequence[Connector], before: Block, after: Block, place: str | None
 ) -> None:
     """Put parallel connectors into a roadblock connector, from left to right."""
     ordered = sorted(connectors, key=lambda c: (c.from_lane_id, c.to_lane_id))

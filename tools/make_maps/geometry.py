@@ -25,6 +25,8 @@ TURN_SPACING_M = 0.4
 """Vertex spacing of turns inside junctions."""
 SPIRAL_SHARE = 0.3
 """Share of a turn's deflection that its two transition curves take; the rest is a circular arc."""
+LONGEST_SPIRAL = 0.8
+"""Share of a bend that its spirals may take up."""
 
 # Gauss-Legendre nodes on [0, 1]: exact to 1e-12 m for the gentle spirals drawn here.
 _LEGENDRE_NODES, _LEGENDRE_WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -185,7 +187,8 @@ def alignment(points: Sequence[Sequence[float]]) -> Alignment:
     """The road axis through a polygon of tangents, as road engineers draw it.
 
     Each point is (x, y) for the two ends and (x, y, radius) or
-    (x, y, radius, spiral length) for a bend, which is rounded with that radius.
+    (x, y, radius, spiral length) for a bend, which is rounded with that radius;
+    the spirals of slight bends are shorter.
     ValueError where a bend does not fit between its neighbours.
     """
     corner = np.array([p[:2] for p in points], dtype=np.float64)
@@ -197,9 +200,7 @@ def alignment(points: Sequence[Sequence[float]]) -> Alignment:
     for i in range(1, len(corner) - 1):
         deflection = float(wrap_angle(heading[i] - heading[i - 1]))
         radius_m = points[i][2]
-        spiral_m = points[i][3] if len(points[i]) > 3 else 0.0
-        if abs(deflection) * radius_m < spiral_m:
-            raise ValueError(f"the bend at {tuple(points[i])} is too slight for spirals of {spiral_m} m")
+        spiral_m = min(points[i][3] if len(points[i]) > 3 else 0.0, LONGEST_SPIRAL * abs(deflection) * radius_m)
         tangent_m = radius_m * _tangent_per_radius(deflection, spiral_m / (2.0 * radius_m))
         for leg in (i - 1, i):
             left_m[leg] -= tangent_m

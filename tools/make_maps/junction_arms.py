@@ -1,4 +1,4 @@
-"""The planned_arms of roads at junctions: how far back each arm stops, and how it widens for its pockets."""
+"""The arms of roads at junctions: how far back each arm stops, and how it widens for its pockets."""
 
 from __future__ import annotations
 
@@ -66,8 +66,9 @@ class PlannedArm:
 
 def junction_middle(plan: Plan, junction: PlannedJunction) -> tuple[float, float]:
     """Where the axes of the first two roads cross, prolonged if one of them stops short."""
+    assert junction.at is not None, "places are written out"
     x_m, y_m = junction.at
-    first, second = (plan.road[name].axis for name in junction.roads[:2])
+    first, second = (plan.road[name].axis for name in junction.crossing)
     for _ in range(12):
         a, b = first.pose(first.station_of(x_m, y_m)), second.pose(second.station_of(x_m, y_m))
         if abs(np.sin(b.heading_rad - a.heading_rad)) < np.sin(np.radians(15.0)):
@@ -87,9 +88,9 @@ def planned_arms(plan: Plan, junction: PlannedJunction) -> Mapping[str, PlannedA
         station_m = road.axis.station_of(*middle)
         own: list[PlannedArm] = []
         for sign, room_m in ((-1, station_m), (1, road.axis.length_m - station_m)):
-            if room_m > STUB_M:
+            if room_m > min(STUB_M, 0.5 * road.axis.length_m):
                 key = f"{name}{'-' if sign < 0 else '+'}"
-                approach = junction.approaches.get(key, PlannedApproach())
+                approach = (junction.approaches or {}).get(key, PlannedApproach())
                 arm = PlannedArm(key, road, sign, station_m, SIGHT_M, approach, 0.0)
                 carriageway = carriageway_at(road, arm.arriving, arm.cut_m)
                 missing_m = missing_median_m(carriageway, approach) if carriageway is not None else 0.0
@@ -97,7 +98,7 @@ def planned_arms(plan: Plan, junction: PlannedJunction) -> Mapping[str, PlannedA
         if not own:
             raise ValueError(f"junction {junction.name}: road {name} does not reach it")
         found |= {arm.key: arm for arm in own}
-    unknown = [key for key in junction.approaches if key not in found]
+    unknown = [key for key in junction.approaches or () if key not in found]
     if unknown:
         raise ValueError(f"junction {junction.name} has no arm {unknown[0]}, only {', '.join(found)}")
     for _ in range(_ROUNDS):

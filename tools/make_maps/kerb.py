@@ -17,22 +17,32 @@ BAY_DEPTH_M = 3.0
 BAY_LENGTH_M = 16.0
 """One bus of 12 m with room to pull out."""
 BAY_TAPER_M = 12.0
+STOP_MOVED_M = 60.0
+"""How far a bus stop may move along the road to a place where it fits."""
 STOP_LENGTH_M = 16.0
 """Kerb kept free at a stop without a bay, beyond which the bus swings in and out."""
 SMALLEST_SIDEWALK_M2 = 6.0
 ROOM_BEHIND_KERB_M = 9.0
 """How far beyond its lanes a road looks for its own bays, pockets, corners and sidewalks."""
-DRIVEWAY_M = 7.0
+PARK_OVERLAP_M = 0.01
+"""By how much car parks reach over the ends of their driveways."""
 
 
-def stop_block(layout: Layout, road: Road, stop: BusStop) -> Block:
-    """The roadblock beside which a bus stops; ValueError where it would stand in a junction or taper."""
+def stop_place(layout: Layout, road: Road, stop: BusStop) -> tuple[Block, float]:
+    """The roadblock beside which a bus stops, and where: as near to the wish as junctions and tapers allow.
+
+    ValueError where that is nowhere within `STOP_MOVED_M`.
+    """
     half_m = STOP_LENGTH_M / 2.0 + (BAY_TAPER_M if stop.bay else 0.0)
-    for block in layout.blocks:
-        beside = (block.road, block.direction) == (road.name, stop.direction)
-        if beside and block.low_m <= stop.at_m - half_m and stop.at_m + half_m <= block.high_m:
-            return block
-    raise ValueError(f"{road.name}: the bus stop at {stop.at_m} m does not fit into a roadblock")
+    places = [
+        (block, min(max(stop.at_m, block.low_m + half_m), block.high_m - half_m))
+        for block in layout.blocks
+        if (block.road, block.direction) == (road.name, stop.direction) and block.high_m - block.low_m >= 2.0 * half_m
+    ]
+    block, at_m = min(places, key=lambda place: abs(place[1] - stop.at_m), default=(None, 0.0))
+    if block is None or abs(at_m - stop.at_m) > STOP_MOVED_M:
+        raise ValueError(f"{road.name}: no roadblock near {stop.at_m} m has room for the bus stop")
+    return block, at_m
 
 
 def bus_bays(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
@@ -40,11 +50,11 @@ def bus_bays(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, shapely.P
     bays: list[tuple[Road, shapely.Polygon]] = []
     for road in ground.plan.roads:
         for stop in road.stops:
-            block = stop_block(layout, road, stop)
+            block, at_m = stop_place(layout, road, stop)
             if stop.bay:
                 kerb_m = block.strips[-1].kerb_m
                 half_m = BAY_LENGTH_M / 2.0
-                knots = stop.at_m + np.array([-half_m - BAY_TAPER_M, -half_m, half_m, half_m + BAY_TAPER_M])
+                knots = at_m + np.array([-half_m - BAY_TAPER_M, -half_m, half_m, half_m + BAY_TAPER_M])
                 grid = road.axis.grid_m
                 stations = np.unique(np.concatenate((knots, grid[(grid > knots[0]) & (grid < knots[-1])])))
                 depth = np.interp(stations, knots, (0.0, BAY_DEPTH_M, BAY_DEPTH_M, 0.0))
@@ -68,7 +78,8 @@ def parking_strips(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, sha
         for stop in road.stops:
             if stop.direction == block.direction:
                 half_m = STOP_LENGTH_M / 2.0 + BAY_TAPER_M
-                beside_stops = _without(beside_stops, stop.at_m - half_m, stop.at_m + half_m)
+                _, at_m = stop_place(layout, road, stop)
+                beside_stops = _without(beside_stops, at_m - half_m, at_m + half_m)
         side = ground.side(block.direction)
         kerb_m, inner_m = side * block.strips[-1].kerb_m, side * block.strips[0].inner_m
         for free, edge_m, width_m in (
@@ -85,29 +96,15 @@ def _without(free: list[tuple[float, float]], low_m: float, high_m: float) -> li
     return [part for a, b in free for part in ((a, min(b, low_m)), (max(a, high_m), b)) if part[1] - part[0] > 0.0]
 
 
-def car_parks(ground: RoadGeometry, layout: Layout) -> list[tuple[Road, shapely.Polygon]]:
-    """Car parks with their driveways across the sidewalk."""
+def car_parks(ground: RoadGeometry) -> list[tuple[Road, shapely.Polygon]]:
+    """Car parks at the ends of driveways."""
     parks: list[tuple[Road, shapely.Polygon]] = []
     for road in ground.plan.roads:
-        for park in road.car_parks:
-            middle_m = (park.from_m + park.to_m) / 2.0
-            beside = next(
-                b
-                for b in layout.blocks
-                if (b.road, b.direction) == (road.name, park.direction)
-                and b.low_m + DRIVEWAY_M < middle_m < b.high_m - DRIVEWAY_M
-            )
-            side = ground.side(park.direction)
-            kerb_m = beside.strips[-1].kerb_m
-            front_m = kerb_m + beside.carriageway.parking_m + road.sidewalk_m + 1.0
-            pieces = (
-                (park.from_m, park.to_m, front_m, front_m + park.depth_m),
-                (middle_m - DRIVEWAY_M / 2.0, middle_m + DRIVEWAY_M / 2.0, kerb_m - 0.01, front_m + 1.0),
-            )
-            area, driveway = (
-                ground.across(road, low, high, *sorted((side * a, side * b))) for low, high, a, b in pieces
-            )
-            parks.append((road, _whole(area.union(driveway))))
+        if road.end_park_m is not None:
+            width_m, depth_m = road.end_park_m
+            end_m = road.axis.length_m
+            area = ground.across(road, end_m - PARK_OVERLAP_M, end_m + depth_m, -width_m / 2.0, width_m / 2.0)
+            parks.append((road, area))
     return parks
 
 

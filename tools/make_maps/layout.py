@@ -27,7 +27,7 @@ from tools.make_maps.plan import (
     strips,
 )
 
-SHORTEST_BLOCK_M = 12.0
+SHORTEST_BLOCK_M = 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,9 @@ def _links_of(road: Road, met: Sequence[tuple[float, PlannedJunction, Mapping[st
         if below is not None:
             cut_m = road.axis.snapped_m(below.cut_m)
             if cut_m - start_m < SHORTEST_BLOCK_M:
-                raise ValueError(f"{road.name}: no room before junction {junction.name}")
+                missing_m = SHORTEST_BLOCK_M - (cut_m - start_m)
+                after = f" after {start[0].name}" if start is not None else ""
+                raise ValueError(f"{road.name}: {missing_m:.1f} m too little{after} before {junction.name}")
             links.append(_Link(start_m, cut_m, start, (junction, below)))
         ended = above is None
         if above is not None:
@@ -158,7 +160,7 @@ def _stretches(road: Road, direction: Direction, link: _Link) -> list[_Stretch]:
     leaving = start[1] if start is not None and start[1].pushed_m else None
     if leaving is not None:
         bounds[1:1] = [start_t + widened_m for widened_m in leaving.approach.widened_m]
-    arriving = end[1] if end is not None and end[1].approach.pockets else None
+    arriving = end[1] if end is not None and (end[1].approach.pockets or end[1].pushed_m) else None
     if arriving is not None:
         bounds[-1:-1] = [end_t - widened_m for widened_m in reversed(arriving.approach.widened_m)]
     found: list[_Stretch] = []

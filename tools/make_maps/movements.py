@@ -57,7 +57,7 @@ def _from(plan: Plan, junction: PlannedJunction, arm: Arm, block: Block, arms: S
         bend = float(wrap_angle(travel_heading_rad(plan, other, arriving=False) - heading))
         straight = other.road == arm.road or abs(bend) < STRAIGHT_RAD
         exits[Turn.STRAIGHT if straight else Turn.LEFT if bend > 0.0 else Turn.RIGHT].append(other)
-    approach = junction.approaches.get(arm.key)
+    approach = (junction.approaches or {}).get(arm.key)
     if approach and approach.use:
         letters = approach.use if plan.driving_side == "right" else approach.use[::-1]
     else:

@@ -1,8 +1,9 @@
 """The vocabulary of road plans: what one writes down to describe a district.
 
-A plan is a handful of roads, each an axis with cross-sections, and the places
-where they meet. All lanes, tapers, pockets, connectors, stop lines and kerbs
-follow from it by rule, so a district fits on a page, `plans/<name>.yaml`.
+A plan is a handful of roads, each an axis with cross-sections. Where they meet,
+who has priority there, driveways along them, and all lanes, tapers, pockets,
+connectors, stop lines and kerbs follow by rule; what a plan says of a junction
+are exceptions. So a district fits on a page, `plans/<name>.yaml`.
 
 *Inner* means next to the axis of the road, *kerb* means away from it, so that
 one plan reads the same for both driving sides: the inner pocket is a left-turn
@@ -17,13 +18,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import msgspec
 import numpy as np
-import yaml
-from msgspec.structs import replace
 
 from interplan_sumo.world.roads import DrivingSide
 from tools.make_maps.geometry import Alignment, alignment
@@ -34,13 +32,17 @@ Direction = Literal["forward", "backward"]
 Control = Literal["signal", "all_way_stop", "stop", "yield", "none"]
 """How a junction is controlled; at `stop` and `yield` the first road named has priority."""
 
+Rank = Literal["driveway", "alley", "street", "avenue", "boulevard", "motorway"]
+"""What a road is to others that it meets; a motorway meets nothing but its ramps."""
+RANKS: tuple[Rank, ...] = get_args(Rank)
+
 JOINT_M = 6.0
 """Length of the pass-through connectors by which long roads are cut into roadblocks."""
 NOSE_M = 0.6
 """Least width of the median that remains beside a pocket."""
 MAX_BLOCK_M = 300.0
 """Longer stretches are cut evenly into roadblocks below this length."""
-GORE_M = 0.1
+GORE_M = 0.2
 """Paint between a carriageway and the arm of a ramp."""
 
 
@@ -101,40 +103,20 @@ class PlannedCrossing(_Part, frozen=True):
     signal: bool = False
 
 
-class CarPark(_Part, frozen=True):
-    """A car park behind the sidewalk, with a driveway in its middle."""
+class Driveways(_Part, frozen=True):
+    """Ways off the road by rule: one wherever there is room, `every_m` apart."""
 
-    direction: Direction
-    from_m: float
-    to_m: float
-    depth_m: float = 32.0
-
-
-class Road(_Part, frozen=True):
-    """A named road: an axis, its cross-sections, and what stands along the kerb."""
-
-    number: int
-    """10 to 99: the leading digits of all its ids."""
-    name: str
-    points: tuple[tuple[float, ...], ...]
-    """Polygon of tangents, see `geometry.alignment`; of a ramp those away from the carriageway."""
-    sections: tuple[RoadSection, ...]
-    bus_stops: tuple[float, ...] = ()
-    """Stations, negative ones for traffic that drives backward."""
-    bays: tuple[float, ...] = ()
-    """Those of the bus stops that have a bay."""
-    crossings: tuple[PlannedCrossing, ...] = ()
-    car_parks: tuple[CarPark, ...] = ()
-    sidewalk_m: float = 2.5
-    """0 without sidewalks."""
-
-    @cached_property
-    def axis(self) -> Alignment:
-        return alignment(self.points)
-
-    @property
-    def stops(self) -> tuple[BusStop, ...]:
-        return tuple(BusStop("forward" if at > 0 else "backward", abs(at), at in self.bays) for at in self.bus_stops)
+    side: Direction
+    """Which carriageway's kerb they cross; where there is a median they can be reached from that one only."""
+    every_m: float
+    from_m: float = 0.0
+    to_m: float = math.inf
+    length_m: float = 18.0
+    """From the kerb on."""
+    skew_deg: float = 0.0
+    """By how much they lean towards higher stations."""
+    park_m: tuple[float, float] | None = None
+    """Width and depth of a car park at their ends; they are shallower where there is less room."""
 
 
 class PlannedApproach(_Part, frozen=True):
@@ -145,6 +127,8 @@ class PlannedApproach(_Part, frozen=True):
     storage_m: float = 60.0
     taper_m: float = 30.0
     pocket_width_m: float = 3.1
+    island_m: float = 0.0
+    """Width of a traffic island between the carriageways, for as long as `storage_m`."""
     use: tuple[str, ...] = ()
     """Turns per lane from left to right, such as [L, LT, T, TR]; found by rule if empty."""
 
@@ -158,6 +142,42 @@ class PlannedApproach(_Part, frozen=True):
         return self.storage_m, self.storage_m + self.taper_m
 
 
+class Road(_Part, frozen=True):
+    """A named road: an axis, its cross-sections, and what stands along the kerb."""
+
+    number: int
+    """10 to 99: the leading digits of all its ids; of roads made by rule six digits, see `rules`."""
+    name: str
+    points: tuple[tuple[float, ...], ...]
+    """Polygon of tangents, see `geometry.alignment`; of a ramp those away from the carriageway."""
+    sections: tuple[RoadSection, ...] = ()
+    both: Carriageway | None = None
+    """Short for one section with equal carriageways both ways."""
+    one: Carriageway | None = None
+    """Short for one section that leads forward only."""
+    rank: Rank = "street"
+    pocket: PlannedApproach | None = None
+    """How it widens, by rule, before lights at which its traffic can turn across the oncoming one."""
+    bus_stops: tuple[float, ...] = ()
+    """Stations, negative ones for traffic that drives backward."""
+    bays: tuple[float, ...] = ()
+    """Those of the bus stops that have a bay."""
+    crossings: tuple[PlannedCrossing, ...] = ()
+    driveways: tuple[Driveways, ...] = ()
+    end_park_m: tuple[float, float] | None = None
+    """Width and depth of a car park at its end."""
+    sidewalk_m: float = 2.5
+    """0 without sidewalks."""
+
+    @cached_property
+    def axis(self) -> Alignment:
+        return alignment(self.points)
+
+    @property
+    def stops(self) -> tuple[BusStop, ...]:
+        return tuple(BusStop("forward" if at > 0 else "backward", abs(at), at in self.bays) for at in self.bus_stops)
+
+
 class PlannedJunction(_Part, frozen=True):
     """A place where roads meet; a road either passes through it or ends in it.
 
@@ -165,25 +185,36 @@ class PlannedJunction(_Part, frozen=True):
     `main+` leads to higher stations of `main`, `main-` to lower ones.
     """
 
-    number: int
-    """1 to 99, the id of the intersection."""
-    at: tuple[float, float]
-    """Roughly where; the exact place is where the axes of the first two roads cross."""
     roads: tuple[str, ...]
-    control: Control
-    approaches: dict[str, PlannedApproach] = {}
+    at: tuple[float, float] | None = None
+    """Roughly where; the exact place is where the axes of the first two roads cross. None: where they meet."""
+    number: int = 0
+    """The id of the intersection; 0: by rule, from the numbers of the roads."""
+    control: Control | None = None
+    """None: by the ranks of the roads."""
+    approaches: dict[str, PlannedApproach] | None = None
+    """None: the pockets that the roads have by rule."""
     crosswalks: tuple[str, ...] | None = None
-    """Arms with a crosswalk; None: all."""
-    corner_m: float = 6.0
-    """Least radius of the kerb at corners."""
+    """Arms with a crosswalk; None: by the control."""
+    corner_m: float = 0.0
+    """Least radius of the kerb at corners; 0: by the ranks of the roads."""
     carriageway: Direction | None = None
     """Only this carriageway of the first road belongs to the junction: the median is closed and the other runs past."""
     banned: tuple[tuple[str, str], ...] = ()
     """Movements not allowed, as (from arm, to arm)."""
 
+    around: bool = False
+    """Whether it belongs to a roundabout: the ring, of which two parts meet here, is named first."""
+
     @property
     def name(self) -> str:
         return " and ".join(self.roads)
+
+    @property
+    def crossing(self) -> tuple[str, str]:
+        """The two roads whose axes mark its middle."""
+        first, second = self.roads[-2:] if self.around else self.roads[:2]
+        return first, second
 
     def takes(self, road: str, direction: Direction) -> bool:
         """Whether traffic in one direction of a road that it names passes through the junction."""
@@ -206,6 +237,22 @@ class Ramp(_Part, frozen=True):
     """Of the ramp, on the tangent of its arm: how far ahead in the direction of travel, radius, spiral length."""
 
 
+class Roundabout(_Part, frozen=True):
+    """A ring of one lane around which one drives, where roads end."""
+
+    name: str
+    number: int
+    """10 to 99, and of no road."""
+    at: tuple[float, float]
+    roads: tuple[str, ...]
+    """They end in its middle."""
+    ring: Carriageway
+    radius_m: float = 20.0
+    """Of the middle of its lane."""
+    island_m: float = 3.0
+    """Width of the islands between who comes and who leaves."""
+
+
 class Plan(_Part, frozen=True, kw_only=True):
     """A district on paper, as `plans/<name>.yaml` has it."""
 
@@ -220,57 +267,20 @@ class Plan(_Part, frozen=True, kw_only=True):
     carriageways: dict[str, Carriageway]
     approaches: dict[str, PlannedApproach] = {}
     """Both are written down once, for the roads and junctions that refer to them by YAML's anchors."""
+    minor: Literal["stop", "yield"] = "stop"
+    """What stands where a road meets one of a higher rank without a light."""
+    driveway: Carriageway | None = None
+    """Each way of all driveways."""
     roads: tuple[Road, ...]
-    junctions: tuple[PlannedJunction, ...]
+    junctions: tuple[PlannedJunction, ...] = ()
+    """Exceptions, and places where more than two roads meet."""
+    roundabouts: tuple[Roundabout, ...] = ()
     ramps: tuple[Ramp, ...] = ()
 
     @cached_property
     def road(self) -> Mapping[str, Road]:
         """Roads by name."""
         return {road.name: road for road in self.roads}
-
-
-def read_plan(file: Path) -> Plan:
-    """The plan in a YAML file, turned, its ramps led to their carriageways; ValueError names a field that is none."""
-    plan = msgspec.convert(yaml.safe_load(file.read_text(encoding="utf-8")), Plan)
-    cos, sin = math.cos(math.radians(plan.turned_deg)), math.sin(math.radians(plan.turned_deg))
-
-    def turned(x_m: float, y_m: float) -> tuple[float, float]:
-        return x_m * cos - y_m * sin, x_m * sin + y_m * cos
-
-    roads = {
-        road.name: replace(road, points=tuple((*turned(*point[:2]), *point[2:]) for point in road.points))
-        for road in plan.roads
-    }
-    for ramp in plan.ramps:
-        own = roads[ramp.ramp]
-        arm = _ramp_arm(roads[ramp.road], plan.driving_side, ramp)
-        points = (*arm, *own.points) if ramp.kind == "exit" else (*own.points, *arm[::-1])
-        roads[ramp.ramp] = replace(own, points=points)
-    junctions = tuple(replace(junction, at=turned(*junction.at)) for junction in plan.junctions)
-    return replace(plan, name=file.stem, roads=tuple(roads.values()), junctions=junctions)
-
-
-def _ramp_arm(road: Road, driving_side: DrivingSide, ramp: Ramp) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Where a ramp begins or ends, tangential to the lane that it takes up, and its bend on that tangent.
-
-    This is the middle of the kerb lane where the taper of the section at
-    `ramp.at_m` meets the ramp.
-    """
-    at = next(i for i, section in enumerate(road.sections) if section.from_m == ramp.at_m)
-    before, section = road.sections[at - 1], road.sections[at]
-    forward = ramp.direction == "forward"
-    both = [one for s in (before, section) if (one := s.forward if forward else s.backward) is not None]
-    wide = max(both, key=lambda one: one.lanes)
-    outward_m = wide.inner_m + sum(wide.widths_m) - wide.width_m / 2.0 + GORE_M
-    side = -1.0 if forward == (driving_side == "right") else 1.0
-    # An exit starts behind the taper in the direction of travel, an entry ends before it.
-    ahead = (1.0 if forward else -1.0) * (1.0 if ramp.kind == "exit" else -1.0)
-    pose = road.axis.pose(ramp.at_m + ahead * section.taper_m / 2.0, side * outward_m)
-    heading_rad = pose.heading_rad + (0.0 if forward else math.pi)
-    ahead_m, *rounding = ramp.bend
-    bend = (pose.x_m + ahead_m * math.cos(heading_rad), pose.y_m + ahead_m * math.sin(heading_rad), *rounding)
-    return (pose.x_m, pose.y_m), bend
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,6 +299,11 @@ class LaneStrip:
         return self.kerb_m - self.inner_m
 
 
+def kerb_side(plan: Plan, direction: Direction) -> float:
+    """+1 where the kerb of this direction is to the left of the axis, else -1."""
+    return -1.0 if (direction == "forward") == (plan.driving_side == "right") else 1.0
+
+
 def carriageway_at(road: Road, direction: Direction, station_m: float) -> Carriageway | None:
     """The carriageway of one direction at a station."""
     section = [s for s in road.sections if s.from_m <= station_m + 1e-6][-1]
@@ -296,9 +311,10 @@ def carriageway_at(road: Road, direction: Direction, station_m: float) -> Carria
 
 
 def missing_median_m(carriageway: Carriageway, approach: PlannedApproach) -> float:
-    """By how much the median is too narrow for the inner pockets of an approach."""
+    """By how much the median is too narrow for the inner pockets of an approach, or for its island."""
     room_m = max(0.0, 2.0 * carriageway.inner_m - NOSE_M)
-    return max(0.0, approach.inner_pockets * approach.pocket_width_m - room_m)
+    pockets_m = approach.inner_pockets * approach.pocket_width_m - room_m
+    return max(0.0, pockets_m, approach.island_m - max(0.0, 2.0 * carriageway.inner_m))
 
 
 def strips(

@@ -11,7 +11,7 @@ import shapely
 from interplan_sumo.world.geometry import Floats, Polyline, Pose
 from tools.make_maps.geometry import SmoothCurve, beside
 from tools.make_maps.layout import Arm, Block
-from tools.make_maps.plan import Direction, Plan, Road
+from tools.make_maps.plan import Direction, Plan, Road, kerb_side
 
 DECIMALS = 6
 """Coordinates are rounded to a micrometre: the same on every machine, and shared corners stay shared."""
@@ -27,7 +27,7 @@ class RoadGeometry:
 
     def side(self, direction: Direction) -> float:
         """+1 where outward of this direction is to the left of the axis, else -1."""
-        return -1.0 if (direction == "forward") == (self.plan.driving_side == "right") else 1.0
+        return kerb_side(self.plan, direction)
 
     def on_map(self, points: Floats) -> Floats:
         """Local points in map coordinates."""
