@@ -109,10 +109,12 @@ def _print_check(details: dict[str, Any]) -> None:
         rows = [
             {"": key, "file": _in_words(pair["file"]), "map": _in_words(pair["map"])}
             for key, pair in source.items()
-            if isinstance(pair, dict)
+            if isinstance(pair, dict) and key != "streets"
         ]
         rows.append({"": "leaving", "file": source["leaving"], "map": ""})
         print_entries(rows, as_json=False)
+        print("\nstreets:")
+        print_entries([{"": key, "value": _in_words(value)} for key, value in source["streets"].items()], as_json=False)
     for problem in problems:
         print(f"problem: {MapProblem(**problem)}")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Container, Iterable, Mapping, Set
+from collections.abc import Container, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,6 +11,7 @@ from interplan_sumo.maps.importers.control_fidelity import ControlReport
 from interplan_sumo.maps.importers.lines import mean_length_m
 from interplan_sumo.maps.importers.record import ImportRecord, LaneOrigin
 from interplan_sumo.maps.importers.source import SourceCount, SourceMap
+from interplan_sumo.maps.importers.street_fidelity import StreetReport
 from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.maps.schema import CONNECTORS
 from interplan_sumo.world.roads import Roads
@@ -57,6 +58,7 @@ class SourceReport:
     """Of the signal programs; in the map those that are the same."""
     who_yields: Pair = Pair(0, 0)
     """Pairs of ways of which one yields to the other; in the map those of them of which the same one does."""
+    streets: StreetReport | None = None
 
 
 def compare(roads: Roads, record: ImportRecord, source: SourceMap, counted: SourceCount | None) -> SourceReport:
@@ -102,6 +104,11 @@ def compare(roads: Roads, record: ImportRecord, source: SourceMap, counted: Sour
         leaving=count.leaving,
         problems=tuple(problems),
     )
+
+
+def with_streets(report: SourceReport, streets: StreetReport, problems: Sequence[MapProblem]) -> SourceReport:
+    """The report with what became of streets."""
+    return replace(report, problems=(*report.problems, *problems), streets=streets)
 
 
 def with_controls(report: SourceReport, controls: ControlReport) -> SourceReport:

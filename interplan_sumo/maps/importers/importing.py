@@ -12,10 +12,11 @@ from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.importers.build import Built, build
 from interplan_sumo.maps.importers.carried_controls import carried_controls
 from interplan_sumo.maps.importers.control_fidelity import compare_controls
-from interplan_sumo.maps.importers.fidelity import SourceReport, compare, with_controls
+from interplan_sumo.maps.importers.fidelity import SourceReport, compare, with_controls, with_streets
 from interplan_sumo.maps.importers.formats import MAP_FORMATS
 from interplan_sumo.maps.importers.record import ImportRecord, LaneOrigin
 from interplan_sumo.maps.importers.source import SourceMap
+from interplan_sumo.maps.importers.street_fidelity import compare_streets
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.network_links import read_network_summary
 from interplan_sumo.maps.problem import MapProblem
@@ -76,6 +77,7 @@ def check_source(files: MapFiles, roads: Roads, record: ImportRecord, source: Pa
     network = read_network_summary(files.network)
     controls = compare_controls(roads, record.origins, read, NetworkIds.read(files.ids), network)
     report = with_controls(compare(roads, record, read, None if reader.count is None else reader.count(file)), controls)
+    report = with_streets(report, *compare_streets(roads, record.origins, read, record.file))
     if file_hash(file) != record.sha256:
         said = f"is not the file that the map was imported from ({record.file}): its checksum differs"
         report = replace(report, problems=(MapProblem("another_file", "file", str(file), said), *report.problems))

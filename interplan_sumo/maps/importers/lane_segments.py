@@ -163,13 +163,13 @@ def _turns(
     if not busy:
         return (LaneSegment(0.0, length_m, length_m >= SHORTEST_WHOLE_M or open_start or open_end),)
     spans = [[start_m, end_m] for start_m, end_m in busy]
-    through = spans[0] == [0.0, length_m]
-    if through and (open_start or open_end) and length_m <= STUB_M * (open_start + open_end) + 2.0 * JOINT_M:
-        return (LaneSegment(0.0, length_m, True),)
-    if open_start and spans[0][0] == 0.0:
-        spans[0][0] = min(STUB_M, spans[0][1] / 2.0)
-    if open_end and spans[-1][1] == length_m:
-        spans[-1][1] = max(length_m - STUB_M, (spans[-1][0] + length_m) / 2.0)
+    opened = open_start and spans[0][0] == 0.0, open_end and spans[-1][1] == length_m
+    if opened[0]:
+        spans[0][0] = STUB_M
+    if opened[1]:
+        spans[-1][1] = length_m - STUB_M
+    if any(opened):  # what is hardly longer than a stub is one, and leads on without a gap
+        spans = [span for span in spans if span[1] - span[0] > JOINT_M]
     found: list[LaneSegment] = []
     at_m = 0.0
     for start_m, end_m in spans:
