@@ -227,9 +227,8 @@ class SumoTraffic:
         self._control.relax(agents)
         commands = self._reactions.decide(ego, self._proxy.anchor, walking, standing, agents)
         self._control.tell(agents, commands)
-        speeds = dict(zip(agents.names, agents.speed_mps.tolist(), strict=True))
         told = (commands.for_ego_mps, commands.for_others_mps)
-        self._before = StepBefore(ego, speeds, *told, self._control.overlooks_ego)
+        self._before = StepBefore(ego, agents.names, agents.speed_mps, *told, self._control.overlooks_ego)
 
     def place_ego(self, ego: EgoState) -> None:
         if self._proxy is not None:

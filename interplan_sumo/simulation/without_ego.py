@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from math import inf
 
 import numpy as np
@@ -24,30 +24,48 @@ from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.start_speed import LINE_M
 from interplan_sumo.simulation.sumo import DT_S, Commanding, sumo
 from interplan_sumo.world.ego import EgoState
+from interplan_sumo.world.geometry import Floats
 
 LEAST_MPS2 = 1.0
 """Who brakes less is not asked."""
 REACH_M = 120.0
 """Nobody farther away brakes because of the ego."""
-EXPLAINED_MPS = 0.1
+EXPLAINED_MPS = 0.05
 """The ego explains a speed if it asks for one that is no higher than that by more than this."""
 AHEAD_M = 150.0
+FOES_M = 30.0
+"""So near a junction the ego may be in an agent's way there."""
+HARD_MPS2 = 0.05
+"""Whoever brakes harder than its `decel` by this does so for somebody in its way, not to change lane or for a limit."""
 _HAS_PRIORITY = 1
 """In what `getNextLinks` answers of each link."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class StepBefore:
     """Where agents and ego were before the step, and what the agents were told for it."""
 
     ego: EgoState
-    speeds_mps: Mapping[str, float]
+    names: Sequence[str]
+    speed_mps: Floats
+    """Of the agents in `names`."""
     for_ego_mps: Mapping[str, float]
     """Those that were told a speed because of the ego, and which."""
     for_others_mps: Mapping[str, float]
     """Those that were told a speed for others' sake, and which."""
     overlook: Callable[[str], bool]
     """Whether an agent was told to overlook the ego."""
+
+    @cached_property
+    def speeds_mps(self) -> Mapping[str, float]:
+        """By agent."""
+        return dict(zip(self.names, self.speed_mps.tolist(), strict=True))
+
+    def speeds_of(self, names: Sequence[str]) -> Floats:
+        """Those of some agents, 0 of who was not there."""
+        if names is self.names:
+            return self.speed_mps
+        return np.array([self.speeds_mps.get(name, 0.0) for name in names])
 
 
 class WithoutEgo:
@@ -72,7 +90,7 @@ class WithoutEgo:
         """What each agent that braked because of the ego would have chosen without it, in m/s2, by name."""
         names = self._agents.names
         now = self._agents.kinematics.speed_mps
-        was = np.array([before.speeds_mps.get(name, 0.0) for name in names])
+        was = before.speeds_of(names)
         braked = np.flatnonzero(was - now >= LEAST_MPS2 * DT_S - 1e-9)
         if not len(braked):
             return {}
@@ -100,7 +118,8 @@ class WithoutEgo:
             return False
         leader = sumo.vehicle.getLeader(name, AHEAD_M)
         if leader is None or leader[0] != EGO:
-            return False
+            hard = old_mps - new_mps > (self._agents.drivers[name].decel_mps2 + HARD_MPS2) * DT_S
+            return hard and any(foe[0] == EGO for foe in sumo.vehicle.getJunctionFoes(name, FOES_M))
         ego_mps = max(0.0, before.ego.speed_mps)
         gap_m = leader[1] + (new_mps - ego_mps) * DT_S
         wanted_mps = sumo.vehicle.getFollowSpeed(name, old_mps, gap_m, ego_mps, LEADER_DECEL_MPS2, EGO)
