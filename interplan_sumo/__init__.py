@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from interplan_sumo.api import (
         compare,
+        compare_all,
         load_drive,
         load_run,
         load_scenario,
@@ -39,6 +40,7 @@ __all__ = [
     "Trace",
     "Trajectory",
     "compare",
+    "compare_all",
     "load_drive",
     "load_run",
     "load_scenario",

@@ -32,8 +32,7 @@ from interplan_sumo.metrics.profile import DEFAULT_PROFILE
 from interplan_sumo.metrics.score import ScoreSheet
 from interplan_sumo.metrics.score import score as score_trace
 from interplan_sumo.planner import PLANNERS, Planner
-from interplan_sumo.report.compare import Comparison
-from interplan_sumo.report.compare import compare as compare_runs
+from interplan_sumo.report.compare import Comparison, RunComparison, compare_runs
 from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.printing import progress as shown_progress
 from interplan_sumo.report.table import make_table
@@ -115,8 +114,10 @@ def load_run(folder: str | PathLike[str]) -> pd.DataFrame:
 def table(*runs: RunLike) -> pd.DataFrame:
     """The paper's table of one or more runs: a line per planner, scores 0 to 100, NaN where rows are missing.
 
-    Columns that no planner has anything for are left out. RunFolderError if
-    the runs cannot stand in one table.
+    Columns that no planner has anything for are left out. `attrs` has suite,
+    profile, complete, the least_detectable_difference in points and the
+    intervals: 95 % bounds by planner and column. RunFolderError if the runs
+    cannot stand in one table.
     """
     if not runs:
         raise InputError("table() needs a run: a folder, or what run() returned")
@@ -130,14 +131,39 @@ def table(*runs: RunLike) -> pd.DataFrame:
     found = pd.DataFrame(rows, index=pd.Index([line.label for line in made.lines], name="planner"))
     titles = [c.title for c in columns]
     found[titles] = found[titles].astype(np.float64)
-    found.attrs = {"suite": made.suite, "profile": made.profile, "complete": made.complete}
+    span = made.standing.detectable.get(made.standing.column)
+    found.attrs = {
+        "suite": made.suite,
+        "profile": made.profile,
+        "complete": made.complete,
+        "least_detectable_difference": span and span.middle,
+        "intervals": {line.label: {c.title: line.cells[c.key].interval for c in columns} for line in made.lines},
+    }
     return found
 
 
 def compare(
     a: RunLike, b: RunLike, planner_a: str | None = None, planner_b: str | None = None, *, profile: str | None = None
 ) -> Comparison:
-    """Run b against run a, paired on equal scenario and seed; under another `profile`, both are scored again first."""
+    """One planner of run b against one of run a, paired on equal scenario and seed.
+
+    Under another `profile`, both are scored again first. InputError if it is
+    not clear which planners are meant; `compare_all` pairs all common ones.
+    """
+    found, *more = _compared(a, b, planner_a, planner_b, profile).pairs
+    if more:
+        raise InputError(f"both runs hold {len(more) + 1} planners; name one as planner_a, or take compare_all(a, b)")
+    return found
+
+
+def compare_all(a: RunLike, b: RunLike, *, profile: str | None = None) -> RunComparison:
+    """Every planner that both runs hold, in run b against itself in run a; p values are Holm's over all of them."""
+    return _compared(a, b, None, None, profile)
+
+
+def _compared(
+    a: RunLike, b: RunLike, planner_a: str | None, planner_b: str | None, profile: str | None
+) -> RunComparison:
     first, second = (_stored(each) if profile is None else _rescored(_stored(each), profile) for each in (a, b))
     return compare_runs(first, second, planner_a, planner_b)
 

@@ -18,11 +18,12 @@ BASE = {"errors", "resources", "registry"}
 LAYER_0 = {"world"}
 LAYER_1 = {"maps", "dynamics", "features", "planner", "plan_check", "recordings", "scenario", "families", "tiny_worlds"}
 LAYER_2 = {"simulation", "metrics", "policy"}
-LAYER_3 = {"verification", "batch", "report", "realism", "testing", "doctor", "dataset", "gym"}
+LAYER_3 = {"statistics", "verification", "batch", "report", "realism", "testing", "doctor", "dataset", "gym"}
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "resources": {"errors"},
     "registry": {"errors"},
+    "statistics": BASE,
     "world": BASE,
     "planner": BASE | LAYER_0,
     "plan_check": BASE | LAYER_0,
@@ -40,7 +41,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "testing": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"_check_worlds"},
     "verification": BASE | LAYER_0 | LAYER_1 | LAYER_2,
     "batch": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification"},
-    "report": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "verification"},
+    "report": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "verification", "statistics"},
     "realism": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},
     "doctor": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch"},
     "bridge": BASE | LAYER_0 | {"dynamics", "maps", "planner"},

@@ -74,7 +74,7 @@ def report(
         bool, typer.Option("--details", help="Every drive with its score and what cost points.")
     ] = False,
 ) -> int:
-    """The paper's table of one or more runs, with faults, missing rows and intervals over seeds.
+    """The paper's table of one or more runs, with faults, missing rows, intervals and who can be told apart.
 
     A run of ordinary driving, such as common==1, makes the first column of the others' lines.
     """
@@ -118,14 +118,17 @@ def score(
 def compare(
     folder_a: Annotated[Path, typer.Argument(help="A run folder.", metavar="DIR_A")],
     folder_b: Annotated[Path, typer.Argument(help="The run folder to hold against it.", metavar="DIR_B")],
-    planner_a: Annotated[str | None, typer.Option(help="Which planner, where DIR_A holds several.")] = None,
-    planner_b: Annotated[str | None, typer.Option(help="Which planner, where DIR_B holds several.")] = None,
+    planner_a: Annotated[str | None, typer.Option(help="Which planner of DIR_A, if not all common ones.")] = None,
+    planner_b: Annotated[str | None, typer.Option(help="Which planner of DIR_B.")] = None,
     profile: Annotated[str | None, typer.Option(help="Score both again under this profile first.")] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """B against A, paired on equal scenario and seed: the mean difference with its interval, and what changed most."""
+    """B against A, paired on equal scenario and seed: who is better, by how much, and what changed most.
+
+    Every planner that both folders hold against itself, or those that are named.
+    """
     from interplan_sumo.batch.run_folder import read_run
-    from interplan_sumo.report.compare import compare as compare_runs
+    from interplan_sumo.report.compare import compare_runs
 
     run_a, run_b = (read_run(f) if profile is None else _rescored(f, profile) for f in (folder_a, folder_b))
     found = compare_runs(run_a, run_b, planner_a, planner_b)

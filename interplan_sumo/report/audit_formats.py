@@ -13,7 +13,11 @@ from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.report.failure_reasons import lost_points
-from interplan_sumo.report.text import grid
+from interplan_sumo.report.standing_formats import BRACKETS
+from interplan_sumo.report.table import POINTS
+from interplan_sumo.report.text import figure, grid, rounded
+from interplan_sumo.statistics.intervals import mean_estimate
+from interplan_sumo.statistics.scene_values import DriveValue, mean_over_scenes
 from interplan_sumo.verification.audit import DEFECTS, AuditFinding, classes, finding
 
 
@@ -43,6 +47,7 @@ def audit_json(
         "below": below,
         "scenarios": len(found),
         "classes": {name: counts[name] for name in (*DEFECTS, *classes())},
+        "shares": {name: _share_json(name, found) for name in (*DEFECTS, *classes())},
         "findings": [
             {
                 "scenario_id": each.scenario_id,
@@ -56,12 +61,19 @@ def audit_json(
     }
 
 
+def _share_json(kind: str, found: Sequence[tuple[Row, AuditFinding]]) -> dict[str, Any]:
+    """How many percent of the scenarios are of a class, with the 95 % interval for scenarios like these."""
+    drives = {(row.scenario_id, row.seed): DriveValue(row.family, 100.0 * (each.kind == kind)) for row, each in found}
+    estimate = mean_estimate(drives)
+    interval = estimate and [rounded(bound) for bound in estimate.interval_within(POINTS)]
+    return {"percent": rounded(mean_over_scenes(drives)), "ci": interval}
+
+
 def audit_text(entry: dict[str, Any]) -> RenderableType:
     """The counts, then a line for every defect, and for every scenario if they were chosen by score."""
     chosen = "" if entry["below"] is None else f" with less than {entry['below']:g} points"
-    whole = max(1, entry["scenarios"])
-    rows = [[name, str(count), f"{100.0 * count / whole:.0f} %"] for name, count in entry["classes"].items()]
-    table = grid(("class", "scenarios", "share"), rows)
+    rows = [[name, str(count), *_share(entry["shares"][name])] for name, count in entry["classes"].items()]
+    table = grid(("class", "scenarios", "share", "95 %"), rows)
     table.title = f"{entry['suite']}: {entry['scenarios']} scenarios{chosen}, driven by {entry['planner']}"
     for row, (name, count) in zip(table.rows, entry["classes"].items(), strict=True):
         row.style = "bold" if name in DEFECTS and count else ""
@@ -70,4 +82,10 @@ def audit_text(entry: dict[str, Any]) -> RenderableType:
         for each in entry["findings"]
         if each["class"] in DEFECTS or entry["below"] is not None
     ]
-    return Group(table, *map(Text, told))
+    notes = [f"95 %: {BRACKETS}"] if any(share["ci"] for share in entry["shares"].values()) else []
+    return Group(table, *map(Text, (*notes, *told)))
+
+
+def _share(share: dict[str, Any]) -> tuple[str, str]:
+    interval = "-" if share["ci"] is None else "[{:.0f}, {:.0f}]".format(*share["ci"])
+    return f"{figure(share['percent'], '.0f')} %", interval

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import sqrt
-
-import numpy as np
+from dataclasses import dataclass, replace
 
 from interplan_sumo.batch.records import Brief, JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.report.failure_reasons import fault_sentence, metric_sentence
-from interplan_sumo.report.table import BOOTSTRAP_SEED, MANY_DRIVES, RESAMPLES, Z_95, planner_label
-from interplan_sumo.world.geometry import Floats
+from interplan_sumo.report.table import planner_label
+from interplan_sumo.statistics.detection import SIGNIFICANCE, holm, least_detectable_difference
+from interplan_sumo.statistics.intervals import Range, mean_estimate
+from interplan_sumo.statistics.scene_values import DriveKey, DriveValue, DriveValues, mean_over_scenes
 
 TIE = 1e-6
 """Scores, 0 to 1, this close are equal: scores of one drive agree to this across machines."""
@@ -24,9 +23,6 @@ WAY_OUT = {
     "profile": "--profile NAME scores both again",
 }
 """What must be the same in both manifests, and what to do where it is not."""
-
-DriveKey = tuple[str, int]
-"""Scenario id and seed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +58,12 @@ class GroupComparison:
     b: float | None
     difference: float | None
     """Mean of b less a, over the scenarios, of the mean over the seeds; None without drives."""
-    interval: tuple[float, float] | None
-    """95 % of the bootstrap means when scenarios, or the seeds of a single one, are drawn again; None for one drive."""
+    interval: Range | None
+    """95 %, for scenarios like these (`statistics.intervals`); None for one scenario."""
+    p_value: float | None
+    """Of no difference, two-sided, by the same bootstrap."""
+    least_detectable_difference: float | None
+    """What would show in 80 of 100 such comparisons; None where all scenarios of each family differ alike."""
     wins: int
     """Drives where b is better."""
     losses: int
@@ -86,30 +86,81 @@ class Comparison:
     missing_a: tuple[DriveKey, ...]
     missing_b: tuple[DriveKey, ...]
     """Drives that only the other run has a score for, or that neither has."""
+    adjusted_p: float | None = None
+    """That of all drives after Holm, over all pairs of planners that are compared together; None if it has none."""
 
     @property
     def complete(self) -> bool:
         return not (self.missing_a or self.missing_b)
 
+    @property
+    def better(self) -> str | None:
+        """`a` or `b`, where that is more than chance."""
+        if self.adjusted_p is None or self.adjusted_p >= SIGNIFICANCE:
+            return None
+        return "b" if (self.overall.difference or 0.0) > 0.0 else "a"
 
-def compare(
+
+@dataclass(frozen=True, slots=True)
+class RunComparison:
+    """Two runs, planner by planner."""
+
+    suite: str
+    profile: str
+    pairs: tuple[Comparison, ...]
+    only_a: tuple[str, ...]
+    only_b: tuple[str, ...]
+    """Planners that the other run does not hold, where all common ones are paired."""
+
+    @property
+    def complete(self) -> bool:
+        return all(pair.complete for pair in self.pairs)
+
+
+def compare_runs(
     run_a: StoredRun, run_b: StoredRun, planner_a: str | None = None, planner_b: str | None = None
-) -> Comparison:
-    """Planner `planner_b` of the second run against `planner_a` of the first, on all drives that either was to do.
+) -> RunComparison:
+    """Every planner that both runs hold in the second against itself in the first, or those that are named.
 
-    A planner need not be named where its run holds only one, or where the other
-    run holds the same. RunFolderError if the runs differ in suite, profile or
-    scoring version; InputError if the planner is not told.
+    The one planner of a run need not be named, nor one that the other side
+    names. RunFolderError if the runs differ in suite, profile or scoring
+    version; InputError if it is not clear who is meant.
     """
+    _check_agree(run_a, run_b)
+    named = _planner_pairs(run_a, run_b, planner_a, planner_b)
+    pairs = [_compare(run_a, run_b, a, b) for a, b in named]
+    tested = [pair.overall.p_value for pair in pairs if pair.overall.p_value is not None]
+    adjusted = iter(holm(tested))
+    return RunComparison(
+        suite=run_a.manifest.suite,
+        profile=run_a.manifest.profile,
+        pairs=tuple(replace(p, adjusted_p=None if p.overall.p_value is None else next(adjusted)) for p in pairs),
+        only_a=tuple(name for name in run_a.planners if name not in run_b.planners) if len(named) > 1 else (),
+        only_b=tuple(name for name in run_b.planners if name not in run_a.planners) if len(named) > 1 else (),
+    )
+
+
+def _check_agree(run_a: StoredRun, run_b: StoredRun) -> None:
     for what, way_out in WAY_OUT.items():
         held, other = (getattr(each.manifest, what) for each in (run_a, run_b))
         if held != other:
             raise RunFolderError(
                 f"{run_a.path} has {what.replace('_', ' ')} {held}, {run_b.path} has {other}; {way_out}"
             )
+
+
+def _planner_pairs(
+    run_a: StoredRun, run_b: StoredRun, planner_a: str | None, planner_b: str | None
+) -> list[tuple[str, str]]:
     sure_a, sure_b = _sure_planner(run_a, planner_a), _sure_planner(run_b, planner_b)
-    planner_a = sure_a or _same_planner(run_a, sure_b, "a")
-    planner_b = sure_b or _same_planner(run_b, sure_a, "b")
+    common = [name for name in run_a.planners if name in run_b.planners]
+    if sure_a is None and sure_b is None and common and run_a.path.resolve() != run_b.path.resolve():
+        return [(name, name) for name in common]
+    return [(sure_a or _same_planner(run_a, sure_b, "a"), sure_b or _same_planner(run_b, sure_a, "b"))]
+
+
+def _compare(run_a: StoredRun, run_b: StoredRun, planner_a: str, planner_b: str) -> Comparison:
+    """One planner against one, on all drives that either was to do."""
     drives_a, drives_b = _drives(run_a, planner_a), _drives(run_b, planner_b)
     versions = {drive.scoring for drive in (*drives_a.values(), *drives_b.values()) if drive and drive.scoring}
     if len(versions) > 1:
@@ -129,8 +180,8 @@ def compare(
         b=f"{run_b.path.name}: {planner_label(planner_b, run_b)}",
         suite=run_a.manifest.suite,
         profile=run_a.manifest.profile,
-        overall=_share(changes),
-        families={family: _share(members) for family, members in families.items()},
+        overall=_group(changes),
+        families={family: _group(members) for family, members in families.items()},
         changes=tuple(sorted(changes, key=lambda c: (-abs(c.difference), c.scenario_id, c.seed))),
         missing_a=tuple(key for key in keys if not drives_a.get(key)),
         missing_b=tuple(key for key in keys if not drives_b.get(key)),
@@ -185,49 +236,22 @@ def _lost(worse: Row, better: Row) -> str:
     return "; ".join(metric_sentence(worse, name) for name in gates or names) or "other weights"
 
 
-def _share(changes: Sequence[ScoreChange]) -> GroupComparison:
-    by_scenario: dict[str, list[ScoreChange]] = {}
-    for change in changes:
-        by_scenario.setdefault(change.scenario_id, []).append(change)
-
-    def means(name: str) -> Floats:
-        per_scenario = [np.mean([getattr(c, name) for c in members]) for members in by_scenario.values()]
-        return 100.0 * np.array(per_scenario, dtype=np.float64)
+def _group(changes: Sequence[ScoreChange]) -> GroupComparison:
+    def points(name: str) -> DriveValues:
+        return {(c.scenario_id, c.seed): DriveValue(c.family, 100.0 * getattr(c, name)) for c in changes}
 
     winners = [change.winner for change in changes]
-    some = bool(changes)
+    estimate = mean_estimate(points("difference"))
     return GroupComparison(
-        scenarios=len(by_scenario),
+        scenarios=len({change.scenario_id for change in changes}),
         drives=len(changes),
-        a=float(means("a").mean()) if some else None,
-        b=float(means("b").mean()) if some else None,
-        difference=float(means("difference").mean()) if some else None,
-        # of a single scenario all there is to draw again are its seeds
-        interval=mean_interval(means("difference") if len(by_scenario) > 1 else _differences(changes)),
+        a=mean_over_scenes(points("a")),
+        b=mean_over_scenes(points("b")),
+        difference=mean_over_scenes(points("difference")),
+        interval=estimate and estimate.interval,
+        p_value=estimate and estimate.p_value,
+        least_detectable_difference=estimate and least_detectable_difference(estimate),
         wins=winners.count("b"),
         losses=winners.count("a"),
         ties=winners.count("tie"),
     )
-
-
-def _differences(changes: Sequence[ScoreChange]) -> Floats:
-    return 100.0 * np.array([change.difference for change in changes], dtype=np.float64)
-
-
-def mean_interval(values: Floats) -> tuple[float, float] | None:
-    """95 % percentile bootstrap of the mean of values (K,), one per scenario; None for fewer than two.
-
-    Of more than MANY_DRIVES values, the interval that it tends to.
-
-    Scenarios are drawn again and keep their seeds together, because drives of
-    one scenario are not independent. The generator is fixed: the same values
-    give the same interval.
-    """
-    if len(values) < 2:
-        return None
-    if len(values) > MANY_DRIVES:
-        mean, reach = float(values.mean()), Z_95 * float(values.std()) / sqrt(len(values))
-        return mean - reach, mean + reach
-    rng = np.random.default_rng(BOOTSTRAP_SEED)
-    low, high = np.percentile(values[rng.integers(0, len(values), (RESAMPLES, len(values)))].mean(axis=1), (2.5, 97.5))
-    return float(low), float(high)

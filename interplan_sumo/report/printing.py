@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from interplan_sumo.batch.run_folder import StoredRun
-    from interplan_sumo.report.compare import Comparison
+    from interplan_sumo.report.compare import RunComparison
     from interplan_sumo.report.progress import LiveProgress, PlainProgress
     from interplan_sumo.report.table import ResultsTable
 
@@ -39,7 +39,7 @@ def print_table(
             place.print(table_formats.as_text(table, width=place.width, paper=paper, why=why, details=details))
 
 
-def print_comparison(found: Comparison, *, as_json: bool) -> None:
+def print_comparison(found: RunComparison, *, as_json: bool) -> None:
     """A comparison of two runs on stdout."""
     from interplan_sumo.report import compare_formats
 

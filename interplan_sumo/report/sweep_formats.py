@@ -11,6 +11,8 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from interplan_sumo.batch.sweep import Parameter
+from interplan_sumo.report.standing import standing
+from interplan_sumo.report.standing_formats import BRACKETS, alike_note, detectable_note
 from interplan_sumo.report.sweep_lines import HARD_BRAKING_MPS2, MEASURES, Mean, Measure, SweepLine, idle_parameters
 from interplan_sumo.report.text import grid
 
@@ -39,7 +41,8 @@ def _mean_json(measure: Measure, mean: Mean | None) -> dict[str, Any] | None:
         return None
     interval = None if mean.interval is None else [round(bound, 4) for bound in mean.interval]
     highest = {"max": round(mean.highest, 4)} if measure.highest else {}
-    return {"mean": round(mean.value, 4), "interval": interval, **highest, "drives": mean.drives}
+    counts = {"scenarios": mean.scenarios, "drives": mean.drives}
+    return {"mean": round(mean.value, 4), "interval": interval, **highest, **counts}
 
 
 def sweep_csv(lines: Sequence[SweepLine]) -> str:
@@ -78,10 +81,11 @@ def sweep_text(parameters: Sequence[Parameter], lines: Sequence[SweepLine]) -> R
     parts: list[RenderableType] = [
         grid(titles, [_row(line, shown) for line in lines], left=[len(parameters)]),
         Text(
-            "Means over the scenarios; brackets: 95 % bootstrap interval of the score, scenarios drawn again. Hard "
-            f"braking: a follower of the ego brakes harder than {HARD_BRAKING_MPS2} m/s². Braking behind: the hardest "
-            "braking of a follower, m/s², mean over the drives (highest)."
+            f"Means over the scenarios; brackets: {BRACKETS} Hard braking: a follower of the ego brakes harder than "
+            f"{HARD_BRAKING_MPS2} m/s². Braking behind: the hardest braking of a follower, m/s², mean over the drives "
+            "(highest)."
         ),
+        *map(Text, _standing_notes(lines)),
     ]
     parts += [
         Text(f"{key} makes no difference: no figure of any drive depends on it.")
@@ -99,6 +103,13 @@ def sweep_text(parameters: Sequence[Parameter], lines: Sequence[SweepLine]) -> R
     return Group(*parts)
 
 
+def _standing_notes(lines: Sequence[SweepLine]) -> list[str]:
+    """Which combinations differ in score by more than chance, and how large a difference would show."""
+    held = standing(("score",), [{"score": line.scores} for line in lines])
+    names = [", ".join([*(f"{key}={value}" for key, value in line.setting.items()), line.planner]) for line in lines]
+    return [*([detectable_note(held, "score")] if held.detectable else []), *alike_note(held, names)]
+
+
 def _row(line: SweepLine, shown: Sequence[Measure]) -> list[str]:
     drives = f"{line.asked - len(line.missing)}" + (f" of {line.asked}" if line.missing else "")
     faults = ", ".join(f"{count} {name}" for name, count in line.faults.items()) or "-"
@@ -111,6 +122,5 @@ def _cell(measure: Measure, mean: Mean | None) -> str:
         return "-"
     if measure.highest:
         return f"{mean.value:.1f} ({mean.highest:.1f})"
-    if measure.key != "score":
-        return f"{mean.value:.0f}"
-    return f"{mean.value:.1f}" + ("" if mean.interval is None else " [{:.0f}, {:.0f}]".format(*mean.interval))
+    form = ".1f" if measure.key == "score" else ".0f"
+    return f"{mean.value:{form}}" + ("" if mean.interval is None else " [{:.0f}, {:.0f}]".format(*mean.interval))

@@ -6,16 +6,17 @@ import hashlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.batch.sweep import Parameter, Result
 from interplan_sumo.families import find_family
-from interplan_sumo.report.compare import mean_interval
 from interplan_sumo.report.failure_reasons import fault_sentence
+from interplan_sumo.statistics.intervals import Range, mean_estimate
+from interplan_sumo.statistics.scene_values import DriveKey, DriveValue, DriveValues, mean_over_scenes
 
 HARD_BRAKING_MPS2 = 4.05
 """Beyond it nuPlan calls braking uncomfortable."""
@@ -33,6 +34,8 @@ class Measure:
     """In plots, with the unit."""
     value: Callable[[Row], float | None]
     """Of one drive with a score; None where it says nothing about it."""
+    limits: Range = (0.0, 100.0)
+    """What a drive can have."""
     highest: bool = False
     """Whether the highest of the drives is worth telling, too."""
 
@@ -85,7 +88,14 @@ MEASURES = (
     Measure("at_fault_collisions", "at fault %", "at-fault collision (% of drives)", _at_fault),
     Measure("collisions", "collision %", "any collision (% of drives)", _collisions),
     Measure("hard_braking_behind", "hard braking %", "a follower brakes hard (% of drives)", _hard_braking_behind),
-    Measure("braking_behind_mps2", "braking behind", "hardest braking behind (m/s²)", _braking_behind, highest=True),
+    Measure(
+        "braking_behind_mps2",
+        "braking behind",
+        "hardest braking behind (m/s²)",
+        _braking_behind,
+        (0.0, inf),
+        highest=True,
+    ),
 )
 
 
@@ -94,8 +104,9 @@ class Mean:
     """A measure over the drives of one line."""
 
     value: float
-    interval: tuple[float, float] | None
-    """95 % of the bootstrap means when scenarios, or the seeds of a single one, are drawn again; None for one drive."""
+    interval: Range | None
+    """95 %, for scenarios like these (`statistics.intervals`); None for one scenario."""
+    scenarios: int
     drives: int
     highest: float
 
@@ -115,6 +126,8 @@ class SweepLine:
     asked: int
     figures: frozenset[tuple[str, int, str]]
     """Scenario, seed and a hash of everything that was measured of its drives, but with a clock."""
+    scores: DriveValues
+    """Points of each drive; none where drives are missing."""
     failure: str | None = None
     """Why drives are missing, where it is known."""
 
@@ -137,7 +150,7 @@ def _line(result: Result, planner: str) -> SweepLine:
     runs = {key: run for run in result.runs for key in run.rows}
     missing = tuple(key for key in result.missing if key[1] == planner)
     figures: set[tuple[str, int, str]] = set()
-    values: dict[str, dict[str, list[float]]] = {measure.key: {} for measure in MEASURES}
+    values: dict[str, dict[DriveKey, DriveValue]] = {measure.key: {} for measure in MEASURES}
     faults: Counter[str] = Counter()
     first_failure: str | None = None
     for key in keys:
@@ -153,17 +166,18 @@ def _line(result: Result, planner: str) -> SweepLine:
         for measure in MEASURES:
             value = measure.value(row)
             if value is not None:
-                values[measure.key].setdefault(key[0], []).append(value)
+                values[measure.key][key[0], key[2]] = DriveValue(row.family, value)
     return SweepLine(
         setting=result.combination.setting,
         planner=planner,
         scenarios=len({scenario for scenario, _, _ in keys}),
         seeds=len({seed for _, _, seed in keys}),
-        means={measure.key: None if missing else _mean(values[measure.key]) for measure in MEASURES},
+        means={measure.key: None if missing else _mean(measure, values[measure.key]) for measure in MEASURES},
         faults=dict(sorted(faults.items())),
         missing=missing,
         asked=len(keys),
         figures=frozenset(figures),
+        scores={} if missing else values["score"],
         failure=result.failure or first_failure,
     )
 
@@ -178,14 +192,19 @@ def _figures_of(row: Row) -> str:
     return hashlib.sha256(text).hexdigest()
 
 
-def _mean(by_scenario: Mapping[str, Sequence[float]]) -> Mean | None:
+def _mean(measure: Measure, drives: DriveValues) -> Mean | None:
     """The mean over the scenarios of the mean over the seeds."""
-    if not by_scenario:
+    value = mean_over_scenes(drives)
+    if value is None:
         return None
-    single = len(by_scenario) == 1
-    means = np.array([np.mean(found) for found in by_scenario.values()], dtype=np.float64)
-    every = np.array([each for found in by_scenario.values() for each in found], dtype=np.float64)
-    return Mean(float(means.mean()), mean_interval(every if single else means), len(every), float(every.max()))
+    estimate = mean_estimate(drives)
+    return Mean(
+        value=value,
+        interval=estimate and estimate.interval_within(measure.limits),
+        scenarios=len({scenario for scenario, _ in drives}),
+        drives=len(drives),
+        highest=max(drive.value for drive in drives.values()),
+    )
 
 
 def idle_parameters(parameters: Sequence[Parameter], lines: Sequence[SweepLine]) -> list[str]:

@@ -22,8 +22,8 @@ MOST_PARAMETERS: Final = 2
 PANEL: Final = (340, 300)
 """Pixels of one measure."""
 DPI: Final = 100
-LEAST_SPAN: Final = 10.0
-"""Of a vertical axis, all of which are 0 to 100: what changes nothing shall look so."""
+SCALE: Final = (0.0, 100.0)
+"""Of every axis and every colour, so that panels and sweeps can be held side by side: what changes nothing looks so."""
 COLOURS: Final = ("#1f5fa8", "#d1672c", "#2a9d6f", "#8e44ad", "#b01e28", "#777777", "#0aa3c2", "#c9a227")
 DASHES: Final = ("-", "--", ":", "-.")
 """One per planner."""
@@ -44,6 +44,8 @@ def why_no_plot(parameters: Sequence[Parameter], lines: Sequence[SweepLine]) -> 
 def plot_sweep(parameters: Sequence[Parameter], lines: Sequence[SweepLine], path: Path) -> None:
     """Draw the main measures of a sweep of one or two parameters into a PNG file; equal sweeps give equal files.
 
+    All panels have the same scale, 0 to 100, and say of how many scenarios and drives each mean is; bars are intervals.
+
     Two parameters: per measure a heat map for each planner, and below it a line
     for each value of the one that is drawn in colours. InputError if the file
     cannot be written.
@@ -63,10 +65,10 @@ def plot_sweep(parameters: Sequence[Parameter], lines: Sequence[SweepLine], path
             of_planner = [line for line in lines if line.planner == planner]
             _heat_map(grid[row, column], measure, along, colours, of_planner)
             if len(maps) > 1:
-                grid[row, column].set_title(f"{measure.label}\n{planner}", fontsize=9, color=INK)
+                grid[row, column].set_title(f"{_counted(measure, of_planner)}\n{planner}", fontsize=9, color=INK)
         _curves(grid[rows - 1, column], measure, along, colours, lines, planners)
         if not maps:
-            grid[0, column].set_title(measure.label, fontsize=9, color=INK)
+            grid[0, column].set_title(_counted(measure, lines), fontsize=9, color=INK)
     _legend(figure, grid[rows - 1, 0])
     figure.set_facecolor("#ffffff")
     with writing(path):
@@ -106,17 +108,34 @@ def _heat_map(axes: Axes, measure: Measure, along: Parameter, down: Parameter, l
     across, rows = _ordered(along), _ordered(down)
     means = [[_mean(lines, measure, {along.key: x, down.key: y}) for x in across] for y in rows]
     values = np.array([[np.nan if mean is None else mean.value for mean in row] for row in means])
-    axes.imshow(np.ma.masked_invalid(values), aspect="auto", origin="lower", cmap="cividis")
-    known = values[np.isfinite(values)]
-    middle = (known.min() + known.max()) / 2 if len(known) else 0.0
+    low, high = SCALE
+    axes.imshow(np.ma.masked_invalid(values), aspect="auto", origin="lower", cmap="cividis", vmin=low, vmax=high)
     for row, column in np.ndindex(*values.shape):
-        text = "-" if np.isnan(values[row, column]) else f"{values[row, column]:.3g}"
-        colour = "#000000" if values[row, column] > middle else "#ffffff"
-        axes.text(column, row, text, ha="center", va="center", fontsize=9, color=colour)
+        colour = "#000000" if values[row, column] > (low + high) / 2 else "#ffffff"
+        axes.text(column, row, _cell(means[row][column]), ha="center", va="center", fontsize=8, color=colour)
     axes.set_xticks(range(len(across)), across)
     axes.set_yticks(range(len(rows)), rows)
     _name_axes(axes, along.key, down.key)
-    axes.set_title(measure.label, fontsize=9, color=INK)
+    axes.set_title(_counted(measure, lines), fontsize=9, color=INK)
+
+
+def _cell(mean: Mean | None) -> str:
+    if mean is None:
+        return "-"
+    return f"{mean.value:.3g}" + ("" if mean.interval is None else "\n[{:.0f}, {:.0f}]".format(*mean.interval))
+
+
+def _counted(measure: Measure, lines: Sequence[SweepLine]) -> str:
+    """What is drawn, and of how many scenarios and drives each mean is."""
+    means = [mean for line in lines if (mean := line.means[measure.key]) is not None]
+    counts = ("scenarios", [mean.scenarios for mean in means]), ("drives", [mean.drives for mean in means])
+    said = [f"{_span(numbers)} {what}" for what, numbers in counts if numbers]
+    return f"{measure.label}\nn = {', '.join(said)}"
+
+
+def _span(numbers: Sequence[int]) -> str:
+    low, high = min(numbers), max(numbers)
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _curves(
@@ -151,14 +170,11 @@ def _curves(
             color=COLOURS[(fixed.index(setting) if setting else which) % len(COLOURS)],
             ls=DASHES[which % len(DASHES)],
             label=_label(planner if len(planners) > 1 else "", setting) or planner,
-            marker="o", ms=4, lw=1.4, capsize=3,
+            marker="o", ms=4, lw=1.4, capsize=3, clip_on=False, zorder=3,
         )  # fmt: skip
     axes.set_xticks(places, ticks)
     _name_axes(axes, along.key, measure.title)
-    low, high = axes.get_ylim()
-    if high - low < LEAST_SPAN:
-        low = -0.5 if low < 0.5 else min(low, 100.5 - LEAST_SPAN)
-        axes.set_ylim(low, low + LEAST_SPAN)
+    axes.set_ylim(*SCALE)
     axes.grid(visible=True, color="#dddddd", lw=0.6)
     axes.set_axisbelow(True)
     for side in ("top", "right"):

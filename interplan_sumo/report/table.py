@@ -9,25 +9,20 @@ from functools import partial
 from operator import eq
 from typing import Final, overload
 
-import numpy as np
-from numpy.typing import NDArray
-
 from interplan_sumo.batch.records import AppliedOverrides, Brief, JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.families import families, find_family
+from interplan_sumo.report.standing import LineValues, Standing, standing
+from interplan_sumo.statistics.intervals import mean_estimate
+from interplan_sumo.statistics.scene_values import DriveKey, DriveValue, DriveValues, mean_over_scenes
 
-RESAMPLES = 4000
-BOOTSTRAP_SEED = 20240407
-"""Fixed, so that a report of the same rows is the same report."""
-MANY_DRIVES = 1000
-"""A cell over more has the interval that its bootstrap means tend to, from their variance: drawing takes minutes."""
-Z_95 = 1.959964
-"""97.5 % of the normal distribution lie below so many standard deviations."""
 ORDINARY: Final = "ordinary"
 PAPER_PROFILE: Final = "interplan-paper"
 BENCHMARK: Final = "interplan"
 """Keys of the columns over all ordinary driving, and over all the rest."""
+POINTS: Final = (0.0, 100.0)
+"""All figures of the table lie between."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +117,7 @@ class Cell:
     """None where the run has no such scenario, where the profile does not judge it, or where rows are missing:
     an incomplete mean is no mean."""
     interval: tuple[float, float] | None
-    """95 % of bootstrap means over the seeds of each scenario; None with one seed."""
+    """95 %, over scenarios like these (`statistics.intervals`); None with fewer than two scenarios."""
     done: int
     asked: int
     """Jobs with a score, and jobs asked for."""
@@ -193,6 +188,8 @@ class ResultsTable:
     profile: str
     columns: tuple[Column, ...]
     lines: tuple[Line, ...]
+    standing: Standing
+    """Which lines can be told apart, and how large a difference this table would find."""
 
     def asked(self, column: Column) -> bool:
         """Whether any line was to drive what the column is about, and is judged by it if that is optional."""
@@ -252,7 +249,8 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
     first = (others or ordinary)[0].manifest
     beside = ordinary[0].manifest.suite if others and ordinary else None
     columns = table_columns({drive.family for each in driven for drive in each.briefs.values()})
-    return ResultsTable(first.suite, beside, first.profile, columns, tuple(_lines(driven, columns)))
+    lines, values = zip(*_lines(driven, columns), strict=True)
+    return ResultsTable(first.suite, beside, first.profile, columns, lines, standing((BENCHMARK, ORDINARY), values))
 
 
 def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
@@ -265,7 +263,7 @@ def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
                 )
 
 
-def _lines(driven: Sequence[_Driven], columns: Sequence[Column]) -> Iterator[Line]:
+def _lines(driven: Sequence[_Driven], columns: Sequence[Column]) -> Iterator[tuple[Line, LineValues]]:
     """A line per planner and run, in order; one for two runs if they are the planner's only ones, one of each kind."""
     named = [(each, planner, planner_label(planner, each.run)) for each in driven for planner in each.keys]
     for each, planner, name in named:
@@ -288,7 +286,7 @@ def _family(key: JobKey, briefs: Mapping[JobKey, Brief]) -> str:
     return briefs[key].family if key in briefs else key[0].partition("/")[0]
 
 
-def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, label: str) -> Line:
+def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, label: str) -> tuple[Line, LineValues]:
     """What a planner did in runs that share no scenario; the first of them says how many scenarios and seeds."""
     first, overrides = driven[0], driven[0].run.manifest.overrides
     scenarios: dict[str, _Scenario] = {}
@@ -303,7 +301,7 @@ def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, la
         for key in each.keys[planner]:
             drive = each.briefs.get(key)
             scenario = scenarios.setdefault(key[0], _Scenario(_family(key, each.briefs)))
-            scenario.drives.append(drive)
+            scenario.drives[key[0], key[2]] = drive
             if drive is None or drive.score is None:
                 missing.append(key)
             if drive is None:
@@ -316,11 +314,12 @@ def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, la
             if drive.fault:
                 faulty.append((each.run.rows, key))
                 faults[drive.fault] += 1
-    return Line(
+    values = {column.key: _values(column, scenarios.values()) for column in columns}
+    line = Line(
         label=label,
         planner=planner,
         overrides=overrides,
-        cells={column.key: _cell(column, scenarios.values()) for column in columns},
+        cells={key: _cell(*found) for key, found in values.items()},
         scenarios=len({key[0] for key in first.keys[planner]}),
         seeds=len({key[2] for key in first.keys[planner]}),
         rows=DriveRows(rows),
@@ -332,6 +331,7 @@ def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, la
         questions=questions,
         unanswered=unanswered,
     )
+    return line, {key: drives for key, (drives, _, _) in values.items()}
 
 
 @dataclass(slots=True)
@@ -340,40 +340,31 @@ class _Scenario:
 
     family: str
     """A guess by its id until one of the drives is done."""
-    drives: list[Brief | None] = field(default_factory=list[Brief | None])
+    drives: dict[DriveKey, Brief | None] = field(default_factory=dict[DriveKey, Brief | None])
     """One per seed; None for one that has not been done."""
 
 
-def _cell(column: Column, scenarios: Iterable[_Scenario]) -> Cell:
-    found: list[list[float | None]] = []
-    asked = 0
-    for scenario in scenarios:
-        if column.covers(scenario.family):
-            asked += len(scenario.drives)
-            scored = [drive for drive in scenario.drives if drive is not None and drive.score is not None]
-            found.append([column.value(drive) for drive in scored])
-    done = sum(map(len, found))
-    if not asked or done < asked or any(None in each for each in found):
-        return Cell(None, None, done, asked)
-    values = [np.array(each, dtype=np.float64) for each in found]
-    mean = 100.0 * float(np.mean([v.mean() for v in values]))
-    return Cell(mean, _interval(values), done, asked)
+def _values(column: Column, scenarios: Iterable[_Scenario]) -> tuple[DriveValues, int, int]:
+    """The figures of a column, 0 to 100, how many drives have a score and how many were asked for.
 
-
-def _interval(values: Sequence[NDArray[np.float64]]) -> tuple[float, float] | None:
-    """95 % percentile bootstrap of the mean over scenarios of the mean over seeds.
-
-    Scenarios are the benchmark and stay; the seeds of each are drawn again.
+    No figures at all where one is missing or is not judged: an incomplete mean is no mean.
     """
-    if max(len(v) for v in values) < 2:
-        return None
-    if sum(len(v) for v in values) > MANY_DRIVES:
-        mean = np.mean([v.mean() for v in values])
-        reach = Z_95 * np.sqrt(np.sum([v.var() / len(v) for v in values])) / len(values)
-        return 100.0 * float(max(mean - reach, 0.0)), 100.0 * float(min(mean + reach, 1.0))
-    rng = np.random.default_rng(BOOTSTRAP_SEED)
-    total = np.zeros(RESAMPLES)
-    for v in values:
-        total += v[rng.integers(0, len(v), (RESAMPLES, len(v)))].mean(axis=1)
-    low, high = np.percentile(100.0 * total / len(values), (2.5, 97.5))
-    return float(low), float(high)
+    found: dict[DriveKey, DriveValue] = {}
+    asked = done = 0
+    for scenario in scenarios:
+        if not column.covers(scenario.family):
+            continue
+        asked += len(scenario.drives)
+        for key, drive in scenario.drives.items():
+            if drive is None or drive.score is None:
+                continue
+            done += 1
+            value = column.value(drive)
+            if value is not None:
+                found[key] = DriveValue(scenario.family, 100.0 * value)
+    return (found if len(found) == asked else {}), done, asked
+
+
+def _cell(values: DriveValues, done: int, asked: int) -> Cell:
+    estimate = mean_estimate(values)
+    return Cell(mean_over_scenes(values), estimate and estimate.interval_within(POINTS), done, asked)

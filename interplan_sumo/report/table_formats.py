@@ -22,6 +22,7 @@ from interplan_sumo.report.paper_comparison import (
     published_figure,
     published_rows,
 )
+from interplan_sumo.report.standing_formats import standing_json, standing_notes
 from interplan_sumo.report.table import ORDINARY, Cell, Column, Line, ResultsTable
 from interplan_sumo.report.text import drive_name, figure, listed, points, rounded
 
@@ -59,7 +60,7 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
                 for r in line.rows
             ],
             "done": {c.key: [line.cells[c.key].done, line.cells[c.key].asked] for c in table.columns},
-            "intervals": {
+            "ci": {
                 c.key: [rounded(bound) for bound in interval]
                 for c in table.columns
                 if (interval := line.cells[c.key].interval) is not None
@@ -75,6 +76,7 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
         "complete": table.complete,
         "families": table.families,
         "rows": rows,
+        **standing_json(table),
     }
     if paper:
         near = agreement(table)
@@ -88,16 +90,19 @@ def reasons(line: Line) -> Iterator[tuple[Row, str]]:
 
 
 def as_csv(table: ResultsTable, *, paper: bool = False) -> str:
-    """The table for spreadsheets: empty fields where there is no figure."""
+    """The table for spreadsheets: empty fields where there is no figure; `_low` and `_high` bound its 95 % interval."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["planner", *(c.key for c in table.columns), "scenarios", "seeds", "official", "faults", "missing"])
+    keys = [f"{c.key}{end}" for c in table.columns for end in ("", "_low", "_high")]
+    writer.writerow(["planner", *keys, "scenarios", "seeds", "official", "faults", "missing"])
     for line in table.lines:
-        figures = [rounded(line.cells[c.key].value) for c in table.columns]
+        cells = [line.cells[c.key] for c in table.columns]
+        figures = [rounded(each) for cell in cells for each in (cell.value, *(cell.interval or (None, None)))]
         faults = sum(line.faults.values())
         writer.writerow([line.label, *figures, line.scenarios, line.seeds, line.official, faults, len(line.missing)])
     for row in published_rows() if paper else ():
-        writer.writerow([f"{row['planner']} (paper)", *(row.get(c.key) for c in table.columns), 80, "", "", "", ""])
+        figures = [each for c in table.columns for each in (row.get(c.key), None, None)]
+        writer.writerow([f"{row['planner']} (paper)", *figures, 80, "", "", "", ""])
     return text.getvalue()
 
 
@@ -145,8 +150,7 @@ def notes(table: ResultsTable, *, paper: bool = False) -> list[str]:
     if ordinary := sum(count for family, count in table.families.items() if find_family(family).ordinary):
         suite = table.ordinary_suite or table.suite
         found.append(f"Ordinary is the mean over ordinary driving (suite {suite}; scenarios: {ordinary}).")
-    if any(cell.interval for line in table.lines for cell in line.cells.values()):
-        found.append("Brackets: 95 % bootstrap interval over the seeds.")
+    found += standing_notes(table)
     if not table.complete:
         count = sum(len(line.missing) for line in table.lines)
         found.append(

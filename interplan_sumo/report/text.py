@@ -46,3 +46,13 @@ def figure(value: float | None, form: str = ".1f") -> str:
 def rounded(value: float | None) -> float | None:
     """A figure as JSON and CSV have it."""
     return None if value is None else round(value, 4)
+
+
+def p_text(p_value: float) -> str:
+    """A p value with as many digits as say something."""
+    return "< 0.001" if p_value < 0.001 else f"{p_value:.3f}"
+
+
+def points_text(difference: float) -> str:
+    """A difference of scores; none is larger than 100 points."""
+    return "more than 100" if difference > 100.0 else f"{difference:.0f}" if difference >= 1.0 else f"{difference:.1g}"

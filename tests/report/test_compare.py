@@ -5,18 +5,28 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from msgspec import structs
 from rich.console import Console
 
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
-from interplan_sumo.report import compare as report_compare
-from interplan_sumo.report.compare import TIE, compare, mean_interval
+from interplan_sumo.report.compare import TIE, Comparison, RunComparison, compare_runs
 from interplan_sumo.report.compare_formats import comparison_json, comparison_text
-from interplan_sumo.report.table import RESAMPLES
 from tests.report.rows import drive, stored
+
+
+def compare(*args: object, **named: object) -> Comparison:
+    """Of one pair of planners."""
+    (found,) = compare_runs(*args, **named).pairs  # type: ignore[arg-type]
+    return found
+
+
+def printed(found: RunComparison) -> str:
+    console = Console(width=200)
+    with console.capture() as captured:
+        console.print(comparison_text(found))
+    return captured.get()
 
 
 def before() -> StoredRun:
@@ -72,16 +82,67 @@ def test_seeds_of_a_scenario_weigh_as_one_scenario():
     found = compare(a, b)
     assert found.overall.difference == pytest.approx(30.0)
     assert (found.overall.scenarios, found.overall.drives) == (2, 4)
-    assert found.overall.interval == pytest.approx((0.0, 60.0))
+    assert found.overall.interval == compare(a, stored(drive("nudge/0", 0.6), drive("nudge/1", 0.0))).overall.interval
 
 
-def test_of_a_single_scenario_the_seeds_are_drawn_again_and_nothing_in_common_has_no_difference():
+def test_a_single_scenario_has_no_interval_and_nothing_in_common_has_no_difference():
     a = stored(*(drive("nudge/0", 0.0, seed=seed) for seed in range(2)))
     b = stored(*(drive("nudge/0", 0.5 * seed, seed=seed) for seed in range(2)))
-    assert compare(a, b).overall.interval == pytest.approx((0.0, 50.0))
-    found = compare(a, stored(drive("nudge/1", 0.5)))
-    assert found.overall.difference is None
-    assert comparison_json(found)["overall"]["a"] is None
+    found = compare(a, b)
+    assert (found.overall.difference, found.overall.interval, found.adjusted_p) == (25.0, None, None)
+    assert "One scenario or none says nothing about others." in printed(compare_runs(a, b))
+    apart = compare_runs(a, stored(drive("nudge/1", 0.5)))
+    assert apart.pairs[0].overall.difference is None
+    assert comparison_json(apart)["overall"]["a"] is None
+
+
+def scores(name: str, more: float, *, count: int = 12, planner: str = "idm") -> StoredRun:
+    """Scores that differ much between scenarios, and by about `more` from a run of the same planner with 0."""
+    rows = [drive(f"nudge/{n}", 0.05 * n + more * (0.9 + 0.02 * n), planner=planner) for n in range(count)]
+    return stored(*rows, path=f"runs/{name}")
+
+
+def test_better_is_who_differs_by_more_than_chance():
+    assert compare(scores("a", 0.0), scores("b", 0.1)).better == "b"
+    assert compare(scores("a", 0.1), scores("b", 0.0)).better == "a"
+    assert compare(scores("a", 0.0), scores("b", 0.0)).better is None
+    assert compare(scores("a", 0.0, count=5), scores("b", 0.1, count=5)).better is None  # too few, however equal
+    noisy = stored(
+        *(drive(f"nudge/{n}", 0.05 * n + (0.3 if n % 2 else -0.05 * min(n, 4))) for n in range(12)), path="runs/b"
+    )
+    found = compare(scores("a", 0.0), noisy)
+    assert (found.overall.difference or 0.0) > 5.0
+    assert found.better is None
+    assert found.overall.interval is not None
+    assert found.overall.interval[0] < 0.0 < found.overall.interval[1]
+    assert (found.overall.least_detectable_difference or 0.0) > 10.0
+
+
+def test_planners_that_both_runs_hold_are_paired_with_themselves():
+    def run(path: str, *more: float) -> StoredRun:
+        rows = [
+            r
+            for name, m in zip(("idm", "y", "z"), more, strict=False)
+            for r in scores("", m, planner=name).rows.values()
+        ]
+        return stored(*rows, path=path)
+
+    found = compare_runs(run("runs/old", 0.0, 0.0), run("runs/new", 0.1, 0.0, 0.3))
+    assert [(pair.a, pair.b, pair.better) for pair in found.pairs] == [
+        ("old: idm", "new: idm", "b"),
+        ("old: y", "new: y", None),
+    ]
+    assert found.pairs[0].adjusted_p == pytest.approx(2 * (found.pairs[0].overall.p_value or 0.0))  # of two pairs
+    assert (found.only_a, found.only_b, found.complete) == ((), ("z",), True)
+    text = printed(found)
+    assert "Only in b: z" in text
+    assert text.count("b is better (") == 1
+    assert text.count("Not to be told apart (") == 1
+    report = json.loads(json.dumps(comparison_json(found), allow_nan=False))
+    assert [pair["b"] for pair in report["pairs"]] == ["new: idm", "new: y"]
+    assert report["only"] == {"a": [], "b": ["z"]}
+    (one,) = compare_runs(run("runs/old", 0.0, 0.0), run("runs/new", 0.1, 0.0), "idm", "y").pairs
+    assert (one.a, one.b) == ("old: idm", "new: y")
 
 
 def test_drives_without_a_score_on_one_side_are_named_and_left_out():
@@ -127,44 +188,14 @@ def test_a_planner_is_named_where_it_is_not_clear_which():
         compare(both, both, planner_b="mini", planner_a="idm")
 
 
-def test_the_interval_holds_the_mean_is_reproducible_and_shrinks_with_more_scenarios():
-    rng = np.random.default_rng(7)
-    few, many = rng.normal(10.0, 5.0, 20), rng.normal(10.0, 5.0, 2000)
-    interval = mean_interval(few)
-    assert interval is not None
-    low, high = interval
-    assert low < few.mean() < high
-    assert mean_interval(few) == (low, high)
-    assert high - low == pytest.approx(2 * 1.96 * few.std() / np.sqrt(20), rel=0.1)
-    narrow = mean_interval(many)
-    assert narrow is not None
-    assert narrow[1] - narrow[0] < 0.2 * (high - low)
-    assert mean_interval(np.array([3.0, 3.0])) == (3.0, 3.0)
-    assert mean_interval(np.array([3.0])) is None
-    assert RESAMPLES >= 1000
-
-
 def test_the_json_is_plain_and_the_text_says_the_same():
-    found = compare(before(), after())
+    found = compare_runs(before(), after())
     report = json.loads(json.dumps(comparison_json(found), allow_nan=False))
     assert report["overall"]["difference"] == -20.0
     assert report["overall"]["wins"] == 1
     assert len(report["overall"]["interval"]) == 2
     assert report["changes"][0]["difference"] == -100.0
-    console = Console(width=200)
-    with console.capture() as captured:
-        console.print(comparison_text(found))
-    text = captured.get()
+    text = printed(found)
     assert "-20.0" in text
     assert "at-fault collision: drove into vehicle v1" in text
     assert "INCOMPLETE" not in text
-
-
-def test_over_many_values_the_interval_is_the_one_that_bootstrap_means_tend_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    values = np.arange(200.0) % 17
-    drawn = mean_interval(values)
-    monkeypatch.setattr(report_compare, "MANY_DRIVES", 199)
-    computed = mean_interval(values)
-    assert drawn is not None
-    assert drawn != computed
-    assert computed == pytest.approx(drawn, abs=0.05)

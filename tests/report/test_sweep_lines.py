@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -124,10 +125,25 @@ def test_seeds_of_a_scenario_count_together_and_one_drive_has_no_interval() -> N
     (line,) = sweep_lines([result(rows, tau="1")])
     assert mean(line, "score") == pytest.approx(62.5)
     assert (line.scenarios, line.seeds, line.asked) == (2, 2, 4)
-    for some, interval in ((rows[2:3], None), (rows[2:], (0.0, 50.0))):
+    for some in (rows[2:3], rows[2:]):
         (line,) = sweep_lines([result(some, tau="1")])
         assert line.means["score"] is not None
-        assert line.means["score"].interval == interval
+        assert line.means["score"].interval is None
+
+
+def test_combinations_are_told_apart_by_the_scenarios_that_they_share() -> None:
+    lines = sweep_lines(
+        [
+            result([drove(n, 0.08 * n + more * (1.0 + 0.01 * n)) for n in range(10)], tau=tau)
+            for tau, more in (("1", 0.1), ("2", 0.0), ("3", 0.1001))
+        ]
+    )
+    text = printed([Parameter("tau", ("1", "2", "3"))], lines)
+    assert "Least detectable difference (80 % power, two-sided 5 %), paired scenario by scenario: score 0." in text
+    assert "Best: tau=3, idm. It can be told apart from every other line" in text
+    assert "Not to be told apart from it (paired bootstrap over scenarios, Holm over 1 pairs): tau=3, idm." in printed(
+        [], [lines[0], replace(lines[0], setting={"tau": "3"})]
+    )
 
 
 def test_a_planner_fault_is_a_zero_and_says_nothing_of_collisions() -> None:
@@ -181,7 +197,7 @@ def test_equal_sweeps_give_equal_csv_with_a_row_per_combination() -> None:
     ]  # fmt: skip
     assert rows[0]["score"] == "75.0000"
     assert rows[2]["score"] == "50.0000"
-    assert rows[0]["score_low"] == "50.0000"
+    assert rows[0]["score_low"] == "0.0000"  # of two scenarios
     assert rows[0]["braking_behind_mps2_max"] == "0.0000"
     assert "score_max" not in rows[0]
 
@@ -191,7 +207,9 @@ def test_json_has_every_measure_and_no_number_that_json_lacks() -> None:
     json.dumps(entries, allow_nan=False)
     assert entries[0]["setting"] == {"density": "low", "interplan.reactOverlap": "0"}
     assert set(entries[0]["measures"]) == {measure.key for measure in MEASURES}
-    assert entries[0]["measures"]["score"] == {"mean": 75.0, "interval": [50.0, 100.0], "drives": 2}
+    assert entries[0]["measures"]["score"] == {
+        "mean": 75.0, "interval": [0.0, 100.0], "scenarios": 2, "drives": 2,
+    }  # fmt: skip
 
 
 # --- plots ---
@@ -206,6 +224,19 @@ def test_equal_sweeps_of_words_or_numbers_give_equal_pictures(tmp_path: Path) ->
         plot_sweep([Parameter("behaviour", ("mixed", "calm", "urban"))], lines, tmp_path / name)
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_every_panel_has_the_scale_0_to_100_and_says_of_how_many_drives_it_is() -> None:
+    from matplotlib.figure import Figure
+
+    lines = sweep_lines([result([drove(n, score, seed=seed) for n in range(2) for seed in range(3)], tau=tau)
+                         for tau, score in (("1", 0.99), ("2", 1.0))])  # fmt: skip
+    axes, tau = Figure().add_subplot(), Parameter("tau", ("1", "2"))
+    sweep_plot._curves(axes, MEASURES[0], tau, None, lines, ["idm"])
+    assert axes.get_ylim() == (0.0, 100.0)
+    sweep_plot._heat_map(axes, MEASURES[0], tau, Parameter("x", ("1",)), [])
+    assert axes.images[0].get_clim() == (0.0, 100.0)
+    assert sweep_plot._counted(MEASURES[0], lines) == "score (0 to 100)\nn = 2 scenarios, 6 drives"
 
 
 def test_two_parameters_of_several_planners_have_a_row_of_maps_for_each(tmp_path: Path) -> None:

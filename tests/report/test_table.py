@@ -7,7 +7,6 @@ from msgspec.structs import replace
 
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
-from interplan_sumo.report import table as report_table
 from interplan_sumo.report.table import make_table
 from tests.report.rows import drive, stored
 
@@ -74,40 +73,47 @@ def test_a_missing_drive_counts_in_the_family_that_another_seed_tells() -> None:
     assert (line.cells["nudge"].done, line.cells["nudge"].asked) == (1, 2)
 
 
-def test_the_interval_over_seeds_holds_the_mean_and_is_the_same_every_time() -> None:
-    rows = [drive(f"nudge/{n}", (n + seed) % 3 / 2, seed=seed) for n in range(4) for seed in range(6)]
-    first, second = (make_table([stored(*rows)]).lines[0].cells["nudge"] for _ in range(2))
+def test_the_interval_is_over_scenarios_and_seeds_of_a_scenario_are_one_figure() -> None:
+    scores = (1.0, 0.0, 0.5, 0.8, 0.2)
+    once = [drive(f"nudge/{n}", score) for n, score in enumerate(scores)]
+    again = [drive(f"nudge/{n}", score, seed=seed) for n, score in enumerate(scores) for seed in range(3)]
+    first, second = (make_table([stored(*rows)]).lines[0].cells["nudge"] for rows in (once, again))
     assert first.interval == second.interval
     assert first.interval is not None
-    assert first.value is not None
-    assert first.interval[0] < first.value < first.interval[1]
-    one_seed = make_table([stored(drive("nudge/0", 0.3), drive("nudge/1", 0.7))]).lines[0].cells["nudge"]
-    assert (one_seed.value, one_seed.interval) == (50.0, None)
-    equal = [drive("nudge/0", 0.5, seed=seed) for seed in range(3)]
-    assert make_table([stored(*equal)]).lines[0].cells["nudge"].interval == (50.0, 50.0)
+    assert first.interval[0] < 30.0
+    assert first.interval[1] > 70.0
+    assert make_table([stored(*again[:3])]).lines[0].cells["nudge"].interval is None  # of one scenario
 
 
-def test_over_many_drives_the_interval_is_the_one_that_bootstrap_means_tend_to(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    rows = [drive(f"nudge/{n}", (7 * n + 3 * seed) % 11 / 10, seed=seed) for n in range(4) for seed in range(40)]
-    intervals: list[tuple[float, float]] = []
-    for many in (160, 159):
-        monkeypatch.setattr(report_table, "MANY_DRIVES", many)
-        interval = make_table([stored(*rows)]).lines[0].cells["nudge"].interval
-        assert interval is not None
-        intervals.append(interval)
-    drawn, computed = intervals
-    assert drawn != computed
-    assert computed == pytest.approx(drawn, abs=0.5)
-
-
-def test_the_interval_over_many_drives_stays_among_scores(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report_table, "MANY_DRIVES", 1)
-    rows = [drive("nudge/0", score, seed=seed) for seed, score in enumerate((1.0, 1.0, 1.0, 0.5))]
-    interval = make_table([stored(*rows)]).lines[0].cells["nudge"].interval
+def test_scenarios_are_drawn_again_within_their_families() -> None:
+    rows = [drive(f"{family}/{n}", score) for family, score in (("nudge", 0.9), ("overtake", 0.1)) for n in range(10)]
+    rows += [drive(f"{family}/{n}", s) for family, s in (("nudge", 0.95), ("overtake", 0.15)) for n in (10, 11)]
+    interval = make_table([stored(*rows)]).lines[0].cells["interplan"].interval
     assert interval is not None
-    assert interval[1] == 100.0
+    assert interval[1] - interval[0] < 4.0  # drawn over all of them: 33
+
+
+def test_lines_are_told_apart_by_the_scenarios_that_they_share() -> None:
+    hard = [0.1 * (n % 8) for n in range(24)]
+    rows = [drive(f"nudge/{n}", h, planner="a") for n, h in enumerate(hard)]
+    rows += [drive(f"nudge/{n}", h + 0.1 + 0.01 * (n % 3), planner="b") for n, h in enumerate(hard)]
+    rows += [drive(f"nudge/{n}", h + 0.11 * (n % 2), planner="c") for n, h in enumerate(hard)]
+    standing = make_table([stored(*rows)]).standing
+    assert (standing.column, standing.best, standing.behind, standing.alike) == ("interplan", 1, [0, 2], [])
+    span = standing.detectable["interplan"]
+    assert span.paired
+    assert span.least < 1.0 < span.greatest < 5.0
+    own = [stored(*rows[:24]), stored(*(drive(f"nudge/{n + 50}", h + 0.1) for n, h in enumerate(hard)), path="runs/b")]
+    standing = make_table(own).standing
+    assert (standing.best, standing.behind, standing.alike) == (1, [], [0])  # scenarios of their own: 23 points wide
+    assert not standing.detectable["interplan"].paired
+    assert standing.detectable["interplan"].least > 15.0
+
+
+def test_lines_with_rows_missing_stand_nowhere() -> None:
+    rows = [drive(f"nudge/{n}", 0.1 * n, planner=name) for n in range(8) for name in ("idm", "b")]
+    standing = make_table([stored(*rows, missing=("nudge/9",))]).standing
+    assert (standing.figures, standing.best, standing.alike, standing.behind) == ((1,), None, [], [])
 
 
 def test_official_and_overridden_rows_are_never_mixed() -> None:

@@ -120,7 +120,7 @@ def test_csv_reads_back() -> None:
 def test_markdown_is_one_table_with_twelve_columns() -> None:
     head, rule, line, *_ = as_markdown(table()).splitlines()
     assert head.count("|") == rule.count("|") == line.count("|") == 14
-    assert "| idm | 33 |" in line
+    assert "| idm | 33 [0, 100] |" in line
 
 
 def test_the_published_rows_stand_beside_ours_on_request() -> None:
@@ -150,7 +150,7 @@ def test_the_published_rows_have_val14_there_where_it_was_driven() -> None:
     lines = as_markdown(with_ordinary(), paper=True).splitlines()
     assert any(line.startswith("| PDM-Closed (paper) | 92 | 42 |") for line in lines)
     assert any(line.startswith("| HybridLLM Llama-7B (paper) | - | 53 |") for line in lines)
-    assert "| idm | - | 33 |" in as_markdown(table(), paper=True)
+    assert "| idm | - | 33 [0, 100] |" in as_markdown(table(), paper=True)
     rows = as_json(table(), paper=True)["paper"]["rows"]
     assert {row["planner"]: row["ordinary"] for row in rows}["LLMWaypoints GPT-3.5"] is None
 

@@ -1,0 +1,80 @@
+"""Standing: which lines of a table can be told apart from the best, and how large a difference the table would find."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from interplan_sumo.statistics.detection import Contrast, RowPair, contrasts, least_detectable_difference, row_pairs
+from interplan_sumo.statistics.intervals import MeanEstimate, mean_estimate, unpaired_difference
+from interplan_sumo.statistics.scene_values import DriveValues, mean_over_scenes
+
+LineValues = Mapping[str, DriveValues]
+"""Of one line, by column, the figure of each drive, 0 to 100; nothing where the cell has no mean."""
+
+
+@dataclass(frozen=True, slots=True)
+class DetectableDifference:
+    """The least true difference between two lines of a column that shows in 80 of 100 such tables, in points."""
+
+    least: float
+    middle: float
+    """Median over the pairs of lines: some pairs differ more from scene to scene than others."""
+    greatest: float
+    paired: bool
+    """Whether all pairs share their scenes; with one line, that of two such lines on scenes of their own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How the lines of a table, by their numbers, stand to the best one in the column over all families."""
+
+    column: str
+    figures: tuple[int, ...]
+    """Lines that have a figure there."""
+    best: int | None
+    """None where fewer than two have one."""
+    contrasts: tuple[Contrast, ...]
+    detectable: Mapping[str, DetectableDifference]
+    """By column, without those where no two scenes differ."""
+
+    @property
+    def alike(self) -> list[int]:
+        """Lines that cannot be told apart from the best."""
+        others = [line for line in self.figures if line != self.best] if self.best is not None else []
+        return [line for line in others if line not in self.behind]
+
+    @property
+    def behind(self) -> list[int]:
+        """Lines that can."""
+        told = [{each.pair.a, each.pair.b} for each in self.contrasts if each.told_apart]
+        return [line for line in self.figures if {line, self.best} in told]
+
+
+def standing(totals: Sequence[str], lines: Sequence[LineValues]) -> Standing:
+    """By that of the columns `totals` which most lines have a figure in, the first of equals."""
+    having = {key: tuple(number for number, line in enumerate(lines) if line[key]) for key in totals}
+    column = max(totals, key=lambda key: len(having[key]))
+    figures = having[column]
+    pairs = {key: row_pairs([line[key] for line in lines]) for key in lines[0]}
+    spans = {key: _detectable(found, [line[key] for line in lines]) for key, found in pairs.items()}
+    return Standing(
+        column=column,
+        figures=figures,
+        best=max(figures, key=lambda number: mean_over_scenes(lines[number][column]) or 0.0, default=None)
+        if len(figures) > 1
+        else None,
+        contrasts=tuple(contrasts(pairs[column])),
+        detectable={key: span for key, span in spans.items() if span is not None},
+    )
+
+
+def _detectable(pairs: Sequence[RowPair], rows: Sequence[DriveValues]) -> DetectableDifference | None:
+    estimates: list[MeanEstimate] = [pair.estimate for pair in pairs]
+    if not pairs:
+        estimates = [unpaired_difference(one, one) for row in rows if (one := mean_estimate(row))]
+    found = [least for estimate in estimates if (least := least_detectable_difference(estimate)) is not None]
+    if not found:
+        return None
+    return DetectableDifference(min(found), median(found), max(found), bool(pairs) and all(p.paired for p in pairs))
