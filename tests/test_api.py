@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -227,6 +228,17 @@ def test_two_runs_are_compared_pair_by_pair(drives: pd.DataFrame) -> None:
     assert isinstance(found, Comparison)
     assert found.profile == "nuplan"
     assert found.overall.drives == 1
+
+
+def test_planners_that_two_runs_share_are_compared_with_themselves(drives: pd.DataFrame, tmp_path: Path) -> None:
+    again = shutil.copytree(drives.attrs["run_folder"], tmp_path / "again")
+    found = ips.compare_all(drives, again)
+    assert [pair.overall.difference for pair in found.pairs] == [0.0] * len(found.pairs)
+    assert {pair.b for pair in found.pairs} >= {"again: straight_ahead", "again: Creeping"}
+    with pytest.raises(ips.InputError, match=r"name one as planner_a, or take compare_all\(a, b\)"):
+        ips.compare(drives, again)
+    with pytest.raises(ips.InputError, match="name one: --planner-a"):
+        ips.compare_all(drives, drives)
 
 
 def test_scenarios_are_listed_by_suite_and_by_file_and_a_watch_is_told_of_every_drive(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from interplan_sumo.batch.records import Brief, JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.report.failure_reasons import fault_sentence, metric_sentence
-from interplan_sumo.report.table import planner_label
+from interplan_sumo.report.table import planner_label, unsafe_share
 from interplan_sumo.statistics.detection import SIGNIFICANCE, holm, least_detectable_difference
 from interplan_sumo.statistics.intervals import Range, mean_estimate
 from interplan_sumo.statistics.scene_values import DriveKey, DriveValue, DriveValues, mean_over_scenes
@@ -35,6 +35,9 @@ class ScoreChange:
     a: float
     b: float
     """Scores, 0 to 1."""
+    unsafe_a: float | None
+    unsafe_b: float | None
+    """1 for an unsafe drive, else 0; None where the profile does not say."""
     reason: str
     """What the worse of the two lost that the other did not; empty for a tie."""
 
@@ -64,8 +67,11 @@ class GroupComparison:
     """Of no difference, two-sided, by the same bootstrap."""
     least_detectable_difference: float | None
     """What would show in 80 of 100 such comparisons; None where all scenarios of each family differ alike."""
+    unsafe_a: float | None
+    unsafe_b: float | None
+    """Percent of the drives, as mean over the scenarios; None where the profile does not say of all."""
     wins: int
-    """Drives where b is better."""
+    """Drives where b has more points."""
     losses: int
     ties: int
 
@@ -94,11 +100,18 @@ class Comparison:
         return not (self.missing_a or self.missing_b)
 
     @property
-    def better(self) -> str | None:
+    def scores_more(self) -> str | None:
         """`a` or `b`, where that is more than chance."""
         if self.adjusted_p is None or self.adjusted_p >= SIGNIFICANCE:
             return None
         return "b" if (self.overall.difference or 0.0) > 0.0 else "a"
+
+    @property
+    def better(self) -> str | None:
+        """Who scores more, unless it is unsafe more often: points do not make up for that."""
+        unsafe = {"a": self.overall.unsafe_a or 0.0, "b": self.overall.unsafe_b or 0.0}
+        winner = self.scores_more
+        return winner if winner and unsafe[winner] <= min(unsafe.values()) + TIE else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +236,7 @@ def _change(
         row_a, row_b = run_a.rows[key_a], run_b.rows[key_b]
         worse, better = (row_a, row_b) if a < b else (row_b, row_a)
         reason = f"{'a' if a < b else 'b'}: {_lost(worse, better)}"
-    return ScoreChange(key_a[0], drive_a.family, key_a[2], a, b, reason)
+    return ScoreChange(key_a[0], drive_a.family, key_a[2], a, b, unsafe_share(drive_a), unsafe_share(drive_b), reason)
 
 
 def _lost(worse: Row, better: Row) -> str:
@@ -238,7 +251,10 @@ def _lost(worse: Row, better: Row) -> str:
 
 def _group(changes: Sequence[ScoreChange]) -> GroupComparison:
     def points(name: str) -> DriveValues:
-        return {(c.scenario_id, c.seed): DriveValue(c.family, 100.0 * getattr(c, name)) for c in changes}
+        values = [(c, getattr(c, name)) for c in changes]
+        if any(value is None for _, value in values):
+            return {}
+        return {(c.scenario_id, c.seed): DriveValue(c.family, 100.0 * value) for c, value in values}
 
     winners = [change.winner for change in changes]
     estimate = mean_estimate(points("difference"))
@@ -251,6 +267,8 @@ def _group(changes: Sequence[ScoreChange]) -> GroupComparison:
         interval=estimate and estimate.interval,
         p_value=estimate and estimate.p_value,
         least_detectable_difference=estimate and least_detectable_difference(estimate),
+        unsafe_a=mean_over_scenes(points("unsafe_a")),
+        unsafe_b=mean_over_scenes(points("unsafe_b")),
         wins=winners.count("b"),
         losses=winners.count("a"),
         ties=winners.count("tie"),

@@ -16,7 +16,7 @@ from interplan_sumo.statistics.scene_values import DriveKey
 
 LISTED = 10
 """So many changes and missing drives are listed on a terminal."""
-ROUNDED = ("a", "b", "difference", "p_value", "least_detectable_difference")
+ROUNDED = ("a", "b", "difference", "p_value", "least_detectable_difference", "unsafe_a", "unsafe_b")
 
 
 def comparison_json(found: RunComparison) -> dict[str, Any]:
@@ -43,6 +43,7 @@ def _pair_json(found: Comparison) -> dict[str, Any]:
         "profile": found.profile,
         "complete": found.complete,
         "better": found.better,
+        "scores_more": found.scores_more,
         "p_holm": rounded(found.adjusted_p),
         "overall": _group_json(found.overall),
         "families": {family: _group_json(group) for family, group in found.families.items()},
@@ -97,7 +98,9 @@ def comparison_text(found: RunComparison) -> RenderableType:
 
 def _pair_text(found: Comparison, *, of_several: bool) -> list[RenderableType]:
     groups = {"all": found.overall, **found.families}
-    titles = ("", "scenarios", "drives", "a", "b", "b - a", "95 %", "p", "won", "lost", "tied")
+    titles = (
+        "", "scenarios", "drives", "a", "b", "b - a", "95 %", "p", "unsafe a %", "unsafe b %", "won", "lost", "tied",
+    )  # fmt: skip
     table = grid(titles, [[name, *_cells(group)] for name, group in groups.items()])
     table.rows[0].end_section = True
     parts: list[RenderableType] = [Text(f"a  {found.a}\nb  {found.b}"), table, Text(_verdict(found, of_several))]
@@ -121,6 +124,8 @@ def _verdict(found: Comparison, of_several: bool) -> str:
     if found.adjusted_p is None:
         return "One scenario or none says nothing about others."
     said = f"{found.better} is better" if found.better else "Not to be told apart"
+    if found.scores_more and not found.better:
+        said = f"{found.scores_more} scores more but is unsafe more often, so that neither is called better"
     how = f"p {p_text(found.adjusted_p)}{' after Holm over all pairs' if of_several else ''}"
     least = found.overall.least_detectable_difference
     detectable = "" if least is None else f" Least detectable difference (80 % power): {points_text(least)} points."
@@ -131,4 +136,5 @@ def _cells(group: GroupComparison) -> list[str]:
     interval = "-" if group.interval is None else "[{:+.1f}, {:+.1f}]".format(*group.interval)
     p_value = "-" if group.p_value is None else p_text(group.p_value)
     figures = [figure(group.a), figure(group.b), figure(group.difference, "+.1f"), interval, p_value]
+    figures += [figure(group.unsafe_a, ".0f"), figure(group.unsafe_b, ".0f")]
     return [str(group.scenarios), str(group.drives), *figures, *map(str, (group.wins, group.losses, group.ties))]

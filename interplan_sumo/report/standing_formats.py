@@ -64,13 +64,14 @@ def standing_notes(table: ResultsTable) -> list[str]:
         found.append(f"Brackets: {BRACKETS}")
     if held.column in held.detectable:
         title = next(column.title for column in table.columns if column.key == held.column)
-        single = [column.key for column in table.columns if column.key != held.column and _of_one_family(column, table)]
+        single = [column.key for column in table.columns if _of_one_family(column, table)]
         found.append(detectable_note(held, title, [held.detectable[key] for key in single if key in held.detectable]))
     return [*found, *alike_note(held, [line.label for line in table.lines])]
 
 
 def _of_one_family(column: Column, table: ResultsTable) -> bool:
-    return sum(column.covers(family) for family in table.families) == 1
+    """Whether it is about one family of several."""
+    return len(table.families) > 1 and sum(column.covers(family) for family in table.families) == 1
 
 
 def detectable_note(held: Standing, title: str, families: Sequence[DetectableDifference] = ()) -> str:

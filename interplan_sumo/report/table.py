@@ -57,7 +57,7 @@ def table_columns(driven: Iterable[str] = ()) -> tuple[Column, ...]:
         Column(ORDINARY, "Ordinary", "Ordinary driving", lambda family: find_family(family).ordinary, _score),
         Column(BENCHMARK, "interPlan", "interPlan, all families", _is_rare, _score),
         Column("done_share", "Done %", "Task done", _is_rare, _done, optional=True),
-        Column("unsafe_share", "Unsafe %", "Unsafe", _is_rare, _unsafe, optional=True),
+        Column("unsafe_share", "Unsafe %", "Unsafe", _is_rare, unsafe_share, optional=True),
         Column("paper_score", "by paper", f"interPlan by {PAPER_PROFILE}", _is_rare, _paper_score, optional=True),
         *of_families,
         Column("driv", "Driv.", "Lane changes: stayed on the road", _changes_lanes, _drivable_area),
@@ -76,7 +76,8 @@ def _done(drive: Brief) -> float | None:
     return None if drive.done is None else float(drive.done)
 
 
-def _unsafe(drive: Brief) -> float | None:
+def unsafe_share(drive: Brief) -> float | None:
+    """1 for an unsafe drive, else 0; None where the profile does not say."""
     if drive.fault:
         return 1.0  # nobody drove on
     return None if drive.unsafe is None else float(drive.unsafe)

@@ -199,3 +199,19 @@ def test_the_json_is_plain_and_the_text_says_the_same():
     assert "-20.0" in text
     assert "at-fault collision: drove into vehicle v1" in text
     assert "INCOMPLETE" not in text
+
+
+def test_who_is_unsafe_more_often_is_not_called_better():
+    def run(name: str, more: float, unsafe: int | None) -> StoredRun:
+        rows = [
+            structs.replace(row, unsafe=None if unsafe is None else n < unsafe)
+            for n, row in enumerate(scores(name, more).rows.values())
+        ]
+        return stored(*rows, path=f"runs/{name}")
+
+    for of_a, of_b, better in ((2, 2, "b"), (3, 2, "b"), (None, None, "b"), (2, 3, None)):
+        found = compare_runs(run("a", 0.0, of_a), run("b", 0.1, of_b))
+        assert (found.pairs[0].scores_more, found.pairs[0].better) == ("b", better)
+    assert found.pairs[0].overall.unsafe_b == 25.0
+    assert "b scores more but is unsafe more often" in printed(found)
+    assert comparison_json(found)["better"] is None

@@ -173,3 +173,56 @@ def test_questions_to_a_language_model_are_told_with_the_share_in_vain() -> None
     assert (as_json(found)["rows"][0]["questions"], as_json(found)["rows"][0]["unanswered"]) == (50, 2)
     assert "language model" not in text(table())
     assert "questions" not in as_json(table())["rows"][0]
+
+
+# --- what the figures can tell apart ---
+
+
+def three() -> ResultsTable:
+    hard = [0.08 * n for n in range(10)]
+    return make_table(
+        [
+            stored(
+                *(drive(f"{f}/{n}", h, planner="a") for f in ("nudge", "overtake") for n, h in enumerate(hard)),
+                *(drive(f"{f}/{n}", h + 0.02 * (n % 3) - 0.02 * (n == 2), planner="b")
+                  for f in ("nudge", "overtake") for n, h in enumerate(hard)),
+                *(drive(f"{f}/{n}", h + 0.2 + 0.01 * (n % 2), planner="c")
+                  for f in ("nudge", "overtake") for n, h in enumerate(hard)),
+            )
+        ]
+    )  # fmt: skip
+
+
+def test_json_has_intervals_the_least_detectable_difference_and_all_pairs() -> None:
+    report = as_json(three())
+    low, high = report["rows"][0]["ci"]["interplan"]
+    assert low < report["rows"][0]["interplan"] < high
+    assert 0.0 < report["least_detectable_difference"] < 3.0
+    comparison = report["comparison"]
+    assert (comparison["column"], comparison["best"], comparison["not_told_apart_from_best"]) == ("interplan", "c", [])
+    assert [(pair["a"], pair["b"], pair["paired"], pair["scenarios"]) for pair in comparison["pairs"]] == [
+        ("a", "b", True, 20), ("a", "c", True, 20), ("b", "c", True, 20),
+    ]  # fmt: skip
+    assert {"interplan", "nudge", "overtake"} <= comparison["least_detectable_differences"].keys()
+    assert as_json(make_table([stored(drive("nudge/0", 1.0))]))["least_detectable_difference"] is None
+
+
+def test_under_the_table_stands_what_it_can_tell() -> None:
+    said = " ".join(text(three()).split())
+    assert "Brackets: 95 % interval for scenarios like these" in said
+    assert "Least detectable difference (80 % power, two-sided 5 %), paired scenario by scenario: interPlan" in said
+    assert "in a single family" in said
+    assert "Best: c. It can be told apart from every other line (paired bootstrap over scenarios, Holm over 3" in said
+    alone = " ".join(text(table()).split())
+    assert "between lines on scenarios of their own: interPlan more than 100 points" in alone
+    assert "Best:" not in alone
+    few = make_table(
+        [stored(*(drive(f"nudge/{n}", s, planner=name) for name, s in (("a", 0.1), ("b", 0.9)) for n in range(5)))]
+    )
+    assert "Best: b. Not to be told apart from it (paired bootstrap over scenarios, Holm over 1 pairs): a." in text(few)
+
+
+def test_csv_has_the_bounds_beside_each_figure() -> None:
+    (row, *_) = csv.DictReader(io.StringIO(as_csv(three())))
+    assert float(row["nudge_low"]) < float(row["nudge"]) < float(row["nudge_high"])
+    assert row["jaywalker_low"] == ""
