@@ -71,6 +71,7 @@ def realism(
     from interplan_sumo.realism.features import feature_samples
     from interplan_sumo.realism.formats import realism_json, realism_tables
     from interplan_sumo.realism.sources import named_sources
+    from interplan_sumo.realism.tracker_noise import TrackerNoise
     from interplan_sumo.realism.tracks import open_recordings
     from interplan_sumo.report.printing import console, print_json
 
@@ -83,6 +84,7 @@ def realism(
         if not path.exists():
             raise InputError(f"cannot read {path}: there is no such file or folder")
     recordings = open_recordings(against)
+    noise = TrackerNoise.of(recordings)
 
     def say(line: str) -> None:
         if not quiet:
@@ -90,13 +92,13 @@ def realism(
 
     drivers = [Baseline(str(path), file) for path, file in files.items() if is_vehicle_types(file)]
     sources = named_sources([path for path, file in files.items() if not is_vehicle_types(file)], types)
-    simulations = {each.name: feature_samples(each.parts()) for each in sources}
-    simulations |= simulated_baselines(drivers, say)
+    simulations = {each.name: feature_samples(each.parts(noise)) for each in sources}
+    simulations |= simulated_baselines(drivers, noise, say)
     beside = {}
     if baselines:
         with shipped_baselines() as shipped:
-            beside = simulated_baselines(shipped, say)
-    report = realism_report(simulations, recordings, beside)
+            beside = simulated_baselines(shipped, noise, say)
+    report = realism_report(simulations, recordings, beside, noise)
     if html is not None:
         from interplan_sumo.realism.page import write_realism_page
 

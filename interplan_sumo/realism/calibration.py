@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,13 +15,14 @@ from interplan_sumo.realism.driver_fit import DriverFit
 from interplan_sumo.realism.driver_population import QUALITIES, DriverPopulation
 from interplan_sumo.realism.held_out import HeldOut, fitted, held_out
 from interplan_sumo.realism.observed_drivers import ObservedDrivers, observed_drivers
-from interplan_sumo.realism.published import PRIORS, Road
+from interplan_sumo.realism.published import PRIORS, WAVER_MPS2, Road
 from interplan_sumo.realism.tracks import RecordedTraffic
 from interplan_sumo.realism.vehicle_type_writer import vehicle_type_text
 from interplan_sumo.world.geometry import Floats
 
 TOLD: Final = 0.5
 """A record tells a parameter if it takes away this share of the population's variance, or more."""
+WAVERING: Final = 5
 UNITS: Final[dict[str, str]] = dict(zip(QUALITIES, ("s", "m", "m/s2", "m/s2", "", "s", "s", "s"), strict=True))
 NAMES: Final[dict[str, str]] = dict(
     zip(
@@ -73,18 +74,29 @@ class Calibration:
         """How many drivers tell each parameter."""
         return dict(zip(PARAMETERS, (self.fit.identified >= TOLD).sum(axis=0).tolist(), strict=True))
 
+    @property
+    def waver_mps2(self) -> float:
+        """Of the driver in the middle; published where fewer than `WAVERING` tell it."""
+        told = self.drivers.waver_mps2[np.isfinite(self.drivers.waver_mps2)]
+        return float(np.median(told)) if len(told) >= WAVERING else WAVER_MPS2[self.options.road]
+
     def drawn(self) -> Floats:
         """(N, 8) drivers."""
         return self.population.drawn(self.options.count, self.options.shift)
 
     def text(self) -> str:
         """The vehicle-type file."""
-        return vehicle_type_text(self.drawn(), [*_comment(self)])
+        return vehicle_type_text(self.drawn(), self.waver_mps2, [*_comment(self)])
 
 
 def calibrate(recordings: Sequence[RecordedTraffic], options: CalibrationOptions | None = None) -> Calibration:
-    """Fit drivers to recordings; InputError if there is too little in them, or an option cannot be."""
-    options = options or CalibrationOptions()
+    """Fit drivers to recordings, and to all places but one in turn; InputError as `calibrated`."""
+    found = calibrated(recordings, options or CalibrationOptions())
+    return replace(found, held_out=held_out(found.drivers, PRIORS[found.options.road]))
+
+
+def calibrated(recordings: Sequence[RecordedTraffic], options: CalibrationOptions) -> Calibration:
+    """Fit drivers to recordings, nothing held out; InputError if there is too little, or an option cannot be."""
     if options.road not in PRIORS:
         raise InputError(f"the road is {options.road!r}, expected {' or '.join(PRIORS)}")
     for place, limit_mps in (options.limits_mps or {}).items():
@@ -95,7 +107,7 @@ def calibrate(recordings: Sequence[RecordedTraffic], options: CalibrationOptions
     fit = fitted(drivers, prior)
     population = DriverPopulation.of(fit)
     population.drawn(options.count, options.shift)  # a fault in an option is told before the long part
-    return Calibration(options, tuple(recordings), drivers, fit, population, held_out(drivers, prior))
+    return Calibration(options, tuple(recordings), drivers, fit, population, HeldOut((), {}))
 
 
 def _comment(found: Calibration) -> Iterator[str]:
@@ -132,6 +144,11 @@ def _comment(found: Calibration) -> Iterator[str]:
         f"Shift: {options.shift:+g} quantiles towards caution. {options.count} types, lognormal and correlated: "
         + ", ".join(f"{NAMES[name]} {_middle(found, at)}" for at, name in enumerate(QUALITIES))
         + "."
+    )
+    wavering = np.isfinite(drivers.waver_mps2).sum()
+    yield from _wrapped(
+        f"Wavering: root mean square acceleration at a kept speed {found.waver_mps2:.2f} m/s2, "
+        + (f"told by {wavering} drivers." if wavering >= WAVERING else "published.")
     )
     if len(drivers.walking_mps):
         low, middle, high = np.percentile(drivers.walking_mps, [5, 50, 95])
@@ -189,6 +206,7 @@ def calibration_json(found: Calibration) -> dict[str, Any]:
                 for each in found.held_out.places
             ],
         },
+        "waver_mps2": _number(found.waver_mps2),
         "walking_mps": [_number(value) for value in np.percentile(found.drivers.walking_mps, [5, 50, 95])]
         if len(found.drivers.walking_mps)
         else None,

@@ -19,6 +19,7 @@ from interplan_sumo.realism.distances import Sample, kolmogorov_smirnov, wassers
 from interplan_sumo.realism.features import FEATURES, FeatureSamples, TrafficFeature, feature_samples, pooled
 from interplan_sumo.realism.likelihood import ceiling, likelihood, weighted_mean
 from interplan_sumo.realism.motion import motion_of
+from interplan_sumo.realism.tracker_noise import NO_NOISE, TrackerNoise
 from interplan_sumo.realism.tracks import RecordedTraffic, Track
 
 FEWEST: Final = 10
@@ -156,11 +157,16 @@ def realism_report(
     simulations: Mapping[str, FeatureSamples],
     recordings: Sequence[RecordedTraffic],
     baselines: Mapping[str, FeatureSamples] | None = None,
+    noise: TrackerNoise = NO_NOISE,
 ) -> RealismReport:
-    """The rows of these simulations, of constant velocity and other baselines, and of each place against the others."""
+    """The rows of these simulations, of constant velocity and other baselines, and of each place against the others.
+
+    Simulations have been shaken as recordings are by whoever gives them; constant velocity is shaken here.
+    """
     recorded = recorded_places(recordings)
     rows = [compare(name, "run", samples, recorded) for name, samples in simulations.items()]
-    constant = {"constant velocity": feature_samples(map(constant_velocity, recordings))}
+    steady = map(constant_velocity, recordings)
+    constant = {"constant velocity": feature_samples(map(noise.on, steady))}
     rows += [compare(n, "baseline", samples, recorded) for n, samples in {**(baselines or {}), **constant}.items()]
     if len(recorded.places) > 1:
         rows += [

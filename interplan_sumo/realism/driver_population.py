@@ -18,6 +18,7 @@ from interplan_sumo.realism.published import (
     CRITICAL_LEAD_GAP_S,
     LANE_CHANGE_S,
     REACTION_S,
+    SMALLEST_CRITICAL_GAP_S,
 )
 from interplan_sumo.world.geometry import Floats
 
@@ -26,8 +27,9 @@ QUALITIES: Final = (*PARAMETERS, "reaction_s", "critical_gap_s", "lane_change_s"
 CAUTION: Final = np.array([1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 1.0, 1.0])
 """Towards where a cautious driver lies: longer gaps, gentler pedals, slower, larger gaps to merge into."""
 BOUNDS: Final = np.array(
-    [(0.2, 4.0), (1.2, 12.0), (0.4, 4.0), (1.2, 3.0), (0.5, 1.6), (0.3, 1.6), (0.15, 4.0), (1.5, 12.0)]
-)
+    [(0.2, 4.0), (1.2, 12.0), (0.4, 4.0), (1.2, 3.0), (0.5, 1.6), (0.3, 1.6), (SMALLEST_CRITICAL_GAP_S, 4.0),
+     (1.5, 12.0)]
+)  # fmt: skip
 """Within which drawn drivers stay: people drive beyond them now and then, models do not drive well there."""
 FEWEST, MOST_DRAWN = 8, 4096
 LARGEST_SHIFT: Final = 0.45

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.realism.car_following import Episode, EpisodeBatch, FreeDriving, batch_of
-from interplan_sumo.realism.features import BY_KEY, FREE_RADPS, MovingTraffic, stretches
+from interplan_sumo.realism.features import BY_KEY, FREE_MPS, FREE_RADPS, MovingTraffic, stretches
 from interplan_sumo.realism.following import Following
 from interplan_sumo.realism.motion import MOVING_MPS, Motion
 from interplan_sumo.realism.tracks import RecordedTraffic
@@ -27,6 +27,8 @@ BRAKES_MPS2: Final = -0.3
 """Who brakes with nobody ahead does so for a light, a bend or a junction: no car-following model knows them."""
 FAST_SHARE: Final = 0.6
 """... and who stays below this share of the allowed speed as well."""
+WAVER_S, WAVER_MPS = 3.0, 1.5
+"""A driver wavers where it keeps its speed for so long, to within so much, ..."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +42,8 @@ class ObservedDriver:
     """The speed it took with nobody near ahead; NaN if it never was free."""
     standstill_gap_m: float
     """In queues; NaN if it never stood in one."""
+    waver_mps2: float
+    """Root mean square of its acceleration where it keeps its speed; NaN if it never does."""
     trembles: bool
     """Whether its positions do."""
 
@@ -80,6 +84,11 @@ class ObservedDrivers:
     def trembles(self) -> NDArray[np.bool_]:
         """(D,)"""
         return np.array([each.trembles for each in self.drivers])
+
+    @property
+    def waver_mps2(self) -> Floats:
+        """(D,)"""
+        return np.array([each.waver_mps2 for each in self.drivers])
 
     @property
     def standstill_gaps_m(self) -> Floats:
@@ -138,10 +147,28 @@ def _drivers(place: str, traffic: MovingTraffic, allowed_mps: float) -> Iterator
         if episodes or free or number in traffic.stops:
             stops_m = traffic.stops.get(number, [])
             stood_m = float(np.median(stops_m)) if stops_m else np.nan
-            yield ObservedDriver(place, episodes, free, float(cruising_mps[number]), stood_m, trembles)
+            waver_mps2 = np.nan if trembles else wavering_mps2(vehicle)
+            yield ObservedDriver(place, episodes, free, float(cruising_mps[number]), stood_m, waver_mps2, trembles)
     for number in range(len(traffic.vehicles), len(traffic.vehicles) + len(traffic.standing)):
         if number in traffic.stops:  # it waits as long as it is seen
-            yield ObservedDriver(place, (), (), np.nan, float(np.median(traffic.stops[number])), False)
+            yield ObservedDriver(place, (), (), np.nan, float(np.median(traffic.stops[number])), np.nan, False)
+
+
+def wavering_mps2(vehicle: Motion) -> float:
+    """Root mean square acceleration where a vehicle drives straight on and keeps its speed; NaN if it never does.
+
+    It is alike with and without somebody ahead, so both count.
+    """
+    rows = round(WAVER_S / vehicle.step_s) + 1
+    parts = [slice(start, start + rows) for start in range(0, len(vehicle.time_s) - rows + 1, rows - 1)]
+    even = [
+        np.mean(vehicle.acceleration_mps2[part] ** 2)
+        for part in parts
+        if vehicle.speed_mps[part].min() > FREE_MPS
+        and abs(vehicle.speed_mps[part][-1] - vehicle.speed_mps[part][0]) < WAVER_MPS
+        and np.abs(vehicle.yaw_rate_radps[part]).max() < FREE_RADPS
+    ]
+    return float(np.sqrt(np.mean(even))) if even else np.nan
 
 
 def _free(vehicle: Motion, episodes: Sequence[Following], allowed_mps: float) -> Iterator[FreeDriving]:

@@ -23,7 +23,8 @@ from interplan_sumo.world.geometry import Floats
 
 NETWORKS: Final = ("back_bay", "strip")
 """Of the shipped maps: one-way streets with lights and limits of 11 m/s, and wide avenues, which fill up."""
-WARM_UP_S, LASTS_S = 60.0, 60.0
+WARM_UP_S, LASTS_S = 120.0, 60.0
+"""Lights come round once in up to 106 s, and queues need that long to be what they are."""
 LANE_RATE_HZ: Final = 0.1
 """Vehicles a second that want to come in on each lane: 360 an hour, about what a lane discharges at a light."""
 ROOM_M: Final = 12.0
@@ -50,26 +51,31 @@ def plain_traffic(types: VehicleTypes, name: str, seed: int = 0) -> Iterator[Rec
         yield traffic_on(read_network(find_map(network).network), types, f"{name} {network}", seed)
 
 
-def traffic_on(network: SumoNetwork, types: VehicleTypes, name: str, seed: int) -> RecordedTraffic:
-    """A minute of traffic on a network after one to fill it; TrafficError if SUMO fails."""
+def traffic_on(
+    network: SumoNetwork, types: VehicleTypes, name: str, seed: int, *, lane_rate_hz: float = LANE_RATE_HZ,
+    fill_s: float = WARM_UP_S,
+) -> RecordedTraffic:  # fmt: skip
+    """A minute of traffic on a network after `fill_s` to fill it; TrafficError if SUMO fails."""
     rng = np.random.default_rng(seed)
-    steps = round((WARM_UP_S + LASTS_S) / DT_S)
-    arrivals = _arrivals(network, types, steps, rng)
+    steps = round((fill_s + LASTS_S) / DT_S)
+    arrivals = _arrivals(network, types, steps, rng, lane_rate_hz)
     open_simulation(network.path, types.sumo_document(each.driver for each in arrivals))
     try:
-        return RecordedTraffic(name, name, tuple(_driven(arrivals, steps)))
+        return RecordedTraffic(name, name, tuple(_driven(arrivals, steps, fill_s)))
     finally:
         close_simulation()
 
 
-def _arrivals(network: SumoNetwork, types: VehicleTypes, steps: int, rng: np.random.Generator) -> list[_Arrival]:
+def _arrivals(
+    network: SumoNetwork, types: VehicleTypes, steps: int, rng: np.random.Generator, lane_rate_hz: float
+) -> list[_Arrival]:
     """In the order of time; the same for all files but for the drivers."""
     ways = _ways(network)
     lanes = [network.lanes[lane] for edge in ways for lane in network.edges[edge]]
     found: list[_Arrival] = []
     for lane in lanes:
         at = 0.0
-        while (at := at + rng.exponential(1.0 / LANE_RATE_HZ) / DT_S) < steps:
+        while (at := at + rng.exponential(1.0 / lane_rate_hz) / DT_S) < steps:
             routes = [way for way in ways[lane.edge] if _begins(network, lane, way)]
             chosen = int(rng.integers(max(len(routes), 1)))
             driver = types.draw(rng)
@@ -104,7 +110,7 @@ def _ways(network: SumoNetwork) -> dict[str, list[tuple[str, ...]]]:
     return found
 
 
-def _driven(arrivals: list[_Arrival], steps: int) -> Iterator[Track]:
+def _driven(arrivals: list[_Arrival], steps: int, fill_s: float) -> Iterator[Track]:
     seen: dict[str, array[float]] = {}
     waiting: dict[str, list[tuple[int, _Arrival]]] = {}
     due = iter([*enumerate(arrivals), (len(arrivals), None)])
@@ -118,7 +124,7 @@ def _driven(arrivals: list[_Arrival], steps: int) -> Iterator[Track]:
                 del queue[0]
         with Commanding("step {} of plain traffic", step):
             sumo.simulationStep()
-        if step * DT_S >= WARM_UP_S:
+        if step * DT_S >= fill_s:
             get = sumo.vehicle
             with Commanding("reading plain traffic"):
                 for id_ in get.getIDList():
@@ -127,7 +133,7 @@ def _driven(arrivals: list[_Arrival], steps: int) -> Iterator[Track]:
     for id_, numbers in seen.items():
         driver = arrivals[int(id_)].driver
         rows = np.array(numbers, dtype=np.float64).reshape(-1, 5)
-        came_in = rows[0, 0] * DT_S > WARM_UP_S + DT_S / 2.0
+        came_in = rows[0, 0] * DT_S > fill_s + DT_S / 2.0
         rows = rows[round(ENTRY_S / DT_S) if came_in else 0 :]
         if len(rows) > 1:
             yield _track(id_, rows, driver)

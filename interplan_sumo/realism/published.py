@@ -82,6 +82,13 @@ CRITICAL_LAG_GAP_S: Final = 0.59
 """Smallest gaps to the new leader and follower that the median driver accepts: I-24 MOTION, 3,213 lane changes."""
 CRITICAL_GAP_SIGMA: Final = 1.42
 """Of the logarithm of either, between drivers and situations."""
+SMALLEST_CRITICAL_GAP_S: Final = 0.5
+"""One accepted gap in twenty is smaller: 0.44 s to the leader, and by the ratio of the tenth percentiles (0.61 and
+0.75 s) 0.54 s to the follower, in the same lane changes.
+Estimates of critical gaps spread further, but hardly anybody drives so."""
+WAVER_MPS2: Final[Mapping[Road, float]] = {"city": 0.4, "motorway": 0.1}
+"""Root mean square acceleration of a driver who keeps its speed: ours in three cities; on a free road 0.01 g (Herman,
+Montroll, Potts and Rothery, 1959)."""
 LANE_CHANGE_S: Final = (4.0, 0.4)
 """How long a lane change takes: median, and sigma of the logarithm (Thiemann, Treiber and Kesting, 2008, NGSIM: mean
 4.0 s; Toledo and Zohar, 2007: mean 4.6 s, standard deviation 2.3 s)."""

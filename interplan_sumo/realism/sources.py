@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from interplan_sumo.batch.run_folder import MANIFEST, read_run
 from interplan_sumo.errors import InputError
 from interplan_sumo.realism.fcd import is_fcd, read_fcd
+from interplan_sumo.realism.tracker_noise import NO_NOISE, TrackerNoise
 from interplan_sumo.realism.tracks import ACTOR_KINDS, RecordedTraffic, Track, TrackKind, open_recordings
 
 STEP_S: Final = 0.1
@@ -35,15 +36,18 @@ class TrafficSource:
     vehicle_types: Path | None = None
     """Of fcd output: the file that says how large its vehicles are."""
 
-    def parts(self) -> Iterator[RecordedTraffic]:
-        """One for each trace, or recording, read one at a time; InputError names what cannot be used."""
+    def parts(self, noise: TrackerNoise = NO_NOISE) -> Iterator[RecordedTraffic]:
+        """One for each trace, or recording, read one at a time; InputError names what cannot be used.
+
+        What was simulated gets the noise of what it is compared with; a recording has its own.
+        """
         path = self.path
         if (path / MANIFEST).is_file():
-            yield from _of_run(path)
+            yield from map(noise.on, _of_run(path))
         elif (path / ACTORS).is_file():
-            yield read_trace(path, self.name)
+            yield noise.on(read_trace(path, self.name))
         elif is_fcd(path):
-            yield read_fcd(path, self.vehicle_types)
+            yield noise.on(read_fcd(path, self.vehicle_types))
         else:
             yield from open_recordings([path])
 

@@ -33,8 +33,6 @@ LANE_WIDTH_M = 3.5
 """Of a usual lane: what a lane change crosses."""
 PLAIN_LATERAL_MPS = 1.0
 """SUMO's `maxSpeedLat` where a type has none of its own."""
-SURGING_MODELS = frozenset({"EIDM"})
-"""Car-following models that accelerate by more than `accel` at times, from one step to the next."""
 COLLISION_FREE_MODELS = frozenset({"IDM", "IDMM", "EIDM", "Krauss", "KraussOrig1", "KraussPS", "KraussX"})
 """The other car-following models of SUMO may drive into their leaders at low speed (W99 by 0.24 m, without any ego)."""
 LEAST_GAP_M = 0.3
@@ -116,7 +114,7 @@ class AgentControl:
             if self._drivers[name].relaxation_s > 0.0:
                 self._relaxing.add(name)
             model = self._drivers[name].car_following_model
-            if model in SURGING_MODELS or model not in COLLISION_FREE_MODELS:
+            if model not in COLLISION_FREE_MODELS:
                 self._overseen.add(name)
         self.keep_lanes_a_while(names)
 
@@ -166,7 +164,7 @@ class AgentControl:
     def _held_back(
         self, agents: AgentSnapshot, decisions: Mapping[str, ReactionDecision], rows: Mapping[str, int]
     ) -> Mapping[str, ReactionDecision]:
-        """`decisions`, and that agents whose model exceeds their `accel`, or drives into its leader, do not."""
+        """`decisions`, and that agents whose model drives into its leader do not."""
         held = {name: decisions.get(name, BACK_TO_SUMO) for name in self._overseen}
         for name, decision in held.items():
             most_mps = self._most_mps(name, float(agents.speed_mps[rows[name]]))
@@ -177,8 +175,6 @@ class AgentControl:
     def _most_mps(self, name: str, speed_mps: float) -> float:
         """How fast an agent may be after the next step; inf where its model needs no word."""
         driver = self._drivers[name]
-        if driver.car_following_model in SURGING_MODELS:
-            return speed_mps + driver.accel_mps2 * DT_S
         leader = _leader(name)
         if leader is None:
             return inf

@@ -12,13 +12,14 @@ import pytest
 from commands import ran
 from defusedxml import ElementTree
 from realdata import real
-from tracking import DT_S, steady, track
+from tracking import DT_S, moved, steady, track
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.realism.calibration import Calibration, CalibrationOptions, calibrate
 from interplan_sumo.realism.driver_population import BOUNDS, QUALITIES, DriverPopulation
+from interplan_sumo.realism.observed_drivers import wavering_mps2
 from interplan_sumo.realism.tracks import RecordedTraffic, Track, open_recordings
-from interplan_sumo.realism.vehicle_type_writer import vehicle_type_text
+from interplan_sumo.realism.vehicle_type_writer import ERROR, WAVERS, vehicle_type_text
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.geometry import Floats
 
@@ -75,6 +76,22 @@ def test_known_drivers_are_found_again() -> None:
     assert (np.median(error, axis=0) <= 0.1).all()
     middle = np.median(drivers, axis=0)[:4]  # leaders show speeds, too, that they took for no driver's reasons
     assert np.exp(found.fit.mean[:4]) == pytest.approx(middle, rel=0.15)
+
+
+def test_who_wavers_is_told_and_who_keeps_still_or_speeds_up_is_not() -> None:
+    time_s = np.arange(0.0, 20.0, DT_S)
+    waves = moved(track("w", 10.0 * time_s + 0.5 * np.sin(time_s)))  # accelerates by 0.5 m/s2 at most
+    assert wavering_mps2(waves) == pytest.approx(0.5 / np.sqrt(2.0), rel=0.15)
+    assert wavering_mps2(moved(steady("s", 0.0, 10.0))) == pytest.approx(0.0, abs=1e-6)
+    assert np.isnan(wavering_mps2(moved(track("a", 6.0 * time_s + 0.5 * time_s**2))))
+
+
+def test_drivers_who_waver_as_measured_err_by_a_share_of_their_acceleration_and_never_by_too_much() -> None:
+    drivers = np.array([[1.0, 3.0, accel, 1.5, 1.0, 0.9, gap, 4.0] for accel, gap in ((3.0, 0.5), (1.0, 0.1))])
+    types = ElementTree.fromstring(vehicle_type_text(drivers, 0.4, []).encode()).iter("vType")
+    found = [(float(e.attrib["sigmaerror"]), float(e.attrib["lcAssertive"])) for e in types]
+    assert found[0] == pytest.approx((0.4 / WAVERS / 3.0, 2.0), abs=1e-3)
+    assert found[1] == (ERROR, 2.0)
 
 
 def test_the_spacing_of_fitted_drivers_is_right_to_a_metre() -> None:
@@ -160,5 +177,5 @@ def test_pooled_city_recordings_are_open() -> None:
 
 
 def test_what_a_source_is_called_never_breaks_the_file() -> None:
-    text = vehicle_type_text(np.ones((1, 8)), ["a---b --> <vType> -"])
+    text = vehicle_type_text(np.ones((1, 8)), 0.4, ["a---b --> <vType> -"])
     assert ElementTree.fromstring(text.encode()).find("vTypeDistribution") is not None

@@ -6,6 +6,7 @@ A case is a function of (seed, number, maps) alone, so one number repeats it.
 from __future__ import annotations
 
 import hashlib
+import re
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -43,6 +44,8 @@ RANDOM_BRAKING = "PWagner2009"
 
 Nor is a hard braking a bad start: with a `decel` of 2 m/s2 it stops behind any leader with 3.2 m/s2.
 """
+ERRORS, EIDM_ERROR = 4.0, 0.04
+"""Standard deviations of an EIDM driver's error, nobody errs by more; and its `sigmaerror` where a type says none."""
 SHIPPED_MAPS = ("back_bay", "hazelwood", "one_north", "strip")
 SUITES = ("interplan==1", "common==1")
 DENSITIES = ("low", "medium", "high")
@@ -298,7 +301,17 @@ def _recorded(case: Case, roads: Roads, egos: list[EgoState], found: Outcome, *,
     if not frames:
         return None
     placed = {"standing": standing, "walking": walking}
-    return Drive.of(frames), bodies, placed, begins, ends, digest.hexdigest()
+    return Drive.of(frames), _erring(bodies, case.types), placed, begins, ends, digest.hexdigest()
+
+
+def _erring(bodies: dict[str, Body], types: Path) -> dict[str, Body]:
+    """EIDM's drivers err by `sigmaerror` times `accel`, 2.2 times that with nobody near: the pedal goes so far, too."""
+    text = types.read_text()
+    if '"EIDM"' not in text:
+        return bodies
+    error = max((float(each) for each in re.findall(r'sigmaerror="([\d.]+)"', text)), default=EIDM_ERROR)
+    most = 1.0 + 2.2 * ERRORS * error
+    return {name: replace(body, accel_mps2=most * body.accel_mps2) for name, body in bodies.items()}
 
 
 def _origin(scenario: Scenario) -> tuple[float, float]:
