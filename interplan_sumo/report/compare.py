@@ -46,6 +46,10 @@ class ScoreChange:
         return self.b - self.a
 
     @property
+    def unsafe_difference(self) -> float | None:
+        return None if self.unsafe_a is None or self.unsafe_b is None else self.unsafe_b - self.unsafe_a
+
+    @property
     def winner(self) -> str:
         """`a`, `b` or `tie`."""
         return "tie" if abs(self.difference) <= TIE else "b" if self.difference > 0.0 else "a"
@@ -70,6 +74,8 @@ class GroupComparison:
     unsafe_a: float | None
     unsafe_b: float | None
     """Percent of the drives, as mean over the scenarios; None where the profile does not say of all."""
+    unsafe_interval: Range | None
+    """95 % of the difference of these, b less a."""
     wins: int
     """Drives where b has more points."""
     losses: int
@@ -257,7 +263,7 @@ def _group(changes: Sequence[ScoreChange]) -> GroupComparison:
         return {(c.scenario_id, c.seed): DriveValue(c.family, 100.0 * value) for c, value in values}
 
     winners = [change.winner for change in changes]
-    estimate = mean_estimate(points("difference"))
+    estimate, unsafe = mean_estimate(points("difference")), mean_estimate(points("unsafe_difference"))
     return GroupComparison(
         scenarios=len({change.scenario_id for change in changes}),
         drives=len(changes),
@@ -269,6 +275,7 @@ def _group(changes: Sequence[ScoreChange]) -> GroupComparison:
         least_detectable_difference=estimate and least_detectable_difference(estimate),
         unsafe_a=mean_over_scenes(points("unsafe_a")),
         unsafe_b=mean_over_scenes(points("unsafe_b")),
+        unsafe_interval=unsafe and unsafe.interval,
         wins=winners.count("b"),
         losses=winners.count("a"),
         ties=winners.count("tie"),

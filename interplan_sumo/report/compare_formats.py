@@ -66,8 +66,9 @@ def _pair_json(found: Comparison) -> dict[str, Any]:
 
 def _group_json(group: GroupComparison) -> dict[str, Any]:
     figures = {name: rounded(value) for name, value in asdict(group).items() if name in ROUNDED}
-    interval = None if group.interval is None else [rounded(bound) for bound in group.interval]
-    return {**asdict(group), **figures, "interval": interval}
+    bounds = {"interval": group.interval, "unsafe_interval": group.unsafe_interval}
+    intervals = {name: found and [rounded(bound) for bound in found] for name, found in bounds.items()}
+    return {**asdict(group), **figures, **intervals}
 
 
 def _keys_json(keys: Iterable[DriveKey]) -> list[dict[str, Any]]:

@@ -104,7 +104,7 @@ def alike_note(held: Standing, labels: Sequence[str]) -> list[str]:
     if held.best is None:
         return []
     best = labels[held.best]
-    how = f"(paired bootstrap over scenarios, Holm over {len(held.contrasts)} pairs)"
+    how = f"(paired bootstrap over scenarios, Holm over {len(held.contrasts)} pair{'s' * (len(held.contrasts) != 1)})"
     if not held.alike:
         return [f"Best: {best}. It can be told apart from every other line {how}."]
     names = [labels[line] for line in held.alike]

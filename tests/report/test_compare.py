@@ -213,5 +213,7 @@ def test_who_is_unsafe_more_often_is_not_called_better():
         found = compare_runs(run("a", 0.0, of_a), run("b", 0.1, of_b))
         assert (found.pairs[0].scores_more, found.pairs[0].better) == ("b", better)
     assert found.pairs[0].overall.unsafe_b == 25.0
+    low, high = comparison_json(found)["overall"]["unsafe_interval"]
+    assert low < 100.0 / 12 < high
     assert "b scores more but is unsafe more often" in printed(found)
     assert comparison_json(found)["better"] is None

@@ -141,7 +141,7 @@ def test_combinations_are_told_apart_by_the_scenarios_that_they_share() -> None:
     text = printed([Parameter("tau", ("1", "2", "3"))], lines)
     assert "Least detectable difference (80 % power, two-sided 5 %), paired scenario by scenario: score 0." in text
     assert "Best: tau=3, idm. It can be told apart from every other line" in text
-    assert "Not to be told apart from it (paired bootstrap over scenarios, Holm over 1 pairs): tau=3, idm." in printed(
+    assert "Not to be told apart from it (paired bootstrap over scenarios, Holm over 1 pair): tau=3, idm." in printed(
         [], [lines[0], replace(lines[0], setting={"tau": "3"})]
     )
 

@@ -219,7 +219,7 @@ def test_under_the_table_stands_what_it_can_tell() -> None:
     few = make_table(
         [stored(*(drive(f"nudge/{n}", s, planner=name) for name, s in (("a", 0.1), ("b", 0.9)) for n in range(5)))]
     )
-    assert "Best: b. Not to be told apart from it (paired bootstrap over scenarios, Holm over 1 pairs): a." in text(few)
+    assert "Best: b. Not to be told apart from it (paired bootstrap over scenarios, Holm over 1 pair): a." in text(few)
 
 
 def test_csv_has_the_bounds_beside_each_figure() -> None:
