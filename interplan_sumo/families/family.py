@@ -62,8 +62,6 @@ class Family(Generic[Place]):
     """Indices of the obstacles that may overlap one another."""
     exempt: tuple[str, ...] = ()
     """Gates that are not judged in its scenarios."""
-    certificate_score: float = 0.9
-    """What a drive must score to prove one of its scenarios solvable."""
     weighs_direction: bool = False
     """Whether interPlan's published code weighs the driving direction of its drives instead of gating it."""
 

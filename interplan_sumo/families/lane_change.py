@@ -124,7 +124,7 @@ def asks(scenario: Scenario, roads: Roads) -> bool:
     return need.get(scenario.start.lane, 0) > 0
 
 
-def _family(name: str, density: Density, *, order: int, original: str, certificate_score: float = 0.9) -> Family[Site]:
+def _family(name: str, density: Density, *, order: int, original: str) -> Family[Site]:
     short = name.rpartition("_")[2]
     return Family(
         title=f"Lane change, {density} density",
@@ -136,7 +136,6 @@ def _family(name: str, density: Density, *, order: int, original: str, certifica
         column_key=short,
         changes_lanes=True,
         checks=(change_problems,),
-        certificate_score=certificate_score,
         asks=asks,
         audit_class="lane changes",
         original=original,
@@ -145,4 +144,4 @@ def _family(name: str, density: Density, *, order: int, original: str, certifica
 
 LOW: Final = _family("lane_change_ltd", "low", order=60, original="dl")
 MEDIUM: Final = _family("lane_change_mtd", "medium", order=70, original="dm")
-HIGH: Final = _family("lane_change_htd", "high", order=80, original="dh", certificate_score=0.8)
+HIGH: Final = _family("lane_change_htd", "high", order=80, original="dh")

@@ -60,18 +60,18 @@ class Style:
 
 
 USUAL: Final = Margins()
-TIGHT: Final = Margins(front_m=0.7, front_s=1.1, rear_m=0.8, rear_s=0.6, comfort_s=0.5)
-WIDE: Final = Margins(front_m=2.5, front_s=1.5, rear_m=2.5, rear_s=1.5, comfort_s=1.4)
+TIGHT: Final = Margins(front_m=0.7, front_s=1.1, rear_m=0.8, rear_s=0.8, rear_headway_s=0.4, comfort_s=0.5)
+WIDE: Final = Margins(front_m=2.5, front_s=1.5, rear_m=2.5, rear_s=1.5, rear_headway_s=1.1, comfort_s=1.4)
 STYLES: Final = (
     Style(0.4, 28.0, 1.0, USUAL, CALM, 1),
     Style(0.4, 28.0, 1.0, USUAL, FIRM, 2),
-    Style(0.3, 40.0, 1.5, TIGHT, QUICK, 1),
-    Style(0.3, 20.0, 1.3, TIGHT, QUICK, 1),
+    Style(0.4, 40.0, 1.5, TIGHT, QUICK, 1),
+    Style(0.37, 20.0, 1.3, TIGHT, QUICK, 1),
     Style(0.6, 40.0, 1.0, WIDE, CALM, 2),
-    Style(0.3, 15.0, 1.0, TIGHT, QUICK, 2),
-    Style(0.3, 24.0, 1.3, TIGHT, CALM, 1, yielding=True),
-    Style(0.3, 16.0, 1.0, TIGHT, CALM, 1, yielding=True),
-    Style(0.2, 24.0, 1.0, USUAL, QUICK, 3),
+    Style(0.37, 15.0, 1.0, TIGHT, QUICK, 2),
+    Style(0.4, 24.0, 1.3, TIGHT, CALM, 1, yielding=True),
+    Style(0.37, 16.0, 1.0, TIGHT, CALM, 1, yielding=True),
+    Style(0.37, 24.0, 1.0, USUAL, QUICK, 3),
     Style(0.4, 12.0, 1.0, TIGHT, QUICK, 3),
 )
 """From the most comfortable and likely one on."""

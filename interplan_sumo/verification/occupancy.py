@@ -17,9 +17,9 @@ LEVEL_MPS, CELL_M = 0.5, 0.25
 """Speeds and places are multiples of these, so that constant accelerations of whole levels lead from one to another."""
 FAR_M: Final = 60.0
 """Nobody farther from the grid than this counts."""
-BESIDE_M: Final = 0.3
+BESIDE_M: Final = 0.4
 """Room to vehicles beside the ego."""
-FEET_M: Final = 0.6
+FEET_M: Final = 0.7
 """Room to pedestrians beside it."""
 STILL_MPS: Final = 0.05
 """Slower motion towards one another is none."""
@@ -203,7 +203,8 @@ class PathOccupancy:
         margins, grid = self._margins, self._grid
         closing_mps = max(0.0, self._fastest_mps - other.along_mps)
         begin_m = other.near_m - HALF_LENGTH_M - margins.front_m - margins.front_s * closing_mps
-        end_m = other.far_m + HALF_LENGTH_M + margins.rear_m + margins.rear_s * max(0.0, other.along_mps)
+        rear_s = margins.rear_s + margins.rear_headway_s
+        end_m = other.far_m + HALF_LENGTH_M + margins.rear_m + rear_s * max(0.0, other.along_mps)
         first, last = np.ceil((begin_m - grid.arc_m) / CELL_M), np.floor((end_m - grid.arc_m) / CELL_M)
         return slice(int(np.clip(first, 0, grid.cells)), int(np.clip(last + 1, 0, grid.cells)))
 
@@ -220,6 +221,7 @@ class PathOccupancy:
         margins, own, arcs_m = self._margins, self._speeds_mps, self._arcs_m[here]
         front_m = HALF_LENGTH_M + margins.front_m + margins.front_s * np.maximum(0.0, own - other.along_mps)
         rear_m = HALF_LENGTH_M + margins.rear_m + margins.rear_s * np.maximum(0.0, other.along_mps - own)
+        rear_m += margins.rear_headway_s * max(0.0, other.along_mps)
         return (arcs_m >= other.near_m - front_m) & (arcs_m <= other.far_m + rear_m)
 
     def _met(self, path: int, here: slice, other: _Other) -> NDArray[np.bool_]:

@@ -42,6 +42,8 @@ class Margins:
     rear_m: float = 1.5
     rear_s: float = 1.0
     """To whoever is behind in a lane that the ego enters: this time at the closing speed on top."""
+    rear_headway_s: float = 0.7
+    """And this time at its own speed: it brakes for a gap that is shorter than it likes."""
     comfort_s: float = 1.0
     """To whoever is ahead, where it costs nothing: this time at the own speed on top."""
 

@@ -50,7 +50,7 @@ def test_no_two_families_share_a_column_or_a_name_in_the_papers_configuration() 
 def test_a_family_that_is_not_installed_has_everything_as_usual_and_its_name_as_title() -> None:
     mine = find_family("mine")
     assert isinstance(mine, Family)
-    assert (mine.title, mine.ordinary, mine.checks, mine.exempt, mine.certificate_score) == ("mine", False, (), (), 0.9)
+    assert (mine.title, mine.ordinary, mine.checks, mine.exempt) == ("mine", False, (), ())
     with pytest.raises(UnknownNameError, match="Did you mean 'nudge'"):
         FAMILIES["nuge"]
     assert find_family("nudge") is FAMILIES["nudge"]

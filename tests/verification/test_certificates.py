@@ -13,7 +13,11 @@ from interplan_sumo.metrics.score import ScoreSheet
 from interplan_sumo.scenario.certificates import Certificate, Summary
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.tiny_worlds import cars, pedestrians, together
 from interplan_sumo.verification.certificates import certify, check_certificate, passing_drive, shortcomings
+from interplan_sumo.verification.clearances import Clearance, NearestApproach, nearest_approach
+from interplan_sumo.world.ego import PACIFICA
+from tests.metrics.staging import drive_at
 
 
 @cache
@@ -31,7 +35,7 @@ def proof() -> Certificate:
 @pytest.mark.parametrize(
     "scenario_id",
     [
-        "overtake/5",  # the ego has to count on an oncoming driver to let it pass
+        "overtake/1",
         *(pytest.param(id, marks=pytest.mark.slow) for id in ("accident/9", "jaywalker/5", "lane_change_ltd/6")),
     ],
 )
@@ -121,46 +125,67 @@ def test_a_summary_that_was_tampered_with_is_refused(proof: Certificate) -> None
 # --- what is asked of a drive ------------------------------------------------------------------
 
 
-def judged(score: float = 1.0, family: str = "nudge", **changes: Any) -> list[str]:
+def judged(score: float = 1.0, family: str = "nudge", near: NearestApproach | None = None, **changes: Any) -> list[str]:
     """The shortcomings of a drive that is faultless but for the changes."""
     scenario: Scenario = replace(nudge(), family=family)
     summary = replace(Summary(nudge().id, nudge().hash(), score, 150.0, 150.0, True, "0" * 64), **changes)
-    return shortcomings(scenario, sheet(score), summary)
+    return shortcomings(scenario, sheet(score), summary, near or NearestApproach())
 
 
 def sheet(score: float, **broken: float) -> ScoreSheet:
-    gates = ("no_collision", "drivable_area", "making_progress", "driving_direction", "obstacle_passed")
-    weights = ("progress", "time_to_collision", "lane_changes", "speed_limit", "comfort")
-    metrics = {name: MetricResult(broken.get(name, 1.0), {"contacts": []}) for name in (*gates, *weights)}
-    return ScoreSheet(score, "interplan-paper", 1, metrics, gates, dict.fromkeys(weights, 1.0))
+    gates = ("no_collision", "drivable_area", "red_lights", "forced_braking", "speeding", "task_done")
+    weights = ("progress", "time_to_collision", "courtesy", "speed_limit", "comfort")
+    metrics = {name: MetricResult(broken.get(name, 1.0)) for name in (*gates, *weights)}
+    return ScoreSheet(score, "interplan-strict", 1, metrics, gates, dict.fromkeys(weights, 1.0))
 
 
-@pytest.mark.parametrize(("family", "bar"), [("nudge", 0.9), ("lane_change_mtd", 0.9), ("lane_change_htd", 0.8)])
-def test_the_bar_is_0_9_and_0_8_in_dense_lane_changes(family: str, bar: float) -> None:
-    assert judged(bar, family) == []
-    assert judged(bar - 1e-6, family) != []
-
-
-@pytest.mark.parametrize(("distance_m", "passes"), [(105.0, True), (104.9, False)])
-def test_seven_tenths_of_the_reference_distance_are_asked_for_short_of_the_goal(
-    distance_m: float, passes: bool
-) -> None:
-    assert (judged(distance_m=distance_m, reached_goal=False) == []) == passes
-    assert judged(distance_m=distance_m, reached_goal=True) == []
+@pytest.mark.parametrize("family", ["nudge", "lane_change_htd", "starting_left_turn"])
+def test_a_certificate_scores_0_95_in_every_family(family: str) -> None:
+    assert judged(0.95, family) == []
+    assert judged(0.95 - 1e-6, family) != []
 
 
 @pytest.mark.parametrize(
-    "name", ["no_collision", "drivable_area", "making_progress", "obstacle_passed", "time_to_collision", "lane_changes"]
+    ("family", "distance_m", "passes"),
+    [("nudge", 149.9, False), ("starting_left_turn", 105.0, True), ("starting_left_turn", 104.9, False)],
 )
-def test_every_gate_time_to_collision_and_the_goal_lane_are_asked_for(name: str) -> None:
+def test_who_does_not_reach_the_goal_line_proves_nothing_but_in_ordinary_scenes_if_it_gets_far_enough(
+    family: str, distance_m: float, passes: bool
+) -> None:
+    assert (judged(family=family, distance_m=distance_m, reached_goal=False) == []) == passes
+    assert judged(family=family, distance_m=distance_m, reached_goal=True) == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["no_collision", "drivable_area", "red_lights", "forced_braking", "task_done", "time_to_collision", "courtesy"],
+)
+def test_every_gate_time_to_collision_and_courtesy_are_asked_for(name: str) -> None:
     summary = Summary(nudge().id, nudge().hash(), 0.95, 150.0, 150.0, True, "0" * 64)
-    (problem,) = shortcomings(nudge(), sheet(0.95, **{name: 0.5}), summary)
+    (problem,) = shortcomings(nudge(), sheet(0.95, **{name: 0.5}), summary, NearestApproach())
     assert name in problem
 
 
-def test_nobody_may_touch_the_ego() -> None:
-    touched = sheet(1.0)
-    contact = {"track": "a1", "time_s": 3.0}
-    touched.metrics["no_collision"].detail["contacts"] = [contact]  # type: ignore[index]
-    (problem,) = shortcomings(nudge(), touched, Summary(nudge().id, nudge().hash(), 1.0, 150.0, 150.0, True, "0" * 64))
-    assert problem == "touched by a1 at 3.0 s"
+@pytest.mark.parametrize(
+    ("near", "problems"),
+    [
+        (NearestApproach(others=Clearance(0.3, "a1", 3.0), pedestrians=Clearance(0.5, "p1", 4.0)), []),
+        (NearestApproach(others=Clearance(0.29, "a1", 3.0)), ["comes within 0.29 m of a1 at 3.0 s, not 0.3 m"]),
+        (NearestApproach(pedestrians=Clearance(0.49, "p1", 4.0)), ["comes within 0.49 m of p1 at 4.0 s, not 0.5 m"]),
+    ],
+)
+def test_room_is_kept_to_everything_and_more_to_people_on_foot(near: NearestApproach, problems: list[str]) -> None:
+    assert judged(near=near) == problems
+
+
+def test_the_nearest_approach_is_that_of_the_boxes() -> None:
+    """The ego drives past a standing car with 0.4 m between them, and stops 2 m short of a pedestrian."""
+    ped_m = 10.0 + PACIFICA.length_m / 2 + 2.0 + 0.35
+    crossing = pedestrians((ped_m, 0.0))
+    standing = cars((5.0, PACIFICA.width_m / 2 + 0.4 + 1.0), length_m=6.0, width_m=2.0)
+    drive = drive_at([0.0, 5.0, 10.0], actors=[crossing, together(crossing, standing), crossing])
+    found = nearest_approach(drive)
+    assert (found.others.track, found.others.time_s) == ("car00", 0.1)
+    assert found.others.distance_m == pytest.approx(0.4)
+    assert (found.pedestrians.track, found.pedestrians.time_s) == ("ped00", 0.2)
+    assert found.pedestrians.distance_m == pytest.approx(2.0)
