@@ -82,7 +82,7 @@ class RunOptions:
     profile: str | None = field(
         default=None,
         metadata=_about(
-            "What makes the score: interplan-paper (default), interplan-code, nuplan, or a FILE.yaml.",
+            "What makes the score: interplan-strict (default), -paper, -code, nuplan, or a FILE.yaml.",
             metavar="NAME|FILE.yaml",
             completes="profile_names",
             scene=True,

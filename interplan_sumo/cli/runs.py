@@ -99,7 +99,7 @@ def report(
 def score(
     folder: Annotated[Path, typer.Argument(help="A run folder.", metavar="DIR")],
     profile: Annotated[
-        str | None, typer.Option(help="interplan-paper, interplan-code, nuplan, or a FILE.yaml.")
+        str | None, typer.Option(help="interplan-strict, interplan-paper, interplan-code, nuplan, or a FILE.yaml.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Write the rows, as in results.jsonl.", metavar="FILE")] = None,
     as_json: JsonOption = False,

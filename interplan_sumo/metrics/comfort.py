@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from interplan_sumo.metrics.circumstances import ego_doing
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.geometry import Floats
@@ -69,5 +70,5 @@ def _reason(facts: Facts, signals: dict[str, Floats]) -> str:
     low, high = BOUNDS[worst]
     return (
         f"{name.replace('_', ' ')} of {signals[worst][frame]:.2f} {units[unit]} at {facts.time_s[frame]:.1f} s, "
-        f"allowed {low:g} to {high:g}"
+        f"allowed {low:g} to {high:g}; the ego was {ego_doing(facts, frame)}"
     )

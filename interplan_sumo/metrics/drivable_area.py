@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from interplan_sumo.metrics.circumstances import ego_doing
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.geometry import Floats
@@ -39,7 +40,8 @@ def drivable_area(facts: Facts) -> MetricResult:
         corner = int(np.argmax(distance[frame]))
         farthest = distance[frame, corner]
         how_far = f"{farthest:.2f} m" if np.isfinite(farthest) else "far"
-        reason = f"{CORNERS[corner]} corner {how_far} off the drivable area at {facts.time_s[frame]:.1f} s"
+        where = f"{CORNERS[corner]} corner {how_far} off the drivable area at {facts.time_s[frame]:.1f} s"
+        reason = f"{where}; the ego was {ego_doing(facts, frame)}"
     detail = {
         "all_corners_inside": not outside.any(),
         "frames_outside": int(far.any(axis=1).sum()),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from interplan_sumo.metrics.association import Place
+from interplan_sumo.metrics.circumstances import ego_doing
 from interplan_sumo.metrics.expert_route import project_m
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult, metric
@@ -34,8 +35,12 @@ def driving_direction(facts: Facts) -> MetricResult:
     score = 1.0 if -lowest < TOLERATED_M else 0.5 if -lowest < FORBIDDEN_M else 0.0
     reason = None
     if score < 1.0:
-        when = facts.time_s[int(np.argmin(windowed))]
-        reason = f"drove {-lowest:.1f} m against the traffic in the {WINDOW_S:.0f} s before {when:.1f} s"
+        frame = int(np.argmin(windowed))
+        lane = facts.places[frame][0] if facts.places[frame] else "none"
+        reason = (
+            f"drove {-lowest:.1f} m against the traffic of lane {lane} in the {WINDOW_S:.0f} s before "
+            f"{facts.time_s[frame]:.1f} s; the ego was {ego_doing(facts, frame)}"
+        )
     return MetricResult(score, {"lowest_progress_m": lowest}, {"progress_in_window_m": windowed}, reason)
 
 

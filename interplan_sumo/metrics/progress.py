@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from interplan_sumo.metrics.circumstances import longest_wait
+from interplan_sumo.metrics.circumstances import how_it_went, longest_wait
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult, metric
 from interplan_sumo.world.geometry import Floats
@@ -38,7 +38,7 @@ def progress(facts: Facts) -> MetricResult:
     gained = np.diff(ego, prepend=ego[:1])
     ego_m = float(ego[-1] - ego[0]) if len(ego) else 0.0
     expert_m = float(expert[-1] - expert[0]) if len(expert) else 0.0
-    return _result(ego_m, expert_m, gained)
+    return _result(facts, ego_m, expert_m, gained)
 
 
 @metric(failure="little progress", lost_at=stopped_advancing)
@@ -47,7 +47,7 @@ def nuplan_progress(facts: Facts) -> MetricResult:
     if not facts.expert_blocks:
         return MetricResult(1.0, {"ratio": 1.0, "ego_m": None, "expert_m": 0.0})
     ego, expert = facts.block_gains_m
-    return _result(float(ego.sum()), float(expert.sum()), ego)
+    return _result(facts, float(ego.sum()), float(expert.sum()), ego)
 
 
 @metric(failure="no progress", lost_at=stopped_advancing)
@@ -69,9 +69,11 @@ def progress_ratio(ego_m: float, expert_m: float) -> float:
     return min(1.0, max(ego_m, FLOOR_M) / max(expert_m, FLOOR_M))
 
 
-def _result(ego_m: float, expert_m: float, gained: Floats) -> MetricResult:
+def _result(facts: Facts, ego_m: float, expert_m: float, gained: Floats) -> MetricResult:
     ratio = progress_ratio(ego_m, expert_m)
-    reason = f"advanced {ego_m:.1f} m along the route, the expert {expert_m:.1f} m" if ratio < 1.0 else None
+    reason = None
+    if ratio < 1.0:
+        reason = f"advanced {ego_m:.1f} m along the route, the expert {expert_m:.1f} m; {how_it_went(facts)}"
     return MetricResult(ratio, {"ratio": ratio, "ego_m": ego_m, "expert_m": expert_m}, {"gained_m": gained}, reason)
 
 
@@ -79,5 +81,5 @@ def _making(result: MetricResult) -> MetricResult:
     ratio = result.score
     assert ratio is not None
     score = 1.0 if ratio >= LEAST_RATIO else 0.0
-    reason = None if score else f"{result.reason}: less than {LEAST_RATIO:.0%} of it"
+    reason = None if score else f"less than {LEAST_RATIO:.0%} of the expert's way: {result.reason}"
     return MetricResult(score, {"ratio": ratio}, reason=reason)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from interplan_sumo.metrics.circumstances import ego_doing
 from interplan_sumo.metrics.collisions import AHEAD_RAD, BEHIND_RAD, bearing_rad
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.metrics.metric import MetricResult, metric
@@ -28,7 +29,7 @@ def nearest_contact(_: Facts, result: MetricResult) -> int:
     return int(np.argmin(result.series["time_to_collision_s"]))
 
 
-@metric(failure="close call", lost_at=nearest_contact)
+@metric(failure="time to collision too short", lost_at=nearest_contact)
 def time_to_collision(facts: Facts) -> MetricResult:
     """1 if every frame has more than `LEAST_S`, else 0.
 
@@ -51,13 +52,12 @@ def time_to_collision(facts: Facts) -> MetricResult:
 def _reason(facts: Facts, per_frame: Floats, per_row: Floats) -> str:
     frame = int(np.argmin(per_frame))
     actors = facts.trace.actors
-    if per_frame[frame] == 0.0:
-        row = next(c.row for c in facts.collisions if c.at_fault and c.frame == frame)
-    else:
-        rows = actors.rows(frame)
-        row = rows.start + int(np.argmin(per_row[rows]))
-    kind = ActorKind(int(actors.kind[row])).words
-    return f"{per_frame[frame]:.1f} s to a collision with {kind} {actors.ids[row]} at {facts.time_s[frame]:.1f} s"
+    hit = next((c for c in facts.collisions if c.at_fault and c.frame == frame), None)
+    rows = actors.rows(frame)
+    row = rows.start + int(np.argmin(per_row[rows])) if hit is None else hit.row
+    who = f"{ActorKind(int(actors.kind[row])).words} {actors.ids[row]} at {facts.time_s[frame]:.1f} s"
+    what = f"close call, {per_frame[frame]:.1f} s from" if hit is None else "collided with"
+    return f"{what} {who}; the ego was {ego_doing(facts, frame)}"
 
 
 def row_times_s(facts: Facts) -> Floats:

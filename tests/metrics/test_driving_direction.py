@@ -18,7 +18,9 @@ def test_the_reason_names_distance_and_time_and_the_frame_is_that_one():
     x_m = 200.0 - np.concatenate((np.zeros(5), np.linspace(0.0, 7.7, 12), np.full(20, 7.7)))
     facts = facts_of(drive_at(x_m, 0.0, 5.0), ROAD)
     result = driving_direction(facts)
-    assert result.reason == "drove 7.7 m against the traffic in the 1 s before 1.6 s"
+    assert str(result.reason).startswith(
+        "drove 7.7 m against the traffic of lane 11 in the 1 s before 1.6 s; the ego was"
+    )
     assert driving_direction.lost_at(facts, result) == 16
 
 

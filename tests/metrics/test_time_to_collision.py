@@ -32,7 +32,7 @@ def test_a_parked_car_ahead_of_an_ego_at_10_mps(gap_m: float, time_s: float, sco
 def test_the_reason_names_time_track_and_frame():
     facts = facts_of(drive_at([50.0, 51.0, 46.0], actors=cars((50.0 + CONTACT_M + 5.0, 0.0))), ROAD)
     result = time_to_collision(facts)
-    assert result.reason == "0.4 s to a collision with vehicle car00 at 0.1 s"
+    assert str(result.reason).startswith("close call, 0.4 s from vehicle car00 at 0.1 s; the ego was at ")
     assert time_to_collision.lost_at(facts, result) == 1
 
 
