@@ -29,22 +29,21 @@ def suite_entries(suite: str | None = None) -> list[dict[str, Any]]:
 
 
 def certified(entry: dict[str, Any]) -> dict[str, Any]:
-    """An entry with who solves it and its certificate, null until they are stored, before the hash."""
+    """An entry with its certificate, null until one is stored, before the hash."""
     from interplan_sumo.scenario.suite import certificate_of
 
     proved = certificate_of(entry["id"], entry["hash"])
     summary = None if proved is None else asdict(proved)
-    solved_by = None if summary is None else summary.pop("solved_by")
+    if summary is not None:
+        del summary["solved_by"]  # the entry has it
     shown = {name: value for name, value in entry.items() if name != "hash"}
-    return {**shown, "solved_by": solved_by, "certificate": summary, "hash": entry["hash"]}
+    return {**shown, "certificate": summary, "hash": entry["hash"]}
 
 
 def in_words(entry: dict[str, Any]) -> dict[str, Any]:
-    """An entry for people: who solves it as a text, without the certificate."""
-    shown = certified(entry)
-    del shown["certificate"]
-    solved_by = shown.pop("solved_by")
-    return {**shown, "solved by": "" if solved_by is None else ", ".join(solved_by) or "open"}
+    """An entry for people: who solves it as a text."""
+    solved_by = entry["solved_by"]
+    return {**entry, "solved_by": "" if solved_by is None else ", ".join(solved_by) or "open"}
 
 
 def scenario_details(scenario: Scenario) -> dict[str, Any]:

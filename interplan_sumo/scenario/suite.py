@@ -131,6 +131,8 @@ class ScenarioOverview(msgspec.Struct, frozen=True):
     lane_changes: int
     hash: str
     perception: str
+    solved_by: tuple[str, ...] | None = None
+    """As its certificate says; None without one."""
 
 
 class MapLock(msgspec.Struct, frozen=True):
@@ -194,9 +196,11 @@ def overview(scenario: Scenario, roads: Roads) -> ScenarioOverview:
     need = lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane)
     if need is None:
         raise ScenarioError(f"{scenario.id}: no way from lane {scenario.start.lane} to goal lane {scenario.goal.lane}")
+    proved = certificate_of(scenario.id, scenario.hash())
     return ScenarioOverview(
         scenario.id, scenario.family, scenario.map, scenario.site(roads), roads.driving_side,
         scenario.traffic.density, scenario.traffic.behaviour, need, scenario.hash(), scenario.perception,
+        None if proved is None else proved.solved_by,
     )  # fmt: skip
 
 
