@@ -7,8 +7,10 @@ Ids say where a thing belongs, so that an edit of one road leaves the others' al
 - connector `RRDPPIXT`: the lane it leaves, the exit (0 on to the next piece, 9 a ramp, else the
   arm of the junction), the index of the lane it enters; roadblock connector `RRDPPX`
 - stop line `RRDPPG`: the roadblock it ends and the group of lanes (0 main, 1 inner pockets, 2 kerb pockets)
-- intersection: the number of the junction, or the roadblock before the joint
+- intersection: the number of the junction, or the roadblock before a ramp
 - crosswalk: junction and arm, or the roadblock before it; all other areas: road number and a count
+
+Roads of a plan have two digits, those made by rule (`rules`, `driveways`) six, so that no two ids meet.
 """
 
 from __future__ import annotations
