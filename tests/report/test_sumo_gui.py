@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
+import libsumo
 import numpy as np
 import pytest
 from defusedxml.ElementTree import fromstring, parse
@@ -23,6 +24,7 @@ from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.maps.to_sumo import program_path
 from interplan_sumo.report.sumo_gui.folder import BEFORE_S, SHAPES, TRACKS, VIEW, write_sumo_gui
+from interplan_sumo.simulation.setup import open_sumo_traffic
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.trace import ActorTable
 
@@ -145,6 +147,23 @@ def test_the_same_start_runs_in_plain_sumo(drives: dict[str, StoredDrive], tmp_p
             x_m = actors.x_m[row] + ahead_m * np.cos(actors.heading_rad[row]) - origin[0]
             y_m = actors.y_m[row] + ahead_m * np.sin(actors.heading_rad[row]) - origin[1]
             assert np.hypot(places[:, 0] - x_m, places[:, 1] - y_m).min() < 0.1
+
+
+def test_the_lights_of_the_rerun_begin_where_those_of_the_drive_do(
+    drives: dict[str, StoredDrive], tmp_path: Path
+) -> None:
+    """The one that the ego has just passed is green, whatever its program begins with."""
+    drive = drives["jaywalker/0"]
+    lights = libsumo.trafficlight
+    with open_sumo_traffic(drive.scenario, drive.roads, seed=drive.row.seed):
+        then = {light: lights.getRedYellowGreenState(light) for light in lights.getIDList()}
+        begin = {light: lights.getAllProgramLogics(light)[0].phases[0].state for light in then}
+    libsumo.start(["sumo", "-c", str(write_sumo_gui(drive, tmp_path).with_name("rerun.sumocfg"))])
+    try:
+        libsumo.simulationStep()
+        assert {light: lights.getRedYellowGreenState(light) for light in then} == then != begin
+    finally:
+        libsumo.close()
 
 
 def test_the_folder_can_be_moved_and_equal_calls_write_equal_files(

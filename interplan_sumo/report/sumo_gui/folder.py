@@ -39,6 +39,7 @@ VIEW: Final = "view.xml"
 PLAYBACK: Final = "playback.sumocfg"
 TRAFFIC: Final = "traffic.rou.xml"
 RERUN: Final = "rerun.sumocfg"
+LIGHTS: Final = "lights.add.xml"
 
 
 def write_sumo_gui(drive: StoredDrive, folder: Path, *, at_s: float | None = None) -> Path:
@@ -68,7 +69,8 @@ def write_sumo_gui(drive: StoredDrive, folder: Path, *, at_s: float | None = Non
     }
     if not drive.scenario.replayed:
         types_file = types_of(drive)
-        elements, texts[types_file.name] = traffic_at_start(drive, types_file)
+        elements, lights, texts[types_file.name] = traffic_at_start(drive, types_file)
+        texts[LIGHTS] = document("additional", lights)
         texts[TRAFFIC] = document("routes", elements)
         texts[RERUN] = configuration(_rerun(types_file.name, drive.scenario.duration_s))
     with writing(folder, "give another folder"):
@@ -133,7 +135,7 @@ def _playback(begin_s: float, end_s: float) -> dict[str, str]:
 def _rerun(types_file: str, end_s: float) -> dict[str, str]:
     """As the benchmark starts SUMO."""
     return COMMON | {
-        "additional-files": f"{types_file},{SHAPES}",
+        "additional-files": f"{types_file},{LIGHTS},{SHAPES}",
         "route-files": TRAFFIC,
         "begin": "0",
         "end": f"{end_s:.2f}",
@@ -153,6 +155,7 @@ def _readme(drive: StoredDrive, moment_s: float) -> str:
 {RERUN:20} the same start, driven on by SUMO alone, the ego too: what SUMO makes of the traffic without
 {"":20} the planner and without the benchmark's rules about who reacts to it
 {TRAFFIC:20} its vehicles with their routes, lanes, places and speeds; the stopped ones stand for obstacles
+{LIGHTS:20} where the programs of the lights begin
 """
     )
     return f"""{drive.scenario.id}, {row.planner}, seed {row.seed}: score {score}

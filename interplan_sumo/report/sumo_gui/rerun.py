@@ -25,11 +25,12 @@ def types_of(drive: StoredDrive) -> Path:
     return given or vehicle_type_file(drive.scenario.traffic.behaviour)
 
 
-def traffic_at_start(drive: StoredDrive, types_file: Path) -> tuple[list[str], str]:
-    """Elements of a route file, and the file of vehicle types for it. Opens SUMO.
+def traffic_at_start(drive: StoredDrive, types_file: Path) -> tuple[list[str], list[str], str]:
+    """Elements of a route file, lights for an additional file, and the file of vehicle types. Opens SUMO.
 
     Everybody at t = 0, on their lanes, with speed and route; obstacles stand
-    still. The ego is among them, as a car that SUMO drives.
+    still. The ego is among them, as a car that SUMO drives. Lights go on from
+    where they are then.
     """
     types = read_vehicle_types(types_file)
     network = read_network(find_map(drive.scenario.map, drive.scenario.maps_beside).network)
@@ -39,7 +40,24 @@ def traffic_at_start(drive: StoredDrive, types_file: Path) -> tuple[list[str], s
         known = simulation.drivers
         others = dict.fromkeys(kind for name in names if (kind := _type_of(name)) not in known)
         document = types.sumo_document(known.values(), besides=DRAWING)
-        return [*(_type(kind) for kind in others), *(_vehicle(name, network) for name in names)], document
+        lights = [_light(light) for light in sorted(sumo.trafficlight.getIDList()) if _has_cycle(light)]
+        return [*(_type(kind) for kind in others), *(_vehicle(name, network) for name in names)], lights, document
+
+
+def _has_cycle(light: str) -> bool:
+    """Whether a light shows the phases of a program of fixed durations one after the other."""
+    now = sumo.trafficlight.getProgram(light)
+    return any(each.programID == now and each.type == 0 for each in sumo.trafficlight.getAllProgramLogics(light))
+
+
+def _light(light: str) -> str:
+    """The offset with which a light's program begins where it is now."""
+    get = sumo.trafficlight
+    now = get.getProgram(light)
+    (program,) = (each for each in get.getAllProgramLogics(light) if each.programID == now)
+    durations_s = [phase.duration for phase in program.phases]
+    index, left_s = get.getPhase(light), get.getNextSwitch(light) - sumo.simulation.getTime()
+    return tag("tlLogic", id=light, programID=now, offset=f"{left_s - sum(durations_s[: index + 1]):.2f}")
 
 
 def _type_of(name: str) -> str:
