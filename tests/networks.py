@@ -18,6 +18,7 @@ from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.simulation.setup import opaque_ids
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
+from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
@@ -45,10 +46,12 @@ def agent(
     return Spawn(lane, position_m, speed_mps, behaviour.members[0], route)
 
 
-def traffic(behaviour: VehicleTypes, spawns: tuple[Spawn, ...], ego: EgoState, *, with_ego: bool = True) -> SumoTraffic:
+def traffic(
+    behaviour: VehicleTypes, spawns: tuple[Spawn, ...], ego: EgoState, presence: EgoPresence = EgoPresence.DRIVES
+) -> SumoTraffic:
     network = two_way_road()
     tokens = opaque_ids(len(spawns), np.random.default_rng(0))
-    setup = TrafficSetup(network, plain_ids(network), behaviour, ego, ("e0", "e1"), with_ego=with_ego)
+    setup = TrafficSetup(network, plain_ids(network), behaviour, ego, ("e0", "e1"), presence=presence)
     return SumoTraffic(replace(setup, spawns=spawns, tokens=tokens))
 
 

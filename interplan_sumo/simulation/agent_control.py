@@ -86,13 +86,13 @@ class AgentChance:
 class AgentControl:
     """Tells agents what is decided, and knows what they have been told."""
 
-    def __init__(self, drivers: Mapping[str, VehicleType], chance_seed: int, *, with_ego: bool) -> None:
+    def __init__(self, drivers: Mapping[str, VehicleType], chance_seed: int, *, plain: bool) -> None:
         """`drivers` by agent, as they come; `chance_seed` is for what they decide by chance.
 
-        Without an ego they are SUMO's own to the bit, once they have been there for a while.
+        Where they are `plain`, they are SUMO's own to the bit, once they have been there for a while.
         """
         self._drivers = drivers
-        self._with_ego = with_ego
+        self._plain = plain
         self._chance = AgentChance(chance_seed)
         self._told: dict[str, _Told] = {}
         self._overseen: set[str] = set()
@@ -105,7 +105,7 @@ class AgentControl:
 
     def enter(self, names: Collection[str]) -> None:
         """These have entered."""
-        for name in sorted(names) if self._with_ego else ():
+        for name in sorted(names) if not self._plain else ():
             if sumo.vehicletype.getMaxSpeedLat(self._drivers[name].id) == PLAIN_LATERAL_MPS:
                 sumo.vehicle.setMaxSpeedLat(
                     name, finite("a lateral speed", LANE_WIDTH_M / self._chance.lane_change_s(name))

@@ -188,8 +188,11 @@ class EgoReactions:
         return frozenset([name for name in beside if not self._drivers[name].swerve])
 
     def _beside_overlap(self, agents: AgentSnapshot, lane: str) -> frozenset[str]:
-        """Agents next to a lane on which the ego has passed through others: SUMO takes what it hides for room."""
-        beside = set(self._network.edges.get(self._network.lanes[lane].edge, ())) - {lane}
+        """Agents on the road where the ego has passed through others on a lane.
+
+        SUMO takes what it hides for room, and puts who is hidden and changes lane behind those that it is ahead of.
+        """
+        beside = self._network.edges.get(self._network.lanes[lane].edge, ())
         here = zip(agents.names, self._corridors_of(agents, agents.names), strict=True)
         return frozenset([name for name, (at, _) in here if at in beside])
 

@@ -1,11 +1,13 @@
-"""Obstacles: true boxes for all that look, and which stretches of SUMO lanes they block."""
+"""Obstacles: true boxes for all that look, and which stretches of SUMO lanes they, and people on foot, block."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf
 
 import numpy as np
+import shapely
 
 from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
@@ -57,12 +59,7 @@ def standing_heights_m(scenario: Scenario, ids: tuple[str, ...]) -> dict[str, fl
 
 
 def blockages(network: SumoNetwork, obstacles: Actors, origin_m: tuple[float, float]) -> tuple[LaneBlockage, ...]:
-    """The stretches of normal lanes that obstacles block, sorted by lane and position.
-
-    An obstacle blocks a lane if a car on its centre line would touch it; one
-    that only reaches into the lane's edge is passed.
-    """
-    found: dict[str, list[tuple[float, float]]] = {}
+    """The stretches of normal lanes that obstacles block, and the room to swing out before them."""
     boxes = box_polygons(
         obstacles.x_m - origin_m[0],
         obstacles.y_m - origin_m[1],
@@ -70,9 +67,19 @@ def blockages(network: SumoNetwork, obstacles: Actors, origin_m: tuple[float, fl
         obstacles.length_m,
         obstacles.width_m,
     )
-    for box in boxes:
-        for lane_id, (start_m, end_m) in lanes_overlapped(network, box).items():
-            found.setdefault(lane_id, []).append((max(0.0, start_m - SWING_OUT_M), end_m))
+    return blocked_by(network, boxes, SWING_OUT_M)
+
+
+def blocked_by(network: SumoNetwork, areas: Iterable[shapely.Polygon], before_m: float) -> tuple[LaneBlockage, ...]:
+    """The stretches of normal lanes that areas in SUMO's frame block, from so far before them on.
+
+    Sorted by lane and position. An area blocks a lane if a car on its centre
+    line would touch it; one that only reaches into the lane's edge is passed.
+    """
+    found: dict[str, list[tuple[float, float]]] = {}
+    for area in areas:
+        for lane_id, (start_m, end_m) in lanes_overlapped(network, area).items():
+            found.setdefault(lane_id, []).append((max(0.0, start_m - before_m), end_m))
     return tuple(LaneBlockage(lane, *span) for lane in sorted(found) for span in _merged(found[lane]))
 
 

@@ -75,6 +75,14 @@ class Crowd:
             areas.append(hull([(x, y) for x, y in np.concatenate(ends).tolist()]))
         return areas
 
+    def ways(self, origin_m: tuple[float, float]) -> list[shapely.Polygon]:
+        """What everyone covers on its whole way, in SUMO's frame."""
+        here, ends = self.observe(), np.array([each.end for each in self._walks]).reshape(-1, 1, 2)
+        begins = np.array([each.start for each in self._walks]).reshape(-1, 1, 2)
+        first = here.corners - np.stack((here.x_m, here.y_m), axis=1)[:, None, :] - origin_m
+        corners = np.concatenate((first + begins, first + ends), axis=1)
+        return [shapely.Polygon(hull([(x, y) for x, y in each.tolist()])) for each in corners]
+
     def standing(self, origin_m: tuple[float, float]) -> dict[str, shapely.Polygon]:
         """The boxes of those that wait or have arrived, by place: equal keys mean equal boxes. In SUMO's frame."""
         found: dict[str, shapely.Polygon] = {}

@@ -15,12 +15,13 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.flow import Flow, draw_arrivals
 from interplan_sumo.simulation.lights import LoggedLights
 from interplan_sumo.simulation.network import read_network
-from interplan_sumo.simulation.obstacles import blockages, standing_actors, standing_heights_m
+from interplan_sumo.simulation.obstacles import blockages, blocked_by, standing_actors, standing_heights_m
 from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.simulation.replayed import ReplayedTraffic
 from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, StagedScenario, populate
 from interplan_sumo.simulation.sumo import DT_S as STEP_S
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
+from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.roads import Roads
@@ -39,7 +40,7 @@ def open_traffic(
     seed: int = 0,
     vehicle_types: Path | None = None,
     shape: EgoShape = PACIFICA,
-    with_ego: bool = True,
+    presence: EgoPresence = EgoPresence.DRIVES,
     most_agents: int | None = None,
     reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
 ) -> SumoTraffic | ReplayedTraffic:
@@ -49,7 +50,7 @@ def open_traffic(
         return _replays(scenario, roads, seed)
     return open_sumo_traffic(
         scenario, roads, seed=seed, vehicle_types=vehicle_types, shape=shape,
-        with_ego=with_ego, most_agents=most_agents, reach_m=reach_m,
+        presence=presence, most_agents=most_agents, reach_m=reach_m,
     )  # fmt: skip
 
 
@@ -60,14 +61,14 @@ def open_sumo_traffic(
     seed: int = 0,
     vehicle_types: Path | None = None,
     shape: EgoShape = PACIFICA,
-    with_ego: bool = True,
+    presence: EgoPresence = EgoPresence.DRIVES,
     most_agents: int | None = None,
     reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
 ) -> SumoTraffic:
     """SUMO with the scenario's traffic at t = 0. InputError if a file cannot be used, TrafficError if SUMO fails.
 
-    `with_ego` False gives the twin run without an ego. For measurements, `most_agents`
-    cuts the traffic short and lets none enter later, and `reach_m` spreads it (behind, ahead of the ego).
+    For measurements, `most_agents` cuts the traffic short and lets none enter later, and `reach_m`
+    spreads it (behind, ahead of the ego).
     """
     scenario.check(roads)
     files = find_map(scenario.map, scenario.maps_beside)
@@ -78,22 +79,24 @@ def open_sumo_traffic(
     tokens = opaque_ids(len(scenario.obstacles) + len(scenario.jaywalkers), rng)
     standing = standing_actors(scenario, roads, tokens[: len(scenario.obstacles)])
     blocked = blockages(network, standing, ids.origin_m)
-    crowd = None
+    crowd, waiting, walked = None, blocked, blocked
     if scenario.jaywalkers:
         line = route_centerline(roads, scenario)
         crowd = Crowd(scenario, roads, line, tokens[len(scenario.obstacles) :], STEP_S)
+        waiting += blocked_by(network, crowd.standing(ids.origin_m).values(), 0.0)
+        walked += blocked_by(network, crowd.ways(ids.origin_m), 0.0)
     staged = StagedScenario(scenario, roads, network, ids, types, shape)
-    population = populate(staged, blocked, rng, reach_m)
+    population = populate(staged, waiting, rng, reach_m)
     spawns = population.spawns[:most_agents]
     names = opaque_ids(len(spawns), rng, besides=tokens)
     flow = None
     if most_agents is None and scenario.has_flow:
         free = _shuffled_ids(rng, (*tokens, *names))
         arrivals = draw_arrivals(types, rng)
-        flow = Flow(network, population.demand, blocked, arrivals, free, staged.route_m, rng)
+        flow = Flow(network, population.demand, walked, arrivals, free, staged.route_m, rng)
     setup = TrafficSetup(
         network, ids, types, start_state(scenario, roads), population.ego_route, shape, spawns, names, standing,
-        blocked, crowd=crowd, flow=flow, with_ego=with_ego,
+        blocked, crowd=crowd, flow=flow, presence=presence,
         logged=LoggedLights.on(scenario.lights, ids.links) if scenario.lights else None, shown=population.shown,
         chance_seed=int(rng.integers(2**32)),
         heights_m=standing_heights_m(scenario, tokens[: len(scenario.obstacles)]),

@@ -9,7 +9,7 @@ for what is there start slower.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -30,10 +30,10 @@ from interplan_sumo.simulation.lane_chains import (
 from interplan_sumo.simulation.lane_occupancy import AHEAD_M as LOOK_AHEAD_M
 from interplan_sumo.simulation.lane_occupancy import CAR_LENGTH_M, LaneOccupancy, Occupant
 from interplan_sumo.simulation.local_demand import LEAST_ROAD_M, LocalDemand, agent_route, local_demand
-from interplan_sumo.simulation.network import NetworkLane, SumoNetwork
+from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.passed_light import passed_light
-from interplan_sumo.simulation.start_speed import HARDEST_FIRST_BRAKING_MPS2, StartAhead, safe, start_speed_mps
+from interplan_sumo.simulation.start_speed import HARDEST_FIRST_BRAKING_MPS2, LINE_M, StartAhead, safe, start_speed_mps
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.geometry import wrap_angle
@@ -47,6 +47,10 @@ CLEAR_M = 3.0
 """No vehicle starts nearer than this to an obstacle."""
 FASTEST_MPS = 40.0
 """Routes are long enough for drives at this speed."""
+CREEP_M = 8.0
+"""Who would start this near to a line that is closed stands before it: those that creep up to it jerk."""
+KERB_M = 0.1
+"""Without a light SUMO's cars stop only this far before the end of their lane."""
 MOST_LOOKS = 20
 """A speed that is lowered lowers that of the next one behind, and so on."""
 
@@ -360,6 +364,8 @@ def _settled(
     The first `placed` keep their speed where it suits, even beyond the limit.
     Those drawn are left out where not even standing is safe.
     """
+    opens = partial(network.opens_freely, shown=shown)
+    spawns = [each if i < placed else _up_to_the_line(network, each, opens) for i, each in enumerate(spawns)]
     ways = [way_ahead(network, each.lane, each.route, each.position_m + LOOK_AHEAD_M) for each in spawns]
     speeds: list[float | None] = [each.speed_mps for each in spawns]
     for _ in range(MOST_LOOKS):
@@ -374,9 +380,18 @@ def _settled(
             speed_mps = speeds[i]
             if speed_mps is None:
                 continue
-            ahead = now.ahead_of(way, each.position_m, partial(network.opens_freely, shown=shown))
+            ahead = now.ahead_of(way, each.position_m, opens)
             slower = start_speed_mps(each.driver, ahead, most_mps=speed_mps, settled=i >= placed)
             speeds[i] = 0.0 if slower is None and i < placed else slower
         if speeds == before:
             break
     return [replace(each, speed_mps=mps) for each, mps in zip(spawns, speeds, strict=True) if mps is not None]
+
+
+def _up_to_the_line(network: SumoNetwork, each: Spawn, opens: Callable[[NetworkLink], bool]) -> Spawn:
+    """One that starts near the end of its lane, from where it may not drive on, where SUMO's cars stop there."""
+    room_m = network.lanes[each.lane].length_m - each.position_m
+    (here, *_) = way_ahead(network, each.lane, each.route, 0.0)
+    if not LINE_M < room_m < CREEP_M or here.link is None or opens(here.link):
+        return each
+    return replace(each, position_m=each.position_m + room_m - (LINE_M if here.link.light is not None else KERB_M))

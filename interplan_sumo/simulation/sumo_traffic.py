@@ -26,7 +26,7 @@ from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, getters, open_simulation, sumo
-from interplan_sumo.simulation.traffic import TrafficState
+from interplan_sumo.simulation.traffic import EgoPresence, TrafficState
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.simulation.without_ego import StepBefore, WithoutEgo
 from interplan_sumo.world.actors import Actors
@@ -37,6 +37,10 @@ SOON_S = 2.5
 """A light that switches within this time is none to drive towards as if it stayed green."""
 LANE_SLACK_M = 0.5
 """The rear of a car that is turned by less than this against its lane stays in it."""
+BESIDE_M = 80.0
+"""This near to one that enters nobody changes lane for a while."""
+NOWHERE_M = 1e7
+"""An ego there meets nobody."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,8 +64,7 @@ class TrafficSetup:
     crowd: Crowd | None = None
     flow: Flow | None = None
     """Brings more agents as time goes on."""
-    with_ego: bool = True
-    """False leaves the ego out of SUMO altogether: the twin run against which reactions are measured."""
+    presence: EgoPresence = EgoPresence.DRIVES
     logged: LoggedLights | None = None
     """Lights that show what was recorded."""
     shown: Mapping[str, str] = field(default_factory=dict[str, str])
@@ -104,7 +107,8 @@ class SumoTraffic:
         try:
             known = {each.id: each for each in (*types.members, *types.others, *drawn)}
             self._drivers = {name: self._as_loaded(each) for name, each in known.items()}
-            self._control = AgentControl(self._agents.drivers, setup.chance_seed, with_ego=setup.with_ego)
+            self._plain = setup.presence is EgoPresence.ABSENT
+            self._control = AgentControl(self._agents.drivers, setup.chance_seed, plain=self._plain)
             self._first_seconds = FirstSeconds(self._agents.drivers, besides=EGO)
             self._reactions = EgoReactions(
                 network, ids.origin_m, setup.shape, self._agents, setup.blocked, self._control.models
@@ -114,7 +118,7 @@ class SumoTraffic:
                 self._add(token, each)
             self._block(setup.blocked)
             self._switch(setup.shown)
-            if setup.with_ego:
+            if setup.presence is EgoPresence.DRIVES:
                 self._proxy = EgoProxy(network, ids.origin_m, setup.shape, setup.ego_route, setup.ego)
             self.advance()
             if self._proxy is not None:
@@ -215,7 +219,7 @@ class SumoTraffic:
 
     def react(self, ego: EgoState) -> None:
         self._ego = ego
-        if self._proxy is None:
+        if self._plain:
             self._control.keep_lanes(frozenset())
             return
         walking: Sequence[Ring] = ()
@@ -225,10 +229,12 @@ class SumoTraffic:
             walking, standing = self._crowd.foreseen(self._ids.origin_m), self._crowd.standing(self._ids.origin_m)
         agents = self._agents.snapshot(self._lanes_of, self._positions_m, self._choice_of)
         self._control.relax(agents)
-        commands = self._reactions.decide(ego, self._proxy.anchor, walking, standing, agents)
+        met, anchor = (ego, self._proxy.anchor) if self._proxy is not None else (replace(ego, x_m=NOWHERE_M), None)
+        commands = self._reactions.decide(met, anchor, walking, standing, agents)
         self._control.tell(agents, commands)
-        told = (commands.for_ego_mps, commands.for_others_mps)
-        self._before = StepBefore(ego, agents.names, agents.speed_mps, *told, self._control.overlooks_ego)
+        if self._proxy is not None:
+            told = (commands.for_ego_mps, commands.for_others_mps)
+            self._before = StepBefore(ego, agents.names, agents.speed_mps, *told, self._control.overlooks_ego)
 
     def place_ego(self, ego: EgoState) -> None:
         if self._proxy is not None:
@@ -306,7 +312,7 @@ class SumoTraffic:
         lane, agents = self._network.lanes[each.lane], self._agents
         place = lane.plain_line.pose_at(lane.arc_of(each.position_m))
         away_m = np.hypot(agents.front_x - place.x_m, agents.front_y - place.y_m)
-        return frozenset([agents.names[row] for row in np.flatnonzero(away_m <= FREEZE_RADIUS_M)])
+        return frozenset([agents.names[row] for row in np.flatnonzero(away_m <= BESIDE_M)])
 
     def _remove(self, gone: frozenset[str]) -> None:
         """Agents at the end of their routes."""

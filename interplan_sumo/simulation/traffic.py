@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 from typing import Final, Protocol
 
 from interplan_sumo.world.actors import Actors
@@ -12,6 +13,16 @@ from interplan_sumo.world.signals import Signals
 
 TRAFFIC_VERSION: Final = 2
 """Goes up with every change that can change a trace; drives of different versions are not compared."""
+
+
+class EgoPresence(Enum):
+    """What the ego of a run is to its traffic."""
+
+    DRIVES = "drives"
+    UNSEEN = "unseen"
+    """Nobody meets it, all else is as if it drove: the twin run against which reactions are measured."""
+    ABSENT = "absent"
+    """Nor does anything of ours act on the agents: plain SUMO."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,18 +26,20 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import lane_width_m
 from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.simulation.setup import open_sumo_traffic, start_state
-from interplan_sumo.simulation.traffic import TrafficState
+from interplan_sumo.simulation.traffic import EgoPresence, TrafficState
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Connector, Roads
 from tests.simulation import traffic_invariants as invariants
+from tests.simulation import twin_invariants
 from tests.simulation.random_drives import random_scenario
 from tests.simulation.rude_egos import Surroundings, behaviours, driven
 from tests.simulation.traffic_invariants import Array, Body, Drive, Frame, Violation
 
 ROUTES = Path(__file__).parents[2] / "routes"
+STEADY = "sigma=0"
 MODELS = ("Krauss", "KraussOrig1", "PWagner2009", "KraussX", "IDMM", "EIDM", "ACC", "CACC", "W99", "Wiedemann")
 RANDOM_BRAKING = "PWagner2009"
 """Ends its braking by chance, and SUMO's chance falls otherwise where there is an ego: no twin tells a reaction.
@@ -46,6 +48,12 @@ Nor is a hard braking a bad start: with a `decel` of 2 m/s2 it stops behind any 
 """
 ERRORS, EIDM_ERROR = 4.0, 0.04
 """Standard deviations of an EIDM driver's error, nobody errs by more; and its `sigmaerror` where a type says none."""
+OUR_OWN = ("spawn_braking", "appears", "leaves")
+"""Where vehicles start, come and go is ours to say, also where plain SUMO drives them."""
+ERRING = "EIDM"
+"""Its drivers err by chance."""
+DAWDLING = ("Krauss", "KraussX", "KraussOrig1")
+"""They dawdle by chance: in every other case only, for where they do no twin tells a reaction either."""
 SHIPPED_MAPS = ("back_bay", "hazelwood", "one_north", "strip")
 SUITES = ("interplan==1", "common==1")
 DENSITIES = ("low", "medium", "high")
@@ -108,7 +116,8 @@ def case(seed: int, number: int, maps: Maps, folder: Path) -> Case:
     else:
         scenario = _generated(maps.names[int(rng.integers(len(maps.names)))], seed, number, rng, families=pick < 0.75)
     kinds = {each.kind for each in scenario.vehicles}
-    types, words = _drivers(folder / f"types_{seed}_{number}.xml", rng, only="urban" if kinds - {"car"} else None)
+    file, only = folder / f"types_{seed}_{number}.xml", "urban" if kinds - {"car"} else None
+    types, words = _drivers(file, rng, only, dawdle=number % 2 == 1)
     return Case(number, scenario, int(rng.integers(1000)), ego, types, words)
 
 
@@ -129,7 +138,7 @@ def _generated(map: str, seed: int, number: int, rng: np.random.Generator, *, fa
     return random_scenario(map, rng, number, obstacles=bool(rng.random() < 0.3), jaywalker=bool(rng.random() < 0.2))
 
 
-def _drivers(path: Path, rng: np.random.Generator, only: str | None) -> tuple[Path, str]:
+def _drivers(path: Path, rng: np.random.Generator, only: str | None, *, dawdle: bool) -> tuple[Path, str]:
     """A vehicle-type file: a shipped one, or one at `path` with another car-following model and other reactions.
 
     `only` names the file that has every kind of vehicle, where the scene places some.
@@ -142,8 +151,9 @@ def _drivers(path: Path, rng: np.random.Generator, only: str | None) -> tuple[Pa
     words = [base.stem]
     if rng.random() < 0.7:
         model = str(rng.choice(MODELS))
-        text = text.replace('carFollowModel="IDM"', f'carFollowModel="{model}"')
-        words.append(model)
+        steady = model in DAWDLING and not dawdle
+        text = text.replace('carFollowModel="IDM"', f'carFollowModel="{model}"' + ' sigma="0"' * steady)
+        words += [model, STEADY] if steady else [model]
     for key, values in PARAMETERS.items():
         value = float(rng.choice(values))
         if rng.random() < 0.5 and _supported(key):
@@ -221,12 +231,15 @@ def _surroundings(roads: Roads, scenario: Scenario, line: Polyline) -> Surroundi
 
 
 def run(case: Case, *, steps: int = 300, twin: bool = True, twice: bool = False) -> Outcome:
-    """Drive a case and look for violations; with a `twin`, which has no ego, also for those that need one."""
+    """Drive a case and look for violations; with a `twin`, where nobody meets the ego, also for those that need one.
+
+    What is bit by bit as in plain SUMO, where nothing of ours acts, is named so.
+    """
     found = Outcome()
     roads = load_roads(case.scenario.map, case.scenario.maps_beside)
     steps = min(steps, round(case.scenario.duration_s * 10))
     egos = found.egos = egos_of(case, roads, steps)
-    first = _recorded(case, roads, egos, found, with_ego=True)
+    first = _recorded(case, roads, egos, found, EgoPresence.DRIVES)
     if first is None:
         return found
     found.drive, bodies, placed, begins, ends, found.hash = first
@@ -236,12 +249,13 @@ def run(case: Case, *, steps: int = 300, twin: bool = True, twice: bool = False)
         found.drive, bodies, standing=placed["standing"], walking=placed["walking"], map_begins=begins, map_ends=ends
     )
     if twin:
-        without = _recorded(case, roads, egos, found, with_ego=False)
+        without = _recorded(case, roads, egos, found, EgoPresence.UNSEEN)
         if without is not None:
             found.twin, twin_bodies = without[0], without[1]
             if RANDOM_BRAKING not in case.drivers:
-                found.violations += invariants.spawn_braking(found.twin, twin_bodies)
-                found.violations += invariants.reactions_to_what_is_behind(found.drive, found.twin, bodies)
+                found.violations += twin_invariants.spawn_braking(found.twin, twin_bodies)
+            if not _by_chance(case):
+                found.violations += twin_invariants.reactions_to_what_is_behind(found.drive, found.twin, bodies)
             found.violations += [
                 replace(each, kind=f"without_ego_{each.kind}")
                 for each in invariants.violations(
@@ -250,17 +264,36 @@ def run(case: Case, *, steps: int = 300, twin: bool = True, twice: bool = False)
                 )
                 if not each.kind.startswith(("appears", "leaves"))
             ]  # fmt: skip
+    if any(each.agent for each in found.violations):
+        plain = _recorded(case, roads, egos, found, EgoPresence.ABSENT)
+        if plain is not None:
+            found.violations = [
+                replace(each, kind=f"in_plain_sumo_{each.kind}")
+                if not each.kind.startswith(OUR_OWN)
+                and twin_invariants.same(found.drive, plain[0], each.agent.split("+"), each.frame)
+                else each
+                for each in found.violations
+            ]
     if twice:
-        again = _recorded(case, roads, egos, found, with_ego=True)
+        again = _recorded(case, roads, egos, found, EgoPresence.DRIVES)
         if again is not None and again[5] != found.hash:
             found.violations.append(Violation("not_repeatable", 0, "", 0.0, "two equal runs differ"))
     return found
 
 
+def _by_chance(case: Case) -> bool:
+    """Whether drivers brake by chance."""
+    words, text = case.drivers.split(), case.types.read_text()
+    dawdle = STEADY not in words and any(each in words for each in DAWDLING)
+    return dawdle or any(f'carFollowModel="{each}"' in text for each in (RANDOM_BRAKING, ERRING))
+
+
 _Recorded = tuple[Drive, dict[str, Body], dict[str, frozenset[str]], Array, Array, str]
 
 
-def _recorded(case: Case, roads: Roads, egos: list[EgoState], found: Outcome, *, with_ego: bool) -> _Recorded | None:
+def _recorded(
+    case: Case, roads: Roads, egos: list[EgoState], found: Outcome, presence: EgoPresence
+) -> _Recorded | None:
     """Frames of one drive; None, and a violation in `found`, if it ended in an exception before the first frame."""
     frames: list[Frame] = []
     bodies: dict[str, Body] = {}
@@ -269,10 +302,10 @@ def _recorded(case: Case, roads: Roads, egos: list[EgoState], found: Outcome, *,
     standing: frozenset[str] = frozenset()
     walking: frozenset[str] = frozenset()
     digest = hashlib.sha256()
-    kind = "exception" if with_ego else "without_ego_exception"
+    kind = "exception" if presence is EgoPresence.DRIVES else "without_ego_exception"
     try:
         with open_sumo_traffic(
-            case.scenario, roads, seed=case.seed, vehicle_types=case.types, with_ego=with_ego
+            case.scenario, roads, seed=case.seed, vehicle_types=case.types, presence=presence
         ) as traffic:
             origin = _origin(case.scenario)
             begins, ends = _map_ends(origin)

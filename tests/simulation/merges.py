@@ -17,6 +17,7 @@ from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
+from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import VehicleTypes
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats, Polyline
@@ -151,11 +152,11 @@ def measured(merge: Merge, types: VehicleTypes, blind: Floats | None = None) -> 
     route = _edges(network, ids, merge.site.lanes)
     setup = TrafficSetup(
         network, ids, types, driven[0], route, spawns=(Spawn(lane, place_m, merge.follower_mps, driver, route),),
-        tokens=("a",), with_ego=False, chance_seed=merge.chance_seed,
+        tokens=("a",), presence=EgoPresence.ABSENT, chance_seed=merge.chance_seed,
     )  # fmt: skip
     if blind is None:
         blind, _, _ = _run(setup, driven)
-    speeds, fronts, length_m = _run(replace(setup, with_ego=True), driven)
+    speeds, fronts, length_m = _run(replace(setup, presence=EgoPresence.DRIVES), driven)
     driven_on = {piece.sumo_lane for each in merge.site.lanes for piece in ids.pieces[each]}
     corridor = shapely.union_all([piece.polygon for each in driven_on for piece in network.lanes[each].pieces])
     boxes = [shapely.Polygon(ego.corners(PACIFICA) - ids.origin_m) for ego in driven[: len(speeds)]]

@@ -13,6 +13,7 @@ from interplan_sumo.simulation.agent_control import AgentChance
 from interplan_sumo.simulation.ego_reactions import AgentCommands
 from interplan_sumo.simulation.headway_relaxation import HeadwayRelaxation
 from interplan_sumo.simulation.reactions import Mode, ReactionDecision
+from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes, read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import EgoState
 
@@ -82,7 +83,7 @@ def test_an_agent_that_is_told_a_speed_brakes_for_sumos_reasons_as_hard_as_ever(
                 libsumo.vehicle.setSpeed("a1", 10.0 if step < 30 else 0.0)
                 run._control.tell(
                     run._agents.snapshot(run._lanes_of, run._positions_m, run._choice_of),
-                    AgentCommands({"a0": told}, frozenset()),
+                    AgentCommands({"a0": told}, frozenset(), {}, {}),
                 )
                 run.advance()
                 found.append(libsumo.vehicle.getSpeed("a0"))
@@ -96,10 +97,10 @@ def test_an_agent_that_is_told_a_speed_brakes_for_sumos_reasons_as_hard_as_ever(
     assert told == pytest.approx(left, abs=0.3)
 
 
-def lane_changes_s(cars: VehicleTypes, *, with_ego: bool = True) -> list[float]:
+def lane_changes_s(cars: VehicleTypes, presence: EgoPresence = EgoPresence.DRIVES) -> list[float]:
     """How long six agents take to change lane."""
     spawns = tuple(agent(cars, "e0_0", 40.0 + 40.0 * i, 10.0) for i in range(6))
-    with traffic(cars, spawns, ego_at(20.0, LANE_Y[2]), with_ego=with_ego) as run:
+    with traffic(cars, spawns, ego_at(20.0, LANE_Y[2]), presence) as run:
         for i in range(6):
             libsumo.vehicle.changeLane(f"a{i}", 1, 100.0)
         heights: list[list[float]] = []
@@ -113,11 +114,12 @@ def lane_changes_s(cars: VehicleTypes, *, with_ego: bool = True) -> list[float]:
 
 def test_each_driver_takes_its_own_time_to_change_lane_and_without_an_ego_sumos() -> None:
     cars = types("conservative")
-    own, plain = lane_changes_s(cars), lane_changes_s(cars, with_ego=False)
+    own, plain = lane_changes_s(cars), lane_changes_s(cars, EgoPresence.ABSENT)
     assert len({round(each, 1) for each in own}) >= 4
     assert min(own) >= 2.8
     assert max(own) <= 8.1
     assert plain == pytest.approx([2.95] * 6, abs=0.11)
+    assert lane_changes_s(cars, EgoPresence.UNSEEN) == own
 
 
 def test_a_type_with_a_lateral_speed_of_its_own_keeps_it_and_nobody_is_warned_of_it(tmp_path: Path) -> None:

@@ -91,6 +91,15 @@ def test_once_passed_through_a_car_stays_hidden_until_the_ego_has_another_lane()
     assert road.decide().decisions["a0"].mode is Mode.OVERRIDE_SPEED
 
 
+def test_who_is_hidden_by_the_ego_keeps_its_lane() -> None:
+    """SUMO would put it behind cars on the other lane that it is ahead of, and drive those through it."""
+    assert "a1" not in Lane1((80.0, LANE_Y[1]), (120.0, LANE_Y[1])).decide().keep_lane
+    road = Lane1((80.0, LANE_Y[1]), (101.0, LANE_Y[1]))
+    road.decide()
+    road.registry.kinematics.front_m = np.array([[80.0, LANE_Y[1]], [120.0, LANE_Y[1]]])
+    assert "a1" in road.decide().keep_lane
+
+
 def test_an_assertive_agent_follows_an_ego_that_starts_in_its_lane_and_not_one_that_slides_in() -> None:
     """Its centre is in lane 1, and seven tenths of its box."""
     for at_start, mode in ((True, Mode.SUMO), (False, Mode.IGNORE_EGO)):

@@ -14,6 +14,7 @@ from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.agent_control import NEW_STEPS
 from interplan_sumo.simulation.setup import open_sumo_traffic
 from interplan_sumo.simulation.sumo import sumo
+from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
 
 MODELS = ("IDM", "Krauss", "KraussOrig1", "PWagner2009", "EIDM", "ACC", "CACC", "W99", "Wiedemann", "IDMM")
@@ -35,7 +36,7 @@ def speeds(behaviour: VehicleTypes, gap_m: float, speed_mps: float, leader_mps: 
         agent(behaviour, "e0_0", 250.0, leader_mps),
         agent(behaviour, "e0_0", 250.0 - length_m - gap_m, speed_mps),
     )
-    with traffic(behaviour, both, NOBODY, with_ego=False) as run:
+    with traffic(behaviour, both, NOBODY, EgoPresence.ABSENT) as run:
         found: list[float] = []
         for _ in range(round(FIRST_S / 0.1) + 1):
             sumo.vehicle.setSpeed("a0", leader_mps)
@@ -54,12 +55,28 @@ def test_who_would_brake_hard_starts_slower_and_who_would_not_keeps_its_speed(mo
     assert far[0] == pytest.approx(13.0)
 
 
+@pytest.mark.parametrize("gap_m", [11.0, 16.0, 20.0])
+def test_who_follows_those_that_will_brake_starts_slower(gap_m: float, tmp_path: Path) -> None:
+    """Six at 9 m/s, one behind the other, the first of which drives 5 m/s: each is asked after all ahead of it."""
+    behaviour = types_of("Wiedemann", tmp_path)
+    length_m = behaviour.members[0].length_m
+    spawns = tuple(agent(behaviour, "e0_0", 380.0 - i * (length_m + gap_m), 9.0 if i else 5.0) for i in range(6))
+    found: list[list[float]] = []
+    with traffic(behaviour, spawns, NOBODY, EgoPresence.ABSENT) as run:
+        for _ in range(round(FIRST_S / 0.1) + 1):
+            sumo.vehicle.setSpeed("a0", 5.0)
+            found.append([sumo.vehicle.getSpeed(f"a{i}") for i in range(6)])
+            run.react(NOBODY)
+            run.advance()
+    assert np.diff(found, axis=0).min() / 0.1 >= -3.0
+
+
 def test_nobody_changes_lane_in_its_first_two_seconds_but_later() -> None:
     """Behind a slow one, with a free lane beside it."""
     behaviour = types("assertive")
     both = (agent(behaviour, "e0_1", 120.0, 3.0), agent(behaviour, "e0_1", 90.0, 8.0))
     lanes: list[float] = []
-    with traffic(behaviour, both, NOBODY, with_ego=False) as run:
+    with traffic(behaviour, both, NOBODY, EgoPresence.ABSENT) as run:
         for _ in range(100):
             sumo.vehicle.setSpeed("a0", 3.0)
             lanes.append(abs(sumo.vehicle.getLateralLanePosition("a1")) + 3.5 * (sumo.vehicle.getLaneIndex("a1") != 1))
@@ -75,7 +92,7 @@ def test_on_the_maps_who_starts_and_who_comes_later_brakes_mildly(model: str, tm
     types_of(model, tmp_path)
     hard, many, since, before = 0, 0, dict[str, int](), dict[str, float]()
     with open_sumo_traffic(
-        scenario, load_roads(scenario.map), vehicle_types=tmp_path / f"{model}.xml", with_ego=False
+        scenario, load_roads(scenario.map), vehicle_types=tmp_path / f"{model}.xml", presence=EgoPresence.ABSENT
     ) as run:
         for step in range(200):
             now = run.observe().actors

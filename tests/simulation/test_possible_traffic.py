@@ -12,6 +12,7 @@ import pytest
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.setup import open_traffic
+from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from tests.networks import LANE_Y, agent, ego_at, stepped, traffic, types
@@ -43,10 +44,10 @@ def with_keys(folder: Path, **values: float) -> VehicleTypes:
 
 def speeds(
     of: VehicleTypes, ego: Callable[[int], EgoState], steps: int, *, lane: str = "e0_1", at_m: float = 60.0,
-    mps: float = 10.0, with_ego: bool = True,
+    mps: float = 10.0, presence: EgoPresence = EgoPresence.DRIVES,
 ) -> Array:  # fmt: skip
     """Of one agent on a straight road, step by step."""
-    with traffic(of, (agent(of, lane, at_m, mps),), ego(0), with_ego=with_ego) as run:
+    with traffic(of, (agent(of, lane, at_m, mps),), ego(0), presence) as run:
         return np.array([float(actors.speed_mps[0]) for actors in stepped(run, ego, steps)])
 
 
@@ -55,8 +56,18 @@ def test_a_leader_never_brakes_for_the_ego_behind_it(anticipation: int, tmp_path
     """Swept ahead, the faster ego's box begins behind the leader and ends ahead of it."""
     drivers = derived(tmp_path, ('anticipation" value="0"', f'anticipation" value="{anticipation}"'))
     ego = lambda step: ego_at(100.0 - 4.6 - 12.0 - PACIFICA.length_m / 2.0 + 1.2 * step, LANE_Y[1], 12.0)  # noqa: E731
-    with_ego, without = (speeds(drivers, ego, 12, at_m=100.0, with_ego=there) for there in (True, False))
+    with_ego, without = (
+        speeds(drivers, ego, 12, at_m=100.0, presence=there) for there in (EgoPresence.DRIVES, EgoPresence.ABSENT)
+    )
     assert with_ego == pytest.approx(without, abs=1e-6)
+
+
+def test_in_the_twin_run_nobody_meets_the_ego() -> None:
+    drivers = types("conservative")
+    ego = lambda _: ego_at(100.0, LANE_Y[1], 0.0)  # noqa: E731
+    with_ego, unseen, plain = (speeds(drivers, ego, 60, presence=each) for each in EgoPresence)
+    assert with_ego[-1] < 3.0
+    assert unseen == pytest.approx(plain, abs=1e-6)
 
 
 def crossing(step: int, *, ahead_m: float, takes_s: float) -> EgoState:
@@ -159,11 +170,11 @@ def test_a_driver_responds_a_reaction_time_after_the_condition(reaction_s: float
     assert late - at_once == pytest.approx(reaction_s, abs=0.15)
 
 
-def recorded(scenario_id: str, *, with_ego: bool, steps: int) -> tuple[Drive, dict[str, Body]]:
+def recorded(scenario_id: str, presence: EgoPresence, steps: int) -> tuple[Drive, dict[str, Body]]:
     """A suite's scene as an ego sees it that drives on along its lane's first heading."""
     scenario = find_scenario(scenario_id)
     frames: list[Frame] = []
-    with open_traffic(scenario, load_roads(scenario.map), with_ego=with_ego) as run:
+    with open_traffic(scenario, load_roads(scenario.map), presence=presence) as run:
         pose, mps = scenario.start.pose(load_roads(scenario.map)), scenario.start_speed_mps
         for _ in range(steps):
             actors = run.observe().actors
@@ -174,7 +185,9 @@ def recorded(scenario_id: str, *, with_ego: bool, steps: int) -> tuple[Drive, di
                     actors.speed_mps, actors.speed_mps, ego,
                 )
             )  # fmt: skip
-            state = EgoState(0.0, pose.x_m, pose.y_m, pose.heading_rad, vx_mps=mps if with_ego else 0.0)
+            state = EgoState(
+                0.0, pose.x_m, pose.y_m, pose.heading_rad, vx_mps=mps if presence is EgoPresence.DRIVES else 0.0
+            )
             run.react(state)
             run.place_ego(state)
             run.advance()
@@ -186,7 +199,7 @@ def test_bodies_follow_their_wheels_and_lane_changes_last_differently() -> None:
     """Dense traffic before a lane that ends: many lane changes, slow ones, too."""
     durations: list[float] = []
     for scenario_id in ("lane_change_htd/0", "lane_change_htd/2", "lane_change_htd/5"):
-        driven, agents = recorded(scenario_id, with_ego=False, steps=200)
+        driven, agents = recorded(scenario_id, EgoPresence.ABSENT, steps=200)
         found = violations(driven, agents)
         assert [each for each in found if each.kind == "side_slip"] == []
         durations += lane_changes_s(driven)

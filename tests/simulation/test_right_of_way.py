@@ -16,6 +16,7 @@ from interplan_sumo.simulation.lane_chains import continued_route
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork, read_network
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
+from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Polyline, box_corners, penetration_m
@@ -71,7 +72,12 @@ def way(network: SumoNetwork, link: NetworkLink) -> Polyline:
 
 
 def drive(
-    crossing: Crossing, ego_on: NetworkLink, agent_on: NetworkLink, *, meet_s: float | None, with_ego: bool = True
+    crossing: Crossing,
+    ego_on: NetworkLink,
+    agent_on: NetworkLink,
+    *,
+    meet_s: float | None,
+    presence: EgoPresence = EgoPresence.DRIVES,
 ) -> tuple[float, float]:
     """(When the agent gets to where the ways cross, deepest penetration of the two boxes).
 
@@ -99,7 +105,7 @@ def drive(
 
     spawn = Spawn(agent_on.from_lane, at_m, speed_mps, types.members[0], edges(agent_on))
     arrives_s, deepest = np.inf, -np.inf
-    setup = TrafficSetup(network, ids, types, ego(0), edges(ego_on), spawns=(spawn,), tokens=("a",), with_ego=with_ego)
+    setup = TrafficSetup(network, ids, types, ego(0), edges(ego_on), spawns=(spawn,), tokens=("a",), presence=presence)
     with SumoTraffic(setup) as traffic:
         green = [connector for connector, link in ids.links.items() if link in (ego_on.light, agent_on.light)]
         traffic.impose_signals(dict.fromkeys(green, SignalStatus.GREEN))
@@ -118,7 +124,7 @@ def drive(
 @pytest.mark.parametrize("name", sorted(maps()))
 def test_a_turning_car_lets_an_ego_with_right_of_way_pass(name: str) -> None:
     crossing = first_crossing(name)
-    alone_s, _ = drive(crossing, crossing.first, crossing.second, meet_s=99.0, with_ego=False)
+    alone_s, _ = drive(crossing, crossing.first, crossing.second, meet_s=99.0, presence=EgoPresence.ABSENT)
     arrives_s, deepest = drive(crossing, crossing.first, crossing.second, meet_s=alone_s + 0.5)
     assert alone_s < 16.0
     assert deepest < 0.0

@@ -22,6 +22,7 @@ from interplan_sumo.simulation import setup
 from interplan_sumo.simulation.agent_control import LANE_CHANGE_DEFAULT, NEW_STEPS
 from interplan_sumo.simulation.ego_proxy import NO_LANE_CHANGE
 from interplan_sumo.simulation.episode import drive
+from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import box_corners, penetration_m
@@ -96,7 +97,7 @@ def test_without_an_ego_a_district_equals_plain_sumo_to_the_bit(name: str) -> No
     ego = setup.start_state(scenario, roads)
     ours: list[tuple[Snapshot, list[str]]] = []
     of = libsumo.vehicle
-    with setup.open_traffic(scenario, roads, with_ego=False, most_agents=1000) as traffic:
+    with setup.open_traffic(scenario, roads, presence=EgoPresence.ABSENT, most_agents=1000) as traffic:
         agents = {
             each: (of.getTypeID(each), of.getRoute(each), of.getLaneIndex(each), of.getLanePosition(each),
                    of.getSpeed(each))
@@ -215,6 +216,18 @@ def test_background_cars_stop_for_a_jaywalker() -> None:
         touching = penetration_m(actors.corners[cars], np.repeat(body, len(cars), axis=0)) > 0.0
         front_hits = touching & (actors.speed_mps[cars] > 0.5)
         assert not front_hits.any(), f"frame {frame}"
+
+
+def test_nobody_starts_on_a_pedestrian_who_waits_on_the_road() -> None:
+    waits = (Jaywalker(LanePosition("402032", 150.0, 0.0), LanePosition("402032", 150.0, 9.0), 1.5),)
+    scenario = replace(CROSSED, id="test/on_the_road", traffic=TrafficDemand("high"), jaywalkers=waits)
+    for seed in range(8):
+        with setup.open_traffic(scenario, load_roads(LTD.map), seed=seed) as traffic:
+            actors = traffic.observe().actors
+        walker = int(np.flatnonzero(actors.kind == ActorKind.PEDESTRIAN)[0])
+        ahead_m = actors.x_m - actors.x_m[walker], actors.y_m - actors.y_m[walker]
+        others = np.arange(len(actors)) != walker
+        assert np.hypot(*ahead_m)[others].min() > 2.3
 
 
 def test_a_truncated_network_is_one_clear_line_and_no_crash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

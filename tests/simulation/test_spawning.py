@@ -16,6 +16,7 @@ from interplan_sumo.simulation.lane_occupancy import LaneOccupancy, Occupant
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.start_speed import StartAhead, start_speed_mps
+from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 
 NETWORK = two_way_road()
@@ -117,7 +118,11 @@ def hardest_braking(name: str, behaviour: str) -> float:
     before: dict[str, float] = {}
     hardest = 0.0
     with open_traffic(
-        scenario, load_roads(scenario.map), vehicle_types=vehicle_type_file(behaviour), with_ego=False, most_agents=1000
+        scenario,
+        load_roads(scenario.map),
+        vehicle_types=vehicle_type_file(behaviour),
+        presence=EgoPresence.ABSENT,
+        most_agents=1000,
     ) as traffic:
         for _ in range(21):
             now = traffic.observe().actors

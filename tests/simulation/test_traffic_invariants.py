@@ -12,10 +12,9 @@ from tests.simulation.traffic_invariants import (
     Body,
     Drive,
     comings_and_goings,
-    reactions_to_what_is_behind,
-    spawn_braking,
     violations,
 )
+from tests.simulation.twin_invariants import reactions_to_what_is_behind, same, spawn_braking
 
 BODIES = {"a": Body("car", 1.0, 9.0), "b": Body("car", 1.0, 9.0)}
 FRAMES = 30
@@ -93,6 +92,25 @@ def test_a_pedestrian_may_walk_into_a_car_that_stands_but_no_car_drives_into_a_p
     for car_mps, found in ((0.2, set[str]()), (5.0, {"overlap_pedestrian"})):
         meeting = drive(car_mps, 0.0, gap_m=2.0)
         assert {v.kind for v in violations(meeting, {"a": BODIES["a"]}, walking=frozenset("b"))} == found
+
+
+@pytest.mark.parametrize(("ahead_m", "found"), [(4.0, set()), (20.0, {"overlap_pedestrian"})])
+def test_who_could_not_stop_when_a_pedestrian_set_out_is_not_to_blame(ahead_m: float, found: set[str]) -> None:
+    """At 10 m/s, with brakes of 9 m/s2, that takes 5.6 m, and a step."""
+    meeting = drive(10.0, 1.3)
+    meeting.length_m[1], meeting.width_m[1] = 0.6, 0.6
+    meeting.x_m[:, 1], meeting.y_m[:, 1] = ahead_m + 2.3 + 0.3, 0.13 * np.arange(FRAMES) - 0.13 * (ahead_m + 3.0)
+    meeting.heading_rad[:, 1] = np.pi / 2.0
+    seen = violations(meeting, {"a": BODIES["a"]}, walking=frozenset("b"))
+    assert {each.kind for each in seen} == found
+
+
+def test_runs_are_the_same_for_actors_as_long_as_they_are_so_to_the_bit() -> None:
+    one, other = drive(20.0, 10.0), drive(20.0, slowing(3.0) / 2.0)
+    assert same(one, other, ["a"], 29)
+    assert same(one, other, ["a", "b"], 10)
+    assert not same(one, other, ["a", "b"], 11)
+    assert not same(one, other, ["c"], 0)
 
 
 @pytest.mark.parametrize(("away_m", "found"), [(99.0, ["appears"]), (101.0, [])])

@@ -39,19 +39,6 @@ STRETCH = 0.15
 MAP_END_M = 30.0
 """A vehicle that goes this near to where a road ends, or comes where one begins, does so with the map."""
 STANDING_MPS = 0.5
-REACTION_MPS2 = 1.0
-"""Braking that much harder than without an ego is a reaction."""
-SAME_M, SAME_MPS = 0.02, 0.01
-"""Two runs are still the same for an agent up to these differences."""
-ROUNDING = 1e-6
-SUDDEN_FRAMES = 3
-"""A reaction shows within so many frames of the first difference of all; what grows more slowly came from others."""
-CONTAGION_M = 150.0
-"""Who is this near to somebody that moves otherwise than without an ego, or is in one run only, may brake for it.
-
-Cross traffic of 25 m/s that is 6 s away from a junction is.
-"""
-SPAWN_S, SPAWN_BRAKING_MPS2 = 2.0, 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +113,11 @@ class Drive:
         """(T, N) who is there when."""
         return ~np.isnan(self.x_m)
 
+    @property
+    def states(self) -> tuple[Array, ...]:
+        """Everybody's place, heading and speed, (T, N) each."""
+        return self.x_m, self.y_m, self.heading_rad, self.speed_mps
+
     def point(self, behind_front: Any) -> tuple[Array, Array]:
         """(T, N) the point on each one's axis this share of its length behind its front bumper."""
         along = self.length_m * (0.5 - behind_front)
@@ -134,7 +126,7 @@ class Drive:
     def corners(self, k: int, rows: Any) -> Array:
         """(M, 4, 2) boxes at frame `k`."""
         sizes = np.stack((self.length_m[rows], self.width_m[rows]), axis=1)
-        return _corners(self.x_m[k, rows], self.y_m[k, rows], self.heading_rad[k, rows], sizes)
+        return corners_of(self.x_m[k, rows], self.y_m[k, rows], self.heading_rad[k, rows], sizes)
 
 
 def violations(
@@ -148,7 +140,7 @@ def violations(
 ) -> list[Violation]:
     """All violations of one drive but those that need a twin. `bodies` are the agents, by id."""
     found = [*braking_and_pushing(drive, bodies), *slips(drive, bodies), *turns(drive, bodies), *jumps(drive, bodies)]
-    found += overlaps(drive, standing, walking)
+    found += overlaps(drive, standing, walking, bodies)
     found += comings_and_goings(drive, bodies, map_begins, map_ends)
     numbers = (drive.x_m, drive.y_m, drive.heading_rad, drive.speed_mps)
     for k, i in np.argwhere(drive.there & ~np.all([np.isfinite(each) for each in numbers], axis=0)):
@@ -229,10 +221,13 @@ def jumps(drive: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
             yield Violation("jump", int(k) + 1, drive.ids[i], float(way[k, i]), detail)
 
 
-def overlaps(drive: Drive, standing: frozenset[str], walking: frozenset[str]) -> Iterator[Violation]:
+def overlaps(
+    drive: Drive, standing: frozenset[str], walking: frozenset[str], bodies: Mapping[str, Body]
+) -> Iterator[Violation]:
     """Pairs of boxes in one another, each encounter once, at its deepest; not two things that were placed so.
 
-    Pedestrians yield to nobody: one that walks into a car that stands is its own affair.
+    Pedestrians yield to nobody: one that walks into a car that stands, or that could not stop any more when it set
+    out, is its own affair.
     """
     placed = np.array([name in standing for name in drive.ids], dtype=bool)
     walks = np.array([name in walking for name in drive.ids], dtype=bool)
@@ -248,11 +243,12 @@ def overlaps(drive: Drive, standing: frozenset[str], walking: frozenset[str]) ->
         depth = _depth_m(drive.corners(k, first), drive.corners(k, second))
         now = set[tuple[int, int]]()
         for i, j, deep in zip(first.tolist(), second.tolist(), depth.tolist(), strict=True):
-            pedestrian = (walks[i] and drive.speed_mps[k, j] < STANDING_MPS) or (
-                walks[j] and drive.speed_mps[k, i] < STANDING_MPS
-            )
-            if deep <= OVERLAP_M or pedestrian or (walks[i] and walks[j]):
+            if deep <= OVERLAP_M or (walks[i] and walks[j]):
                 continue
+            if walks[i] or walks[j]:
+                walker, car = (i, j) if walks[i] else (j, i)
+                if drive.speed_mps[k, car] < STANDING_MPS or _set_out_too_late(drive, walker, car, k, bodies):
+                    continue
             began, worst, at, _ = open_.get((i, j), (k, 0.0, k, k))
             open_[i, j] = (began, deep, k, k) if deep > worst else (began, worst, at, k)
             now.add((i, j))
@@ -260,6 +256,26 @@ def overlaps(drive: Drive, standing: frozenset[str], walking: frozenset[str]) ->
             yield _overlap(drive, pair, open_.pop(pair), standing, walking)
     for pair, seen in open_.items():
         yield _overlap(drive, pair, seen, standing, walking)
+
+
+def _set_out_too_late(drive: Drive, walker: int, car: int, k: int, bodies: Mapping[str, Body]) -> bool:
+    """Whether a car that a pedestrian touches at frame `k` could not stop before its way when it set out."""
+    body, moving = bodies.get(drive.ids[car]), np.flatnonzero(drive.speed_mps[: k + 1, walker] > 0.0)
+    if body is None or not len(moving) or np.isnan(drive.x_m[moving[0], car]):
+        return False
+    began = int(moving[0])
+    ends = [(drive.x_m[at, walker], drive.y_m[at, walker]) for at in (began, -1)]
+    way_m = float(np.hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]))
+    x, y, heading = (np.array([each]) for each in (*np.mean(ends, axis=0), drive.heading_rad[began, walker]))
+    crossed = corners_of(x, y, heading, np.array([[way_m + drive.length_m[walker], drive.width_m[walker]]]))
+    gone_m, before = 0.0, began
+    for at in range(began, k + 1):
+        gone_m += float(np.hypot(*(part[at, car] - part[before, car] for part in (drive.x_m, drive.y_m))))
+        before = at
+        if _depth_m(drive.corners(at, [car]), crossed)[0] > 0.0:
+            break
+    mps = float(drive.speed_mps[began, car])
+    return gone_m < mps * DT_S + mps * mps / (2.0 * body.emergency_decel_mps2)
 
 
 def _overlap(
@@ -300,71 +316,6 @@ def comings_and_goings(
             yield Violation("vanishes_and_returns", int(k), name, 0.0)
 
 
-def spawn_braking(without_ego: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
-    """Agents that brake hard as soon as they are there, in the twin run, where no ego can be the reason."""
-    change = np.diff(without_ego.sumo_mps, axis=0) / DT_S
-    for i, name in enumerate(without_ego.ids):
-        if name not in bodies:
-            continue
-        begins = int(np.flatnonzero(without_ego.there[:, i])[0])
-        early = change[begins : begins + round(SPAWN_S / DT_S), i]
-        if np.isfinite(early).any() and np.nanmin(early) < -SPAWN_BRAKING_MPS2 - TOLERANCE_MPS2:
-            k = begins + int(np.nanargmin(early))
-            yield Violation("spawn_braking", k + 1, name, float(-change[k, i]), f"there since frame {begins}")
-
-
-def reactions_to_what_is_behind(drive: Drive, twin: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
-    """Agents that brake for an ego that is wholly behind their front bumpers, by comparison with the run without it.
-
-    Looked for where an agent first drives otherwise than in the twin run while
-    nobody near it did before: then nothing but the ego can be the reason. Who
-    stands and lets the ego go first at a junction does not brake.
-    """
-    ids = sorted({*drive.ids, *twin.ids})
-    last = min(len(drive.x_m), len(twin.x_m))
-    mine, other = (_columns(each, ids, last) for each in (drive, twin))
-    slower = other[2] - mine[2]
-    away = np.hypot(other[0] - mine[0], other[1] - mine[1])
-    braked = -np.diff(mine[2], axis=0, prepend=mine[2][:1])
-    alone = np.isnan(mine[0]) != np.isnan(other[0])
-    first, touched = (
-        np.where(differs.any(axis=0), differs.argmax(axis=0), last)
-        for differs in (
-            alone | (np.abs(slower) > SAME_MPS) | (away > SAME_M),
-            alone | (np.abs(slower) > ROUNDING) | (away > ROUNDING),
-        )
-    )
-    walks = np.array([name not in bodies for name in ids], dtype=bool)  # who will set out is foreseen
-    for i, name in enumerate(ids):
-        k = int(first[i])
-        if k == 0 or k >= last or alone[k, i] or name not in bodies:
-            continue
-        if not min(slower[k, i], braked[k, i]) > REACTION_MPS2 * DT_S:
-            continue
-        x, y = mine[0][k, i], mine[1][k, i]
-        near = np.minimum(*(np.nan_to_num(np.hypot(px[k] - x, py[k] - y), nan=np.inf) for px, py, *_ in (mine, other)))
-        touched_before = touched < k + np.where(walks, SUDDEN_FRAMES, 0) - (np.arange(len(ids)) == i) * SUDDEN_FRAMES
-        if (touched_before & (near < CONTAGION_M)).any():
-            continue
-        ego_x, ego_y, heading, length, width = drive.ego[k - 1]
-        corners = _corners(np.array([ego_x]), np.array([ego_y]), np.array([heading]), np.array([[length, width]]))[0]
-        x, y, here = (part[k - 1, i] for part in (mine[0], mine[1], mine[3]))
-        half = drive.length_m[drive.ids.index(name)] / 2.0
-        ahead = (corners - (x, y)) @ np.array((np.cos(here), np.sin(here))) - half
-        if ahead.max() < 0.0:
-            detail = f"more than without the ego, whose nearest corner is {-ahead.max():.1f} m behind its front"
-            yield Violation("reacts_behind", k, name, float(slower[k, i] / DT_S), detail)
-
-
-def _columns(drive: Drive, ids: Sequence[str], last: int) -> tuple[Array, Array, Array, Array]:
-    """(last, N) x, y, speed and heading of actors by id, nan where they are not there."""
-    wide = np.full((4, last, len(ids)), np.nan)
-    at = [ids.index(name) for name in drive.ids]
-    for row, values in zip(wide, (drive.x_m, drive.y_m, drive.speed_mps, drive.heading_rad), strict=True):
-        row[:, at] = values[:last]
-    return wide[0], wide[1], wide[2], wide[3]
-
-
 def _spells(on: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and one past the last index of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], on.astype(np.int8), [0])))).tolist()
@@ -375,7 +326,7 @@ def _wrapped(angle_rad: Any) -> Any:
     return (angle_rad + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def _corners(x_m: Array, y_m: Array, heading_rad: Array, size_m: Array) -> Array:
+def corners_of(x_m: Array, y_m: Array, heading_rad: Array, size_m: Array) -> Array:
     """(M, 4, 2) corners of boxes, in order around them; `size_m` (M, 2) is length and width."""
     signs = np.array(((1, 1), (-1, 1), (-1, -1), (1, -1))) / 2.0
     local = signs[None] * size_m[:, None, :]
