@@ -48,6 +48,16 @@ class JunctionRules:
         if len(self.letters) != count or len(self.rules) != count or any(len(row) != count for row in self.rules):
             raise MapError(f"junction {self.id}: {count} connectors need a square of as many rules")
 
+    def within(self, connectors: Container[str]) -> JunctionRules:
+        """Only what concerns some connectors."""
+        kept = [row for row, id_ in enumerate(self.connectors) if id_ in connectors]
+        return replace(
+            self,
+            connectors=tuple(self.connectors[row] for row in kept),
+            letters=tuple(self.letters[row] for row in kept),
+            rules=tuple("".join(self.rules[row][column] for column in kept) for row in kept),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class MapControls:
@@ -72,7 +82,7 @@ class MapControls:
 
     def within(self, connectors: Container[str]) -> MapControls:
         """Only what concerns some connectors."""
-        junctions = tuple(rest for each in self.junctions if (rest := _only(each, connectors)).connectors)
+        junctions = tuple(rest for each in self.junctions if (rest := each.within(connectors)).connectors)
         return replace(self.lighting(connectors), junctions=junctions)
 
     def write(self, folder: Path) -> None:
@@ -97,13 +107,3 @@ def read_controls(folder: Path) -> MapControls:
         return MapControls()
     except (OSError, ValueError, KeyError, RecursionError, MapError) as error:
         raise MapError(f"{path} does not hold the controls of a map ({error}); import the map again") from None
-
-
-def _only(junction: JunctionRules, connectors: Container[str]) -> JunctionRules:
-    kept = [row for row, id_ in enumerate(junction.connectors) if id_ in connectors]
-    return replace(
-        junction,
-        connectors=tuple(junction.connectors[row] for row in kept),
-        letters=tuple(junction.letters[row] for row in kept),
-        rules=tuple("".join(junction.rules[row][column] for column in kept) for row in kept),
-    )

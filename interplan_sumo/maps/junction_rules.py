@@ -15,7 +15,10 @@ def ruled(junctions: Mapping[str, Junction], rules: Iterable[JunctionRules]) -> 
     node_of = {connector.id: node for node, junction in junctions.items() for connector in junction.connectors}
     by_node: dict[str, list[JunctionRules]] = defaultdict(list)
     for each in rules:
-        by_node[node_of[each.connectors[0]]].append(each)
+        nodes = list(dict.fromkeys(node_of[connector] for connector in each.connectors))
+        for node in nodes:
+            ids = {connector for connector in each.connectors if node_of[connector] == node}
+            by_node[node].append(each if len(nodes) == 1 else each.within(ids))
     return {
         node: _ruled(junction, by_node[node]) if node in by_node else junction for node, junction in junctions.items()
     }

@@ -101,7 +101,8 @@ def network_plan(roads: Roads, controls: MapControls) -> NetworkPlan:
     it; else all of them get one of ours.
     """
     controls = controls.within(roads.connectors)
-    nodes, members = junctions.junction_groups(roads, [rules.connectors for rules in controls.junctions])
+    together = [rules.connectors for rules in controls.junctions if rules.meets_known]
+    nodes, members = junctions.junction_groups(roads, together)
     groups = {
         block.id: lane_group(roads, block, nodes[start_port(block.id)], nodes[end_port(block.id)])
         for block in roads.roadblocks.values()

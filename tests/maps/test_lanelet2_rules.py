@@ -215,3 +215,14 @@ def test_lanes_wait_at_a_crosswalk_that_they_name(osm: Osm, file: Path) -> None:
     (stop,) = source.stop_lines
     assert (stop.kind, stop.lane_ids) == (StopLineKind.PEDESTRIAN_CROSSING, (lane,))
     assert len(source.crosswalks) == 1
+
+
+def test_right_of_way_says_who_yields_to_whom(file: Path) -> None:
+    osm = Osm(next_id=1)
+    waiting, behind = osm.straight(0.0, 40.0), osm.straight(40.0, 60.0)
+    going, on = osm.straight(0.0, 40.0, -30.0), osm.straight(40.0, 60.0, -30.0)
+    members = ("relation", int(waiting), "yield"), ("relation", int(going), "right_of_way")
+    osm.rule("right_of_way", *members)
+    (junction,) = read(osm, file).junctions
+    assert [way.lanes for way in junction.ways] == [(waiting, behind), (going, on)]
+    assert (junction.yields, junction.foes) == ({(0, 1)}, None)

@@ -20,6 +20,7 @@ from interplan_sumo.maps.importers.lanelet2.lanelets import (
 )
 from interplan_sumo.maps.importers.lanelet2.limits import Limit, LimitOrigin, limit_of
 from interplan_sumo.maps.importers.lanelet2.osm import OsmFile, read_osm
+from interplan_sumo.maps.importers.lanelet2.right_of_way import junctions_of
 from interplan_sumo.maps.importers.lanelet2.travel_directions import (
     TWO_WAY_WIDTH_M,
     TravelDirection,
@@ -58,7 +59,8 @@ def read_lanelet2(path: Path) -> SourceMap:
     side = shown or "right"
     directions = travel_directions_of(lanelets, side)
     onward = followers(directions)
-    controls = controls_of(file, frame.points, directions, onward, predecessors(onward))
+    before = predecessors(onward)
+    controls = controls_of(file, frame.points, directions, onward, before)
     limits = _limits(file, lanelets)
     return SourceMap(
         name=_name(path),
@@ -67,6 +69,7 @@ def read_lanelet2(path: Path) -> SourceMap:
         driving_side=side,
         lanes=_lanes(directions, onward, controls, limits),
         stop_lines=controls.stop_lines,
+        junctions=junctions_of(file, directions, onward, before, controls.overruled),
         crosswalks=tuple(grounds.crosswalks),
         walkways=tuple(grounds.walkways),
         carparks=tuple(grounds.carparks),
