@@ -70,13 +70,14 @@ def check_map(
     """How faithful a map's SUMO network is: deviations, missing and extra ways, lights, broken rules.
 
     With --source, an imported map is also held against a second reading of the
-    file that it came from: no lane, link, light or limit may be lost.
+    file that it came from: no lane, link, light or limit may be lost. Of
+    OpenDRIVE, netconvert's reading is told as well.
     """
     from dataclasses import asdict
 
     from interplan_sumo.maps.check import check_map as check
     from interplan_sumo.maps.geopackage import read_map
-    from interplan_sumo.maps.importers.importing import check_source
+    from interplan_sumo.maps.importers.importing import check_source, second_opinion
     from interplan_sumo.maps.importers.record import read_record
     from interplan_sumo.maps.store import find_map, load_roads
 
@@ -90,6 +91,10 @@ def check_map(
         roads = load_roads(folder)
         details = check(files, roads).as_json() | {"source": asdict(check_source(files, roads, record, source))}
         details["problems"] = [*details["source"].pop("problems"), *details["problems"]]
+        opinion = second_opinion(record, source)
+        if opinion is not None:
+            details["opinion"] = asdict(opinion)
+            details["problems"] += details["opinion"].pop("problems")
         details["ok"] = not details["problems"]
     if as_json:
         print_json(details)
@@ -101,7 +106,7 @@ def check_map(
 def _print_check(details: dict[str, Any]) -> None:
     from interplan_sumo.maps.problem import MapProblem
 
-    problems, source = details.pop("problems"), details.pop("source", None)
+    problems, source, opinion = details.pop("problems"), details.pop("source", None), details.pop("opinion", None)
     print_entries([{"": key, "value": _in_words(value)} for key, value in details.items()], as_json=False)
     if source is not None:
         by = "read again by other code" if source["second_reader"] else "no second reader: as the importer reads it"
@@ -115,6 +120,16 @@ def _print_check(details: dict[str, Any]) -> None:
         print_entries(rows, as_json=False)
         print("\nstreets:")
         print_entries([{"": key, "value": _in_words(value)} for key, value in source["streets"].items()], as_json=False)
+    if opinion is not None:
+        print(f"\nas {opinion['program']} reads the file, its roads outside junctions:")
+        rows = [
+            {"": key, "ours": _in_words(pair["ours"]), opinion["program"]: _in_words(pair["theirs"])}
+            for key, pair in opinion.items()
+            if isinstance(pair, dict)
+        ]
+        print_entries(rows, as_json=False)
+        for explanation in opinion["explanations"]:
+            print(f"differs: {explanation}")
     for problem in problems:
         print(f"problem: {MapProblem(**problem)}")
 

@@ -8,7 +8,7 @@ from typing import Literal
 ProblemKind = Literal[
     "id", "membership", "shape", "line", "joint", "overlap",  # rules of nuPlan's schema
     "missing", "extra", "driving_side", "deviation", "limit", "broken_link", "light",  # against network or file
-    "length", "count", "another_file", "signal", "right_of_way", "street",  # against the file only
+    "length", "count", "another_file", "signal", "right_of_way", "street", "second_opinion",  # against the file only
 ]  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -68,7 +69,10 @@ def road(
     link = (f"<predecessor {before}/>" if before else "") + (f"<successor {after}/>" if after else "")
     view = geometry() if plan is None else plan
     lanes = f"<lanes>{offsets}{''.join(sections) or section(lane(-1))}</lanes>"
-    return f'<road id="{id_}" {head}><link>{link}</link><planView>{view}</planView>{inner}{lanes}</road>'
+    length = sum(map(float, re.findall(r'length="([^"]*)"', view)))
+    return (
+        f'<road id="{id_}" length="{length}" {head}><link>{link}</link><planView>{view}</planView>{inner}{lanes}</road>'
+    )
 
 
 def signal(
@@ -79,7 +83,8 @@ def signal(
 
 def connection(incoming: str, other: str, *lanes: tuple[int, int], key: str = "connectingRoad") -> str:
     links = "".join(f'<laneLink from="{a}" to="{b}"/>' for a, b in lanes)
-    return f'<connection incomingRoad="{incoming}" {key}="{other}" contactPoint="start">{links}</connection>'
+    head = f'id="{incoming}-{other}" incomingRoad="{incoming}" {key}="{other}" contactPoint="start"'
+    return f"<connection {head}>{links}</connection>"
 
 
 def xodr(*parts: str, header: str = '<header revMajor="1" revMinor="6"/>', root: str = "OpenDRIVE") -> str:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from interplan_sumo.maps.importers.opinion import SecondOpinion
 from interplan_sumo.maps.importers.source import SourceCount, SourceMap
 from interplan_sumo.registry import Registry
 from interplan_sumo.world.roads import Roads
@@ -27,6 +28,8 @@ class MapFormat:
     """The map in a file; MapError with one line where it cannot be used. Roads are taken as they are."""
     count: Callable[[Path], SourceCount] | None = None
     """A second, independent reading for `maps check --source`; without one the map is compared with the first."""
+    opinion: Callable[[Path], SecondOpinion] | None = None
+    """What another program makes of the file, for `maps check --source` to tell."""
 
 
 MAP_FORMATS = Registry("interplan_sumo.map_formats", "map format", MapFormat)

@@ -14,6 +14,7 @@ from interplan_sumo.maps.importers.carried_controls import carried_controls
 from interplan_sumo.maps.importers.control_fidelity import compare_controls
 from interplan_sumo.maps.importers.fidelity import SourceReport, compare, with_controls, with_streets
 from interplan_sumo.maps.importers.formats import MAP_FORMATS
+from interplan_sumo.maps.importers.opinion import SecondOpinion
 from interplan_sumo.maps.importers.record import ImportRecord, LaneOrigin
 from interplan_sumo.maps.importers.source import SourceMap
 from interplan_sumo.maps.importers.street_fidelity import compare_streets
@@ -82,6 +83,12 @@ def check_source(files: MapFiles, roads: Roads, record: ImportRecord, source: Pa
         said = f"is not the file that the map was imported from ({record.file}): its checksum differs"
         report = replace(report, problems=(MapProblem("another_file", "file", str(file), said), *report.problems))
     return report
+
+
+def second_opinion(record: ImportRecord, source: Path) -> SecondOpinion | None:
+    """What another program makes of the file of an imported map; None where the format knows no such program."""
+    reader = MAP_FORMATS[record.format]
+    return None if reader.opinion is None else reader.opinion(_file(source, reader.pattern))
 
 
 def _file(source: Path, pattern: str) -> Path:

@@ -34,6 +34,8 @@ class Controls:
     sign_at_end: dict[str, StopLineKind] = field(default_factory=dict[str, StopLineKind])
     lines: list[tuple[str, Floats, tuple[str, ...]]] = field(default_factory=list[tuple[str, Floats, tuple[str, ...]]])
     """Stop lines: id, (2, 2) points, and the lanes at whose end they lie."""
+    leading_nowhere: dict[str, None] = field(default_factory=dict[str, None])
+    """Lights before or behind which the map ends: nobody passes them."""
     idle: list[str] = field(default_factory=list[str])
     """Lights that hold for no lane for cars."""
 
@@ -93,6 +95,9 @@ def controls_of(file: XodrFile, known: Mapping[str, XodrSignal], sides: Sides, n
                     _put(found, network, road, lane, signal, kind)
             elif is_stop_line(origin):
                 _draw(found, list(_lanes_under(sides, network, road, signal)), signal)
+    for held, ways in ((found.lights_at_end, "successors"), (found.lights_at_start, "predecessors")):
+        for lane in [id_ for id_ in held if not getattr(network.lanes[id_], ways)]:
+            found.leading_nowhere.update(held.pop(lane))
     found.idle = [id_ for id_, signal in known.items() if is_light(signal) and id_ not in lit]
     return found
 

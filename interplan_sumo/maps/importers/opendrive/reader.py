@@ -54,6 +54,13 @@ def read_opendrive(path: Path) -> SourceMap:
         raise MapError(f"{path}: {error}") from None
 
 
+def read_network(path: Path) -> Network:
+    """The lanes of a file with their links, in its own coordinates; MapError if it cannot be read."""
+    file = read_file(Path(path))
+    sides = _sides(file, {s.id: s for road in file.roads.values() for s in road.signals if not s.is_reference})
+    return network_of(sides, joints_of(file, sides))
+
+
 def _source_map(
     file: XodrFile, frame: Frame, sides: Sides, network: Network, controls: Controls, notes: Sequence[str]
 ) -> SourceMap:
@@ -204,6 +211,9 @@ def _notes(file: XodrFile, joints: Joints, network: Network, controls: Controls)
         yield f"The reference lines of {len(torn)} roads have gaps, such as that of road {torn[0]}."
     if controls.idle:
         yield f"{len(controls.idle)} lights hold for no lane for cars, such as {controls.idle[0]}."
+    if controls.leading_nowhere:
+        where = f"such as {next(iter(controls.leading_nowhere))}"
+        yield f"{len(controls.leading_nowhere)} lights stand where the map ends, {where}: they are not kept."
     kinds = sorted({j.kind for j in file.junctions.values()} - {"default", "direct", "virtual"})
     if kinds:
         yield f"Junctions of type {', '.join(kinds)[:60]} are not kept."

@@ -10,6 +10,7 @@ import numpy as np
 
 from interplan_sumo.maps.importers.opendrive.elements import UnusableRoadError, XodrLane, XodrRoad, XodrSection
 from interplan_sumo.maps.importers.opendrive.lane_types import reason_of
+from interplan_sumo.maps.importers.opendrive.loops import without_loops
 from interplan_sumo.world.geometry import Floats
 
 CHORD_M = 0.01
@@ -39,8 +40,12 @@ class DrawnStretch:
     end_m: float
     inner: Floats
     """(N, 2) the edge nearer to the reference line."""
+    middle: Floats
+    """(M, 2)"""
     outer: Floats
-    """(N, 2)"""
+    """(K, 2)"""
+    width_m: Floats
+    """(L,) at its stations."""
     reason: str | None
     """Why cars do not use it; None if they do."""
     limit_mps: float | None
@@ -48,11 +53,6 @@ class DrawnStretch:
     @property
     def length_m(self) -> float:
         return self.end_m - self.start_m
-
-    @property
-    def width_m(self) -> Floats:
-        """(N,)"""
-        return np.hypot(*(self.outer - self.inner).T)
 
     @property
     def left(self) -> bool:
@@ -66,8 +66,7 @@ class DrawnStretch:
 
     def middle_at(self, *, at_end: bool) -> Floats:
         """(2,) the middle at one of its ends."""
-        k = -1 if at_end else 0
-        return (self.inner[k] + self.outer[k]) / 2.0
+        return self.middle[-1 if at_end else 0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,7 +151,9 @@ def _drawn(
     road: XodrRoad, section: XodrSection, lanes: Sequence[XodrLane], between_m: tuple[float, float], piece: int
 ) -> dict[int, DrawnStretch]:
     station_m = _stations(road, section, lanes, between_m)
-    lines = _lines(road, section, lanes, station_m)
+    edges = _lines(road, section, lanes, station_m)
+    away_m = [np.abs(edge).max() for edge in _edges(road, section, lanes, station_m)]
+    drawn = [without_loops(edge, far_m) for edge, far_m in zip(edges, away_m, strict=True)]
     middle_m = (between_m[0] + between_m[1]) / 2.0
     name = f":{piece + 1}" if piece else ""
     return {
@@ -162,8 +163,10 @@ def _drawn(
             lane=lane,
             start_m=between_m[0],
             end_m=between_m[1],
-            inner=lines[k],
-            outer=lines[k + 1],
+            inner=drawn[k],
+            middle=without_loops((edges[k] + edges[k + 1]) / 2.0, away_m[k + 1]),
+            outer=drawn[k + 1],
+            width_m=np.hypot(*(edges[k + 1] - edges[k]).T),
             reason=reason_of(lane, middle_m - section.start_m),
             limit_mps=_limit(road, lane, middle_m, middle_m - section.start_m),
         )

@@ -111,7 +111,7 @@ def _travel_lanes(network: Network, stretch: DrawnStretch) -> Iterator[TravelLan
         yield _travel_lane(stretch, stretch.id, stretch.along, low, high)
     else:
         network.split += 1
-        middle = (low + high) / 2.0
+        middle = stretch.middle
         on_left = stretch.road.left_hand
         yield _travel_lane(stretch, stretch.id, True, low if on_left else middle, middle if on_left else high)
         yield _travel_lane(stretch, stretch.id + BACK, False, middle if on_left else low, high if on_left else middle)

@@ -1,0 +1,46 @@
+"""Edges inside tight bends: the loops that they make are cut out, and ramps that cross themselves are not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from interplan_sumo.maps.importers.opendrive.loops import without_loops
+from interplan_sumo.maps.importers.opendrive.reader import read_opendrive
+from tests.maps.opendrive_files import geometry, lane, road, section, written, xodr
+
+
+def circle(radius_m: float, turns: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    angle = np.linspace(0.0, 2.0 * np.pi * turns, 200)
+    return np.stack((radius_m * np.cos(angle) + angle, radius_m * np.sin(angle)), axis=1)
+
+
+def test_a_loop_is_cut_at_its_crossing() -> None:
+    line = np.array([(0.0, 0), (10, 0), (12, 2), (10, 4), (8, 2), (10, -2), (10, -10)])
+    assert without_loops(line, 10.0).tolist() == [[0, 0], [9, 0], [10, -2], [10, -10]]
+    assert without_loops(line, 1.0) is not line
+    assert len(without_loops(line, 1.0)) == len(line)
+
+
+def test_what_does_not_cross_itself_stays_the_same_and_so_does_a_ramp() -> None:
+    bend, ramp = circle(20.0, 0.8), circle(20.0, 1.8)
+    assert without_loops(bend, 5.0) is bend
+    assert not shapely.LineString(ramp).is_simple
+    assert np.array_equal(without_loops(ramp, 5.0), ramp)
+
+
+def test_the_inner_edge_of_a_bend_of_short_straight_pieces_does_not_run_back(tmp_path: Path) -> None:
+    """A quarter circle of 9 m radius in nine chords, with a lane up to 7 m to its inside."""
+    angle = np.radians(np.arange(0.0, 91.0, 10.0))
+    corners = 9.0 * np.stack((np.sin(angle), 1.0 - np.cos(angle)), axis=1)
+    steps = np.diff(corners, axis=0)
+    lengths = np.hypot(*steps.T)
+    stations = np.concatenate(([0.0], np.cumsum(lengths)))
+    places = [(*corners[k], np.arctan2(steps[k, 1], steps[k, 0])) for k in range(9)]
+    plan = "".join(geometry("<line/>", lengths[k], stations[k], places[k]) for k in range(9))
+    source = read_opendrive(written(tmp_path, xodr(road("1", section(lane(1, width=3.5), lane(2)), plan=plan))))
+    inside = shapely.LineString(source.lanes["1/0/2"].right[:, :2])
+    assert inside.is_simple
+    assert inside.length < 0.5 * np.pi * 2.0 + 2.0
