@@ -99,7 +99,7 @@ def main(counts: list[int]) -> None:
             print(f"  {profile:<24}{cost:8.1f} ms")
         facts = Facts(trace, roads, trace.ego, scenario)
         for name in score_facts(facts).metrics:
-            print(f"    {name:<22}{milliseconds(lambda m=METRICS[name], f=facts: m(f)):8.2f} ms")
+            print(f"    {name:<22}{milliseconds(lambda m=METRICS[name], f=facts: m.judge(f)):8.2f} ms")
 
 
 if __name__ == "__main__":
