@@ -40,6 +40,7 @@ class Column:
     """0 to 1, of one drive with a score; None where the profile does not judge it."""
     optional: bool = False
     """Whether it is left out where no drive is judged by it."""
+    lower_is_better: bool = False
 
 
 def table_columns(driven: Iterable[str] = ()) -> tuple[Column, ...]:
@@ -57,7 +58,7 @@ def table_columns(driven: Iterable[str] = ()) -> tuple[Column, ...]:
         Column(ORDINARY, "Ordinary", "Ordinary driving", lambda family: find_family(family).ordinary, _score),
         Column(BENCHMARK, "interPlan", "interPlan, all families", _is_rare, _score),
         Column("done_share", "Done %", "Task done", _is_rare, _done, optional=True),
-        Column("unsafe_share", "Unsafe %", "Unsafe", _is_rare, unsafe_share, optional=True),
+        Column("unsafe_share", "Unsafe %", "Unsafe", _is_rare, unsafe_share, optional=True, lower_is_better=True),
         Column("paper_score", "by paper", f"interPlan by {PAPER_PROFILE}", _is_rare, _paper_score, optional=True),
         *of_families,
         Column("driv", "Driv.", "Lane changes: stayed on the road", _changes_lanes, _drivable_area),

@@ -203,3 +203,15 @@ def test_runs_of_ordinary_driving_must_agree_as_others_must() -> None:
         make_table([*runs, ordinary(drive("changing_lane/0", 0.9), path="runs/p", suite_hash="3")])
     with pytest.raises(RunFolderError, match="has profile nuplan"):
         make_table([runs[0], ordinary(drive("changing_lane/0", 0.9), profile="nuplan")])
+
+
+def test_done_unsafe_and_the_papers_score_stand_where_they_are_judged() -> None:
+    safe = drive("nudge/0", 0.25, done=False, unsafe=False, beside={"interplan-paper": 0.8})
+    raced = drive("nudge/1", 0.0, done=True, unsafe=True, beside={"interplan-paper": 0.6})
+    table = make_table([stored(safe, raced, drive("nudge/2", 0.0, fault=("planner", "plan() raised")))])
+    (line,) = table.lines
+    told = {column.key: line.cells[column.key].value for column in table.columns if column.optional}
+    assert told == pytest.approx({"done_share": 100 / 3, "unsafe_share": 200 / 3, "paper_score": 140 / 3})
+    assert all(table.asked(column) for column in table.columns if column.optional)
+    unjudged = make_table([stored(drive("nudge/0", 0.5))])
+    assert not any(unjudged.asked(column) for column in unjudged.columns if column.optional)

@@ -13,7 +13,9 @@ from interplan_sumo.report.table import Column, ResultsTable
 def best_figure(table: ResultsTable, column: Column) -> float | None:
     """The highest mean as it is shown, if there are two lines or more and they differ."""
     values = [round(value) for line in table.lines if (value := line.cells[column.key].value) is not None]
-    return max(values) if len(values) > 1 and max(values) > min(values) else None
+    if len(values) < 2 or max(values) == min(values):
+        return None
+    return min(values) if column.lower_is_better else max(values)
 
 
 @dataclass(frozen=True, slots=True)
