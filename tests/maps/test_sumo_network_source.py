@@ -219,6 +219,32 @@ def test_crossings_walkways_and_paved_junctions_are_drawn(tmp_path: Path) -> Non
     assert [shape.area for shape in source.drivable] == pytest.approx([100.0])
 
 
+@pytest.mark.parametrize(
+    ("outline", "area"),
+    [
+        ("48,-5 52,-5 52,5 48,5", 40),
+        ("52,-5 55,-5 55,5 52,5", 40),
+        ("48,-5 58,-5 58,5 48,5", 40),
+        ("48,-6 52,-6 52,5 48,5", 44),
+    ],
+)
+def test_an_outline_beside_or_far_round_its_crossing_is_not_taken(tmp_path: Path, outline: str, area: float) -> None:
+    text = by_hand(
+        f'<edge id=":j_c0" function="crossing">{lane(":j_c0_0", "50,-5 50,5", width="4", outlineShape=outline)}</edge>',
+        f'<edge id="a">{lane("a_0", "0,0 50,0")}</edge>',
+    )
+    assert [shape.area for shape in read_sumo_network(written(tmp_path, text)).crosswalks] == pytest.approx([area])
+
+
+def test_where_people_walk_a_junction_is_not_for_cars(tmp_path: Path) -> None:
+    text = by_hand(
+        f'<edge id=":j_w0" function="walkingarea">{lane(":j_w0_0", "57,2 60,2 60,5 57,5")}</edge>',
+        f'<edge id="a">{lane("a_0", "0,0 50,0")}</edge>',
+        '<junction id="j" type="priority" incLanes="a_0" intLanes="" shape="50,-5 60,-5 60,5 50,5"/>',
+    )
+    assert [shape.area for shape in read_sumo_network(written(tmp_path, text)).drivable] == pytest.approx([91.0])
+
+
 def test_a_real_footpath_network_counts_alike(tmp_path: Path) -> None:
     options = ("--sidewalks.guess", "--sidewalks.guess.max-speed=20", "--bikelanes.guess", "--walkingareas")
     source = read_sumo_network(path := crossroads(tmp_path, "priority", *options, "--bikelanes.guess.max-speed=20"))

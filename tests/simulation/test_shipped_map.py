@@ -30,6 +30,8 @@ from interplan_sumo.world.signals import SignalStatus
 
 LTD = find_scenario("lane_change_ltd/0")
 HTD = find_scenario("lane_change_htd/0")
+STEPS = 400
+"""Longer than the longest green of a shipped map."""
 
 
 def test_the_lights_that_planners_see_are_sumos_at_every_step() -> None:
@@ -104,7 +106,7 @@ def test_without_an_ego_a_district_equals_plain_sumo_to_the_bit(name: str) -> No
             for each in of.getIDList()
         }  # fmt: skip
         phases = {light: libsumo.trafficlight.getPhase(light) for light in libsumo.trafficlight.getIDList()}
-        for _ in range(300):
+        for _ in range(STEPS):
             ours.append(snapshot())
             traffic.react(ego)
             traffic.place_ego(ego)
@@ -125,7 +127,7 @@ def test_without_an_ego_a_district_equals_plain_sumo_to_the_bit(name: str) -> No
             if libsumo.trafficlight.getPhase(light) != phase:
                 libsumo.trafficlight.setPhase(light, phase)
         plain: list[tuple[Snapshot, list[str]]] = []
-        for step in range(300):
+        for step in range(STEPS):
             libsumo.simulationStep()
             for each in agents.keys() & of.getIDList() if step in (0, NEW_STEPS) else ():
                 of.setLaneChangeMode(each, LANE_CHANGE_DEFAULT if step else NO_LANE_CHANGE)

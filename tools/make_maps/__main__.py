@@ -1,8 +1,9 @@
-"""`python -m tools.make_maps [ROOT]`: draw the shipped maps, convert them to SUMO networks, and check them."""
+"""`python -m tools.make_maps [ROOT]`: draw or import the shipped maps with their SUMO networks, and check them."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from interplan_sumo.maps.check import MapReport, check_map
@@ -14,6 +15,7 @@ from tools.make_maps import PLANS
 from tools.make_maps.draw import draw_plan
 from tools.make_maps.plan import Plan
 from tools.make_maps.reading import read_plan
+from tools.make_maps.real import RECIPES, make_real_map, read_recipe
 
 VERSION = "1.0"
 
@@ -32,7 +34,13 @@ def make_map(plan: Plan, root: Path) -> MapReport:
     return check_map(files, roads)
 
 
-if __name__ == "__main__":
+def _make_all(root: Path) -> Iterator[tuple[str, MapReport]]:
     for name, file in PLANS.items():
-        report = make_map(read_plan(file), Path(sys.argv[1] if len(sys.argv) > 1 else "nets"))
+        yield name, make_map(read_plan(file), root)
+    for name, file in RECIPES.items():
+        yield name, make_real_map(read_recipe(file), root)
+
+
+if __name__ == "__main__":
+    for name, report in _make_all(Path(sys.argv[1] if len(sys.argv) > 1 else "nets")):
         print(name, "is sound" if report.ok else "; ".join(map(str, report.problems)))

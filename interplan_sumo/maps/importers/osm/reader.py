@@ -32,6 +32,8 @@ _OPTIONS = (
     "--geometry.remove",
     "--junctions.join",
     "--junctions.corner-detail=5",
+    "--default.junctions.radius=9",  # to the back of sidewalks; SUMO's 4 m draws turns of 3.5 m, too tight for cars
+    "--junctions.limit-turn-speed=3.5",  # m/s2; SUMO's 5.5 is no comfort
     "--roundabouts.guess",
     "--ramps.guess",
     "--osm.turn-lanes",

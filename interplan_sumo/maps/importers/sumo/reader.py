@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.maps.importers.cross_sections import polygons_in
 from interplan_sumo.maps.importers.lines import along, beside, ring
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
 from interplan_sumo.maps.importers.sumo.controls import junctions_of, light_name, signals_of, without_trains
@@ -34,6 +35,11 @@ _OFF_ROAD = frozenset(("ship", "container", "aircraft", "drone"))
 _CLOSED_GROUND = frozenset(("sidewalk", "railway", "waterway or runway"))
 """Where no car may stand."""
 _FEW = 3
+_LEAST_OF_MIDDLE = 0.4
+"""So much of the middle of a crossing lies within its outline at least."""
+_MOST_OF_STRIP = 1.5
+"""An outline of a crossing has at most so many times the ground of its middle at its width."""
+_SLIVER_M2 = 1.0
 _STOPS = frozenset("sw")
 _YIELDS = frozenset("m")
 _TURNAROUND = frozenset("tT")
@@ -318,10 +324,18 @@ def _crossings(file: NetworkFile, frame: Frame) -> Iterable[shapely.Polygon]:
     for lane in file.crossings:
         outline = ring(_placed(file, frame, f"crossing {lane.id}", lane.outline))
         middle = along(_placed(file, frame, f"crossing {lane.id}", lane.shape))
-        if outline is not None:
+        if len(middle) >= 2:
+            line = shapely.LineString(middle)
+            strip = line.buffer(_half_width_m(frame, lane), cap_style="flat", join_style="mitre")
+            yield strip if outline is None or _lies_elsewhere(outline, line, strip) else outline
+        elif outline is not None:
             yield outline
-        elif len(middle) >= 2:
-            yield shapely.LineString(middle).buffer(_half_width_m(frame, lane), cap_style="flat", join_style="mitre")
+
+
+def _lies_elsewhere(outline: shapely.Polygon, line: shapely.LineString, strip: shapely.Polygon) -> bool:
+    """Whether an outline is not that of a crossing: netconvert draws some round, or only at, the corner beside it."""
+    beside = shapely.intersection(line, outline).length < _LEAST_OF_MIDDLE * line.length
+    return beside or outline.area > _MOST_OF_STRIP * strip.area
 
 
 def _walkways(file: NetworkFile, frame: Frame, drawn: Mapping[str, _DrawnLane | None]) -> Iterable[shapely.Polygon]:
@@ -339,9 +353,14 @@ def _walkways(file: NetworkFile, frame: Frame, drawn: Mapping[str, _DrawnLane | 
 def _junctions(
     file: NetworkFile, frame: Frame, car_lanes: Mapping[str, _DrawnLane], chains: Mapping[str, _DrawnLane]
 ) -> Iterable[shapely.Polygon]:
-    """Outlines of junctions that cars come to."""
+    """Outlines of junctions that cars come to, without the corners where people walk."""
+    corners = [ring(_placed(file, frame, f"walking area {lane.id}", lane.shape)) for lane in file.walking_areas]
+    trodden = np.array([area for area in corners if area is not None], dtype=object)
+    tree = shapely.STRtree(trodden)
     for junction in file.junctions:
         if any(lane in car_lanes or lane in chains for lane in junction.lanes):
             outline = ring(_placed(file, frame, f"junction {junction.id}", junction.shape))
             if outline is not None:
-                yield outline
+                near = trodden[tree.query(outline, predicate="intersects")]
+                rest = polygons_in(shapely.difference(outline, shapely.union_all(near)))
+                yield from (part for part in rest if part.area > _SLIVER_M2)
