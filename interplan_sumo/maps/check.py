@@ -14,7 +14,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import shapely
 
 from interplan_sumo.maps.controls import MapControls, read_controls
 from interplan_sumo.maps.junctions import path_conflicts
@@ -24,7 +23,7 @@ from interplan_sumo.maps.problem import MapProblem, ProblemKind
 from interplan_sumo.maps.rules import lane_layer, schema_problems
 from interplan_sumo.maps.schema import CONNECTORS
 from interplan_sumo.maps.store import MapFiles
-from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.geometry import Floats, hausdorff_m
 from interplan_sumo.world.roads import Connector, LaneLike, Roads
 
 DEVIATION_BAR_M = 0.05
@@ -149,9 +148,9 @@ def _deviation_m(lane: LaneLike, shapes: Sequence[Floats], origin_m: tuple[float
     """Hausdorff distance of the joined SUMO shapes from the centre line, ends in the direction of travel included."""
     points = np.concatenate(shapes) + np.array(origin_m)
     source = lane.centerline
-    distance = shapely.hausdorff_distance(source.linestring, shapely.LineString(points), densify=0.25)
+    distance = hausdorff_m(source.points, points, 4)
     ends = (points[0] - source.points[0], points[-1] - source.points[-1])
-    return max(float(distance), *(float(np.hypot(*end)) for end in ends))
+    return max(distance, *(float(np.hypot(*end)) for end in ends))
 
 
 def _extra(roads: Roads, ids: NetworkIds, network: NetworkSummary) -> list[str]:

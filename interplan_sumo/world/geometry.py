@@ -20,6 +20,8 @@ Ints = NDArray[np.int64]
 
 
 _SHARES = np.linspace(0.0, 1.0, 9)
+_FEW = 50_000
+"""Pairs of vertices of which the nearest are found faster by trying all than by a tree."""
 
 
 def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
@@ -213,6 +215,23 @@ class Polyline:
         arc = within * np.repeat(lengths / pieces, pieces) + np.repeat(self.arc_m[:-1], pieces)
         arc = np.append(arc, self.arc_m[-1])
         return Polyline(self.poses_at(arc)[:, :2])
+
+
+def hausdorff_m(one: Floats, other: Floats, pieces: int = 1) -> float:
+    """Hausdorff distance of two lines of (N, 2) points, taken where their segments are cut into `pieces`."""
+    if len(one) * len(other) * pieces < _FEW:
+        lines = shapely.linestrings(one), shapely.linestrings(other)
+        return float(shapely.hausdorff_distance(*lines, densify=1.0 / pieces))
+    return max(_farthest_m(one, other, pieces), _farthest_m(other, one, pieces))
+
+
+def _farthest_m(points: Floats, line: Floats, pieces: int) -> float:
+    """How far from a line the points get; not by shapely, whose time goes with the product of their numbers."""
+    steps = np.diff(points, axis=0)[:, None] * (np.arange(pieces) / pieces)[:, None]
+    at = np.concatenate(((points[:-1, None] + steps).reshape(-1, 2), points[-1:]))
+    tree = shapely.STRtree(np.asarray(shapely.linestrings(np.stack((line[:-1], line[1:]), axis=1))))
+    _, off_m = tree.query_nearest(shapely.points(at), all_matches=False, return_distance=True)
+    return float(off_m.max())
 
 
 def box_corners(

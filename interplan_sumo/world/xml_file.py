@@ -16,18 +16,24 @@ from defusedxml.ElementTree import iterparse
 from interplan_sumo.errors import MapError
 
 _GZIP_MAGIC = b"\x1f\x8b"
+LONGEST_PIECE_BYTES = 2**20
+"""What may lie between two "<": the parser reads an unfinished tag anew with each chunk, at a quadratic cost."""
+DEEPEST = 100
+"""Elements within elements; no format has more than a dozen, and SUMO's own readers slow down with their square."""
 
 
 def elements(path: Path, *roots: str) -> Generator[Element]:
     """The root element as it opens, then each of its children, complete; the tree lets go of a child after its turn.
 
     MapError names the file if it is missing or damaged, has another root than one of `roots` (whatever its namespace),
-    or declares a document type or entities.
+    declares a document type or entities, or goes beyond `DEEPEST` or `LONGEST_PIECE_BYTES`.
     """
     with _damage_named(path), _opened(path) as stream:
         depth, top = 0, None
         for event, element in iterparse(stream, events=("start", "end"), forbid_dtd=True):
             depth += 1 if event == "start" else -1
+            if depth > DEEPEST:
+                raise MapError(f"{path}: elements lie more than {DEEPEST} deep within each other; look at the file")
             if top is None:
                 if local_name(element.tag) not in roots:
                     expected = " or ".join(f"<{root}>" for root in roots)
@@ -75,5 +81,23 @@ def is_zipped(path: Path) -> bool:
         return stream.read(len(_GZIP_MAGIC)) == _GZIP_MAGIC
 
 
-def _opened(path: Path) -> IO[bytes]:
-    return cast(IO[bytes], gzip.open(path)) if is_zipped(path) else path.open("rb")
+class _ShortPieces:
+    """A stream for the parser that ends in a MapError where a tag or a text is too long to be read in good time."""
+
+    def __init__(self, path: Path, stream: IO[bytes]) -> None:
+        self._path, self._stream, self._since = path, stream, 0
+
+    def read(self, size: int = -1) -> bytes:
+        chunk = self._stream.read(size)
+        opened = chunk.rfind(b"<")
+        self._since = len(chunk) - opened if opened >= 0 else self._since + len(chunk)
+        if self._since > LONGEST_PIECE_BYTES:
+            limit = f"more than {LONGEST_PIECE_BYTES // 2**20} MiB long"
+            raise MapError(f"{self._path}: a tag or a text is {limit}; split it or look at the file")
+        return chunk
+
+
+@contextmanager
+def _opened(path: Path) -> Generator[IO[bytes]]:
+    with cast(IO[bytes], gzip.open(path)) if is_zipped(path) else path.open("rb") as stream:
+        yield cast(IO[bytes], _ShortPieces(path, stream))

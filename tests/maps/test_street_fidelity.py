@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from interplan_sumo.maps.importers.build import build
-from interplan_sumo.maps.importers.source import SourceMap
+from interplan_sumo.maps.importers.source import SourceLane, SourceMap
 from interplan_sumo.maps.importers.street_fidelity import StreetReport, compare_streets
 from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.world.geometry import Polyline
@@ -81,3 +82,21 @@ def test_a_short_lane_is_a_stub_if_the_files_is_long(in_file_m: float, stubs: in
     report, problems = compared(built, world({"a": straight("a", 0, in_file_m), "far": flagged}))
     assert report.stubs == stubs
     assert ("lanes_polygons" in {p.layer for p in problems if p.kind == "street"}) == bool(stubs)
+
+
+def test_the_comparison_of_a_long_winding_lane_takes_little_longer_than_that_of_short_ones() -> None:
+    """4 km in one lane, or in forty."""
+
+    def winding(id: str, start_m: float, end_m: float, y_m: float) -> SourceLane:
+        x_m = np.arange(start_m, end_m + 0.5)
+        return lane(id, np.stack((x_m, y_m + 20.0 * np.sin(x_m / 50.0)), axis=1).tolist())
+
+    def cpu_s(source: SourceMap) -> float:
+        made = build(source)
+        start_s = time.process_time()
+        report, _ = compare_streets(made.roads, made.origins, source, "tiny")
+        assert report.lost_share < 0.01
+        return time.process_time() - start_s
+
+    short_s = cpu_s(world({str(n): winding(str(n), 0.0, 100.0, 100.0 * n) for n in range(40)}))
+    assert cpu_s(world({"a": winding("a", 0.0, 4000.0, 0.0)})) < 3.0 * short_s

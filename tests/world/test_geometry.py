@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from interplan_sumo.world.geometry import Polyline, box_corners, frozen, penetration_m, wrap_angle
+from interplan_sumo.world.geometry import Polyline, box_corners, frozen, hausdorff_m, penetration_m, wrap_angle
 
 NUMBERS = st.floats(-50.0, 50.0)
 POINTS = st.lists(st.tuples(NUMBERS, NUMBERS), min_size=2, max_size=12, unique=True)
@@ -111,3 +111,14 @@ def test_frozen_never_touches_the_array_it_was_given() -> None:
     assert ours[0] == 0.0
     assert not ours.flags.writeable
     assert frozen(ours) is ours
+
+
+@pytest.mark.parametrize(("count", "pieces"), [(20, 1), (20, 4), (900, 1), (900, 4)])
+def test_the_distance_of_lines_is_that_of_their_farthest_points(count: int, pieces: int) -> None:
+    """Short lines and long ones, as shapely measures them; segments cut in four find what lies between vertices."""
+    x_m = np.linspace(0.0, 1000.0, count)
+    one = np.stack((x_m, 20.0 * np.sin(x_m / 50.0)), axis=1)
+    other = np.stack((x_m[::3], 20.0 * np.sin(x_m[::3] / 40.0)), axis=1)
+    expected = shapely.hausdorff_distance(shapely.LineString(one), shapely.LineString(other), densify=1.0 / pieces)
+    assert hausdorff_m(one, other, pieces) == pytest.approx(expected, abs=1e-9)
+    assert hausdorff_m(one, one, pieces) == pytest.approx(0.0, abs=1e-9)

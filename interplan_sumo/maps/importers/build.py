@@ -16,6 +16,7 @@ from interplan_sumo.maps.importers.areas import clipped, intersections, numbered
 from interplan_sumo.maps.importers.connector_paths import ConnectorPath, SegmentLane, SegmentSurfaces, connector_paths
 from interplan_sumo.maps.importers.cross_sections import CrossSections
 from interplan_sumo.maps.importers.drop_invalid import drop_invalid
+from interplan_sumo.maps.importers.implausible import plausible
 from interplan_sumo.maps.importers.lane_segments import JOINT_M, lane_segments, links
 from interplan_sumo.maps.importers.record import LaneOrigin
 from interplan_sumo.maps.importers.sections import SourceStretch, sections
@@ -46,12 +47,13 @@ class Built:
 
 
 def build(source: SourceMap) -> Built:
-    """The map in nuPlan's terms; MapError if the file has no lane.
+    """The map in nuPlan's terms; MapError if the file has no lane, or one without end.
 
     See `segments` for what becomes a lane and what a connector. A roadblock is a
     stretch of lanes side by side; a roadblock connector holds all connectors
     between the same two. Ids are new; `Built.origins` says what came from where.
     """
+    source, flat = plausible(source)
     if not source.lanes:
         raise MapError(f"{source.name}: the file holds no lane for cars")
     parts = sections(source)
@@ -69,7 +71,7 @@ def build(source: SourceMap) -> Built:
         for id_, reason in broken.items()
     )
     origins = {id_: rows for id_, rows in drawing.origins.items() if id_ in roads}
-    return Built(roads, origins, reasons, (*source.notes, *drawing.notes(), *taken_out))
+    return Built(roads, origins, reasons, (*source.notes, *drawing.notes(), *flat, *taken_out))
 
 
 @dataclass(eq=False)

@@ -45,7 +45,10 @@ class CrossSections:
         inner = inner[(inner * longest_m > _SAME_M) & ((1.0 - inner) * longest_m > _SAME_M)]
         inner = inner[np.diff(inner, prepend=-1.0) * longest_m > _SAME_M]
         # Vertices first: a point of the grid that lies beside one is not needed.
-        beside = np.abs(grid[1:-1, None] - inner[None, :]).min(axis=1, initial=1.0) * longest_m < SPACING_M / 3.0
+        around = np.concatenate(([-1.0], inner, [2.0]))
+        following = around.searchsorted(grid[1:-1])
+        nearest = np.minimum(around[following] - grid[1:-1], grid[1:-1] - around[following - 1])
+        beside = nearest * longest_m < SPACING_M / 3.0
         shares = np.unique(np.concatenate((grid[:1], inner, grid[1:-1][~beside], grid[-1:])))
         arcs = [np.interp(shares, own, line.arc_m) for own, line in zip(knots, lines, strict=True)]
         segments = np.maximum(1, np.ceil(np.max([np.diff(arc) for arc in arcs], axis=0) / SPACING_M)).astype(np.int64)

@@ -9,10 +9,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 
 from interplan_sumo.maps.importers.cross_sections import WELDED_M, CrossSections
 from interplan_sumo.maps.importers.source import SourceLane, SourceMap
+from interplan_sumo.world.geometry import hausdorff_m
 
 ADJOINING_M = WELDED_M
 """Neighbours whose boundaries are further apart than this at an end are not side by side."""
@@ -125,8 +125,7 @@ def _adjoin(left: SourceLane, right: SourceLane) -> bool:
     """Whether two lanes share their boundary from end to end."""
     if any(float(np.hypot(*(left.right[k] - right.left[k]))) > ADJOINING_M for k in (0, -1)):
         return False
-    one, other = shapely.linestrings(left.right), shapely.linestrings(right.left)
-    return bool(shapely.hausdorff_distance(one, other, densify=0.1) <= ADJOINING_M)
+    return hausdorff_m(left.right, right.left, 10) <= ADJOINING_M
 
 
 def _continuation(lanes: Mapping[str, SourceLane], row: Row, row_of: Mapping[str, Row]) -> Row | None:

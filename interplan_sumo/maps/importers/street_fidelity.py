@@ -15,7 +15,7 @@ from interplan_sumo.maps.importers.record import LaneOrigin
 from interplan_sumo.maps.importers.source import SourceLane, SourceMap
 from interplan_sumo.maps.problem import MapProblem
 from interplan_sumo.maps.rules import lane_layer
-from interplan_sumo.world.geometry import Floats, Polyline, wrap_angle
+from interplan_sumo.world.geometry import Floats, Polyline, hausdorff_m, wrap_angle
 from interplan_sumo.world.roads import LaneLike, Roads
 
 MAX_DEVIATION_M, P99_DEVIATION_M = 0.35, 0.2
@@ -112,7 +112,8 @@ def _problems(
 
 def _lost(roads: Roads, source: SourceMap) -> tuple[float, float]:
     """The length of the file's streets, and how much of it lies in no lane of the map."""
-    surfaces = shapely.buffer([lane.polygon for lane in roads.lanes.values()], _DRAWING_M)
+    surfaces = np.asarray(shapely.buffer([lane.polygon for lane in roads.lanes.values()], _DRAWING_M))
+    shapely.prepare(surfaces)  # or every point costs as much as its lane has vertices
     tree = shapely.STRtree(surfaces)
     street_m = lost_m = 0.0
     for lane in source.lanes.values():
@@ -120,10 +121,10 @@ def _lost(roads: Roads, source: SourceMap) -> tuple[float, float]:
             continue
         length_m = mean_length_m(lane.left, lane.right)
         count = max(1, int(np.ceil(length_m / _STEP_M)))
+        points = np.asarray(shapely.points(_middle(lane, (np.arange(count) + 0.5) / count)))
+        here, there = tree.query(points)
         inside = np.zeros(count, dtype=np.bool_)
-        inside[
-            tree.query(shapely.points(_middle(lane, (np.arange(count) + 0.5) / count)), predicate="intersects")[0]
-        ] = True
+        inside[here[shapely.intersects(surfaces[there], points[here])]] = True
         street_m += length_m
         lost_m += length_m * float((~inside).mean())
     return street_m, lost_m
@@ -154,8 +155,7 @@ def _middles(lane: SourceLane) -> list[Floats]:
     if len(lane.left) != len(lane.right):
         return [by_length]
     by_vertex = (lane.left + lane.right) / 2.0
-    alike = shapely.hausdorff_distance(shapely.LineString(by_length), shapely.LineString(by_vertex)) < _ALIKE_M
-    return [by_length] if alike else [by_length, by_vertex]
+    return [by_length] if hausdorff_m(by_length, by_vertex) < _ALIKE_M else [by_length, by_vertex]
 
 
 def _deviations(

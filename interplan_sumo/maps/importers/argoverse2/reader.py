@@ -22,7 +22,7 @@ from interplan_sumo.maps.importers.argoverse2.file import (
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
 from interplan_sumo.world.argoverse_frame import argoverse_name, city_frame, find_city, scenario_city
 from interplan_sumo.world.frame import UNPLACED_CRS, UNPLACED_ORIGIN_M
-from interplan_sumo.world.geometry import Floats, Ints, frozen
+from interplan_sumo.world.geometry import Floats, Ints, frozen, hausdorff_m
 
 REASONS = {"BIKE": "bicycle lane", "BUS": "bus lane"}
 """Why lanes of these types are left out; any other type but VEHICLE is named as it is."""
@@ -219,7 +219,7 @@ def _adjoin(one: Floats, other: Floats) -> bool:
     ends_m = np.hypot(*(one[[0, -1], :2] - other[[0, -1], :2]).T)
     if ends_m.max() > MAX_NEIGHBOUR_GAP_M or _along(one) @ _along(other) < 0.0:
         return False
-    return shapely.LineString(one[:, :2]).hausdorff_distance(shapely.LineString(other[:, :2])) <= MAX_NEIGHBOUR_GAP_M
+    return hausdorff_m(one[:, :2], other[:, :2]) <= MAX_NEIGHBOUR_GAP_M
 
 
 def _left_out(lane: ArgoverseLane, origin_m: tuple[float, float]) -> LeftOut:

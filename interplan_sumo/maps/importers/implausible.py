@@ -1,0 +1,53 @@
+"""Lanes of a file that no street can have: endless ones, and those whose boundaries run against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps.importers.cross_sections import CrossSections
+from interplan_sumo.maps.importers.source import SourceLane, SourceMap
+
+LONGEST_STRAIGHT_M = 20_000.0
+"""Between two points of a boundary; one wrong digit of a coordinate makes more, and metres cost time and memory."""
+LONGEST_M = 100_000.0
+"""From fork to fork."""
+_NO_LENGTH_M = 0.05
+
+
+def plausible(source: SourceMap) -> tuple[SourceMap, tuple[str, ...]]:
+    """The map without lanes that have no middle to drive along, and a note for each; MapError names an endless lane."""
+    for lane in source.lanes.values():
+        for boundary in (lane.left, lane.right):
+            steps_m = np.hypot(*np.diff(boundary, axis=0).T)
+            if steps_m.max() > LONGEST_STRAIGHT_M or steps_m.sum() > LONGEST_M:
+                said = (
+                    f"is {steps_m.sum() / 1000.0:.0f} km long, {steps_m.max() / 1000.0:.0f} km of them in one straight"
+                )
+                raise MapError(f"{source.name}: lane {lane.id} {said}; look at its coordinates")
+    flat = [id_ for id_, lane in source.lanes.items() if _is_flat(lane)]
+    if not flat:
+        return source, ()
+    notes = tuple(f"{id_}: left out, its boundaries run against each other" for id_ in flat)
+    return replace(source, lanes=_without(source.lanes, frozenset(flat))), notes
+
+
+def _is_flat(lane: SourceLane) -> bool:
+    ends = (lane.left[[0, -1]] + lane.right[[0, -1]]) / 2.0
+    if np.hypot(*(ends[1] - ends[0])) > _NO_LENGTH_M:  # so is nearly every lane
+        return False
+    return CrossSections.of([lane.left, lane.right]).length_m < _NO_LENGTH_M
+
+
+def _without(lanes: Mapping[str, SourceLane], gone: frozenset[str]) -> dict[str, SourceLane]:
+    def kept(id_: str | None) -> str | None:
+        return None if id_ in gone else id_
+
+    return {
+        id_: replace(lane, left_neighbour=kept(lane.left_neighbour), right_neighbour=kept(lane.right_neighbour))
+        for id_, lane in lanes.items()
+        if id_ not in gone
+    }

@@ -1,0 +1,36 @@
+"""Lanes that no street can have are refused or left out, whatever the format."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps.importers.build import build
+from tests.maps.source_worlds import lane, linked, neighbours, road_of_two, straight, world
+
+
+def test_a_lane_with_a_point_in_another_country_is_refused() -> None:
+    build(world({"a": straight("a", 0.0, 19_000.0)}))
+    with pytest.raises(MapError, match="tiny: lane a is 21 km long, 21 km of them in one straight; look at its coord"):
+        build(world({"a": straight("a", 0.0, 21_000.0)}))
+    with pytest.raises(MapError, match="lane a is 114 km long, 19 km of them in one straight"):
+        build(world({"a": lane("a", [(19_000.0 * n, 0.0) for n in range(7)])}))
+
+
+def test_a_lane_whose_boundaries_run_against_each_other_is_left_out() -> None:
+    """Its middle is one point; what lies beside it and behind it stays."""
+    source = road_of_two()
+    lanes = neighbours(
+        linked([straight("a", 0, 50), straight("b", 50, 100), straight("c", 50, 100, -3.5)], [("a", "b")]), "b", "c"
+    )
+    lanes["b"] = replace(lanes["b"], right=lanes["b"].right[::-1])
+    made = build(replace(source, lanes=lanes))
+    assert {row.source_id for rows in made.origins.values() for row in rows} == {"a", "c"}
+    assert "b: left out, its boundaries run against each other" in made.notes
+
+
+def test_a_ring_is_no_such_lane() -> None:
+    ring = lane("r", [(0.0, 0.0), (50.0, 0.0), (50.0, 50.0), (0.0, 50.0), (0.0, 0.01)])
+    assert len(build(world({"r": ring})).roads.lanes) == 1
