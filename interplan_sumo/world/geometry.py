@@ -220,8 +220,8 @@ class Polyline:
 def hausdorff_m(one: Floats, other: Floats, pieces: int = 1) -> float:
     """Hausdorff distance of two lines of (N, 2) points, taken where their segments are cut into `pieces`."""
     if len(one) * len(other) * pieces < _FEW:
-        lines = shapely.linestrings(one), shapely.linestrings(other)
-        return float(shapely.hausdorff_distance(*lines, densify=1.0 / pieces))
+        lines = shapely.LineString(one), shapely.LineString(other)
+        return shapely.hausdorff_distance(*lines, densify=1.0 / pieces)
     return max(_farthest_m(one, other, pieces), _farthest_m(other, one, pieces))
 
 

@@ -11,7 +11,7 @@ from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.cross_sections import CrossSections
 from interplan_sumo.maps.importers.source import SourceLane, SourceMap
 
-LONGEST_STRAIGHT_M = 20_000.0
+LONGEST_STRAIGHT_M = 12_000.0
 """Between two points of a boundary; one wrong digit of a coordinate makes more, and metres cost time and memory."""
 LONGEST_M = 100_000.0
 """From fork to fork."""
@@ -24,9 +24,8 @@ def plausible(source: SourceMap) -> tuple[SourceMap, tuple[str, ...]]:
         for boundary in (lane.left, lane.right):
             steps_m = np.hypot(*np.diff(boundary, axis=0).T)
             if steps_m.max() > LONGEST_STRAIGHT_M or steps_m.sum() > LONGEST_M:
-                said = (
-                    f"is {steps_m.sum() / 1000.0:.0f} km long, {steps_m.max() / 1000.0:.0f} km of them in one straight"
-                )
+                whole_km, straight_km = steps_m.sum() / 1000.0, steps_m.max() / 1000.0
+                said = f"is {whole_km:.0f} km long, {straight_km:.0f} km of them in one straight"
                 raise MapError(f"{source.name}: lane {lane.id} {said}; look at its coordinates")
     flat = [id_ for id_, lane in source.lanes.items() if _is_flat(lane)]
     if not flat:
