@@ -143,3 +143,9 @@ def test_damaged_files_are_read_or_refused_and_nothing_else(seeds: int, tmp_path
     read, refused = survive(seeds, tmp_path / "a.net.xml", damage, readers, assert_sound)
     assert read > 0.25
     assert refused > 0.2
+
+
+def test_a_count_that_fails_on_an_endless_name_is_a_short_line(tmp_path: Path) -> None:
+    way = f'<connection from="{"x" * 100_000}" to="a" fromLane="0" toLane="0" dir="s" state="M"/>'
+    edge = f'<edge id="a" from="n" to="m">{lane("a_0", "0,0 50,0")}</edge>'
+    assert refusal(written(tmp_path, by_hand(edge, way)), count_sumo_network).startswith("FILE: the network cannot be")

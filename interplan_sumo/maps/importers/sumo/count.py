@@ -41,7 +41,8 @@ def count_sumo_network(path: Path) -> SourceCount:
         OSError, EOFError, zlib.error, SAXException, DefusedXmlException,
         ValueError, LookupError, TypeError, AttributeError, AssertionError,
     ) as error:  # fmt: skip
-        raise MapError(f"{path}: the network cannot be counted ({error}); write it anew with netconvert") from error
+        said = " ".join(str(error).split())[:120]
+        raise MapError(f"{path}: the network cannot be counted ({said}); write it anew with netconvert") from error
 
 
 def _count(net: Any) -> SourceCount:
