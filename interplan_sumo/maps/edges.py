@@ -192,7 +192,7 @@ def _assembled(
     count = len(cuts[0]) - 1
     nodes = [start_node, *(f"{name}.c{k}" for k in range(1, count)), end_node]
     names = [name] if count == 1 else [f"{name}.{k}" for k in range(count)]
-    half = CUT_M / 2
+    half = min(CUT_M / 2, *(float(np.diff(cut).min()) / 4 for cut in cuts))  # lanes may be as short as a cut
     longer = [start > 0.0 for start in starts]
     further = [end < length for end, length in zip(ends, lengths, strict=True)]
     edges: list[Edge] = []

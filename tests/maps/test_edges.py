@@ -47,6 +47,13 @@ def test_parallel_lanes_are_one_edge_numbered_from_the_kerb() -> None:
     assert [s.lane_id for s in group(lines, "left")[1].edges[0].lanes] == ["10", "11", "12"]
 
 
+@pytest.mark.parametrize("length_m", [0.1, 0.199, 0.2, 0.41, 3.0])
+def test_a_lane_that_comes_back_to_its_junction_is_two_edges_however_short(length_m: float) -> None:
+    roads, found = group([straight((0, 0), (length_m, 0))], start="a", end="a")
+    assert len(found.edges) == 2
+    assert_whole(roads, found)
+
+
 def test_a_bend_after_a_straight_is_cut_where_the_lanes_would_drift_apart() -> None:
     angle = np.linspace(0.0, np.pi / 2, 40)
     bend = np.stack((100 + 20 * np.sin(angle), 20 - 20 * np.cos(angle)), axis=1)
