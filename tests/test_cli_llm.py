@@ -65,7 +65,8 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
     scene = replace(find_scenario("following_lane_with_lead/0"), id="mine/0", start_speed_mps=5.0, duration_s=12.0)
     write_scenarios([scene], folder / "mine.yaml")
-    run(RunOptions(("idm",), folder / "run", scenarios=(str(folder / "mine.yaml"),), workers=0))
+    files = (str(folder / "mine.yaml"),)
+    run(RunOptions(("idm",), folder / "run", scenarios=files, workers=0, profile="interplan-paper"))
     return folder / "run"
 
 

@@ -45,8 +45,8 @@ def run(context: typer.Context, options: RunOptions, quiet: QuietOption = False,
     try:
         with progress(quiet=quiet) as watch, stdout:  # in-process planners may print: not into the JSON
             say_what_cannot_act(options.traffic)
-            say_what_is_out_of_reach(options)
             stored = batch.run(replace(options, out=folder), watch, command=command)
+            say_what_is_out_of_reach(options)
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
         return INCOMPLETE

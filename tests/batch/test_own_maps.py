@@ -121,7 +121,7 @@ def test_certificates_of_a_file_are_stored_beside_it(
     before = proofs.read_bytes()
     proofs.unlink()
     file = str(tmp_path / "made" / "scenarios.yaml")
-    assert main(["scenarios", "certify", "--scenarios", file, "--workers", "0"]) == 0
+    assert main(["scenarios", "certify", "--scenarios", file, "--panel", "", "--workers", "0"]) == 0
     assert proofs.read_bytes() == before
     assert main(["scenarios", "certify", "--scenarios", file, "--suite", "smoke==1"]) == 2
     assert "two sources of scenarios" in capsys.readouterr().err

@@ -157,7 +157,7 @@ def test_one_waits_for_who_comes_in_the_own_lane_and_not_half_out_of_it(oncoming
     scenario = staged(start_speed_mps=5.0, obstacles=(car(60.0),), exempt=("driving_direction",))
     scenario = replace(scenario, traffic=TrafficDemand(oncoming=oncoming))
     problem = laid_out(scenario, widened(ONE_LANE), Swerve(over="left"))
-    profile = found(problem, steady(problem.corridor.start_m + 90.0, -9.0, left_m=3.5))
+    profile = found(problem, steady(problem.corridor.start_m + 80.0, -9.0, left_m=3.5))
     assert profile.to_goal
     over = problem.paths[0].over[[problem.corridor.on_grid(arc_m) for arc_m in profile.arc_m.tolist()]]
     assert (profile.speed_mps[over].min() < 2.0) == dawdles
