@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from interplan_sumo.families import find_family
+from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import ScoreSheet, score
 from interplan_sumo.scenario.certificates import Certificate, Summary
@@ -129,7 +129,7 @@ def shortcomings(scenario: Scenario, sheet: ScoreSheet, summary: Summary, neares
             faults.append(
                 f"comes within {found.distance_m:.2f} m of {found.track} at {found.time_s:.1f} s, not {least_m:g} m"
             )
-    if not summary.reached_goal and not find_family(scenario.family).ordinary:
+    if not summary.reached_goal and scenario.family in names(ordinary=False):
         faults.append(f"stays short of the goal line: {summary.distance_m:.1f} m in the time")
     least_m = LEAST_SHARE * summary.reference_distance_m
     if not summary.reached_goal and summary.distance_m < least_m:
