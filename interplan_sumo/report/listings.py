@@ -42,8 +42,9 @@ def certified(entry: dict[str, Any]) -> dict[str, Any]:
 
 def in_words(entry: dict[str, Any]) -> dict[str, Any]:
     """An entry for people: who solves it as a text."""
-    solved_by = entry["solved_by"]
-    return {**entry, "solved_by": "" if solved_by is None else ", ".join(solved_by) or "open"}
+    from interplan_sumo.scenario.certificates import solvers_in_words
+
+    return {**entry, "solved_by": solvers_in_words(entry["solved_by"])}
 
 
 def scenario_details(scenario: Scenario) -> dict[str, Any]:

@@ -41,6 +41,11 @@ UNITS_PER_ONE = 1_000_000
 _KEY = b"certificates"
 
 
+def solvers_in_words(solved_by: Iterable[str] | None) -> str:
+    """For people: who solves a scenario, `open` if nobody, nothing if nobody was asked."""
+    return "" if solved_by is None else ", ".join(solved_by) or "open"
+
+
 @dataclass(frozen=True, slots=True)
 class Summary:
     """What is proved."""
@@ -65,7 +70,7 @@ class Summary:
     @property
     def solved_words(self) -> str:
         """For people: who solves it, `open` if nobody, nothing if nobody was asked."""
-        return "" if self.solved_by is None else ", ".join(self.solved_by) or "open"
+        return solvers_in_words(self.solved_by)
 
 
 @dataclass(frozen=True, eq=False)

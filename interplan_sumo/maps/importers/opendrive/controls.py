@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 import numpy as np
 
@@ -140,25 +141,23 @@ def _to_end_m(lane: TravelLane, station_m: float) -> float:
 
 def _last(network: Network, lane: TravelLane) -> TravelLane:
     """The lane at which one leaves the road that a lane lies on."""
-    seen = {lane.id}
-    while True:
-        onward = [network.lanes[id_] for id_ in lane.successors]
-        onward = [one for one in onward if one.stretch.road is lane.stretch.road and one.id not in seen]
-        if len(onward) != 1:
-            return lane
-        lane = onward[0]
-        seen.add(lane.id)
+    return _outermost(network, lane, attrgetter("successors"))
 
 
 def _first(network: Network, lane: TravelLane) -> TravelLane:
     """The lane at which one comes onto the road that a lane lies on."""
+    return _outermost(network, lane, attrgetter("predecessors"))
+
+
+def _outermost(network: Network, lane: TravelLane, links: Callable[[TravelLane], Iterable[str]]) -> TravelLane:
+    """The end of the chain of single links from a lane within its road."""
     seen = {lane.id}
     while True:
-        behind = [network.lanes[id_] for id_ in lane.predecessors]
-        behind = [one for one in behind if one.stretch.road is lane.stretch.road and one.id not in seen]
-        if len(behind) != 1:
+        linked = [network.lanes[id_] for id_ in links(lane)]
+        linked = [one for one in linked if one.stretch.road is lane.stretch.road and one.id not in seen]
+        if len(linked) != 1:
             return lane
-        lane = behind[0]
+        lane = linked[0]
         seen.add(lane.id)
 
 
