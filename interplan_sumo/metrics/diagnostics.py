@@ -34,8 +34,8 @@ def diagnostics(facts: Facts) -> MetricResult:
     time_to_collision = true_times_s(facts)
     crossings = find_crossings(facts.roads, facts.body_lanes, facts.trace.ego.time_us)
     detail = {
-        "distance_m": _least(facts, distance),
-        "time_to_collision_s": _least(facts, time_to_collision),
+        "distance_m": least(facts, distance),
+        "time_to_collision_s": least(facts, time_to_collision),
         "jerk_mps3": _percentiles(np.abs(facts.comfort_signals.get("jerk_mps3", np.zeros(0)))),
         "waiting": waiting(facts),
         "planner_s": _percentiles(facts.trace.plan_wall_s),
@@ -54,15 +54,19 @@ def diagnostics(facts: Facts) -> MetricResult:
     return MetricResult(None, detail, per_frame)
 
 
-def distances_m(facts: Facts) -> Floats:
-    """(R,) distance between ego and actor boxes; infinite for rows that cannot be the nearest of their frame."""
+def distances_m(facts: Facts, among: NDArray[np.bool_] | None = None) -> Floats:
+    """(R,) distance between ego and actor boxes; infinite for rows that cannot be the nearest of their frame.
+
+    `among` (R,) leaves out all other rows.
+    """
     actors = facts.trace.actors
+    counted = np.ones(len(actors), dtype=np.bool_) if among is None else among
     shape = facts.trace.shape
     centres = np.hypot(*(facts.actor_xy - facts.centre[actors.frame]).T)
     radii = (np.hypot(shape.length_m, shape.width_m) + np.hypot(actors.length_m, actors.width_m)) / 2
     nearest = np.full(facts.frames, np.inf)
-    np.minimum.at(nearest, actors.frame, centres)
-    rows = np.flatnonzero(centres - radii <= nearest[actors.frame])
+    np.minimum.at(nearest, actors.frame[counted], centres[counted])
+    rows = np.flatnonzero(counted & (centres - radii <= nearest[actors.frame]))
     distance = np.full(len(actors), np.inf)
     if len(rows):
         columns = ("x_m", "y_m", "heading_rad", "length_m", "width_m")
@@ -115,7 +119,7 @@ def _per_frame(facts: Facts, per_row: Floats) -> Floats:
     return least
 
 
-def _least(facts: Facts, per_row: Floats) -> dict[str, Any] | None:
+def least(facts: Facts, per_row: Floats) -> dict[str, Any] | None:
     """The least value with its time and track; None if nothing is finite."""
     if not np.isfinite(per_row).any():
         return None

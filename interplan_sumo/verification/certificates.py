@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.metrics.score import ScoreSheet, score
+from interplan_sumo.metrics.facts import Facts
+from interplan_sumo.metrics.score import ScoreSheet, score_facts
 from interplan_sumo.scenario.certificates import Certificate, Summary
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
@@ -76,8 +77,8 @@ def passing_drive(scenario: Scenario, most_simulations: int) -> Proof:
     passed_after = most_simulations
     for attempt in attempts(scenario, reference):
         simulations += 1
-        sheet, summary = _judged(scenario, attempt.trace, reference)
-        faults = shortcomings(scenario, sheet, summary, nearest_approach(attempt.trace))
+        sheet, summary, nearest = _judged(scenario, attempt.trace, reference)
+        faults = shortcomings(scenario, sheet, summary, nearest)
         if not faults and (best is None or summary.score > best.summary.score):
             best = Certificate(summary, attempt.track)
             passed_after = min(passed_after, simulations)
@@ -110,13 +111,13 @@ def check_certificate(scenario: Scenario, certificate: Certificate | None) -> li
     if wrong:
         return wrong
     trace = replay(scenario, certificate.track)
-    sheet, found = _judged(scenario, trace, reference_drive(scenario))
+    sheet, found, nearest = _judged(scenario, trace, reference_drive(scenario))
     wrong = [
         f"its replay gives {name} {getattr(found, name)}, stored is {getattr(stored, name)}"
         for name in ("trace_hash", "score", "reference_distance_m", "distance_m", "reached_goal")
         if getattr(found, name) != getattr(stored, name)
     ]
-    return wrong + shortcomings(scenario, sheet, found, nearest_approach(trace))
+    return wrong + shortcomings(scenario, sheet, found, nearest)
 
 
 def shortcomings(scenario: Scenario, sheet: ScoreSheet, summary: Summary, nearest: NearestApproach) -> list[str]:
@@ -140,10 +141,11 @@ def shortcomings(scenario: Scenario, sheet: ScoreSheet, summary: Summary, neares
     return faults
 
 
-def _judged(scenario: Scenario, trace: Trace, reference: Trace) -> tuple[ScoreSheet, Summary]:
+def _judged(scenario: Scenario, trace: Trace, reference: Trace) -> tuple[ScoreSheet, Summary, NearestApproach]:
     """The drive scored against itself: it is what others are measured by."""
     roads = load_roads(scenario.map, scenario.maps_beside)
-    sheet = score(trace, roads, trace.ego, scenario)
+    facts = Facts(trace, roads, trace.ego, scenario)
+    sheet = score_facts(facts)
     line, goal_m = route_centerline(roads, scenario), goal_arc_m(roads, scenario)
     last = trace.ego.state(len(trace) - 1)
     summary = Summary(
@@ -155,4 +157,4 @@ def _judged(scenario: Scenario, trace: Trace, reference: Trace) -> tuple[ScoreSh
         reached_goal=line.project_point(last.x_m, last.y_m)[0] > goal_m,
         trace_hash=trace.hash(),
     )
-    return sheet, summary
+    return sheet, summary, nearest_approach(facts)

@@ -13,11 +13,11 @@ from interplan_sumo.metrics.score import ScoreSheet
 from interplan_sumo.scenario.certificates import Certificate, Summary
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.scenario.suite import find_scenario
-from interplan_sumo.tiny_worlds import cars, pedestrians, together
+from interplan_sumo.tiny_worlds import cars, pedestrians, straight_road, together
 from interplan_sumo.verification.certificates import certify, check_certificate, passing_drive, shortcomings
 from interplan_sumo.verification.clearances import Clearance, NearestApproach, nearest_approach
 from interplan_sumo.world.ego import PACIFICA
-from tests.metrics.staging import drive_at
+from tests.metrics.staging import drive_at, facts_of
 
 
 @cache
@@ -184,7 +184,7 @@ def test_the_nearest_approach_is_that_of_the_boxes() -> None:
     crossing = pedestrians((ped_m, 0.0))
     standing = cars((5.0, PACIFICA.width_m / 2 + 0.4 + 1.0), length_m=6.0, width_m=2.0)
     drive = drive_at([0.0, 5.0, 10.0], actors=[crossing, together(crossing, standing), crossing])
-    found = nearest_approach(drive)
+    found = nearest_approach(facts_of(drive, straight_road()))
     assert (found.others.track, found.others.time_s) == ("car00", 0.1)
     assert found.others.distance_m == pytest.approx(0.4)
     assert (found.pedestrians.track, found.pedestrians.time_s) == ("ped00", 0.2)
