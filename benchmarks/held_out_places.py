@@ -48,8 +48,8 @@ def main() -> None:
     for feature in FEATURES:
         key = feature.key
         there = [place for place, samples in recorded.places.items() if samples[key].road_users >= FEWEST]
-        if key not in between:
-            continue
+        if key not in between or not all(simulated[place][key].road_users for place in there):
+            continue  # nobody walks in plain traffic
         apart = {place: kolmogorov_smirnov(simulated[place][key], recorded.places[place][key]) for place in there}
         others = [kolmogorov_smirnov(recorded.without(e).together[key], recorded.places[e][key]) for e in there]
         words = ", ".join(f"{place} {value:.2f}" for place, value in apart.items())

@@ -8,7 +8,7 @@ that its rear is still in the lane it has left, whatever the drivers.
 from __future__ import annotations
 
 import argparse
-from itertools import count, product
+from itertools import count
 from pathlib import Path
 
 from interplan_sumo.maps.store import find_map
@@ -31,7 +31,7 @@ def main() -> int:
     for name in options.files:
         types = read_vehicle_types(Path(name) if Path(name).exists() else vehicle_type_file(name))
         agent_s, behind, aslant = 0.0, 0, 0
-        for seed, map in product(count(), MAPS):
+        for seed, map in ((seed, map) for seed in count() for map in MAPS):
             found = overlaps(
                 traffic_on(read_network(find_map(map).network), types, name, seed, lane_rate_hz=LANE_RATE_HZ)
             )
