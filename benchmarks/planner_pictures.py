@@ -85,7 +85,7 @@ def view_of(scenario: Scenario, shown: Sequence[Drive]) -> View:
     """From the start to a little beyond what stands or walks there, or all of the way if nothing does."""
     roads = load_roads(scenario.map, scenario.maps_beside)
     poses = [obstacle.pose(roads) for obstacle in scenario.obstacles]
-    poses += [end.pose(roads) for walker in scenario.jaywalkers for end in (walker.start, walker.end)]
+    poses += [place.pose(roads) for walker in scenario.jaywalkers for place in walker.places]
     line = route_centerline(roads, scenario)
     start, goal = scenario.start.pose(roads), scenario.goal.pose(roads)
     start_m, goal_m = (line.project_point(pose.x_m, pose.y_m)[0] for pose in (start, goal))

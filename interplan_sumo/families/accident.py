@@ -1,106 +1,151 @@
-"""Accident: crashed cars stand at odd angles in the road."""
+"""Accident: crashed cars stand at odd angles in the road, on the way or inside a junction, with people beside them."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import Final, Literal
+from typing import Any, Final
 
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import offset_asked_m, passing_problems, vehicles_standing, wreck_problems
-from interplan_sumo.families.shapes import CLEARANCE_M, NO_TRAFFIC, reach_m
-from interplan_sumo.scenario.scenario import Obstacle, Scenario, TrafficDemand
-from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
+from interplan_sumo.families.shapes import CLEARANCE_M, reach_m
+from interplan_sumo.families.staging import (
+    LEAST_ONCOMING,
+    Approach,
+    along,
+    approach,
+    beside_traffic,
+    obstacle,
+    oncoming_traffic,
+    parked,
+    site_for,
+    uniform,
+)
+from interplan_sumo.scenario.scenario import Obstacle, Scenario
+from interplan_sumo.scenario.sites import ROOM_M as USUAL_ROOM_M
+from interplan_sumo.scenario.sites import Site, UnsuitableError
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.roads import Roads
 
 EXEMPT: Final = ("driving_direction",)
 """One may have to pass through the oncoming lane."""
-Crash = Literal["rear_end", "t_bone", "side_swipe", "pile_up"]
-CRASHES: Final[dict[Crash, tuple[tuple[float, float, float], ...]]] = {
-    "rear_end": ((0.0, 0.0, 0.15), (-4.2, -0.35, -0.3)),
-    "t_bone": ((0.0, 0.0, 1.35), (-2.85, 0.25, -0.1)),
-    "side_swipe": ((0.0, 0.0, 0.05), (1.3, 1.55, 0.4)),
-    "pile_up": ((0.0, 0.0, 0.2), (-4.2, -0.3, -0.25), (-7.8, 0.7, 0.6)),
-}
-"""Each car's place relative to the first, ahead and towards the kerb (m), and its heading relative to the lane, turned
-towards the kerb (rad). The boxes of neighbours intersect."""
-APPROACH_M: Final = 70.0
-BEYOND_M: Final = 80.0
+CRASHES: Final[tuple[tuple[tuple[float, float, float], ...], ...]] = (
+    ((0.0, 0.0, 0.0), (0.48, 4.01, -80.0)),
+    ((0.0, 0.0, 0.0), (4.73, -2.94, 130.0)),
+    ((0.0, 0.0, 0.0), (-5.48, -0.31, -29.0)),
+    ((0.0, 0.0, 0.0), (3.48, 2.93, -130.0)),
+    ((0.0, 0.0, 0.0), (-3.55, 2.70, -42.0)),
+    ((0.0, 0.0, 0.0), (1.52, 2.95, -41.0)),
+    ((0.0, 0.0, 0.0), (4.95, 0.78, 23.0), (10.40, 3.31, 28.0)),
+    ((0.0, 0.0, 0.0), (-4.80, 0.08, 36.0)),
+    ((0.0, 0.0, 0.0), (2.34, -2.25, 37.0)),
+    ((0.0, 0.0, 0.0), (3.79, 1.56, -102.0)),
+)
+"""interPlan's ten: each car's place relative to the first, along its heading and to its left (m), and its heading
+relative to it (degrees). The cars are pushed together until their boxes intersect."""
+PUSH: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
+TURNED_RAD: Final = (-0.7, 0.7)
+"""Of the first car against the lane."""
+ASIDE_M: Final = (-1.0, 1.6)
+"""From the lane's centre line towards the kerb to the first car."""
+PEOPLE: Final = (0, 3)
+STANDS_OFF_M: Final = (0.9, 1.8)
+"""From the side of a crashed car to somebody who stands beside it."""
 FASTEST_MPS: Final = 20.5
 ROOM_M: Final = PACIFICA.width_m + 2.0 * CLEARANCE_M
 """What must be left of the road."""
-
-
-def accident(
-    id: str,
-    *,
-    site: Site,
-    crash: Crash,
-    towards_kerb_m: float,
-    turned_rad: float = 0.0,
-    mirrored: bool = False,
-    traffic: TrafficDemand = NO_TRAFFIC,
-) -> Scenario:
-    """A `crash` whose first car stands `towards_kerb_m` off the lane's centre line.
-
-    `turned_rad` turns all of it towards the kerb, `mirrored` swaps its sides.
-    ScenarioError if the road leaves less than the ego's width and 0.3 m on
-    either side.
-    """
-    flip = -1.0 if mirrored else 1.0
-    cosine, sine = np.cos(turned_rad), np.sin(turned_rad)
-    cars: list[Obstacle] = []
-    for ahead_m, kerbwards_m, heading_rad in CRASHES[crash]:
-        across_m, heading_rad = flip * kerbwards_m, flip * heading_rad + turned_rad
-        x_m = float(cosine * ahead_m - sine * across_m)
-        y_m = float(sine * ahead_m + cosine * across_m)
-        cars.append(
-            Obstacle(site.place(x_m, towards_kerb_m + y_m), "car", turned_rad=round(float(site.kerb * heading_rad), 3))
-        )
-    to_kerb_m, away_m = reach_m(cars, site.kerb)
-    left_m = max(site.far_edge_m - away_m, site.near_edge_m - to_kerb_m)
-    if left_m < ROOM_M:
-        raise ScenarioError(
-            f"{id}: the crash leaves {left_m:.2f} m of the road, the ego needs {ROOM_M:.2f} m; "
-            "move it with towards_kerb_m"
-        )
-    return site.scenario(id, "accident", traffic=traffic, obstacles=tuple(cars), exempt=EXEMPT)
+NEAR_END_M: Final = 1.0
+"""Nearer to the end of its lane than usual a place stands for the junction there."""
+TRIES: Final = 60
 
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
-    """A road with a second lane to pass on, of whatever direction; UnsuitableError otherwise."""
-    site = roomiest_site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
-    if site.limit_mps > FASTEST_MPS:
-        raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, crashes stand on roads of {FASTEST_MPS} or less")
+    """A road with a second lane to pass on, of whatever direction, or a junction; UnsuitableError otherwise."""
+    site = site_for(roads, lane_id, at_m, FASTEST_MPS, room_m=NEAR_END_M)
+    length_m = roads[lane_id].centerline.length_m
+    if at_m < USUAL_ROOM_M:
+        raise UnsuitableError(f"the beginning of the lane is nearer than {USUAL_ROOM_M:.0f} m")
+    if at_m > length_m - USUAL_ROOM_M and _junction_m(roads, site) is None:
+        raise UnsuitableError(f"the end of the lane is nearer than {USUAL_ROOM_M:.0f} m, and there is no junction")
     if site.lanes_far + site.lanes_near == 0 and site.oncoming_m < PACIFICA.width_m:
         raise UnsuitableError("there is no lane beside it to pass on")
     return site
 
 
-def drawn(id: str, _roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+def _junction_m(roads: Roads, site: Site) -> float | None:
+    """From the site to the middle of the junction at the end of its lane, where one can go several ways."""
+    ways = [way for way in roads.outgoing(site.lane) if roads[way].roadblock_id in site.route]
+    others = roads.roadblocks[roads[site.lane].roadblock_id].lane_ids
+    if not ways or len({roads[way].roadblock_id for lane in others for way in roads.outgoing(lane)}) < 2:
+        return None
+    straight = min(ways, key=lambda way: (abs(roads[way].centerline.turned_rad), way))
+    return roads[site.lane].centerline.length_m - site.at_m + roads[straight].centerline.length_m / 2.0
+
+
+def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
     """A scenario of the family at a site, what varies drawn; UnsuitableError if no crash leaves room."""
-    many = site.lanes_far + site.lanes_near > 0
-    for _ in range(50):
+    at_end = site.at_m > roads[site.lane].centerline.length_m - USUAL_ROOM_M
+    ahead_m = (_junction_m(roads, site) or 0.0) if at_end else 0.0
+    room_m = NEAR_END_M if at_end else USUAL_ROOM_M
+    to = approach(roads, site, rng, before_m=4.0 - ahead_m, after_m=6.0 + ahead_m, room_m=room_m)
+    for _ in range(TRIES):
         try:
-            return accident(
-                id,
-                site=site,
-                crash=tuple(CRASHES)[int(rng.integers(len(CRASHES)))],
-                towards_kerb_m=float(np.round(rng.uniform(-1.0, 1.5), 2)),
-                turned_rad=float(np.round(rng.uniform(-0.5, 0.5), 2)),
-                mirrored=bool(rng.random() < 0.5),
-                traffic=TrafficDemand(
-                    density="low" if many and rng.random() < 0.3 else "none",
-                    oncoming="sparse" if not many and rng.random() < 0.3 else "none",
-                    behaviour=("conservative", "assertive", "mixed")[int(rng.integers(3))],
-                ),
-            )
+            cars = crashed(roads, to.site, ahead_m, rng)
         except ScenarioError:
             continue
+        to_kerb_m, away_m = reach_m(cars, to.site.kerb)
+        if not at_end and max(to.site.far_edge_m - away_m, to.site.near_edge_m - to_kerb_m) < ROOM_M:
+            continue
+        people = bystanders(cars, to.site, rng)
+        return to.scenario(id, "accident", obstacles=(*cars, *people), exempt=EXEMPT, **_traffic(roads, to, rng))
     raise UnsuitableError("no crash leaves room to pass")
+
+
+def crashed(roads: Roads, site: Site, at_m: float, rng: np.random.Generator) -> tuple[Obstacle, ...]:
+    """Cars in one of interPlan's crashes, mirrored or not, of sizes that were drawn; ScenarioError beyond the road."""
+    crash = CRASHES[int(rng.integers(len(CRASHES)))]
+    flip = -1.0 if rng.random() < 0.5 else 1.0
+    aside_m, turned_rad = uniform(rng, ASIDE_M), uniform(rng, TURNED_RAD)
+    whats = [parked(rng, "small car", "car", "sport utility", "van") for _ in crash]
+    cosine, sine = np.cos(turned_rad), np.sin(turned_rad)
+    for push in PUSH:
+        cars: list[Obstacle] = []
+        for (x_m, y_m, degrees), what in zip(crash, whats, strict=True):
+            x, y = push * x_m, push * flip * y_m
+            place = along(roads, site, at_m + float(cosine * x - sine * y), aside_m + float(sine * x + cosine * y))
+            heading_rad = site.kerb * (turned_rad + flip * float(np.radians(degrees)))
+            cars.append(obstacle(place, what, float((heading_rad + np.pi) % (2.0 * np.pi) - np.pi)))
+        bare = site.scenario("crash/0", "accident", obstacles=tuple(cars))
+        if not wreck_problems(bare, roads):
+            return tuple(cars)
+    raise ScenarioError("the cars do not meet")
+
+
+def bystanders(cars: tuple[Obstacle, ...], site: Site, rng: np.random.Generator) -> tuple[Obstacle, ...]:
+    """People beside the cars, most of them on the side of the kerb."""
+    found: list[Obstacle] = []
+    for _ in range(int(rng.integers(PEOPLE[0], PEOPLE[1] + 1))):
+        car = cars[int(rng.integers(len(cars)))]
+        length_m, width_m = car.size_m
+        side = site.kerb if rng.random() < 0.75 else -site.kerb
+        half_m = abs(np.sin(car.turned_rad)) * length_m / 2.0 + abs(np.cos(car.turned_rad)) * width_m / 2.0
+        off_m = side * float(half_m + uniform(rng, STANDS_OFF_M))
+        place = type(car.place)(
+            car.place.lane,
+            max(0.0, round(car.place.arc_m + uniform(rng, (-1.5, 1.5)), 2)),
+            round(car.place.left_m + off_m, 2),
+        )
+        found.append(Obstacle(place, "person", uniform(rng, (-3.0, 3.0))))
+    return tuple(found)
+
+
+def _traffic(roads: Roads, to: Approach, rng: np.random.Generator) -> dict[str, Any]:
+    """Where the own direction has a second lane, traffic on it; else as where one overtakes."""
+    if to.site.lanes_far + to.site.lanes_near == 0:
+        return oncoming_traffic(roads, to, rng, least=LEAST_ONCOMING)
+    return {"traffic": beside_traffic(rng)}
 
 
 def asks(scenario: Scenario, roads: Roads) -> bool:

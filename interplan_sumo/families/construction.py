@@ -1,66 +1,116 @@
-"""Construction: cones close a part or all of the lane, with workers inside."""
+"""Construction: cones close a part or all of the lane, workers inside; shapes as published, tapers by the rules."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from math import ceil, pi, sqrt
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
-from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import passing_problems
-from interplan_sumo.families.shapes import LARGEST_OFFSET_M, NO_TRAFFIC, PASSING_M
-from interplan_sumo.scenario.scenario import OBSTACLES, Obstacle, Scenario, TrafficDemand
-from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
+from interplan_sumo.families.shapes import LARGEST_OFFSET_M, PASSING_M
+from interplan_sumo.families.staging import (
+    Approach,
+    along,
+    approach,
+    beside_traffic,
+    oncoming_traffic,
+    site_for,
+    uniform,
+)
+from interplan_sumo.scenario.kinds import OBSTACLES
+from interplan_sumo.scenario.scenario import Obstacle, Scenario
+from interplan_sumo.scenario.sites import Site, UnsuitableError
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 
-Layout = Literal["row", "taper", "ring", "wedge"]
-LAYOUTS: Final[tuple[Layout, ...]] = ("row", "taper", "ring", "wedge")
+Layout = Literal["row", "taper", "ring", "wedge", "closure", "narrowing"]
+At = Literal["kerb", "middle"]
+PUBLISHED: Final[tuple[Layout, ...]] = ("row", "taper", "ring", "wedge")
+"""interPlan's shapes: 3 to 8 cones, 1.6 to 4.4 m apart."""
+CONES: Final[dict[Layout, tuple[int, int]]] = {"row": (3, 5), "taper": (5, 8), "ring": (7, 9), "wedge": (6, 8)}
+SPACING_M: Final = (1.6, 4.4)
+CLOSURE_SHARE: Final = 0.5
+"""Of the works on roads with a lane beside that close the lane with a taper by the rules."""
+NARROWING_SHARE: Final = 0.6
+"""Of those on roads without one that leave the ego a part of the oncoming lane."""
+TAPER_DIVISOR: Final = 155.0
+"""A merging taper is W S^2 / 155 long (W in m, S in km/h: MUTCD 2009, table 6C-4, below 70 km/h);"""
+SHORT_TAPER_M: Final = 15.0
+"""where two directions share a lane 15 to 30 m (section 6C.08)."""
+LONGEST_TAPER_M: Final = 60.0
+CONE_EVERY_S: Final = 0.7
+"""Cones of a taper stand as many feet apart as the limit has miles per hour (section 6C.08): 0.7 s at that speed."""
+WORKS_M: Final = (12.0, 30.0)
+"""Behind the taper."""
+JITTER_M: Final = 0.12
 CONE_M: Final = OBSTACLES["cone"][1]
 BEHIND_CONES_M: Final = 1.0
 """A worker keeps this far inside a row of cones."""
-APPROACH_M: Final = (60.0, 90.0)
-BEYOND_M: Final = 80.0
+WORKERS: Final = (1, 2)
 FASTEST_MPS: Final = 20.5
 """No works without a lowered limit on faster roads."""
 
 
-def construction(
-    id: str,
-    *,
-    site: Site,
-    layout: Layout,
-    cones: int,
-    spacing_m: float,
-    reach_m: float,
-    at: Literal["kerb", "middle"] = "kerb",
-    traffic: TrafficDemand = NO_TRAFFIC,
-) -> Scenario:
-    """`cones` cones `spacing_m` apart, standing `at` one side of the lane.
+@dataclass(frozen=True, slots=True)
+class Works:
+    """What stands where: (ahead of the first, beyond the lane's centre line as seen from the works' side)."""
 
-    `reach_m` is how far beyond the lane's centre line, seen from their side,
-    the outermost cone stands (negative: short of it). On a road with one lane
-    per direction the ego must get past on its own side (decisions.md).
-    """
-    offset_m = reach_m + CONE_M / 2.0 + PASSING_M
-    beside = site.lanes_far if at == "kerb" else site.lanes_near
-    if offset_m > LARGEST_OFFSET_M and beside == 0:
-        raise ScenarioError(
-            f"{id}: passing the cones takes an offset of {offset_m:.2f} m and there is no lane beside; "
-            f"reach_m may be at most {LARGEST_OFFSET_M - PASSING_M - CONE_M / 2.0:.2f}"
-        )
+    cones: Floats
+    """(N, 2)"""
+    workers: tuple[tuple[float, float], ...]
+
+    @property
+    def length_m(self) -> float:
+        return float(self.cones[:, 0].max())
+
+
+def works(layout: Layout, site: Site, reach_m: float, rng: np.random.Generator) -> Works:
+    """Works of a layout; `reach_m` is how far beyond the lane's centre line the outermost cone stands."""
+    if layout in ("closure", "narrowing"):
+        return _by_the_rules(layout, site, reach_m, rng)
+    cones = int(rng.integers(CONES[layout][0], CONES[layout][1] + 1))
     edge_m = -site.width_m / 2.0 - (site.width_m if layout == "wedge" else 0.0)
-    points = np.array(_LAYOUT[layout](cones, spacing_m, edge_m, reach_m))
-    points[:, 0] -= (points[:, 0].min() + points[:, 0].max()) / 2.0  # the works have the site in their middle
+    points = np.array(_LAYOUT[layout](cones, uniform(rng, SPACING_M), edge_m, reach_m))
+    points[:, 0] -= points[:, 0].min()
+    return Works(points, (_inside(layout, points, reach_m),))
+
+
+def _by_the_rules(layout: Layout, site: Site, reach_m: float, rng: np.random.Generator) -> Works:
+    """A taper from the lane's edge, then a straight row beside the works, with workers inside."""
+    edge_m = -site.width_m / 2.0
+    across_m, spacing_m = reach_m - edge_m, CONE_EVERY_S * site.limit_mps
+    taper_m = min(LONGEST_TAPER_M, across_m * (3.6 * site.limit_mps) ** 2 / TAPER_DIVISOR)
+    if layout == "narrowing":
+        taper_m, spacing_m = SHORT_TAPER_M, SHORT_TAPER_M / 5.0
+    works_m = uniform(rng, WORKS_M, 1)
+    many = max(4, ceil(taper_m / spacing_m) + 1)
+    share = np.linspace(0.0, 1.0, many)
+    taper = np.stack((share * taper_m, edge_m + share * across_m), axis=1)
+    row_m = np.arange(spacing_m, works_m + 0.1, min(spacing_m, 6.0))
+    row = np.stack((taper_m + row_m, np.full_like(row_m, reach_m)), axis=1)
+    points = np.concatenate((taper, row))
+    points[:, 1] -= np.abs(rng.uniform(0.0, JITTER_M, len(points)))
+    at_m = [taper_m + works_m * uniform(rng, (0.1, 0.9)) for _ in range(int(rng.integers(WORKERS[0], WORKERS[1] + 1)))]
+    workers = [(each_m, reach_m - BEHIND_CONES_M - uniform(rng, (0.0, 0.3))) for each_m in at_m]
+    apart = workers[:1] + [each for each in workers[1:] if abs(each[0] - workers[0][0]) > 1.3]
+    return Works(points, tuple(apart))
+
+
+def construction(id: str, roads: Roads, to: Approach, at: At, made: Works, staged: dict[str, Any]) -> Scenario:
+    """Works `at` one side of the lane, with the site in their middle; ScenarioError if the road ends before they do."""
     away = -1.0 if at == "kerb" else 1.0  # the sign, towards the kerb, of the side on which one passes
-    obstacles = [Obstacle(site.place(float(x), float(away * y)), "cone") for x, y in points]
-    inside = _inside(layout, points, reach_m)
-    obstacles.append(Obstacle(site.place(inside[0], away * inside[1]), "worker", turned_rad=1.6))
-    return site.scenario(id, "construction", traffic=traffic, obstacles=tuple(obstacles))
+    half_m = made.length_m / 2.0
+    things: list[Obstacle] = []
+    for x, y in made.cones.tolist():
+        things.append(Obstacle(along(roads, to.site, x - half_m, away * y), "cone"))
+    for x, y in made.workers:
+        things.append(Obstacle(along(roads, to.site, x - half_m, away * y), "worker", turned_rad=1.6))
+    return to.scenario(id, "construction", obstacles=tuple(things), **staged)
 
 
 # --- where the cones stand: (ahead, beyond the lane's centre line as seen from their side) -----
@@ -115,7 +165,7 @@ def _inside(layout: Layout, points: Floats, reach_m: float) -> tuple[float, floa
     return float(x), float(y)
 
 
-_LAYOUT: Final = {"row": _row, "taper": _taper, "ring": _ring, "wedge": _wedge}
+_LAYOUT: Final[dict[str, Any]] = {"row": _row, "taper": _taper, "ring": _ring, "wedge": _wedge}
 
 
 # --- on any map --------------------------------------------------------------------------------
@@ -123,40 +173,41 @@ _LAYOUT: Final = {"row": _row, "taper": _taper, "ring": _ring, "wedge": _wedge}
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     """A stretch without lights whose lane can be left, or passed on the own side; UnsuitableError otherwise."""
-    site = roomiest_site_at(roads, lane_id, at_m, approach_m=APPROACH_M[1], beyond_m=BEYOND_M)
-    if site.limit_mps > FASTEST_MPS:
-        raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, works need {FASTEST_MPS} or less")
+    site = site_for(roads, lane_id, at_m, FASTEST_MPS)
     if site.lanes_far + site.lanes_near == 0 and site.oncoming_m == 0.0:
         raise UnsuitableError("there is no lane beside it")
     return site
 
 
-def drawn(id: str, _roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
     """A scenario of the family at a site, what varies drawn at random."""
     many = site.lanes_far + site.lanes_near > 0
-    sides: list[Literal["kerb", "middle"]] = []
+    sides: list[At] = []
     if site.lanes_far >= 1 or not many:
         sides.append("kerb")
     if site.lanes_near >= 1:
         sides.append("middle")
     at = sides[int(rng.integers(len(sides)))]
     covered = site.lanes_near if at == "kerb" else site.lanes_far  # by a wedge, besides the ego's lane
-    layouts = LAYOUTS if covered >= 1 else LAYOUTS[:-1]
-    layout = layouts[int(rng.integers(len(layouts)))]
+    layout = _drawn_layout(many, covered >= 1, rng)
+    # with no lane beside the ego gets past on its own side (decisions.md)
     highest_m = site.width_m / 2.0 - 0.3 if many else LARGEST_OFFSET_M - PASSING_M - CONE_M / 2.0
-    return construction(
-        id,
-        site=site,
-        layout=layout,
-        cones=int(rng.integers(6 if layout in ("ring", "wedge") else 3, 9)),
-        spacing_m=float(np.round(rng.uniform(1.8, 4.0), 1)),
-        reach_m=float(np.round(rng.uniform(highest_m - 0.5, highest_m), 2)),
-        at=at,
-        traffic=TrafficDemand(
-            density="low" if many and rng.random() < 0.5 else "none",
-            behaviour=("conservative", "assertive", "mixed")[int(rng.integers(3))],
-        ),
-    )
+    lowest_m = highest_m - (0.15 if layout in ("closure", "narrowing") else 0.5)
+    made = works(layout, site, uniform(rng, (lowest_m, highest_m)), rng)
+    to = approach(roads, site, rng, before_m=made.length_m / 2.0, after_m=made.length_m / 2.0)
+    if many:
+        demand = beside_traffic(rng)
+        return construction(id, roads, to, at, made, {"traffic": demand})
+    return construction(id, roads, to, at, made, oncoming_traffic(roads, to, rng))
+
+
+def _drawn_layout(many: bool, wide: bool, rng: np.random.Generator) -> Layout:
+    if many and rng.random() < CLOSURE_SHARE:
+        return "closure"
+    if not many and rng.random() < NARROWING_SHARE:
+        return "narrowing"
+    layouts = PUBLISHED if wide else PUBLISHED[:-1]
+    return layouts[int(rng.integers(len(layouts)))]
 
 
 def asks(scenario: Scenario, _roads: Roads) -> bool:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from interplan_sumo.scenario.constant_velocity import OVERLAP_M, STEP_S, beside, ego_ahead, ego_boxes
 from interplan_sumo.scenario.jaywalking import PedestrianWalk, trigger_distance_m, walk
 from interplan_sumo.scenario.route import route_centerline, start_arc_m
-from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
+from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, box_corners, box_polygons, penetration_m
 from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Roads
@@ -122,8 +122,9 @@ def approach(
         rolling_s: Floats = np.clip(time_s, 0.0, time_s[first])
         held = _along(scenario, roads, speed_mps * (rolling_s + braking_s) - braking_mps2 * braking_s**2 / 2.0)
         set_off = _set_off(scenario, roads, walks, held, speed_mps - braking_mps2 * braking_s)
-    walkers = np.stack([_poses(each, (frames - off) * STEP_S) for each, off in zip(walks, set_off, strict=True)])
-    depth_m = np.stack([penetration_m(held, _corners(poses)) for poses in walkers])
+    walkers = np.stack([each.poses((frames - off) * STEP_S) for each, off in zip(walks, set_off, strict=True)])
+    boxes = (_corners(each, poses) for each, poses in zip(walks, walkers, strict=True))
+    depth_m = np.stack([penetration_m(held, corners) for corners in boxes])
     return JaywalkerApproach(held, walkers, set_off, depth_m)
 
 
@@ -147,20 +148,10 @@ def _set_off(
     return np.array(found)
 
 
-def _poses(each: PedestrianWalk, walked_s: Floats) -> Floats:
-    """(K, 3) poses of a pedestrian who has walked so long; negative times wait."""
-    along_m = each.speed_mps * np.clip(walked_s, 0.0, each.duration_s)
-    heading = np.full_like(along_m, each.heading_rad)
-    return np.stack(
-        (each.start[0] + along_m * np.cos(heading), each.start[1] + along_m * np.sin(heading), heading), axis=1
-    )
-
-
-def _corners(poses: Floats) -> Floats:
+def _corners(each: PedestrianWalk, poses: Floats) -> Floats:
     """(K, 4, 2) boxes of a pedestrian at poses (K, 3)."""
     x_m, y_m, heading_rad = poses.T
-    size = (np.full_like(x_m, PEDESTRIAN_LENGTH_M), np.full_like(x_m, PEDESTRIAN_WIDTH_M))
-    return box_corners(x_m, y_m, heading_rad, *size)
+    return box_corners(x_m, y_m, heading_rad, *(np.full_like(x_m, size_m) for size_m in each.size_m))
 
 
 def _where_they_stand(scenario: Scenario, roads: Roads, walks: list[PedestrianWalk]) -> list[str]:
@@ -170,7 +161,7 @@ def _where_they_stand(scenario: Scenario, roads: Roads, walks: list[PedestrianWa
     start_m = start_arc_m(roads, scenario)
     trigger_m = trigger_distance_m(scenario.start_speed_mps)
     for i, each in enumerate(walks):
-        ends = _corners(_poses(each, np.array([0.0, each.duration_s])))
+        ends = _corners(each, each.poses(np.array([-1.0, each.duration_s])))
         for place, corners in zip(("start", "end"), ends, strict=True):
             gap_m = float(shapely.distance(shapely.Polygon(corners), way)) - PACIFICA.width_m / 2.0
             if gap_m <= 0.0:

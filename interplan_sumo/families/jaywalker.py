@@ -1,41 +1,73 @@
-"""Jaywalker: people step into the road when the ego comes near."""
+"""Jaywalker: people step into the road when the ego comes near, from behind something or in the open."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.crossing import unhurt_problems
 from interplan_sumo.families.family import Family
+from interplan_sumo.families.staging import (
+    TRIES,
+    Approach,
+    along,
+    approach,
+    behaviour,
+    bus,
+    obstacle,
+    parked,
+    site_for,
+    uniform,
+)
 from interplan_sumo.scenario.jaywalking import trigger_distance_m
-from interplan_sumo.scenario.scenario import OBSTACLES, Jaywalker, Obstacle, Scenario
-from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
+from interplan_sumo.scenario.scenario import Jaywalker, Obstacle, Scenario, TrafficDemand, WalkStage
+from interplan_sumo.scenario.sites import Site, UnsuitableError
 from interplan_sumo.world.roads import Roads
 
-APPROACH_M: Final = 80.0
-"""More than the farthest trigger, so that everyone waits at the start."""
-BEYOND_M: Final = 60.0
 FASTEST_MPS: Final = 13.9
 """Sites have limits up to 50 km/h (decisions.md)."""
+SPARE_M: Final = 4.0
+"""The ego starts so much farther away than the trigger: half its length, and some."""
 KERB_M: Final = 0.5
 """People wait at least this far behind the edge of the road, and walk a metre beyond the other one."""
 BEYOND_KERB_M: Final = 1.0
 MIDDLE_OF_EGO_S: Final = 0.2
 """A person is in the middle of the lane this long after the front of a car that holds its speed is there."""
-SLOWEST_MPS, FASTEST_WALK_MPS = 1.0, 1.9
-BEFORE_BUS_M: Final = 1.2
-"""A hidden person steps out this far before the front of the bus."""
-BAY_M: Final = 1.6
-"""A bus in its bay stands with its middle this far beyond the lane's edge."""
+WALK_MPS: Final = (1.42, 0.26)
+"""Mean and deviation of walking speeds: those of 295 people in recordings (facts/drivers.md), as Weidmann 1993 has
+them, 1.34 (0.26) m/s on pavements, faster on a road;"""
+WALKS_MPS: Final = (1.0, 1.9)
+"""cut to these (benchmark.md, version 2)."""
+RUNS_MPS: Final = (2.5, 3.3)
+CYCLES_MPS: Final = (2.6, 3.6)
+COURSES: Final = {"straight": 0.75, "stops": 0.09, "turns back": 0.08, "runs": 0.08}
+"""One in four stops midway, turns back or breaks into a run (benchmark.md, version 2)."""
+STOPS_S: Final = (0.8, 2.5)
+CYCLIST_SHARE: Final = 0.12
+"""Of the first of the people, one who rides off the pavement."""
+FAR_SHARE: Final = 0.35
+GROUP: Final = {1: 0.4, 2: 0.35, 3: 0.15, 4: 0.1}
+"""How many cross."""
+BYSTANDERS: Final = (0, 2)
+"""How many wait and stay."""
+APART_M: Final = (0.9, 1.8)
+SLANT_M: Final = (-3.0, 3.0)
+HIDERS: Final = {"nothing": 0.3, "row": 0.3, "van": 0.15, "truck": 0.1, "bus": 0.15}
+"""What stands between the ego and those who cross."""
+ROW: Final = (2, 4)
+PASSAGE_M: Final = (1.3, 2.0)
+"""Between what hides somebody and the middle of the way that it takes."""
+BAY_M: Final = (0.15, 0.45)
+"""What is parked stands this far beyond the edge of the lane."""
 
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """One who walks straight across."""
+    """One who crosses."""
 
     speed_mps: float
     ahead_m: float = 0.0
@@ -44,93 +76,147 @@ class Person:
     """How far along the road, in the ego's direction, it walks while crossing."""
     far: bool = False
     """Comes from the far side."""
+    course: str = "straight"
+    pause_s: float = 0.0
+    """How long it stands midway, or before it turns back."""
+    cyclist: bool = False
 
 
-def jaywalker(
-    id: str,
-    *,
-    site: Site,
-    people: tuple[Person, ...],
-    bus: Literal["none", "bay", "kerb_lane"] = "none",
-) -> Scenario:
-    """`people` cross so that a car that holds lane and speed meets each of them in the middle of its lane.
+def crossing(roads: Roads, to: Approach, person: Person) -> Jaywalker:
+    """From behind one kerb to behind the other, or back, so that it meets an ego that holds lane and speed.
 
-    A stopped `bus`, in a bay beside the lane or in the lane at the kerb, hides
-    the first of them. ScenarioError if somebody walks too slowly to start behind the kerb.
+    ScenarioError if somebody walks too slowly to start behind the kerb.
     """
-    if site.limit_mps > FASTEST_MPS:
-        raise ScenarioError(f"{id}: the limit at the site is {site.limit_mps} m/s, expected at most {FASTEST_MPS}")
-    speed_mps = site.start_speed_mps
-    walks = tuple(_walk(id, site, person, speed_mps) for person in people)
-    obstacles: tuple[Obstacle, ...] = ()
-    if bus != "none":
-        if bus == "kerb_lane" and not site.lanes_near:
-            raise ScenarioError(f"{id}: bus is 'kerb_lane', but the ego's lane is the one at the kerb; use 'bay'")
-        half_m = OBSTACLES["bus"][1] / 2.0
-        across_m = site.width_m if bus == "kerb_lane" else site.width_m / 2.0 + BAY_M
-        obstacles = (Obstacle(site.place(people[0].ahead_m - BEFORE_BUS_M - half_m, across_m), "bus"),)
-    return site.scenario(id, "jaywalker", obstacles=obstacles, jaywalkers=walks, occluder=0 if obstacles else None)
-
-
-def _walk(id: str, site: Site, person: Person, ego_mps: float) -> Jaywalker:
-    """From behind one kerb to behind the other, timed by the trigger."""
-    reach_s = trigger_distance_m(ego_mps) / ego_mps + MIDDLE_OF_EGO_S
+    site = to.site
+    reach_s = trigger_distance_m(to.start_speed_mps) / to.start_speed_mps + MIDDLE_OF_EGO_S
     here_m, there_m = (site.far_edge_m, site.near_edge_m) if person.far else (site.near_edge_m, site.far_edge_m)
     start_m = person.speed_mps * reach_s
+    width_m = start_m + there_m + BEYOND_KERB_M
     for _ in range(20):  # the slanted way is longer: speed across and place of the start depend on one another
         width_m = start_m + there_m + BEYOND_KERB_M
         start_m = person.speed_mps * width_m / hypot(width_m, person.slant_m) * reach_s
     if start_m < here_m + KERB_M:
-        least_mps = (here_m + KERB_M) / reach_s
         raise ScenarioError(
-            f"{id}: a person at {person.speed_mps} m/s would have to wait on the road, "
-            f"{start_m:.1f} m from the lane's centre line; it must walk at least {least_mps:.2f} m/s"
+            f"a person at {person.speed_mps} m/s would have to wait on the road, {start_m:.1f} m from the lane's "
+            f"centre line; it must walk at least {(here_m + KERB_M) / reach_s:.2f} m/s"
         )
     sign = -1.0 if person.far else 1.0
-    start = site.place(person.ahead_m, sign * start_m)
-    end = site.place(person.ahead_m + person.slant_m, -sign * (there_m + BEYOND_KERB_M))
-    return Jaywalker(start, end, person.speed_mps)
-
-
-def walking_speeds_mps(site: Site, *, far: bool) -> tuple[float, float]:
-    """The slowest and the fastest walk that the family has at a site; UnsuitableError if the kerb is too far away."""
-    ego_mps = site.start_speed_mps
-    reach_s = trigger_distance_m(ego_mps) / ego_mps + MIDDLE_OF_EGO_S
-    edge_m = site.far_edge_m if far else site.near_edge_m
-    least_mps = max(SLOWEST_MPS, (edge_m + KERB_M) / reach_s + 0.03)
-    if least_mps > FASTEST_WALK_MPS:
-        raise UnsuitableError(f"the {'far' if far else 'near'} kerb is {edge_m:.1f} m away: too far to walk in time")
-    return least_mps, FASTEST_WALK_MPS
+    middle_m = person.ahead_m + person.slant_m * start_m / width_m
+    start = along(roads, site, person.ahead_m, sign * start_m)
+    middle = along(roads, site, middle_m, 0.0)
+    end = along(roads, site, person.ahead_m + person.slant_m, -sign * (there_m + BEYOND_KERB_M))
+    kind = "cyclist" if person.cyclist else "pedestrian"
+    if person.course == "stops":
+        return Jaywalker(start, end, person.speed_mps, (WalkStage(middle, person.speed_mps, person.pause_s),), kind)
+    if person.course == "turns back":
+        via = (WalkStage(middle, person.speed_mps, person.pause_s),)
+        return Jaywalker(start, start, min(1.2 * person.speed_mps, WALKS_MPS[1]), via, kind)
+    if person.course == "runs":
+        return Jaywalker(start, end, round(2.0 * person.speed_mps, 2), (WalkStage(middle, person.speed_mps),), kind)
+    return Jaywalker(start, end, person.speed_mps, (), kind)
 
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     """A road of at most 50 km/h with a kerb near enough to come from; UnsuitableError otherwise."""
-    site = roomiest_site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
-    if site.limit_mps > FASTEST_MPS:
-        raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, jaywalkers need {FASTEST_MPS} or less")
-    walking_speeds_mps(site, far=False)
+    site = site_for(roads, lane_id, at_m, FASTEST_MPS)
+    _slowest_mps(site, START_S, far=False)
     return site
 
 
-def drawn(id: str, _roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+START_S: Final = 4.2
+"""Between the trigger and the meeting, at most speeds."""
+
+
+def _slowest_mps(site: Site, reach_s: float, *, far: bool) -> float:
+    """The slowest walk with which one can start behind a kerb; UnsuitableError if that is too far away."""
+    edge_m = site.far_edge_m if far else site.near_edge_m
+    least_mps = max(WALKS_MPS[0], (edge_m + KERB_M) / reach_s + 0.03)
+    if least_mps > WALKS_MPS[1]:
+        raise UnsuitableError(f"the {'far' if far else 'near'} kerb is {edge_m:.1f} m away: too far to walk in time")
+    return least_mps
+
+
+def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
     """A scenario of the family at a site, what varies drawn at random."""
+    to = _approach(roads, site, rng)
+    hider = _drawn(HIDERS, rng)
+    people = _people(to, rng, hidden=hider != "nothing")
+    walkers = tuple(crossing(roads, to, person) for person in people)
+    standing = [*_hiding(roads, to, people[0], hider, rng), *_waiting(roads, to, people, rng)]
+    demand = TrafficDemand(density="medium", behaviour=behaviour(rng), oncoming="low")
+    return to.scenario(id, "jaywalker", obstacles=tuple(standing), jaywalkers=walkers, traffic=demand)
+
+
+def _approach(roads: Roads, site: Site, rng: np.random.Generator) -> Approach:
+    """Farther away than everybody's trigger, so that they wait at the start."""
+    for _ in range(TRIES):
+        to = approach(roads, site, rng, after_m=max(APART_M) * max(GROUP) + max(SLANT_M))
+        if to.distance_m > trigger_distance_m(to.start_speed_mps) + SPARE_M - min(SLANT_M):
+            return to
+    raise UnsuitableError("no start is far enough away for its speed that everybody still waits")
+
+
+def _drawn(shares: dict[str, float], rng: np.random.Generator) -> str:
+    return str(rng.choice(list(shares), p=list(shares.values())))
+
+
+def _people(to: Approach, rng: np.random.Generator, *, hidden: bool) -> list[Person]:
+    """Those who cross; the first of them meets the ego whatever the others do."""
+    reach_s = trigger_distance_m(to.start_speed_mps) / to.start_speed_mps + MIDDLE_OF_EGO_S
     people: list[Person] = []
-    for i in range(int(rng.integers(1, 4))):
-        far = bool(rng.random() < 0.3)
+    ahead_m = 0.0
+    for i in range(int(rng.choice(list(GROUP), p=list(GROUP.values())))):
+        far = bool(rng.random() < FAR_SHARE)
         try:
-            least_mps, most_mps = walking_speeds_mps(site, far=far)
+            least_mps = _slowest_mps(to.site, reach_s, far=far)
         except UnsuitableError:
             far = False
-            least_mps, most_mps = walking_speeds_mps(site, far=False)
-        speed_mps = float(np.ceil(rng.uniform(least_mps, min(most_mps, least_mps + 0.5)) * 100.0) / 100.0)
-        slant_m = 0.0 if i or rng.random() < 0.5 else float(np.round(rng.uniform(-3.0, 3.0), 1))
+            least_mps = _slowest_mps(to.site, reach_s, far=False)
+        speed_mps = round(float(np.clip(rng.normal(*WALK_MPS), least_mps, WALKS_MPS[1])) + 0.005, 2)
+        if i == 0 and rng.random() < CYCLIST_SHARE:
+            speed_mps = uniform(rng, CYCLES_MPS)
+            people.append(Person(speed_mps, far=far, cyclist=True))
+            continue
+        slant_m = 0.0 if hidden or rng.random() < 0.6 else uniform(rng, SLANT_M, 1)
         if slant_m:
-            speed_mps = round(min(speed_mps + 0.2, FASTEST_WALK_MPS + 0.1), 2)
-        people.append(Person(speed_mps, float(np.round(i * rng.uniform(0.8, 2.0), 1)), slant_m, far))
-    bus: Literal["none", "kerb_lane"] = "kerb_lane" if site.lanes_near == 1 and rng.random() < 0.5 else "none"
-    if bus != "none":
-        people[0] = Person(walking_speeds_mps(site, far=False)[0] + 0.05)
-    return jaywalker(id, site=site, people=tuple(people), bus=bus)
+            speed_mps = round(min(speed_mps + 0.15, WALKS_MPS[1] + 0.1), 2)
+        course = _drawn(COURSES, rng)
+        pause_s = uniform(rng, STOPS_S, 1) if course in ("stops", "turns back") else 0.0
+        people.append(Person(speed_mps, round(ahead_m, 2), slant_m, far, course, pause_s))
+        ahead_m += uniform(rng, APART_M)
+    return people
+
+
+def _hiding(roads: Roads, to: Approach, first: Person, hider: str, rng: np.random.Generator) -> list[Obstacle]:
+    """Something parked before the first of those who cross, as the ego sees it, at the kerb that it comes from."""
+    if hider == "nothing":
+        return []
+    many = int(rng.integers(ROW[0], ROW[1] + 1)) if hider == "row" else 1
+    side = -1.0 if first.far else 1.0
+    edge_m = to.site.far_edge_m if first.far else to.site.near_edge_m
+    end_m = first.ahead_m - uniform(rng, PASSAGE_M)
+    found: list[Obstacle] = []
+    for _ in range(many):
+        what = bus(rng) if hider == "bus" else parked(rng, *(() if hider == "row" else (hider,)))
+        _, (length_m, width_m, _) = what
+        beside_m = edge_m + uniform(rng, BAY_M) + width_m / 2.0
+        place = along(roads, to.site, end_m - length_m / 2.0, side * beside_m)
+        found.append(obstacle(place, what, np.pi if first.far else 0.0))
+        end_m -= length_m + uniform(rng, (0.8, 1.6))
+    return found
+
+
+def _waiting(roads: Roads, to: Approach, people: list[Person], rng: np.random.Generator) -> list[Obstacle]:
+    """People on the pavement who stay there."""
+    found: list[Obstacle] = []
+    ahead_m = max(person.ahead_m for person in people) + max(SLANT_M)
+    for _ in range(int(rng.integers(BYSTANDERS[0], BYSTANDERS[1] + 1))):
+        ahead_m += uniform(rng, (1.2, 4.0))
+        far = rng.random() < FAR_SHARE
+        edge_m = to.site.far_edge_m if far else to.site.near_edge_m
+        aside_m = (edge_m + KERB_M + uniform(rng, (0.2, 1.2))) * (-1.0 if far else 1.0)
+        found.append(Obstacle(along(roads, to.site, ahead_m, aside_m), "person", uniform(rng, (-3.0, 3.0))))
+    return found
 
 
 def asks(scenario: Scenario, _roads: Roads) -> bool:

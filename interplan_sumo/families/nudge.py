@@ -1,48 +1,61 @@
-"""Nudge: a parked car stands half in the lane."""
+"""Nudge: parked cars, an open door, a van that unloads or a slow cyclist reach into the lane."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import is_small, offset_asked_m, passing_problems, small_offset
 from interplan_sumo.families.shapes import LARGEST_OFFSET_M, PASSING_M
-from interplan_sumo.scenario.scenario import OBSTACLES, Obstacle, ObstacleKind, Scenario
-from interplan_sumo.scenario.sites import Site, UnsuitableError, roomiest_site_at
+from interplan_sumo.families.staging import (
+    Approach,
+    along,
+    approach,
+    beside_traffic,
+    obstacle,
+    oncoming_traffic,
+    parked,
+    site_for,
+    uniform,
+)
+from interplan_sumo.scenario.kinds import SLOW_SIZES_M
+from interplan_sumo.scenario.scenario import Obstacle, PlacedVehicle, Scenario
+from interplan_sumo.scenario.sites import Site, UnsuitableError
 from interplan_sumo.world.roads import Roads
 
-APPROACH_M: Final = 70.0
-BEYOND_M: Final = 80.0
 FASTEST_MPS: Final = 16.0
 """Nobody parks half in the lane on faster roads."""
-
-
-def nudge(id: str, *, site: Site, offset_m: float, kind: ObstacleKind = "car", turned_rad: float = 0.0) -> Scenario:
-    """A parked vehicle that one passes, 0.3 m clear, `offset_m` off the lane's centre line.
-
-    `turned_rad` turns its nose towards the road.
-    """
-    if not 0.0 < offset_m <= LARGEST_OFFSET_M:
-        raise ScenarioError(
-            f"{id}: offset_m is {offset_m}, expected more than 0 and at most {LARGEST_OFFSET_M}; "
-            "use overtake() where the oncoming lane is needed"
-        )
-    _, length_m, width_m = OBSTACLES[kind]
-    half_m = abs(np.sin(turned_rad)) * length_m / 2.0 + abs(np.cos(turned_rad)) * width_m / 2.0
-    towards_kerb_m = PASSING_M - offset_m + float(half_m)
-    parked = Obstacle(site.place(0.0, towards_kerb_m), kind, turned_rad=round(-site.kerb * turned_rad, 3) + 0.0)
-    return site.scenario(id, "nudge", obstacles=(parked,))
+SCENES: Final = {"row": 0.35, "door": 0.25, "van": 0.25, "cyclist": 0.15}
+OFFSET_M: Final = (0.5, LARGEST_OFFSET_M)
+"""With which the ego passes, 0.3 m clear."""
+ROW: Final = (2, 5)
+"""Parked cars."""
+GAP_M: Final = (0.8, 1.8)
+"""Between them: parallel parking bays are 5 to 6 m long (AASHTO, Green Book)."""
+UNEVEN_M: Final = (0.0, 0.35)
+"""Less than the one that stands farthest out they reach into the lane."""
+TURNED_RAD: Final = (-0.06, 0.06)
+DOOR_M: Final = 0.9
+"""An open door reaches so far beyond its car (decisions.md)."""
+DOOR_RAD: Final = 1.15
+"""So far it is open: 66 degrees."""
+UNLOADS_M: Final = (0.7, 1.6)
+"""Somebody stands so far behind the van, middle to rear, and so far inside its outer side."""
+INSIDE_M: Final = (0.3, 0.9)
+CYCLIST_MPS: Final = (3.0, 4.6)
+CYCLIST_M: Final = (25.0, 45.0)
+FOLLOWED_M: Final = 165.0
+"""To here nobody comes in time who stays behind one at 4 m/s."""
+ONCOMING_SHARE: Final = 0.6
+"""Of the scenes on two-way roads in which cars meet the ego at what it passes."""
 
 
 def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     """A kerb lane of a road that is not too fast, and wide enough to pass on; UnsuitableError otherwise."""
-    site = roomiest_site_at(roads, lane_id, at_m, approach_m=APPROACH_M, beyond_m=BEYOND_M)
-    if site.limit_mps > FASTEST_MPS:
-        raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, cars park on roads of {FASTEST_MPS} or less")
+    site = site_for(roads, lane_id, at_m, FASTEST_MPS)
     if site.lanes_near:
         raise UnsuitableError("it is not the lane at the kerb")
     if site.far_edge_m < LARGEST_OFFSET_M + PASSING_M:
@@ -50,26 +63,72 @@ def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     return site
 
 
-def drawn(id: str, _roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
     """A scenario of the family at a site, what varies drawn at random."""
-    largest_m = min(LARGEST_OFFSET_M, site.width_m / 2.0)  # the ego's centre stays in its lane
-    return nudge(
-        id,
-        site=site,
-        offset_m=float(np.round(rng.uniform(0.5, largest_m), 2)),
-        turned_rad=float(np.round(rng.uniform(-0.1, 0.1), 2)),
-    )
+    scene = str(rng.choice(list(SCENES), p=list(SCENES.values())))
+    offset_m = uniform(rng, (OFFSET_M[0], min(OFFSET_M[1], site.width_m / 2.0)))  # the ego's centre stays in its lane
+    if scene == "cyclist":
+        return _cyclist(id, roads, site, offset_m, rng)
+    many = int(rng.integers(ROW[0], ROW[1] + 1)) if scene == "row" else 1
+    cars = [parked(rng, "van" if scene == "van" else "small car", *(() if scene == "van" else ("car", "sport utility")))
+            for _ in range(many)]  # fmt: skip
+    gaps_m = [uniform(rng, GAP_M) for _ in range(many - 1)]
+    length_m = sum(size[0] for _, size in cars) + sum(gaps_m)
+    to = approach(roads, site, rng, before_m=length_m / 2.0, after_m=length_m / 2.0)
+    edge_m = PASSING_M - offset_m
+    """From the lane's centre line towards the kerb to where what stands begins."""
+    farthest = int(rng.integers(many))
+    standing: list[Obstacle] = []
+    ahead_m = -length_m / 2.0
+    for i, (kind, size) in enumerate(cars):
+        back_m = (0.0 if i == farthest else uniform(rng, UNEVEN_M)) + (DOOR_M if scene == "door" else 0.0)
+        turned_rad = uniform(rng, TURNED_RAD) if scene == "row" else 0.0
+        half_m = (np.sin(abs(turned_rad)) * size[0] + np.cos(turned_rad) * size[1]) / 2.0
+        place = along(roads, to.site, ahead_m + size[0] / 2.0, edge_m + back_m + float(half_m))
+        standing.append(obstacle(place, (kind, size), turned_rad))
+        ahead_m += size[0] + (gaps_m[i] if i < many - 1 else 0.0)
+    if scene == "door":
+        standing.append(_door(roads, to, edge_m, cars[0][1][0], rng))
+    elif scene == "van":
+        behind_m = -length_m / 2.0 - uniform(rng, UNLOADS_M)
+        standing.append(Obstacle(along(roads, to.site, behind_m, edge_m + uniform(rng, INSIDE_M) + 0.4), "person"))
+    return to.scenario(id, "nudge", obstacles=tuple(standing), **_traffic(roads, to, rng))
+
+
+def _door(roads: Roads, to: Approach, edge_m: float, length_m: float, rng: np.random.Generator) -> Obstacle:
+    """The driver's door, hinged a third of the way behind the front bumper; its tip ends where the ego's room does."""
+    door_m = DOOR_M / np.sin(DOOR_RAD)
+    hinge_m = length_m / 2.0 - uniform(rng, (0.28, 0.36)) * length_m
+    ahead_m = hinge_m - door_m / 2.0 * float(np.cos(DOOR_RAD))
+    place = along(roads, to.site, ahead_m, edge_m + DOOR_M / 2.0)
+    return Obstacle(place, "door", round(-to.site.kerb * (np.pi - DOOR_RAD), 3), round(float(door_m), 2))
+
+
+def _cyclist(id: str, roads: Roads, site: Site, offset_m: float, rng: np.random.Generator) -> Scenario:
+    """Somebody who rides slowly along the kerb."""
+    to = approach(roads, site, rng, distance_m=CYCLIST_M, beyond_m=(FOLLOWED_M - CYCLIST_M[0], FOLLOWED_M))
+    length_m, width_m = SLOW_SIZES_M["bicycle"]
+    place = to.site.place(length_m / 2.0, PASSING_M - offset_m + width_m / 2.0)
+    rides = PlacedVehicle(place, uniform(rng, CYCLIST_MPS, 1), "bicycle")
+    staged = _traffic(roads, to, rng)
+    return to.scenario(id, "nudge", **{**staged, "vehicles": (rides, *staged.get("vehicles", ()))})
+
+
+def _traffic(roads: Roads, to: Approach, rng: np.random.Generator) -> dict[str, Any]:
+    if rng.random() < ONCOMING_SHARE:
+        return oncoming_traffic(roads, to, rng)
+    return {"traffic": beside_traffic(rng)}
 
 
 def asks(scenario: Scenario, roads: Roads) -> bool:
-    """Whether what stands there is passed with a small offset."""
+    """Whether what stands or crawls there is passed with a small offset."""
     offset_m = offset_asked_m(scenario, roads)
     return is_small(offset_m) and offset_m != 0.0
 
 
 FAMILY: Final = Family(
     title="Nudge",
-    description="A parked car stands half in the lane; pass it on the own side with a moderate lateral offset.",
+    description="Parked cars, a door, a van or a cyclist reach into the lane; pass on the own side, a little aside.",
     suitable=suitable,
     drawn=drawn,
     order=40,

@@ -11,7 +11,8 @@ import shapely
 from numpy.typing import NDArray
 
 from interplan_sumo.scenario.constant_velocity import OVERLAP_M, beside, ego_ahead, ego_boxes
-from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
+from interplan_sumo.scenario.kinds import OBSTACLES, SLOW_KINDS, SLOW_SIZES_M
+from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.geometry import Floats, Polyline, box_corners, penetration_m
@@ -51,6 +52,18 @@ def obstacle_corners(scenario: Scenario, roads: Roads) -> Floats:
     return box_corners(x_m, y_m, heading_rad, length_m, width_m)
 
 
+def corners_in_the_way(scenario: Scenario, roads: Roads) -> Floats:
+    """(N, 4, 2) corners of what must be passed: the obstacles, and slow vehicles where they start."""
+    slow = [each for each in scenario.vehicles if each.kind in SLOW_KINDS]
+    if not slow:
+        return obstacle_corners(scenario, roads)
+    poses = [each.place.pose(roads) for each in slow]
+    x_m, y_m, heading_rad = np.array([(pose.x_m, pose.y_m, pose.heading_rad) for pose in poses]).T
+    length_m, width_m = np.array([SLOW_SIZES_M[each.kind] for each in slow]).T
+    boxes = box_corners(x_m, y_m, heading_rad, length_m, width_m)
+    return np.concatenate((obstacle_corners(scenario, roads), boxes))
+
+
 def any_offset(_offset_m: float | None) -> list[str]:
     """Passing may lead as far aside as there is room."""
     return []
@@ -85,9 +98,9 @@ def passing_problems(
     scenario: Scenario, roads: Roads, *, own_side_only: bool, offset: OffsetRule = any_offset
 ) -> list[str]:
     """What is wrong with obstacles that are to block the lane and leave a way past, on the ego's own side if asked."""
-    if not scenario.obstacles:
+    corners = corners_in_the_way(scenario, roads)
+    if not len(corners):
         return [f"obstacles: there are none, expected some that block the lane: the family is {scenario.family}"]
-    corners = obstacle_corners(scenario, roads)
     line = ego_ahead(scenario, roads, _past_m(scenario, roads, corners) + 2.0 * _APPROACH_M)
     if not _blocks(line, scenario.start.left_m, corners):
         return [
@@ -153,10 +166,11 @@ def _blocks(line: Polyline, left_m: float, corners: Floats) -> bool:
 
 @lru_cache(maxsize=8)
 def offset_asked_m(scenario: Scenario, roads: Roads) -> float | None:
-    """`passing_offset_m` of all that stands within 200 m; 0 where nothing does."""
-    if not scenario.obstacles:
+    """`passing_offset_m` of all that stands or crawls within 200 m; 0 where nothing does."""
+    corners = corners_in_the_way(scenario, roads)
+    if not len(corners):
         return 0.0
-    return passing_offset_m(scenario, roads, ego_ahead(scenario, roads, 200.0), obstacle_corners(scenario, roads))
+    return passing_offset_m(scenario, roads, ego_ahead(scenario, roads, 200.0), corners)
 
 
 def is_small(offset_m: float | None) -> bool:

@@ -188,13 +188,13 @@ class Facts:
     def obstacle_corners(self) -> tuple[Floats, ...]:
         """What must be passed: the four corners (4, 2) of each obstacle.
 
-        Where pedestrians cross it is start and end (2, 2) of each way across
+        Where pedestrians cross it is the points (K, 2) of each way across
         instead, and what stands beside them, such as a bus, is scenery.
         """
         if self.scenario is None:
             return ()
         if self.scenario.jaywalkers:
-            ways = [(walker.start.pose(self.roads), walker.end.pose(self.roads)) for walker in self.scenario.jaywalkers]
+            ways = [[place.pose(self.roads) for place in walker.places] for walker in self.scenario.jaywalkers]
             return tuple(np.array([(pose.x_m, pose.y_m) for pose in way]) for way in ways)
         boxes = [(obstacle.pose(self.roads), obstacle.size_m) for obstacle in self.scenario.obstacles]
         return tuple(box_corners(pose.x_m, pose.y_m, pose.heading_rad, *size)[0] for pose, size in boxes)

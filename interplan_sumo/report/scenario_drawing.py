@@ -12,9 +12,9 @@ import shapely
 
 from interplan_sumo.maps.render import ASPHALT, CARPARK, EXTRA, INK, JUNCTION, STOP_COLOURS, WALKWAY
 from interplan_sumo.report.road_markings import goal_line, markings
-from interplan_sumo.scenario.jaywalking import trigger_distance_m
+from interplan_sumo.scenario.jaywalking import trigger_distance_m, walk
 from interplan_sumo.scenario.route import route_centerline, way_ahead
-from interplan_sumo.scenario.scenario import OBSTACLES, PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
+from interplan_sumo.scenario.scenario import OBSTACLES, Scenario
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, Pose, box_corners
@@ -249,22 +249,19 @@ def draw_jaywalkers(axes: Axes, scenario: Scenario, roads: Roads, view: View) ->
         return
     line = route_centerline(roads, scenario)
     for walker in scenario.jaywalkers:
-        start, end = walker.start.pose(roads), walker.end.pose(roads)
-        way = np.array(((start.x_m, start.y_m), (end.x_m, end.y_m)))
-        heading_rad = float(np.arctan2(*(way[1] - way[0])[::-1]))
+        taken = walk(walker, roads, line)
+        way, (ends,) = taken.points, taken.poses(np.array([taken.duration_s]))
         width = max(1.1, 0.16 * view.scale)
         _lines(axes, view, [way], colors=PERSON, linewidths=width, linestyles=(0, (4.0, 2.0)), zorder=6.4)
-        back = way[1] - 1.2 * np.array((np.cos(heading_rad), np.sin(heading_rad)))
-        _arrows(axes, view, back[None], way[1:], PERSON, width_m=_arrow_m(view, 0.3), zorder=6.5)
-        pose = Pose(start.x_m, start.y_m, heading_rad)
-        _box(axes, view, pose, (PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M), PERSON, zorder=7.6)
+        back = way[-1] - 1.2 * np.array((np.cos(ends[2]), np.sin(ends[2])))
+        _arrows(axes, view, back[None], way[-1:], PERSON, width_m=_arrow_m(view, 0.3), zorder=6.5)
+        pose = Pose(*taken.poses(np.array([-1.0]))[0].tolist())
+        _box(axes, view, pose, taken.size_m, PERSON, zorder=7.6)
         _dot(axes, view, pose, PERSON, "o", zorder=7.5)
-        crossing = shapely.intersection(shapely.LineString(way), line.linestring)
-        if not crossing.is_empty:
-            conflict_m = float(line.project(shapely.get_coordinates(crossing)[:1])[0][0])
-            front = line.pose_at(conflict_m - trigger_distance_m(scenario.start_speed_mps))
-            ends = [_aside(front, side * 2.2) for side in (1.0, -1.0)]
-            _lines(axes, view, [np.stack(ends)], colors=PERSON, linewidths=max(1.5, 0.2 * view.scale), zorder=6.3)
+        if shapely.intersects(shapely.LineString(way), line.linestring):
+            front = line.pose_at(taken.conflict_m - trigger_distance_m(scenario.start_speed_mps))
+            bar = [_aside(front, side * 2.2) for side in (1.0, -1.0)]
+            _lines(axes, view, [np.stack(bar)], colors=PERSON, linewidths=max(1.5, 0.2 * view.scale), zorder=6.3)
 
 
 # --- the traffic ---------------------------------------------------------------------------------

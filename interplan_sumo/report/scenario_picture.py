@@ -146,7 +146,7 @@ def contact_sheet(scenarios: Iterable[Scenario], path: str | PathLike[str]) -> N
 def _staged(scenario: Scenario, roads: Roads) -> Floats:
     """(K, 2) everything that stands or crosses, in map coordinates."""
     poses = [obstacle.pose(roads) for obstacle in scenario.obstacles]
-    poses += [end.pose(roads) for walker in scenario.jaywalkers for end in (walker.start, walker.end)]
+    poses += [place.pose(roads) for walker in scenario.jaywalkers for place in walker.places]
     return np.array([(pose.x_m, pose.y_m) for pose in poses], dtype=np.float64).reshape(-1, 2)
 
 
@@ -276,7 +276,12 @@ def _legend(
     ]
     counts = Counter(traffic.behaviours.values())
     entries += [Patch(facecolor=colours[name], label=f"{name} ({counts[name]})") for name in sorted(counts)]
-    words = {"vehicle": "standing vehicle", "czone sign": "sign", "traffic cone": "cone", "pedestrian": "worker"}
+    words = {
+        "vehicle": "standing vehicle",
+        "czone sign": "sign",
+        "traffic cone": "cone",
+        "pedestrian": "person",
+    }
     open_ones = (each for i, each in enumerate(scenario.obstacles) if i != scenario.occluder)
     for kind in sorted({OBSTACLES[each.kind][0] for each in open_ones}):
         name = kind.words
@@ -309,7 +314,7 @@ def _sheet_legend(figure: Figure, colours: dict[str, str]) -> None:
         Patch(facecolor=drawing.STANDING, label="standing vehicle"),
         Patch(facecolor=drawing.HIDING, label="hides pedestrians"),
         Line2D([], [], color=drawing.CONE, marker="^", linestyle="none", markersize=9, label="cone"),
-        Line2D([], [], color=drawing.WORKER, marker="o", linestyle="none", markersize=9, label="worker"),
+        Line2D([], [], color=drawing.WORKER, marker="o", linestyle="none", markersize=9, label="person"),
         Line2D([], [], color=drawing.PERSON, marker="o", linestyle=(0, (4.0, 2.0)), label="pedestrian"),
     ]
     figure.legend(handles=entries, loc="lower center", ncols=len(entries), fontsize=12, frameon=False)

@@ -12,13 +12,28 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError, UnknownNameError
+from interplan_sumo.scenario.kinds import (
+    OBSTACLE_HEIGHTS_M,
+    OBSTACLES,
+    SLOW_KINDS,
+    VEHICLE_KINDS,
+    WALKERS,
+    ObstacleKind,
+    VehicleKind,
+    WalkerKind,
+)
 from interplan_sumo.scenario.recorded_parts import EgoPast, LoggedLight, ReplayedTrack
-from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Pose, wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
 
 Density = Literal["none", "sparse", "low", "medium", "high"]
-Behaviour = Literal["conservative", "assertive", "mixed", "urban"]
+Behaviour = Literal[
+    "conservative", "assertive", "mixed", "urban", "measured_city", "measured_city_mild", "measured_city_bold"
+]
+DRIVERS: tuple[Behaviour, ...] = (
+    "conservative", "measured_city_mild", "assertive", "measured_city_bold", "mixed", "measured_city",
+)  # fmt: skip
+"""Of the benchmark: the paper's types and measured drivers in turn, cautious ones, pushing ones, and both."""
 
 LARGEST_GAP_M: dict[str, float] = {"sparse": 400.0, "low": 100.0, "medium": 50.0, "high": 33.0}
 """interPlan's densities, and one of side streets, which leaves gaps to overtake in: centre gaps are uniform from 10 m
@@ -68,25 +83,6 @@ class LanePosition:
         return line.pose_at(self.arc_m, self.left_m)
 
 
-ObstacleKind = Literal["car", "bus", "truck", "cone", "barrier", "sign", "worker"]
-OBSTACLES: dict[str, tuple[ActorKind, float, float]] = {
-    "car": (ActorKind.VEHICLE, 4.6, 1.85),
-    "bus": (ActorKind.VEHICLE, 12.0, 2.55),
-    "truck": (ActorKind.VEHICLE, 8.0, 2.4),
-    "cone": (ActorKind.TRAFFIC_CONE, 0.5, 0.5),
-    "barrier": (ActorKind.BARRIER, 2.0, 0.6),
-    "sign": (ActorKind.CZONE_SIGN, 0.6, 0.6),
-    "worker": (ActorKind.PEDESTRIAN, 0.9, 0.79),
-}
-"""nuPlan's class and the default length and width of each kind; cones and people as in interPlan."""
-OBSTACLE_HEIGHTS_M: dict[str, float] = {
-    "car": 1.5, "bus": 3.0, "truck": 2.4, "cone": 0.75, "barrier": 1.0, "sign": 1.0, "worker": 1.75,
-}  # fmt: skip
-"""The default height of each kind: what is tall hides others where perception is `occluded`."""
-PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M = 0.9, 0.79
-"""interPlan's pedestrian; the length lies along the walk."""
-
-
 @dataclass(frozen=True, slots=True)
 class Obstacle:
     """Something that stands in or beside the road for the whole run."""
@@ -120,12 +116,38 @@ class Obstacle:
 
 
 @dataclass(frozen=True, slots=True)
+class WalkStage:
+    """One part of a way across: straight to a place, and a stand there."""
+
+    to: LanePosition
+    speed_mps: float
+    wait_s: float = 0.0
+    """How long it stands there."""
+
+
+@dataclass(frozen=True, slots=True)
 class Jaywalker:
-    """A pedestrian who waits at the kerb and walks straight across when the ego comes near, yielding to nobody."""
+    """One who waits at the kerb and sets off across the road when the ego comes near, yielding to nobody."""
 
     start: LanePosition
     end: LanePosition
+    """Where it stays."""
     speed_mps: float
+    """On the last part of the way."""
+    via: tuple[WalkStage, ...] = ()
+    """The parts before that: who stops midway, turns back or breaks into a run has some."""
+    kind: WalkerKind = "pedestrian"
+
+    @property
+    def places(self) -> tuple[LanePosition, ...]:
+        """Where it starts, and the ends of the parts of its way."""
+        return (self.start, *(stage.to for stage in self.via), self.end)
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Length and width."""
+        _, length_m, width_m = WALKERS[self.kind]
+        return length_m, width_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,19 +161,16 @@ class TrafficDemand:
     """Density on the oncoming lanes of a two-way road."""
 
 
-VehicleKind = Literal["car", "truck", "bus", "motorcycle"]
-VEHICLE_KINDS: tuple[VehicleKind, ...] = ("car", "truck", "bus", "motorcycle")
-
-
 @dataclass(frozen=True, slots=True)
 class PlacedVehicle:
     """A moving vehicle that starts on a given place, besides those that the density brings."""
 
     place: LanePosition
-    """Of its centre; on the centre line of a lane."""
+    """Of its centre; on the centre line of a lane, but for those of `SLOW_KINDS`, which keep their distance from it."""
     speed_mps: float
     kind: VehicleKind = "car"
-    """Its driver is drawn among the types of this kind in the scenario's vehicle-type file."""
+    """Its driver is drawn among the types of this kind in the scenario's vehicle-type file; those of `SLOW_KINDS` are
+    the same in all of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,8 +229,17 @@ class Scenario:
             if not all(np.isfinite(size) and size > 0.0 for size in size_m):
                 raise ScenarioError(f"{self.id}: obstacles[{i}] has the size {size_m}, expected positive metres")
         for i, walker in enumerate(self.jaywalkers):
-            if not 0.1 <= walker.speed_mps <= 5.0:
-                raise ScenarioError(f"{self.id}: jaywalkers[{i}].speed_mps is {walker.speed_mps}, expected 0.1 to 5")
+            if walker.kind not in WALKERS:
+                known = ", ".join(WALKERS)
+                raise ScenarioError(f"{self.id}: jaywalkers[{i}].kind is {walker.kind!r}, expected one of {known}")
+            numbers = [("speed_mps", walker.speed_mps, 0.1, 5.0)]
+            for k, stage in enumerate(walker.via):
+                numbers.append((f"via[{k}].speed_mps", stage.speed_mps, 0.1, 5.0))
+                numbers.append((f"via[{k}].wait_s", stage.wait_s, 0.0, self.duration_s))
+            for name, value, least, most in numbers:
+                if not least <= value <= most:
+                    text = f"{self.id}: jaywalkers[{i}].{name} is {value}, expected {least:g} to {most:g}"
+                    raise ScenarioError(text)
         if self.occluder is not None and not 0 <= self.occluder < len(self.obstacles):
             raise ScenarioError(
                 f"{self.id}: occluder is {self.occluder}, expected the index of one of {len(self.obstacles)} obstacles"
@@ -222,7 +250,7 @@ class Scenario:
                 raise ScenarioError(f"{self.id}: vehicles[{i}].kind is {vehicle.kind!r}, expected one of {known}")
             if not (np.isfinite(vehicle.speed_mps) and vehicle.speed_mps >= 0.0):
                 raise ScenarioError(f"{self.id}: vehicles[{i}].speed_mps is {vehicle.speed_mps}, expected 0 or more")
-            if vehicle.place.left_m != 0.0:
+            if vehicle.place.left_m != 0.0 and vehicle.kind not in SLOW_KINDS:
                 raise ScenarioError(
                     f"{self.id}: vehicles[{i}].place.left_m is {vehicle.place.left_m}, expected 0: vehicles start on "
                     "the centre line; what stands beside it is an obstacle"
@@ -274,9 +302,15 @@ class Scenario:
     def canonical(self) -> dict[str, object]:
         """Plain data, for files and for the hash: measures are floats, however they were written.
 
-        Fields of `ADDED_LATER`, and heights of obstacles, are left out while they have their default.
+        Fields of `ADDED_LATER`, heights of obstacles, and what jaywalkers have besides one straight walk, are left
+        out while they have their default.
         """
         plain = asdict(self)
+        for walker in plain["jaywalkers"]:
+            if not walker["via"]:
+                del walker["via"]
+            if walker["kind"] == "pedestrian":
+                del walker["kind"]
         for obstacle in plain["obstacles"]:
             if obstacle["height_m"] is None:
                 del obstacle["height_m"]
@@ -302,7 +336,8 @@ class Scenario:
         places = [("start", self.start), ("goal", self.goal)]
         places += [(f"obstacles[{i}]", obstacle.place) for i, obstacle in enumerate(self.obstacles)]
         for i, walker in enumerate(self.jaywalkers):
-            places += [(f"jaywalkers[{i}].start", walker.start), (f"jaywalkers[{i}].end", walker.end)]
+            ends = ("start", *(f"via[{k}].to" for k in range(len(walker.via))), "end")
+            places += [(f"jaywalkers[{i}].{end}", place) for end, place in zip(ends, walker.places, strict=True)]
         places += [(f"vehicles[{i}]", vehicle.place) for i, vehicle in enumerate(self.vehicles)]
         for name, place in places:
             try:

@@ -118,7 +118,7 @@ def _staged(track: RecordedTrack, step: int, bare: Scenario, roads: Roads) -> Pl
     near = matches(roads, pose, ALONG_LANE_M)
     lanes = [match for match in near if isinstance(roads[match.lane], Lane)]
     if stays and not any(abs(match.left_m) <= IN_LANE_M for match in near):
-        return _obstacle(track, "car" if kind == "motorcycle" else kind, pose, bare, roads)
+        return _obstacle(track, kind if kind in ("truck", "bus") else "car", pose, bare, roads)
     if not near:
         return "it drives off the lanes, or across them"
     if not lanes:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from interplan_sumo.simulation.agent_kinematics import AgentKinematics
 from interplan_sumo.simulation.pedestrians import Crowd
@@ -103,11 +104,21 @@ class AgentRegistry:
         self.names = [name for name in self.names if name not in names]
         self._index()
 
+    def move(self, front_m: ArrayLike, angle_deg: ArrayLike, speed_mps: ArrayLike) -> None:
+        """Take over SUMO's positions, navigation angles and speeds after a step; some keep beside the middle."""
+        if self._left_m is not None:
+            angle_rad = np.radians(np.asarray(angle_deg, dtype=np.float64))
+            aside_m = np.stack((-np.cos(angle_rad), np.sin(angle_rad)), axis=1) * self._left_m[:, None]
+            front_m = np.asarray(front_m, dtype=np.float64).reshape(-1, 2) + aside_m
+        self.kinematics.move(front_m, angle_deg, speed_mps, self.length_m)
+
     def _index(self) -> None:
         """Columns that do not change from step to step."""
         drivers = [self.drivers[name] for name in self.names]
         self.length_m = np.array([d.length_m for d in drivers], dtype=np.float64)
         self.width_m = np.array([d.width_m for d in drivers], dtype=np.float64)
+        left_m = np.array([d.left_m for d in drivers], dtype=np.float64)
+        self._left_m = left_m if left_m.any() else None
         pedestrians = self._crowd.observe() if self._crowd is not None else Actors.none()
         others = (self._standing, pedestrians)
         tokens = [*(self._tokens[name] for name in self.names), *self._standing.ids, *pedestrians.ids]

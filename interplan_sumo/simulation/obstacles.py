@@ -18,6 +18,8 @@ from interplan_sumo.world.roads import Roads
 
 MERGE_WITHIN_M = 8.0
 """Blocked stretches of a lane nearer to one another than this are one: no car fits between."""
+STOP_LINE_M = 1.0
+"""Of a lane that leads to an obstacle inside a junction so much is blocked."""
 SWING_OUT_M = 6.0
 """Cars queue this far before an obstacle: a lane change from rest needs the room to swing out."""
 
@@ -59,7 +61,10 @@ def standing_heights_m(scenario: Scenario, ids: tuple[str, ...]) -> dict[str, fl
 
 
 def blockages(network: SumoNetwork, obstacles: Actors, origin_m: tuple[float, float]) -> tuple[LaneBlockage, ...]:
-    """The stretches of normal lanes that obstacles block, and the room to swing out before them."""
+    """The stretches of normal lanes that obstacles block, and the room to swing out before them.
+
+    Where one stands inside a junction, on a connector, the lanes that lead there are blocked at their ends.
+    """
     boxes = box_polygons(
         obstacles.x_m - origin_m[0],
         obstacles.y_m - origin_m[1],
@@ -67,16 +72,26 @@ def blockages(network: SumoNetwork, obstacles: Actors, origin_m: tuple[float, fl
         obstacles.length_m,
         obstacles.width_m,
     )
-    return blocked_by(network, boxes, SWING_OUT_M)
+    inside = {lane for box in boxes for lane in lanes_overlapped(network, box, in_junctions=True)}
+    ends = {link.from_lane for links in network.links.values() for link in links if inside.intersection(link.via)}
+    before = tuple(
+        LaneBlockage(lane, max(0.0, network.lanes[lane].length_m - STOP_LINE_M), network.lanes[lane].length_m)
+        for lane in sorted(ends)
+    )
+    return blocked_by(network, boxes, SWING_OUT_M, before)
 
 
-def blocked_by(network: SumoNetwork, areas: Iterable[shapely.Polygon], before_m: float) -> tuple[LaneBlockage, ...]:
-    """The stretches of normal lanes that areas in SUMO's frame block, from so far before them on.
+def blocked_by(
+    network: SumoNetwork, areas: Iterable[shapely.Polygon], before_m: float, besides: Iterable[LaneBlockage] = ()
+) -> tuple[LaneBlockage, ...]:
+    """The stretches of normal lanes that areas in SUMO's frame block, from so far before them on, and those `besides`.
 
     Sorted by lane and position. An area blocks a lane if a car on its centre
     line would touch it; one that only reaches into the lane's edge is passed.
     """
     found: dict[str, list[tuple[float, float]]] = {}
+    for each in besides:
+        found.setdefault(each.lane, []).append((each.start_m, each.end_m))
     for area in areas:
         for lane_id, (start_m, end_m) in lanes_overlapped(network, area).items():
             found.setdefault(lane_id, []).append((max(0.0, start_m - before_m), end_m))

@@ -1,22 +1,22 @@
-"""Jaywalkers: they wait at the kerb, and walk straight across once the ego is near. They yield to none."""
+"""Jaywalkers: they wait at the kerb, and set off across the road once the ego is near. They yield to none."""
 
 from __future__ import annotations
-
-from math import cos, sin
 
 import numpy as np
 import shapely
 
-from interplan_sumo.scenario.jaywalking import trigger_distance_m, walk
-from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
+from interplan_sumo.scenario.jaywalking import PedestrianWalk, trigger_distance_m, walk
+from interplan_sumo.scenario.scenario import WALKERS, Scenario
 from interplan_sumo.simulation.lane_polygons import Ring, hull
-from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoShape, EgoState
-from interplan_sumo.world.geometry import Floats, Polyline
+from interplan_sumo.world.geometry import Floats, Polyline, box_corners
 from interplan_sumo.world.roads import Roads
 
 FORESIGHT_S = 3.0
 """Background traffic foresees for so long where a walking pedestrian will be."""
+FORESEEN_STEP_S = 0.5
+"""It looks at places this far apart in time."""
 
 
 class Crowd:
@@ -26,6 +26,8 @@ class Crowd:
         rows = sorted(zip(ids, scenario.jaywalkers, strict=True), key=lambda row: row[0])
         self.ids = tuple(name for name, _ in rows)
         self._walks = [walk(jaywalker, roads, route) for _, jaywalker in rows]
+        kinds = [WALKERS[jaywalker.kind][0] for _, jaywalker in rows]
+        self._kinds = np.array(kinds, dtype=np.int8)
         self._route = route
         self._dt_s = dt_s
         self._boxes: dict[str, shapely.Polygon] = {}
@@ -48,40 +50,35 @@ class Crowd:
 
     def observe(self) -> Actors:
         """Everyone as actors with their true velocities, rows sorted by id."""
-        rows: list[tuple[float, float, float, float, float]] = []
-        for each, walked in zip(self._walks, self._walked_s, strict=True):
-            done_s = min(walked or 0.0, each.duration_s)
-            moving = walked is not None and walked < each.duration_s
-            along_m = each.speed_mps * done_s
-            dx, dy = cos(each.heading_rad), sin(each.heading_rad)
-            speed = each.speed_mps if moving else 0.0
-            rows.append(
-                (each.start[0] + along_m * dx, each.start[1] + along_m * dy, each.heading_rad, speed * dx, speed * dy)
-            )
-        x, y, heading, vx, vy = np.array(rows, dtype=np.float64).reshape(-1, 5).T
-        size = len(rows)
-        kind = np.full(size, ActorKind.PEDESTRIAN, dtype=np.int8)
-        length, width = np.full(size, PEDESTRIAN_LENGTH_M), np.full(size, PEDESTRIAN_WIDTH_M)
-        return Actors(self.ids, kind, x, y, heading, length, width, vx, vy)
+        walked_s = [-1.0 if walked is None else walked for walked in self._walked_s]  # who waits has not walked
+        now = list(zip(self._walks, walked_s, strict=True))
+        poses = [each.poses(np.array([walked]))[0] for each, walked in now]
+        x, y, heading = np.array(poses, dtype=np.float64).reshape(-1, 3).T
+        speed = np.array([each.speed_mps(walked) for each, walked in now], dtype=np.float64)
+        length, width = np.array([each.size_m for each in self._walks], dtype=np.float64).reshape(-1, 2).T
+        vx, vy = speed * np.cos(heading), speed * np.sin(heading)
+        return Actors(self.ids, self._kinds, x, y, heading, length, width, vx, vy)
 
     def foreseen(self, origin_m: tuple[float, float]) -> list[Ring]:
-        """What walking pedestrians cover from now to `FORESIGHT_S` later, in SUMO's frame."""
-        actors = self.observe()
-        walking = np.flatnonzero(actors.speed_mps > 0.0)
+        """What walking pedestrians cover from now to `FORESIGHT_S` later, in SUMO's frame.
+
+        Those who stand midway are not at rest: they will go on.
+        """
         areas: list[Ring] = []
-        for i in walking.tolist():
-            left_s = min(FORESIGHT_S, self._walks[i].duration_s - (self._walked_s[i] or 0.0))
-            ends = (actors.corners[i] - origin_m, actors.corners[i] - origin_m + left_s * _velocity(actors, i))
-            areas.append(hull([(x, y) for x, y in np.concatenate(ends).tolist()]))
+        for each, walked in zip(self._walks, self._walked_s, strict=True):
+            if walked is None or walked >= each.duration_s:
+                continue
+            ahead_s = np.arange(walked, min(walked + FORESIGHT_S, each.duration_s) + FORESEEN_STEP_S, FORESEEN_STEP_S)
+            areas.append(hull(_covered(each, np.minimum(ahead_s, each.duration_s), origin_m)))
         return areas
 
     def ways(self, origin_m: tuple[float, float]) -> list[shapely.Polygon]:
-        """What everyone covers on its whole way, in SUMO's frame."""
-        here, ends = self.observe(), np.array([each.end for each in self._walks]).reshape(-1, 1, 2)
-        begins = np.array([each.start for each in self._walks]).reshape(-1, 1, 2)
-        first = here.corners - np.stack((here.x_m, here.y_m), axis=1)[:, None, :] - origin_m
-        corners = np.concatenate((first + begins, first + ends), axis=1)
-        return [shapely.Polygon(hull([(x, y) for x, y in each.tolist()])) for each in corners]
+        """What everyone covers on its whole way, part by part, in SUMO's frame."""
+        return [
+            shapely.Polygon(hull(_covered(each, np.array((begins_s, ends_s)), origin_m)))
+            for each in self._walks
+            for begins_s, ends_s in zip(each.leaves_s.tolist(), each.arrives_s.tolist(), strict=True)
+        ]
 
     def standing(self, origin_m: tuple[float, float]) -> dict[str, shapely.Polygon]:
         """The boxes of those that wait or have arrived, by place: equal keys mean equal boxes. In SUMO's frame."""
@@ -98,5 +95,9 @@ class Crowd:
         return found
 
 
-def _velocity(actors: Actors, row: int) -> Floats:
-    return np.array((actors.vx_mps[row], actors.vy_mps[row]))
+def _covered(each: PedestrianWalk, walked_s: Floats, origin_m: tuple[float, float]) -> list[tuple[float, float]]:
+    """Corners of a walker's boxes at several times, in SUMO's frame."""
+    x_m, y_m, heading_rad = each.poses(walked_s).T
+    sizes = (np.full_like(x_m, size_m) for size_m in each.size_m)
+    corners = box_corners(x_m - origin_m[0], y_m - origin_m[1], heading_rad, *sizes).reshape(-1, 2)
+    return [(x, y) for x, y in corners.tolist()]

@@ -86,7 +86,7 @@ def open_sumo_traffic(
         waiting += blocked_by(network, crowd.standing(ids.origin_m).values(), 0.0)
         walked += blocked_by(network, crowd.ways(ids.origin_m), 0.0)
     staged = StagedScenario(scenario, roads, network, ids, types, shape)
-    population = populate(staged, waiting, rng, reach_m)
+    population = populate(staged, waiting, rng, reach_m, walked)
     spawns = population.spawns[:most_agents]
     names = opaque_ids(len(spawns), rng, besides=tokens)
     flow = None

@@ -18,7 +18,7 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.scenario.route import route_lanes
-from interplan_sumo.scenario.scenario import LARGEST_GAP_M, SMALLEST_GAP_M, Density, Scenario
+from interplan_sumo.scenario.scenario import LARGEST_GAP_M, SLOW_KINDS, SMALLEST_GAP_M, Density, Scenario
 from interplan_sumo.simulation.idm import acceleration_mps2
 from interplan_sumo.simulation.lane_chains import (
     ChainedLane,
@@ -33,16 +33,15 @@ from interplan_sumo.simulation.local_demand import LEAST_ROAD_M, LocalDemand, ag
 from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.passed_light import passed_light
+from interplan_sumo.simulation.slow_vehicles import slow_vehicle
 from interplan_sumo.simulation.start_speed import HARDEST_FIRST_BRAKING_MPS2, LINE_M, StartAhead, safe, start_speed_mps
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
 
-AHEAD_M = 250.0
-"""How far ahead of the ego lanes are filled."""
-BEHIND_M = 200.0
-"""How far behind the ego lanes are filled, and how far away on side roads."""
+AHEAD_M, BEHIND_M = 250.0, 200.0
+"""How far ahead of the ego and behind it lanes are filled, and, as far as behind it, side roads."""
 CLEAR_M = 3.0
 """No vehicle starts nearer than this to an obstacle."""
 FASTEST_MPS = 40.0
@@ -119,11 +118,10 @@ class _Fixed:
         """Whether it may start this far behind a leader."""
         if not safe(self.speed_mps, gap_m, leader_mps):
             return False
-        braking = -HARDEST_FIRST_BRAKING_MPS2
-        driver = self.driver
-        return driver is None or (
-            acceleration_mps2(driver, self.speed_mps, self.limit_mps, gap_m, leader_mps) >= braking
-        )
+        if self.driver is None:
+            return True
+        ax_mps2 = acceleration_mps2(self.driver, self.speed_mps, self.limit_mps, gap_m, leader_mps)
+        return ax_mps2 >= -HARDEST_FIRST_BRAKING_MPS2
 
 
 _PlannedChain = tuple[str, Density, list[ChainedLane], tuple[float, float]]
@@ -135,14 +133,14 @@ def populate(
     blocked: tuple[LaneBlockage, ...],
     rng: np.random.Generator,
     reach_m: tuple[float, float] = (BEHIND_M, AHEAD_M),
+    crossed: tuple[LaneBlockage, ...] = (),
 ) -> Population:
-    """All agents of a scenario at the start; none that is drawn stands on a blocked stretch.
+    """All agents of a scenario at the start; none that is drawn stands on a blocked stretch, or between ego and event.
 
-    `reach_m` is how far behind and ahead of the ego lanes are filled.
+    `reach_m` is how far behind and ahead of the ego lanes are filled, `crossed` are stretches that people will cross.
     ScenarioError or VehicleTypeError if a placed vehicle cannot start.
     """
-    scenario, roads, network = staged.scenario, staged.roads, staged.network
-    behind_m, ahead_m = reach_m
+    scenario, roads, network, (behind_m, ahead_m) = staged.scenario, staged.roads, staged.network, reach_m
     start = roads[scenario.start.lane]
     ego_x, ego_y, _ = start.centerline.poses_at(scenario.start.arc_m)[0]
     own = roads.roadblocks[start.roadblock_id].lane_ids
@@ -172,6 +170,10 @@ def populate(
             fixed.append(_Fixed(0.0, staged.shape.length_m, scenario.start_speed_mps, None, 0.0))
         fixed.sort(key=lambda each: -each.centre_m)
         closed = closed_spans(chain, blocked)
+        if lane_id == start.id:
+            crawling = [(each.centre_m, 0.0) for each in fixed if each.driver is not None and each.driver.is_slow]
+            events = (*closed, *closed_spans(chain, crossed), *crawling)
+            closed.append((0.0, min((at_m for at_m, _ in events if at_m > 0.0), default=0.0)))
         drawn = _fill(chain, span, closed, LARGEST_GAP_M[density], staged.types, fixed, rng)
         for lane, front_m, speed_mps, driver in drawn:
             spawns.append(Spawn(lane, front_m, speed_mps, driver, _route(staged, lane, demand, rng)))
@@ -204,7 +206,7 @@ def _placed(staged: StagedScenario, number: int, demand: LocalDemand, rng: np.ra
     lane = staged.roads[vehicle.place.lane]
     if not isinstance(lane, Lane):
         raise ScenarioError(f"{what} starts on connector {lane.id}, inside a junction; place it on a lane")
-    driver = staged.types.draw_kind(vehicle.kind, rng)
+    driver = slow_vehicle(vehicle) if vehicle.kind in SLOW_KINDS else staged.types.draw_kind(vehicle.kind, rng)
     half_m, length_m = driver.length_m / 2.0, lane.centerline.length_m
     if not half_m <= vehicle.place.arc_m <= length_m - half_m:
         raise ScenarioError(

@@ -24,6 +24,7 @@ from interplan_sumo.simulation.lights import Lights, LoggedLights
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.pedestrians import Crowd
+from interplan_sumo.simulation.slow_vehicles import ELEMENTS as SLOW
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, getters, open_simulation, sumo
 from interplan_sumo.simulation.traffic import EgoPresence, TrafficState
@@ -102,7 +103,7 @@ class SumoTraffic:
         self._agents = AgentRegistry(types.path, setup.standing, setup.crowd, ids.origin_m, DT_S)
         self._agents.heights_m.update(setup.heights_m)
         drawn = [*(spawn.driver for spawn in setup.spawns), *(setup.flow.drivers if setup.flow is not None else ())]
-        open_simulation(network.path, types.sumo_document(drawn))
+        open_simulation(network.path, types.sumo_document(drawn, others=SLOW.values()))
         self._open = True
         try:
             known = {each.id: each for each in (*types.members, *types.others, *drawn)}
@@ -362,7 +363,7 @@ class SumoTraffic:
             fronts = [metres for name in names for metres in position(name)]
             angles = [angle(name) for name in names]
             speeds = [speed(name) for name in names]
-        self._agents.kinematics.move(fronts, angles, speeds, self._agents.length_m)
+        self._agents.move(fronts, angles, speeds)
 
     def _read_signals(self) -> Signals:
         """The lights; asked for only when one of them may have switched."""

@@ -23,6 +23,8 @@ ENTRY = "traffic"
 """The one vType or vTypeDistribution that agents are drawn from."""
 DECIMALS: Final = 4
 """Of a number that is drawn; SUMO rounds speed factors to as many."""
+SLOW_MPS: Final = 7.0
+"""25 km/h: cyclists and tractors."""
 FASTEST_MPS: Final = 200 / 3.6
 """What SUMO takes for a car's maxSpeed."""
 
@@ -79,10 +81,17 @@ class VehicleType:
     """Time constant with which the headway, short after somebody cut in, returns to `tau_s`, 0 to 30; 0: at once."""
     car_following_model: str = "Krauss"
     """SUMO's name."""
+    left_m: float = 0.0
+    """How far to the left of the middle of its lane it keeps."""
     drawn_from: str = ""
     """The file's type, where this one has numbers of its own."""
     drawn: tuple[tuple[str, float], ...] = ()
     """Those numbers, by SUMO's attribute or by parameter."""
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether a scenario placed it to be in the way of others."""
+        return self.max_speed_mps <= SLOW_MPS
 
     @property
     def name(self) -> str:
@@ -130,15 +139,22 @@ class VehicleTypes:
         share = rng.random()
         return _spread(self.elements[_member_at(members, shares, share * sum(shares)).id], share)
 
-    def sumo_document(self, drawn: Iterable[VehicleType] = (), *, besides: frozenset[str] = frozenset()) -> str:
-        """The file for SUMO: plain numbers only, its own types and those drawn.
+    def sumo_document(
+        self,
+        drawn: Iterable[VehicleType] = (),
+        *,
+        besides: frozenset[str] = frozenset(),
+        others: Iterable[VehicleTypeElement] = (),
+    ) -> str:
+        """The file for SUMO: plain numbers only, its own types and those drawn, from it or from `others`.
 
         Left out is what nothing here reads, but for attributes named in `besides`.
         """
         withheld = WITHHELD - besides
+        elements = {**{each.id: each for each in others}, **self.elements}
         known = {each.id: each for each in (*self.members, *self.others)}
         known.update((each.id, each) for each in drawn)
-        lines = [_sumo_type(self.elements[each.name], each, withheld) for each in known.values()]
+        lines = [_sumo_type(elements[each.name], each, withheld) for each in known.values()]
         return "\n".join(('<?xml version="1.0" encoding="UTF-8"?>', "<additional>", *lines, "</additional>", ""))
 
 

@@ -22,7 +22,14 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.episode import DT_S
 from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.verification.corridor import frenet_corridor
-from interplan_sumo.verification.drivable_paths import DrivablePath, Side, Swerve, blocked_by, drivable_path
+from interplan_sumo.verification.drivable_paths import (
+    DrivablePath,
+    Side,
+    Swerve,
+    blocked_by,
+    drivable_path,
+    slow_corners,
+)
 from interplan_sumo.verification.observed_traffic import ObservedTraffic, recording, red_frames, walkers
 from interplan_sumo.verification.planning_problem import (
     CALM,
@@ -59,6 +66,8 @@ class Style:
     """Whether to count on oncoming drivers to brake for the ego."""
 
 
+BESIDE_SLOW_M: Final = ((20.0, 65.0), (45.0, 90.0), (70.0, 115.0), (100.0, 145.0))
+"""Where, from the start on, slow vehicles may be passed."""
 USUAL: Final = Margins()
 TIGHT: Final = Margins(front_m=0.7, front_s=1.1, rear_m=0.8, rear_s=0.8, rear_headway_s=0.4, comfort_s=0.5)
 WIDE: Final = Margins(front_m=2.5, front_s=1.5, rear_m=2.5, rear_s=1.5, rear_headway_s=1.1, comfort_s=1.4)
@@ -210,11 +219,17 @@ class _Search:
 
     def _sides(self, style: Style) -> list[tuple[DrivablePath, ...]]:
         """The paths of each side on which to pass what stands on the lanes."""
+        stretches = (None, *BESIDE_SLOW_M) if slow_corners(self._corridor) else (None,)
         closed = any(
-            blocked_by(self._corridor, lane_path, style.clearance_m) for lane_path in self._corridor.lane_paths
+            blocked_by(self._corridor, lane_path, style.clearance_m, stretches[-1])
+            for lane_path in self._corridor.lane_paths
         )
         sides: tuple[Side | None, ...] = (None, "left", "right") if closed else (None,)
-        swerves = [Swerve(side, style.clearance_m, style.ramp_m, style.haste) for side in sides]
+        swerves = [
+            Swerve(side, style.clearance_m, style.ramp_m, style.haste, stretch)
+            for stretch in stretches
+            for side in sides
+        ]
         for swerve in swerves:
             if swerve not in self._paths:
                 self._paths[swerve] = tuple(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_sumo.metrics.time_to_collision import overlap_span_s
+from interplan_sumo.scenario.kinds import SLOW_KINDS, SLOW_SIZES_M
 from interplan_sumo.verification.corridor import GRID_M, FrenetCorridor, LanePath, smoothed
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, Pose, box_corners
@@ -58,6 +59,8 @@ class Swerve:
     """Length of the move out, and of the move back."""
     haste: float = 1.0
     """How much more than in calm driving one is pressed to the side in bends."""
+    beside_m: tuple[float, float] | None = None
+    """From where to where, from the start on, one drives beside slow vehicles; None: one stays behind them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,16 +132,21 @@ def held_back(values: Floats) -> Floats:
 
 
 def blocked_by(
-    corridor: FrenetCorridor, lane_path: LanePath, clearance_m: float
+    corridor: FrenetCorridor, lane_path: LanePath, clearance_m: float, beside_m: tuple[float, float] | None = None
 ) -> list[tuple[float, float, float, float]]:
-    """Groups of obstacles in the way: arcs from and to, and the offsets that pass them on the right and left."""
-    boxes = obstacle_corners(corridor)
+    """Groups of obstacles in the way: arcs from and to, and the offsets that pass them on the right and left.
+
+    Slow vehicles take part with where one drives beside them, if anywhere.
+    """
+    boxes = [corridor.unrolled(corners)[:2] for corners in obstacle_corners(corridor)]
+    if beside_m is not None:
+        arcs_m = corridor.start_m + np.array(beside_m)[[0, 0, 1, 1]]
+        boxes += [(arcs_m, corridor.unrolled(corners)[1]) for corners in slow_corners(corridor)]
     found: list[tuple[float, float, float, float]] = []
     half_m = HALF_WIDTH_M + clearance_m
     exists = np.isfinite(lane_path.left_m)
     arc_m, left_m = corridor.arc_m[exists], lane_path.left_m[exists]
-    for corners in boxes:
-        arc, left, _ = corridor.unrolled(corners)
+    for arc, left in boxes:
         if arc.max() < arc_m[0] or arc.min() > arc_m[-1]:
             continue
         beside = left - np.interp(arc, arc_m, left_m)
@@ -162,10 +170,17 @@ def obstacle_corners(corridor: FrenetCorridor) -> list[Floats]:
     return [box_corners(p.x_m, p.y_m, p.heading_rad, *size)[0] for p, size in poses]
 
 
+def slow_corners(corridor: FrenetCorridor) -> list[Floats]:
+    """The corners (4, 2) of every slow vehicle where it starts."""
+    slow = [each for each in corridor.scenario.vehicles if each.kind in SLOW_KINDS]
+    poses = [(each.place.pose(corridor.roads), SLOW_SIZES_M[each.kind]) for each in slow]
+    return [box_corners(p.x_m, p.y_m, p.heading_rad, *size)[0] for p, size in poses]
+
+
 def _asides(corridor: FrenetCorridor, lane_path: LanePath, swerve: Swerve) -> Floats:
     """(G,) how far the driven line leaves the lane path, left positive."""
     aside = np.zeros(len(corridor.arc_m))
-    for first_m, last_m, right_m, left_m in blocked_by(corridor, lane_path, swerve.clearance_m):
+    for first_m, last_m, right_m, left_m in blocked_by(corridor, lane_path, swerve.clearance_m, swerve.beside_m):
         offset_m = min(right_m, left_m, key=abs)
         if abs(offset_m) > NUDGE_M:
             if swerve.over is None:

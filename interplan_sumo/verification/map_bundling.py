@@ -83,7 +83,7 @@ def places_of(scenario: Scenario, roads: Roads) -> list[tuple[float, float]]:
     """(x, y) of start, goal, all that is staged, and along the route between."""
     line = route_centerline(roads, scenario)
     places = [scenario.start, scenario.goal, *(each.place for each in (*scenario.obstacles, *scenario.vehicles))]
-    places += [end for walker in scenario.jaywalkers for end in (walker.start, walker.end)]
+    places += [place for walker in scenario.jaywalkers for place in walker.places]
     poses = [place.pose(roads) for place in places]
     along = line.poses_at(np.arange(0.0, line.length_m, ALONG_M))[:, :2].tolist()
     return [*((pose.x_m, pose.y_m) for pose in poses), *((x_m, y_m) for x_m, y_m in along)]

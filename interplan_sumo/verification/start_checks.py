@@ -12,8 +12,9 @@ from interplan_sumo.families.crossing import crossing_problems
 from interplan_sumo.families.passing import obstacle_corners
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.constant_velocity import HOLD_S, OVERLAP_M, STEP_S, ego_boxes, ego_held
+from interplan_sumo.scenario.jaywalking import walk
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline, route_lanes, start_arc_m
-from interplan_sumo.scenario.scenario import PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M, Scenario
+from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import Floats, box_corners, penetration_m
 from interplan_sumo.world.lane_changes import lane_changes_needed
@@ -92,7 +93,7 @@ def _goal_problems(scenario: Scenario, roads: Roads) -> list[str]:
         (float(line.project(box)[0].max()), f"obstacles[{i}]") for i, box in enumerate(corners)
     ]
     for i, walker in enumerate(scenario.jaywalkers):
-        ends = [(pose.x_m, pose.y_m) for pose in (walker.start.pose(roads), walker.end.pose(roads))]
+        ends = [(pose.x_m, pose.y_m) for pose in (place.pose(roads) for place in walker.places)]
         last.append((float(line.project(ends)[0].max()), f"jaywalkers[{i}]"))
     farthest_m, name = max(last, default=(-np.inf, ""))
     if goal_m < farthest_m + GOAL_PAST_M:
@@ -168,8 +169,8 @@ def _standing(scenario: Scenario, roads: Roads) -> tuple[list[str], Floats]:
     names = [f"obstacles[{i}]" for i in range(len(scenario.obstacles))]
     corners = [obstacle_corners(scenario, roads)]
     for i, walker in enumerate(scenario.jaywalkers):
-        start, end = walker.start.pose(roads), walker.end.pose(roads)
-        heading_rad = float(np.arctan2(end.y_m - start.y_m, end.x_m - start.x_m))
+        way = walk(walker, roads, route_centerline(roads, scenario))
         names.append(f"jaywalkers[{i}]")
-        corners.append(box_corners(start.x_m, start.y_m, heading_rad, PEDESTRIAN_LENGTH_M, PEDESTRIAN_WIDTH_M))
+        x_m, y_m, heading_rad = way.poses(np.array([-1.0]))[0].tolist()
+        corners.append(box_corners(x_m, y_m, heading_rad, *way.size_m))
     return names, np.concatenate(corners)

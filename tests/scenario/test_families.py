@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import combinations
+from functools import cache
+from itertools import combinations, islice
 
+import numpy as np
 import pytest
 
 from interplan_sumo.errors import ScenarioError, UnknownNameError
 from interplan_sumo.families import (
     FAMILIES,
     Family,
-    construction,
     families,
     find_family,
     jaywalker,
     names,
-    nudge,
     overtake,
 )
+from interplan_sumo.families.generate import Search
 from interplan_sumo.families.jaywalker import Person
+from interplan_sumo.families.passing import corners_in_the_way
+from interplan_sumo.families.shapes import PASSING_M
+from interplan_sumo.families.staging import Approach
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.sites import Site, site_at
+from interplan_sumo.scenario.jaywalking import walk
+from interplan_sumo.scenario.route import route_centerline, start_arc_m
+from interplan_sumo.scenario.scenario import DRIVERS, Obstacle, Scenario
+from interplan_sumo.scenario.sites import site_at
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
+from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.lane_changes import lane_changes_needed
+from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Roads
 
 BENCHMARK = (
     "construction", "accident", "jaywalker", "nudge", "overtake",
@@ -88,31 +96,90 @@ def test_the_three_densities_have_the_same_ten_recipes_with_one_to_three_changes
     assert needs == {1, 2, 3}
 
 
+# --- what is drawn -----------------------------------------------------------------------------
+
+
+STAGED = BENCHMARK[:5]
+
+
+@cache
+def some(family: str) -> list[tuple[Roads, Scenario]]:
+    maps = (load_roads(name) for name in ("back_bay", "one_north"))
+    return [(roads, scenario) for roads in maps for scenario in islice(Search(roads, family, 7), 8)]
+
+
+@pytest.mark.parametrize("family", STAGED)
+def test_distances_speeds_and_sizes_are_spread_and_everyone_has_traffic_and_looks_past_nothing(family: str) -> None:
+    shares: list[float] = []
+    for roads, scenario in some(family):
+        share = scenario.start_speed_mps / (roads[scenario.start.lane].speed_limit_mps or USUAL_LIMIT_MPS)
+        assert 0.49 <= share <= 1.01
+        shares.append(share)
+        assert scenario.perception == "occluded"
+        assert scenario.traffic.density in ("low", "medium")
+        assert scenario.traffic.behaviour in DRIVERS
+    assert max(shares) - min(shares) > 0.15
+    away_m = [event_m(roads, scenario) for roads, scenario in some(family)]
+    assert min(away_m) >= 24.0
+    assert max(away_m) <= 121.0
+    assert np.std(away_m) > 8.0
+
+
+def event_m(roads: Roads, scenario: Scenario) -> float:
+    """Along the route, from the ego's start to the first of what stands in the way, crawls there or walks into it."""
+    line = route_centerline(roads, scenario)
+    if scenario.jaywalkers:
+        first_m = walk(scenario.jaywalkers[0], roads, line).conflict_m
+    else:
+        first_m = float(line.project(corners_in_the_way(scenario, roads).reshape(-1, 2))[0].min())
+    return first_m - start_arc_m(roads, scenario)
+
+
+def test_where_the_own_direction_has_one_lane_cars_in_platoons_come_when_the_ego_does() -> None:
+    for roads, scenario in some("overtake"):
+        oncoming = [each for each in scenario.vehicles if each.kind == "car"]
+        assert oncoming
+        heading = scenario.start.pose(roads).heading_rad
+        assert all(abs(wrap_angle(each.place.pose(roads).heading_rad - heading)) > 2.0 for each in oncoming)
+
+
 # --- what a family refuses ---------------------------------------------------------------------
 
 
-def narrow() -> Site:
-    return site_at(load_roads("back_bay"), "301020", 100.0, approach_m=80.0, beyond_m=80.0)
+def narrow() -> Approach:
+    site = site_at(load_roads("back_bay"), "301020", 100.0, approach_m=80.0, beyond_m=80.0)
+    return Approach(site, 8.0, 80.0)
 
 
-def test_a_nudge_ends_at_1_4_m_and_an_overtake_begins_where_a_nudge_does_not_do() -> None:
-    assert nudge.nudge("nudge/x", site=narrow(), offset_m=1.4).family == "nudge"
-    assert overtake.overtake("overtake/x", site=narrow(), offset_m=1.6).family == "overtake"
-    with pytest.raises(ScenarioError, match=r"use overtake\(\)"):
-        nudge.nudge("nudge/x", site=narrow(), offset_m=1.41)
-    with pytest.raises(ScenarioError, match=r"use nudge\(\)"):
-        overtake.overtake("overtake/x", site=narrow(), offset_m=1.5)
+def parked(offset_m: float) -> Obstacle:
+    """A car that one passes so far off the lane's centre line."""
+    return Obstacle(narrow().site.place(0.0, PASSING_M - offset_m + 1.85 / 2.0), "car")
+
+
+def test_an_overtake_begins_where_the_own_side_has_no_room_and_ends_where_the_road_does() -> None:
+    assert overtake.blocked("overtake/x", narrow(), parked(1.6), {}).family == "overtake"
+    with pytest.raises(ScenarioError, match="the ego could pass on its own side"):
+        overtake.blocked("overtake/x", narrow(), parked(1.5), {})
     with pytest.raises(ScenarioError, match=r"the road has 4\.65 m"):
-        overtake.overtake("overtake/x", site=narrow(), offset_m=3.5)
-
-
-def test_cones_that_force_the_ego_onto_the_other_side_are_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"reach_m may be at most -0\.30"):
-        construction.construction("construction/x", site=narrow(), layout="row", cones=3, spacing_m=3.0, reach_m=0.0)
+        overtake.blocked("overtake/x", narrow(), parked(3.5), {})
 
 
 def test_a_jaywalker_too_slow_to_start_behind_the_kerb_is_refused_with_the_least_speed() -> None:
-    site = replace(narrow(), right_edge_m=5.0)
+    roads, to = load_roads("back_bay"), narrow()
+    wide = replace(to, site=replace(to.site, right_edge_m=5.0))
     with pytest.raises(ScenarioError, match=r"at least 1\.3\d m/s"):
-        jaywalker.jaywalker("jaywalker/x", site=site, people=(Person(1.0),))
-    assert jaywalker.jaywalker("jaywalker/x", site=site, people=(Person(1.4),)).jaywalkers
+        jaywalker.crossing(roads, wide, Person(1.0))
+    assert jaywalker.crossing(roads, wide, Person(1.4)).speed_mps == 1.4
+
+
+def test_who_crosses_may_stop_midway_turn_back_or_break_into_a_run() -> None:
+    roads, to = load_roads("back_bay"), narrow()
+    plain, stops, back, runs = (
+        jaywalker.crossing(roads, to, Person(1.4, course=course, pause_s=1.5))
+        for course in ("straight", "stops", "turns back", "runs")
+    )
+    assert plain.via == ()
+    assert (stops.via[0].wait_s, stops.end) == (1.5, plain.end)
+    assert stops.via[0].to.left_m == pytest.approx(0.0)
+    assert (back.end, runs.end) == (back.start, plain.end)
+    assert runs.speed_mps == 2.8

@@ -189,10 +189,10 @@ def test_ids_of_digits_need_no_quotes_and_repeated_parts_can_be_named_once(tmp_p
         (
             "kind: bus",
             "kind: buss",
-            "line 12: obstacles[0].kind is buss, expected one of car, bus, truck, cone, barrier, sign, worker. "
+            "line 12: obstacles[0].kind is buss, expected one of car, van, bus, truck, cone, barrier, sign, worker. "
             "Did you mean 'bus'?",
         ),
-        ("kind: bus", "kind: tank", "obstacles[0].kind is tank, expected one of car, bus, truck, cone, barrier"),
+        ("kind: bus", "kind: tank", "obstacles[0].kind is tank, expected one of car, van, bus, truck, cone, barrier"),
         ("kind: bus", "kind: {a: 1}", "obstacles[0].kind is a mapping, expected one of car"),
         ("density: low", "density: null", "traffic.density is empty, expected one of none, sparse, low, medium, high"),
         ("oncoming: high", "flow: true", "there is no field traffic.flow. Known are: density, behaviour, oncoming"),

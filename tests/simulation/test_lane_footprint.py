@@ -10,11 +10,14 @@ import pytest
 import shapely
 from networks import LANE_Y, two_way_road
 
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
+from interplan_sumo.simulation.blockage_neighbours import BlockageNeighbours
 from interplan_sumo.simulation.lane_change_overhang import LaneChangeOverhang
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
-from interplan_sumo.simulation.network import HALF_FOOTPRINT_M
-from interplan_sumo.simulation.obstacles import blockages
+from interplan_sumo.simulation.network import HALF_FOOTPRINT_M, read_network
+from interplan_sumo.simulation.obstacles import LaneBlockage, blockages
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.tiny_worlds import cars
 
@@ -99,3 +102,24 @@ def test_stretches_that_two_obstacles_block_are_one_where_no_car_fits_between(
     standing = replace(standing, length_m=np.array([10.0, 0.9]))
     found = [(each.start_m, each.end_m) for each in blockages(NETWORK, standing, (0.0, 0.0))]
     assert found == [pytest.approx(span) for span in spans]
+
+
+def test_where_something_stands_inside_a_junction_the_lanes_that_lead_there_are_blocked_at_their_ends() -> None:
+    roads, files = load_roads("one_north"), find_map("one_north")
+    network, ids = read_network(files.network), NetworkIds.read(files.ids)
+    connector = max(roads.connectors.values(), key=lambda each: each.centerline.length_m)
+    middle = connector.centerline.pose_at(connector.centerline.length_m / 2.0)
+    standing = cars((middle.x_m, middle.y_m, 0.0, middle.heading_rad))
+    found = {each.lane: each for each in blockages(network, standing, ids.origin_m)}
+    before, _ = ids.sumo_place(connector.from_lane_id, roads[connector.from_lane_id].centerline.length_m)
+    assert found[before].end_m == pytest.approx(network.lanes[before].length_m)
+    assert found[before].end_m - found[before].start_m < 1.1
+
+
+@pytest.mark.parametrize(("x_m", "keeps"), [(115.0, False), (125.0, True), (210.0, True), (220.0, False)])
+def test_beside_a_blockage_and_80_m_before_it_nobody_changes_into_its_lane(x_m: float, keeps: bool) -> None:
+    neighbours = BlockageNeighbours(NETWORK, (LaneBlockage("e0_0", 200.0, 210.0),), {"a": CAR})
+    here = replace(driving(0.0, 0.0, 8.0), front_x=np.array([x_m]), positions_m=lambda names: [x_m] * len(names))
+    near, itself = (replace(here, lanes=lambda names, lane=lane: [lane] * len(names)) for lane in ("e0_1", "e0_0"))
+    assert neighbours.agents(near) == (frozenset("a") if keeps else frozenset())
+    assert neighbours.agents(itself) == frozenset()

@@ -10,7 +10,7 @@ import shapely
 from stages import ONE_LANE, TWO_LANES, car, cone, narrowed, staged, widened
 from worlds import LANE_WIDTH_M, curved_road
 
-from interplan_sumo.scenario.scenario import LanePosition, Obstacle
+from interplan_sumo.scenario.scenario import LanePosition, Obstacle, PlacedVehicle
 from interplan_sumo.verification.corridor import WITHOUT_LIMIT_MPS, frenet_corridor
 from interplan_sumo.verification.drivable_paths import (
     FIRST_BRAKING_MPS2,
@@ -128,3 +128,16 @@ def test_cones_in_a_row_are_one_group_and_distant_ones_are_two() -> None:
 
     assert groups(80.0, 84.0, 88.0) == 1
     assert groups(60.0, 140.0) == 2
+
+
+def test_slow_vehicles_are_passed_along_a_stretch_of_road_and_only_there() -> None:
+    slow = PlacedVehicle(LanePosition("11", 60.0, -0.9), 4.0, "bicycle")
+    scenario = staged("nudge", vehicles=(slow,))
+    unrolled = frenet_corridor(scenario, widened(ONE_LANE))
+    behind = drivable_path(unrolled, unrolled.lane_paths[0], Swerve())
+    beside = drivable_path(unrolled, unrolled.lane_paths[0], Swerve(beside_m=(60.0, 100.0)))
+    assert not behind.swerving.any()
+    there = unrolled.arc_m[beside.swerving] - unrolled.start_m
+    assert there.min() > 25.0
+    assert there.max() < 135.0
+    assert np.nanmax(beside.left_m) == pytest.approx(HALF_WIDTH_M + 0.4 - (0.9 - 0.325), abs=0.05)

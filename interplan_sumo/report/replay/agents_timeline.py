@@ -136,7 +136,7 @@ def triggers(drive: StoredDrive, route: Polyline, origin: Floats) -> list[dict[s
         found.append(
             {
                 "frame": frame,
-                "way": points(np.array((way.start, way.end)), origin),
+                "way": points(way.points, origin),
                 **_path(poses[:, 0], poses[:, 1], poses[:, 2], origin),
             }
         )

@@ -1,0 +1,288 @@
+"""What the staged families share: where the ego starts and how fast, who drives around it, how large what stands is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import Any, Final
+
+import numpy as np
+
+from interplan_sumo.errors import ScenarioError
+from interplan_sumo.scenario.kinds import ObstacleKind
+from interplan_sumo.scenario.route import route_centerline, start_arc_m
+from interplan_sumo.scenario.scenario import (
+    DRIVERS,
+    Behaviour,
+    Density,
+    LanePosition,
+    Obstacle,
+    PlacedVehicle,
+    Scenario,
+    TrafficDemand,
+)
+from interplan_sumo.scenario.sites import (
+    BESIDE_M,
+    CENTIMETRES,
+    OPPOSITE_RAD,
+    ROOM_M,
+    Site,
+    UnsuitableError,
+    lane_width_m,
+    site_at,
+    walk,
+)
+from interplan_sumo.world.geometry import wrap_angle
+from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Lane, Roads
+
+DISTANCE_M: Final = (30.0, 120.0)
+"""From the start to the event (benchmark.md, version 2)."""
+START_SHARE: Final = (0.5, 1.0)
+"""Of the speed limit (benchmark.md, version 2)."""
+BEYOND_M: Final = (30.0, 50.0)
+"""From the end of the event to the goal line."""
+PERCEPTION: Final = "occluded"
+TRIES: Final = 12
+MEDIUM_SHARE: Final = 0.4
+"""Of the scenes where one changes lane or nudges beside others; the rest has low density."""
+EASY_MPS2: Final = 2.0
+STANDOFF_M: Final = 8.0
+"""The ego can stop at `EASY_MPS2` so far before the event; half of it is the car's own length."""
+BUMPERS_M: Final = 3.0
+FREE_S: Final = 3.2
+"""Nothing is hit within the first 3 s: half the ego, and some."""
+
+STANDING: Final[
+    dict[str, tuple[float, ObstacleKind, tuple[float, float], tuple[float, float], tuple[float, float]]]
+] = {
+    "small car": (0.2, "car", (3.6, 4.1), (1.62, 1.76), (1.44, 1.52)),
+    "car": (0.35, "car", (4.3, 4.9), (1.78, 1.90), (1.42, 1.50)),
+    "sport utility": (0.2, "car", (4.5, 5.1), (1.84, 2.00), (1.62, 1.85)),
+    "van": (0.15, "van", (5.3, 6.9), (1.95, 2.10), (2.0, 2.8)),
+    "truck": (0.1, "truck", (7.0, 10.0), (2.30, 2.50), (2.8, 3.6)),
+}
+"""Share among what is parked, kind, and ranges of length, width and height, m: segments of the European fleet (ICCT,
+European Vehicle Market Statistics 2022/23: A/B, C/D, sport utility, light commercial), rigid trucks of up to 10 m."""
+BUS: Final = ("bus", (9.5, 12.5), (2.50, 2.55), (2.9, 3.2))
+"""City buses, midi to standard."""
+PLATOON_HEADWAY_S: Final = (1.4, 2.2)
+PLATOON_S: Final = 4.5
+"""Who swerves out on arrival meets oncoming cars from 0.5 s before to this much later."""
+WINDOW_S: Final = (8.0, 13.0)
+"""After them the oncoming lane is free for so long: somebody who waits beside what blocks the lane needs 5 to 7 s."""
+LEAST_ONCOMING: Final = 3
+"""So many cars have to find room where the oncoming lane is what is asked about."""
+REACHED_MPS2: Final = 2.0
+LATEST_S: Final = 10.0
+"""The ego comes to the event within this time: a drive lasts 30 s, and some of it one waits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Approach:
+    """A site that the ego comes to from a start that was drawn, at a speed that was drawn."""
+
+    site: Site
+    start_speed_mps: float
+    distance_m: float
+    """From the start to the event."""
+
+    def scenario(self, id: str, family: str, **staged: Any) -> Scenario:
+        """A scenario that leads past the site, with what is `staged` there; ScenarioError as from `Scenario`."""
+        made = self.site.scenario(id, family, **{"perception": PERCEPTION, **staged})
+        return replace(made, start_speed_mps=self.start_speed_mps)
+
+
+def uniform(rng: np.random.Generator, bounds: tuple[float, float], decimals: int = 2) -> float:
+    """A number between bounds, rounded: scenarios are data that people read."""
+    return float(np.round(rng.uniform(*bounds), decimals))
+
+
+def site_for(roads: Roads, lane_id: str, at_m: float, fastest_mps: float, *, room_m: float = ROOM_M) -> Site:
+    """The site at a place with the shortest way there and on; UnsuitableError if it has none or is too fast."""
+    site = site_at(roads, lane_id, at_m, approach_m=DISTANCE_M[0], beyond_m=BEYOND_M[0], room_m=room_m)
+    if site.limit_mps > fastest_mps:
+        raise UnsuitableError(f"the limit is {site.limit_mps:.1f} m/s, expected {fastest_mps} or less")
+    return site
+
+
+def approach(
+    roads: Roads,
+    site: Site,
+    rng: np.random.Generator,
+    *,
+    distance_m: tuple[float, float] = DISTANCE_M,
+    before_m: float = 0.0,
+    after_m: float = 0.0,
+    beyond_m: tuple[float, float] = BEYOND_M,
+    room_m: float = ROOM_M,
+    latest_s: float = LATEST_S,
+) -> Approach:
+    """A start and a goal drawn for a site whose event reaches from `before_m` before it to `after_m` behind it.
+
+    The distance and the speed are uniform, as far as the road is long enough and
+    the start is sound: see `STANDOFF_M` and `FREE_S`. UnsuitableError if no draw is.
+    """
+    reason = UnsuitableError("no start is far enough away for its speed")
+    for _ in range(TRIES):
+        away_m = uniform(rng, distance_m, 1)
+        goal_m = after_m + uniform(rng, beyond_m, 1)
+        share = uniform(rng, START_SHARE)
+        try:
+            found = site_at(roads, site.lane, site.at_m, approach_m=away_m + before_m, beyond_m=goal_m, room_m=room_m)
+        except UnsuitableError as error:
+            reason = error
+            continue
+        if site.lanes_near + site.lanes_far == 0 and _others_turn_in(roads, found):
+            reason = UnsuitableError("others turn in before it, who would stand in the ego's way for good")
+            continue
+        away_m = _driven_m(roads, found) - before_m  # a start that falls on a junction lies before it
+        if away_m > distance_m[1]:
+            continue
+        limit_mps = roads[found.start.lane].speed_limit_mps or USUAL_LIMIT_MPS
+        most_mps = min(sqrt(2.0 * EASY_MPS2 * (away_m - STANDOFF_M)), (away_m - BUMPERS_M) / FREE_S)
+        speed_mps = round(min(share * limit_mps, most_mps), 1)
+        made = Approach(found, speed_mps, away_m)
+        if speed_mps >= START_SHARE[0] * limit_mps and arrival_s(made) <= latest_s:
+            return made
+    raise reason
+
+
+def _others_turn_in(roads: Roads, site: Site) -> bool:
+    """Whether a lane of the way from the start to the site can be reached from elsewhere."""
+    lane, upstream = site.lane, list[str]()
+    while lane != site.start.lane:
+        upstream.append(lane)
+        before = [way for way in roads.incoming(lane) if roads[way].roadblock_id in site.route]
+        if not before:
+            return False
+        lane = min(before, key=lambda way: (abs(roads[way].centerline.turned_rad), way))
+    return any(isinstance(roads[each], Lane) and len(roads.incoming(each)) > 1 for each in upstream)
+
+
+def _driven_m(roads: Roads, site: Site) -> float:
+    """From the start to the site along the route."""
+    bare = site.scenario("bare/0", "bare")
+    at_m, _ = route_centerline(roads, bare).project_point(*_centre(roads, site))
+    return at_m - start_arc_m(roads, bare)
+
+
+def parked(rng: np.random.Generator, *names: str) -> tuple[ObstacleKind, tuple[float, float, float]]:
+    """A standing vehicle of one of these classes, by default of any: its kind, and its length, width and height."""
+    chosen = names or tuple(STANDING)
+    shares = np.array([STANDING[name][0] for name in chosen])
+    _, kind, *bounds = STANDING[chosen[int(rng.choice(len(chosen), p=shares / shares.sum()))]]
+    length_m, width_m, height_m = (uniform(rng, each) for each in bounds)
+    return kind, (length_m, width_m, height_m)
+
+
+def bus(rng: np.random.Generator) -> tuple[ObstacleKind, tuple[float, float, float]]:
+    """A stopped bus."""
+    length_m, width_m, height_m = (uniform(rng, each) for each in BUS[1:])
+    return "bus", (length_m, width_m, height_m)
+
+
+def along(roads: Roads, site: Site, ahead_m: float, towards_kerb_m: float) -> LanePosition:
+    """A place as `Site.place` gives it, also where it lies on the connectors or lanes of the route beyond."""
+    lane, arc_m = site.lane, site.at_m + ahead_m
+    while arc_m > roads[lane].centerline.length_m or arc_m < 0.0:
+        ways = roads.outgoing(lane) if arc_m > 0.0 else roads.incoming(lane)
+        onward = [way for way in ways if roads[way].roadblock_id in site.route]
+        if not onward:
+            raise ScenarioError(f"the road is too short for what is to stand {ahead_m:.1f} m from the site")
+        way = min(onward, key=lambda each: (abs(roads[each].centerline.turned_rad), each))
+        arc_m += -roads[lane].centerline.length_m if arc_m > 0.0 else roads[way].centerline.length_m
+        lane = way
+    return LanePosition(lane, round(arc_m, CENTIMETRES), round(site.kerb * towards_kerb_m, CENTIMETRES) + 0.0)
+
+
+def beside_traffic(rng: np.random.Generator) -> TrafficDemand:
+    """Traffic where the own direction has a second lane."""
+    density: Density = "medium" if rng.random() < MEDIUM_SHARE else "low"
+    return TrafficDemand(density=density, behaviour=behaviour(rng), oncoming="low")
+
+
+def behaviour(rng: np.random.Generator) -> Behaviour:
+    """The drivers of a scene."""
+    return DRIVERS[int(rng.integers(len(DRIVERS)))]
+
+
+# --- who comes towards the ego -----------------------------------------------------------------
+
+
+def oncoming_traffic(
+    roads: Roads, to: Approach, rng: np.random.Generator, *, own: Density = "low", least: int = 0
+) -> dict[str, Any]:
+    """Traffic that meets who swerves out without looking, and then leaves room: platoons, placed, and few others.
+
+    The first platoon passes the site about when the ego would come there. What
+    is staged, for `Approach.scenario`; where no lane comes towards the ego, density alone. UnsuitableError where the
+    road has room for fewer than the `least` cars in all.
+    """
+    demand = TrafficDemand(density=own, behaviour=behaviour(rng), oncoming="sparse")
+    lane = oncoming_lane(roads, to.site)
+    if lane is None:
+        return {"traffic": replace(demand, oncoming="none", density="medium")}
+    at_m, _ = roads[lane].centerline.project_point(*_centre(roads, to.site))
+    limit_mps = roads[lane].speed_limit_mps or USUAL_LIMIT_MPS
+    speed_mps = round(float(rng.uniform(0.7, 0.95)) * limit_mps, 1)
+    placed: list[PlacedVehicle] = []
+    passes_s = arrival_s(to) - 0.5 + float(rng.uniform(0.0, 0.5))
+    last_s = passes_s + PLATOON_S
+    for _ in range(2):
+        while passes_s <= last_s:
+            place = _upstream(roads, lane, at_m, passes_s * speed_mps)
+            if place is not None:
+                placed.append(PlacedVehicle(place, speed_mps))
+            passes_s += float(rng.uniform(*PLATOON_HEADWAY_S))
+        passes_s += float(rng.uniform(*WINDOW_S))
+        last_s = passes_s + float(rng.uniform(0.0, PLATOON_S))
+    if len(placed) < least:
+        raise UnsuitableError(f"{len(placed)} cars find room on the oncoming lane, expected {least}")
+    return {"traffic": demand, "vehicles": tuple(placed)}
+
+
+def arrival_s(to: Approach) -> float:
+    """When the ego is at the event if it speeds up to the limit."""
+    limit_mps, speed_mps = max(to.site.limit_mps, to.start_speed_mps), to.start_speed_mps
+    speeding_s = (limit_mps - speed_mps) / REACHED_MPS2
+    speeding_m = (limit_mps + speed_mps) / 2.0 * speeding_s
+    if speeding_m < to.distance_m:
+        return speeding_s + (to.distance_m - speeding_m) / limit_mps
+    return (sqrt(speed_mps**2 + 2.0 * REACHED_MPS2 * to.distance_m) - speed_mps) / REACHED_MPS2
+
+
+def oncoming_lane(roads: Roads, site: Site) -> str | None:
+    """The innermost lane that comes towards the ego beside a site; None where a median parts them, or there is none."""
+    siblings = roads.roadblocks[roads[site.lane].roadblock_id].lane_ids
+    inner = roads.lanes[siblings[-1] if site.driving_side == "left" else siblings[0]]
+    arc_m, _ = inner.centerline.project_point(*_centre(roads, site))
+    here = inner.centerline.pose_at(arc_m)
+    there = inner.centerline.pose_at(arc_m, -site.kerb * (lane_width_m(inner, arc_m) / 2.0 + BESIDE_M))
+    for lane in roads.lanes_at(there.x_m, there.y_m):
+        line = roads[lane].centerline
+        heading_rad = line.pose_at(line.project_point(there.x_m, there.y_m)[0]).heading_rad
+        if abs(float(wrap_angle(heading_rad - here.heading_rad))) > OPPOSITE_RAD:
+            return lane
+    return None
+
+
+def _centre(roads: Roads, site: Site) -> tuple[float, float]:
+    pose = roads[site.lane].centerline.pose_at(site.at_m)
+    return pose.x_m, pose.y_m
+
+
+def _upstream(roads: Roads, lane: str, at_m: float, distance_m: float) -> LanePosition | None:
+    """A place where a car can start, so far before one on a lane; None where the road begins nearer."""
+    try:
+        place = walk(roads, lane, at_m, -distance_m)[1]
+    except UnsuitableError:
+        return None
+    return place if isinstance(roads[place.lane], Lane) else None
+
+
+def obstacle(
+    place: LanePosition, what: tuple[ObstacleKind, tuple[float, float, float]], turned_rad: float = 0.0
+) -> Obstacle:
+    """Something that stands, of a size that was drawn."""
+    kind, (length_m, width_m, height_m) = what
+    return Obstacle(place, kind, round(turned_rad, 3) + 0.0, length_m, width_m, height_m)
