@@ -189,8 +189,8 @@ def test_ids_of_digits_need_no_quotes_and_repeated_parts_can_be_named_once(tmp_p
         (
             "kind: bus",
             "kind: buss",
-            "line 12: obstacles[0].kind is buss, expected one of car, van, bus, truck, cone, barrier, sign, worker. "
-            "Did you mean 'bus'?",
+            "line 12: obstacles[0].kind is buss, expected one of car, van, bus, truck, cone, barrier, sign, worker, "
+            "person, door. Did you mean 'bus'?",
         ),
         ("kind: bus", "kind: tank", "obstacles[0].kind is tank, expected one of car, van, bus, truck, cone, barrier"),
         ("kind: bus", "kind: {a: 1}", "obstacles[0].kind is a mapping, expected one of car"),
