@@ -23,6 +23,8 @@ SPEED_MODE_DEFAULT = 31
 """All of SUMO's rules; told a speed, an agent brakes for that, and for what SUMO sees, no harder than `decel`."""
 SPEED_MODE_HARD_BRAKING = 24
 """Without the bounds of acceleration and braking, and without SUMO's safe speed, which knows no brakes: ours hold."""
+RED_LIGHTS = 16
+"""In a speed mode: red lights hold."""
 LEADER_DECEL_MPS2 = 4.5
 """How hard a leader that is told to an agent's own model may brake: SUMO's default for cars, as for the proxy."""
 LANE_CHANGE_DEFAULT = 1621
@@ -96,6 +98,7 @@ class AgentControl:
         self._chance = AgentChance(chance_seed)
         self._told: dict[str, _Told] = {}
         self._overseen: set[str] = set()
+        self._late: frozenset[str] = frozenset()
         self._relaxing: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
         self._keeping_steps: dict[str, int] = {}
@@ -127,6 +130,7 @@ class AgentControl:
         """The agent has left."""
         self._keeping_steps.pop(name, None)
         self._told.pop(name, None)
+        self._late -= {name}
         self._overseen.discard(name)
         self._relaxing.discard(name)
         self._relaxation.forget(name)
@@ -208,7 +212,7 @@ class AgentControl:
         elif before.speed_mps is not None:
             vehicle.setSpeed(name, -1.0)
         if mode != before.speed_mode:
-            vehicle.setSpeedMode(name, mode)
+            vehicle.setSpeedMode(name, mode & ~RED_LIGHTS if name in self._late else mode)
         self._told[name] = _Told(ignore, mode, None if left else wanted_mps, speed_mps, left)
 
     def _brakes_harder(self, name: str, before: _Told, speed_mps: float, wanted_mps: float) -> bool:
@@ -223,6 +227,16 @@ class AgentControl:
                 return False
         braked_mps = before.from_mps - own_mps
         return braked_mps > self._drivers[name].decel_mps2 * DT_S and wanted_mps > speed_mps - braked_mps
+
+    def let_drive_on(self, late: frozenset[str]) -> None:
+        """Have these agents, which cannot stop any more, drive on over red, and those before no longer."""
+        if late == self._late:
+            return
+        with Commanding("letting agents drive on over red"):
+            for name in sorted(late ^ self._late):
+                mode = self._told.get(name, UNTOLD).speed_mode
+                sumo.vehicle.setSpeedMode(name, mode & ~RED_LIGHTS if name in late else mode)
+        self._late = late
 
     def overlooks_ego(self, name: str) -> bool:
         """Whether an agent has been told to overlook the ego."""

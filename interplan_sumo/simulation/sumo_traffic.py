@@ -20,6 +20,7 @@ from interplan_sumo.simulation.ego_reactions import FREEZE_RADIUS_M, EgoReaction
 from interplan_sumo.simulation.first_seconds import FirstSeconds
 from interplan_sumo.simulation.flow import Flow, OnTheRoad
 from interplan_sumo.simulation.lane_polygons import Ring
+from interplan_sumo.simulation.late_for_light import LateForLight
 from interplan_sumo.simulation.lights import Lights, LoggedLights
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
@@ -114,6 +115,7 @@ class SumoTraffic:
             self._reactions = EgoReactions(
                 network, ids.origin_m, setup.shape, self._agents, setup.blocked, self._control.models
             )
+            self._late_for_light = LateForLight(self._agents.drivers)
             self._without_ego = WithoutEgo(network, ids.origin_m, self._agents, setup.blocked, self._choice_of)
             for token, each in zip(setup.tokens, setup.spawns, strict=True):
                 self._add(token, each)
@@ -233,6 +235,9 @@ class SumoTraffic:
         met, anchor = (ego, self._proxy.anchor) if self._proxy is not None else (replace(ego, x_m=NOWHERE_M), None)
         commands = self._reactions.decide(met, anchor, walking, standing, agents)
         self._control.tell(agents, commands)
+        if sumo.simulation.getTime() >= self._next_switch_s - 1e-6:
+            self._late_for_light.notice_switch()
+        self._control.let_drive_on(self._late_for_light.agents(agents))
         if self._proxy is not None:
             told = (commands.for_ego_mps, commands.for_others_mps)
             self._before = StepBefore(ego, agents.names, agents.speed_mps, *told, self._control.overlooks_ego)
@@ -250,6 +255,7 @@ class SumoTraffic:
             for light, state in self._lights.imposed(wanted, states, self._network.programs).items():
                 lights.setRedYellowGreenState(light, state)
         self._signals = None
+        self._late_for_light.notice_switch()
 
     def advance(self) -> None:
         if self._flow is not None and self._started and self._flow.is_due():

@@ -1,0 +1,61 @@
+"""Late for a light: cars that can no longer stop before a light that turns red drive on.
+
+SUMO lets a car that cannot stop for yellow speed up, and if red comes before the
+line is crossed it halts it there and then, from any speed. What no brakes can do
+is not asked of it: as long as it cannot stop before the line, it overlooks red.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import floor
+
+from interplan_sumo.simulation.agent_registry import AgentSnapshot
+from interplan_sumo.simulation.sumo import DT_S, Commanding, sumo
+from interplan_sumo.simulation.vehicle_types import VehicleType
+
+SETTLED = 2.0
+"""Who is farther from the line than so many times what it comfortably stops within will stop, whatever its model."""
+NEAR_M = 5.0
+"""Nearer than this it is looked at anyway."""
+
+
+class LateForLight:
+    """Finds them; only around the instants at which lights switch is anybody asked."""
+
+    def __init__(self, drivers: Mapping[str, VehicleType]) -> None:
+        """`drivers` by agent, as they come."""
+        self._drivers = drivers
+        self._due = True
+        self._near: frozenset[str] = frozenset()
+
+    def notice_switch(self) -> None:
+        """Some light has switched, or is about to with the next step."""
+        self._due = True
+
+    def agents(self, snapshot: AgentSnapshot) -> frozenset[str]:
+        """Names of those that cannot stop before the light ahead of them, which is not green for them."""
+        if not self._due and not self._near:
+            return frozenset()
+        near: set[str] = set()
+        late: set[str] = set()
+        with Commanding("looking for agents that are late for a light"):
+            for name, speed_mps in zip(snapshot.names, snapshot.speed_mps.tolist(), strict=True):
+                if speed_mps <= 0.0 or not (self._due or name in self._near):
+                    continue
+                away_m = next((each[2] for each in sumo.vehicle.getNextTLS(name)), None)
+                driver = self._drivers[name]
+                if away_m is None or away_m > NEAR_M + SETTLED * speed_mps * speed_mps / (2.0 * driver.decel_mps2):
+                    continue
+                near.add(name)
+                if stopping_m(speed_mps, driver.emergency_decel_mps2) > away_m:
+                    late.add(name)
+        self._due, self._near = False, frozenset(near)
+        return frozenset(late)
+
+
+def stopping_m(speed_mps: float, decel_mps2: float) -> float:
+    """What a car still covers that brakes as hard as it can from the next step on, in SUMO's steps."""
+    braked_mps = decel_mps2 * DT_S
+    steps = floor(speed_mps / braked_mps)
+    return DT_S * (steps * speed_mps - braked_mps * steps * (steps + 1) / 2.0)
