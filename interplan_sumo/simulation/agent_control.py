@@ -26,7 +26,7 @@ SPEED_MODE_HARD_BRAKING = 24
 RED_LIGHTS = 16
 """In a speed mode: red lights hold."""
 LEADER_DECEL_MPS2 = 4.5
-"""How hard a leader that is told to an agent's own model may brake: SUMO's default for cars, as for the proxy."""
+"""How hard the ego, or what stands, may brake for all that an agent's own model knows: SUMO's default for cars."""
 LANE_CHANGE_DEFAULT = 1621
 LANE_CHANGE_LOG_S = (1.415, 0.472)
 """Lane changes take 4.6 s on average with a deviation of 2.3 s, lognormal (Toledo and Zohar, 2007)."""
@@ -160,10 +160,11 @@ class AgentControl:
                     self._apply(name, decision, float(agents.speed_mps[rows[name]]))
         self.keep_lanes(commands.keep_lane)
 
-    def _follow_speed_mps(self, name: str, speed_mps: float, gap_m: float, leader_mps: float) -> float:
+    def _follow_speed_mps(self, name: str, speed_mps: float, gap_m: float, leader_mps: float, leader: str) -> float:
         """What SUMO's model of an agent wants behind a leader that it does not see; SUMO counts gaps beyond minGap."""
         net_m = gap_m - self._drivers[name].min_gap_m
-        return float(sumo.vehicle.getFollowSpeed(name, speed_mps, net_m, leader_mps, LEADER_DECEL_MPS2, ""))
+        decel_mps2 = sumo.vehicle.getApparentDecel(leader) if leader else LEADER_DECEL_MPS2
+        return float(sumo.vehicle.getFollowSpeed(name, speed_mps, net_m, leader_mps, decel_mps2, leader))
 
     def _held_back(
         self, agents: AgentSnapshot, decisions: Mapping[str, ReactionDecision], rows: Mapping[str, int]
@@ -185,7 +186,7 @@ class AgentControl:
         brakes_mps2, leader_mps = driver.emergency_decel_mps2, max(0.0, sumo.vehicle.getSpeed(leader[0]))
         room_m = leader[1] + driver.min_gap_m - LEAST_GAP_M + leader_mps * leader_mps / (2.0 * brakes_mps2)
         stops = speed_mps * speed_mps / (2.0 * brakes_mps2) + speed_mps * DT_S <= room_m
-        return inf if stops else max(0.0, speed_mps - brakes_mps2 * DT_S)
+        return inf if stops or _crosses(name, leader[0]) else max(0.0, speed_mps - brakes_mps2 * DT_S)
 
     def _apply(self, name: str, decision: ReactionDecision, speed_mps: float) -> None:
         """Tell an agent that drives at `speed_mps` what is decided.
@@ -258,6 +259,17 @@ class AgentControl:
 def _leader(name: str) -> Leader:
     found = sumo.vehicle.getLeader(name, CUT_IN_WITHIN_M)
     return None if found is None or not found[0] else found
+
+
+def _crosses(name: str, leader: str) -> bool:
+    """Whether what SUMO calls an agent's leader is on another way over a junction that the agent is not in yet.
+
+    The gap to it is as if it were on the agent's own way; if the agent lets it pass, it never comes so near.
+    """
+    lane = sumo.vehicle.getLaneID(leader)
+    if not lane.startswith(":") or sumo.vehicle.getLaneID(name).startswith(":"):
+        return False
+    return all(lane not in link for link in sumo.vehicle.getNextLinks(name))
 
 
 def _set_tau(name: str, tau_s: float) -> None:

@@ -52,10 +52,11 @@ CONTACT_SHARE = 0.5
 _LEAST_MPS = 1e-6
 _ROUNDING_S = 1e-9
 
-FollowSpeed = Callable[[str, float, float, float], float]
+FollowSpeed = Callable[[str, float, float, float, str], float]
 """Speed in m/s that an agent's own car-following model wants for the next step, not bounded by its brakes.
 
-Of its name, its speed, the gap from bumper to bumper in m, and the leader's speed, not below 0.
+Of its name, its speed, the gap from bumper to bumper in m, the leader's speed, not below 0, and who that is: an agent
+by name, or '' for the ego, an obstacle, a pedestrian.
 """
 
 
@@ -314,7 +315,7 @@ class DriverModels:
     """To be told when the ego is new ahead of an agent: its name, the gap beyond its standstill gap, its speed."""
     dt_s: float
 
-    def next_speed_mps(self, agent: Agent, gap_m: float, leader_mps: float) -> float:
+    def next_speed_mps(self, agent: Agent, gap_m: float, leader_mps: float, leader: str = "") -> float:
         """What the agent's own model wants behind a leader, as far as its motor and brakes allow.
 
         A leader that comes towards it (negative speed) is met where both would
@@ -324,7 +325,7 @@ class DriverModels:
         speed_mps = agent.speed_mps
         if leader_mps < 0.0:
             gap_m, leader_mps = gap_m * speed_mps / max(speed_mps - leader_mps, _LEAST_MPS), 0.0
-        wanted_mps = self.follow(agent.id, speed_mps, max(gap_m, SMALLEST_GAP_M), leader_mps)
+        wanted_mps = self.follow(agent.id, speed_mps, max(gap_m, SMALLEST_GAP_M), leader_mps, leader)
         if gap_m < min(agent.driver.min_gap_m, CLOSEST_M):
             wanted_mps = min(wanted_mps, leader_mps)
         hardest_mps = speed_mps - agent.driver.emergency_decel_mps2 * self.dt_s
@@ -361,18 +362,20 @@ def no_faster(before: ReactionDecision | None, most_mps: float) -> ReactionDecis
     return ReactionDecision(mode, before.overlap, before.reacting, speed_mps)
 
 
-def _leaders(agent: Agent, obstructions: Mapping[str, Sequence[tuple[str, LaneCoverage]]]) -> set[tuple[float, float]]:
-    """Gap and speed, not below 0, of everything in the corridor that is not behind the front bumper.
+def _leaders(
+    agent: Agent, obstructions: Mapping[str, Sequence[tuple[str, LaneCoverage]]]
+) -> set[tuple[float, float, str]]:
+    """Gap, speed, not below 0, and name of everything in the corridor that is not behind the front bumper.
 
     Who stands waits for pedestrians beside it, too: they walk on, whoever is in their way.
     """
     beside_m = agent.position_m - (agent.driver.length_m if agent.speed_mps < STANDING_MPS else 0.0)
-    found: set[tuple[float, float]] = set()
+    found: set[tuple[float, float, str]] = set()
     for lane, parts in obstructions.items():
         start_m = agent.corridor.get(lane)
         if start_m is None:
             continue
         for other, part in parts:
             if other != agent.id and start_m + part.end_m > (agent.position_m if other else beside_m):
-                found.add((start_m + part.start_m - agent.position_m, max(0.0, part.speed_mps)))
+                found.add((start_m + part.start_m - agent.position_m, max(0.0, part.speed_mps), other))
     return found

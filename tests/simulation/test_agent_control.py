@@ -97,6 +97,24 @@ def test_an_agent_that_is_told_a_speed_brakes_for_sumos_reasons_as_hard_as_ever(
     assert told == pytest.approx(left, abs=0.3)
 
 
+def test_who_follows_another_agent_at_our_word_drives_as_behind_one_that_sumo_shows_it(tmp_path: Path) -> None:
+    """Krauss's model reckons with the leader's brakes, and other agents brake no harder than their own `decel`."""
+    path = tmp_path / "krauss.xml"
+    path.write_text(vehicle_type_file("assertive").read_text().replace('"IDM"', '"Krauss" sigma="0"'))
+    cars = read_vehicle_types(path)
+    gap_m, speed_mps = 12.0, 10.0
+    both = (
+        agent(cars, "e0_1", 200.0, speed_mps),
+        agent(cars, "e0_1", 200.0 - cars.members[0].length_m - gap_m, speed_mps),
+    )
+    with traffic(cars, both, ego_at(1000.0, LANE_Y[0])) as run:
+        follow = run._control.models.follow
+        other, nobody = (follow("a1", speed_mps, gap_m, speed_mps, each) for each in ("a0", ""))
+        run.advance()
+        assert libsumo.vehicle.getSpeed("a1") == pytest.approx(other, abs=0.01)
+    assert nobody < other - 0.2
+
+
 def lane_changes_s(cars: VehicleTypes, presence: EgoPresence = EgoPresence.DRIVES) -> list[float]:
     """How long six agents take to change lane."""
     spawns = tuple(agent(cars, "e0_0", 40.0 + 40.0 * i, 10.0) for i in range(6))

@@ -48,7 +48,7 @@ def follower(
     return Agent("a", driver(overlap, **rest), position_m, 10.0, ahead, ego_behind)
 
 
-def idm_mps(_name: str, speed_mps: float, gap_m: float, leader_mps: float) -> float:
+def idm_mps(_name: str, speed_mps: float, gap_m: float, leader_mps: float, _leader: str) -> float:
     return speed_mps + 0.1 * acceleration_mps2(driver(0.0), speed_mps, 15.0, gap_m, leader_mps)
 
 
