@@ -20,7 +20,7 @@ STEPS = 20
 HARDEST_MPS2 = 2.6
 """Milder than the 3 m/s2 that the benchmark allows in the first two seconds: not everything ahead is foreseen."""
 EIDM_MPS2 = 1.5
-"""Its drivers err, and foresee what others do, of which SUMO's answer says nothing: they brake up to 1.7 times as hard."""
+"""Its drivers err, and foresee what others do, which SUMO's answer leaves out: they brake up to 1.7 times as hard."""
 CALM_MODELS = frozenset({"IDM", "IDMM", "EIDM", "Krauss", "KraussPS", "KraussX"})
 """The other models answer small differences with hard braking: they hold, too, if the next one ahead brakes."""
 TWITCHY_MPS2, LEADER_BRAKES_MPS2 = 1.0, (0.5, 1.0, 2.0)

@@ -7,9 +7,10 @@ network that ends inside a tag would crash the whole process.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,8 @@ PIECE_M = 25.0
 HALF_FOOTPRINT_M = 1.15
 """A car on the centre line keeps clear of what stays this far from it: half its width and a hand's breadth more."""
 NOWHERE_M = 50.0
+SOON_S = 2.5
+"""A light that switches within this time is none to drive towards as if it stayed green."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +153,8 @@ class SumoNetwork:
     """Ways on from each normal lane."""
     programs: Mapping[str, tuple[str, ...]]
     """State strings of each traffic light's program, from time 0 on."""
+    first_phase_s: Mapping[str, float] = field(default_factory=dict[str, float])
+    """How long the first of them lasts."""
 
     @cached_property
     def pieces(self) -> tuple[tuple[LanePiece, ...], shapely.STRtree]:
@@ -279,7 +284,9 @@ class SumoNetwork:
         if link.light is None:
             return link.major
         light, index = link.light
-        return shown.get(light, self.first_state[light])[index] == "G"
+        if light in shown:
+            return shown[light][index] == "G"
+        return self.first_state[light][index] == "G" and self.first_phase_s.get(light, inf) > SOON_S
 
 
 def plain_ids(network: SumoNetwork) -> NetworkIds:
@@ -325,28 +332,34 @@ def _network(file: NetworkFile) -> SumoNetwork:
                 raise ValueError(f"a connection names lane {end}, which does not exist")
         links[link.from_lane].append(link)
     programs: dict[str, tuple[str, ...]] = {}
+    first_phase_s: dict[str, float] = {}
     for program in file.programs:
         if not program.phases:
             raise ValueError(f"traffic light {program.id} has no phase")
-        programs[program.id] = _from_time_0(program.phases, program.offset_s)  # of several SUMO runs the last
+        found = _from_time_0(program.phases, program.offset_s)  # of several SUMO runs the last
+        programs[program.id], first_phase_s[program.id] = found
     return SumoNetwork(
         path=file.path,
         lanes=lanes,
         edges={edge: tuple(members) for edge, members in file.edges.items()},
         links={lane: tuple(found) for lane, found in links.items()},
         programs=programs,
+        first_phase_s=first_phase_s,
     )
 
 
-def _from_time_0(phases: Sequence[tuple[float, str]], offset_s: float) -> tuple[str, ...]:
-    """The states of a program in the order in which they come; SUMO begins it `offset_s` after time 0."""
+def _from_time_0(phases: Sequence[tuple[float, str]], offset_s: float) -> tuple[tuple[str, ...], float]:
+    """The states of a program in the order in which they come, and how long the first one lasts.
+
+    SUMO begins it `offset_s` after time 0.
+    """
     left_s = -offset_s % sum(duration_s for duration_s, _ in phases)
     states = [state for _, state in phases]
     for first, (duration_s, _) in enumerate(phases):
         if left_s < duration_s:
-            return (*states[first:], *states[:first])
+            return (*states[first:], *states[:first]), duration_s - left_s
         left_s -= duration_s
-    return tuple(states)
+    return tuple(states), phases[0][0]
 
 
 def _lane(lane: FileLane, line: Floats) -> NetworkLane:

@@ -48,6 +48,8 @@ FASTEST_MPS = 40.0
 """Routes are long enough for drives at this speed."""
 CREEP_M = 8.0
 """Who would start this near to a line that is closed stands before it: those that creep up to it jerk."""
+SWITCHING_LINE_M = 4.0
+"""So far before a light that is about to leave green: who starts moving has room to stop again."""
 KERB_M = 0.1
 """Without a light SUMO's cars stop only this far before the end of their lane."""
 MOST_LOOKS = 20
@@ -149,8 +151,7 @@ def populate(
     plan.extend((lane, wanted.density, behind_m, ahead_m) for lane in own)
     against = oncoming_lanes(roads, scenario)
     plan.extend((lane, wanted.oncoming, ahead_m, behind_m) for lane in against)
-    chains: list[_PlannedChain] = []
-    used: set[str] = set()
+    chains, used = list[_PlannedChain](), set[str]()
     for lane_id, density, upstream_m, downstream_m in plan:
         arc_m, _ = roads[lane_id].centerline.project_point(ego_x, ego_y)
         chain = chain_through(network, *staged.ids.sumo_place(lane_id, arc_m), used, upstream_m, downstream_m)
@@ -374,9 +375,8 @@ def _settled(
         now = occupied.copy()
         for each, speed_mps in zip(spawns, speeds, strict=True):
             if speed_mps is not None:
-                now.add(
-                    each.lane, Occupant(each.position_m, each.position_m - each.driver.length_m, speed_mps, each.driver)
-                )
+                rear_m = each.position_m - each.driver.length_m
+                now.add(each.lane, Occupant(each.position_m, rear_m, speed_mps, each.driver))
         before = list(speeds)
         for i, (each, way) in enumerate(zip(spawns, ways, strict=True)):
             speed_mps = speeds[i]
@@ -396,4 +396,7 @@ def _up_to_the_line(network: SumoNetwork, each: Spawn, opens: Callable[[NetworkL
     (here, *_) = way_ahead(network, each.lane, each.route, 0.0)
     if not LINE_M < room_m < CREEP_M or here.link is None or opens(here.link):
         return each
-    return replace(each, position_m=each.position_m + room_m - (LINE_M if here.link.light is not None else KERB_M))
+    light = here.link.light
+    green = light is not None and network.first_state[light[0]][light[1]] == "G"
+    line_m = KERB_M if light is None else SWITCHING_LINE_M if green else LINE_M
+    return replace(each, position_m=each.position_m + room_m - line_m)

@@ -22,7 +22,7 @@ from interplan_sumo.simulation.flow import Flow, OnTheRoad
 from interplan_sumo.simulation.lane_polygons import Ring
 from interplan_sumo.simulation.late_for_light import LateForLight
 from interplan_sumo.simulation.lights import Lights, LoggedLights
-from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
+from interplan_sumo.simulation.network import SOON_S, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.pedestrians import Crowd
 from interplan_sumo.simulation.slow_vehicles import ELEMENTS as SLOW
@@ -35,8 +35,6 @@ from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.signals import Signals, SignalStatus
 
-SOON_S = 2.5
-"""A light that switches within this time is none to drive towards as if it stayed green."""
 LANE_SLACK_M = 0.5
 """The rear of a car that is turned by less than this against its lane stays in it."""
 BESIDE_M = 80.0

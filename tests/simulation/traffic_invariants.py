@@ -6,8 +6,9 @@ frames are the map frame in metres and radians, boxes given by their centres.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -39,6 +40,8 @@ STRETCH = 0.15
 MAP_END_M = 30.0
 """A vehicle that goes this near to where a road ends, or comes where one begins, does so with the map."""
 STANDING_MPS = 0.5
+ERRORS, EIDM_ERROR = 4.0, 0.04
+"""Standard deviations of an EIDM driver's error, nobody errs by more; and its `sigmaerror` where a type says none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,6 +317,15 @@ def comings_and_goings(
         gaps = frames[1:][np.diff(frames) > 1]
         for k in gaps:
             yield Violation("vanishes_and_returns", int(k), name, 0.0)
+
+
+def erring(bodies: dict[str, Body], types: str) -> dict[str, Body]:
+    """EIDM's drivers err by `sigmaerror` times `accel`, 2.2 times that with nobody near: the pedal goes so far, too."""
+    if '"EIDM"' not in types:
+        return bodies
+    error = max((float(each) for each in re.findall(r'sigmaerror="([\d.]+)"', types)), default=EIDM_ERROR)
+    most = 1.0 + 2.2 * ERRORS * error
+    return {name: replace(body, accel_mps2=most * body.accel_mps2) for name, body in bodies.items()}
 
 
 def _spells(on: NDArray[np.bool_]) -> list[tuple[int, int]]:
