@@ -8,12 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from networks import agent, ego_at, traffic, types
+from test_right_of_way import first_crossing
 
-from interplan_sumo.maps.store import load_roads
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.agent_control import NEW_STEPS
+from interplan_sumo.simulation.first_seconds import _Line
+from interplan_sumo.simulation.lane_chains import continued_route
+from interplan_sumo.simulation.network import NetworkLink, read_network
 from interplan_sumo.simulation.setup import open_sumo_traffic
+from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import sumo
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
 from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
 
@@ -106,3 +113,42 @@ def test_on_the_maps_who_starts_and_who_comes_later_brakes_mildly(model: str, tm
     assert many > 40
     assert hard == 0
     assert np.mean(list(before.values())) > 1.0
+
+
+@pytest.mark.parametrize(("closings", "mild"), [((0,), True), ((19,), False), ((0, 7, 14, 19), False)])
+def test_a_line_that_may_close_at_any_moment_is_mild_only_if_it_is_at_each(
+    closings: tuple[int, ...], mild: bool
+) -> None:
+    behaviour = types("conservative")
+    with traffic(behaviour, (agent(behaviour, "e0_0", 100.0, 9.0),), NOBODY) as run:
+        line = _Line(32.0, closings, light=False)
+        assert run._first_seconds._speeds("a0", 9.0, (), line)[1] is mild
+
+
+def test_who_comes_while_somebody_crosses_its_way_starts_slower() -> None:
+    """It has the right of way, but SUMO's cars keep behind whoever is in the junction already."""
+    crossing = first_crossing("one_north")
+    files, behaviour = find_map(crossing.map), types("conservative")
+    network = read_network(files.network)
+
+    def start(link: NetworkLink, before_m: float, speed_mps: float) -> Spawn:
+        lane = network.lanes[link.from_lane]
+        route = (lane.edge, *continued_route(network, link.to_lane, 200.0))
+        return Spawn(lane.id, lane.length_m - before_m, speed_mps, behaviour.members[0], route)
+
+    def comes_mps(*, beside_m: float) -> float:
+        """How fast one starts 20 m before a junction, a while after another has set out so far before it."""
+        setup = TrafficSetup(
+            network, NetworkIds.read(files.ids), behaviour, NOBODY, (), presence=EgoPresence.ABSENT,
+            spawns=(start(crossing.second, beside_m, 0.0),), tokens=("a",),
+        )  # fmt: skip
+        with SumoTraffic(setup) as run:
+            for _ in range(25):
+                run.react(NOBODY)
+                run.advance()
+            run._add("b", start(crossing.first, 20.0, 10.0))
+            run.advance()
+            return float(sumo.vehicle.getSpeed("a1"))
+
+    assert comes_mps(beside_m=60.0) == pytest.approx(10.0)
+    assert comes_mps(beside_m=1.0) < 9.5

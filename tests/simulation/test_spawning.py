@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import two_way_road, types
 
-from interplan_sumo.maps.store import load_roads
+from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation import spawning
 from interplan_sumo.simulation.lane_chains import ChainedLane, chain_through, continued_route
 from interplan_sumo.simulation.lane_occupancy import LaneOccupancy, Occupant
+from interplan_sumo.simulation.network import SOON_S, read_network
 from interplan_sumo.simulation.setup import open_traffic
-from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.spawning import SWITCHING_LINE_M, Spawn
 from interplan_sumo.simulation.start_speed import StartAhead, start_speed_mps
 from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
@@ -140,3 +144,21 @@ def hardest_braking(name: str, behaviour: str) -> float:
 def test_nobody_brakes_hard_because_of_how_it_started(name: str, behaviour: str) -> None:
     """The first placed one before a turn, at 19 m/s, and braked with 9 m/s2."""
     assert hardest_braking(name, behaviour) <= 3.0
+
+
+@pytest.mark.parametrize(("lasts_s", "before_m"), [(SOON_S - 0.1, SWITCHING_LINE_M), (SOON_S + 0.1, 1.6)])
+def test_one_that_starts_at_a_green_light_about_to_switch_has_room_to_stop_again(
+    lasts_s: float, before_m: float
+) -> None:
+    whole = read_network(find_map("one_north").network)
+    link = next(
+        link
+        for ways in whole.links.values()
+        for link in ways
+        if link.light is not None and whole.first_state[link.light[0]][link.light[1]] == "G"
+    )
+    network = replace(whole, first_phase_s={link.light[0]: lasts_s}) if link.light is not None else whole
+    lane = network.lanes[link.from_lane]
+    starts = Spawn(lane.id, lane.length_m - 1.6, 0.0, DRIVER, (lane.edge, network.lanes[link.to_lane].edge))
+    placed = spawning._up_to_the_line(network, starts, partial(network.opens_freely, shown={}))
+    assert lane.length_m - placed.position_m == pytest.approx(before_m)
