@@ -14,6 +14,7 @@ from interplan_sumo.maps.importers.chains import (
     lights_by_way,
     lights_passed,
 )
+from interplan_sumo.maps.importers.greens import with_yielding_greens
 from interplan_sumo.maps.importers.record import LaneOrigin
 from interplan_sumo.maps.importers.source import SourceJunction, SourceMap, SourceSignal
 from interplan_sumo.maps.signal_program import GREEN, SignalProgram
@@ -32,7 +33,9 @@ def carried_controls(
     carrying.carry_junctions()
     used = {light for light, _ in carrying.links.values()}
     signals = {light: tuple(programs) for light, programs in carrying.signals.items() if light in used}
-    return MapControls(signals, carrying.links, tuple(carrying.junctions)), tuple(carrying.notes)
+    controls = MapControls(signals, carrying.links, tuple(carrying.junctions))
+    mute = [signal.id for signal in source.signals if signal.id in signals and not signal.tells_who_yields]
+    return with_yielding_greens(roads, controls, mute), tuple(carrying.notes)
 
 
 @dataclass(eq=False)

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.maps.importers.commonroad.lights import signals_of
 from interplan_sumo.maps.importers.commonroad.signs import Signs, read_signs, usable_limit_mps
 from interplan_sumo.maps.importers.lines import along, ring
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap, SourceStopLine
@@ -91,6 +92,7 @@ def read_commonroad(path: Path) -> SourceMap:
             f"{file.path}: none of its {len(lanelets)} lanelets is for cars; give a file with a road network"
         )
     lanes = _lanes(file, lanelets, cars, signs, notes)
+    signals = signals_of(file, lanes, notes)
     return SourceMap(
         name=file.name,
         format="CommonRoad",
@@ -106,6 +108,7 @@ def read_commonroad(path: Path) -> SourceMap:
             for one in lanelets.values()
             if one.reason is not None
         ),
+        signals=signals,
         notes=tuple(notes),
     )
 
