@@ -8,6 +8,7 @@ import numpy as np
 
 from interplan_sumo.errors import PlannerError
 from interplan_sumo.world.ego import EgoState
+from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
 
 START_SLACK_S = 1e-3
@@ -46,29 +47,33 @@ def check_plan(plan: object, ego: EgoState, now_s: float) -> None:
         )
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are what this is about
         _check_numbers(plan)
-        _check_times(plan, now_s)
-        _check_motion(plan, ego, now_s)
+        steps_s = plan.time_s[1:] - plan.time_s[:-1]
+        is_even = not np.count_nonzero(np.abs(steps_s - _SAMPLE_S) > _TIME_SLACK_S)
+        _check_times(plan, now_s, steps_s, is_even)
+        _check_motion(plan, ego, now_s, is_even)
 
 
 def _check_numbers(plan: Trajectory) -> None:
     # Trajectory checks this when it is made; a plan from foreign code may have got round it.
-    columns = {name: getattr(plan, name) for name in ("time_s", "x_m", "y_m", "heading_rad")}
-    if not isfinite(np.concatenate([*columns.values()]).sum()):  # the quick way: so it is only if every term is
-        for name, values in columns.items():
-            bad = np.flatnonzero(~np.isfinite(values))
-            if bad.size:
-                raise PlannerError(f"the plan holds a number that is not finite: {name}[{bad[0]}] = {values[bad[0]]}")
+    squared = (plan.time_s.dot(plan.time_s), plan.x_m.dot(plan.x_m), plan.y_m.dot(plan.y_m))
     heading = plan.heading_rad
-    if max(float(heading.max()), -float(heading.min())) > LARGEST_HEADING_RAD:
-        i = int(np.argmax(np.abs(heading)))
+    turned = heading.dot(heading)
+    if isfinite(sum(squared)) and turned <= LARGEST_HEADING_RAD * LARGEST_HEADING_RAD:
+        return  # the quick way: so it is only if every term is
+    for name in ("time_s", "x_m", "y_m", "heading_rad"):
+        values = getattr(plan, name)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise PlannerError(f"the plan holds a number that is not finite: {name}[{bad[0]}] = {values[bad[0]]}")
+    i = int(np.argmax(np.abs(heading)))
+    if abs(heading[i]) > LARGEST_HEADING_RAD:
         raise PlannerError(
             f"the plan's heading_rad[{i}] = {heading[i]:g} is no angle in radians (at most {LARGEST_HEADING_RAD:g})"
         )
 
 
-def _check_times(plan: Trajectory, now_s: float) -> None:
-    steps_s = plan.time_s[1:] - plan.time_s[:-1]
-    if np.count_nonzero(steps_s > 0.0) < len(steps_s):
+def _check_times(plan: Trajectory, now_s: float, steps_s: Floats, is_even: bool) -> None:
+    if not is_even and np.count_nonzero(steps_s > 0.0) < len(steps_s):
         i = int(np.argmax(steps_s <= 0.0))
         raise PlannerError(
             f"the plan's times do not increase: time_s[{i}] = {plan.time_s[i]:.6f}, "
@@ -92,7 +97,7 @@ def _check_times(plan: Trajectory, now_s: float) -> None:
         )
 
 
-def _check_motion(plan: Trajectory, ego: EgoState, now_s: float) -> None:
+def _check_motion(plan: Trajectory, ego: EgoState, now_s: float, is_even: bool) -> None:
     if now_s == plan.time_s[0]:  # as most planners have it
         x_m, y_m = float(plan.x_m[0]), float(plan.y_m[0])
     else:
@@ -104,7 +109,7 @@ def _check_motion(plan: Trajectory, ego: EgoState, now_s: float) -> None:
             f"({ego.x_m:.2f}, {ego.y_m:.2f}), at most {FARTHEST_START_M:g} m; plan the box centre, in the map frame"
         )
     at_s, x, y = plan.time_s, plan.x_m, plan.y_m
-    if np.count_nonzero(np.abs(at_s[1:] - at_s[:-1] - _SAMPLE_S) > _TIME_SLACK_S):
+    if not is_even:
         first_s, last_s = float(at_s[0]), float(at_s[-1])
         count = max(1, ceil((last_s - first_s) / _SAMPLE_S - _TIME_SLACK_S))
         at_s = first_s + _SAMPLE_S * np.arange(count + 1)

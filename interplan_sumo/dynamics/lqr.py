@@ -86,23 +86,22 @@ def target(state: EgoState, plan: Trajectory, shape: EgoShape = PACIFICA) -> Tar
     if now_s < -START_SLACK_S or now_s > end_s + START_SLACK_S:
         raise ValueError(f"the plan covers {start_s:.3f} to {plan.time_s[-1]:.3f} s, not now ({state.time_s:.3f} s)")
 
-    heading = _unwrapped(plan.heading_rad)
+    heading, turn_rad = _unwrapped(plan.heading_rad)
     cosine, sine = np.cos(heading), np.sin(heading)
     behind_m = shape.rear_axle_to_center_m
     x_m, y_m = plan.x_m - behind_m * cosine, plan.y_m - behind_m * sine
     # One point on the grid per full 0.1 s; half a microsecond forgives the rounding of times.
     count = max(1, int((end_s + 0.5e-6) / GRID_S))
     grid_s = _grid(count)
-    if len(time_s) == count + 1 and np.abs(time_s - grid_s).max() < 1e-9:
-        grid_heading, grid_x, grid_y = heading, x_m, y_m
+    if len(time_s) == count + 1 and not np.count_nonzero(np.abs(time_s - grid_s) >= 1e-9):
+        grid_x, grid_y = x_m, y_m
     else:
         grid_heading, grid_x, grid_y = (np.interp(grid_s, time_s, v) for v in (heading, x_m, y_m))
         cosine, sine = np.cos(grid_heading), np.sin(grid_heading)
-        grid_heading = _unwrapped(grid_heading)
+        _, turn_rad = _unwrapped(grid_heading)
     step_x_m, step_y_m = grid_x[1:] - grid_x[:-1], grid_y[1:] - grid_y[:-1]
     forward_m = step_x_m * cosine[:-1] + step_y_m * sine[:-1]
     at = now_s / GRID_S
-    turn_rad = grid_heading[1:] - grid_heading[:-1]
     if np.count_nonzero(turn_rad):
         speed = _speeds(forward_m)
         last = min(count - 1, int(at) + HORIZON_STEPS)
@@ -119,7 +118,7 @@ def target(state: EgoState, plan: Trajectory, shape: EgoShape = PACIFICA) -> Tar
     ego_x, ego_y = rear_axle_of(state.x_m, state.y_m, state.heading_rad, shape)
     return Target(
         speed_mps=speed_mps,
-        curvature_per_m=tuple([_held(curvature, at + i) for i in range(HORIZON_STEPS)]),
+        curvature_per_m=_next(curvature, at),
         lateral_error_m=-(ego_x - plan_x) * sin(plan_heading) + (ego_y - plan_y) * cos(plan_heading),
         heading_error_rad=wrap_angle(state.heading_rad - plan_heading),
     )
@@ -141,12 +140,13 @@ def command(state: EgoState, target: Target, shape: EgoShape = PACIFICA) -> Comm
     # Errors after i steps are affine in the rate: error + effect * rate.
     lateral, heading, tire = target.lateral_error_m, target.heading_error_rad, state.tire_angle_rad
     lateral_effect = heading_effect = tire_effect = 0.0
+    wheelbase_m = shape.wheelbase_m
     for i, curvature in enumerate(target.curvature_per_m):
         travelled_m = GRID_S * (speed + i * GRID_S * acceleration)
         lateral += travelled_m * heading
         lateral_effect += travelled_m * heading_effect
-        heading += travelled_m * (tire / shape.wheelbase_m - curvature)
-        heading_effect += travelled_m * tire_effect / shape.wheelbase_m
+        heading += travelled_m * (tire / wheelbase_m - curvature)
+        heading_effect += travelled_m * tire_effect / wheelbase_m
         tire_effect += GRID_S
     heading = wrap_angle(heading)
     pull = LATERAL_WEIGHT * lateral_effect * lateral + HEADING_WEIGHT * heading_effect * heading
@@ -154,13 +154,22 @@ def command(state: EgoState, target: Target, shape: EgoShape = PACIFICA) -> Comm
     return Command(acceleration, -pull / stiffness)
 
 
-def _unwrapped(heading_rad: Floats) -> Floats:
-    """The same headings without jumps by full turns."""
-    if heading_rad.max() - heading_rad.min() < pi:
-        return heading_rad
+def _unwrapped(heading_rad: Floats) -> tuple[Floats, Floats]:
+    """The same headings (N,) without jumps by full turns, and the turns (N - 1,) from each to the next."""
+    turn_rad = heading_rad[1:] - heading_rad[:-1]
+    if not np.count_nonzero(np.abs(turn_rad) >= pi):
+        return heading_rad, turn_rad
     unwrapped = heading_rad.copy()
-    unwrapped[1:] -= 2.0 * pi * np.cumsum(np.rint(np.diff(heading_rad) / (2.0 * pi)))
-    return unwrapped
+    unwrapped[1:] -= 2.0 * pi * np.cumsum(np.rint(turn_rad / (2.0 * pi)))
+    return unwrapped, unwrapped[1:] - unwrapped[:-1]
+
+
+def _next(profile: list[float], at: float) -> tuple[float, ...]:
+    """`_held` at an index and at the ones that follow it, as far as the horizon."""
+    if at > 0.0 and len(profile) > 1:
+        return tuple([_held(profile, at + i) for i in range(HORIZON_STEPS)])
+    found = profile[:HORIZON_STEPS]
+    return (*found, *profile[-1:] * (HORIZON_STEPS - len(found)))
 
 
 def _held(profile: list[float], at: float) -> float:

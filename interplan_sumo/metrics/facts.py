@@ -23,7 +23,7 @@ from interplan_sumo.metrics.comfort_signals import FEWEST_FRAMES, comfort_signal
 from interplan_sumo.metrics.expert_route import RouteBlock, progress_per_frame, project_m, route_blocks
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.world.geometry import Floats, Polyline, box_corners
+from interplan_sumo.world.geometry import Floats, Ints, Polyline, box_corners
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import EgoTrack, Trace
 
@@ -152,6 +152,17 @@ class Facts:
         """(R,) magnitude of the velocity of each row of the actor table."""
         return np.hypot(self.trace.actors.vx_mps, self.trace.actors.vy_mps)
 
+    @cached_property
+    def row_before(self) -> Ints:
+        """(R,) row of the same track one frame before; -1 where it was not there."""
+        actors = self.trace.actors
+        names = actors.ids.tolist()
+        number_of = {name: number for number, name in enumerate(dict.fromkeys(names))}
+        track = np.fromiter(map(number_of.__getitem__, names), np.int64, len(names))
+        row_of = np.full((self.frames + 1, len(number_of)), -1)
+        row_of[actors.frame + 1, track] = np.arange(len(names))
+        return row_of[actors.frame, track]
+
     # --- what the expert did -------------------------------------------------------------------
 
     @cached_property
@@ -210,8 +221,13 @@ class Facts:
         return self._route_arc_m(self.centre)
 
     @cached_property
+    def expert_route_ends_m(self) -> Floats:
+        """(2,) the same of the first and the last centre of the expert; none where it has none."""
+        return self._route_arc_m(self.expert_centre[[0, -1]] if len(self.expert_centre) else self.expert_centre)
+
+    @cached_property
     def expert_route_arc_m(self) -> Floats:
-        """(M,) the same of the expert."""
+        """(M,) the same of the expert's centres; where their ends are enough, `expert_route_ends_m` is quicker."""
         return self._route_arc_m(self.expert_centre)
 
     def _route_arc_m(self, xy: Floats) -> Floats:

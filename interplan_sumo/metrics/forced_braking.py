@@ -119,22 +119,12 @@ def all_forced_braking(facts: Facts) -> ForcedBraking | None:
     if actors.ax_without_ego is None:
         return None
     rows = np.flatnonzero(np.isfinite(actors.ax_without_ego))
-    before = np.array([_row_before(facts, row) for row in rows.tolist()], dtype=np.int64)
+    before = facts.row_before[rows] if len(rows) else rows
     rows, before = rows[before >= 0], before[before >= 0]
     braking = (facts.actor_speed_mps[before] - facts.actor_speed_mps[rows]) / (facts.step_us * 1e-6)
     without = -actors.ax_without_ego[rows]
     forced = braking - without >= LEAST_FORCED_MPS2
     return ForcedBraking(rows[forced], braking[forced], without[forced])
-
-
-def _row_before(facts: Facts, row: int) -> int:
-    """The row of the same track one frame before; -1 if there is none."""
-    actors = facts.trace.actors
-    if actors.frame[row] == 0:
-        return -1
-    earlier = actors.rows(int(actors.frame[row]) - 1)
-    found = np.flatnonzero(actors.ids[earlier] == actors.ids[row])
-    return earlier.start + int(found[0]) if len(found) else -1
 
 
 def _counted(facts: Facts, track: str, frames: Ints) -> NDArray[np.bool_]:

@@ -34,7 +34,7 @@ def progress(facts: Facts) -> MetricResult:
     as one in its own. What lies beyond the goal counts for neither.
     """
     ego = facts.route_arc_m
-    expert = facts.expert_route_arc_m
+    expert = facts.expert_route_ends_m
     gained = np.diff(ego, prepend=ego[:1])
     ego_m = float(ego[-1] - ego[0]) if len(ego) else 0.0
     expert_m = float(expert[-1] - expert[0]) if len(expert) else 0.0

@@ -48,7 +48,7 @@ class TaskOutcome:
 def outcome(facts: Facts) -> TaskOutcome:
     """What the ego did and did not do of what the scene asks."""
     goal_m = goal_arc_m(facts.roads, facts.staged)
-    ego, expert = facts.route_arc_m, facts.expert_route_arc_m
+    ego, expert = facts.route_arc_m, facts.expert_route_ends_m
     ego_m = float(ego[-1] - ego[0]) if len(ego) else 0.0
     certificate_m = float(expert[-1] - expert[0]) if len(expert) else 0.0
     reaches_line = bool(len(expert)) and float(expert[-1]) >= goal_m

@@ -124,8 +124,8 @@ def overlap_span_s(
     between = heading_b - heading_a
     cos, sin = np.abs(np.cos(between)), np.abs(np.sin(between))
     for heading, own, other in ((heading_a, size_a, size_b), (heading_b, size_b, size_a)):
-        for turn in (0, 1):
-            axis_x, axis_y = ((np.cos(heading), np.sin(heading)), (-np.sin(heading), np.cos(heading)))[turn]
+        along_x, along_y = np.cos(heading), np.sin(heading)
+        for turn, (axis_x, axis_y) in enumerate(((along_x, along_y), (-along_y, along_x))):
             shadow = other[:, turn] * cos + other[:, 1 - turn] * sin
             reach = (own[:, turn] + shadow) / 2 + TOUCH_M
             gap = offset[:, 0] * axis_x + offset[:, 1] * axis_y

@@ -153,11 +153,11 @@ class AgentControl:
 
     def tell(self, agents: AgentSnapshot, commands: AgentCommands) -> None:
         """Pass on what is decided for the next step."""
-        rows = {name: row for row, name in enumerate(agents.names)} if commands.decisions or self._overseen else {}
-        with Commanding("commanding the agents"):
-            for name, decision in self._held_back(agents, commands.decisions, rows).items():
-                if name in self._told or decision.mode is not Mode.SUMO or decision.speed_mps is not None:
-                    self._apply(name, decision, float(agents.speed_mps[rows[name]]))
+        if commands.decisions or self._overseen:
+            with Commanding("commanding the agents"):
+                for name, decision in self._held_back(agents, commands.decisions).items():
+                    if name in self._told or decision.mode is not Mode.SUMO or decision.speed_mps is not None:
+                        self._apply(name, decision, float(agents.speed_mps[agents.rows[name]]))
         self.keep_lanes(commands.keep_lane)
 
     def _follow_speed_mps(self, name: str, speed_mps: float, gap_m: float, leader_mps: float, leader: str) -> float:
@@ -167,12 +167,14 @@ class AgentControl:
         return float(sumo.vehicle.getFollowSpeed(name, speed_mps, net_m, leader_mps, decel_mps2, leader))
 
     def _held_back(
-        self, agents: AgentSnapshot, decisions: Mapping[str, ReactionDecision], rows: Mapping[str, int]
+        self, agents: AgentSnapshot, decisions: Mapping[str, ReactionDecision]
     ) -> Mapping[str, ReactionDecision]:
         """`decisions`, and that agents whose model drives into its leader do not."""
+        if not self._overseen:
+            return decisions
         held = {name: decisions.get(name, BACK_TO_SUMO) for name in self._overseen}
         for name, decision in held.items():
-            most_mps = self._most_mps(name, float(agents.speed_mps[rows[name]]))
+            most_mps = self._most_mps(name, float(agents.speed_mps[agents.rows[name]]))
             if decision.speed_mps is None or most_mps < decision.speed_mps:
                 held[name] = decision if most_mps == inf else decision._replace(speed_mps=most_mps)
         return {**decisions, **held}

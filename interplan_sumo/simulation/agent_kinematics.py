@@ -10,6 +10,7 @@ A lane change that is cut short by a jump to the middle of the next lane slides.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import atan, atan2, degrees, exp, hypot, pi, tan
 
 import numpy as np
@@ -27,6 +28,8 @@ LEAST = 0.5
 """On the inner lane they go slower; a step that is shorter still is a jump back, from one edge to the next."""
 STEEPEST = 1.0
 """Way to the side per way ahead of a front bumper, at full lock; who stands stands still, whatever SUMO slides."""
+NEARLY = 0.2
+"""As a share of the step: a front this near to where its speed would take it straight on needs no holding."""
 DISPLACED_M = 0.1
 STRAIGHT_RAD = 1e-4
 """Turned by less in a step, and moved sideways by less, nobody slips."""
@@ -54,10 +57,8 @@ class AgentKinematics:
         """Of the headings, as `sine`."""
         self.sine: Floats = np.zeros(0)
         self.speed_mps: Floats = np.zeros(0)
-        self.turned_rad: Floats = np.zeros(0)
-        """By SUMO's angle since the step before, not wrapped; none in the first step."""
-        self.most_turned_rad = 0.0
-        """The largest of `turned_rad`, to either side."""
+        self.turned_rad: Mapping[int, float] = {}
+        """By SUMO's angle since the step before, not wrapped, of the rows where that is more than `STRAIGHT_RAD`."""
         self.displaced: frozenset[int] = frozenset()
         """Rows of cars that are shown elsewhere than where SUMO has them, which slid sideways without driving."""
         self._new: list[int] = []
@@ -65,12 +66,12 @@ class AgentKinematics:
     def move(self, front_m: ArrayLike, angle_deg: ArrayLike, speed_mps: ArrayLike, length_m: Floats) -> None:
         """Take over SUMO's positions, navigation angles and speeds after a step, held to what a car can do.
 
-        `length_m` (N,) are the lengths of the cars, in m.
+        `front_m` are x and y of one after the other, `length_m` (N,) the lengths of the cars. Arrays are kept.
         """
-        front = np.array(front_m, dtype=np.float64).reshape(-1, 2)
+        front, speed = np.asarray(front_m, dtype=np.float64).reshape(-1, 2), np.asarray(speed_mps, dtype=np.float64)
         heading = (pi / 2.0 - np.radians(angle_deg) + pi) % (2.0 * pi) - pi
-        speed = np.array(speed_mps, dtype=np.float64)
-        self.turned_rad, self.most_turned_rad, self.displaced = np.zeros(0), 0.0, frozenset[int]()
+        turns: dict[int, float] = {}
+        self.turned_rad, self.displaced = turns, frozenset()
         if self._new:
             rows, self._new = self._new, []
             came = np.stack((np.cos(heading[rows]), np.sin(heading[rows])), axis=1) * speed[rows, None]
@@ -81,21 +82,24 @@ class AgentKinematics:
             along_m = went[:, 0] * self.cosine + went[:, 1] * self.sine
             left_m = went[:, 1] * self.cosine - went[:, 0] * self.sine
             step_m, aside_m = self._dt_s * speed, np.abs(left_m)
-            odd = (along_m < LEAST * step_m) | (aside_m > STEEPEST * along_m)
-            odd |= np.hypot(along_m, left_m) > _farthest_m(step_m)
-            if np.count_nonzero(odd):
+            if np.count_nonzero(np.abs(along_m - step_m) + aside_m > NEARLY * step_m):
+                odd = (along_m < LEAST * step_m) | (aside_m > STEEPEST * along_m)
+                odd |= np.hypot(along_m, left_m) > _farthest_m(step_m)
                 self._hold(front, along_m, left_m, step_m, odd.nonzero()[0])
-            self.turned_rad = turned = heading - self.heading_rad
-            self.most_turned_rad = float(max(turned.max(), -turned.min()))
+            turned = heading - self.heading_rad
             for row in ((np.abs(turned) > STRAIGHT_RAD) | (aside_m > STRAIGHT_M)).nonzero()[0].tolist():
                 before, wanted = float(self.heading_rad[row]), float(heading[row])
                 axle_m = REAR_AXLE * float(length_m[row])
+                if abs(wanted - before) > STRAIGHT_RAD:
+                    turns[row] = wanted - before
                 heading[row] = _trailed(before, wanted, float(along_m[row]), float(left_m[row]), axle_m)
         self.front_m, self.heading_rad, self.speed_mps = front, heading, speed
         self.cosine, self.sine = np.cos(heading), np.sin(heading)
 
     def _hold(self, front: Floats, along_m: Floats, left_m: Floats, step_m: Floats, rows: NDArray[np.intp]) -> None:
         """Hold the motion of the fronts in `rows` to what a car can do, in place."""
+        if not len(rows):
+            return
         along = np.maximum(along_m[rows], LEAST * step_m[rows])
         left = np.clip(left_m[rows], -STEEPEST * along, STEEPEST * along)
         shrunk = np.minimum(1.0, _farthest_m(step_m[rows]) / np.maximum(np.hypot(along, left), 1e-9))

@@ -5,9 +5,9 @@ SUMO knows an agent by its name, everyone else by its token.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,18 +21,18 @@ from interplan_sumo.world.geometry import Floats
 _KINDS = {"pedestrian": ActorKind.PEDESTRIAN, "bicycle": ActorKind.BICYCLE}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class AgentSnapshot:
+class AgentSnapshot(NamedTuple):
     """All agents at one instant, in SUMO's frame: what the decisions about the ego are made from."""
 
     names: Sequence[str]
+    rows: Mapping[str, int]
+    """By name."""
     front_x: Floats  # (N,)
     front_y: Floats  # (N,)
     heading_rad: Floats  # (N,)
     speed_mps: Floats  # (N,)
-    turned_rad: Floats  # (N,) since the step before, not wrapped; empty in the first step
-    most_turned_rad: float
-    """The largest of `turned_rad`, to either side."""
+    turned_rad: Mapping[int, float]
+    """As in `AgentKinematics`."""
     displaced: frozenset[int]
     """Rows of cars that are elsewhere than where SUMO has them."""
     lanes: Callable[[Sequence[str]], list[str]]
@@ -51,6 +51,8 @@ class AgentRegistry:
     ) -> None:
         self.names: list[str] = []
         """Of the agents that are there, in the order of their tokens; a new list whenever an agent comes or goes."""
+        self.rows: dict[str, int] = {}
+        """By name."""
         self.drivers: dict[str, VehicleType] = {}
         self.routes: dict[str, tuple[str, ...]] = {}
         self.behaviours: dict[str, str] = {}
@@ -114,9 +116,11 @@ class AgentRegistry:
 
     def _index(self) -> None:
         """Columns that do not change from step to step."""
+        self.rows = {name: row for row, name in enumerate(self.names)}
         drivers = [self.drivers[name] for name in self.names]
         self.length_m = np.array([d.length_m for d in drivers], dtype=np.float64)
         self.width_m = np.array([d.width_m for d in drivers], dtype=np.float64)
+        self._half_m = self.length_m / 2.0
         left_m = np.array([d.left_m for d in drivers], dtype=np.float64)
         self._left_m = left_m if left_m.any() else None
         pedestrians = self._crowd.observe() if self._crowd is not None else Actors.none()
@@ -139,13 +143,13 @@ class AgentRegistry:
         """All agents now; `lanes`, `positions_m` and `choice` ask SUMO."""
         moving = self.kinematics
         return AgentSnapshot(
-            self.names, self.front_x, self.front_y, moving.heading_rad, moving.speed_mps, moving.turned_rad,
-            moving.most_turned_rad, moving.displaced, lanes, positions_m, choice,
+            self.names, self.rows, self.front_x, self.front_y, moving.heading_rad, moving.speed_mps, moving.turned_rad,
+            moving.displaced, lanes, positions_m, choice,
         )  # fmt: skip
 
     def actors(self) -> Actors:
         """Everyone and everything as others see them, rows sorted by id."""
-        heading_rad, speed_mps, half_m = self.kinematics.heading_rad, self.kinematics.speed_mps, self.length_m / 2.0
+        heading_rad, speed_mps, half_m = self.kinematics.heading_rad, self.kinematics.speed_mps, self._half_m
         cosine, sine = self.kinematics.cosine, self.kinematics.sine
         columns = [
             self.front_x + self._origin[0] - half_m * cosine,

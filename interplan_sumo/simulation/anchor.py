@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import cos, hypot, sin
+from typing import NamedTuple
 
 from interplan_sumo.simulation.lane_polygons import ego_ring
 from interplan_sumo.simulation.network import LanePiece, SumoNetwork
@@ -21,8 +21,7 @@ BEND_M = 0.3
 """A lane bends away from its direction at the ego's front by less than this within the ego's length."""
 
 
-@dataclass(frozen=True, slots=True)
-class Anchor:
+class Anchor(NamedTuple):
     """A place on the centre line of a SUMO lane, in SUMO's frame."""
 
     lane: str

@@ -167,7 +167,8 @@ class EgoReactions:
                 self._commanded.add(name)
                 continue
             self._commanded.discard(name)
-            if self._memory.get(name) == NOTHING_REMEMBERED:
+            remembered = self._memory.get(name)
+            if remembered is not None and not remembered.reacting and remembered == NOTHING_REMEMBERED:
                 del self._memory[name]
         if on_network.straddles:
             keep_lane |= self._keeping_lane(agents, away_m2)
@@ -184,7 +185,7 @@ class EgoReactions:
 
     def _keeping_lane(self, agents: AgentSnapshot, away_m2: Floats) -> frozenset[str]:
         """Agents that keep their lane beside an ego that straddles two; `away_m2` as in `_within_reach`."""
-        beside = (agents.names[row] for row in np.flatnonzero(away_m2 <= FREEZE_RADIUS_M**2).tolist())
+        beside = (agents.names[row] for row in (away_m2 <= FREEZE_RADIUS_M**2).nonzero()[0].tolist())
         return frozenset([name for name in beside if not self._drivers[name].swerve])
 
     def _beside_overlap(self, agents: AgentSnapshot, lane: str) -> frozenset[str]:
@@ -246,9 +247,7 @@ class EgoReactions:
         if overlaps:  # whom the ego hides concerns them, however far away it is itself
             corridors = zip(agents.names, self._corridors_of(agents, agents.names), strict=True)
             known.update([name for name, (_, corridor) in corridors if self._overlap_lane in corridor])
-        rows = set(near)
-        if known:
-            rows.update([row for row, name in enumerate(agents.names) if name in known])
+        rows = {*near, *(agents.rows[name] for name in known)}
         concerned = self._concerned(agents, sorted(rows), lanes, known)
         for_ego = reactions.decide(concerned, on_network, ahead, self._memory, self._models, at_start=self._at_start)
         for_others: dict[str, ReactionDecision] = {}
@@ -307,13 +306,12 @@ class EgoReactions:
                 return True
         dx, dy = agents.front_x - anchor.x_m, agents.front_y - anchor.y_m
         numbers = self._numbers(agents.names)
-        near = np.flatnonzero(dx * dx + dy * dy < numbers[5])
-        if not len(near):
-            return False
         cosine, sine = cos(anchor.heading_rad), sin(anchor.heading_rad)
-        along_m, across_m = cosine * dx[near] + sine * dy[near], cosine * dy[near] - sine * dx[near]
-        beside = np.abs(across_m) < self._shape.width_m
-        return bool((beside & (along_m > -length_m) & (along_m < numbers[4][near])).any())
+        for row in (dx * dx + dy * dy < numbers[5]).nonzero()[0].tolist():
+            along_m, across_m = cosine * dx[row] + sine * dy[row], cosine * dy[row] - sine * dx[row]
+            if abs(across_m) < self._shape.width_m and -length_m < along_m < numbers[4, row]:
+                return True
+        return False
 
     def _within_reach(self, agents: AgentSnapshot, ego: EgoState, away_m2: Floats) -> list[int]:
         """Rows of the agents that the ego, were it their leader, would make brake noticeably.

@@ -44,13 +44,12 @@ class LaneChangeOverhang:
 
     def candidates(self, snapshot: AgentSnapshot) -> list[int]:
         """Rows of agents that may overhang a lane; to be called once per step."""
-        if snapshot.most_turned_rad > TURNING_RAD:
-            turned = snapshot.turned_rad if snapshot.most_turned_rad < pi else wrap_angle(snapshot.turned_rad)
-            turning = np.abs(turned) > TURNING_RAD
-            slow = np.flatnonzero(turning & (snapshot.speed_mps < SLOW_MPS))
-            self._candidates.update(snapshot.names[int(row)] for row in slow)
+        for row, turned in snapshot.turned_rad.items():
+            least = abs(turned) if abs(turned) < pi else abs(wrap_angle(turned))
+            if least > TURNING_RAD and snapshot.speed_mps[row] < SLOW_MPS:
+                self._candidates.add(snapshot.names[row])
         self._candidates.update([snapshot.names[row] for row in snapshot.displaced])
-        return [row for row, name in enumerate(snapshot.names) if name in self._candidates] if self._candidates else []
+        return sorted(snapshot.rows[name] for name in self._candidates)
 
     def coverage(
         self, rows: Sequence[int], lanes: Sequence[str], snapshot: AgentSnapshot

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from math import cos, floor, hypot, inf, sin
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -96,8 +97,7 @@ def clipped(area: Ring, sides: Sequence[tuple[float, float, float]]) -> Ring:
     return area
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ClipArea:
+class ClipArea(NamedTuple):
     """A convex area that is held against many parts of lanes."""
 
     ring: Ring
@@ -197,7 +197,8 @@ class RectangleIndex:
         """`rectangles`: (N, 4) lowest x, lowest y, highest x, highest y."""
         self._rectangles: list[tuple[float, float, float, float]] = [(a, b, c, d) for a, b, c, d in rectangles.tolist()]
         self._cells: dict[tuple[int, int], list[int]] = {}
-        self._blocks: dict[tuple[int, int, int, int], list[int]] = {}  # of cells that were asked about together
+        self._blocks: dict[tuple[int, int, int, int], list[tuple[float, float, float, float, int]]] = {}
+        """Rectangles and numbers of what is in cells that were asked about together."""
         for number, rectangle in enumerate(self._rectangles):
             first_column, first_row, last_column, last_row = _block(*rectangle)
             for column in range(first_column, last_column + 1):
@@ -211,13 +212,9 @@ class RectangleIndex:
         if candidates is None:
             first_column, first_row, last_column, last_row = block
             cells = product(range(first_column, last_column + 1), range(first_row, last_row + 1))
-            candidates = self._blocks[block] = sorted({each for cell in cells for each in self._cells.get(cell, ())})
-        found: list[int] = []
-        for each in candidates:
-            a, b, c, d = self._rectangles[each]
-            if a <= high_x and c >= low_x and b <= high_y and d >= low_y:
-                found.append(each)
-        return found
+            numbers = sorted({each for cell in cells for each in self._cells.get(cell, ())})
+            candidates = self._blocks[block] = [(*self._rectangles[each], each) for each in numbers]
+        return [each for a, b, c, d, each in candidates if a <= high_x and c >= low_x and b <= high_y and d >= low_y]
 
     def around(self, x_m: float, y_m: float, reach_m: float) -> list[tuple[float, int]]:
         """Distances from a point to the rectangles within reach, and whose they are, nearest first."""

@@ -69,11 +69,11 @@ class NetworkLane:
 
     def position_of(self, line_arc_m: float) -> float:
         """SUMO's lane position of an arc length on the line."""
-        return line_arc_m * self.length_m / self.line.length_m
+        return line_arc_m * self.length_m / self.plain_line.length_m
 
     def arc_of(self, position_m: float) -> float:
         """Arc length on the line of SUMO's lane position."""
-        return position_m * self.line.length_m / self.length_m
+        return position_m * self.plain_line.length_m / self.length_m
 
     @cached_property
     def plain_line(self) -> PlainPolyline:

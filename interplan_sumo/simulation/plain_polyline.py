@@ -36,7 +36,9 @@ class PlainPolyline:
 
         `between_m` looks only at the segments that reach into this stretch.
         """
-        segments = self._segments if between_m is None else self._segments[self._rows(*between_m)]
+        segments = self._segments
+        if between_m is not None and len(segments) > 1:
+            segments = segments[self._rows(*between_m)]
         least = inf
         found = (0.0, 0.0, 0.0, 0.0)
         for x, y, ux, uy, length, arc in segments:
@@ -73,7 +75,8 @@ class PlainPolyline:
         """The pose at one arc length, which is clamped to the line."""
         i, share = self._place(arc_m)
         (x, y), (next_x, next_y) = self._points[i : i + 2]
-        return Pose(x + share * (next_x - x), y + share * (next_y - y), float(wrap_angle(self.heading_at(arc_m))))
+        here, there = self._vertex_heading_rad[i : i + 2]
+        return Pose(x + share * (next_x - x), y + share * (next_y - y), wrap_angle(here + share * (there - here)))
 
     def _place(self, arc_m: float) -> tuple[int, float]:
         """Segment and share of it at an arc length."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from math import inf
 
 import numpy as np
@@ -96,6 +97,8 @@ class SumoTraffic:
         self._speeding: dict[str, float] = {}  # agents that start above the limit -> their speeds
         self._lights = Lights(ids.links)
         self._signals: Signals | None = None
+        self._states: dict[str, str] = {}
+        self._switches_s: dict[str, float] = {}  # when the state of each light may be another one
         self._next_switch_s = 0.0
         self._before: StepBefore | None = None
         self._ax_without_ego: Mapping[str, float] = {}
@@ -364,30 +367,33 @@ class SumoTraffic:
         names = self._agents.names
         position, angle, speed = getters.vehicle_getPosition, getters.vehicle_getAngle, getters.vehicle_getSpeed
         with Commanding("reading the agents"):
-            fronts = [metres for name in names for metres in position(name)]
-            angles = [angle(name) for name in names]
-            speeds = [speed(name) for name in names]
+            fronts = np.fromiter(chain.from_iterable(map(position, names)), np.float64, 2 * len(names))
+            angles = np.fromiter(map(angle, names), np.float64, len(names))
+            speeds = np.fromiter(map(speed, names), np.float64, len(names))
         self._agents.move(fronts, angles, speeds)
 
     def _read_signals(self) -> Signals:
         """The lights; asked for only when one of them may have switched."""
         with Commanding("reading the lights"):
-            lights = sumo.trafficlight
-            if self._signals is None or sumo.simulation.getTime() >= self._next_switch_s - 1e-6:
-                states = [lights.getRedYellowGreenState(light) for light in self._lights.ids]
-                self._next_switch_s = min((lights.getNextSwitch(light) for light in self._lights.ids), default=inf)
-                self._signals = self._lights.signals(states)
+            lights, now_s = sumo.trafficlight, sumo.simulation.getTime() + 1e-6
+            if self._signals is None:
+                self._switches_s = dict.fromkeys(self._lights.ids, 0.0)
+                self._next_switch_s = 0.0
+            if now_s >= self._next_switch_s or self._signals is None:
+                for light in [light for light, at_s in self._switches_s.items() if now_s >= at_s]:
+                    self._states[light] = lights.getRedYellowGreenState(light)
+                    self._switches_s[light] = lights.getNextSwitch(light)
+                self._next_switch_s = min(self._switches_s.values(), default=inf)
+                self._signals = self._lights.signals([self._states[light] for light in self._lights.ids])
         return self._signals
 
     def _lanes_of(self, names: Sequence[str]) -> list[str]:
-        lane_of = sumo.vehicle.getLaneID
         with Commanding("reading the agents' lanes"):
-            return [lane_of(name) for name in names]
+            return list(map(getters.vehicle_getLaneID, names))
 
     def _positions_m(self, names: Sequence[str]) -> list[float]:
-        position_of = sumo.vehicle.getLanePosition
         with Commanding("reading the agents' positions"):
-            return [position_of(name) for name in names]
+            return list(map(getters.vehicle_getLanePosition, names))
 
     def _choice_of(self, name: str) -> Sequence[str]:
         with Commanding("reading which lanes {!r} means to take", name):

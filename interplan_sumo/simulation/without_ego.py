@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from math import inf
+from math import hypot, inf
 
 import numpy as np
 
@@ -91,16 +91,14 @@ class WithoutEgo:
         names = self._agents.names
         now = self._agents.kinematics.speed_mps
         was = before.speeds_of(names)
-        braked = np.flatnonzero(was - now >= LEAST_MPS2 * DT_S - 1e-9)
-        if not len(braked):
-            return {}
-        dx = self._agents.front_x[braked] - (before.ego.x_m - self._origin[0])
-        dy = self._agents.front_y[braked] - (before.ego.y_m - self._origin[1])
-        near = braked[dx * dx + dy * dy <= REACH_M * REACH_M].tolist()
-        found: dict[str, float] = {}
+        braked = (was - now >= LEAST_MPS2 * DT_S - 1e-9).nonzero()[0].tolist()
+        x_m, y_m = before.ego.x_m - self._origin[0], before.ego.y_m - self._origin[1]
+        front_m, found = self._agents.kinematics.front_m, dict[str, float]()
         with Commanding("asking what the agents would do without the ego"):
             bodies: dict[str, list[tuple[str, float, float]]] | None = None
-            for row in near:
+            for row in braked:
+                if hypot(front_m[row, 0] - x_m, front_m[row, 1] - y_m) > REACH_M:
+                    continue
                 name, old_mps, new_mps = names[row], float(was[row]), float(now[row])
                 if not self._explained(name, old_mps, new_mps, before):
                     continue

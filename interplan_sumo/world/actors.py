@@ -71,10 +71,9 @@ class Actors:
     def trusted(cls, ids: tuple[str, ...], *columns: NDArray[Any]) -> Actors:
         """Actors without the checks, for rows known to be good: sorted, columns in order of the fields."""
         actors = object.__new__(cls)
-        actors.__dict__["ids"] = ids
+        actors.__dict__.update(zip(_COLUMNS, columns, strict=True), ids=ids)  # this happens several times a step
         for column in columns:
             column.setflags(write=False)
-        actors.__dict__.update(zip(_COLUMNS, columns, strict=True))  # this happens several times a step
         return actors
 
     @classmethod
@@ -108,8 +107,9 @@ class Actors:
             rows = rows.nonzero()[0]
         if len(rows) == len(self):
             return self
-        columns = [getattr(self, name)[rows] for name in _COLUMNS]
-        return Actors.trusted(tuple([self.ids[i] for i in rows.tolist()]), *columns)
+        known = self.__dict__
+        columns = [known[name][rows] for name in _COLUMNS]
+        return Actors.trusted(tuple(map(self.ids.__getitem__, rows.tolist())), *columns)
 
     def within(self, x_m: float, y_m: float, radius_m: float) -> Actors:
         """The actors whose centre lies within `radius_m` of a point."""

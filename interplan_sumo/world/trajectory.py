@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from interplan_sumo.world.geometry import Floats, Pose, frozen, wrap_angle
+from interplan_sumo.world.geometry import Floats, Pose, wrap_angle
 
 _COLUMNS = ("time_s", "x_m", "y_m", "heading_rad", "speed_mps")
 
@@ -27,13 +27,15 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         count = np.size(self.time_s)
-        columns = {name: frozen(value) for name in _COLUMNS if (value := getattr(self, name)) is not None}
-        for name, array in columns.items():
-            if array.shape != (count,):
-                raise ValueError(f"Trajectory.{name} has shape {array.shape}, expected ({count},)")
-            object.__setattr__(self, name, array)
-        if np.count_nonzero(np.isfinite(np.concatenate([*columns.values()]))) < len(columns) * count:
-            bad = next(name for name, array in columns.items() if not np.isfinite(array).all())
+        given = {name: value for name in _COLUMNS if (value := getattr(self, name)) is not None}
+        for name, value in given.items():
+            if np.shape(value) != (count,):
+                raise ValueError(f"Trajectory.{name} has shape {np.shape(value)}, expected ({count},)")
+        columns = np.array([*given.values()], dtype=np.float64)
+        columns.setflags(write=False)
+        self.__dict__.update(zip(given, columns, strict=True))  # the rows; planners make a plan in every step
+        if np.count_nonzero(np.isfinite(columns)) < columns.size:
+            bad = next(name for name, column in zip(given, columns, strict=True) if not np.isfinite(column).all())
             raise ValueError(f"Trajectory.{bad} holds a number that is not finite")
         if count < 2:
             raise ValueError(f"a Trajectory needs at least two poses, got {count}")

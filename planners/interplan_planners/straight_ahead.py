@@ -18,6 +18,7 @@ class StraightAhead:
 
     def start(self, mission: Mission) -> None:
         self._ahead_s = np.linspace(0.0, self.horizon_s, round(self.horizon_s / mission.dt_s) + 1)
+        self._ones = np.ones_like(self._ahead_s)
 
     def plan(self, observation: Observation) -> Trajectory:
         ego = observation.ego
@@ -26,6 +27,6 @@ class StraightAhead:
             time_s=ego.time_s + self._ahead_s,
             x_m=ego.x_m + travelled_m * cos(ego.heading_rad),
             y_m=ego.y_m + travelled_m * sin(ego.heading_rad),
-            heading_rad=np.full(len(travelled_m), ego.heading_rad),
-            speed_mps=np.full(len(travelled_m), ego.speed_mps),
+            heading_rad=ego.heading_rad * self._ones,
+            speed_mps=ego.speed_mps * self._ones,
         )

@@ -100,8 +100,8 @@ def test_an_agent_that_has_left_takes_its_row_along() -> None:
     cars.move([(0, 0), (10, 0), (20, 0)], [90, 80, 70], [1, 2, 3], np.full(3, 4.6))
     cars.keep([True, False, True])
     assert cars.front_m[:, 0].tolist() == [0, 20]
-    cars.move([(0.1, 0), (20.3, 0)], [90, 70], [1, 3], np.full(2, 4.6))
-    assert cars.turned_rad == pytest.approx([0.0, 0.0])
+    cars.move([(0.1, 0), (20.3, 0)], [90, 69], [1, 3], np.full(2, 4.6))
+    assert cars.turned_rad == {1: pytest.approx(np.radians(1.0))}
 
 
 def test_one_that_enters_begins_where_sumo_says_and_the_others_move_on() -> None:
@@ -112,4 +112,4 @@ def test_one_that_enters_begins_where_sumo_says_and_the_others_move_on() -> None
     cars.move([(0.1, 0), (500, 40), (20.3, 0)], [90, 200, 70], [1, 9, 3], np.full(3, 4.6))
     assert cars.front_m[:, 0].tolist() == [0.1, 500, 20.3]
     assert cars.heading_rad[1] == pytest.approx(np.radians(90.0 - 200.0))
-    assert cars.turned_rad == pytest.approx([0.0, 0.0, 0.0])
+    assert not cars.turned_rad

@@ -44,12 +44,12 @@ def driving(yaw_rad: float, turned_rad: float, speed_mps: float) -> AgentSnapsho
     """A car whose front is on the centre line of lane 1 and whose rear trails towards lane 0."""
     return AgentSnapshot(
         names=("a",),
+        rows={"a": 0},
         front_x=np.array([100.0]),
         front_y=np.array([LANE_Y[1]]),
         heading_rad=np.array([yaw_rad]),
         speed_mps=np.array([speed_mps]),
-        turned_rad=np.array([turned_rad]),
-        most_turned_rad=abs(turned_rad),
+        turned_rad={0: turned_rad},
         displaced=frozenset(),
         lanes=lambda _: ["e0_1"],
         positions_m=lambda _: [100.0],
@@ -85,8 +85,8 @@ def test_a_car_that_is_elsewhere_than_where_sumo_has_it_waits_for_whom_it_stands
 ) -> None:
     """It needs 0.15 m and 0.11 m at 1 m/s, ahead of 100 m; the other one is 4.6 m long."""
     alone = driving(0.0, 0.0, 1.0)
-    both = replace(
-        alone, names=("a", "b"), front_x=np.array([100.0, x_m + 0.06]), front_y=LANE_Y[1] + np.array([0.0, aside_m]),
+    both = alone._replace(
+        names=("a", "b"), front_x=np.array([100.0, x_m + 0.06]), front_y=LANE_Y[1] + np.array([0.0, aside_m]),
         heading_rad=np.zeros(2), speed_mps=np.array([1.0, 0.0]), displaced=frozenset([0] if displaced else []),
     )  # fmt: skip
     found = LaneChangeOverhang(NETWORK, {"a": CAR, "b": CAR}).faces_somebody(both, 0.1)

@@ -46,8 +46,9 @@ def waiting(
     names = tuple(f"a{i}" for i in range(len(places)))
     x, y, heading = np.array([place[1:] for place in places]).T
     at = dict(zip(names, positions_m, strict=True))
+    rows = {name: row for row, name in enumerate(names)}
     now = AgentSnapshot(
-        names, x, y, heading, np.full(len(names), speed_mps), np.zeros(len(names)), 0.0, frozenset(),
+        names, rows, x, y, heading, np.full(len(names), speed_mps), {}, frozenset(),
         lambda asked: ["l_0" for _ in asked], lambda asked: [at[name] for name in asked], lambda _: (),
     )  # fmt: skip
     drivers = {name: place[0] for name, place in zip(names, places, strict=True)}
