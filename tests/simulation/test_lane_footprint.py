@@ -119,7 +119,7 @@ def test_where_something_stands_inside_a_junction_the_lanes_that_lead_there_are_
 @pytest.mark.parametrize(("x_m", "keeps"), [(115.0, False), (125.0, True), (210.0, True), (220.0, False)])
 def test_beside_a_blockage_and_80_m_before_it_nobody_changes_into_its_lane(x_m: float, keeps: bool) -> None:
     neighbours = BlockageNeighbours(NETWORK, (LaneBlockage("e0_0", 200.0, 210.0),), {"a": CAR})
-    here = replace(driving(0.0, 0.0, 8.0), front_x=np.array([x_m]), positions_m=lambda names: [x_m] * len(names))
-    near, itself = (replace(here, lanes=lambda names, lane=lane: [lane] * len(names)) for lane in ("e0_1", "e0_0"))
+    here = driving(0.0, 0.0, 8.0)._replace(front_x=np.array([x_m]), positions_m=lambda names: [x_m] * len(names))
+    near, itself = (here._replace(lanes=lambda names, lane=lane: [lane] * len(names)) for lane in ("e0_1", "e0_0"))
     assert neighbours.agents(near) == (frozenset("a") if keeps else frozenset())
     assert neighbours.agents(itself) == frozenset()
