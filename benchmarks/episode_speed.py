@@ -7,7 +7,7 @@
 Then what the reactions cost per step beside SUMO's own step in the same run, with the ego in its lane and astride two.
 
 More agents than the scenario has are found on the oncoming lanes and farther up and down the road.
-The three are run in turn, so that a noisy machine is noisy for all of them.
+Times are CPU seconds; the three are run in turn, so that a noisy machine is noisy for all of them.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def bare(scenario: Scenario, agents: int, steps: int) -> float:
     start = scenario.start.pose(roads)
     sumo_lane, _ = ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
     edge, index = network.lanes[sumo_lane].edge, network.lanes[sumo_lane].index
-    began = time.perf_counter()
+    began = time.process_time()
     for k in range(steps):
         ahead = 0.1 * k * scenario.start_speed_mps
         x = start.x_m - ids.origin_m[0] + ahead * float(np.cos(start.heading_rad))
@@ -88,7 +88,7 @@ def bare(scenario: Scenario, agents: int, steps: int) -> float:
             vehicle.getAngle(name)
             vehicle.getSpeed(name)
             vehicle.getLaneID(name)
-    rate = steps / (time.perf_counter() - began)
+    rate = steps / (time.process_time() - began)
     libsumo.close()
     return rate
 
@@ -98,17 +98,17 @@ def episode(scenario: Scenario, agents: int) -> tuple[float, float, int, int]:
     roads = load_roads(scenario.map)
     with open_traffic(scenario, roads, most_agents=agents, reach_m=reach_m(agents)) as traffic:
         count = len(traffic.observe().actors)
-        began = time.perf_counter()
+        began = time.process_time()
         drive: Episode = run_loop(
             scenario, roads, StraightAhead(), traffic, options=EpisodeOptions(), on_phase=lambda _: None
         )
-        driven = time.perf_counter()
+        driven = time.process_time()
     trace = drive.trace
     assert trace is not None
     assert drive.fault is None, drive.fault
-    scoring = time.perf_counter()
+    scoring = time.process_time()
     score(trace, roads, trace.ego, scenario)  # against itself: this is about time
-    scored_s = time.perf_counter() - scoring
+    scored_s = time.process_time() - scoring
     return len(trace) / (driven - began), len(trace) / (driven - began + scored_s), count, len(trace)
 
 
@@ -126,7 +126,7 @@ def reactions(scenario: Scenario, agents: int, beside_m: float) -> tuple[float, 
         replace(s, x_m=s.x_m - beside_m * sin(s.heading_rad), y_m=s.y_m + beside_m * cos(s.heading_rad)) for s in states
     ]
     steps = len(egos) - 1
-    clock, step, spent = time.perf_counter, libsumo.simulationStep, [0.0, 0.0, 0.0]
+    clock, step, spent = time.process_time, libsumo.simulationStep, [0.0, 0.0, 0.0]
 
     def timed_step() -> None:
         began = clock()
