@@ -66,7 +66,7 @@ class SourceSignal:
     lights: tuple[str, ...]
     """Light of each letter in the states of its programs, as lanes name them; empty where it is not for cars."""
     programs: tuple[SignalProgram, ...] = ()
-    """The last one runs. Empty where the file says which lights go together, but not when."""
+    """The last one runs. Empty where the file names a controller, but knows no program that can be used."""
     tells_who_yields: bool = True
     """Whether "G" means that nobody may cross, and "g" a green with the duty to yield; else both are just green."""
     ways: Mapping[str, frozenset[tuple[str, str]]] = field(default_factory=dict[str, frozenset[tuple[str, str]]])

@@ -182,7 +182,7 @@ class XodrFile:
     roads: dict[str, XodrRoad] = field(default_factory=dict[str, XodrRoad])
     junctions: dict[str, XodrJunction] = field(default_factory=dict[str, XodrJunction])
     controllers: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
-    """Controller -> the signals that it switches together."""
+    """Controller -> the signals that it switches together; in the order in which they get green."""
     header: XodrHeader | None = None
     faults: dict[str, str] = field(default_factory=dict[str, str])
     """Road -> why it cannot be used."""

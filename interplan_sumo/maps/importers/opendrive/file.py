@@ -47,6 +47,7 @@ def read_file(path: Path) -> XodrFile:
     """
     file = XodrFile(path)
     header: XodrHeader | None = None
+    sequence: dict[str, float] = {}
     for element in elements(path, _ROOT):
         _without_namespaces(element)
         match element.tag:
@@ -57,14 +58,18 @@ def read_file(path: Path) -> XodrFile:
             case "controller":
                 signals = (control.get("signalId", "").strip() for control in element.iterfind("control"))
                 file.controllers.setdefault(element.get("id", "").strip(), tuple(filter(None, signals)))
+                _note_sequence(sequence, element)
             case "junction":
                 junction = _junction(element)
                 file.junctions.setdefault(junction.id, junction)
+                for controller in element.iterfind("controller"):
+                    _note_sequence(sequence, controller)
             case _:
                 pass
     if not file.roads and not file.faults:
         raise MapError(f"{path}: the file holds no road; give one with a road network")
-    return XodrFile(path, file.roads, file.junctions, file.controllers, header, file.faults)
+    controllers = dict(sorted(file.controllers.items(), key=lambda item: sequence.get(item[0], math.inf)))
+    return XodrFile(path, file.roads, file.junctions, controllers, header, file.faults)
 
 
 def number(element: Element, name: str, default: float | None = None) -> float:
@@ -331,6 +336,13 @@ def _junction(element: Element) -> XodrJunction:
         connections=tuple(_connections(element)),
         priorities=tuple((p.get("high", "").strip(), p.get("low", "").strip()) for p in element.iterfind("priority")),
     )
+
+
+def _note_sequence(sequence: dict[str, float], controller: Element) -> None:
+    """The place of a controller among those of its junction, which either may tell."""
+    text = controller.get("sequence", "").strip()
+    if text.isdecimal() and len(text) < 10:
+        sequence[controller.get("id", "").strip()] = float(text)
 
 
 def _connections(junction: Element) -> Iterator[XodrConnection]:

@@ -17,6 +17,7 @@ from interplan_sumo.maps.importers.opendrive.elements import UnusableRoadError, 
 from interplan_sumo.maps.importers.opendrive.file import read_file
 from interplan_sumo.maps.importers.opendrive.lane_types import is_ground, is_parking_lane, is_walkway
 from interplan_sumo.maps.importers.opendrive.links import Joints, Sides, joints_of
+from interplan_sumo.maps.importers.opendrive.right_of_way import junctions_of, signals_of
 from interplan_sumo.maps.importers.opendrive.stretches import SHORTEST_M, DrawnStretch, SideStretch, side_stretches
 from interplan_sumo.maps.importers.opendrive.travel import Network, TravelLane, network_of
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap, SourceStopLine
@@ -67,6 +68,8 @@ def _source_map(
     lanes = {lane.id: _lane(frame, lane, controls) for lane in network.lanes.values()}
     stretches = [s for chain in sides.values() for side in chain for s in side.lanes.values()]
     things = [(road, thing) for road in file.roads.values() for thing in road.objects]
+    signals, of_signals = signals_of(file, network, controls)
+    junctions, of_junctions = junctions_of(file, network)
     return SourceMap(
         name=re.sub(r"[^a-z0-9]+", "_", file.path.stem.lower()).strip("_") or "opendrive",
         format="OpenDRIVE",
@@ -81,7 +84,9 @@ def _source_map(
             *_polygons(frame, [s for s in stretches if is_parking_lane(s.lane)]),
         ),
         left_out=(*_left_out(frame, stretches, network), *(LeftOut(id_, why) for id_, why in file.faults.items())),
-        notes=tuple(notes),
+        signals=signals,
+        junctions=junctions,
+        notes=(*notes, *of_signals, *of_junctions),
     )
 
 
