@@ -10,9 +10,8 @@ import numpy as np
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import offset_asked_m, passing_problems, vehicles_standing, wreck_problems
-from interplan_sumo.families.shapes import CLEARANCE_M, reach_m
+from interplan_sumo.families.shapes import reach_m
 from interplan_sumo.families.staging import (
-    LEAST_ONCOMING,
     Approach,
     along,
     approach,
@@ -23,7 +22,7 @@ from interplan_sumo.families.staging import (
     site_for,
     uniform,
 )
-from interplan_sumo.scenario.scenario import Obstacle, Scenario
+from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.scenario.sites import ROOM_M as USUAL_ROOM_M
 from interplan_sumo.scenario.sites import Site, UnsuitableError
 from interplan_sumo.world.ego import PACIFICA
@@ -54,8 +53,8 @@ PEOPLE: Final = (0, 3)
 STANDS_OFF_M: Final = (0.9, 1.8)
 """From the side of a crashed car to somebody who stands beside it."""
 FASTEST_MPS: Final = 20.5
-ROOM_M: Final = PACIFICA.width_m + 2.0 * CLEARANCE_M
-"""What must be left of the road."""
+ROOM_M: Final = PACIFICA.width_m + 2.0 * 0.6
+"""What must be left of the road: the ego passes turned, and a little more than 0.3 m clear."""
 NEAR_END_M: Final = 1.0
 """Nearer to the end of its lane than usual a place stands for the junction there."""
 TRIES: Final = 60
@@ -98,7 +97,8 @@ def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenar
         to_kerb_m, away_m = reach_m(cars, to.site.kerb)
         if not at_end and max(to.site.far_edge_m - away_m, to.site.near_edge_m - to_kerb_m) < ROOM_M:
             continue
-        people = bystanders(cars, to.site, rng)
+        passed_far = at_end or to.site.far_edge_m - away_m > to.site.near_edge_m - to_kerb_m
+        people = bystanders(cars, to.site.kerb if passed_far else -to.site.kerb, rng)
         return to.scenario(id, "accident", obstacles=(*cars, *people), exempt=EXEMPT, **_traffic(roads, to, rng))
     raise UnsuitableError("no crash leaves room to pass")
 
@@ -123,20 +123,16 @@ def crashed(roads: Roads, site: Site, at_m: float, rng: np.random.Generator) -> 
     raise ScenarioError("the cars do not meet")
 
 
-def bystanders(cars: tuple[Obstacle, ...], site: Site, rng: np.random.Generator) -> tuple[Obstacle, ...]:
-    """People beside the cars, most of them on the side of the kerb."""
+def bystanders(cars: tuple[Obstacle, ...], side: int, rng: np.random.Generator) -> tuple[Obstacle, ...]:
+    """People beside the cars, on their left (1) or right (-1), where nobody passes."""
     found: list[Obstacle] = []
     for _ in range(int(rng.integers(PEOPLE[0], PEOPLE[1] + 1))):
         car = cars[int(rng.integers(len(cars)))]
         length_m, width_m = car.size_m
-        side = site.kerb if rng.random() < 0.75 else -site.kerb
         half_m = abs(np.sin(car.turned_rad)) * length_m / 2.0 + abs(np.cos(car.turned_rad)) * width_m / 2.0
         off_m = side * float(half_m + uniform(rng, STANDS_OFF_M))
-        place = type(car.place)(
-            car.place.lane,
-            max(0.0, round(car.place.arc_m + uniform(rng, (-1.5, 1.5)), 2)),
-            round(car.place.left_m + off_m, 2),
-        )
+        arc_m = max(0.0, round(car.place.arc_m + uniform(rng, (-1.5, 1.5)), 2))
+        place = LanePosition(car.place.lane, arc_m, round(car.place.left_m + off_m, 2))
         found.append(Obstacle(place, "person", uniform(rng, (-3.0, 3.0))))
     return tuple(found)
 
@@ -144,7 +140,7 @@ def bystanders(cars: tuple[Obstacle, ...], site: Site, rng: np.random.Generator)
 def _traffic(roads: Roads, to: Approach, rng: np.random.Generator) -> dict[str, Any]:
     """Where the own direction has a second lane, traffic on it; else as where one overtakes."""
     if to.site.lanes_far + to.site.lanes_near == 0:
-        return oncoming_traffic(roads, to, rng, least=LEAST_ONCOMING)
+        return oncoming_traffic(roads, to, rng, complete=True)
     return {"traffic": beside_traffic(rng)}
 
 

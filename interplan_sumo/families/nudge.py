@@ -14,6 +14,7 @@ from interplan_sumo.families.staging import (
     Approach,
     along,
     approach,
+    behaviour,
     beside_traffic,
     obstacle,
     oncoming_traffic,
@@ -22,7 +23,7 @@ from interplan_sumo.families.staging import (
     uniform,
 )
 from interplan_sumo.scenario.kinds import SLOW_SIZES_M
-from interplan_sumo.scenario.scenario import Obstacle, PlacedVehicle, Scenario
+from interplan_sumo.scenario.scenario import Obstacle, PlacedVehicle, Scenario, TrafficDemand
 from interplan_sumo.scenario.sites import Site, UnsuitableError
 from interplan_sumo.world.roads import Roads
 
@@ -115,9 +116,12 @@ def _cyclist(id: str, roads: Roads, site: Site, offset_m: float, rng: np.random.
 
 
 def _traffic(roads: Roads, to: Approach, rng: np.random.Generator) -> dict[str, Any]:
+    """Where the own direction has one lane, others come when the ego is there, or hardly anybody does."""
+    if to.site.lanes_near + to.site.lanes_far:
+        return {"traffic": beside_traffic(rng)}
     if rng.random() < ONCOMING_SHARE:
         return oncoming_traffic(roads, to, rng)
-    return {"traffic": beside_traffic(rng)}
+    return {"traffic": TrafficDemand(density="low", behaviour=behaviour(rng), oncoming="sparse")}
 
 
 def asks(scenario: Scenario, roads: Roads) -> bool:

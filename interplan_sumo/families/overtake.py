@@ -12,7 +12,6 @@ from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import beyond_own_side, is_small, offset_asked_m, passing_problems
 from interplan_sumo.families.shapes import CLEARANCE_M, LARGEST_OFFSET_M, PASSING_M
 from interplan_sumo.families.staging import (
-    LEAST_ONCOMING,
     Approach,
     approach,
     bus,
@@ -83,7 +82,7 @@ def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenar
         raise UnsuitableError("the oncoming lane is too narrow to pass on")
     offset_m = uniform(rng, (least_m, most_m))
     standing = obstacle(to.site.place(0.0, PASSING_M - offset_m + width_m / 2.0), what)
-    return blocked(id, to, standing, oncoming_traffic(roads, to, rng, least=LEAST_ONCOMING))
+    return blocked(id, to, standing, oncoming_traffic(roads, to, rng, complete=True))
 
 
 def _behind_slow(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
@@ -95,7 +94,7 @@ def _behind_slow(id: str, roads: Roads, site: Site, rng: np.random.Generator) ->
     length_m, _ = SLOW_SIZES_M[kind]
     aside_m = uniform(rng, ASIDE_M) if kind == "bicycle" else 0.0
     ahead = PlacedVehicle(to.site.place(length_m / 2.0, aside_m), speed_mps, kind)
-    staged = oncoming_traffic(roads, to, rng, least=LEAST_ONCOMING)
+    staged = oncoming_traffic(roads, to, rng, complete=True)
     return to.scenario(id, "overtake", exempt=EXEMPT, **{**staged, "vehicles": (ahead, *staged.get("vehicles", ()))})
 
 

@@ -45,8 +45,8 @@ PERCEPTION: Final = "occluded"
 TRIES: Final = 12
 MEDIUM_SHARE: Final = 0.4
 """Of the scenes where one changes lane or nudges beside others; the rest has low density."""
-EASY_MPS2: Final = 2.0
-STANDOFF_M: Final = 8.0
+EASY_MPS2: Final = 1.5
+STANDOFF_M: Final = 10.0
 """The ego can stop at `EASY_MPS2` so far before the event; half of it is the car's own length."""
 BUMPERS_M: Final = 3.0
 FREE_S: Final = 3.2
@@ -65,16 +65,16 @@ STANDING: Final[
 European Vehicle Market Statistics 2022/23: A/B, C/D, sport utility, light commercial), rigid trucks of up to 10 m."""
 BUS: Final = ("bus", (9.5, 12.5), (2.50, 2.55), (2.9, 3.2))
 """City buses, midi to standard."""
-PLATOON_HEADWAY_S: Final = (1.4, 2.2)
-PLATOON_S: Final = 4.5
-"""Who swerves out on arrival meets oncoming cars from 0.5 s before to this much later."""
-WINDOW_S: Final = (8.0, 13.0)
-"""After them the oncoming lane is free for so long: somebody who waits beside what blocks the lane needs 5 to 7 s."""
-LEAST_ONCOMING: Final = 3
-"""So many cars have to find room where the oncoming lane is what is asked about."""
+PLATOON_HEADWAY_S: Final = (1.3, 1.8)
+PLATOON_MARGIN_S: Final = 1.0
+"""Who swerves out on arrival meets oncoming cars: from so long before a drive that speeds up to the limit is there, to
+so long after one that holds its speed."""
+SECOND_PLATOON_S: Final = 4.0
+WINDOW_S: Final = (11.0, 15.0)
+"""After them no other is placed for so long: who waits beside what blocks the lane needs 6 to 8 s, and to be sure."""
 REACHED_MPS2: Final = 2.0
-LATEST_S: Final = 10.0
-"""The ego comes to the event within this time: a drive lasts 30 s, and some of it one waits."""
+LATEST_S: Final = 11.0
+"""At its start speed the ego comes to the event within this time: a drive lasts 30 s, and some of it one waits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ def approach(
         most_mps = min(sqrt(2.0 * EASY_MPS2 * (away_m - STANDOFF_M)), (away_m - BUMPERS_M) / FREE_S)
         speed_mps = round(min(share * limit_mps, most_mps), 1)
         made = Approach(found, speed_mps, away_m)
-        if speed_mps >= START_SHARE[0] * limit_mps and arrival_s(made) <= latest_s:
+        if speed_mps >= START_SHARE[0] * limit_mps and away_m / speed_mps <= latest_s:
             return made
     raise reason
 
@@ -209,35 +209,33 @@ def behaviour(rng: np.random.Generator) -> Behaviour:
 # --- who comes towards the ego -----------------------------------------------------------------
 
 
-def oncoming_traffic(
-    roads: Roads, to: Approach, rng: np.random.Generator, *, own: Density = "low", least: int = 0
-) -> dict[str, Any]:
+def oncoming_traffic(roads: Roads, to: Approach, rng: np.random.Generator, *, complete: bool = False) -> dict[str, Any]:
     """Traffic that meets who swerves out without looking, and then leaves room: platoons, placed, and few others.
 
-    The first platoon passes the site about when the ego would come there. What
-    is staged, for `Approach.scenario`; where no lane comes towards the ego, density alone. UnsuitableError where the
-    road has room for fewer than the `least` cars in all.
+    The first platoon passes the site when the ego would come there, whatever
+    speed it takes up to the limit. What is staged, for `Approach.scenario`;
+    where no lane comes towards the ego, density alone. UnsuitableError where
+    the road has no room for all of it, if it is to be `complete`.
     """
-    demand = TrafficDemand(density=own, behaviour=behaviour(rng), oncoming="sparse")
+    demand = TrafficDemand(density="low", behaviour=behaviour(rng), oncoming="rare")
     lane = oncoming_lane(roads, to.site)
     if lane is None:
         return {"traffic": replace(demand, oncoming="none", density="medium")}
     at_m, _ = roads[lane].centerline.project_point(*_centre(roads, to.site))
-    limit_mps = roads[lane].speed_limit_mps or USUAL_LIMIT_MPS
-    speed_mps = round(float(rng.uniform(0.7, 0.95)) * limit_mps, 1)
+    speed_mps = roads[lane].speed_limit_mps or USUAL_LIMIT_MPS
     placed: list[PlacedVehicle] = []
-    passes_s = arrival_s(to) - 0.5 + float(rng.uniform(0.0, 0.5))
-    last_s = passes_s + PLATOON_S
-    for _ in range(2):
+    passes_s = arrival_s(to) - PLATOON_MARGIN_S
+    last_s = max(to.distance_m / to.start_speed_mps, passes_s) + PLATOON_MARGIN_S
+    for platoon in range(2):
         while passes_s <= last_s:
             place = _upstream(roads, lane, at_m, passes_s * speed_mps)
             if place is not None:
-                placed.append(PlacedVehicle(place, speed_mps))
+                placed.append(PlacedVehicle(place, round(speed_mps - 0.05, 1)))
+            elif complete and platoon == 0:
+                raise UnsuitableError("the oncoming lane begins too near for a platoon to come from")
             passes_s += float(rng.uniform(*PLATOON_HEADWAY_S))
         passes_s += float(rng.uniform(*WINDOW_S))
-        last_s = passes_s + float(rng.uniform(0.0, PLATOON_S))
-    if len(placed) < least:
-        raise UnsuitableError(f"{len(placed)} cars find room on the oncoming lane, expected {least}")
+        last_s = passes_s + float(rng.uniform(0.0, SECOND_PLATOON_S))
     return {"traffic": demand, "vehicles": tuple(placed)}
 
 

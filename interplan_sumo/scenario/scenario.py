@@ -26,7 +26,7 @@ from interplan_sumo.scenario.recorded_parts import EgoPast, LoggedLight, Replaye
 from interplan_sumo.world.geometry import Pose, wrap_angle
 from interplan_sumo.world.roads import Lane, Roads
 
-Density = Literal["none", "sparse", "low", "medium", "high"]
+Density = Literal["none", "rare", "sparse", "low", "medium", "high"]
 Behaviour = Literal[
     "conservative", "assertive", "mixed", "urban", "measured_city", "measured_city_mild", "measured_city_bold"
 ]
@@ -35,9 +35,9 @@ DRIVERS: tuple[Behaviour, ...] = (
 )  # fmt: skip
 """Of the benchmark: the paper's types and measured drivers in turn, cautious ones, pushing ones, and both."""
 
-LARGEST_GAP_M: dict[str, float] = {"sparse": 400.0, "low": 100.0, "medium": 50.0, "high": 33.0}
-"""interPlan's densities, and one of side streets, which leaves gaps to overtake in: centre gaps are uniform from 10 m
-up to these."""
+LARGEST_GAP_M: dict[str, float] = {"rare": 900.0, "sparse": 400.0, "low": 100.0, "medium": 50.0, "high": 33.0}
+"""interPlan's densities, one of side streets, and one of an oncoming lane with gaps to overtake in: centre gaps are
+uniform from 10 m up to these."""
 SMALLEST_GAP_M = 10.0
 SITE_BIN_M = 10.0
 ADDED_LATER = frozenset({"replayed", "lights", "past", "perception"})

@@ -23,6 +23,8 @@ from interplan_sumo.simulation.episode import DT_S
 from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.verification.corridor import frenet_corridor
 from interplan_sumo.verification.drivable_paths import (
+    BEND_ROOM_M,
+    NUDGE_M,
     DrivablePath,
     Side,
     Swerve,
@@ -150,7 +152,7 @@ class _Search:
         """What the traffic may do, the likeliest first; the next one counts where no plan copes with it."""
         if self._recordings:
             yield reduce(ObservedTraffic.joined, self._recordings[-style.memory :])
-        hindered = self._scenario.obstacles or self._scenario.jaywalkers
+        hindered = self._scenario.obstacles or self._scenario.jaywalkers or slow_corners(self._corridor)
         yield self._begun if hindered else self._undisturbed  # else the reference took place in this very scene
         yield self._undisturbed if hindered else self._begun
 
@@ -220,10 +222,12 @@ class _Search:
     def _sides(self, style: Style) -> list[tuple[DrivablePath, ...]]:
         """The paths of each side on which to pass what stands on the lanes."""
         stretches = (None, *BESIDE_SLOW_M) if slow_corners(self._corridor) else (None,)
-        closed = any(
-            blocked_by(self._corridor, lane_path, style.clearance_m, stretches[-1])
+        passed = [
+            min(right_m, left_m, key=abs)
             for lane_path in self._corridor.lane_paths
-        )
+            for *_, right_m, left_m in blocked_by(self._corridor, lane_path, style.clearance_m, stretches[-1])
+        ]
+        closed = any(abs(aside_m) > NUDGE_M - max(BEND_ROOM_M) for aside_m in passed)
         sides: tuple[Side | None, ...] = (None, "left", "right") if closed else (None,)
         swerves = [
             Swerve(side, style.clearance_m, style.ramp_m, style.haste, stretch)

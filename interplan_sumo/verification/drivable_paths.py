@@ -141,7 +141,10 @@ def blocked_by(
     boxes = [corridor.unrolled(corners)[:2] for corners in obstacle_corners(corridor)]
     if beside_m is not None:
         arcs_m = corridor.start_m + np.array(beside_m)[[0, 0, 1, 1]]
-        boxes += [(arcs_m, corridor.unrolled(corners)[1]) for corners in slow_corners(corridor)]
+        for corners in slow_corners(corridor):
+            left_m = corridor.unrolled(corners)[1]
+            right, left = float(left_m.min()) - SWAY_M, float(left_m.max()) + SWAY_M
+            boxes.append((arcs_m, np.array((right, left, right, left))))
     found: list[tuple[float, float, float, float]] = []
     half_m = HALF_WIDTH_M + clearance_m
     exists = np.isfinite(lane_path.left_m)

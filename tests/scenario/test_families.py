@@ -13,6 +13,8 @@ from interplan_sumo.errors import ScenarioError, UnknownNameError
 from interplan_sumo.families import (
     FAMILIES,
     Family,
+    accident,
+    construction,
     families,
     find_family,
     jaywalker,
@@ -27,7 +29,7 @@ from interplan_sumo.families.staging import Approach
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.jaywalking import walk
 from interplan_sumo.scenario.route import route_centerline, start_arc_m
-from interplan_sumo.scenario.scenario import DRIVERS, Obstacle, Scenario
+from interplan_sumo.scenario.scenario import DRIVERS, LanePosition, Obstacle, Scenario
 from interplan_sumo.scenario.sites import site_at
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
 from interplan_sumo.world.geometry import wrap_angle
@@ -141,6 +143,24 @@ def test_where_the_own_direction_has_one_lane_cars_in_platoons_come_when_the_ego
         assert oncoming
         heading = scenario.start.pose(roads).heading_rad
         assert all(abs(wrap_angle(each.place.pose(roads).heading_rad - heading)) > 2.0 for each in oncoming)
+
+
+def test_a_lane_is_closed_by_a_taper_as_long_as_the_limit_asks_and_narrowed_by_a_short_one() -> None:
+    rng, site = np.random.default_rng(0), replace(narrow().site, width_m=3.5, limit_mps=50.0 / 3.6)
+    closed, narrowed = (construction.works(layout, site, 1.4, rng).cones for layout in ("closure", "narrowing"))
+    for cones, taper_m in ((closed, 3.15 * 50.0**2 / 155.0), (narrowed, 15.0)):
+        row = cones[cones[:, 0] > taper_m + 0.1]
+        assert np.diff(cones[:, 1])[: len(cones) - len(row) - 1].min() > 0.0  # ever farther into the lane
+        assert row[:, 1] == pytest.approx(1.4, abs=construction.JITTER_M + 1e-9)
+        assert row[0, 0] > taper_m + 2.0
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_people_stand_beside_the_crashed_cars_and_all_on_the_side_on_which_nobody_passes(side: int) -> None:
+    cars = (Obstacle(LanePosition("1", 50.0)), Obstacle(LanePosition("1", 53.0), turned_rad=1.57))
+    people = [each for seed in range(20) for each in accident.bystanders(cars, side, np.random.default_rng(seed))]
+    assert len(people) > 10
+    assert min(side * each.place.left_m for each in people) >= 0.925 + accident.STANDS_OFF_M[0] - 0.01
 
 
 # --- what a family refuses ---------------------------------------------------------------------

@@ -194,7 +194,7 @@ def test_ids_of_digits_need_no_quotes_and_repeated_parts_can_be_named_once(tmp_p
         ),
         ("kind: bus", "kind: tank", "obstacles[0].kind is tank, expected one of car, van, bus, truck, cone, barrier"),
         ("kind: bus", "kind: {a: 1}", "obstacles[0].kind is a mapping, expected one of car"),
-        ("density: low", "density: null", "traffic.density is empty, expected one of none, sparse, low, medium, high"),
+        ("density: low", "density: null", "traffic.density is empty, expected one of none, rare, sparse, low, medium"),
         ("oncoming: high", "flow: true", "there is no field traffic.flow. Known are: density, behaviour, oncoming"),
         ("width_m: 2.5", "width_m: wide", "obstacles[0].width_m is wide, expected a number"),
         ("occluder: 0", "occluder: 0.0", "line 21: occluder is 0.0, expected a whole number"),

@@ -31,7 +31,7 @@ def staged(goal_lane: str = "51", start_lane: str = "13") -> Scenario:
         ({"route": ()}, "route is empty"),
         (
             {"traffic": TrafficDemand(density=cast(Any, "dense"))},
-            "traffic.density is 'dense', expected none, sparse, low, medium, high",
+            "traffic.density is 'dense', expected none, rare, sparse, low, medium, high",
         ),
         ({"obstacles": (Obstacle(LanePosition("11", 5.0), cast("Any", "tank")),)}, r"obstacles\[0\]\.kind is 'tank'"),
         ({"obstacles": (Obstacle(LanePosition("11", 5.0), length_m=-1.0),)}, r"obstacles\[0\] has the size"),

@@ -140,4 +140,4 @@ def test_slow_vehicles_are_passed_along_a_stretch_of_road_and_only_there() -> No
     there = unrolled.arc_m[beside.swerving] - unrolled.start_m
     assert there.min() > 25.0
     assert there.max() < 135.0
-    assert np.nanmax(beside.left_m) == pytest.approx(HALF_WIDTH_M + 0.4 - (0.9 - 0.325), abs=0.05)
+    assert np.nanmax(beside.left_m) == pytest.approx(HALF_WIDTH_M + 0.4 + 0.2 - (0.9 - 0.325), abs=0.05)
