@@ -151,14 +151,14 @@ class AgentControl:
             with Commanding("relaxing headways"):
                 self._relaxation.step(relaxed, speeds.__getitem__, _leader)
 
-    def tell(self, agents: AgentSnapshot, commands: AgentCommands) -> None:
-        """Pass on what is decided for the next step."""
+    def tell(self, agents: AgentSnapshot, commands: AgentCommands, beside_posts: frozenset[str] = frozenset()) -> None:
+        """Pass on what is decided for the next step; those `beside_posts` keep their lanes as well."""
         if commands.decisions or self._overseen:
             with Commanding("commanding the agents"):
                 for name, decision in self._held_back(agents, commands.decisions).items():
                     if name in self._told or decision.mode is not Mode.SUMO or decision.speed_mps is not None:
                         self._apply(name, decision, float(agents.speed_mps[agents.rows[name]]))
-        self.keep_lanes(commands.keep_lane)
+        self.keep_lanes(commands.keep_lane | beside_posts)
 
     def _follow_speed_mps(self, name: str, speed_mps: float, gap_m: float, leader_mps: float, leader: str) -> float:
         """What SUMO's model of an agent wants behind a leader that it does not see; SUMO counts gaps beyond minGap."""

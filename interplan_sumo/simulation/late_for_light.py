@@ -16,6 +16,7 @@ from interplan_sumo.simulation.vehicle_types import VehicleType
 
 SETTLED = 2.0
 """Who is farther from the line than so many times what it comfortably stops within will stop, whatever its model."""
+ROUNDING_S = 1e-6
 NEAR_M = 5.0
 """Nearer than this it is looked at anyway."""
 
@@ -30,11 +31,15 @@ class LateForLight:
         self._near: frozenset[str] = frozenset()
 
     def notice_switch(self) -> None:
-        """Some light has switched, or is about to with the next step."""
+        """Some light has switched."""
         self._due = True
 
-    def agents(self, snapshot: AgentSnapshot) -> frozenset[str]:
-        """Names of those that cannot stop before the light ahead of them, which is not green for them."""
+    def agents(self, snapshot: AgentSnapshot, next_switch_s: float) -> frozenset[str]:
+        """Names of those that cannot stop before the light ahead of them.
+
+        `next_switch_s` is the time at which the next light switches: with the step that begins then.
+        """
+        self._due = self._due or sumo.simulation.getTime() >= next_switch_s - ROUNDING_S
         if not self._due and not self._near:
             return frozenset()
         near: set[str] = set()

@@ -21,6 +21,7 @@ from interplan_sumo.simulation.ego_reactions import FREEZE_RADIUS_M, EgoReaction
 from interplan_sumo.simulation.first_seconds import FirstSeconds
 from interplan_sumo.simulation.flow import Flow, OnTheRoad
 from interplan_sumo.simulation.lane_polygons import Ring
+from interplan_sumo.simulation.lane_posts import LanePosts
 from interplan_sumo.simulation.late_for_light import LateForLight
 from interplan_sumo.simulation.lights import Lights, LoggedLights
 from interplan_sumo.simulation.network import SOON_S, NetworkLink, SumoNetwork
@@ -117,6 +118,7 @@ class SumoTraffic:
                 network, ids.origin_m, setup.shape, self._agents, setup.blocked, self._control.models
             )
             self._late_for_light = LateForLight(self._agents.drivers)
+            self._posts = LanePosts(network, setup.standing, setup.blocked, ids.origin_m, self._agents.drivers)
             self._without_ego = WithoutEgo(network, ids.origin_m, self._agents, setup.blocked, self._choice_of)
             for token, each in zip(setup.tokens, setup.spawns, strict=True):
                 self._add(token, each)
@@ -235,10 +237,8 @@ class SumoTraffic:
         self._control.relax(agents)
         met, anchor = (ego, self._proxy.anchor) if self._proxy is not None else (replace(ego, x_m=NOWHERE_M), None)
         commands = self._reactions.decide(met, anchor, walking, standing, agents)
-        self._control.tell(agents, commands)
-        if sumo.simulation.getTime() >= self._next_switch_s - 1e-6:
-            self._late_for_light.notice_switch()
-        self._control.let_drive_on(self._late_for_light.agents(agents))
+        self._control.tell(agents, commands, self._posts.agents(agents))
+        self._control.let_drive_on(self._late_for_light.agents(agents, self._next_switch_s))
         if self._proxy is not None:
             told = (commands.for_ego_mps, commands.for_others_mps)
             self._before = StepBefore(ego, agents.names, agents.speed_mps, *told, self._control.overlooks_ego)
@@ -336,8 +336,7 @@ class SumoTraffic:
         self._agents.enter(names)
         with Commanding("setting up agents that have entered"):
             self._control.enter(names)
-        with Commanding("giving agents that start above the limit their speed"):
-            for name in sorted(names & self._speeding.keys()):
+            for name in sorted(names & self._speeding.keys()):  # above the limit
                 sumo.vehicle.setPreviousSpeed(name, self._speeding.pop(name), 0.0)
 
     def _settled(self, names: set[str]) -> set[str]:
