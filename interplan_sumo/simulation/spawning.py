@@ -2,8 +2,7 @@
 
 Lane by lane, from the downstream end: centre gaps uniform from 10 m up to the density's largest (interPlan's
 numbers), and the highest speed that is safe. Vehicles that the scenario places stand where it says; the others leave
-them room. At the end all look ahead along their own routes, and those that are too fast for what is there start
-slower.
+them room. At the end all look ahead along their own routes: those that are too fast for what is there start slower.
 """
 
 from __future__ import annotations
