@@ -1,7 +1,8 @@
-"""Command `scenarios generate`: new scenarios on any map."""
+"""Command `scenarios generate`: new scenarios on any map, or a whole suite of the benchmark."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,15 +10,30 @@ import typer
 
 from interplan_sumo.cli.certify import proved
 from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, WorkersOption, counted
+from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import print_json
 
 
 def generate(
-    map: Annotated[str, typer.Option(help="A shipped map's name, or a folder with a map.gpkg and its network.")],
-    family: Annotated[str, typer.Option(help="A family, an ordinary type, 'all' families or all 'ordinary' types.")],
     out: Annotated[Path, typer.Option(help="The folder for scenarios, certificates and reports.")],
+    map: Annotated[
+        list[str] | None,
+        typer.Option(help="A shipped map's name, or a folder with a map.gpkg and its network; of a suite several."),
+    ] = None,
+    family: Annotated[
+        str | None, typer.Option(help="A family, an ordinary type, 'all' families or all 'ordinary' types.")
+    ] = None,
+    suite: Annotated[
+        str | None, typer.Option(help="interplan==1 or interplan-large==1: a whole suite, on all shipped maps.")
+    ] = None,
     count: Annotated[int, typer.Option(help="How many of each family.")] = 10,
     seed: Annotated[int, typer.Option(help="Equal seeds give equal scenarios.")] = 0,
+    secret_seed: Annotated[
+        Path | None,
+        typer.Option(
+            help="Of a suite: a file whose content is the seed; the certificates go beside it, not to the scenarios."
+        ),
+    ] = None,
     certify: Annotated[bool, typer.Option(help="Look for a drive that passes each.")] = True,
     workers: WorkersOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what the folder holds.")] = False,
@@ -26,8 +42,24 @@ def generate(
     """Find sites on a map and make new scenarios there, each checked and, where a drive passes, certified.
 
     The folder also holds what they need of a map that is not shipped, so that it can be moved and driven anywhere.
-    Exit code 3 if the map has no room for as many as were asked for.
+    Exit code 3 if the map has no room for as many as were asked for. With --suite instead of --map and --family:
+    all scenes of the benchmark, certified all of them; the same command goes on where it was stopped.
     """
+    if suite is not None:
+        if family is not None or not certify:
+            raise InputError("--suite makes all families and certifies each scene; leave out --family, --no-certify")
+        return _suite(suite, out, map or [], seed, secret_seed, workers, as_json=as_json)
+    if map is None or len(map) > 1 or family is None:
+        raise InputError("give one --map and a --family, or a --suite, such as --suite interplan==1")
+    if secret_seed is not None:
+        raise InputError("--secret-seed is for a --suite; give --seed")
+    return _on_map(map[0], family, out, count, seed, workers, certify=certify, overwrite=overwrite, as_json=as_json)
+
+
+def _on_map(
+    map: str, family: str, out: Path, count: int, seed: int, workers: int | None, *,
+    certify: bool, overwrite: bool, as_json: bool,
+) -> int:  # fmt: skip
     from interplan_sumo.maps.store import find_map, load_roads
     from interplan_sumo.verification.generation import carry, check_folder, families_of, write_generated
     from interplan_sumo.verification.generation import generate as generated
@@ -50,3 +82,53 @@ def generate(
         for name, number in short.items():
             print(f"{name}: {number} of {count}; {out / 'rejected.csv'} says why places do not suit")
     return INCOMPLETE if short else DONE
+
+
+def _suite(
+    suite: str, out: Path, map_names: list[str], seed: int, secret: Path | None, workers: int | None, *, as_json: bool
+) -> int:
+    from interplan_sumo.batch.suite_job import verdicts
+    from interplan_sumo.maps.store import find_map, load_roads, maps
+    from interplan_sumo.verification.suite_candidates import Candidate
+    from interplan_sumo.verification.suite_generation import CANDIDATES, SuiteSearch, counts, write_suites
+    from interplan_sumo.verification.suite_judging import Verdict
+    from interplan_sumo.verification.suite_slots import Seed, size_of
+
+    size_of(suite)
+    roads = [load_roads(find_map(name).name) for name in map_names or maps()]
+    search = SuiteSearch(suite, roads, Seed(seed) if secret is None else Seed.secret(_content(secret)))
+
+    def tell(candidate: Candidate, verdict: Verdict) -> None:
+        found = "taken" if verdict.taken else f"{verdict.stage}: {verdict.scenario}: {verdict.reason}"
+        print(f"{candidate.slot.name}, try {candidate.attempt + 1}, {candidate.block}: {found}", file=sys.stderr)
+
+    search.run(lambda candidates: verdicts(candidates, out / CANDIDATES, workers=workers), tell)
+    kept_back = None if secret is None else secret.with_name(f"{secret.name}.certificates.parquet")
+    folders = write_suites(search, out, kept_back=kept_back)
+    scenes = sum(len(slot.families) for slot in search.filled)
+    missing = [slot.name for slot in search.missing]
+    reasons = counts(search.rejections())
+    if as_json:
+        rows = [{"stage": stage, "reason": reason, "count": number} for number, stage, reason in reasons]
+        print_json(
+            {"folders": [str(each) for each in folders], "scenarios": scenes, "missing": missing, "rejected": rows}
+        )
+    else:
+        for number, stage, reason in reasons:
+            print(f"{number:6d}  {stage:12s} {reason}")
+        print(f"{counted(scenes, 'scenario')}, all certified: {', '.join(str(each) for each in folders)}")
+        if kept_back is not None:
+            print(f"their certificates, to be kept back: {kept_back}")
+        if missing:
+            print(f"nothing found for {', '.join(missing)}; {out / 'rejected.csv'} says why, another --seed may do")
+    return INCOMPLETE if missing else DONE
+
+
+def _content(path: Path) -> bytes:
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    if len(text.strip()) < 16:
+        raise InputError(f"{path} holds {len(text.strip())} characters, expected 16 or more, so that nobody guesses it")
+    return text

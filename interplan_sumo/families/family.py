@@ -43,6 +43,11 @@ class Family(Generic[Place]):
     drawn: Callable[[str, Roads, Place, np.random.Generator], Scenario] = _nowhere
     """A new scenario with an id at such a place; UnsuitableError or ScenarioError if what was drawn finds no room."""
 
+    draws_as: str = ""
+    """Families that share this name draw alike: equal seeds give the same places; default: its own name."""
+    restaged: Callable[[Scenario], Scenario] | None = None
+    """A scene of a family that draws alike as one of this family, its id apart; needed if there are such families."""
+
     order: int = LAST
     """Where it stands in tables, listings and `all`: ours at 10, 20, ...; equal ones by name."""
     column: str = ""

@@ -39,7 +39,7 @@ class Search:
 
         Ends at once if the map has no suitable place.
         """
-        rng = _rng(self.roads.name, self.family, self.seed)
+        rng = _rng(self.roads.name, self._family.draws_as or self.family, self.seed)
         everywhere = list(places(self.roads))
         crowded: list[tuple[str, float]] = []
         taken: dict[str, list[float]] = {}

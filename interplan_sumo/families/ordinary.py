@@ -9,7 +9,6 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, Final
 
-from interplan_sumo.families import lane_change
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.ordinary_stages import (
     DRIVERS,
@@ -23,6 +22,7 @@ from interplan_sumo.families.ordinary_stages import (
     fast_road,
     follow,
     kerb_to_park,
+    lane_beside,
     light_ahead,
     pass_parked,
     slow_street,
@@ -127,7 +127,7 @@ NEAR_MULTIPLE_VEHICLES: Final = _ordinary(
 CHANGING_LANE: Final = _ordinary(
     title="Lane change at leisure",
     description="Changes to the next lane in light traffic, with time to do it.",
-    suitable=lane_change.suitable,
+    suitable=lane_beside,
     drawn=change_lane,
     order=230,
 )

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 import shapely
 
-from interplan_sumo.families import lane_change
 from interplan_sumo.scenario.scenario import (
     Density,
     Jaywalker,
@@ -37,6 +36,9 @@ STRAIGHT_SHARE: Final = 0.4
 """Of the junctions at which a trip could also turn."""
 DRIVERS: Final = "urban"
 """Vehicle types of ordinary driving."""
+LANE_CHANGE_M: Final = (280.0, 240.0, 200.0, 160.0, 120.0)
+"""From the start of a lane change at leisure to its goal line: the longest that a place has room for."""
+GOAL_ROOM_M: Final = 8.0
 LIGHT_TRAFFIC: Final = TrafficDemand("low", DRIVERS)
 
 
@@ -184,6 +186,21 @@ def wide_road(roads: Roads, lane_id: str, at_m: float) -> Site:
     return site
 
 
+def lane_beside(roads: Roads, lane_id: str, at_m: float) -> Site:
+    """A goal on a lane with others beside it, far from a start without lights between."""
+    reason = UnsuitableError("there is one lane only")
+    for approach_m in LANE_CHANGE_M:
+        try:
+            site = site_at(roads, lane_id, at_m, approach_m=approach_m, beyond_m=GOAL_ROOM_M, room_m=GOAL_ROOM_M)
+        except UnsuitableError as shorter:
+            reason = shorter
+            continue
+        if len(site.beside_start) > 1:
+            return replace(site, goal=LanePosition(lane_id, round(at_m, CENTIMETRES)))
+        reason = UnsuitableError("there is one lane only")
+    raise reason
+
+
 def kerb_to_park(roads: Roads, lane_id: str, at_m: float) -> Site:
     site = site_at(roads, lane_id, at_m, approach_m=70.0, beyond_m=80.0)
     if site.lanes_near or _beside_m(site) < PARKING_M:
@@ -221,9 +238,10 @@ def pass_parked(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> 
 
 
 def change_lane(id: str, roads: Roads, site: Site, _rng: np.random.Generator) -> Scenario:
-    start = lane_change.starts(roads, site).get(1)
-    if start is None:
-        raise UnsuitableError("the goal's lane has no neighbour at the start")
+    index = site.beside_start.index(site.start.lane)
+    start = site.beside_start[index - 1 if index else 1]
+    arc_m = min(site.start.arc_m, round(roads[start].centerline.length_m - 1.0, 2))
+    start = LanePosition(start, arc_m)
     return _scenario(id, roads, Course(start, site.goal, site.route), 0.7, LIGHT_TRAFFIC)
 
 

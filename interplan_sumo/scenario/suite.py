@@ -1,6 +1,7 @@
 """Suites: named, versioned sets of scenarios that never change once released; each is a folder of files.
 
-    scenarios.yaml        its scenarios; or selection.yaml, which names some of another suite by their ids
+    scenarios.yaml        its scenarios,
+    selection.yaml        and those of another suite by their ids; one of the two will do
     lock.json             hashes of everything that makes them what they are, and an overview of them
     certificates.parquet  a drive for each that proves it solvable, which is also its expert
 
@@ -92,12 +93,13 @@ class _Released(Mapping[str, Suite]):
         return len(self._keys)
 
     def _scenarios(self, folder: Path) -> tuple[Scenario, ...]:
-        selection = folder / SELECTION
+        selection, own = folder / SELECTION, folder / SCENARIOS
         if not selection.is_file():
-            return read_scenarios(folder / SCENARIOS)
+            return read_scenarios(own)
         chosen = yaml.safe_load(selection.read_text(encoding="utf-8"))
         there = {scenario.id: scenario for scenario in self[chosen["suite"]].scenarios}
-        return tuple(there[scenario_id] for scenario_id in chosen["scenarios"])
+        selected = tuple(there[scenario_id] for scenario_id in chosen["scenarios"])
+        return (*selected, *read_scenarios(own)) if own.is_file() else selected
 
 
 _SUITES = _Released(SUITES_ROOT)

@@ -68,9 +68,9 @@ def certify(
     return replace(proof, certificate=replace(best, summary=summary))
 
 
-def passing_drive(scenario: Scenario, most_simulations: int) -> Proof:
-    """The best drive of a search, whether or not the start is sound."""
-    reference = reference_drive(scenario)
+def passing_drive(scenario: Scenario, most_simulations: int, reference: Trace | None = None) -> Proof:
+    """The best drive of a search, whether or not the start is sound; `reference` is that drive, if it is known."""
+    reference = reference or reference_drive(scenario)
     best: Certificate | None = None
     best_faults: list[str] = []
     simulations = 1  # the reference

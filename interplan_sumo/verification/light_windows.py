@@ -1,0 +1,90 @@
+"""Light windows: does the way to the goal leave time for the traffic, with the lights as they switch?
+
+Lights do not depend on who drives, so that this is known before anybody does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+from typing import Final
+
+import numpy as np
+
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.scenario.nominal_drive import nominal_drive, reaches_goal
+from interplan_sumo.scenario.route import route_centerline, route_lanes
+from interplan_sumo.scenario.scenario import Scenario, TrafficDemand
+from interplan_sumo.simulation.episode import DT_S
+from interplan_sumo.simulation.setup import start_state
+from interplan_sumo.verification.replay import replay
+from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.signals import Signals, SignalStatus
+from interplan_sumo.world.trace import EgoTrack
+
+STOPPED_S: Final = 3.0
+"""Who had to stop for a light is this much later than one who drives through as it turns green."""
+TIME_SHARE: Final = 0.7
+"""On an empty road one is at the goal line after this share of the time at most: the rest is the traffic's."""
+
+
+def light_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """Whether lights leave too little time, in one sentence; empty if there is enough."""
+    needed_s = time_to_goal_s(scenario, roads)
+    most_s = TIME_SHARE * scenario.duration_s
+    if needed_s <= most_s:
+        return []
+    return [f"on an empty road the goal line is {needed_s:.0f} s away with its lights, expected {most_s:.0f} s at most"]
+
+
+def time_to_goal_s(scenario: Scenario, roads: Roads) -> float:
+    """How long the nominal drive takes with the lights of the map; infinite if it does not come there."""
+    track = nominal_drive(roads, scenario)
+    if not reaches_goal(roads, scenario, track):
+        return inf
+    line = route_centerline(roads, scenario)
+    arc_m, _ = line.project(np.stack((track.x_m, track.y_m), axis=1))
+    late_s = 0.0
+    for lane in route_lanes(roads, scenario):
+        connector = roads.connectors.get(lane)
+        if connector is None or not connector.has_traffic_light:
+            continue
+        begins_m = line.project_point(*connector.centerline.points[0].tolist())[0] - PACIFICA.length_m / 2.0
+        at_line = np.flatnonzero(arc_m >= begins_m)
+        if len(at_line) == 0 or arc_m[0] >= begins_m:
+            continue
+        arrives_s = late_s + DT_S * int(at_line[0])
+        opens_s = _green_from_s(scenario, lane, arrives_s)
+        if opens_s == inf:
+            return inf
+        if opens_s > arrives_s:
+            late_s += opens_s - arrives_s + STOPPED_S
+    return float(track.time_us[-1]) * 1e-6 + late_s
+
+
+def _green_from_s(scenario: Scenario, connector: str, from_s: float) -> float:
+    """When a light is green first, from a time on."""
+    shown = _signals(scenario)
+    for frame in range(int(from_s / DT_S), len(shown)):
+        now = shown[frame]
+        if connector not in now.connector_ids:
+            return from_s
+        if now.status[now.connector_ids.index(connector)] == SignalStatus.GREEN:
+            return max(from_s, frame * DT_S)
+    return inf
+
+
+_SHOWN: Final[dict[tuple[str, float], tuple[Signals, ...]]] = {}
+
+
+def _signals(scenario: Scenario) -> tuple[Signals, ...]:
+    """What the lights of a map show, step by step; the first time this opens SUMO, with nobody on the roads."""
+    key = (scenario.map, scenario.duration_s)
+    if key not in _SHOWN:
+        roads = load_roads(scenario.map, scenario.maps_beside)
+        nobody = {"traffic": TrafficDemand(), "vehicles": (), "obstacles": (), "jaywalkers": (), "occluder": None}
+        bare = replace(scenario, start_speed_mps=0.0, **nobody)
+        standing = [start_state(bare, roads)] * round(scenario.duration_s / DT_S)
+        _SHOWN[key] = replay(bare, EgoTrack.of(standing)).signals
+    return _SHOWN[key]

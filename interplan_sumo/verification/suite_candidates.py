@@ -1,0 +1,112 @@
+"""Candidates: which scenes are tried for a slot, one place after the other, none of them taken before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from interplan_sumo.families import FAMILIES
+from interplan_sumo.families.generate import Search
+from interplan_sumo.scenario.scenario import Scenario, perception_named
+from interplan_sumo.scenario.sites import Rejected
+from interplan_sumo.verification.light_windows import light_problems
+from interplan_sumo.verification.suite_slots import Seed, Slot, groups
+from interplan_sumo.world.roads import DrivingSide, Roads
+
+MOST_TAKEN: Final = 100
+"""So many places in a row that are taken, and a map counts as used up."""
+ALONE: Final = 10
+"""The slots below have a roadblock each; those from here on share one where there is no other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A scene of each family of a slot, at one place."""
+
+    slot: Slot
+    attempt: int
+    scenarios: tuple[Scenario, ...]
+    block: str
+    """Map and roadblock where it happens."""
+
+    @property
+    def key(self) -> str:
+        """Of what it is, not of whom it is for."""
+        return "-".join(scenario.hash()[:12] for scenario in self.scenarios)
+
+
+class Streams:
+    """All places of all maps, family by family, in an order that a seed decides."""
+
+    def __init__(self, maps: Sequence[Roads], seed: Seed) -> None:
+        self._seed = seed
+        self._roads = {roads.name: roads for roads in maps}
+        self._groups = {families: number for number, families in enumerate(groups())}
+        self._searches: dict[tuple[str, str], Search] = {}
+        self._running: dict[tuple[tuple[str, ...], str], Iterator[tuple[Scenario, ...]]] = {}
+        self._used_up: set[tuple[tuple[str, ...], str]] = set()
+        self.passed_over: list[tuple[Slot, Rejected]] = []
+        """Places where lights leave no time."""
+
+    @property
+    def searches(self) -> dict[tuple[str, str], Search]:
+        """By family and map, with the places that were passed over."""
+        return self._searches
+
+    def next(self, slot: Slot, attempt: int, taken: set[str]) -> Candidate | None:
+        """The next candidate for a slot, on a roadblock that is not taken; None if no map has one."""
+        for shared in (False, True) if slot.number >= ALONE else (False,):
+            for name in self._in_turn(slot, attempt):
+                found = self._at(slot, attempt, name, set() if shared else taken)
+                if found is not None:
+                    return found
+        return None
+
+    def _in_turn(self, slot: Slot, attempt: int) -> list[str]:
+        """The maps of the slot's side, another one first with each attempt, then the others."""
+        sides: dict[DrivingSide, list[str]] = {}
+        for name, roads in self._roads.items():
+            sides.setdefault(roads.driving_side, []).append(name)
+        mine = sides.pop(slot.side(tuple(sides)))
+        first = (self._groups[slot.families] + slot.number + attempt) % len(mine)
+        return [*mine[first:], *mine[:first], *(name for names in sides.values() for name in names)]
+
+    def _at(self, slot: Slot, attempt: int, map_name: str, taken: set[str]) -> Candidate | None:
+        key = (slot.families, map_name)
+        if key in self._used_up and taken:
+            return None
+        stream = self._running.get(key)
+        if stream is None:
+            stream = self._running[key] = self._stream(slot.families, map_name)
+        for _ in range(MOST_TAKEN):
+            drawn = next(stream, None)
+            if drawn is None:
+                break
+            roads, first = self._roads[map_name], drawn[0]
+            block = first.site(roads).partition("@")[0]
+            if block in taken:
+                continue
+            if problems := light_problems(first, roads):
+                self.passed_over.append((slot, Rejected(first.goal.lane, first.goal.arc_m, problems[0])))
+                continue
+            return Candidate(slot, attempt, tuple(self._fitted(slot, each) for each in drawn), block)
+        self._used_up.add(key)
+        return None
+
+    def _stream(self, families: tuple[str, ...], map_name: str) -> Iterator[tuple[Scenario, ...]]:
+        roads = self._roads[map_name]
+        search = self._searches[families[0], map_name] = Search(roads, families[0], self._seed.value)
+        restaged = [FAMILIES[family].restaged for family in families[1:]]
+        for drawn in search:
+            yield (drawn, *(as_another(drawn) for as_another in restaged if as_another is not None))
+
+    def _fitted(self, slot: Slot, drawn: Scenario) -> Scenario:
+        """A drawn scene as the slot has it: its id, its drivers, and what the planner may see."""
+        modes = [each for each in drawn.perception.split("+") if each not in ("full", "occluded")]
+        return replace(
+            drawn,
+            id=self._seed.id(drawn.family, slot.number),
+            traffic=replace(drawn.traffic, behaviour=slot.behaviour),
+            perception=perception_named("+".join(["occluded", *modes])),
+        )

@@ -1,0 +1,220 @@
+"""Suite generation: every slot is filled with the first candidate that passes, round by round.
+
+In a round each slot that is still empty tries one candidate; all of them at the
+same time, so that what comes out does not depend on how many work on it. The
+slots of the smaller suite are filled before those of the larger one begin:
+equal seeds make the one the beginning of the other.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import yaml
+
+from interplan_sumo.scenario import certificates
+from interplan_sumo.scenario.certificates import Certificate
+from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.suite import SCENARIOS, SELECTION
+from interplan_sumo.verification.generation import OTHER_FOLDER, write_rows
+from interplan_sumo.verification.suite_candidates import Candidate, Streams
+from interplan_sumo.verification.suite_judging import Verdict
+from interplan_sumo.verification.suite_slots import SIZES, Seed, Slot, groups, size_of, slots
+from interplan_sumo.world.files import writing
+from interplan_sumo.world.roads import Roads
+
+MOST_ATTEMPTS: Final = 40
+"""A slot for which so many candidates failed stays empty."""
+REJECTED: Final = "rejected.csv"
+SCENES: Final = "scenes.csv"
+CANDIDATES: Final = "candidates"
+"""The folder of what is known of candidates."""
+SMOKE, FEW = "smoke==1", "llm==1"
+PER_FAMILY: Final = {SMOKE: 1, FEW: 3}
+"""Scenes per family of the suites that are selections of the smallest one."""
+
+Judge = Callable[[Sequence[Candidate]], Iterable[tuple[Candidate, Verdict]]]
+"""Finds the verdicts on candidates, in any order."""
+Tell = Callable[[Candidate, Verdict], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Filled:
+    """A slot with what fills it."""
+
+    candidate: Candidate
+    verdict: Verdict
+
+
+@dataclass(slots=True)
+class SuiteSearch:
+    """A suite in the making."""
+
+    suite: str
+    maps: Sequence[Roads]
+    seed: Seed
+    filled: dict[Slot, Filled] = field(default_factory=dict[Slot, Filled])
+    failed: list[tuple[Candidate, Verdict]] = field(default_factory=list[tuple[Candidate, Verdict]])
+    _streams: Streams = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._streams = Streams(self.maps, self.seed)
+
+    def run(self, judge: Judge, tell: Tell = lambda _candidate, _verdict: None) -> None:
+        """Fill all slots for which there is a candidate that passes."""
+        first = 0
+        for size in sorted({size for size in SIZES.values() if size <= size_of(self.suite)}):
+            self._fill(slots(first, size), judge, tell)
+            first = size
+
+    def _fill(self, wanted: list[Slot], judge: Judge, tell: Tell) -> None:
+        empty = list(wanted)
+        for attempt in range(MOST_ATTEMPTS):
+            taken = {each.candidate.block for each in self.filled.values()}
+            trying: list[Candidate] = []
+            for slot in sorted(empty, key=lambda slot: -len(slot.families)):  # who shares a place finds fewest
+                found = self._streams.next(slot, attempt, taken)
+                if found is not None:
+                    trying.append(found)
+                    taken.add(found.block)
+            if not trying:
+                return
+            verdicts: dict[Slot, Verdict] = {}
+            for candidate, verdict in judge(trying):
+                tell(candidate, verdict)
+                verdicts[candidate.slot] = verdict
+            for candidate in trying:
+                verdict = verdicts[candidate.slot]
+                if verdict.taken:
+                    self.filled[candidate.slot] = Filled(candidate, verdict)
+                else:
+                    self.failed.append((candidate, verdict))
+            empty = [slot for slot in empty if slot not in self.filled]
+            if not empty:
+                return
+
+    @property
+    def missing(self) -> list[Slot]:
+        """The slots that nothing fills."""
+        return [slot for slot in slots(0, size_of(self.suite)) if slot not in self.filled]
+
+    def scenes(self, size: int, first: int = 0) -> list[tuple[Scenario, Certificate]]:
+        """The scenes with numbers from `first` to before `size`, family by family."""
+        found: list[tuple[Scenario, Certificate]] = []
+        for families in groups():
+            for row in range(len(families)):
+                for number in range(first, size):
+                    each = self.filled.get(Slot(families, number))
+                    if each is not None:
+                        proved = Certificate.of(each.verdict.certificates[row])
+                        found.append((each.candidate.scenarios[row], proved))
+        return found
+
+    def rejections(self) -> list[tuple[str, str, str, str, str]]:
+        """Everything that was passed over: stage, family, scene or lane, place, reason."""
+        rows = [
+            (verdict.stage, candidate.slot.families[0], verdict.scenario, candidate.block, verdict.reason)
+            for candidate, verdict in self.failed
+        ]
+        for slot, each in self._streams.passed_over:
+            rows.append(("lights", slot.families[0], each.lane, f"{each.at_m:.0f} m", each.reason))
+        for (family, _), search in self._streams.searches.items():
+            rows += [("place", family, each.lane, f"{each.at_m:.0f} m", each.reason) for each in search.rejected]
+        return rows
+
+
+def counts(rows: Iterable[tuple[str, str, str, str, str]]) -> list[tuple[int, str, str]]:
+    """How often each reason was met, the most frequent first: number, stage, reason without its numbers."""
+    found = Counter((stage, _without_numbers(reason)) for stage, _, _, _, reason in rows)
+    return sorted(((n, stage, reason) for (stage, reason), n in found.items()), key=lambda row: (-row[0], *row[1:]))
+
+
+def _without_numbers(reason: str) -> str:
+    head = re.split(r"; |: .*? (?=from vehicle)| \(", reason)[0]
+    named = re.sub(r"\b(vehicle|pedestrian|bicycle|lane|connector) [0-9a-f]+\b", r"\1 ..", head)
+    return re.sub(r"-?\d+(\.\d+)?", "#", named)
+
+
+def write_suites(search: SuiteSearch, folder: Path, *, kept_back: Path | None = None) -> list[Path]:
+    """Write the suites as `scenario/suites` has them, and what was rejected; the folders of the suites.
+
+    The larger suite holds its own scenes and names the smaller one for the
+    others. With `kept_back` all certificates go there, beside no scene.
+    InputError if anything cannot be written.
+    """
+    made: list[Path] = []
+    first, smaller = 0, ""
+    secret: list[Certificate] = []
+    for key, size in sorted(SIZES.items(), key=lambda item: item[1]):
+        if size > size_of(search.suite):
+            break
+        there = folder / key.replace("==", "-")
+        scenes = search.scenes(size, first)
+        with writing(there, OTHER_FOLDER):
+            there.mkdir(parents=True, exist_ok=True)
+            write_scenarios([scenario for scenario, _ in scenes], there / SCENARIOS)
+            proved = [certificate for _, certificate in scenes]
+            if kept_back is None:
+                certificates.write_certificates(there / certificates.FILE, proved)
+            else:
+                secret += proved
+            if smaller:
+                _write_selection(there / SELECTION, smaller, [s.id for s, _ in search.scenes(first)])
+        made.append(there)
+        first, smaller = size, key
+    if kept_back is not None:
+        with writing(kept_back, "give another file as --secret-seed"):
+            certificates.write_certificates(kept_back, secret)
+    else:
+        made += _write_derived(search, folder)
+    write_rows(folder / REJECTED, ("stage", "family", "scene or lane", "place", "reason"), search.rejections())
+    _write_scenes(search, folder)
+    return made
+
+
+def _write_derived(search: SuiteSearch, folder: Path) -> list[Path]:
+    """The suites that name some scenes of the smallest one: the first that somebody solves of each family."""
+    suite, size = min(SIZES.items(), key=lambda item: item[1])
+    made: list[Path] = []
+    for key, many in PER_FAMILY.items():
+        chosen: list[str] = []
+        for families in groups():
+            for family in families:
+                mine = [(s, c) for s, c in search.scenes(size) if s.family == family]
+                mine.sort(key=lambda each: not each[1].summary.solved_by)  # stable: the open ones last
+                picked = mine[: many * (size // many) : size // many] if many > 1 else mine[:1]
+                chosen += [scenario.id for scenario, _ in picked]
+        there = folder / key.replace("==", "-")
+        with writing(there, OTHER_FOLDER):
+            there.mkdir(parents=True, exist_ok=True)
+            _write_selection(there / SELECTION, suite, chosen)
+        made.append(there)
+    return made
+
+
+def _write_selection(path: Path, suite: str, ids: Sequence[str]) -> None:
+    path.write_text(yaml.safe_dump({"suite": suite, "scenarios": list(ids)}, sort_keys=False), encoding="utf-8")
+
+
+def _write_scenes(search: SuiteSearch, folder: Path) -> None:
+    """What fills each slot, one row per scene."""
+    rows: list[tuple[object, ...]] = []
+    for slot, each in search.filled.items():
+        for scenario, proved, met in zip(
+            each.candidate.scenarios, each.verdict.certificates, each.verdict.traffic, strict=True
+        ):
+            rows.append(
+                (scenario.id, scenario.map, each.candidate.block, slot.behaviour, scenario.traffic.density,
+                 scenario.traffic.oncoming, scenario.start_speed_mps, each.candidate.attempt,
+                 f"{met.vehicles:.1f}", met.crossing, met.oncoming, proved.summary.score,
+                 " ".join(proved.summary.solved_by or ()) or "open")
+            )  # fmt: skip
+    names = ("id", "map", "roadblock", "behaviour", "density", "oncoming density", "start m/s", "candidates before",
+             "vehicles within 100 m", "crossing", "oncoming", "certificate", "solved by")  # fmt: skip
+    write_rows(folder / SCENES, names, rows)

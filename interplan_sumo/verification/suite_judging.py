@@ -1,0 +1,102 @@
+"""Judging a candidate of a suite: sound, in traffic, certified, not trivial, and solved by somebody."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import msgspec
+
+from interplan_sumo.errors import ScenarioError, TrafficError
+from interplan_sumo.families import find_family
+from interplan_sumo.families.lane_change import dead_end
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.scenario.certificates import Certificate, CertificateRecord
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.verification.certificates import passing_drive
+from interplan_sumo.verification.replay import reference_drive
+from interplan_sumo.verification.solvers import PANEL, solvers
+from interplan_sumo.verification.start_checks import start_problems
+from interplan_sumo.verification.suite_candidates import Candidate
+from interplan_sumo.verification.surrounding_traffic import (
+    SurroundingTraffic,
+    surrounding_traffic,
+    traffic_shortcomings,
+)
+from interplan_sumo.world.lane_changes import lane_changes_needed
+from interplan_sumo.world.roads import Roads
+
+MOST_SIMULATIONS: Final = 16
+"""Another place is quicker found than a passing drive that does not turn up in so many tries."""
+ASKED: Final = (*PANEL, "idm_mobil?published=true")
+"""Who may solve a scene of a suite."""
+TRIVIAL: Final = "straight_ahead"
+"""What a planner that looks at nothing solves asks nothing."""
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """What was found of a candidate."""
+
+    stage: str
+    """At which check it failed: start, traffic, certificate, trivial, open; '' if it is taken."""
+    reason: str = ""
+    scenario: str = ""
+    """Which of its scenes failed."""
+    certificates: tuple[CertificateRecord, ...] = ()
+    """Of each of its scenes, in order."""
+    traffic: tuple[SurroundingTraffic, ...] = ()
+    """Whom the reference driver meets in each."""
+
+    @property
+    def taken(self) -> bool:
+        """Whether it becomes part of the suite."""
+        return not self.stage
+
+
+def judged(candidate: Candidate) -> Verdict:
+    """Check the scenes of a candidate, the densest first, up to the first that fails. Deterministic."""
+    certificates: list[CertificateRecord] = []
+    met: list[SurroundingTraffic] = []
+    for scenario in reversed(candidate.scenarios):
+        roads = load_roads(scenario.map, scenario.maps_beside)
+        try:
+            problems = start_problems(scenario, roads, with_traffic=False) or start_problems(scenario, roads)
+            problems = problems or avoidable_change(scenario, roads)
+            if problems:
+                return Verdict("start", problems[0], scenario.id)
+            reference = reference_drive(scenario)
+            if lacking := traffic_shortcomings(scenario, roads, reference):
+                return Verdict("traffic", lacking[0], scenario.id)
+            proof = passing_drive(scenario, MOST_SIMULATIONS, reference)
+        except (ScenarioError, TrafficError) as error:
+            return Verdict("start", str(error), scenario.id)
+        if proof.certificate is None:
+            return Verdict("certificate", "; ".join(proof.problems), scenario.id)
+        certificates.insert(0, proof.certificate.record())
+        met.insert(0, surrounding_traffic(reference))
+    return _solved(candidate, certificates, met)
+
+
+def _solved(
+    candidate: Candidate, certificates: list[CertificateRecord], met: list[SurroundingTraffic]
+) -> Verdict:  # fmt: skip
+    """The verdict on a candidate that is certified: who solves it?"""
+    for number, scenario in reversed(list(enumerate(candidate.scenarios))):
+        proved = Certificate.of(certificates[number])
+        if solvers(scenario, proved.track, (TRIVIAL,)):
+            return Verdict("trivial", f"{TRIVIAL} solves it", scenario.id)
+        solved_by = solvers(scenario, proved.track, ASKED)
+        if not solved_by and not candidate.slot.may_be_open:
+            return Verdict("open", f"none of {', '.join(ASKED)} solves it", scenario.id)
+        certificates[number] = replace(proved, summary=replace(proved.summary, solved_by=solved_by)).record()
+    return Verdict("", certificates=tuple(certificates), traffic=tuple(met))
+
+
+def avoidable_change(scenario: Scenario, roads: Roads) -> list[str]:
+    """Whether who keeps its lane can go on along the route, though the family asks for a lane change."""
+    if not find_family(scenario.family).changes_lanes:
+        return []
+    need = lane_changes_needed(roads, scenario.route, scenario.goal.lane)
+    if dead_end(roads, need, scenario.start.lane, roads[scenario.goal.lane].roadblock_id) is not None:
+        return []
+    return [f"route: it goes on for who keeps to lane {scenario.start.lane}, expected its end before the goal"]

@@ -1,0 +1,107 @@
+"""Slots: what a suite of the benchmark is made of, before any place is chosen.
+
+Families that draw alike share a slot: one place for all of them. A slot says
+which drivers its scenes have and on which side of the road it lies, so that the
+shares of both are right by construction, for the first ten of a family as well as for forty.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Final
+
+from interplan_sumo.errors import UnknownNameError
+from interplan_sumo.families import FAMILIES, names
+from interplan_sumo.scenario.scenario import Behaviour
+from interplan_sumo.world.roads import DrivingSide
+
+SIZES: Final = {"interplan==1": 10, "interplan-large==1": 40}
+"""Scenes per family; the smaller suite is the beginning of the larger one."""
+TEN: Final[tuple[tuple[Behaviour, Behaviour], ...]] = (
+    ("conservative", "measured_city_mild"),
+    ("measured_city", "mixed"),
+    ("assertive", "measured_city_bold"),
+    ("measured_city_mild", "conservative"),
+    ("mixed", "measured_city"),
+    ("measured_city_bold", "assertive"),
+    ("conservative", "measured_city_mild"),
+    ("measured_city_bold", "assertive"),
+    ("mixed", "measured_city"),
+    ("measured_city", "mixed"),
+)
+"""Drivers of ten scenes: three cautious, three that push, four mixed, as in the paper; the paper's types in five of
+them, measured ones in the others. The next ten have it the other way round."""
+LEFT_EVERY: Final = 3
+"""One slot in three lies where one drives on the left, if there are such maps."""
+OPEN_EVERY: Final = 5
+"""One slot in five of families that share their slots may be one that nobody of the panel solves: all scenes of the
+others are solved, so that in all more than nine in ten are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A place to be found, for one scene of each of its families."""
+
+    families: tuple[str, ...]
+    number: int
+
+    @property
+    def name(self) -> str:
+        """For people and files."""
+        return f"{self.families[0]}-{self.number}"
+
+    @property
+    def behaviour(self) -> Behaviour:
+        """The vehicle-type file of its traffic."""
+        return TEN[self.number % 10][self.number // 10 % 2]
+
+    @property
+    def may_be_open(self) -> bool:
+        """Whether it is enough that it is certified."""
+        return len(self.families) > 1 and self.number % OPEN_EVERY == OPEN_EVERY - 1
+
+    def side(self, sides: Collection[DrivingSide]) -> DrivingSide:
+        """The side of the road on which one drives there, of those that there are."""
+        wanted: DrivingSide = "left" if self.number % LEFT_EVERY == 1 else "right"
+        return wanted if wanted in sides else next(iter(sides))
+
+
+def size_of(suite: str) -> int:
+    """Scenes per family of a suite that can be generated; UnknownNameError for another one."""
+    if suite not in SIZES:
+        raise UnknownNameError("suite", suite, SIZES, "These are the ones that are generated")
+    return SIZES[suite]
+
+
+def groups() -> tuple[tuple[str, ...], ...]:
+    """The families of the benchmark in their order, those that draw alike together."""
+    found: dict[str, list[str]] = {}
+    for name in names(ordinary=False):
+        found.setdefault(FAMILIES[name].draws_as or name, []).append(name)
+    return tuple(tuple(each) for each in found.values())
+
+
+def slots(first: int, last: int) -> list[Slot]:
+    """The slots of all groups with numbers from `first` to before `last`."""
+    return [Slot(families, number) for families in groups() for number in range(first, last)]
+
+
+@dataclass(frozen=True, slots=True)
+class Seed:
+    """What all places are drawn from."""
+
+    value: int
+    tag: str = ""
+    """Stands in the ids of what was made from a secret seed, so that they are nobody else's."""
+
+    @classmethod
+    def secret(cls, text: bytes) -> Seed:
+        """From the content of a file that is kept back; nothing of it can be told from the tag."""
+        digest = hashlib.sha256(b"interplan-sumo secret seed\n" + text.strip()).digest()
+        return cls(int.from_bytes(digest[:8], "big"), f"hidden-{hashlib.sha256(digest).hexdigest()[:8]}-")
+
+    def id(self, family: str, number: int) -> str:
+        """The id of a scene."""
+        return f"{family}/{self.tag}{number}"
