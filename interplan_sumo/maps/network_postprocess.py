@@ -20,7 +20,7 @@ from interplan_sumo.maps.network import NetworkIds, SumoPiece
 from interplan_sumo.maps.network_plan import NetworkPlan, opposite_lanes
 from interplan_sumo.maps.plain_xml import shape_text
 from interplan_sumo.maps.program_elements import program_element
-from interplan_sumo.maps.right_of_way import BuiltLink, Key, set_right_of_way, text_of
+from interplan_sumo.maps.right_of_way import CLEAR_VIEW_M, BuiltLink, Key, set_right_of_way, text_of
 
 SHORTEST_LANE_M = 0.1
 """SUMO's smallest lane length."""
@@ -134,7 +134,15 @@ def _add_lights(plan: NetworkPlan, root: Element, ways: Mapping[Key, BuiltLink])
 
 
 def _mark_narrow(root: Element, narrow: Mapping[str, str]) -> None:
-    """Name the oncoming edge on the same ground, and give both one length: SUMO counts positions from either end."""
+    """Name the oncoming edge on the same ground, and give both one length: SUMO counts positions from either end.
+
+    Who comes onto it looks whether somebody comes towards it only where its link has to yield.
+    """
+    for connection in root.iterfind("connection"):
+        enters = connection.get("to") in narrow and connection.get("from") not in narrow
+        if enters and connection.get("state") == "M" and connection.get("tl") is None:
+            connection.set("state", "m")
+            connection.set("visibility", f"{CLEAR_VIEW_M:g}")
     edges = {text_of(edge, "id"): edge for edge in root.iterfind("edge")}
     for here, there in narrow.items():
         edges[here].set("bidi", there)

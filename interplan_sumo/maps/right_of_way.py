@@ -23,7 +23,8 @@ from interplan_sumo.maps.network_plan import Link, NetworkPlan
 Key = tuple[str, str, str, str]
 """What names a connection: from, to, fromLane, toLane."""
 
-_CLEAR_VIEW_M = 100.0  # where paths only merge, drivers see each other from afar
+CLEAR_VIEW_M = 100.0
+"""Where paths only merge, and at the ends of narrow streets, drivers see each other from afar."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,7 @@ def set_right_of_way(plan: NetworkPlan, root: Element, ways: Mapping[Key, BuiltL
         for at, way in enumerate(node.ways):
             way.connection.set("state", _state(node, at))
             if _only_merges(node, at):
-                way.connection.set("visibility", f"{_CLEAR_VIEW_M:g}")
+                way.connection.set("visibility", f"{CLEAR_VIEW_M:g}")
             way.connection.extend(_brushes(node, at))
 
 

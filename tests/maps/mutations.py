@@ -67,7 +67,7 @@ def mutant(base: Path, target: Path, rng: np.random.Generator) -> str:
     ways = (*_ANY, *_JSON) if _is_json(content) else (*_ANY, *_XML)
     way = ways[int(rng.integers(len(ways)))]
     for _ in range(int(rng.integers(1, 4)) if way in _OFTEN else 1):
-        content = way(content, rng)
+        content = way(content, rng) if content else content
     target.write_bytes(content)
     return way.__name__.strip("_")
 

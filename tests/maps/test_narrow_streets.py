@@ -16,6 +16,7 @@ from interplan_sumo.maps.importers.source import SourceLane, SourceMap
 from interplan_sumo.maps.rules import schema_problems
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.maps.to_sumo import convert
+from interplan_sumo.simulation.sumo import sumo
 from interplan_sumo.world.roads import Roads
 from tests.maps.source_worlds import fork, lane, linked, straight, world
 from tests.maps.sumo_runs import random_traffic
@@ -81,6 +82,24 @@ def test_oncoming_cars_never_meet_in_each_other_on_a_shared_street(apart_m: floa
         run = random_traffic(files, roads, tmp_path / str(seed), vehicles=30, seed=seed)
         assert (run.teleports, run.collisions, run.overlaps) == (0, 0, ())
         assert run.vehicles > 10
+
+
+@pytest.mark.parametrize("apart_m", [0.0, 1.5])
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("lead_s", [3.0, 6.0])
+def test_who_comes_later_waits_outside_a_long_narrow_street(
+    apart_m: float, first: int, lead_s: float, tmp_path: Path
+) -> None:
+    """Both would stand in the street for good: neither backs up."""
+    files, _ = files_of(alley(apart_m, 3.0, 150.0), tmp_path)
+    sumo.start(["sumo", "-n", str(files.network), "--no-step-log", "--no-warnings", "--step-length", "0.1"])
+    for k, edges in enumerate((["1", "2", "3"], ["4", "5", "6"])):
+        sumo.route.add(f"r{k}", edges)
+        sumo.vehicle.add(f"v{k}", f"r{k}", depart=str(lead_s * (k != first)), departPos="5")
+    sumo.simulationStep(90.0)
+    left = sumo.simulation.getMinExpectedNumber()
+    sumo.close()
+    assert left == 0
 
 
 @pytest.mark.parametrize(("shared_m", "stay"), [(9.0, False), (12.0, True)])
