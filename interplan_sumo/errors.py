@@ -19,6 +19,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+MOST_CHARACTERS = 500
+"""Of a message that somebody else wrote."""
+
+
+def clean_line(text: str, most: int = MOST_CHARACTERS) -> str:
+    """Text of others as one line that can be stored and printed: no control characters, no lone surrogates."""
+    line = " ".join(text[: 4 * most].split())
+    shown = "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in line[:most])
+    return shown if len(line) <= most and len(shown) <= most and len(text) <= 4 * most else f"{shown[: most - 3]}..."
+
 
 class InterplanError(Exception):
     """Base of all errors that carry a message for the user."""

@@ -39,18 +39,24 @@ def check_plan(plan: object, ego: EgoState, now_s: float) -> None:
     60 m/s from any 0.1 s to the next. The message is a clause about "the plan"
     with the numbers and the way out.
     """
-    if not isinstance(plan, Trajectory):
-        hint = " (did plan() forget to return it?)" if plan is None else ""
-        raise PlannerError(
-            f"the plan is of type {type(plan).__name__}{hint}; "
-            "return a Trajectory(time_s, x_m, y_m, heading_rad) from interplan_sumo.world.trajectory"
-        )
+    plan = check_type(plan)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are what this is about
         _check_numbers(plan)
         steps_s = plan.time_s[1:] - plan.time_s[:-1]
         is_even = not np.count_nonzero(np.abs(steps_s - _SAMPLE_S) > _TIME_SLACK_S)
         _check_times(plan, now_s, steps_s, is_even)
         _check_motion(plan, ego, now_s, is_even)
+
+
+def check_type(plan: object) -> Trajectory:
+    """The plan, which must be a Trajectory; PlannerError otherwise."""
+    if isinstance(plan, Trajectory):
+        return plan
+    hint = " (did plan() forget to return it?)" if plan is None else ""
+    raise PlannerError(
+        f"the plan is of type {type(plan).__name__}{hint}; "
+        "return a Trajectory(time_s, x_m, y_m, heading_rad) from interplan_sumo.world.trajectory"
+    )
 
 
 def _check_numbers(plan: Trajectory) -> None:

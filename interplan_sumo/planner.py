@@ -98,6 +98,9 @@ class PlannerScheme(Protocol):
         ...
 
 
+EXEC = "exec"
+"""The prefix of planners that are programs: `exec:COMMAND`, docs/planner_protocol.md."""
+
 PLANNERS: Registry[Callable[..., Planner]] = Registry(
     "interplan_sumo.planners", "planner", hint=f"Or give module:Class. {INSTALL_HINT}"
 )
@@ -132,13 +135,20 @@ class PlannerInfo:
     """Why it cannot be imported, if it cannot."""
 
 
-def find_planner(name: str) -> None:
-    """Check that a registered name or the module of `module:Class` exists, importing neither the planner nor its class.
+def split_spec(spec: str) -> tuple[str, str]:
+    """What stands before and behind the question mark of a planner's options; a command has none."""
+    name, _, query = spec.partition("?")
+    return (spec, "") if spec.startswith(f"{EXEC}:") else (name, query)
+
+
+def find_planner(spec: str) -> None:
+    """Check that a registered name, a program or the module of `module:Class` exists, importing nothing of the planner.
 
     UnknownNameError or PlannerLoadError otherwise: what can be known before anything is started.
     """
+    name, _ = split_spec(spec)
     module, colon, rest = name.partition(":")
-    if ":" in rest:
+    if ":" in rest or module == EXEC:
         SCHEMES[module].find(rest)
         return
     if not colon:
@@ -171,10 +181,12 @@ def planners() -> list[PlannerInfo]:
 def load_planner(spec: str) -> Planner:
     """A new planner from `name`, `module:Class`, `scheme:module:Class`, or these with `?option=value&option=value`.
 
+    `exec:COMMAND` starts a program.
+
     Values are read as YAML (`2`, `0.5`, `true`, text, `[1, 2]`). Raises
     UnknownNameError or PlannerLoadError with the way out.
     """
-    name, _, query = spec.partition("?")
+    name, query = split_spec(spec)
     make = _factory(name)
     known = _parameters(make)
     options: dict[str, Any] = {}
@@ -203,7 +215,7 @@ def load_planner(spec: str) -> Planner:
 def _factory(name: str) -> Any:
     if ":" in name:
         module_name, _, attribute = name.partition(":")
-        if ":" in attribute:
+        if ":" in attribute or module_name == EXEC:
             return SCHEMES[module_name].factory(attribute)
         try:
             return getattr(importlib.import_module(module_name), attribute)

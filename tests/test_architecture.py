@@ -17,8 +17,20 @@ SHELF = ROOT / "planners"
 # Each room and the rooms it may import from. A module of the package's root is a room of its own.
 BASE = {"errors", "resources", "registry"}
 LAYER_0 = {"world"}
-LAYER_1 = {"maps", "dynamics", "features", "planner", "plan_check", "recordings", "scenario", "families", "tiny_worlds"}
-LAYER_2 = {"simulation", "metrics", "policy"}
+LAYER_1 = {
+    "maps",
+    "dynamics",
+    "features",
+    "planner",
+    "planner_seat",
+    "planner_source",
+    "plan_check",
+    "recordings",
+    "scenario",
+    "families",
+    "tiny_worlds",
+}
+LAYER_2 = {"simulation", "metrics", "policy", "planner_process"}
 LAYER_3 = {"statistics", "verification", "batch", "report", "realism", "testing", "doctor", "dataset", "gym"}
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
@@ -28,6 +40,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "world": BASE,
     "planner": BASE | LAYER_0,
     "plan_check": BASE | LAYER_0,
+    "planner_seat": BASE | LAYER_0 | {"planner"},
+    "planner_source": BASE | LAYER_0 | {"planner"},
     "dynamics": BASE | LAYER_0,
     "maps": BASE | LAYER_0,
     "recordings": BASE | LAYER_0,
@@ -39,6 +53,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "simulation": BASE | LAYER_0 | LAYER_1,
     "metrics": BASE | LAYER_0 | LAYER_1,
     "policy": BASE | LAYER_0 | LAYER_1,
+    "planner_process": BASE | LAYER_0 | PLANNER,
     "testing": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"_check_worlds"},
     "verification": BASE | LAYER_0 | LAYER_1 | LAYER_2,
     "batch": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification"},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -18,15 +19,18 @@ import msgspec
 from interplan_sumo.batch.custom_references import own_expert
 from interplan_sumo.batch.jobs import Job
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import DriveAnswer, ModelUse, ScoreRecord, decode
+from interplan_sumo.batch.records import DriveAnswer, ModelUse, PlannerRecord, ScoreRecord, decode
 from interplan_sumo.batch.run_folder import is_full, place_folder, trace_place
-from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Publish, Work
-from interplan_sumo.errors import RunFolderError
+from interplan_sumo.batch.tasks import Answer, Fault, KilledFromOutsideError, OpenGroup, Publish, Work
+from interplan_sumo.errors import InputError, PlannerError, RunFolderError, clean_line
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.metric import plain
 from interplan_sumo.metrics.profile import Profile
 from interplan_sumo.metrics.score import score
 from interplan_sumo.planner import Planner, load_planner
+from interplan_sumo.planner_process.process import PlannerLimits, PlannerProcess
+from interplan_sumo.planner_seat import InProcess, PlannerSeat
+from interplan_sumo.planner_source import PlannerSource, changed_files
 from interplan_sumo.scenario.suite import expert
 from interplan_sumo.simulation.episode import EpisodeOptions, drive
 from interplan_sumo.world.files import PART
@@ -48,6 +52,19 @@ class DriveSettings:
     """Where the maps lie that came along with the scenarios, if not where the scenarios say."""
     made: Mapping[str, Callable[[], Planner]] = field(default_factory=dict[str, Callable[[], Planner]])
     """Planners that only this process can build, by name."""
+    planners: Mapping[str, PlannerRecord] = field(default_factory=dict[str, PlannerRecord])
+    """The versions that are to drive, by name; whatever is there drives where none is said."""
+
+    def seat(self, name: str) -> PlannerSeat:
+        """The planner, in a process of its own unless it is asked for in this one; InputError if it cannot be built."""
+        if name in self.made:
+            return InProcess(self.made[name]())
+        if name in self.planners:
+            _check_version(name, self.planners[name])
+        if not self.options.isolated:
+            return InProcess(load_planner(name))
+        limits = self.options.limits
+        return PlannerProcess.of(name, PlannerLimits(limits.plan_s, limits.load_s, limits.memory_bytes))
 
 
 def drive_jobs(settings: DriveSettings) -> OpenGroup:
@@ -56,18 +73,24 @@ def drive_jobs(settings: DriveSettings) -> OpenGroup:
 
 
 def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
-    planner = settings.made[name]() if name in settings.made else load_planner(name)
-    options = EpisodeOptions(vehicle_types=settings.options.traffic, plan_limit_s=settings.options.limits.plan_s)
+    seat = settings.seat(name)
+    options = EpisodeOptions(vehicle_types=settings.options.traffic)
 
     def work(job: Job) -> Answer:
         began_s = time.perf_counter()
         scenario = job.scenario
         if settings.maps_beside is not None and scenario.maps_beside is not None:
             scenario = replace(scenario, maps_beside=settings.maps_beside)
-        episode = drive(scenario, planner, seed=job.seed, options=options, on_phase=publish)
+        episode = drive(scenario, seat, seed=job.seed, options=options, on_phase=publish)
         times_s: dict[str, float] = dict(episode.times_s)
         fault = None if episode.fault is None else Fault(episode.fault.kind, episode.fault.message)
-        report, sheet, trace_hash, place = _own_report(planner), None, None, None
+        sheet, trace_hash, place = None, None, None
+        publish("plan")
+        report, fault = _report(seat, fault)
+        if isinstance(seat, PlannerProcess) and seat.has_ended:
+            sys.stderr.write(seat.printed)
+            if seat.killed_from_outside:
+                raise KilledFromOutsideError("" if fault is None else fault.message)
         if episode.trace is not None:
             publish("store")
             stored_s = time.perf_counter()
@@ -95,17 +118,31 @@ def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
     return work
 
 
-def _own_report(planner: Planner) -> dict[str, Any] | None:
-    """What a planner says of the drive itself, if it has a `report()`; its faults are no faults of the drive."""
-    report = getattr(planner, "report", None)
-    if not callable(report):
-        return None
+def _check_version(name: str, wanted: PlannerRecord) -> None:
+    """InputError for a planner that was edited during the run, or is another one on this machine."""
+    source = PlannerSource.of(name)
+    if source.hash != wanted.hash:
+        files = changed_files(wanted.files, source.files)
+        raise InputError(
+            f"planner {name!r} is not the one that this run began with: {files[0] if files else 'its options'} "
+            "differs; what was driven is kept: repeat the command"
+        )
+
+
+def _report(seat: PlannerSeat, fault: Fault | None) -> tuple[dict[str, Any] | None, Fault | None]:
+    """What a planner says of the drive, as it can be stored, and the fault of the drive: the first that there is."""
     try:
-        said = plain(report())
-        decode(msgspec.json.encode(said), ModelUse)
-        return decode(msgspec.json.encode(said), dict[str, Any]) or None
+        said = seat.report()
+    except PlannerError as error:
+        return None, fault or Fault("planner", str(error))
+    if said is None:
+        return None, fault
+    try:
+        text = msgspec.json.encode(plain(said))
+        decode(text, ModelUse)
+        return decode(text, dict[str, Any]) or None, fault
     except Exception as error:
-        return {"error": f"report() gave none: {type(error).__name__}: {error}"}
+        return {"error": clean_line(f"report() gave none: {type(error).__name__}: {error}")}, fault
 
 
 def _store(folder: Path, job: Job, trace: Trace, trace_hash: str) -> str:

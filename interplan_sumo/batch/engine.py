@@ -15,10 +15,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from interplan_sumo.batch.in_process import run_in_process
-from interplan_sumo.batch.processes import adopted_orphans, death, killed_from_outside
+from interplan_sumo.batch.processes import adopted_orphans
 from interplan_sumo.batch.tasks import PLANNER_PHASES, TRAFFIC_RETRIES, Fault, Limits, OpenGroup, Outcome, Task
 from interplan_sumo.batch.worker_pool import Ending, ProcessPool, Report, Worker, WorkerPool
 from interplan_sumo.errors import InputError, PlannerLoadError
+from interplan_sumo.planner_process.deaths import death, killed_from_outside
 
 OUTSIDE_KILLS_FORGIVEN = 2
 """A task whose worker somebody else killed is done again this often; then it is taken to be the task's own doing."""
@@ -35,7 +36,7 @@ def run_tasks(tasks: Sequence[Task], open_group: OpenGroup, *, workers: int, lim
     if not tasks:
         return
     if workers == 0:
-        yield from run_in_process(tasks, open_group, limits)
+        yield from run_in_process(tasks, open_group)
         return
     with tempfile.TemporaryDirectory(prefix="interplan-sumo-") as folder, adopted_orphans():
         pool = ProcessPool(open_group, limits, Path(folder))
@@ -54,7 +55,7 @@ def run_with(pool: WorkerPool, tasks: Sequence[Task], workers: int) -> Generator
     state = _Bookkeeping()
     for task in tasks:
         state.waiting.setdefault(task.group, deque()).append(task)
-    _try_groups(list(state.waiting), pool, workers)
+    _try_groups(list(state.waiting), pool, workers, state.opened)
     while any(state.waiting.values()) or any(w.task for w in pool.workers):
         _staff(state.waiting, pool, workers)
         for report in pool.reports():
@@ -74,6 +75,8 @@ class _Bookkeeping:
     traffic_faults: dict[Hashable, int] = field(default_factory=dict)
     failed_openings: dict[str, int] = field(default_factory=dict)
     """By group, in a row."""
+    opened: set[str] = field(default_factory=set[str])
+    """Groups that a worker has opened."""
 
     def again(self, task: Task, counted: dict[Hashable, int], most: int) -> bool:
         """Put a task back in front, unless that was done `most` times for this reason; whether it was."""
@@ -90,15 +93,14 @@ def _settle(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | 
     if answer.ready:
         worker.ready, worker.task_since_s = True, time.monotonic()
         state.failed_openings.pop(worker.group, None)
+        state.opened.add(worker.group)
         return None
+    task, worker.task = worker.task, None
+    if task is None and not worker.ready:
+        return _not_opened(report, pool, state)
     if answer.input_error is not None:
         raise InputError(answer.input_error)
-    task, worker.task = worker.task, None
-    if task is None:  # it died while idle, or while opening what had opened before
-        if not worker.ready:
-            failures = state.failed_openings[worker.group] = state.failed_openings.get(worker.group, 0) + 1
-            if failures > OUTSIDE_KILLS_FORGIVEN:
-                raise PlannerLoadError(_did_not_open(report))
+    if task is None:  # it died while idle
         return None
     wall_s = time.monotonic() - worker.task_since_s
     fault = answer.fault
@@ -110,12 +112,32 @@ def _settle(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | 
         return Outcome(task, answer.value, None, wall_s)
     if worker in pool.workers:
         pool.stop(worker)  # after a fault nobody knows what state a process is in
+    if answer.killed_from_outside and state.again(task, state.outside_kills, OUTSIDE_KILLS_FORGIVEN):
+        return None
     if fault.kind == "traffic" and state.again(task, state.traffic_faults, TRAFFIC_RETRIES):
         return None
     return Outcome(task, answer.value, fault, wall_s, answer.traceback, report.printed)
 
 
-def _try_groups(groups: list[str], pool: WorkerPool, workers: int) -> None:
+def _not_opened(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | None:
+    """Book a worker that could not open its group: once it had been opened, that is the next task's fault."""
+    group, why = report.worker.group, report.answer.input_error
+    if report.worker in pool.workers:
+        pool.stop(report.worker)
+    if why is None:
+        failures = state.failed_openings[group] = state.failed_openings.get(group, 0) + 1
+        if failures <= OUTSIDE_KILLS_FORGIVEN:
+            return None
+        why = _did_not_open(report)
+    if group not in state.opened:
+        raise PlannerLoadError(why)
+    state.failed_openings.pop(group, None)
+    if not state.waiting[group]:
+        return None
+    return Outcome(state.waiting[group].popleft(), {}, Fault("planner", why), 0.0, printed=report.printed)
+
+
+def _try_groups(groups: list[str], pool: WorkerPool, workers: int, tried: set[str]) -> None:
     """Open every group once before the first task, so that a planner that cannot be built ends the run at once."""
     if len(groups) == 1:
         return  # its first worker will tell
@@ -124,6 +146,7 @@ def _try_groups(groups: list[str], pool: WorkerPool, workers: int) -> None:
         for worker in opened:
             pool.release(worker)
         opened = _opened([pool.start(group) for group in groups[first : first + workers]], pool)
+        tried.update(worker.group for worker in opened)
 
 
 def _opened(started: list[Worker], pool: WorkerPool) -> list[Worker]:

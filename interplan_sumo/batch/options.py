@@ -45,7 +45,7 @@ class RunOptions:
     planners: tuple[str, ...] = field(
         default=(),
         metadata=_about(
-            "A registered name, module:Class, or name?option=value&... Default: the recommended one.",
+            "A registered name, module:Class, name?option=value&..., or exec:COMMAND. Default: the recommended one.",
             flag="--planner",
             completes="planner_names",
         ),
@@ -88,6 +88,14 @@ class RunOptions:
             scene=True,
         ),
     )
+    in_process: bool = field(
+        default=False,
+        metadata=_about("The planner shares the simulator's process: for debugging; --workers 0 implies it."),
+    )
+    redo: tuple[str, ...] = field(
+        default=(),
+        metadata=_about("Drive this planner's rows of the folder again.", metavar="PLANNER", completes="planner_names"),
+    )
     plan_limit_s: float = field(
         default=10.0,
         metadata=_about("Seconds that one plan() call may take; 0 for no limit.", flag="--plan-limit", least=0),
@@ -97,7 +105,8 @@ class RunOptions:
         metadata=_about("Seconds that one drive may take; 0 for no limit.", flag="--job-limit", least=0),
     )
     memory_gb: float = field(
-        default=8.0, metadata=_about("Memory that a worker may allocate (Linux); 0 for no limit.", least=0)
+        default=8.0,
+        metadata=_about("Memory that a worker, and its planner, may allocate (Linux); 0 for no limit.", least=0),
     )
 
     def __post_init__(self) -> None:
@@ -126,6 +135,11 @@ class RunOptions:
     def who(self) -> Workers:
         """Who does the drives."""
         return Workers.parse(None if self.workers is None else str(self.workers))
+
+    @property
+    def isolated(self) -> bool:
+        """Whether planners run in processes of their own."""
+        return not self.in_process and not self.who.in_this_process
 
     @property
     def overrides(self) -> Overrides:

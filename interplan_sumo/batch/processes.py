@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.planner_process.family import kill_family
 
 SINGLE_THREAD = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
@@ -19,6 +20,7 @@ SINGLE_THREAD = dict.fromkeys(
 """One thread per worker: the workers are the parallelism, and sums keep one order."""
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_PR_SET_DUMPABLE = 4
 _PR_SET_CHILD_SUBREAPER = 36
 _PR_GET_CHILD_SUBREAPER = 37
 
@@ -89,7 +91,9 @@ def interrupts_held() -> Generator[None]:
 
 
 def become_worker(memory_bytes: int | None) -> None:
-    """Make this process a worker: own process group, dies with its parent, no core dumps, memory capped.
+    """Make this process a worker: own session, dies with its parent, no core dumps, memory capped.
+
+    What a planner of it leaves behind stays below it, and no planner may look into it.
 
     The cap counts private writable memory (RLIMIT_DATA, enforced by Linux): an
     allocation beyond it raises MemoryError where it happens.
@@ -106,6 +110,8 @@ def become_worker(memory_bytes: int | None) -> None:
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() != parent:  # the parent died before the line above
             os._exit(1)
+        _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+        _prctl(_PR_SET_DUMPABLE, 0)
     if sys.platform != "win32":
         import resource
 
@@ -131,39 +137,19 @@ def adopted_orphans() -> Generator[None]:
         _prctl(_PR_SET_CHILD_SUBREAPER, before.value)
 
 
-def kill_group(leader: Any) -> None:
+def kill_worker(worker: Any) -> None:
     """Kill a worker and everything it started, and leave no zombie.
 
-    `leader` is its multiprocessing process, not yet joined: its process id is
-    still its own, so the group cannot be somebody else's.
+    `worker` is its multiprocessing process, not yet joined: its process id is
+    still its own, so its session cannot be somebody else's.
     """
-    if hasattr(os, "killpg"):
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(leader.pid, signal.SIGKILL)
-    leader.kill()  # in case it died before it had a group
-    leader.join()
+    kill_family(worker.pid, session=worker.pid)
+    worker.kill()  # in case it died before it had a group
+    worker.join()
     if hasattr(os, "waitpid"):
         with contextlib.suppress(ChildProcessError):
-            while os.waitpid(-leader.pid, 0)[0]:
+            while os.waitpid(-worker.pid, 0)[0]:
                 pass
-
-
-def death(exit_code: int | None) -> str:
-    """How a process ended, in words."""
-    if exit_code is None:
-        return "closed its connection"
-    if exit_code >= 0:
-        return f"exited with code {exit_code}"
-    try:
-        return f"was killed by {signal.Signals(-exit_code).name}"
-    except ValueError:
-        return f"was killed by signal {-exit_code}"
-
-
-def killed_from_outside(exit_code: int | None) -> bool:
-    """Whether the end looks like somebody else's doing (an operator, the out-of-memory killer) and not a crash."""
-    outside = {getattr(signal, name, None) for name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")}
-    return exit_code is not None and exit_code < 0 and -exit_code in {int(s) for s in outside if s is not None}
 
 
 def _prctl(option: int, value: int) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, Se
 import msgspec
 from msgspec import Meta, Struct, structs
 
-from interplan_sumo.errors import InterplanError
+from interplan_sumo.errors import InterplanError, clean_line
 
 if TYPE_CHECKING:
     from interplan_sumo.metrics.score import ScoreSheet
@@ -43,10 +43,13 @@ class RecordError(InterplanError):
 
 
 class Fault(Struct, frozen=True):
-    """Why a job has no ordinary result."""
+    """Why a job has no ordinary result; the message is one clean line, whoever wrote it."""
 
     kind: FaultClass = msgspec.field(name="class")
     message: str
+
+    def __post_init__(self) -> None:
+        structs.force_setattr(self, "message", clean_line(self.message))
 
 
 class MetricRecord(Struct, frozen=True):
@@ -123,6 +126,8 @@ class WorkerAnswer(Struct, frozen=True, omit_defaults=True):
     """What a worker says to its parent: that it is ready, that it cannot go on, or how a task ended."""
 
     ready: bool = False
+    killed_from_outside: bool = False
+    """Whether the fault may be somebody else's doing, who ended a process."""
     input_error: str | None = None
     """Why its group cannot be opened or a task not be done, whoever tries."""
     value: dict[str, Any] = {}
@@ -170,6 +175,10 @@ class Row(Struct, frozen=True, kw_only=True, omit_defaults=True):
     versions: dict[str, str]
     traffic_version: int
     reached_goal: bool
+    isolated: bool
+    """Whether the planner ran in a process of its own, apart from simulation and scoring."""
+    planner_hash: str | None
+    """Over its source files, options and weights; None for an object that only the calling process knew."""
     site: str
     scenario_hash: str
     trace: str | None
@@ -220,6 +229,13 @@ class RequestedJobs(Struct, frozen=True):
     seeds: Annotated[int, Meta(ge=1, le=MOST_SEEDS)]
 
 
+class PlannerRecord(Struct, frozen=True):
+    """The planner that drove: what `planner_source` has of it."""
+
+    hash: str
+    files: dict[str, str]
+
+
 class ManifestFormat(Struct):
     """The first that is read of a manifest."""
 
@@ -242,6 +258,8 @@ class Manifest(Struct, frozen=True, kw_only=True):
     plan_limit_s: Seconds | None
     """None for no limit."""
     requests: tuple[RequestedJobs, ...]
+    planners: dict[str, PlannerRecord] = {}
+    """The one version of each planner that the folder holds drives of, by the name that it was asked for."""
 
     @property
     def keys(self) -> list[JobKey]:

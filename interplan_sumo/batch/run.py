@@ -16,18 +16,18 @@ from typing import Protocol
 from interplan_sumo.batch.backend import drive_answer, drive_outcomes
 from interplan_sumo.batch.custom_references import keep_certified
 from interplan_sumo.batch.drive_job import DriveSettings
-from interplan_sumo.batch.in_process import alarm_works
 from interplan_sumo.batch.jobs import Job, Selection, jobs_for, own_maps
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import Brief, Manifest, RequestedJobs, Row
+from interplan_sumo.batch.records import Brief, Manifest, PlannerRecord, RequestedJobs, Row
 from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Outcome, Task
 from interplan_sumo.batch.versions import versions
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.planner import RECOMMENDED, Planner, find_planner
+from interplan_sumo.planner_source import PlannerSource
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.traffic import TRAFFIC_VERSION
@@ -69,7 +69,7 @@ def run(
     planners = tuple(dict.fromkeys(options.planners)) or (RECOMMENDED,)
     for spec in planners:
         if spec not in made:
-            find_planner(spec.partition("?")[0])
+            find_planner(spec)
     profile = find_profile(options.profile or DEFAULT_PROFILE)
     selection = Selection.of(options)
     source, scenarios = selection.source, selection.scenarios
@@ -77,6 +77,10 @@ def run(
     if options.behaviour is not None:
         vehicle_type_file(options.behaviour)
     check_inputs({job.scenario.id: job.scenario for job in jobs}.values(), options.traffic)
+    sources = {spec: PlannerSource.of(spec) for spec in planners if spec not in made}
+    for spec in options.redo:
+        if spec not in planners:
+            raise UnknownNameError("planner of this run to redo", spec, planners)
     overrides = options.overrides.canonical()
     library_versions = versions() | {"scoring": str(SCORING_VERSION)}
     wanted = RequestedJobs(planners, tuple(s.id for s in scenarios), options.seeds)
@@ -92,8 +96,9 @@ def run(
         platform=platform.platform(),
         plan_limit_s=options.plan_limit_s or None,
         requests=(wanted,),
+        planners={spec: PlannerRecord(source.hash, source.files) for spec, source in sources.items()},
     )
-    with RunFolder(options.out, manifest) as folder:
+    with RunFolder(options.out, manifest, options.redo) as folder:
         left = [job for job in jobs if job.key not in folder.done]
         if watch is not None:
             watch.begin(len(jobs), folder.kept({job.key for job in jobs}))
@@ -103,6 +108,7 @@ def run(
             profile=profile,
             own_scenarios=not source.official,
             made=made,
+            planners=manifest.planners,
         )
         if not source.official:
             folder.keep_scenarios(source.scenarios, own_maps(source.scenarios))
@@ -120,7 +126,7 @@ def run(
                     site = scenario.site(load_roads(scenario.map, scenario.maps_beside))
                     named[scenario.id] = (site, scenario.hash())
                 official = source.official and not overrides
-                row = _row(outcome, *named[scenario.id], manifest, official=official)
+                row = _row(outcome, *named[scenario.id], manifest, official=official, isolated=options.isolated)
                 folder.append(row)
                 if watch is not None:
                     watch.finished(row)
@@ -129,9 +135,7 @@ def run(
 
 def here(options: RunOptions) -> RunOptions:
     """As workers have them: with files that are found from anywhere."""
-    # In this process an alarm keeps the limit: unlike the drive's own it rests while a debugger is at work.
-    limit_s = 0.0 if options.who.in_this_process and alarm_works() else options.plan_limit_s
-    return replace(options, traffic=options.traffic and options.traffic.resolve(), plan_limit_s=limit_s)
+    return replace(options, traffic=options.traffic and options.traffic.resolve())
 
 
 def check_inputs(scenarios: Iterable[Scenario], vehicle_types: Path | None) -> None:
@@ -142,7 +146,7 @@ def check_inputs(scenarios: Iterable[Scenario], vehicle_types: Path | None) -> N
         read_vehicle_types(vehicle_types or vehicle_type_file(scenario.traffic.behaviour))
 
 
-def _row(outcome: Outcome, site: str, scenario_hash: str, manifest: Manifest, *, official: bool) -> Row:
+def _row(outcome: Outcome, site: str, scenario_hash: str, manifest: Manifest, *, official: bool, isolated: bool) -> Row:
     """A line of results.jsonl."""
     job: Job = outcome.task.payload
     answer, fault = drive_answer(outcome)
@@ -169,6 +173,8 @@ def _row(outcome: Outcome, site: str, scenario_hash: str, manifest: Manifest, *,
         versions=manifest.versions,
         traffic_version=manifest.traffic_version,
         reached_goal=answer.reached_goal,
+        isolated=isolated,
+        planner_hash=manifest.planners[job.planner].hash if job.planner in manifest.planners else None,
         site=site,
         scenario_hash=scenario_hash,
         trace=answer.trace,

@@ -37,6 +37,7 @@ from interplan_sumo.batch.records import (
     JobKey,
     Manifest,
     ManifestFormat,
+    PlannerRecord,
     RecordError,
     RequestedJobs,
     Row,
@@ -57,6 +58,7 @@ from interplan_sumo.batch.shards import keep_shards
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import MapFiles, copy_map
 from interplan_sumo.metrics.profile import Profile, keep_profile
+from interplan_sumo.planner_source import changed_files
 from interplan_sumo.scenario.files import MAPS, scenario_text
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.files import PART, replacing
@@ -130,12 +132,14 @@ def read_run(path: Path) -> StoredRun:
 class RunFolder:
     """A run folder open for writing; use as a context manager. One process at a time: others are refused."""
 
-    def __init__(self, path: Path, wanted: Manifest) -> None:
+    def __init__(self, path: Path, wanted: Manifest, redo: Container[str] = ()) -> None:
         """What BENCHMARK names must agree with what the folder holds; the requests are added to it.
 
-        Raises RunFolderError: in use, unwritable, foreign, or of another benchmark (naming the difference).
+        So must the planners, but for those to `redo`: their rows are taken away. Raises RunFolderError:
+        in use, unwritable, foreign, or of another benchmark or planner (naming the difference).
         """
         self.path = path
+        self._redo = redo
         self._results = -1
         self._not_in_shards = 0
         try:
@@ -251,9 +255,21 @@ class RunFolder:
             return self._write_manifest(wanted)
         for name in BENCHMARK:
             _refuse_difference(self.path, name, *(to_builtins(getattr(each, name)) for each in (held, wanted)))
-        if set(wanted.keys) <= set(held.keys):
-            return held
-        return self._write_manifest(structs.replace(held, requests=(*held.requests, *wanted.requests)))
+        changed = [name for name, now in wanted.planners.items() if _has_changed(held, name, now)]
+        with_rows = {key[1] for _, key, _ in read_briefs(self.path / RESULTS)} if changed else set[str]()
+        for name in changed:
+            if name in with_rows and name not in self._redo:
+                _refuse_planner(self.path, name, held.planners[name], wanted.planners[name])
+        self._take_away_rows()
+        new = () if set(wanted.keys) <= set(held.keys) else wanted.requests
+        agreed = structs.replace(held, requests=(*held.requests, *new), planners={**held.planners, **wanted.planners})
+        return held if agreed == held else self._write_manifest(agreed)
+
+    def _take_away_rows(self) -> None:
+        """Those of planners that are to drive again; before the manifest says that there is another version."""
+        path = self.path / RESULTS
+        if any(key[1] in self._redo for _, key, _ in read_briefs(path)):
+            write_lines(path, (line for line, key, _ in read_briefs(path) if key[1] not in self._redo))
 
     def _write_manifest(self, manifest: Manifest) -> Manifest:
         with replacing(self.path / MANIFEST) as file:
@@ -278,6 +294,19 @@ class RunFolder:
         os.ftruncate(self._results, whole_bytes)
         os.fsync(self._results)
         return {key for key, (_, stays) in last.items() if stays}
+
+
+def _has_changed(held: Manifest, name: str, now: PlannerRecord) -> bool:
+    return name in held.planners and held.planners[name].hash != now.hash
+
+
+def _refuse_planner(path: Path, name: str, then: PlannerRecord, now: PlannerRecord) -> None:
+    files = changed_files(then.files, now.files)
+    more = f" and {len(files) - 1} more" if len(files) > 1 else ""
+    raise RunFolderError(
+        f"{path} holds drives of planner {name!r} from before {files[0] if files else 'its options'}{more} changed; "
+        f"--redo {name!r} drives them again, another --out keeps both"
+    )
 
 
 def _refuse_difference(path: Path, name: str, held: Any, wanted: Any) -> None:

@@ -166,7 +166,7 @@ def plan_sweep(options: RunOptions, parameters: Sequence[Parameter]) -> Sweep:
         raise InputError("nothing to vary; name it with --param, such as --param interplan.reactOverlap=0,0.5,1")
     folder = _check_agree(options, parameters)
     for spec in options.planners:
-        find_planner(spec.partition("?")[0])
+        find_planner(spec)
     selection = Selection.of(options)
     scenarios = selection.scenarios
     settings = [

@@ -23,16 +23,15 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a task may use. Wall clock, generous: noise must not change a result."""
+    """What a task may use. Wall clock, generous: noise must not change a result, and a pause counts for nothing."""
 
     plan_s: float = 10.0
-    grace_s: float = 2.0
-    """How much longer a plan() call may run before its process is killed from outside."""
+    """One call of a planner."""
     task_s: float = 3600.0
     load_s: float = 600.0
     """Building a planner: importing libraries, loading weights."""
     memory_bytes: int | None = 8 << 30
-    """Private memory of one worker; None for no cap. Linux only."""
+    """Private memory of a worker, and of its planner; None for no cap. Linux only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,16 +57,21 @@ Work = Callable[[Any], Answer]
 OpenGroup = Callable[[str, Publish], Work]
 """Builds what the tasks of one group share (a planner) and returns the function that does one task."""
 
+
+class KilledFromOutsideError(Exception):
+    """Somebody else ended what a task needs: an operator, or the system for want of memory. It may be done again."""
+
+
 # --- phases ------------------------------------------------------------------------------------
 
 PHASES = ("idle", "load", "setup", "plan", "simulate", "record", "score", "store")
 """`load` builds the planner; `setup`, `plan`, `simulate` and `record` are the episode's; `idle` is between jobs."""
 PLANNER_PHASES = frozenset({"load", "plan"})
-"""Foreign code runs here: what goes wrong in them is the planner's fault."""
+"""A planner is asked here, or runs: what goes wrong in them is its fault."""
 
 
 class Shared(Protocol):
-    """Two integers that two processes see: the phase and how often it has changed."""
+    """A number that two processes see: the phase."""
 
     def __getitem__(self, index: int, /) -> int: ...
     def __setitem__(self, index: int, value: int, /) -> None: ...
@@ -82,13 +86,7 @@ class SharedPhase:
     def publish(self, phase: str) -> None:
         """Say which phase begins; an unknown name counts as `simulate`."""
         self._shared[0] = PHASES.index(phase) if phase in PHASES else PHASES.index("simulate")
-        self._shared[1] += 1
 
     @property
     def phase(self) -> str:
         return PHASES[self._shared[0]]
-
-    @property
-    def changes(self) -> int:
-        """Grows with every phase that begins: unchanged means still the same call."""
-        return self._shared[1]

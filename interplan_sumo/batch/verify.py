@@ -120,7 +120,7 @@ def verify(
     keys = _candidates(run, sample)
     drawn = _drawn(keys, sample)
     for planner in dict.fromkeys(key[1] for key in drawn):
-        find_planner(planner.partition("?")[0])
+        find_planner(planner)
     held, options = run.manifest.overrides, options or RunOptions()
     own = own_scenarios(run)
     options = replace(

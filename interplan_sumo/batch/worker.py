@@ -14,7 +14,14 @@ from typing import Any
 
 from interplan_sumo.batch.processes import become_worker
 from interplan_sumo.batch.records import Fault, WorkerAnswer, decode, encode, readable
-from interplan_sumo.batch.tasks import PLANNER_PHASES, OpenGroup, Shared, SharedPhase, Work
+from interplan_sumo.batch.tasks import (
+    PLANNER_PHASES,
+    KilledFromOutsideError,
+    OpenGroup,
+    Shared,
+    SharedPhase,
+    Work,
+)
 from interplan_sumo.errors import InputError, TrafficError
 
 
@@ -30,6 +37,8 @@ def attempt(work: Work, task: Any, phases: SharedPhase) -> WorkerAnswer:
         said = None if fault is None else Fault(fault.kind, readable(fault.message))
         return decode(encode(WorkerAnswer(value=value, fault=said)), WorkerAnswer)
     except BaseException as error:
+        if isinstance(error, KilledFromOutsideError):
+            return WorkerAnswer(fault=Fault("planner", str(error)), killed_from_outside=True)
         phase = phases.phase
         text = readable(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
         if phase in PLANNER_PHASES:

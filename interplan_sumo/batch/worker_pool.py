@@ -17,12 +17,15 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, Protocol
 
-from interplan_sumo.batch.processes import SINGLE_THREAD, environment, interrupts_held, kill_group
+from interplan_sumo.batch.processes import SINGLE_THREAD, environment, interrupts_held, kill_worker
 from interplan_sumo.batch.records import RecordError, WorkerAnswer, decode
 from interplan_sumo.batch.tasks import Limits, OpenGroup, SharedPhase, Task
 from interplan_sumo.batch.worker import serve
+from interplan_sumo.planner_process.awake import AwakeClock
 
 POLL_S = 0.1
+GRACE_S = 5.0
+"""Of a worker that opens its group: it tells itself what was over its limit."""
 PATIENCE_S = 5.0
 """How long a worker that was told to leave may take before it is ended."""
 MOST_BYTES = 1 << 28
@@ -104,8 +107,8 @@ class _Process:
     line: Connection
     phases: SharedPhase
     output: Path
-    phase_since_s: float
-    phase_changes: int = -1
+    since_s: float
+    """By the pool's clock: when it was started, given its task or told to leave."""
     over: Ending | None = None
     """Phase and limit, if it was killed for one."""
 
@@ -120,6 +123,7 @@ class ProcessPool:
         self._started = 0
         self._present: dict[Worker, _Process] = {}
         self._leaving: dict[Worker, _Process] = {}
+        self._clock = AwakeClock()
 
     @property
     def workers(self) -> list[Worker]:
@@ -129,7 +133,7 @@ class ProcessPool:
         context = multiprocessing.get_context("spawn")
         ends: tuple[Any, Any] = context.Pipe(duplex=True)
         here, there = ends
-        shared = context.RawArray("q", 2)
+        shared = context.RawArray("q", 1)
         self._started += 1
         output = self._folder / f"worker-{self._started}.txt"
         process = context.Process(
@@ -142,9 +146,8 @@ class ProcessPool:
         with environment({**SINGLE_THREAD, "PYTHONHASHSEED": "0"}), interrupts_held():
             process.start()
         there.close()
-        now_s = time.monotonic()
-        worker = Worker(group, now_s)
-        self._present[worker] = _Process(process, here, SharedPhase(shared), output, now_s)
+        worker = Worker(group, time.monotonic())
+        self._present[worker] = _Process(process, here, SharedPhase(shared), output, self._clock.now_s())
         return worker
 
     def give(self, worker: Worker, task: Task) -> bool:
@@ -154,20 +157,20 @@ class ProcessPool:
         except OSError:  # it died just now; `reports` will tell
             return False
         worker.task = task
-        worker.task_since_s = own.phase_since_s = time.monotonic()
+        worker.task_since_s, own.since_s = time.monotonic(), self._clock.now_s()
         return True
 
     def release(self, worker: Worker) -> None:
         own = self._leaving[worker] = self._present.pop(worker)
         with contextlib.suppress(OSError):
             own.line.send(None)
-        worker.task_since_s = time.monotonic()
+        own.since_s = self._clock.now_s()
 
     def stop(self, worker: Worker) -> None:
         for place in (self._present, self._leaving):
             own = place.pop(worker, None)
             if own is not None:
-                kill_group(own.process)
+                kill_worker(own.process)
                 own.line.close()
                 own.output.unlink(missing_ok=True)
 
@@ -218,30 +221,24 @@ class ProcessPool:
 
     def _enforce(self) -> None:
         """Kill workers that are over a limit; the next `_listen` finds them dead."""
-        now_s = time.monotonic()
+        now_s = self._clock.now_s()
         limits = self._limits
         for worker, own in self._present.items():
-            changes = own.phases.changes
-            if changes != own.phase_changes:
-                own.phase_changes, own.phase_since_s = changes, now_s
             if own.over is not None or (worker.ready and worker.task is None):
                 continue
-            phase = own.phases.phase
-            in_phase_s, in_task_s = now_s - own.phase_since_s, now_s - worker.task_since_s
+            in_task_s = now_s - own.since_s
             if not worker.ready:
-                if in_task_s > limits.load_s:
+                if in_task_s > limits.load_s + GRACE_S:
                     own.over = Ending(None, "load", f"took longer than {limits.load_s:g} s to build")
-            elif phase == "plan" and in_phase_s > limits.plan_s + limits.grace_s:
-                own.over = Ending(None, "plan", f"plan() took longer than {limits.plan_s:g} s")
             elif in_task_s > limits.task_s:
-                own.over = Ending(None, phase, f"no result after {limits.task_s:g} s")
+                own.over = Ending(None, own.phases.phase, f"no result after {limits.task_s:g} s")
             if own.over is not None:
                 own.process.kill()
 
     def _reap(self) -> None:
         """Let go of those that left, and stop those that do not leave in time."""
         for worker, own in list(self._leaving.items()):
-            if not own.process.is_alive() or time.monotonic() - worker.task_since_s > PATIENCE_S:
+            if not own.process.is_alive() or self._clock.now_s() - own.since_s > PATIENCE_S:
                 self.stop(worker)
 
 

@@ -48,7 +48,7 @@ def certify(
     stored = certificates.read_certificates(path) if path.is_file() else {}
     asked = list(PANEL) if panel is None else [name.strip() for name in panel.split(",") if name.strip()]
     for name in asked:
-        find_planner(name.partition("?")[0])
+        find_planner(name)
     found = proved(wanted, workers, stored if check else None, asked or None)
     found.sort(key=lambda proof: [s.id for s in wanted].index(proof.scenario.id))
     failed = [proof for proof in found if proof.certificate is None]

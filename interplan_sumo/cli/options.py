@@ -127,6 +127,7 @@ KINDS: dict[str, Any] = {
     "int | None": int | None,
     "int": int,
     "float": float,
+    "bool": bool,
 }
 """What typer reads for a field of a type."""
 

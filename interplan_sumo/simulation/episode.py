@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from interplan_sumo.errors import PlannerError, TrafficError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Mission, Observation, Past, Planner
+from interplan_sumo.planner_seat import PlannerSeat, seated
 from interplan_sumo.scenario.route import GoalLine, goal_arc_m, route_centerline
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.history import PAST_STEPS, extrapolated_egos
@@ -37,7 +38,6 @@ DT_S = 0.1
 
 FaultClass = Literal["planner", "traffic"]
 Phase = Literal["setup", "plan", "simulate", "record"]
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,6 @@ class EpisodeOptions:
 
     vehicle_types: Path | None = None
     """A vehicle-type file in place of the scenario's own."""
-    plan_limit_s: float = 10.0
-    """Wall-clock seconds that one planner call may take."""
     shape: EgoShape = PACIFICA
 
 
@@ -97,13 +95,16 @@ class _Record:
 
 def drive(
     scenario: Scenario,
-    planner: Planner,
+    planner: Planner | PlannerSeat,
     *,
     seed: int = 0,
     options: EpisodeOptions | None = None,
     on_phase: Callable[[Phase], None] | None = None,
 ) -> Episode:
-    """Run one scenario on SUMO. InputError if its map or vehicle types cannot be used; all else is in the result."""
+    """Run one scenario on SUMO; a planner without a seat of its own drives in this process.
+
+    InputError if its map or vehicle types cannot be used; all else is in the result.
+    """
     options = options or EpisodeOptions()
     tell = on_phase or (lambda _phase: None)
     tell("setup")
@@ -124,7 +125,7 @@ def drive(
 def run_loop(
     scenario: Scenario,
     roads: Roads,
-    planner: Planner,
+    planner: Planner | PlannerSeat,
     traffic: Traffic,
     *,
     options: EpisodeOptions,
@@ -139,7 +140,7 @@ def run_loop(
     loop = Loop(scenario, roads, traffic, options.shape, seed)
     record, fault = loop.record, None
     try:
-        _run(loop, planner, options.plan_limit_s, on_phase)
+        _run(loop, seated(planner), on_phase)
     except PlannerError as error:
         fault = EpisodeFault(
             "planner", f"{error} (t = {(len(record.egos) - 1) * DT_S:.1f} s)" if record.egos else str(error)
@@ -172,16 +173,17 @@ def run_until(scenario: Scenario, planner: Planner, enough: Callable[[], bool], 
     return None
 
 
-def _run(loop: Loop, planner: Planner, plan_limit_s: float, on_phase: Callable[[Phase], None]) -> None:
+def _run(loop: Loop, seat: PlannerSeat, on_phase: Callable[[Phase], None]) -> None:
     """Drive to the end."""
     mission = loop.open()
     on_phase("plan")
-    _guarded(lambda: planner.start(mission), "start()")
+    seat.start(mission)
     while loop.begin_frame():
         on_phase("plan")
-        plan = _planned(planner, loop.observation, loop.record, plan_limit_s)
+        timed = seat.plan(loop.observation)
+        loop.record.plan_wall_s.append(timed.wall_s)
         on_phase("simulate")
-        loop.advance(plan)
+        loop.advance(timed.plan)
 
 
 class Loop:
@@ -269,27 +271,3 @@ class Loop:
     def trace(self) -> Trace | None:
         """What was written down so far; None before the first frame."""
         return self.record.trace(dict(self.traffic.behaviours), self.shape)
-
-
-def _planned(planner: Planner, observation: Observation, record: _Record, limit_s: float) -> Trajectory:
-    began = time.perf_counter()
-    plan = _guarded(lambda: planner.plan(observation), "plan()")
-    wall_s = time.perf_counter() - began
-    record.plan_wall_s.append(wall_s)
-    if wall_s > limit_s:
-        raise PlannerError(f"plan() took {wall_s:.1f} s, the limit is {limit_s:g} s")
-    return plan
-
-
-def _guarded(call: Callable[[], _T], what: str) -> _T:
-    """The planner's own exceptions, sys.exit included, as PlannerError with the place where they were raised."""
-    try:
-        return call()
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        where = error.__traceback__
-        while where is not None and where.tb_next is not None:
-            where = where.tb_next
-        place = f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})" if where is not None else ""
-        raise PlannerError(f"{what} raised {type(error).__name__}: {error}{place}") from error

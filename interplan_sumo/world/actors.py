@@ -36,7 +36,7 @@ class ActorKind(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
-_COLUMNS = ("kind", "x_m", "y_m", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps")
+ACTOR_COLUMNS = ("kind", "x_m", "y_m", "heading_rad", "length_m", "width_m", "vx_mps", "vy_mps")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class Actors:
     vy_mps: Floats  # (N,)
 
     def __post_init__(self) -> None:
-        for name in _COLUMNS:
+        for name in ACTOR_COLUMNS:
             array = frozen(getattr(self, name), np.int8 if name == "kind" else np.float64)
             if array.shape != (len(self.ids),):
                 raise ValueError(f"Actors.{name} has shape {array.shape}, expected ({len(self.ids)},)")
@@ -71,7 +71,7 @@ class Actors:
     def trusted(cls, ids: tuple[str, ...], *columns: NDArray[Any]) -> Actors:
         """Actors without the checks, for rows known to be good: sorted, columns in order of the fields."""
         actors = object.__new__(cls)
-        actors.__dict__.update(zip(_COLUMNS, columns, strict=True), ids=ids)  # this happens several times a step
+        actors.__dict__.update(zip(ACTOR_COLUMNS, columns, strict=True), ids=ids)  # this happens several times a step
         for column in columns:
             column.setflags(write=False)
         return actors
@@ -108,7 +108,7 @@ class Actors:
         if len(rows) == len(self):
             return self
         known = self.__dict__
-        columns = [known[name][rows] for name in _COLUMNS]
+        columns = [known[name][rows] for name in ACTOR_COLUMNS]
         return Actors.trusted(tuple(map(self.ids.__getitem__, rows.tolist())), *columns)
 
     def within(self, x_m: float, y_m: float, radius_m: float) -> Actors:

@@ -1,0 +1,181 @@
+"""Planner source: what makes a planner what it is: its files, its options, its weights, and a hash over them.
+
+Nothing of the planner is imported. Its files are those of its package (or its module, or its program), of what they
+import from beside them, and those that its options name. Libraries, which have versions, are none of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import re
+import shlex
+import shutil
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from interplan_sumo.errors import InputError
+from interplan_sumo.planner import EXEC, PLANNERS, OptionLoader, split_spec
+
+LARGE_BYTES: Final = 64 << 20
+"""Of a file beyond this, only its size and pieces all over it count."""
+_PIECES, _PIECE_BYTES = 64, 1 << 16
+_IMPORTS = re.compile(rb"^[ \t]*(?:from[ \t]+([A-Za-z_]\w*)[\w.]*[ \t]+import\b|import[ \t]+([^\n#;]+))", re.MULTILINE)
+_OWN = "interplan_sumo"
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerSource:
+    """The files of a planner."""
+
+    hash: str
+    """SHA-256 over names and contents of the files, and its options."""
+    files: dict[str, str]
+    """The first 16 digits of each one's SHA-256, by its name."""
+
+    @classmethod
+    def of(cls, spec: str) -> PlannerSource:
+        """Of the planner that `run --planner` takes; InputError if one of its files cannot be read."""
+        name, query = split_spec(spec)
+        if name.startswith(f"{EXEC}:"):
+            words = shlex.split(name.removeprefix(f"{EXEC}:"))
+            places = _named([shutil.which(words[0]) or words[0], *words[1:]])
+        else:
+            places = {**_modules(_top_module(name)), **_named(_values(query))}
+        files = {each: _digest(place)[:16] for each, place in sorted(places.items())}
+        about = "\n".join((query, *(f"{each} {digest}" for each, digest in files.items())))
+        return cls(hashlib.sha256(about.encode(errors="surrogateescape")).hexdigest(), files)
+
+
+def changed_files(then: dict[str, str], now: dict[str, str]) -> list[str]:
+    """The names of the files that are not as they were."""
+    return [name for name in sorted({*then, *now}) if then.get(name) != now.get(name)]
+
+
+def _top_module(name: str) -> str:
+    """The package that a planner comes from."""
+    if ":" not in name:
+        return PLANNERS.point(name).value.partition(":")[0].partition(".")[0]
+    parts = name.split(":")
+    return parts[-2].partition(".")[0]
+
+
+def _modules(top: str) -> dict[str, Path]:
+    """The files of a package or module, and of those that it imports which are no libraries."""
+    found: dict[str, Path] = {}
+    seen, left = set[str](), [top]
+    while left:
+        name = left.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        files = _files_of(name, library_too=name == top)
+        found |= files
+        for file in files.values():
+            if file.suffix == ".py":
+                left += _imported(file)
+    return found
+
+
+@cache
+def _libraries() -> frozenset[Path]:
+    names = ("stdlib", "platstdlib", "purelib", "platlib")
+    return frozenset(Path(sysconfig.get_path(each)).resolve() for each in names)
+
+
+def _files_of(module: str, *, library_too: bool) -> dict[str, Path]:
+    """The files of a top-level package or module; none of a library, unless it is asked for."""
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ImportError, ValueError):
+        return {}
+    if spec is None:
+        return {}
+    if spec.submodule_search_locations is not None:
+        folders = [Path(each).resolve() for each in spec.submodule_search_locations]
+        if not library_too and any(map(_is_library, folders)):
+            return {}
+        return {f"{module}/{name}": path for folder in folders for name, path in _below(folder)}
+    if spec.origin is None or not (file := Path(spec.origin).resolve()).is_file():
+        return {}
+    return {} if not library_too and _is_library(file) else {file.name: file}
+
+
+def _is_library(place: Path) -> bool:
+    return bool(_libraries() & {place, *place.parents}) or {"site-packages", "dist-packages"} & {*place.parts} != set()
+
+
+def _below(folder: Path) -> Iterator[tuple[str, Path]]:
+    """What lies in a folder, but for what Python or an editor leaves there."""
+    for path in sorted(folder.rglob("*")):
+        place = path.relative_to(folder)
+        hidden = any(part.startswith(".") or part == "__pycache__" for part in place.parts)
+        if path.is_file() and not hidden and path.suffix != ".pyc":
+            yield place.as_posix(), path
+
+
+def _imported(file: Path) -> Iterator[str]:
+    """Top-level names that a file imports and that may be modules beside it."""
+    for one, several in _IMPORTS.findall(_read(file)):
+        for name in [one] if one else several.split(b","):
+            module = name.strip().split(b" ")[0].split(b".")[0].decode(errors="replace")
+            if module.isidentifier() and module not in sys.stdlib_module_names and module != _OWN:
+                yield module
+
+
+def _values(query: str) -> Iterator[str]:
+    """The texts among the values of options."""
+
+    def texts(value: Any) -> Iterator[str]:
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, list):
+            for each in value:
+                yield from texts(each)
+
+    for pair in filter(None, query.split("&")):
+        with suppress(yaml.YAMLError):
+            yield from texts(yaml.load(pair.partition("=")[2], OptionLoader))  # a safe loader
+
+
+def _named(texts: Iterable[str]) -> dict[str, Path]:
+    """The files that are named, and what lies in folders that are."""
+    found: dict[str, Path] = {}
+    for text in texts:
+        with suppress(OSError, ValueError):
+            place = Path(text).expanduser()
+            if place.is_file():
+                found[text] = place
+            elif place.is_dir() and text not in ("", ".", "/"):
+                found |= {f"{text}/{name}": path for name, path in _below(place)}
+    return found
+
+
+def _digest(file: Path) -> str:
+    try:
+        size = file.stat().st_size
+        if size <= LARGE_BYTES:
+            return hashlib.sha256(_read(file)).hexdigest()
+        digest = hashlib.sha256(str(size).encode())
+        with file.open("rb") as content:
+            for piece in range(_PIECES):
+                content.seek(piece * (size - _PIECE_BYTES) // (_PIECES - 1))
+                digest.update(content.read(_PIECE_BYTES))
+        return digest.hexdigest()
+    except OSError as error:
+        raise InputError(f"cannot read {file}, which belongs to a planner: {error.strerror or error}") from None
+
+
+def _read(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {file}, which belongs to a planner: {error.strerror or error}") from None
