@@ -230,6 +230,8 @@ def toy_row(number: int) -> Row:
         versions={},
         traffic_version=2,
         reached_goal=True,
+        isolated=True,
+        planner_hash=None,
         site="toy/1",
         scenario_hash="",
         trace=f"traces/{number}",

@@ -14,7 +14,8 @@ def row(scenario: str, score: float | None = 0.5, **changes: Any) -> Row:
         "scenario_id": scenario, "family": scenario.partition("/")[0], "planner": "idm", "seed": 0, "score": score,
         "metrics": {}, "gates": (), "weights": {}, "fault": Fault("timeout", "killed") if score is None else None,
         "official": True, "overrides": AppliedOverrides(), "perception": "full", "trace_hash": None, "times_s": {},
-        "versions": {}, "traffic_version": 2, "reached_goal": False, "site": "tiny/1", "scenario_hash": "",
+        "versions": {}, "traffic_version": 2, "reached_goal": False, "isolated": True, "planner_hash": None,
+        "site": "tiny/1", "scenario_hash": "",
         "trace": None,
     }  # fmt: skip
     return Row(**fields | changes)

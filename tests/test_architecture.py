@@ -17,19 +17,8 @@ SHELF = ROOT / "planners"
 # Each room and the rooms it may import from. A module of the package's root is a room of its own.
 BASE = {"errors", "resources", "registry"}
 LAYER_0 = {"world"}
-LAYER_1 = {
-    "maps",
-    "dynamics",
-    "features",
-    "planner",
-    "planner_seat",
-    "planner_source",
-    "plan_check",
-    "recordings",
-    "scenario",
-    "families",
-    "tiny_worlds",
-}
+PLANNER = {"planner", "planner_seat", "planner_source", "plan_check"}
+LAYER_1 = {"maps", "dynamics", "features", "recordings", "scenario", "families", "tiny_worlds"} | PLANNER
 LAYER_2 = {"simulation", "metrics", "policy", "planner_process"}
 LAYER_3 = {"statistics", "verification", "batch", "report", "realism", "testing", "doctor", "dataset", "gym"}
 MAY_IMPORT: dict[str, set[str]] = {

@@ -20,7 +20,7 @@ from tests.batch.toys import open_toy
 
 pytestmark = pytest.mark.slow  # each starts processes of its own; CI runs them
 
-QUICK = Limits(plan_s=0.3, grace_s=0.5, task_s=5.0, load_s=10.0, memory_bytes=4 << 30)
+QUICK = Limits(task_s=2.0, load_s=10.0, memory_bytes=4 << 30)
 
 
 def run(group: str, folder: Path, *, count: int = 4, workers: int = 2, limits: Limits = QUICK) -> list[Outcome]:
@@ -75,10 +75,9 @@ def test_two_groups_never_share_a_process(tmp_path: Path) -> None:
         ("interrupts", "KeyboardInterrupt"),
         ("exits hard", "exited with code 3 inside plan()"),
         ("crashes", "SIGSEGV inside plan()"),
-        ("hangs", "plan() took longer than 0.3 s"),
-        ("hangs deaf", "plan() took longer than 0.3 s"),
-        ("forks and hangs", "plan() took longer than 0.3 s"),
-        ("closes everything", "broke the process it ran in"),
+        ("hangs", "no result after 2 s"),
+        ("hangs deaf", "no result after 2 s"),
+        ("forks and hangs", "no result after 2 s"),
         ("allocates", "MemoryError"),
         ("breaks the interpreter", ""),  # how that ends depends on what breaks first
         ("is killed always", "SIGKILL inside plan()"),
@@ -147,7 +146,7 @@ def test_a_second_traffic_fault_is_reported(workers: int, tmp_path: Path) -> Non
     ],
 )
 def test_what_goes_wrong_outside_plan_is_not_the_planners_fault(group: str, kind: str, tmp_path: Path) -> None:
-    outcomes = run(group, tmp_path, limits=Limits(plan_s=0.5, grace_s=0.5, task_s=1.2))
+    outcomes = run(group, tmp_path, limits=Limits(task_s=1.2))
     fault = outcomes[1].fault
     assert fault is not None
     assert fault.kind == kind
@@ -155,20 +154,13 @@ def test_what_goes_wrong_outside_plan_is_not_the_planners_fault(group: str, kind
 
 
 @pytest.mark.parametrize(
-    ("group", "kind", "words"),
-    [
-        ("raises", "planner", "I cannot"),
-        ("exits", "planner", "enough"),
-        ("interrupts", "planner", "KeyboardInterrupt"),
-        ("hangs", "planner", "plan() took longer than 0.3 s"),
-        ("hangs in simulate", "timeout", "no result after 0.6 s"),
-    ],
+    ("group", "words"), [("raises", "I cannot"), ("exits", "enough"), ("interrupts", "KeyboardInterrupt")]
 )
-def test_in_process_a_misbehaving_planner_is_one_fault_too(group: str, kind: str, words: str, tmp_path: Path) -> None:
-    outcomes = run(group, tmp_path, workers=0, limits=Limits(plan_s=0.3, task_s=0.6))
+def test_in_process_a_misbehaving_planner_is_one_fault_too(group: str, words: str, tmp_path: Path) -> None:
+    outcomes = run(group, tmp_path, workers=0)
     fault = outcomes[1].fault
     assert fault is not None
-    assert (fault.kind, [outcomes[n].fault for n in (0, 2, 3)]) == (kind, [None] * 3)
+    assert (fault.kind, [outcomes[n].fault for n in (0, 2, 3)]) == ("planner", [None] * 3)
     assert words in fault.message
 
 
@@ -221,7 +213,7 @@ def test_a_planner_that_is_never_built_is_named(tmp_path: Path) -> None:
 
 def test_closing_the_run_early_leaves_no_process(tmp_path: Path) -> None:
     tasks = [Task(n, "hangs", (n, str(tmp_path))) for n in range(4)]
-    outcomes = run_tasks(tasks, open_toy, workers=2, limits=Limits(plan_s=60.0))
+    outcomes = run_tasks(tasks, open_toy, workers=2, limits=Limits())
     assert next(outcomes).fault is None
     time.sleep(0.2)
     outcomes.close()
@@ -234,7 +226,7 @@ def test_nothing_to_do_starts_no_process() -> None:
 
 
 def test_whatever_a_task_gives_or_raises_can_be_stored_and_printed() -> None:
-    phases = SharedPhase([0, 0])
+    phases = SharedPhase([0])
     found = attempt(lambda _: ({"inf": float("inf"), "two": np.float64(2.0)}, Fault("planner", "\x1b[2J")), 0, phases)
     assert (found.value, found.fault) == ({"inf": None, "two": 2.0}, Fault("planner", "\\x1b[2J"))
     odd = attempt(lambda _: ({"text": "\ud800"}, None), 0, phases)
@@ -247,4 +239,4 @@ def test_whatever_a_task_gives_or_raises_can_be_stored_and_printed() -> None:
     fault = attempt(raises, 0, phases).fault
     assert fault is not None
     assert fault.message.startswith("ValueError: \\ud800xxx")
-    assert len(fault.message) < 5000
+    assert len(fault.message) == 500

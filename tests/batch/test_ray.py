@@ -34,7 +34,7 @@ from tests.records import hashes
 
 pytestmark = pytest.mark.slow  # a cluster takes its time to start
 
-QUICK = Limits(plan_s=0.3, grace_s=0.5, task_s=5.0, load_s=20.0, memory_bytes=4 << 30)
+QUICK = Limits(task_s=3.0, load_s=20.0, memory_bytes=4 << 30)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def outcomes(*groups: str, folder: Path) -> dict[tuple[str, int], Outcome]:
 
 FAULTS = {
     "exits hard": ("planner", "exited with code 3 inside plan()"),
-    "hangs deaf": ("planner", "plan() took longer than 0.3 s"),
+    "hangs deaf": ("planner", "no result after 3 s"),
     "crashes in simulate": ("traffic", "SIGSEGV in phase simulate"),
 }
 
