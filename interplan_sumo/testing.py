@@ -176,6 +176,8 @@ def _called(drive: _Drive, method: str, call: Callable[[], Any]) -> Any:
             return call()
     except _OverrunError:
         drive.report("error", "time", f"{method}() did not return within {CALL_LIMIT_S:g} s")
+    except PlannerError as error:  # of a program: it has no lines that could be told
+        drive.report("error", "raises", str(error))
     except SystemExit as error:
         drive.report("error", "raises", f"{method}() called sys.exit({error.code!r}){_place(error)}; raise an error")
     except Exception as error:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from interplan_sumo.batch.processes import Workers
 from interplan_sumo.batch.records import MOST_SEEDS
-from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.errors import InputError, UnknownNameError, clean_line
 
 if TYPE_CHECKING:
     from interplan_sumo.batch.overrides import Overrides
@@ -114,6 +114,9 @@ class RunOptions:
             value = _read(each.name, getattr(self, each.name), str(each.type))
             object.__setattr__(self, each.name, value)
             _check(each.name, value, **{k: v for k, v in each.metadata.items() if k in ("least", "most", "choices")})
+        for planner in self.planners:
+            if not planner.isprintable():
+                raise InputError(f"planner '{clean_line(planner)}' holds characters that cannot be printed")
         if self.traffic is not None and self.behaviour is not None:
             raise InputError("--traffic replaces the vehicle types that --set behaviour chooses; give only one")
         if self.perception is not None:

@@ -7,7 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 
-from interplan_sumo.batch.records import Brief, JobKey, RecordError, Row, brief_of, encode, row_of
+from msgspec import structs
+
+from interplan_sumo.batch.records import Brief, Fault, JobKey, RecordError, Row, brief_of, encode, row_of
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.world.files import replacing, writing
 
@@ -130,6 +132,20 @@ def unreadable(path: Path, error: OSError) -> RunFolderError:
 
 def line_of(row: Row) -> bytes:
     return encode(row) + b"\n"
+
+
+def storable(row: Row) -> tuple[Row, bytes]:
+    """A row and its line; in place of one that could not be read again, a fault that says why."""
+    try:
+        line = line_of(row)
+        row_of(line)
+    except (RecordError, ValueError, TypeError, RecursionError) as error:
+        nothing = {"score": None, "metrics": {}, "gates": (), "weights": {}, "beside": {}, "times_s": {}}
+        fault = Fault("harness", f"its row cannot be stored: {type(error).__name__}: {error}")
+        unsaid = {"done": None, "unsafe": None, "planner_report": None, "traceback": "", "printed": ""}
+        row = structs.replace(row, fault=fault, **nothing, **unsaid)
+        line = line_of(row)
+    return row, line
 
 
 def write_lines(path: Path, lines: Iterable[bytes]) -> None:

@@ -22,7 +22,7 @@ from interplan_sumo.batch.records import Brief, Manifest, PlannerRecord, Request
 from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Outcome, Task
 from interplan_sumo.batch.versions import versions
-from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.errors import InputError, UnknownNameError, clean_line
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.metrics.score import SCORING_VERSION
@@ -91,7 +91,7 @@ def run(
         overrides=overrides,
         versions=library_versions,
         traffic_version=TRAFFIC_VERSION,
-        command=tuple(command),
+        command=tuple(clean_line(word) for word in command),
         created=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         platform=platform.platform(),
         plan_limit_s=options.plan_limit_s or None,
@@ -127,7 +127,7 @@ def run(
                     named[scenario.id] = (site, scenario.hash())
                 official = source.official and not overrides
                 row = _row(outcome, *named[scenario.id], manifest, official=official, isolated=options.isolated)
-                folder.append(row)
+                row = folder.append(row)
                 if watch is not None:
                     watch.finished(row)
     return read_run(options.out)

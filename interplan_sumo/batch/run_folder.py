@@ -12,7 +12,7 @@
 
 A folder name is the id or planner with every run of other characters than
 letters, digits, dot and hyphen as one `_`, at most 60 of them, a hyphen, and the first
-eight hexadecimal digits of the SHA-256 of the unchanged text: readable, and
+sixteen hexadecimal digits of the SHA-256 of the unchanged text: readable, and
 never two things in one folder.
 """
 
@@ -50,8 +50,8 @@ from interplan_sumo.batch.results import (
     RESULTS,
     StoredRows,
     briefs_of,
-    line_of,
     read_briefs,
+    storable,
     write_lines,
 )
 from interplan_sumo.batch.shards import keep_shards
@@ -74,7 +74,7 @@ TRAFFIC = "traffic"
 def slug(text: str) -> str:
     """A folder name for an id or a planner, as the module's docstring says."""
     readable = re.sub(r"[^A-Za-z0-9.-]+", "_", text)[:60].strip("._") or "_"
-    return f"{readable}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    return f"{readable}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
 def trace_place(key: JobKey) -> str:
@@ -209,12 +209,13 @@ class RunFolder:
         except OSError as error:
             raise _unwritable(self.path, error) from None
 
-    def append(self, row: Row) -> None:
-        """Write one finished job and wait until it is on the disk.
+    def append(self, row: Row) -> Row:
+        """Write one finished job and wait until it is on the disk; the row as it is there.
 
-        RunFolderError if it cannot be written; what was there before stays.
+        One that could not be read again is a fault. RunFolderError if it cannot
+        be written; what was there before stays.
         """
-        line = line_of(row)
+        row, line = storable(row)
         size = os.fstat(self._results).st_size
         try:
             written = os.write(self._results, line)
@@ -229,6 +230,7 @@ class RunFolder:
         self._not_in_shards += 1
         if self._not_in_shards == LINES_AT_ONCE:
             self._keep_shards()
+        return row
 
     def kept(self, keys: Container[JobKey]) -> Iterator[Brief]:
         """The briefs of those of these jobs that are done, read one by one."""

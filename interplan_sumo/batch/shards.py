@@ -1,8 +1,9 @@
 """Shards: `results/part-00000.parquet` and so on, a flat copy of `results.jsonl` for data frames.
 
 A shard holds as many rows as `results.LINES_AT_ONCE`, the last one what is left; its number says which.
-Each carries the SHA-256 of the lines that it was made from. One that does not have that of the lines which
-are there now is made again: nothing is in a shard that is not in the lines. The program itself reads none.
+Each carries the SHA-256 of the lines that it was made from, and of its own columns. One that does not have that of
+the lines which are there now, or whose columns are not those that it was made with, is made again. The program itself
+reads none.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from interplan_sumo.world.files import replacing
 
 FOLDER = "results"
 """In the run folder, and nothing else is in it: `pandas.read_parquet` reads it as a whole."""
-FORMAT = 2
+FORMAT = 3
 """Of the columns; a shard of another format is made again."""
 MARK: Final = b"interplan_sumo"
 """The key of what a shard says about itself."""
@@ -128,12 +129,17 @@ def _says(path: Path, about: dict[str, Any]) -> bool:
     try:
         file = pq.ParquetFile(path, page_checksum_verification=True)
         held = file.schema_arrow
-        if not held.equals(SCHEMA) or json.loads((held.metadata or {})[MARK]) != about:
+        if not held.equals(SCHEMA):
             return False
-        file.read(use_threads=False)
-    except (OSError, pa.ArrowException, KeyError, ValueError):
+        return json.loads((held.metadata or {})[MARK]) == about | {"columns": _columns_hash(file.read())}
+    except (OSError, pa.ArrowException, KeyError, ValueError, TypeError):
         return False
-    return True
+
+
+def _columns_hash(table: pa.Table) -> str:
+    """SHA-256 over all values."""
+    values = [column.to_pylist() for column in table.columns]
+    return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
 def _shard(lines: Sequence[bytes], results: Path, first: int, about: dict[str, Any]) -> bytes:
@@ -143,7 +149,9 @@ def _shard(lines: Sequence[bytes], results: Path, first: int, about: dict[str, A
         for column, values in zip(COLUMNS, columns, strict=True):
             values.append(column.value(row))
     arrays = [pa.array(values, column.type) for column, values in zip(COLUMNS, columns, strict=True)]
-    table = pa.Table.from_arrays(arrays, schema=SCHEMA.with_metadata({MARK: json.dumps(about).encode()}))
+    table = pa.Table.from_arrays(arrays, schema=SCHEMA)
+    mark = json.dumps(about | {"columns": _columns_hash(table)}).encode()
+    table = table.replace_schema_metadata({MARK: mark})
     file = io.BytesIO()
     pq.write_table(table, file, compression="zstd", write_page_checksum=True)
     return file.getvalue()

@@ -37,7 +37,7 @@ def main() -> None:
     above = [fcntl.fcntl(each, fcntl.F_DUPFD, 10) for each in (requests, replies)]
     for each, place in zip(above, (REQUESTS, REPLIES), strict=True):
         os.dup2(each, place)
-    os.closerange(REPLIES + 1, max(above) + 1)
+    os.closerange(REPLIES + 1, max(*above, requests, replies) + 1)
     try:
         os.execvp(command[0], command)
     except OSError as error:

@@ -117,6 +117,11 @@ class PlannerProcess(PlannerSeat):
             self._finish()
 
     @property
+    def pid(self) -> int:
+        """Of its process."""
+        return self._process.pid
+
+    @property
     def has_ended(self) -> bool:
         """Whether it cannot be asked any more."""
         return self._ended

@@ -15,14 +15,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from interplan_sumo.batch.records import AppliedOverrides, RequestedJobs
+from interplan_sumo.batch.records import AppliedOverrides, PlannerRecord, RequestedJobs
 from interplan_sumo.batch.run_folder import RunFolder, place_folder, read_run, slug, trace_place
 from interplan_sumo.errors import RunFolderError
 from tests.records import asked, manifest, row
 
 
-def opened(path: Path, request: RequestedJobs | None = None, **changes: Any) -> RunFolder:
-    return RunFolder(path, manifest(request or asked(), **changes))
+def opened(path: Path, request: RequestedJobs | None = None, redo: tuple[str, ...] = (), **changes: Any) -> RunFolder:
+    return RunFolder(path, manifest(request or asked(), **changes), redo)
 
 
 def test_rows_come_back_as_they_were_appended(tmp_path: Path) -> None:
@@ -85,6 +85,48 @@ def test_more_planners_and_seeds_may_be_added(tmp_path: Path) -> None:
         *((f"a/{n}", "idm", 0) for n in range(3)),
         *(("a/0", planner, seed) for planner in ("idm", "pdm") for seed in (0, 1)),
     }
+
+
+def planned(version: str) -> dict[str, Any]:
+    """A manifest of a version of the planner."""
+    return {"planners": {"idm": PlannerRecord(version, {"idm/idm.py": version, "idm/same.py": "1"})}}
+
+
+def test_an_edited_planner_is_refused_until_its_rows_are_to_be_driven_again(tmp_path: Path) -> None:
+    with opened(tmp_path / "run", asked(planners="idm pdm"), **planned("one")) as folder:
+        folder.append(row("a/0", planner="idm"))
+        folder.append(row("a/0", planner="pdm"))
+    with opened(tmp_path / "run", **planned("one")) as folder:
+        assert ("a/0", "idm", 0) in folder.done
+    with pytest.raises(RunFolderError) as caught:
+        opened(tmp_path / "run", **planned("two"))
+    assert str(caught.value).endswith(
+        "holds drives of planner 'idm' from before idm/idm.py changed; "
+        "--redo 'idm' drives them again, another --out keeps both"
+    )
+    with opened(tmp_path / "run", redo=("idm",), **planned("two")) as folder:
+        assert folder.done == {("a/0", "pdm", 0)}
+        folder.append(row("a/0", planner="idm"))
+    with pytest.raises(RunFolderError, match=r"idm/idm\.py changed"):
+        opened(tmp_path / "run", **planned("one"))
+    with opened(tmp_path / "run", **planned("two")) as folder:
+        assert len(folder.done) == 2
+
+
+def test_a_planner_that_was_edited_before_it_drove_is_no_matter(tmp_path: Path) -> None:
+    opened(tmp_path / "run", **planned("one")).close()
+    opened(tmp_path / "run", **planned("two")).close()
+    assert read_run(tmp_path / "run").manifest.planners["idm"].hash == "two"
+
+
+@pytest.mark.parametrize("change", [{"printed": "\ud800"}, {"times_s": {"total": float("nan")}}])
+def test_a_row_that_could_not_be_read_again_is_a_fault(change: dict[str, Any], tmp_path: Path) -> None:
+    with opened(tmp_path / "run") as folder:
+        folder.append(row("a/0", 0.5, **change))
+    stored = read_run(tmp_path / "run").rows["a/0", "idm", 0]
+    assert stored.score is None
+    assert stored.fault is not None
+    assert stored.fault.kind == "harness"
 
 
 def test_rows_without_a_score_are_done_again_and_do_not_stay(tmp_path: Path) -> None:

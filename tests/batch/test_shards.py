@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -128,6 +130,14 @@ def foreign_shard(place: Path) -> None:
     pd.DataFrame({"score": [1.0, 1.0, 1.0]}).to_parquet(place / "results" / "part-00000.parquet")
 
 
+def forged_shard(place: Path) -> None:
+    path = place / "results" / "part-00000.parquet"
+    table = pq.read_table(path)
+    at = table.schema.get_field_index("score")
+    forged = table.set_column(at, table.schema.field(at), pa.array([1.0] * len(table)))
+    pq.write_table(forged.replace_schema_metadata(table.schema.metadata), path)
+
+
 def swapped_shards(place: Path) -> None:
     os.replace(place / "results" / "part-00001.parquet", place / "results" / "part-00000.parquet")
 
@@ -150,7 +160,8 @@ def a_bit_fell_over(place: Path) -> None:
     (place / "results" / "part-00000.parquet").write_bytes(content)
 
 
-DAMAGES = (changed_line, deleted_line, foreign_shard, swapped_shards, no_parquet, cut_short, a_bit_fell_over)
+OF_LINES = (changed_line, deleted_line)
+DAMAGES = (*OF_LINES, foreign_shard, forged_shard, swapped_shards, no_parquet, cut_short, a_bit_fell_over)
 
 
 @pytest.mark.parametrize("damage", DAMAGES)

@@ -31,7 +31,8 @@ from interplan_sumo.planner_process.messages import (
 
 LIMIT_S = 0.01
 AHEAD = np.arange(5.0)
-WHOLE = msgspec.msgpack.encode(PackedPlan(*[packed(AHEAD)] * 4, None, 0.001))
+COLUMN = packed(AHEAD)
+WHOLE = msgspec.msgpack.encode(PackedPlan(COLUMN, COLUMN, COLUMN, COLUMN, None, 0.001))
 
 
 @contextmanager

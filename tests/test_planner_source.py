@@ -1,0 +1,93 @@
+"""The hash of a planner: whatever makes it another planner makes it another hash, and nothing else does."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from interplan_sumo.errors import UnknownNameError
+from interplan_sumo.planner_source import LARGE_BYTES, PlannerSource, changed_files
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "acme").mkdir()
+    (tmp_path / "acme" / "__init__.py").write_text("")
+    (tmp_path / "acme" / "planner.py").write_text("import json\nfrom acme_tools import line\n")
+    (tmp_path / "acme" / "net.onnx").write_bytes(b"weights")
+    (tmp_path / "acme_tools.py").write_text("import numpy\n")
+    (tmp_path / "elsewhere.py").write_text("")
+    (tmp_path / "my.yaml").write_text("gain: 2\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+SPEC = "acme.planner:Acme?config=my.yaml&gain=2"
+
+
+@pytest.mark.parametrize("file", ["acme/planner.py", "acme/net.onnx", "acme/__init__.py", "acme_tools.py", "my.yaml"])
+def test_an_edit_is_another_hash_and_is_named(file: str, place: Path) -> None:
+    before = PlannerSource.of(SPEC)
+    with (place / file).open("a") as edited:
+        edited.write("# more\n")
+    after = PlannerSource.of(SPEC)
+    assert before.hash != after.hash
+    assert changed_files(before.files, after.files) == [file]
+
+
+@pytest.mark.parametrize("file", ["elsewhere.py", "acme/__pycache__/planner.pyc", "acme/.planner.py.swp"])
+def test_what_is_none_of_it_changes_nothing(file: str, place: Path) -> None:
+    before = PlannerSource.of(SPEC)
+    (place / file).parent.mkdir(exist_ok=True)
+    (place / file).write_text("# more\n")
+    os.utime(place / "acme" / "net.onnx")
+    assert PlannerSource.of(SPEC) == before
+
+
+@pytest.mark.usefixtures("place")
+def test_libraries_are_none_of_it() -> None:
+    assert set(PlannerSource.of(SPEC).files) == {
+        "acme/__init__.py", "acme/net.onnx", "acme/planner.py", "acme_tools.py", "my.yaml",
+    }  # fmt: skip
+
+
+@pytest.mark.usefixtures("place")
+def test_other_options_are_another_hash() -> None:
+    assert PlannerSource.of("acme.planner:Acme?gain=2").hash != PlannerSource.of("acme.planner:Acme?gain=3").hash
+
+
+def test_a_registered_planner_is_its_package() -> None:
+    idm = PlannerSource.of("idm")
+    assert "interplan_planners/idm.py" in idm.files
+    assert idm.hash == PlannerSource.of("pdm_closed").hash != PlannerSource.of("idm?x=1").hash
+    assert not any(name.startswith("interplan_sumo") for name in idm.files)
+
+
+def test_a_program_is_its_file_and_those_that_it_is_given(place: Path) -> None:
+    program = place / "drive"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    spec = "exec:./drive --config my.yaml"
+    before = PlannerSource.of(spec)
+    assert set(before.files) == {"./drive", "my.yaml"}
+    program.write_text("#!/bin/sh\necho\n")
+    assert changed_files(before.files, PlannerSource.of(spec).files) == ["./drive"]
+
+
+def test_a_large_file_counts_by_its_size_and_pieces_of_it(place: Path) -> None:
+    weights = place / "acme" / "net.onnx"
+    with weights.open("wb") as file:
+        file.truncate(LARGE_BYTES + 1)
+    before = PlannerSource.of(SPEC).hash
+    with weights.open("r+b") as file:
+        file.seek(LARGE_BYTES)
+        file.write(b"x")
+    assert PlannerSource.of(SPEC).hash != before
+
+
+def test_a_name_that_nobody_has_is_named() -> None:
+    with pytest.raises(UnknownNameError):
+        PlannerSource.of("idn")
