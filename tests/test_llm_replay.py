@@ -17,7 +17,7 @@ from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.episode import EpisodeOptions, drive
 
 STRAIGHT = json.dumps({"thoughts": "on", "waypoints": [[4 * k, 0] for k in range(1, 17)]})
-PATIENT = EpisodeOptions(plan_limit_s=600.0)
+PATIENT = EpisodeOptions()
 
 
 def driven(spec: str, scenario: str, seconds: float) -> tuple[str, list[dict[str, Any]]]:
