@@ -17,6 +17,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,7 +29,9 @@ from interplan_sumo.planner import EXEC, PLANNERS, OptionLoader, split_spec
 LARGE_BYTES: Final = 64 << 20
 """Of a file beyond this, only its size and pieces all over it count."""
 _PIECES, _PIECE_BYTES = 64, 1 << 16
-_IMPORTS = re.compile(rb"^[ \t]*(?:from[ \t]+([A-Za-z_]\w*)[\w.]*[ \t]+import\b|import[ \t]+([^\n#;]+))", re.MULTILINE)
+_IMPORTS = re.compile(
+    r"^[ \t]*(?:from[ \t]+([A-Za-z_][\w.]*)[ \t]+import[ \t]+(\([^)]*|[^\n#;]+)|import[ \t]+([^\n#;]+))", re.MULTILINE
+)
 _OWN = "interplan_sumo"
 
 
@@ -49,7 +52,7 @@ class PlannerSource:
             words = shlex.split(name.removeprefix(f"{EXEC}:"))
             places = _named([shutil.which(words[0]) or words[0], *words[1:]])
         else:
-            places = {**_modules(_top_module(name)), **_named(_values(query))}
+            places = {**_modules(_module(name)), **_named(_values(query))}
         files = {each: _digest(place)[:16] for each, place in sorted(places.items())}
         about = "\n".join((query, *(f"{each} {digest}" for each, digest in files.items())))
         return cls(hashlib.sha256(about.encode(errors="surrogateescape")).hexdigest(), files)
@@ -60,29 +63,43 @@ def changed_files(then: dict[str, str], now: dict[str, str]) -> list[str]:
     return [name for name in sorted({*then, *now}) if then.get(name) != now.get(name)]
 
 
-def _top_module(name: str) -> str:
-    """The package that a planner comes from."""
+def _module(name: str) -> str:
+    """The module that a planner comes from."""
     if ":" not in name:
-        return PLANNERS.point(name).value.partition(":")[0].partition(".")[0]
-    parts = name.split(":")
-    return parts[-2].partition(".")[0]
+        return PLANNERS.point(name).value.partition(":")[0]
+    return name.split(":")[-2]
 
 
-def _modules(top: str) -> dict[str, Path]:
-    """The files of a package or module, and of those that it imports which are no libraries."""
+def _modules(planner: str) -> dict[str, Path]:
+    """The files of a module's package, and of those that they import which are no libraries."""
     found: dict[str, Path] = {}
-    seen, left = set[str](), [top]
+    seen, left = set[str](), [planner]
     while left:
-        name = left.pop()
-        if name in seen:
+        unit = _unit_of(left.pop())
+        if unit is None or unit.name in seen:
             continue
-        seen.add(name)
-        files = _files_of(name, library_too=name == top)
+        seen.add(unit.name)
+        if len(seen) > 1 and _is_library(unit):
+            continue
+        files = _files_of(unit)
         found |= files
         for file in files.values():
             if file.suffix == ".py":
                 left += _imported(file)
     return found
+
+
+def _unit_of(module: str) -> ModuleSpec | None:
+    """The outermost package that a module belongs to, or the module itself; folders without `__init__` are none."""
+    parts = module.split(".")
+    for count in range(1, len(parts) + 1):
+        try:
+            spec = importlib.util.find_spec(".".join(parts[:count]))  # imports nothing: all before it are mere folders
+        except (ImportError, ValueError):
+            return None
+        if spec is None or spec.has_location:
+            return spec
+    return None
 
 
 @cache
@@ -91,26 +108,18 @@ def _libraries() -> frozenset[Path]:
     return frozenset(Path(sysconfig.get_path(each)).resolve() for each in names)
 
 
-def _files_of(module: str, *, library_too: bool) -> dict[str, Path]:
-    """The files of a top-level package or module; none of a library, unless it is asked for."""
-    try:
-        spec = importlib.util.find_spec(module)
-    except (ImportError, ValueError):
-        return {}
-    if spec is None:
-        return {}
-    if spec.submodule_search_locations is not None:
-        folders = [Path(each).resolve() for each in spec.submodule_search_locations]
-        if not library_too and any(map(_is_library, folders)):
-            return {}
-        return {f"{module}/{name}": path for folder in folders for name, path in _below(folder)}
-    if spec.origin is None or not (file := Path(spec.origin).resolve()).is_file():
-        return {}
-    return {} if not library_too and _is_library(file) else {file.name: file}
+def _files_of(unit: ModuleSpec) -> dict[str, Path]:
+    """The files of a package or module, by names that say which it is."""
+    if unit.submodule_search_locations is not None:
+        folders = [Path(each).resolve() for each in unit.submodule_search_locations]
+        return {f"{unit.name}/{name}": path for folder in folders for name, path in _below(folder)}
+    file = Path(unit.origin or "").resolve()
+    return {unit.name.replace(".", "/") + file.suffix: file} if file.is_file() else {}
 
 
-def _is_library(place: Path) -> bool:
-    return bool(_libraries() & {place, *place.parents}) or {"site-packages", "dist-packages"} & {*place.parts} != set()
+def _is_library(unit: ModuleSpec) -> bool:
+    place = Path(unit.origin or "").resolve()
+    return bool(_libraries() & {*place.parents}) or {"site-packages", "dist-packages"} & {*place.parts} != set()
 
 
 def _below(folder: Path) -> Iterator[tuple[str, Path]]:
@@ -123,12 +132,13 @@ def _below(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _imported(file: Path) -> Iterator[str]:
-    """Top-level names that a file imports and that may be modules beside it."""
-    for one, several in _IMPORTS.findall(_read(file)):
-        for name in [one] if one else several.split(b","):
-            module = name.strip().split(b" ")[0].split(b".")[0].decode(errors="replace")
-            if module.isidentifier() and module not in sys.stdlib_module_names and module != _OWN:
-                yield module
+    """Names that a file imports and that may be modules beside it."""
+    for module, names, several in _IMPORTS.findall(_read(file).decode(errors="replace")):
+        found = [each.split()[0] for each in (several or names).strip("( \n").split(",") if each.split()]
+        for name in [module, *(f"{module}.{each}" for each in found)] if module else found:
+            top = name.partition(".")[0]
+            if name.replace(".", "").isidentifier() and top not in sys.stdlib_module_names and top != _OWN:
+                yield name
 
 
 def _values(query: str) -> Iterator[str]:
