@@ -358,3 +358,16 @@ def test_a_second_run_on_the_folder_is_refused_and_ctrl_c_leaves_one_that_goes_o
     after = hashes(read_run(place))
     assert len(after) == 2
     assert before.items() <= after.items()
+
+
+def test_output_that_cannot_be_written_is_one_line_and_closed_output_none() -> None:
+    command = [sys.executable, "-m", "interplan_sumo", "planners", "list", "--json"]
+    if sys.platform == "linux":
+        with open("/dev/full", "w") as full:
+            ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+        assert ended.returncode == 2
+        assert ended.stderr.splitlines() == [
+            "error: No space left on device: free some space where the output goes, and repeat the command"
+        ]
+    ended = subprocess.run(["sh", "-c", 'exec "$@" >&-', "sh", *command], stderr=subprocess.PIPE, text=True)
+    assert (ended.returncode, ended.stderr) == (0, "")

@@ -5,6 +5,8 @@ Exit codes: 0 done; 1 a fault of ours or of SUMO; 2 bad input; 3 the run is inco
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
 import sys
 from collections.abc import Sequence
@@ -53,11 +55,21 @@ _UsageError: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ 
 
 
 LONGEST_LINE = 1500
+WANTS = {
+    errno.EMFILE: "allow more open files (ulimit -n)",
+    errno.ENFILE: "close some programs, for the system's table of open files is full",
+    errno.ENOSPC: "free some space where the output goes",
+    errno.EDQUOT: "free some space where the output goes",
+    errno.ENOMEM: "free some memory",
+    errno.EAGAIN: "allow more processes (ulimit -u)",
+}
+"""What a command that the system refuses something needs."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code. The one place where errors become a line on stderr."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    _open_standard_streams()
     if os.getcwd() not in sys.path:  # planners of the folder one works in; last, so that nothing there hides a library
         sys.path.append(os.getcwd())
     try:
@@ -78,8 +90,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InterplanError as error:
         return _failed(str(error), OUR_FAULT)
     except BrokenPipeError:  # the reader has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _forget_output()
         return DONE
+    except OSError as error:
+        if error.errno not in WANTS:
+            raise
+        _forget_output()
+        where = f" ({error.filename})" if error.filename else ""
+        return _failed(f"{error.strerror}{where}: {WANTS[error.errno]}, and repeat the command", BAD_INPUT)
+
+
+def _open_standard_streams() -> None:
+    """Give a command whose streams are closed others, before a file takes their numbers and is printed to."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest free number, which is this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "r" if number == 0 else "w"))  # noqa: SIM115 (until the process ends)
+
+
+def _forget_output() -> None:
+    """What could not be written is not tried again when the process ends."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _failed(message: str, code: int) -> int:
