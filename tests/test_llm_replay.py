@@ -14,16 +14,15 @@ from interplan_llm.models.fetch import default_model
 from interplan_sumo.errors import InputError
 from interplan_sumo.planner import load_planner
 from interplan_sumo.scenario.suite import find_scenario
-from interplan_sumo.simulation.episode import EpisodeOptions, drive
+from interplan_sumo.simulation.episode import drive
 
 STRAIGHT = json.dumps({"thoughts": "on", "waypoints": [[4 * k, 0] for k in range(1, 17)]})
-PATIENT = EpisodeOptions()
 
 
 def driven(spec: str, scenario: str, seconds: float) -> tuple[str, list[dict[str, Any]]]:
     """Hash of the trace and all that was asked, in the first seconds of a scene."""
     planner: Any = load_planner(spec)
-    episode = drive(replace(find_scenario(scenario), duration_s=seconds), planner, options=PATIENT)
+    episode = drive(replace(find_scenario(scenario), duration_s=seconds), planner)
     assert episode.fault is None
     assert episode.trace is not None
     asked = [exchange.as_json() for exchange in planner.exchanges]
