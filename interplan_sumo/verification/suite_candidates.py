@@ -12,10 +12,12 @@ from interplan_sumo.scenario.scenario import Scenario, perception_named
 from interplan_sumo.scenario.sites import Rejected
 from interplan_sumo.verification.light_windows import light_problems
 from interplan_sumo.verification.suite_slots import Seed, Slot, groups
+from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import DrivingSide, Roads
 
 MOST_TAKEN: Final = 100
 """So many places in a row that are taken, and a map counts as used up."""
+MANY_CHANGES: Final = 2
 ALONE: Final = 10
 """The slots below have a roadblock each; those from here on share one where there is no other."""
 
@@ -36,6 +38,15 @@ class Candidate:
         return "-".join(scenario.hash()[:12] for scenario in self.scenarios)
 
 
+_Key = tuple[tuple[str, ...], str, bool]
+"""Families, map, and whether only scenes of many lane changes are looked for."""
+
+
+def changes_asked(scenario: Scenario, roads: Roads) -> int:
+    """How many lane changes lead to the goal lane."""
+    return lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane, 0)
+
+
 class Streams:
     """All places of all maps, family by family, in an order that a seed decides."""
 
@@ -43,24 +54,25 @@ class Streams:
         self._seed = seed
         self._roads = {roads.name: roads for roads in maps}
         self._groups = {families: number for number, families in enumerate(groups())}
-        self._searches: dict[tuple[str, str], Search] = {}
-        self._running: dict[tuple[tuple[str, ...], str], Iterator[tuple[Scenario, ...]]] = {}
-        self._used_up: set[tuple[tuple[str, ...], str]] = set()
+        self._searches: list[Search] = []
+        self._running: dict[_Key, Iterator[tuple[Scenario, ...]]] = {}
+        self._used_up: set[_Key] = set()
         self.passed_over: list[tuple[Slot, Rejected]] = []
         """Places where lights leave no time."""
 
     @property
-    def searches(self) -> dict[tuple[str, str], Search]:
-        """By family and map, with the places that were passed over."""
-        return self._searches
+    def unsuitable(self) -> dict[tuple[str, Rejected], None]:
+        """The places that did not do, with the family that looked at them; each once."""
+        return {(search.family, each): None for search in self._searches for each in search.rejected}
 
     def next(self, slot: Slot, attempt: int, taken: set[str]) -> Candidate | None:
         """The next candidate for a slot, on a roadblock that is not taken; None if no map has one."""
-        for shared in (False, True) if slot.number >= ALONE else (False,):
-            for name in self._in_turn(slot, attempt):
-                found = self._at(slot, attempt, name, set() if shared else taken)
-                if found is not None:
-                    return found
+        for many in (True, False) if slot.many_changes else (False,):
+            for shared in (False, True) if slot.number >= ALONE and not many else (False,):
+                for name in self._in_turn(slot, attempt):
+                    found = self._at(slot, attempt, (slot.families, name, many), set() if shared else taken)
+                    if found is not None:
+                        return found
         return None
 
     def _in_turn(self, slot: Slot, attempt: int) -> list[str]:
@@ -72,8 +84,8 @@ class Streams:
         first = (self._groups[slot.families] + slot.number + attempt) % len(mine)
         return [*mine[first:], *mine[:first], *(name for names in sides.values() for name in names)]
 
-    def _at(self, slot: Slot, attempt: int, map_name: str, taken: set[str]) -> Candidate | None:
-        key = (slot.families, map_name)
+    def _at(self, slot: Slot, attempt: int, key: _Key, taken: set[str]) -> Candidate | None:
+        _, map_name, many = key
         if key in self._used_up and taken:
             return None
         stream = self._running.get(key)
@@ -85,7 +97,7 @@ class Streams:
                 break
             roads, first = self._roads[map_name], drawn[0]
             block = first.site(roads).partition("@")[0]
-            if block in taken:
+            if block in taken or (many and changes_asked(first, roads) < MANY_CHANGES):
                 continue
             if problems := light_problems(first, roads):
                 self.passed_over.append((slot, Rejected(first.goal.lane, first.goal.arc_m, problems[0])))
@@ -96,7 +108,8 @@ class Streams:
 
     def _stream(self, families: tuple[str, ...], map_name: str) -> Iterator[tuple[Scenario, ...]]:
         roads = self._roads[map_name]
-        search = self._searches[families[0], map_name] = Search(roads, families[0], self._seed.value)
+        search = Search(roads, families[0], self._seed.value)
+        self._searches.append(search)
         restaged = [FAMILIES[family].restaged for family in families[1:]]
         for drawn in search:
             yield (drawn, *(as_another(drawn) for as_another in restaged if as_another is not None))

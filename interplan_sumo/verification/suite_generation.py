@@ -124,8 +124,9 @@ class SuiteSearch:
         ]
         for slot, each in self._streams.passed_over:
             rows.append(("lights", slot.families[0], each.lane, f"{each.at_m:.0f} m", each.reason))
-        for (family, _), search in self._streams.searches.items():
-            rows += [("place", family, each.lane, f"{each.at_m:.0f} m", each.reason) for each in search.rejected]
+        rows += [
+            ("place", family, each.lane, f"{each.at_m:.0f} m", each.reason) for family, each in self._streams.unsuitable
+        ]
         return rows
 
 

@@ -56,6 +56,20 @@ def test_the_released_suites_hold_what_they_held() -> None:
         assert read_lock(key).hash == digest
 
 
+def test_a_suite_may_begin_with_scenarios_of_another_and_go_on_with_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small, large = tmp_path / "mine-1", tmp_path / "more-1"
+    for folder, number in ((small, 0), (large, 1)):
+        folder.mkdir()
+        write_scenarios([replace(MINE, id=f"mine/{number}")], folder / "scenarios.yaml")
+    (large / "selection.yaml").write_text("suite: mine==1\nscenarios: [mine/0]\n", encoding="utf-8")
+    monkeypatch.setattr(suite, "SUITES_ROOT", tmp_path)
+    found = suite._Released(tmp_path)
+    assert [s.id for s in found["more==1"].scenarios] == ["mine/0", "mine/1"]
+    assert [s.id for s in found["mine==1"].scenarios] == ["mine/0"]
+
+
 def test_scenarios_are_those_of_the_lock_in_the_same_order() -> None:
     for key in suites():
         scenarios = find_suite(key).scenarios

@@ -22,7 +22,7 @@ from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.suite import expert, find_scenario
 from interplan_sumo.verification.light_windows import TIME_SHARE, light_problems, time_to_goal_s
-from interplan_sumo.verification.suite_candidates import Candidate
+from interplan_sumo.verification.suite_candidates import Candidate, changes_asked
 from interplan_sumo.verification.suite_generation import SuiteSearch, counts, write_suites
 from interplan_sumo.verification.suite_judging import Verdict
 from interplan_sumo.verification.suite_slots import Seed, Slot, groups, slots
@@ -100,6 +100,9 @@ def test_every_slot_has_a_roadblock_of_its_own_its_drivers_and_its_id(small: Sui
         trio = [by_id[f"{family}/{number}"] for family in groups()[-1]]
         assert len({(s.start, s.goal, s.route, s.traffic.behaviour) for s in trio}) == 1
         assert trio[0].traffic.behaviour == Slot(groups()[-1], number).behaviour
+    changes = [changes_asked(s, load_roads(s.map)) for s in scenes if s.family == "lane_change_htd"]
+    assert set(changes) <= {1, 2, 3}
+    assert all(changes[number] >= 2 for number in (2, 5, 8))
     sides = Counter(load_roads(scenario.map).driving_side for scenario in scenes)
     assert sides["left"] >= 20
     assert sides["right"] >= 40
