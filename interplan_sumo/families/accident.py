@@ -141,7 +141,7 @@ def _traffic(roads: Roads, to: Approach, rng: np.random.Generator) -> dict[str, 
     """Where the own direction has a second lane, traffic on it; else as where one overtakes."""
     if to.site.lanes_far + to.site.lanes_near == 0:
         return oncoming_traffic(roads, to, rng, complete=True)
-    return {"traffic": beside_traffic(rng)}
+    return beside_traffic(roads, to, rng, towards_kerb=to.site.lanes_far == 0)
 
 
 def asks(scenario: Scenario, roads: Roads) -> bool:

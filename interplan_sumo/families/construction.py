@@ -196,8 +196,7 @@ def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenar
     made = works(layout, site, uniform(rng, (lowest_m, highest_m)), rng)
     to = approach(roads, site, rng, before_m=made.length_m / 2.0, after_m=made.length_m / 2.0)
     if many:
-        demand = beside_traffic(rng)
-        return construction(id, roads, to, at, made, {"traffic": demand})
+        return construction(id, roads, to, at, made, beside_traffic(roads, to, rng, towards_kerb=at == "middle"))
     return construction(id, roads, to, at, made, oncoming_traffic(roads, to, rng))
 
 

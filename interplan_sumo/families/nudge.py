@@ -118,7 +118,7 @@ def _cyclist(id: str, roads: Roads, site: Site, offset_m: float, rng: np.random.
 def _traffic(roads: Roads, to: Approach, rng: np.random.Generator) -> dict[str, Any]:
     """Where the own direction has one lane, others come when the ego is there, or hardly anybody does."""
     if to.site.lanes_near + to.site.lanes_far:
-        return {"traffic": beside_traffic(rng)}
+        return beside_traffic(roads, to, rng, towards_kerb=to.site.lanes_far == 0)
     if rng.random() < ONCOMING_SHARE:
         return oncoming_traffic(roads, to, rng)
     return {"traffic": TrafficDemand(density="low", behaviour=behaviour(rng), oncoming="sparse")}

@@ -24,6 +24,7 @@ from interplan_sumo.scenario.scenario import (
 from interplan_sumo.scenario.sites import (
     BESIDE_M,
     CENTIMETRES,
+    IN_LANE_M,
     OPPOSITE_RAD,
     ROOM_M,
     Site,
@@ -43,7 +44,7 @@ BEYOND_M: Final = (30.0, 50.0)
 """From the end of the event to the goal line."""
 PERCEPTION: Final = "occluded"
 TRIES: Final = 12
-MEDIUM_SHARE: Final = 0.4
+MEDIUM_SHARE: Final = 0.5
 """Of the scenes where one changes lane or nudges beside others; the rest has low density."""
 EASY_MPS2: Final = 1.5
 STANDOFF_M: Final = 10.0
@@ -52,6 +53,8 @@ BUMPERS_M: Final = 3.0
 FREE_S: Final = 3.2
 """Nothing is hit within the first 3 s: half the ego, and some."""
 
+BEHIND_M: Final = (6.0, 15.0)
+"""On the lane beside it somebody is so far behind the ego, as fast as it, in the way of who does not look."""
 STANDING: Final[
     dict[str, tuple[float, ObstacleKind, tuple[float, float], tuple[float, float], tuple[float, float]]]
 ] = {
@@ -195,10 +198,24 @@ def along(roads: Roads, site: Site, ahead_m: float, towards_kerb_m: float) -> La
     return LanePosition(lane, round(arc_m, CENTIMETRES), round(site.kerb * towards_kerb_m, CENTIMETRES) + 0.0)
 
 
-def beside_traffic(rng: np.random.Generator) -> TrafficDemand:
-    """Traffic where the own direction has a second lane."""
+def beside_traffic(
+    roads: Roads, to: Approach, rng: np.random.Generator, *, towards_kerb: bool = False
+) -> dict[str, Any]:
+    """Traffic where the own direction has a second lane, on which somebody drives a little behind the ego.
+
+    What is staged, for `Approach.scenario`; who drives there is on the side `towards_kerb`, or on the other.
+    """
     density: Density = "medium" if rng.random() < MEDIUM_SHARE else "low"
-    return TrafficDemand(density=density, behaviour=behaviour(rng), oncoming="low")
+    demand = TrafficDemand(density=density, behaviour=behaviour(rng), oncoming="low")
+    start, behind_m = to.site.start, uniform(rng, BEHIND_M, 1)
+    beside = roads.left_of(start.lane) if (to.site.kerb > 0) == towards_kerb else roads.right_of(start.lane)
+    if beside is None:
+        return {"traffic": demand}
+    pose = start.pose(roads)
+    arc_m = round(beside.centerline.project_point(pose.x_m, pose.y_m)[0] - behind_m, CENTIMETRES)
+    if arc_m < IN_LANE_M:
+        return {"traffic": demand}
+    return {"traffic": demand, "vehicles": (PlacedVehicle(LanePosition(beside.id, arc_m), to.start_speed_mps),)}
 
 
 def behaviour(rng: np.random.Generator) -> Behaviour:
