@@ -40,6 +40,8 @@ SLOW_M: Final = (25.0, 50.0)
 ASIDE_M: Final = (0.0, 0.35)
 FOLLOWED_M: Final = 175.0
 """To here nobody comes in time who stays behind one at 4 m/s."""
+TURNED_M: Final = 0.25
+"""What is left of the road beside the ego and 0.3 m: it passes turned."""
 REACH_M: Final = 0.8
 """How much farther aside than needed the ego may have to pass."""
 
@@ -77,7 +79,7 @@ def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenar
     _, (length_m, width_m, _) = what
     to = approach(roads, site, rng, before_m=length_m / 2.0, after_m=length_m / 2.0)
     least_m = max(LARGEST_OFFSET_M, site.width_m / 2.0) + 0.1
-    most_m = min(site.width_m / 2.0 + site.oncoming_m - PASSING_M, least_m + REACH_M)
+    most_m = min(site.width_m / 2.0 + site.oncoming_m - PASSING_M - TURNED_M, least_m + REACH_M)
     if most_m < least_m:
         raise UnsuitableError("the oncoming lane is too narrow to pass on")
     offset_m = uniform(rng, (least_m, most_m))
