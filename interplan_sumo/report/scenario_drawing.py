@@ -99,10 +99,22 @@ class View:
 
 
 def behaviour_colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour for each type of driver."""
-    rest = sorted(set(names) - set(BEHAVIOURS))
-    others = {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(rest)}
-    return {name: BEHAVIOURS.get(name, others.get(name, INK)) for name in sorted({*names})}
+    """A colour for each type of driver; one for all unnamed types where they are more than there are colours."""
+    found = sorted({*names})
+    rest = [name for name in found if name not in BEHAVIOURS]
+    many = len(rest) > len(OTHERS)
+    others = {name: OTHERS[0 if many else i] for i, name in enumerate(rest)}
+    return {name: BEHAVIOURS.get(name, others.get(name, INK)) for name in found}
+
+
+def drivers_in_legend(counts: Mapping[str, int]) -> list[tuple[str, str, int]]:
+    """Label, colour and number of each type of driver; types that share a colour stand there once."""
+    colours = behaviour_colours(counts)
+    shared = [name for name in counts if name not in BEHAVIOURS]
+    if len(shared) <= len(OTHERS):
+        return [(name, colours[name], counts[name]) for name in sorted(counts)]
+    named = [(name, colours[name], counts[name]) for name in sorted(counts) if name in BEHAVIOURS]
+    return [*named, ("drivers, each its own type", OTHERS[0], sum(counts[name] for name in shared))]
 
 
 # --- roads ---------------------------------------------------------------------------------------

@@ -89,7 +89,7 @@ def render_scenario(scenario: Scenario, roads: Roads, path: str | PathLike[str])
         top -= height + GAP
     _north(figure, views[0].turned_rad, total)
     _title(figure, scenario, roads, total)
-    _legend(figure, scenario, roads, traffic, colours, views)
+    _legend(figure, scenario, roads, traffic, views)
     _save(figure, path)
 
 
@@ -136,7 +136,7 @@ def contact_sheet(scenarios: Iterable[Scenario], path: str | PathLike[str]) -> N
                 ha="right",
                 color=INK,
             )
-    _sheet_legend(figure, drawing.behaviour_colours(seen))
+    _sheet_legend(figure, seen)
     _save(figure, path)
 
 
@@ -263,7 +263,6 @@ def _legend(
     scenario: Scenario,
     roads: Roads,
     traffic: StagedTraffic,
-    colours: dict[str, str],
     views: Sequence[View],
 ) -> None:
     from matplotlib.lines import Line2D
@@ -274,8 +273,8 @@ def _legend(
         Line2D([], [], color=drawing.ROUTE, linewidth=3, alpha=0.6, label="route"),
         Line2D([], [], color=drawing.GOAL, linewidth=3, marker="*", markersize=11, label="goal line and lane"),
     ]
-    counts = Counter(traffic.behaviours.values())
-    entries += [Patch(facecolor=colours[name], label=f"{name} ({counts[name]})") for name in sorted(counts)]
+    there = drawing.drivers_in_legend(Counter(traffic.behaviours.values()))
+    entries += [Patch(facecolor=colour, label=f"{label} ({number})") for label, colour, number in there]
     words = {
         "vehicle": "standing vehicle",
         "czone sign": "sign",
@@ -302,7 +301,7 @@ def _legend(
     )  # fmt: skip
 
 
-def _sheet_legend(figure: Figure, colours: dict[str, str]) -> None:
+def _sheet_legend(figure: Figure, seen: Counter[str]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -310,7 +309,7 @@ def _sheet_legend(figure: Figure, colours: dict[str, str]) -> None:
         Patch(facecolor=drawing.EGO, label="ego"),
         Line2D([], [], color=drawing.ROUTE, linewidth=3, alpha=0.6, label="route"),
         Line2D([], [], color=drawing.GOAL, linewidth=3, marker="*", markersize=11, label="goal"),
-        *(Patch(facecolor=colour, label=name) for name, colour in colours.items()),
+        *(Patch(facecolor=colour, label=label) for label, colour, _ in drawing.drivers_in_legend(seen)),
         Patch(facecolor=drawing.STANDING, label="standing vehicle"),
         Patch(facecolor=drawing.HIDING, label="hides pedestrians"),
         Line2D([], [], color=drawing.CONE, marker="^", linestyle="none", markersize=9, label="cone"),

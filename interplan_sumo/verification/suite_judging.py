@@ -38,7 +38,7 @@ class Verdict(msgspec.Struct, frozen=True):
     """What was found of a candidate."""
 
     stage: str
-    """At which check it failed: start, traffic, certificate, trivial, open; '' if it is taken."""
+    """At which check it failed: start, traffic, certificate, trivial, open, or a fault; '' if it is taken."""
     reason: str = ""
     scenario: str = ""
     """Which of its scenes failed."""
@@ -54,27 +54,35 @@ class Verdict(msgspec.Struct, frozen=True):
 
 
 def judged(candidate: Candidate) -> Verdict:
-    """Check the scenes of a candidate, the densest first, up to the first that fails. Deterministic."""
+    """Check a candidate: all starts, then its scenes, the densest first, up to the first that fails. Deterministic."""
     certificates: list[CertificateRecord] = []
     met: list[SurroundingTraffic] = []
-    for scenario in reversed(candidate.scenarios):
-        roads = load_roads(scenario.map, scenario.maps_beside)
-        try:
-            problems = start_problems(scenario, roads, with_traffic=False) or start_problems(scenario, roads)
-            problems = problems or avoidable_change(scenario, roads)
-            if problems:
+    try:
+        for scenario in candidate.scenarios:
+            if problems := _start_problems(scenario):
                 return Verdict("start", problems[0], scenario.id)
+        for scenario in reversed(candidate.scenarios):
             reference = reference_drive(scenario)
-            if lacking := traffic_shortcomings(scenario, roads, reference):
+            if lacking := traffic_shortcomings(scenario, load_roads(scenario.map, scenario.maps_beside), reference):
                 return Verdict("traffic", lacking[0], scenario.id)
             proof = passing_drive(scenario, MOST_SIMULATIONS, reference)
-        except (ScenarioError, TrafficError) as error:
-            return Verdict("start", str(error), scenario.id)
-        if proof.certificate is None:
-            return Verdict("certificate", "; ".join(proof.problems), scenario.id)
-        certificates.insert(0, proof.certificate.record())
-        met.insert(0, surrounding_traffic(reference))
+            if proof.certificate is None:
+                return Verdict("certificate", "; ".join(proof.problems), scenario.id)
+            certificates.insert(0, proof.certificate.record())
+            met.insert(0, surrounding_traffic(reference))
+    except (ScenarioError, TrafficError) as error:
+        return Verdict("fault", str(error), candidate.scenarios[0].id)
     return _solved(candidate, certificates, met)
+
+
+def _start_problems(scenario: Scenario) -> list[str]:
+    """What is wrong before anybody drives, the quick checks first."""
+    roads = load_roads(scenario.map, scenario.maps_beside)
+    return (
+        avoidable_change(scenario, roads)
+        or start_problems(scenario, roads, with_traffic=False)
+        or start_problems(scenario, roads)
+    )
 
 
 def _solved(

@@ -16,7 +16,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report import scenario_picture as picture
-from interplan_sumo.report.scenario_drawing import View, behaviour_colours
+from interplan_sumo.report.scenario_drawing import View, behaviour_colours, drivers_in_legend
 from interplan_sumo.report.scenario_picture import contact_sheet, render_scenario
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, TrafficDemand
 from interplan_sumo.world.roads import Roads
@@ -111,6 +111,17 @@ def test_types_of_drivers_keep_their_colours_and_others_get_one() -> None:
     assert behaviour_colours(["mixed", "assertive"])["assertive"] == drawing.BEHAVIOURS["assertive"]
     assert behaviour_colours(["truck", "bus"]) == behaviour_colours(["bus", "truck", "bus"])
     assert len(set(behaviour_colours(["bus", "truck", "assertive", "conservative"]).values())) == 4
+
+
+def test_more_types_of_drivers_than_colours_share_one_and_stand_in_the_legend_once() -> None:
+    few = {f"driver_{i}": 2 for i in range(len(drawing.OTHERS))} | {"assertive": 1}
+    assert [number for _, _, number in drivers_in_legend(few)] == [1] + [2] * len(drawing.OTHERS)
+    assert len({colour for _, colour, _ in drivers_in_legend(few)}) == len(few)
+    many = few | {"driver_more": 2}
+    assert [(label, number) for label, _, number in drivers_in_legend(many)] == [
+        ("assertive", 1), ("drivers, each its own type", 2 * len(drawing.OTHERS) + 2),
+    ]  # fmt: skip
+    assert behaviour_colours(many)["driver_more"] == behaviour_colours(many)["driver_0"]
 
 
 @given(
