@@ -121,7 +121,7 @@ def _traffic(roads: Roads, to: Approach, rng: np.random.Generator) -> dict[str, 
         return beside_traffic(roads, to, rng, towards_kerb=to.site.lanes_far == 0)
     if rng.random() < ONCOMING_SHARE:
         return oncoming_traffic(roads, to, rng)
-    return {"traffic": TrafficDemand(density="low", behaviour=behaviour(rng), oncoming="sparse")}
+    return {"traffic": TrafficDemand(density="medium", behaviour=behaviour(rng), oncoming="sparse")}
 
 
 def asks(scenario: Scenario, roads: Roads) -> bool:

@@ -234,10 +234,10 @@ def oncoming_traffic(roads: Roads, to: Approach, rng: np.random.Generator, *, co
     where no lane comes towards the ego, density alone. UnsuitableError where
     the road has no room for all of it, if it is to be `complete`.
     """
-    demand = TrafficDemand(density="low", behaviour=behaviour(rng), oncoming="rare")
+    demand = TrafficDemand(density="medium", behaviour=behaviour(rng), oncoming="rare")
     lane = oncoming_lane(roads, to.site)
     if lane is None:
-        return {"traffic": replace(demand, oncoming="none", density="medium")}
+        return {"traffic": replace(demand, oncoming="none")}
     at_m, _ = roads[lane].centerline.project_point(*_centre(roads, to.site))
     speed_mps = roads[lane].speed_limit_mps or USUAL_LIMIT_MPS
     placed: list[PlacedVehicle] = []
