@@ -49,6 +49,8 @@ MEDIUM_SHARE: Final = 0.5
 EASY_MPS2: Final = 1.5
 STANDOFF_M: Final = 10.0
 """The ego can stop at `EASY_MPS2` so far before the event; half of it is the car's own length."""
+WAITING_M: Final = 24.0
+"""The same where one waits for those who come: from there on one moves out to pass."""
 BUMPERS_M: Final = 3.0
 FREE_S: Final = 3.2
 """Nothing is hit within the first 3 s: half the ego, and some."""
@@ -142,7 +144,9 @@ def approach(
         if away_m > distance_m[1]:
             continue
         limit_mps = roads[found.start.lane].speed_limit_mps or USUAL_LIMIT_MPS
-        most_mps = min(sqrt(2.0 * EASY_MPS2 * (away_m - STANDOFF_M)), (away_m - BUMPERS_M) / FREE_S)
+        standoff_m = STANDOFF_M if site.lanes_near + site.lanes_far else WAITING_M
+        stops_mps = sqrt(2.0 * EASY_MPS2 * max(away_m - standoff_m, 0.0))
+        most_mps = min(stops_mps, (away_m - BUMPERS_M) / FREE_S)
         speed_mps = round(min(share * limit_mps, most_mps), 1)
         made = Approach(found, speed_mps, away_m)
         if speed_mps >= START_SHARE[0] * limit_mps and away_m / speed_mps <= latest_s:
