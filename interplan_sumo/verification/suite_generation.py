@@ -20,10 +20,11 @@ import yaml
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.scenario.route import goal_arc_m, start_arc_m
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import SCENARIOS, SELECTION
 from interplan_sumo.verification.generation import OTHER_FOLDER, write_rows
-from interplan_sumo.verification.suite_candidates import Candidate, Streams
+from interplan_sumo.verification.suite_candidates import Candidate, Streams, changes_asked
 from interplan_sumo.verification.suite_judging import Verdict
 from interplan_sumo.verification.suite_slots import SIZES, Seed, Slot, groups, size_of, slots
 from interplan_sumo.world.files import writing
@@ -206,16 +207,21 @@ def _write_selection(path: Path, suite: str, ids: Sequence[str]) -> None:
 def _write_scenes(search: SuiteSearch, folder: Path) -> None:
     """What fills each slot, one row per scene."""
     rows: list[tuple[object, ...]] = []
+    roads_of = {roads.name: roads for roads in search.maps}
     for slot, each in search.filled.items():
         for scenario, proved, met in zip(
             each.candidate.scenarios, each.verdict.certificates, each.verdict.traffic, strict=True
         ):
+            roads = roads_of[scenario.map]
+            way_m = goal_arc_m(roads, scenario) - start_arc_m(roads, scenario)
             rows.append(
-                (scenario.id, scenario.map, each.candidate.block, slot.behaviour, scenario.traffic.density,
-                 scenario.traffic.oncoming, scenario.start_speed_mps, each.candidate.attempt,
-                 f"{met.vehicles:.1f}", met.crossing, met.oncoming, proved.summary.score,
-                 " ".join(proved.summary.solved_by or ()) or "open")
+                (scenario.id, scenario.map, each.candidate.block, roads.driving_side, changes_asked(scenario, roads),
+                 f"{way_m:.0f}", scenario.start_speed_mps, slot.behaviour, scenario.traffic.density,
+                 scenario.traffic.oncoming, f"{met.vehicles:.1f}", met.crossing, met.oncoming,
+                 each.candidate.attempt, proved.summary.score, " ".join(proved.summary.solved_by or ()) or "open")
             )  # fmt: skip
-    names = ("id", "map", "roadblock", "behaviour", "density", "oncoming density", "start m/s", "candidates before",
-             "vehicles within 100 m", "crossing", "oncoming", "certificate", "solved by")  # fmt: skip
+    names = ("id", "map", "roadblock", "driving side", "lane changes",
+             "m to the goal", "start m/s", "behaviour", "density",
+             "oncoming density", "vehicles within 100 m", "crossing", "oncoming",
+             "candidates before", "certificate", "solved by")  # fmt: skip
     write_rows(folder / SCENES, names, rows)

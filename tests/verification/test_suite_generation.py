@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -133,6 +134,10 @@ def test_suites_are_written_as_the_package_reads_them(small: SuiteSearch, tmp_pa
     scenes = read_scenarios(there / "scenarios.yaml")
     stored = certificates.read_summaries(there / certificates.FILE)
     assert {s.id: s.hash() for s in scenes} == {name: each.scenario_hash for name, each in stored.items()}
+    with (tmp_path / "scenes.csv").open(encoding="utf-8") as file:
+        rows = {row["id"]: row for row in csv.DictReader(file)}
+    assert set(rows) == set(stored)
+    assert all(float(row["m to the goal"]) > 50.0 and row["solved by"] == "foresight" for row in rows.values())
     chosen = (tmp_path / "smoke-1" / "selection.yaml").read_text(encoding="utf-8")
     assert chosen.count("- ") == 8
     assert (tmp_path / "llm-1" / "selection.yaml").read_text(encoding="utf-8").count("- ") == 24
