@@ -56,6 +56,7 @@ OBSTACLE_COLOURS: Final = {
     ActorKind.BARRIER: BARRIER,
     ActorKind.CZONE_SIGN: BARRIER,
     ActorKind.PEDESTRIAN: WORKER,
+    ActorKind.GENERIC_OBJECT: STANDING,
 }
 ARROW_S: Final = 1.0
 """Velocity arrows are as long as the way in this time."""

@@ -280,6 +280,7 @@ def _legend(
         "czone sign": "sign",
         "traffic cone": "cone",
         "pedestrian": "person",
+        "generic object": "door",
     }
     open_ones = (each for i, each in enumerate(scenario.obstacles) if i != scenario.occluder)
     for kind in sorted({OBSTACLES[each.kind][0] for each in open_ones}):

@@ -18,6 +18,7 @@ from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report import scenario_picture as picture
 from interplan_sumo.report.scenario_drawing import View, behaviour_colours, drivers_in_legend
 from interplan_sumo.report.scenario_picture import contact_sheet, render_scenario
+from interplan_sumo.scenario.kinds import OBSTACLES
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, TrafficDemand
 from interplan_sumo.world.roads import Roads
 from tests.batch.busy import PLAIN
@@ -80,6 +81,11 @@ def test_a_picture_of_a_crossing_shows_all_that_stands_and_walks_twice(roads: Ro
     assert (tmp_path / "again.png").read_bytes() == (tmp_path / "crossed.png").read_bytes()
     render_scenario(replace(CROSSED, obstacles=(), occluder=None, jaywalkers=()), roads, tmp_path / "bare.png")
     assert pixels(tmp_path / "bare.png").shape[0] < 450
+
+
+@pytest.mark.parametrize("kind", sorted(OBSTACLES))
+def test_everything_that_can_stand_somewhere_has_a_colour(kind: str) -> None:
+    assert OBSTACLES[kind][0] in drawing.OBSTACLE_COLOURS
 
 
 def test_a_sheet_has_a_row_per_family_and_as_many_columns_as_its_largest(tmp_path: Path) -> None:
