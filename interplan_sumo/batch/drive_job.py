@@ -21,6 +21,7 @@ from interplan_sumo.batch.jobs import Job
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import DriveAnswer, ModelUse, PlannerRecord, ScoreRecord, decode
 from interplan_sumo.batch.run_folder import is_full, place_folder, trace_place
+from interplan_sumo.batch.stored_plans import StoredPlans
 from interplan_sumo.batch.tasks import Answer, Fault, KilledFromOutsideError, OpenGroup, Publish, Work
 from interplan_sumo.errors import InputError, PlannerError, RunFolderError, clean_line
 from interplan_sumo.maps.store import load_roads
@@ -52,6 +53,8 @@ class DriveSettings:
     """Where the maps lie that came along with the scenarios, if not where the scenarios say."""
     made: Mapping[str, Callable[[], Planner]] = field(default_factory=dict[str, Callable[[], Planner]])
     """Planners that only this process can build, by name."""
+    plans_of: Path | None = None
+    """The run folder whose stored plans are driven again, by nobody who plans."""
     planners: Mapping[str, PlannerRecord] = field(default_factory=dict[str, PlannerRecord])
     """The versions that are to drive, by name; whatever is there drives where none is said."""
 
@@ -73,11 +76,12 @@ def drive_jobs(settings: DriveSettings) -> OpenGroup:
 
 
 def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
-    seat = settings.seat(name)
+    seat_of = _seats(settings, name)
     options = EpisodeOptions(vehicle_types=settings.options.traffic)
 
     def work(job: Job) -> Answer:
         began_s = time.perf_counter()
+        seat = seat_of(job)
         scenario = job.scenario
         if settings.maps_beside is not None and scenario.maps_beside is not None:
             scenario = replace(scenario, maps_beside=settings.maps_beside)
@@ -116,6 +120,15 @@ def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
         return msgspec.to_builtins(answer), fault
 
     return work
+
+
+def _seats(settings: DriveSettings, name: str) -> Callable[[Job], PlannerSeat]:
+    """Who drives a job: the planner, the same for all, or its plans that a run has stored."""
+    folder = settings.plans_of
+    if folder is not None:
+        return lambda job: StoredPlans.of(folder / trace_place(job.key))
+    seat = settings.seat(name)
+    return lambda _: seat
 
 
 def _check_version(name: str, wanted: PlannerRecord) -> None:

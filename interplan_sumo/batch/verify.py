@@ -1,4 +1,8 @@
-"""Verify: drive rows of a run again, as its folder records them, and hold them against what is stored."""
+"""Verify: drive rows of a run again, as its folder records them, and hold them against what is stored.
+
+What is driven are the plans that the run stored, so no planner is loaded and none can have a say; or, where that is
+asked for, the planners themselves, which shows whether they plan the same again.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +30,7 @@ from interplan_sumo.batch.stored_drive import own_scenarios
 from interplan_sumo.batch.tasks import Task
 from interplan_sumo.batch.trace_difference import TraceDifference, difference
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types
+from interplan_sumo.batch.verified import Means, VerifiedRow, keep_verified
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.metrics.profile import stored_profile
@@ -97,6 +102,7 @@ class Verification:
     """Rows with a score that the sample was drawn from."""
     checks: tuple[RowCheck, ...]
     """By scenario, planner and seed."""
+    means: Means
 
     def count(self, verdict: Verdict) -> int:
         return sum(check.verdict == verdict for check in self.checks)
@@ -108,18 +114,25 @@ class Verification:
 
 
 def verify(
-    run: StoredRun, sample: RowSample, options: RunOptions | None = None, watch: RunProgress | None = None
+    run: StoredRun,
+    sample: RowSample,
+    options: RunOptions | None = None,
+    watch: RunProgress | None = None,
+    *,
+    with_planner: bool = False,
 ) -> Verification:
-    """Drive a sample of the rows again with their own scenario, planner, seed and overrides, and compare.
+    """Drive a sample of the rows again with their own scenario, seed and overrides, and compare.
 
-    Of the options count who does it, its limits but for that of plan(), and
-    `traffic`: the file that the run was given, where it is no longer found.
-    Nothing is written to the run folder. Raises InputError for a planner, file
-    or name that is not there any more, or for an empty run.
+    Their stored plans are driven; `with_planner` has their planners plan again
+    instead. Of the options count who does it, its limits but for that of
+    plan(), and `traffic`: the file that the run was given, where it is no
+    longer found. Nothing is written to the run folder; `keep_verified` does
+    that. Raises InputError for a planner, file or name that is not there any
+    more, or for an empty run.
     """
     keys = _candidates(run, sample)
     drawn = _drawn(keys, sample)
-    for planner in dict.fromkeys(key[1] for key in drawn):
+    for planner in dict.fromkeys(key[1] for key in drawn) if with_planner else ():
         find_planner(planner)
     held, options = run.manifest.overrides, options or RunOptions()
     own = own_scenarios(run)
@@ -135,16 +148,26 @@ def verify(
     jobs: list[Job] = []
     checks: list[RowCheck] = []
     for key in drawn:
-        scenario, problem = _scenario(run.rows[key], own, overrides)
+        row = run.rows[key]
+        scenario, problem = _scenario(row, own, overrides)
+        without = None if with_planner else _without_plans(run, row)
         if scenario is None:
-            checks.append(RowCheck(run.rows[key], "unverifiable", problem))
+            checks.append(RowCheck(row, "unverifiable", problem))
+        elif without is not None:
+            checks.append(without)
         else:
             jobs.append(Job(scenario, key[1], key[2]))
     if watch is not None:
         watch.begin(len(jobs), ())
-    checks += _driven_again(run, jobs, options, bool(own), watch)
+    checks += _driven_again(run, jobs, options, bool(own), watch, with_planner)
     checks.sort(key=lambda check: check.row.key)
-    return Verification(run, len(keys), tuple(checks))
+    return Verification(run, len(keys), tuple(checks), "planner" if with_planner else "plans")
+
+
+def note_verified(found: Verification) -> None:
+    """Keep in the run folder which of its rows came again; RunFolderError if it cannot be written."""
+    equal = [VerifiedRow.of(check.row, found.means) for check in found.checks if check.verdict == "equal"]
+    keep_verified(found.run.path, equal, [check.row.key for check in found.checks if check.verdict == "differs"])
 
 
 def _versions() -> dict[str, str]:
@@ -183,8 +206,25 @@ def _scenario(row: Row, own: dict[str, Scenario], overrides: Overrides) -> tuple
     return scenario, ""
 
 
+def _without_plans(run: StoredRun, row: Row) -> RowCheck | None:
+    """The verdict on a row whose plans cannot be driven; None where they can."""
+    if row.trace is None and row.fault is not None:
+        return RowCheck(row, "equal", f"a {row.fault.kind} fault before the first step: there is nothing to drive")
+    trace, problem = _stored_trace(run, row)
+    if trace is not None:
+        return None
+    if (run.path / (row.trace or "?")).is_dir():
+        return RowCheck(row, "differs", problem)
+    return RowCheck(row, "unverifiable", "its plans are not in the run folder; --with-planner drives the planner again")
+
+
 def _driven_again(
-    run: StoredRun, jobs: Sequence[Job], options: RunOptions, own: bool, watch: RunProgress | None
+    run: StoredRun,
+    jobs: Sequence[Job],
+    options: RunOptions,
+    own: bool,
+    watch: RunProgress | None,
+    with_planner: bool,
 ) -> list[RowCheck]:
     """Do the jobs in a folder of their own, with the experts of the run, and compare each as it ends."""
     checks: list[RowCheck] = []
@@ -200,13 +240,14 @@ def _driven_again(
             stored_profile(run.manifest.profile, run.path),
             own,
             run.path / MAPS if own else None,
+            plans_of=None if with_planner else run.path,
         )
         tasks = [Task(job.key, job.planner, job) for job in jobs]
         with contextlib.closing(drive_outcomes(tasks, settings, options.who, options.limits)) as outcomes:
             for outcome in outcomes:
                 row = run.rows[outcome.task.payload.key]
                 answer, fault = drive_answer(outcome)
-                checks.append(_check(run, row, answer, fault, scratch))
+                checks.append(_check(run, row, answer, fault, scratch, with_planner))
                 if watch is not None:
                     watch.finished(_made_again(row, answer, fault))
                 if answer.trace is not None:
@@ -220,10 +261,17 @@ def _made_again(row: Row, answer: DriveAnswer, fault: Fault | None) -> Row:
     return structs.replace(row, score=score, fault=fault, times_s=answer.times_s)
 
 
-def _check(run: StoredRun, row: Row, answer: DriveAnswer, fault: Fault | None, scratch: Path) -> RowCheck:
+def _check(
+    run: StoredRun, row: Row, answer: DriveAnswer, fault: Fault | None, scratch: Path, with_planner: bool
+) -> RowCheck:
     """Hold a drive made again against its row and its stored trace."""
     score = None if answer.sheet is None else answer.sheet.score
     check = RowCheck(row, "equal", "", answer.trace_hash, score)
+    if row.fault and not with_planner and (fault is None or fault.kind == "planner"):
+        # Only the planner could fail again. It has its zero; what is to be seen is that it drove until then.
+        same = answer.trace_hash == row.trace_hash
+        reason = f"its drive until the {row.fault.kind} fault" if same else "another drive than until its fault"
+        return replace(check, verdict="equal" if same else "differs", reason=reason)
     if row.fault or fault or score is None or row.score is None:
         reason = _fault_differs(row.fault, fault)
         same = f"the same {row.fault.kind} fault" if row.fault else ""
@@ -245,7 +293,21 @@ def _check(run: StoredRun, row: Row, answer: DriveAnswer, fault: Fault | None, s
         return replace(check, verdict="equal" if missing else "differs", reason=problem)
     if abs(score - row.score) > SCORE_BAR:
         return replace(check, verdict="differs", reason=f"the same drive, but its score was {row.score:.6f}")
+    if (name := _other_metric(row, answer)) is not None:
+        return replace(check, verdict="differs", reason=f"the same drive and score, but its metric {name} was another")
     return check
+
+
+def _other_metric(row: Row, answer: DriveAnswer) -> str | None:
+    """A metric that the row has otherwise; None if there is none."""
+    now = {} if answer.sheet is None else answer.sheet.metrics
+    for name in {**row.metrics, **now}:
+        if name not in row.metrics or name not in now:
+            return name
+        one, other = row.metrics[name].score, now[name].score
+        if (one is None) != (other is None) or (one is not None and other is not None and abs(one - other) > SCORE_BAR):
+            return name
+    return None
 
 
 def _fault_differs(then: Fault | None, now: Fault | None) -> str:

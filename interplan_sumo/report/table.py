@@ -11,6 +11,7 @@ from typing import Final, overload
 
 from interplan_sumo.batch.records import AppliedOverrides, Brief, JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
+from interplan_sumo.batch.verified import verified_rows
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.families import families, find_family
 from interplan_sumo.report.standing import LineValues, Standing, standing
@@ -178,6 +179,8 @@ class Line:
     """How often the planner asked a language model."""
     unanswered: int
     """How often in vain: then it fell back on something else, and the score says less about the model."""
+    verified: int
+    """How many rows came again from their stored plans and have not changed since."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,6 +225,8 @@ class _Driven:
     """What was asked for, by planner."""
     ordinary: bool
     """Whether it is of ordinary driving only."""
+    verified: frozenset[JobKey]
+    """Rows that came again from their plans."""
 
     @classmethod
     def of(cls, run: StoredRun) -> _Driven:
@@ -232,7 +237,8 @@ class _Driven:
         for key in run.keys:
             keys.setdefault(key[1], []).append(one.get(key, key))
             ordinary = ordinary and find_family(_family(key, briefs)).ordinary
-        return cls(run, briefs, keys, ordinary and bool(keys))
+        verified = frozenset(key for key, each in verified_rows(run).items() if each.means == "plans")
+        return cls(run, briefs, keys, ordinary and bool(keys), verified)
 
 
 def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
@@ -298,7 +304,7 @@ def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, la
     families: dict[str, set[str]] = {}
     faults: Counter[str] = Counter()
     official = not overrides
-    questions = unanswered = 0
+    questions = unanswered = verified = 0
     for each in driven:
         for key in each.keys[planner]:
             drive = each.briefs.get(key)
@@ -313,6 +319,7 @@ def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, la
             families.setdefault(drive.family, set()).add(key[0])
             official = official and drive.official
             questions, unanswered = questions + (drive.questions or 0), unanswered + (drive.unanswered or 0)
+            verified += key in each.verified
             if drive.fault:
                 faulty.append((each.run.rows, key))
                 faults[drive.fault] += 1
@@ -332,6 +339,7 @@ def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, la
         official=official,
         questions=questions,
         unanswered=unanswered,
+        verified=verified,
     )
     return line, {key: drives for key, (drives, _, _) in values.items()}
 

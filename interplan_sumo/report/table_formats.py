@@ -40,6 +40,7 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
             "scenarios": line.scenarios,
             "seeds": line.seeds,
             "official": line.official,
+            "verified": line.verified,
             "overrides": line.overrides.texts(),
             "faults": dict(line.faults),
             **({"questions": line.questions, "unanswered": line.unanswered} if line.questions else {}),
@@ -160,6 +161,7 @@ def notes(table: ResultsTable, *, paper: bool = False) -> list[str]:
     if any(line.overrides for line in table.lines):
         note = "were run with another traffic or perception: not comparable with official ones."
         found.append(f"Rows in square brackets {note}")
+    found.append(_verified_note(table))
     for line in table.lines:
         if line.questions:
             share = 100.0 * line.unanswered / line.questions
@@ -171,6 +173,14 @@ def notes(table: ResultsTable, *, paper: bool = False) -> list[str]:
         if (near := agreement(table)) is not None:
             found.append(near.sentence())
     return found
+
+
+def _verified_note(table: ResultsTable) -> str:
+    """How many drives came again from their plans."""
+    verified = sum(line.verified for line in table.lines)
+    rows = sum(len(line.rows) for line in table.lines)
+    way = "" if verified == rows else "; interplan-sumo verify DIR --all drives them again"
+    return f"Verified: {verified} of {rows} drives came again from their stored plans, without their planners{way}."
 
 
 def as_text(

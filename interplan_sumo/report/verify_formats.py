@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
 from rich.console import Group, RenderableType
 from rich.text import Text
@@ -12,6 +12,7 @@ from interplan_sumo.batch.verify import RowCheck, Verification
 from interplan_sumo.report.text import drive_name, figure, grid, points
 
 WORDS = ("scenario", "planner", "verdict", "differs from")
+MEANS: Final = {"plans": "their stored plans", "planner": "their planners"}
 TITLES = ("scenario", "planner", "seed", "verdict", "differs from", "largest", "score", "now")
 
 
@@ -22,6 +23,7 @@ def verification_json(found: Verification) -> dict[str, Any]:
         "drives": found.candidates,
         "without_score": found.left_out,
         "verified": len(found.checks),
+        "means": found.means,
         "equal": found.count("equal"),
         "differs": found.count("differs"),
         "unverifiable": found.count("unverifiable"),
@@ -65,7 +67,8 @@ def verification_text(found: Verification) -> RenderableType:
         said = ", ".join(f"{name} {then} -> {now}" for name, (then, now) in changed.items())
         parts.append(Text(f"Other versions than when it was driven: {said}"))
     counts = (
-        f"{found.count('equal')} of {len(found.checks)} drives come again exactly (sampled from {found.candidates})"
+        f"{found.count('equal')} of {len(found.checks)} drives come again exactly from {MEANS[found.means]} "
+        f"(sampled from {found.candidates})"
     )
     if found.left_out:
         counts += f"; {found.left_out} without a score were left out"

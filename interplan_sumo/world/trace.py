@@ -6,7 +6,7 @@
 | actors.parquet | an actor in a frame | frame, track_token, type, x, y, heading, length, width (box centre), vx, vy (map frame), behaviour, ax_without_ego |
 | signals.parquet | a connector in a frame | frame, lane_connector_id, status |
 | seen.parquet | an actor as the planner saw it in a frame | as actors.parquet, without the last two; only where the scenario's perception is not `full`. The first frame is -20: what the planner was told of the time before the start |
-| plans.parquet | a pose of the plan of a frame | frame, time_us, x, y, heading (box centre) |
+| plans.parquet | a pose of the plan of a frame | frame, time_s, x, y, heading (box centre), as they were driven, to the bit |
 
 Metres, radians, seconds, integer microseconds. `behaviour` is for analysis;
 planners never see it. `ax_without_ego` is the acceleration (m/s2) that a
@@ -47,7 +47,7 @@ ACTOR_COLUMNS = ("frame", "track_token", "type", "x", "y", "heading", "length", 
 SEEN_COLUMNS = ACTOR_COLUMNS[:-1]
 WITHOUT_EGO = "ax_without_ego"
 SIGNAL_COLUMNS = ("frame", "lane_connector_id", "status")
-PLAN_COLUMNS = ("frame", "time_us", "x", "y", "heading")
+PLAN_COLUMNS = ("frame", "time_s", "x", "y", "heading")
 SEEN_BEFORE = 20
 """Frames before the first that `Trace.seen` holds: as many as a planner looks back."""
 _NOT_HASHED = frozenset({"plan_wall_s", WITHOUT_EGO})
@@ -302,7 +302,7 @@ class Trace:
         plans = pd.DataFrame(
             {
                 "frame": np.repeat(np.arange(len(self.plans)), lengths).astype(np.int64),
-                "time_us": np.round(stacked("time_s") * 1e6).astype(np.int64),
+                "time_s": stacked("time_s"),
                 "x": stacked("x_m"),
                 "y": stacked("y_m"),
                 "heading": stacked("heading_rad"),
@@ -367,9 +367,7 @@ class Trace:
             plan_frame = plan_rows["frame"].to_numpy()
             plan_split = np.searchsorted(plan_frame, np.arange(int(plan_frame[-1]) + 2 if len(plan_frame) else 1))
             columns = [plan_rows[n].to_numpy(np.float64) for n in PLAN_COLUMNS[1:]]
-            plans = tuple(
-                Trajectory(columns[0][a:b] * 1e-6, *(c[a:b] for c in columns[1:])) for a, b in pairwise(plan_split)
-            )
+            plans = tuple(Trajectory(*(column[a:b] for column in columns)) for a, b in pairwise(plan_split))
         seen = None
         if (folder / "seen.parquet").exists():
             seen_rows = _read_table(folder, "seen", SEEN_COLUMNS)
