@@ -55,8 +55,11 @@ def swept(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_verify_says_that_a_run_comes_again(run_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = ran(capsys, "verify", run_folder, "--workers", 0)
     assert code == 0
-    assert "2 of 2 drives come again exactly (sampled from 2)" in out
+    assert "2 of 2 drives come again exactly from their stored plans (sampled from 2)" in out
     assert "2/2 done" in err
+    assert "Verified: 2 of 2 drives came again from their stored plans." in ran(capsys, "report", run_folder)[1]
+    out = ran(capsys, "verify", run_folder, "--workers", 0, "--with-planner", "--quiet")[1]
+    assert "2 of 2 drives come again exactly from their planners" in out
     assert ran(capsys, "verify", run_folder, "--workers", 0, "--quiet", "--sample", 1)[2] == ""
 
 

@@ -179,8 +179,8 @@ def _verified_note(table: ResultsTable) -> str:
     """How many drives came again from their plans."""
     verified = sum(line.verified for line in table.lines)
     rows = sum(len(line.rows) for line in table.lines)
-    way = "" if verified == rows else "; interplan-sumo verify DIR --all drives them again"
-    return f"Verified: {verified} of {rows} drives came again from their stored plans, without their planners{way}."
+    way = "" if verified == rows else " (interplan-sumo verify DIR --all)"
+    return f"Verified: {verified} of {rows} drives came again from their stored plans{way}."
 
 
 def as_text(

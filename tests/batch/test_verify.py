@@ -19,8 +19,10 @@ from interplan_sumo.batch.results import write_rows
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.trace_difference import POSITION_BAR_M, TraceDifference, difference
-from interplan_sumo.batch.verify import SCORE_BAR, RowCheck, RowSample, Verification, verify
+from interplan_sumo.batch.verified import verified_rows
+from interplan_sumo.batch.verify import SCORE_BAR, RowCheck, RowSample, Verification, note_verified, verify
 from interplan_sumo.errors import InputError, PlannerLoadError, RunFolderError, UnknownNameError
+from interplan_sumo.report.table import make_table
 from interplan_sumo.resources import routes_root
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import TrafficDemand
@@ -56,8 +58,11 @@ def copy(original: StoredRun, tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
-def checked(place: Path, sample: RowSample | None = None, **options: Any) -> Verification:
-    return verify(read_run(place), sample or RowSample(None), RunOptions(workers=0, **options))
+def checked(
+    place: Path, sample: RowSample | None = None, *, with_planner: bool = False, **options: Any
+) -> Verification:
+    asked = RunOptions(workers=0, **options)
+    return verify(read_run(place), sample or RowSample(None), asked, with_planner=with_planner)
 
 
 def rewritten(place: Path, change: Callable[[Row], Row], scenario: str = "mine/1") -> None:
@@ -78,12 +83,58 @@ def verdicts(found: Verification) -> dict[str, str]:
 STRAIGHT = RowSample(None, planners=("straight_ahead",))
 
 
-def test_a_run_comes_again_with_its_faults_and_is_left_as_it_was(original: StoredRun) -> None:
+@pytest.mark.parametrize(
+    ("with_planner", "words"), [(False, "its drive until the planner fault"), (True, "the same planner fault")]
+)
+def test_a_run_comes_again_with_its_faults_and_is_left_as_it_was(
+    with_planner: bool, words: str, original: StoredRun
+) -> None:
     before = {path: path.stat().st_mtime_ns for path in original.path.rglob("*")}
-    found = checked(original.path)
+    found = checked(original.path, with_planner=with_planner)
     assert len(found.checks) == found.count("equal") == 4
-    assert {check.reason for check in found.checks} == {"", "the same planner fault"}
+    assert {check.reason for check in found.checks} == {"", words}
     assert {path: path.stat().st_mtime_ns for path in original.path.rglob("*")} == before
+
+
+def test_what_came_again_is_noted_until_its_row_changes(copy: Path) -> None:
+    found = checked(copy, STRAIGHT)
+    note_verified(found)
+    noted = verified_rows(read_run(copy))
+    assert {key[0]: each.means for key, each in noted.items()} == {"mine/0": "plans", "mine/1": "plans"}
+    (line, other) = make_table([read_run(copy)]).lines
+    assert (line.verified, other.verified) == (2, 0)
+    rewritten(copy, lambda row: more(row, -0.1))
+    assert {key[0] for key in verified_rows(read_run(copy))} == {"mine/0"}
+    note_verified(checked(copy, STRAIGHT))
+    rewritten(copy, lambda row: more(row, 0.1))
+    assert {key[0] for key in verified_rows(read_run(copy))} == {"mine/0"}
+
+
+def test_a_damaged_note_is_one_line(copy: Path) -> None:
+    (copy / "verified.json").write_text('{"rows": [{}]}')
+    with pytest.raises(RunFolderError, match=r"verified\.json is damaged .* delete it and verify again"):
+        verified_rows(read_run(copy))
+
+
+def test_plans_that_were_tampered_with_make_another_drive(copy: Path, original: StoredRun) -> None:
+    place = copy / str(original.rows["mine/0", "straight_ahead", 0].trace) / "plans.parquet"
+    table = pd.read_parquet(place)
+    table["x"] += 0.01 * (table["frame"] == 8)
+    table.to_parquet(place)
+    check = checked(copy, replace(STRAIGHT, scenarios=("*/0",))).checks[0]
+    assert check.verdict == "differs"
+    assert check.difference is None or check.difference.frame >= 8
+
+
+def test_a_metric_that_was_tampered_with_is_found(copy: Path) -> None:
+    def easier(row: Row) -> Row:
+        judged = next(name for name, each in row.metrics.items() if each.score == 1.0 and name not in row.gates)
+        return structs.replace(row, metrics=row.metrics | {judged: structs.replace(row.metrics[judged], score=0.5)})
+
+    rewritten(copy, lambda row: row if row.fault else easier(row))
+    check = checked(copy, STRAIGHT).checks[1]
+    assert check.verdict == "differs"
+    assert "the same drive and score, but its metric" in check.reason
 
 
 def test_a_worker_makes_the_same_drives(original: StoredRun) -> None:
@@ -125,13 +176,20 @@ def test_a_score_that_was_tampered_with_is_found(copy: Path) -> None:
     assert verdicts(checked(copy, STRAIGHT))["mine/1"] == "equal"
 
 
-def test_a_missing_trace_file_leaves_the_hash_to_compare(copy: Path) -> None:
+def test_without_trace_files_there_are_no_plans_to_drive(copy: Path) -> None:
     shutil.rmtree(copy / "traces")
     found = checked(copy, STRAIGHT)
+    assert verdicts(found) == {"mine/0": "unverifiable", "mine/1": "unverifiable"}
+    assert "--with-planner drives the planner again" in found.checks[0].reason
+
+
+def test_a_missing_trace_file_leaves_the_hash_to_compare(copy: Path) -> None:
+    shutil.rmtree(copy / "traces")
+    found = checked(copy, STRAIGHT, with_planner=True)
     assert verdicts(found) == {"mine/0": "equal", "mine/1": "equal"}
     assert found.checks[0].reason == "no trace file: only the hashes were compared"
     rewritten(copy, lambda row: structs.replace(row, trace_hash="0" * 64))
-    assert verdicts(checked(copy, STRAIGHT))["mine/1"] == "differs"
+    assert verdicts(checked(copy, STRAIGHT, with_planner=True))["mine/1"] == "differs"
 
 
 @pytest.mark.parametrize(
@@ -144,15 +202,23 @@ def test_a_missing_trace_file_leaves_the_hash_to_compare(copy: Path) -> None:
 )
 def test_a_fault_must_come_again_with_its_class(fault: Fault | None, verdict: str, words: str, copy: Path) -> None:
     rewritten(copy, lambda row: structs.replace(row, fault=fault, score=0.0) if row.planner == RAISES else row)
-    (check,) = checked(copy, RowSample(None, scenarios=("mine/1",), planners=(RAISES,))).checks
+    again = RowSample(None, scenarios=("mine/1",), planners=(RAISES,))
+    (check,) = checked(copy, again, with_planner=True).checks
     assert check.verdict == verdict
     assert words in check.reason
+
+
+def test_a_drive_that_ended_early_cannot_pass_for_a_whole_one(copy: Path) -> None:
+    rewritten(copy, lambda row: structs.replace(row, fault=None, score=0.0))
+    (check,) = checked(copy, RowSample(None, scenarios=("mine/1",), planners=(RAISES,))).checks
+    assert check.verdict == "differs"
+    assert "no more plans are stored" in check.reason
 
 
 def test_a_fault_that_does_not_come_again_differs(copy: Path) -> None:
     fault = Fault("planner", "raised ValueError")
     rewritten(copy, lambda row: structs.replace(row, fault=fault, score=0.0))
-    (check,) = checked(copy, replace(STRAIGHT, scenarios=("mine/1",))).checks
+    (check,) = checked(copy, replace(STRAIGHT, scenarios=("mine/1",)), with_planner=True).checks
     assert check.verdict == "differs"
     assert "does not now: raised ValueError" in check.reason
 
@@ -240,7 +306,7 @@ def test_an_empty_run_is_one_line(copy: Path) -> None:
 def test_a_planner_that_is_gone_is_one_line(copy: Path) -> None:
     (copy / "results.jsonl").write_text((copy / "results.jsonl").read_text().replace(RAISES, "gone.away:Planner"))
     with pytest.raises(PlannerLoadError, match=r"there is no module 'gone\.away'"):
-        checked(copy)
+        checked(copy, with_planner=True)
     assert checked(copy, STRAIGHT).count("equal") == 2
 
 
