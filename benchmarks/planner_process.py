@@ -84,15 +84,15 @@ def drive_cost(drives: int) -> None:
     processor: dict[str, list[float]] = {"own": [], "shared": []}
     with PlannerProcess.of("idm") as own:
         shared = InProcess(load_planner("idm"))
-        scenes = find_suite("smoke==1").scenarios
-        for scenario in (*scenes[:2], *(scenes * drives)[:drives]):  # the first two warm up
+        scenes = find_suite("smoke==1").scenarios[:4]
+        for scenario in (*scenes, *(scenes * drives)[:drives]):  # in the first round maps are read and sent
             for name, seat in (("own", own), ("shared", shared)):
                 began = time.perf_counter(), time.process_time() + spent_s(own.pid)
                 scored(scenario, seat)
                 wall[name].append(time.perf_counter() - began[0])
                 processor[name].append(time.process_time() + spent_s(own.pid) - began[1])
     for what, times in (("wall", wall), ("processor", processor)):
-        one, other = (sum(times[name][2:]) for name in ("own", "shared"))
+        one, other = (sum(times[name][4:]) for name in ("own", "shared"))
         print(f"drives per second with idm, own process / shared, by {what} time: {other / one:.2f} ({drives} drives)")
 
 

@@ -33,8 +33,8 @@ class PlannerSeat(ABC):
         """As `Planner.start`."""
 
     @abstractmethod
-    def plan(self, observation: Observation) -> TimedPlan:
-        """As `Planner.plan`."""
+    def plan(self, observation: Observation, meanwhile: Callable[[], object] = lambda: None) -> TimedPlan:
+        """As `Planner.plan`; `meanwhile` is done while it thinks, where that is somewhere else."""
 
     @abstractmethod
     def report(self) -> dict[str, Any] | None:
@@ -56,10 +56,12 @@ class InProcess(PlannerSeat):
     def start(self, mission: Mission) -> None:
         guarded(lambda: self._planner.start(mission), "start()")
 
-    def plan(self, observation: Observation) -> TimedPlan:
+    def plan(self, observation: Observation, meanwhile: Callable[[], object] = lambda: None) -> TimedPlan:
         began_s = time.perf_counter()
         plan = guarded(lambda: self._planner.plan(observation), "plan()")
-        return TimedPlan(plan, time.perf_counter() - began_s)
+        wall_s = time.perf_counter() - began_s
+        meanwhile()
+        return TimedPlan(plan, wall_s)
 
     def report(self) -> dict[str, Any] | None:
         return own_report(self._planner)

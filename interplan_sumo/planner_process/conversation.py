@@ -25,25 +25,22 @@ def greeting_of(channel: PlannerChannel, limit_s: float) -> Greeting:
     return greeting
 
 
-def exchange(
-    channel: PlannerChannel,
-    form: Form,
-    request: dict[str, Any],
-    read: Callable[[bytes], _R],
-    most_bytes: int,
-    limit_s: float,
-) -> _R:
-    """Send a request and read what comes back; ChannelError if that is no reply to it, or none comes in time."""
+def ask(channel: PlannerChannel, form: Form, request: dict[str, Any], limit_s: float) -> None:
+    """Send a request; ChannelError if it is not taken in time."""
     message = form.encode(request)
+    length = b"" if form.name == "json" else len(message).to_bytes(LENGTH_BYTES, "little")
+    channel.send(length + message + (b"\n" if form.name == "json" else b""), limit_s)
+
+
+def answer(channel: PlannerChannel, form: Form, read: Callable[[bytes], _R], most_bytes: int, limit_s: float) -> _R:
+    """The reply to what was asked; ChannelError if what comes is none, or does not come in time."""
     if form.name == "json":
-        channel.send(message + b"\n", limit_s)
         return _read(read, channel.receive_line(most_bytes, limit_s))
-    channel.send(len(message).to_bytes(LENGTH_BYTES, "little") + message, limit_s)
     return _read(read, channel.receive(most_bytes, limit_s))
 
 
-def _read(read: Callable[[bytes], _R], answer: bytes) -> _R:
+def _read(read: Callable[[bytes], _R], said: bytes) -> _R:
     try:
-        return read(answer)
+        return read(said)
     except (ValueError, RecursionError, MemoryError) as error:
         raise ChannelError(clean_line(f"was not answered as the protocol has it: {error}")) from None

@@ -22,7 +22,7 @@ from interplan_sumo.errors import InputError, PlannerError, PlannerLoadError, cl
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.planner_process.channel import CLOSED, ChannelError, PlannerChannel
 from interplan_sumo.planner_process.command import command_of
-from interplan_sumo.planner_process.conversation import exchange, greeting_of
+from interplan_sumo.planner_process.conversation import answer, ask, greeting_of
 from interplan_sumo.planner_process.deaths import death, killed_from_outside
 from interplan_sumo.planner_process.family import descendants, kill_family
 from interplan_sumo.planner_process.map_message import map_request
@@ -138,10 +138,10 @@ class PlannerProcess(PlannerSeat):
         self._ask("start()", start_request(mission, slot), self._form.done)
         self._told_past = False
 
-    def plan(self, observation: Observation) -> TimedPlan:
+    def plan(self, observation: Observation, meanwhile: Callable[[], object] = lambda: None) -> TimedPlan:
         asked_s = time.perf_counter()
         request = plan_request(observation, self._form.pack, with_past=not self._told_past)
-        reply = self._ask("plan()", request, self._form.plan, MOST_PLAN_BYTES)
+        reply = self._ask("plan()", request, self._form.plan, MOST_PLAN_BYTES, meanwhile=meanwhile)
         took_s = time.perf_counter() - asked_s
         self._told_past = True
         try:
@@ -192,15 +192,22 @@ class PlannerProcess(PlannerSeat):
         read: Callable[[bytes], _R | Failed],
         most_bytes: int = MOST_SAID_BYTES,
         limit_s: float | None = None,
+        meanwhile: Callable[[], object] | None = None,
     ) -> _R:
-        """Send a request and wait for its reply."""
+        """Send a request, do something else and wait for its reply."""
         if self._ended:
             raise PlannerError("its process has ended")
         limit_s = self._limits.call_s if limit_s is None else limit_s
         try:
-            reply = exchange(self._channel, self._form, request, read, most_bytes, limit_s)
+            ask(self._channel, self._form, request, limit_s)
+            if meanwhile is not None:
+                meanwhile()
+            reply = answer(self._channel, self._form, read, most_bytes, limit_s)
         except ChannelError as error:
             raise PlannerError(self._broken(what, error)) from None
+        except BaseException:  # of what was done meanwhile: nobody will read the reply
+            self._end()
+            raise
         if isinstance(reply, Failed):
             raise PlannerError(clean_line(reply.message))
         return reply

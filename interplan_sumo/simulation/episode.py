@@ -175,12 +175,18 @@ def run_until(scenario: Scenario, planner: Planner, enough: Callable[[], bool], 
 
 def _run(loop: Loop, seat: PlannerSeat, on_phase: Callable[[Phase], None]) -> None:
     """Drive to the end."""
+
+    def meanwhile() -> None:
+        on_phase("simulate")
+        loop.react()
+        on_phase("plan")
+
     mission = loop.open()
     on_phase("plan")
     seat.start(mission)
     while loop.begin_frame():
         on_phase("plan")
-        timed = seat.plan(loop.observation)
+        timed = seat.plan(loop.observation, meanwhile)
         loop.record.plan_wall_s.append(timed.wall_s)
         on_phase("simulate")
         loop.advance(timed.plan)
@@ -212,6 +218,7 @@ class Loop:
         self._seed = seed
         self.record = _Record()
         self.reached_goal = False
+        self._has_reacted = False
         self.simulation_s = 0.0
         """Wall-clock seconds that the traffic took."""
 
@@ -250,16 +257,22 @@ class Loop:
         self.reached_goal = self._goal_line.is_passed(self.ego.x_m, self.ego.y_m)
         return not self.reached_goal
 
+    def react(self) -> None:
+        """Have the agents answer the ego as it is now, once per step; the plan need not be known for that."""
+        if not self._has_reacted:
+            self._has_reacted = True
+            stepping = time.perf_counter()
+            self.traffic.react(self.ego)
+            self.simulation_s += time.perf_counter() - stepping
+
     def advance(self, plan: Trajectory) -> None:
         """One step along a plan for `observation`."""
         check_plan(plan, self.ego, self.ego.time_s)
         self.record.plans.append(plan)
-
-        stepping = time.perf_counter()
-        self.traffic.react(self.ego)
+        self.react()
+        self._has_reacted = False
         self._egos.append(self.ego)
         self._others.append(self._seen)
-        self.simulation_s += time.perf_counter() - stepping
         self.ego = follow(self.ego, plan, DT_S, self.shape)
         stepping = time.perf_counter()
         self.traffic.place_ego(self.ego)

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from interplan_sumo.planner_process.awake import LONGEST_STEP_S, AwakeClock
 from interplan_sumo.planner_process.channel import KEPT_BYTES, ChannelError, Overdue, PlannerChannel
-from interplan_sumo.planner_process.conversation import exchange, greeting_of
+from interplan_sumo.planner_process.conversation import answer, ask, greeting_of
 from interplan_sumo.planner_process.messages import (
     JSON_LINES,
     MOST_PLAN_BYTES,
@@ -57,15 +57,16 @@ def exchanged(data: bytes, form: Form = MSGPACK, read: Callable[[bytes], Any] | 
     """What is made of these bytes where a plan was asked for."""
     with open_channel() as (channel, asked, told, _):
 
-        def answer() -> None:
+        def spoken() -> None:
             os.read(asked, 1 << 16)
             with suppress(BrokenPipeError):
                 os.write(told, data)
 
-        planner = threading.Thread(target=answer)
+        planner = threading.Thread(target=spoken)
         planner.start()
         try:
-            return exchange(channel, form, {"type": "plan"}, read or form.plan, MOST_PLAN_BYTES, LIMIT_S)
+            ask(channel, form, {"type": "plan"}, LIMIT_S)
+            return answer(channel, form, read or form.plan, MOST_PLAN_BYTES, LIMIT_S)
         finally:
             channel.close()
             planner.join()

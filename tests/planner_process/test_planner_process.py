@@ -17,7 +17,7 @@ from test_hostile_planners import ROADS, SCENE, driven, hash_of
 from worlds import replayed, rolling
 
 from interplan_sumo._check_worlds import check_worlds
-from interplan_sumo.errors import PlannerError, PlannerLoadError
+from interplan_sumo.errors import PlannerError, PlannerLoadError, TrafficError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.planner import find_planner, load_planner
 from interplan_sumo.planner_process.map_message import as_sent
@@ -85,6 +85,19 @@ def test_a_process_that_somebody_kills_says_so_and_is_asked_no_more() -> None:
         assert seat.killed_from_outside
         with pytest.raises(PlannerError, match="has ended"):
             seat.start(world.mission)
+
+
+def test_what_fails_while_it_thinks_is_not_its_fault_and_its_answer_is_not_waited_for() -> None:
+    def fail() -> None:
+        raise TrafficError("SUMO gave up")
+
+    with PlannerProcess.of(PYTHON) as seat:
+        world = check_worlds()[0]
+        seat.start(world.mission)
+        with pytest.raises(TrafficError):
+            seat.plan(world.observation(world.ego, []), fail)
+        assert seat.has_ended
+        assert not seat.killed_from_outside
 
 
 @pytest.mark.parametrize(
