@@ -26,6 +26,8 @@ import yaml
 from interplan_sumo.errors import InputError
 from interplan_sumo.planner import EXEC, PLANNERS, OptionLoader, split_spec
 
+RECORDS: Final = frozenset((".jsonl", ".log", ".db", ".sqlite"))
+"""Files that a planner writes, such as answers of language models: what its options name so is none of its source."""
 LARGE_BYTES: Final = 64 << 20
 """Of a file beyond this, only its size and pieces all over it count."""
 _PIECES, _PIECE_BYTES = 64, 1 << 16
@@ -162,6 +164,8 @@ def _named(texts: Iterable[str]) -> dict[str, Path]:
     for text in texts:
         with suppress(OSError, ValueError):
             place = Path(text).expanduser()
+            if place.suffix in RECORDS:
+                continue
             if place.is_file():
                 found[text] = place
             elif place.is_dir() and text not in ("", ".", "/"):

@@ -54,6 +54,13 @@ def test_libraries_are_none_of_it() -> None:
     }  # fmt: skip
 
 
+def test_what_it_writes_is_none_of_it(place: Path) -> None:
+    spec = "acme.planner:Acme?store=answers.jsonl"
+    before = PlannerSource.of(spec)
+    (place / "answers.jsonl").write_text("{}\n")
+    assert PlannerSource.of(spec) == before
+
+
 @pytest.mark.usefixtures("place")
 def test_other_options_are_another_hash() -> None:
     assert PlannerSource.of("acme.planner:Acme?gain=2").hash != PlannerSource.of("acme.planner:Acme?gain=3").hash

@@ -36,6 +36,7 @@ from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.metrics.profile import stored_profile
 from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.planner import find_planner
+from interplan_sumo.planner_source import PlannerSource
 from interplan_sumo.scenario.files import MAPS
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario
@@ -84,8 +85,10 @@ class RowCheck:
 
     @property
     def changed_versions(self) -> dict[str, tuple[str, str]]:
-        """What has another version now than when the row was driven: name -> (then, now)."""
-        then, now = self.row.versions, _versions()
+        """What has another version now than when the row was driven: name -> (then, now); planners by their hash."""
+        then, now = dict(self.row.versions), _versions()
+        if self.row.planner_hash is not None:
+            then["planner"], now["planner"] = self.row.planner_hash[:12], _planner_hash(self.row.planner)[:12]
         return {
             name: (then.get(name, "none"), now.get(name, "none"))
             for name in {**then, **now}
@@ -168,6 +171,13 @@ def note_verified(found: Verification) -> None:
     """Keep in the run folder which of its rows came again; RunFolderError if it cannot be written."""
     equal = [VerifiedRow.of(check.row, found.means) for check in found.checks if check.verdict == "equal"]
     keep_verified(found.run.path, equal, [check.row.key for check in found.checks if check.verdict == "differs"])
+
+
+def _planner_hash(spec: str) -> str:
+    try:
+        return PlannerSource.of(spec).hash
+    except InputError:
+        return "none"
 
 
 def _versions() -> dict[str, str]:

@@ -22,6 +22,7 @@ from interplan_sumo.batch.trace_difference import difference
 from interplan_sumo.batch.verify import RowSample, verify
 from interplan_sumo.errors import InputError, MapError, RunFolderError, UnknownNameError, VehicleTypeError
 from interplan_sumo.maps.store import find_map
+from interplan_sumo.planner_source import PlannerSource
 from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.world.trace import Trace
 from tests.batch.busy import Log
@@ -125,6 +126,26 @@ def test_a_vehicle_type_file_of_ones_own_replaces_the_traffic(official: StoredRu
         run(request(tmp_path / "run", "straight_ahead", traffic=mine))
 
 
+@pytest.mark.slow
+def test_hostile_planners_get_zeros_and_change_no_other_row(official: StoredRun, tmp_path: Path) -> None:
+    hostile = "tests.planner_process.hostile_planners:Hostile?how="
+    killed, leaves = f"{hostile}be killed once&mark={tmp_path / 'mark.log'}", f"{hostile}exit in report"
+    found = run(request(tmp_path / "run", leaves, killed, "straight_ahead", workers=2))
+    assert all(row.isolated and row.planner_hash for row in found.rows.values())
+    fault = found.rows[FIRST.id, leaves, 0].fault
+    assert fault is not None
+    assert (fault.kind, found.rows[FIRST.id, leaves, 0].score) == ("planner", 0.0)
+    assert (tmp_path / "mark.log").exists()
+    honest = official.rows[FIRST.id, "straight_ahead", 0].trace_hash
+    assert [found.rows[FIRST.id, each, 0].trace_hash for each in (killed, "straight_ahead")] == [honest, honest]
+
+
+def test_only_a_planner_of_the_run_can_be_driven_again(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="planner of this run to redo"):
+        run(request(tmp_path / "run", "straight_ahead", redo=("idm",)))
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_worse_perception_is_another_drive_whoever_does_it_and_comes_again(tmp_path: Path) -> None:
     asked = request(tmp_path / "here", "idm", perception="noisy+occluded")
     here, there = run(asked), run(replace(asked, out=tmp_path / "there", workers=2))
@@ -132,6 +153,8 @@ def test_a_worse_perception_is_another_drive_whoever_does_it_and_comes_again(tmp
     assert (row.perception, row.official) == ("occluded+noisy", False)
     assert row.overrides == AppliedOverrides(perception="occluded+noisy")
     assert hashes(here) == hashes(there)
+    assert [each.isolated for run_ in (here, there) for each in run_.rows.values()] == [False, True]
+    assert row.planner_hash == PlannerSource.of("idm").hash
     again, problems = rescore(here, "interplan-strict")
     assert (hashes(again), problems) == (hashes(here), [])
     assert [check.verdict for check in verify(here, RowSample()).checks] == ["equal"]

@@ -232,11 +232,13 @@ def test_rows_without_a_score_are_left_out_and_counted(copy: Path) -> None:
 
 
 def test_other_versions_are_named(copy: Path) -> None:
-    rewritten(copy, lambda row: structs.replace(row, versions=row.versions | {"sumo": "1.20.0"}))
+    changes = {"planner_hash": "0" * 64}
+    rewritten(copy, lambda row: structs.replace(row, versions=row.versions | {"sumo": "1.20.0"}, **changes))
     still, other = checked(copy, STRAIGHT).checks
     assert still.changed_versions == {}
-    assert other.changed_versions.keys() == {"sumo"}
+    assert other.changed_versions.keys() == {"sumo", "planner"}
     assert other.changed_versions["sumo"][0] == "1.20.0"
+    assert other.changed_versions["planner"][0] == "0" * 12
 
 
 def test_a_run_with_ones_own_vehicle_types_comes_again_from_the_copy_that_it_keeps(tmp_path: Path) -> None:

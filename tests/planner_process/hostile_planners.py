@@ -102,6 +102,10 @@ def misbehave(how: str, observation: Observation, mark: str) -> Any:
             ctypes.string_at(0)
         case "kill itself":
             os.kill(os.getpid(), signal.SIGKILL)
+        case "be killed once":
+            if not Path(mark).exists():
+                Path(mark).touch()
+                os.kill(os.getpid(), signal.SIGKILL)
         case "loop":
             while True:
                 pass
