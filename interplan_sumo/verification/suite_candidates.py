@@ -15,7 +15,7 @@ from interplan_sumo.verification.suite_slots import Seed, Slot, groups
 from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import DrivingSide, Roads
 
-MOST_TAKEN: Final = 100
+MOST_TAKEN: Final = 200
 """So many places in a row that are taken, and a map counts as used up."""
 MANY_CHANGES: Final = 2
 ALONE: Final = 10
