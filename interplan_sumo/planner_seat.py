@@ -33,8 +33,14 @@ class PlannerSeat(ABC):
         """As `Planner.start`."""
 
     @abstractmethod
-    def plan(self, observation: Observation, meanwhile: Callable[[], object] = lambda: None) -> TimedPlan:
-        """As `Planner.plan`; `meanwhile` is done while it thinks, where that is somewhere else."""
+    def plan(self, observation: Observation) -> TimedPlan:
+        """As `Planner.plan`."""
+
+    def plan_while(self, observation: Observation, meanwhile: Callable[[], object]) -> TimedPlan:
+        """As `plan`; `meanwhile` is done while it thinks, where that is in another process, and else afterwards."""
+        timed = self.plan(observation)
+        meanwhile()
+        return timed
 
     @abstractmethod
     def report(self) -> dict[str, Any] | None:
@@ -56,12 +62,10 @@ class InProcess(PlannerSeat):
     def start(self, mission: Mission) -> None:
         guarded(lambda: self._planner.start(mission), "start()")
 
-    def plan(self, observation: Observation, meanwhile: Callable[[], object] = lambda: None) -> TimedPlan:
+    def plan(self, observation: Observation) -> TimedPlan:
         began_s = time.perf_counter()
         plan = guarded(lambda: self._planner.plan(observation), "plan()")
-        wall_s = time.perf_counter() - began_s
-        meanwhile()
-        return TimedPlan(plan, wall_s)
+        return TimedPlan(plan, time.perf_counter() - began_s)
 
     def report(self) -> dict[str, Any] | None:
         return own_report(self._planner)

@@ -138,7 +138,10 @@ class PlannerProcess(PlannerSeat):
         self._ask("start()", start_request(mission, slot), self._form.done)
         self._told_past = False
 
-    def plan(self, observation: Observation, meanwhile: Callable[[], object] = lambda: None) -> TimedPlan:
+    def plan(self, observation: Observation) -> TimedPlan:
+        return self.plan_while(observation, lambda: None)
+
+    def plan_while(self, observation: Observation, meanwhile: Callable[[], object]) -> TimedPlan:
         asked_s = time.perf_counter()
         request = plan_request(observation, self._form.pack, with_past=not self._told_past)
         reply = self._ask("plan()", request, self._form.plan, MOST_PLAN_BYTES, meanwhile=meanwhile)

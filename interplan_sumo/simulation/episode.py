@@ -186,7 +186,7 @@ def _run(loop: Loop, seat: PlannerSeat, on_phase: Callable[[Phase], None]) -> No
     seat.start(mission)
     while loop.begin_frame():
         on_phase("plan")
-        timed = seat.plan(loop.observation, meanwhile)
+        timed = seat.plan_while(loop.observation, meanwhile)
         loop.record.plan_wall_s.append(timed.wall_s)
         on_phase("simulate")
         loop.advance(timed.plan)

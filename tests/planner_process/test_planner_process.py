@@ -95,7 +95,7 @@ def test_what_fails_while_it_thinks_is_not_its_fault_and_its_answer_is_not_waite
         world = check_worlds()[0]
         seat.start(world.mission)
         with pytest.raises(TrafficError):
-            seat.plan(world.observation(world.ego, []), fail)
+            seat.plan_while(world.observation(world.ego, []), fail)
         assert seat.has_ended
         assert not seat.killed_from_outside
 
