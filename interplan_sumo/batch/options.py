@@ -90,7 +90,9 @@ class RunOptions:
     )
     in_process: bool = field(
         default=False,
-        metadata=_about("The planner shares the simulator's process: for debugging; --workers 0 implies it."),
+        metadata=_about(
+            "No process of its own for the planner: for debugging. Implies --workers 0, and is implied by it."
+        ),
     )
     redo: tuple[str, ...] = field(
         default=(),
@@ -137,6 +139,8 @@ class RunOptions:
     @property
     def who(self) -> Workers:
         """Who does the drives."""
+        if self.workers is None and self.in_process:
+            return Workers(0)
         return Workers.parse(None if self.workers is None else str(self.workers))
 
     @property

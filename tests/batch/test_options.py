@@ -81,3 +81,20 @@ def test_no_limit_is_zero() -> None:
     limits = RunOptions(plan_limit_s=0, job_limit_s=0, memory_gb=0).limits
     assert (limits.plan_s, limits.task_s, limits.memory_bytes) == (float("inf"), float("inf"), None)
     assert RunOptions(memory_gb=2).limits.memory_bytes == 2 << 30
+
+
+@pytest.mark.parametrize(
+    ("given", "processes", "isolated"),
+    [
+        ({"workers": 2}, 2, True),
+        ({"workers": "ray"}, 0, True),
+        ({"workers": 0}, 0, False),
+        ({"in_process": True}, 0, False),
+        ({"in_process": True, "workers": 2}, 2, False),
+    ],
+)
+def test_planners_have_their_own_process_unless_they_share_ours(
+    given: dict[str, Any], processes: int, isolated: bool
+) -> None:
+    options = RunOptions(**given)
+    assert (options.who.processes, options.isolated) == (processes, isolated)
