@@ -90,9 +90,7 @@ class RunOptions:
     )
     in_process: bool = field(
         default=False,
-        metadata=_about(
-            "No process of its own for the planner: for debugging. Implies --workers 0, and is implied by it."
-        ),
+        metadata=_about("No process of its own for the planner, for debugging; as --workers 0 unless N are given."),
     )
     redo: tuple[str, ...] = field(
         default=(),
