@@ -7,6 +7,8 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -16,13 +18,14 @@ import shapely
 from test_hostile_planners import ROADS, SCENE, driven, hash_of
 from worlds import replayed, rolling
 
+from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo._check_worlds import check_worlds
 from interplan_sumo.errors import PlannerError, PlannerLoadError, TrafficError
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.planner import find_planner, load_planner
+from interplan_sumo.planner import Observation, find_planner, load_planner
 from interplan_sumo.planner_process.map_message import as_sent
 from interplan_sumo.planner_process.process import MOST_MAPS, PlannerLimits, PlannerProcess
-from interplan_sumo.planner_seat import InProcess, PlannerSeat
+from interplan_sumo.planner_seat import InProcess, PlannerSeat, TimedPlan
 from interplan_sumo.simulation.episode import EpisodeOptions, run_loop
 from interplan_sumo.testing import check_planner
 from interplan_sumo.world.roads import LaneLike
@@ -85,6 +88,21 @@ def test_a_process_that_somebody_kills_says_so_and_is_asked_no_more() -> None:
         assert seat.killed_from_outside
         with pytest.raises(PlannerError, match="has ended"):
             seat.start(world.mission)
+
+
+def test_time_that_two_spend_at_once_makes_no_part_of_a_drive_negative() -> None:
+    class Thinking(InProcess):
+        """Plans for as long as the agents take to react."""
+
+        def plan_while(self, observation: Observation, meanwhile: Callable[[], object]) -> TimedPlan:
+            began_s = time.perf_counter()
+            meanwhile()
+            timed = self.plan(observation)
+            return TimedPlan(timed.plan, 20.0 * (time.perf_counter() - began_s))
+
+    episode = driven(Thinking(StraightAhead()))
+    assert episode.fault is None
+    assert min(episode.times_s.values()) >= 0.0
 
 
 def test_what_fails_while_it_thinks_is_not_its_fault_and_its_answer_is_not_waited_for() -> None:
