@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
@@ -130,7 +130,10 @@ def continued_route(network: SumoNetwork, lane: str, length_m: float) -> tuple[s
 
 
 def ego_sumo_route(network: SumoNetwork, ids: NetworkIds, lanes: tuple[str, ...]) -> tuple[str, ...]:
-    """SUMO edges along a chain of lanes and connectors of the map, and straight on behind its end."""
+    """SUMO edges along a chain of lanes and connectors of the map, and straight on behind its end.
+
+    Streets may lead back: a route that goes round a block ends before it meets itself.
+    """
     edges: list[str] = []
     for lane_id in lanes:
         for piece in ids.pieces[lane_id]:
@@ -138,7 +141,7 @@ def ego_sumo_route(network: SumoNetwork, ids: NetworkIds, lanes: tuple[str, ...]
             if not lane.internal and (not edges or edges[-1] != lane.edge):
                 edges.append(lane.edge)
     last = next(p.sumo_lane for p in reversed(ids.pieces[lanes[-1]]) if not network.lanes[p.sumo_lane].internal)
-    return (*edges, *(edge for edge in continued_route(network, last, 500.0)[1:] if edge not in edges))
+    return (*edges, *takewhile(lambda edge: edge not in edges, continued_route(network, last, 500.0)[1:]))
 
 
 def corridor(

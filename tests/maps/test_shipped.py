@@ -30,6 +30,8 @@ every_map = pytest.mark.parametrize("name", sorted(maps()))
 every_drawn_map = pytest.mark.parametrize("name", PLANS)
 every_real_map = pytest.mark.parametrize("name", RECIPES)
 SMALL_BYTES = 600_000
+CARS_APART_M = 2.2
+"""Middles of cars that pass one another; at least that far apart are the middles of lanes."""
 REAL_KINK_DEG = 11.0
 """Streets of extracts are polylines: SUMO's turns begin with their tightest bend, drawn in chords of a metre."""
 REAL_SIDEWAYS_MPS2 = 4.2, 13.0
@@ -239,3 +241,15 @@ def test_nobody_drives_on_a_walkway(name: str) -> None:
     walkways = shapely.union_all([area.polygon for area in roads.walkways])
     assert walkways.intersection(roads.drivable_area).area < (REAL_CORNERS * walkways.area if name in RECIPES else 2.0)
     assert walkways.area > 2000.0
+
+
+@every_map
+def test_streets_beside_one_another_do_not_lie_on_one_another(name: str) -> None:
+    roads = load_roads(name)
+    lanes = list(roads.lanes.values())
+    lines = [lane.centerline.linestring for lane in lanes]
+    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=CARS_APART_M)
+    for i, j in zip(one, other, strict=True):
+        if lanes[i].roadblock_id < lanes[j].roadblock_id:
+            beside = shapely.intersection(lines[i], shapely.buffer(lines[j], CARS_APART_M))
+            assert beside.length < 5.0, f"{lanes[i].id} and {lanes[j].id}: {beside.length:.0f} m"
