@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import hypot, sqrt
 from typing import Any, Final
 
 import numpy as np
@@ -71,6 +71,8 @@ European Vehicle Market Statistics 2022/23: A/B, C/D, sport utility, light comme
 BUS: Final = ("bus", (9.5, 12.5), (2.50, 2.55), (2.9, 3.2))
 """City buses, midi to standard."""
 PLATOON_HEADWAY_S: Final = (1.3, 1.8)
+PLATOON_APART_M: Final = 8.0
+"""At the start, from middle to middle. Nobody starts inside a junction: who would, comes to the lane before it."""
 PLATOON_MARGIN_S: Final = 1.0
 """Who swerves out on arrival meets oncoming cars: from so long before a drive that speeds up to the limit is there, to
 so long after one that holds its speed."""
@@ -251,7 +253,8 @@ def oncoming_traffic(roads: Roads, to: Approach, rng: np.random.Generator, *, co
         while passes_s <= last_s:
             place = _upstream(roads, lane, at_m, passes_s * speed_mps)
             if place is not None:
-                placed.append(PlacedVehicle(place, round(speed_mps - 0.05, 1)))
+                if not placed or _apart_m(roads, placed[-1].place, place) >= PLATOON_APART_M:
+                    placed.append(PlacedVehicle(place, round(speed_mps - 0.05, 1)))
             elif complete and platoon == 0:
                 raise UnsuitableError("the oncoming lane begins too near for a platoon to come from")
             passes_s += float(rng.uniform(*PLATOON_HEADWAY_S))
@@ -288,6 +291,11 @@ def oncoming_lane(roads: Roads, site: Site) -> str | None:
 def _centre(roads: Roads, site: Site) -> tuple[float, float]:
     pose = roads[site.lane].centerline.pose_at(site.at_m)
     return pose.x_m, pose.y_m
+
+
+def _apart_m(roads: Roads, one: LanePosition, other: LanePosition) -> float:
+    here, there = one.pose(roads), other.pose(roads)
+    return hypot(here.x_m - there.x_m, here.y_m - there.y_m)
 
 
 def _upstream(roads: Roads, lane: str, at_m: float, distance_m: float) -> LanePosition | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from itertools import combinations, islice
+from itertools import combinations, islice, pairwise
 
 import numpy as np
 import pytest
@@ -143,6 +143,8 @@ def test_where_the_own_direction_has_one_lane_cars_in_platoons_come_when_the_ego
         assert oncoming
         heading = scenario.start.pose(roads).heading_rad
         assert all(abs(wrap_angle(each.place.pose(roads).heading_rad - heading)) > 2.0 for each in oncoming)
+        places = [each.place.pose(roads) for each in oncoming]
+        assert all(np.hypot(a.x_m - b.x_m, a.y_m - b.y_m) > 7.9 for a, b in pairwise(places))
 
 
 def test_a_lane_is_closed_by_a_taper_as_long_as_the_limit_asks_and_narrowed_by_a_short_one() -> None:
