@@ -124,11 +124,11 @@ def _not_opened(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcom
     group, why = report.worker.group, report.answer.input_error
     if report.worker in pool.workers:
         pool.stop(report.worker)
-    if why is None:
+    if why is None or report.answer.killed_from_outside:
         failures = state.failed_openings[group] = state.failed_openings.get(group, 0) + 1
         if failures <= OUTSIDE_KILLS_FORGIVEN:
             return None
-        why = _did_not_open(report)
+        why = why or _did_not_open(report)
     if group not in state.opened:
         raise PlannerLoadError(why)
     state.failed_openings.pop(group, None)
@@ -154,17 +154,20 @@ def _opened(started: list[Worker], pool: WorkerPool) -> list[Worker]:
     failures: dict[str, int] = {}
     while not all(worker.ready for worker in started):
         for report in pool.reports():
-            worker = report.worker
-            if report.answer.input_error is not None:
-                raise InputError(report.answer.input_error)
-            if report.ending is None:
+            worker, answer = report.worker, report.answer
+            if answer.input_error is not None and not answer.killed_from_outside:
+                raise InputError(answer.input_error)
+            if report.ending is None and answer.input_error is None:
                 worker.ready, worker.task_since_s = True, time.monotonic()
                 continue
             if worker not in started:
                 continue  # one of those who had opened theirs before
             failures[worker.group] = failures.get(worker.group, 0) + 1
-            if failures[worker.group] > OUTSIDE_KILLS_FORGIVEN or not _from_outside(report.ending):
-                raise PlannerLoadError(_did_not_open(report))
+            from_outside = answer.killed_from_outside or (report.ending is not None and _from_outside(report.ending))
+            if failures[worker.group] > OUTSIDE_KILLS_FORGIVEN or not from_outside:
+                raise PlannerLoadError(answer.input_error or _did_not_open(report))
+            if worker in pool.workers:
+                pool.stop(worker)
             started[started.index(worker)] = pool.start(worker.group)
     return started
 

@@ -127,7 +127,7 @@ class WorkerAnswer(Struct, frozen=True, omit_defaults=True):
 
     ready: bool = False
     killed_from_outside: bool = False
-    """Whether the fault may be somebody else's doing, who ended a process."""
+    """Whether the fault, or that a group cannot be opened, may be the doing of somebody else, who ended a process."""
     input_error: str | None = None
     """Why its group cannot be opened or a task not be done, whoever tries."""
     value: dict[str, Any] = {}

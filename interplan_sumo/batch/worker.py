@@ -23,6 +23,7 @@ from interplan_sumo.batch.tasks import (
     Work,
 )
 from interplan_sumo.errors import InputError, TrafficError
+from interplan_sumo.planner_process.deaths import KilledWhileBuiltError
 
 
 def attempt(work: Work, task: Any, phases: SharedPhase) -> WorkerAnswer:
@@ -79,7 +80,8 @@ def serve(
     try:
         work = open_group(group, publish)
     except InputError as error:
-        _answer(line, WorkerAnswer(input_error=readable(str(error))))
+        killed = isinstance(error, KilledWhileBuiltError)
+        _answer(line, WorkerAnswer(input_error=readable(str(error)), killed_from_outside=killed))
         return
     except BaseException as error:
         why = f"planner {group!r} could not be built: {type(error).__name__}: {error}"

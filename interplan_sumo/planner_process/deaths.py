@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import signal
 
+from interplan_sumo.errors import PlannerLoadError
+
+
+class KilledWhileBuiltError(PlannerLoadError):
+    """Somebody else ended a planner before it could drive; it may be built again."""
+
 
 def death(exit_code: int | None) -> str:
     """How a process ended, in words."""

@@ -23,7 +23,7 @@ from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.planner_process.channel import CLOSED, ChannelError, PlannerChannel
 from interplan_sumo.planner_process.command import command_of
 from interplan_sumo.planner_process.conversation import answer, ask, greeting_of
-from interplan_sumo.planner_process.deaths import death, killed_from_outside
+from interplan_sumo.planner_process.deaths import KilledWhileBuiltError, death, killed_from_outside
 from interplan_sumo.planner_process.family import descendants, kill_family
 from interplan_sumo.planner_process.map_message import map_request
 from interplan_sumo.planner_process.messages import (
@@ -186,7 +186,8 @@ class PlannerProcess(PlannerSeat):
                 raise PlannerLoadError(clean_line(why))
         last = self._channel.printed.strip().splitlines()[-1:]
         said = f"; it printed last: {last[0]}" if last else ""
-        raise PlannerLoadError(clean_line(f"planner {self._name!r} could not be built: {why}{said}"))
+        kind = KilledWhileBuiltError if self.killed_from_outside else PlannerLoadError
+        raise kind(clean_line(f"planner {self._name!r} could not be built: {why}{said}"))
 
     def _ask(
         self,

@@ -121,6 +121,19 @@ def test_a_task_whose_worker_somebody_kills_is_done_again(tmp_path: Path) -> Non
     assert (tmp_path / "kills").read_text() == "xx"
 
 
+@pytest.mark.parametrize("others", [(), ("works",)])
+def test_a_planner_that_is_killed_while_it_is_built_is_built_again(others: tuple[str, ...], tmp_path: Path) -> None:
+    marks = tmp_path / "marks"
+    once, always = (f"is killed while opening {how} in {marks}" for how in ("once", "always"))
+    tasks = [Task((group, 0), group, (0, str(tmp_path))) for group in (once, *others)]
+    assert [o.fault for o in run_tasks(tasks, open_toy, workers=2, limits=QUICK)] == [None] * len(tasks)
+    assert marks.read_text() == "xx"
+    marks.unlink()
+    with pytest.raises(PlannerLoadError, match="its process was killed"):
+        list(run_tasks([Task(g, g, (0, "")) for g in (always, *others)], open_toy, workers=2, limits=QUICK))
+    assert marks.read_text() == "xxx"
+
+
 @pytest.mark.parametrize("workers", [0, 2])
 def test_a_traffic_fault_is_retried_once(workers: int, tmp_path: Path) -> None:
     assert [o.fault for o in run("loses SUMO once", tmp_path, workers=workers)] == [None] * 4

@@ -13,6 +13,7 @@ from typing import Any
 from interplan_sumo.batch.remote_jobs import Files
 from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Publish, Work
 from interplan_sumo.errors import InputError, MapError, TrafficError
+from interplan_sumo.planner_process.deaths import KilledWhileBuiltError
 
 
 def open_toy(group: str, publish: Publish) -> Work:
@@ -22,6 +23,12 @@ def open_toy(group: str, publish: Publish) -> Work:
     if group == "exits while opening":
         print("these are my last words", flush=True)
         os._exit(7)
+    if group.startswith("is killed while opening"):
+        marks = Path(group.partition(" in ")[2])
+        with marks.open("a") as file:
+            file.write("x")
+        if "always" in group or marks.stat().st_size == 1:
+            raise KilledWhileBuiltError("its process was killed")
     if group == "raises while opening":
         raise RuntimeError("no weights")
     if group == "opens forever":
