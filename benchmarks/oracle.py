@@ -21,7 +21,8 @@ from rich.table import Table
 
 from interplan_llm.hybrid.choosers import RuleChooser
 from interplan_llm.hybrid.planner import HybridPlanner
-from interplan_sumo.batch.records import Brief, ScoreRecord, brief_of
+from interplan_sumo.batch.briefs import Brief, brief_of
+from interplan_sumo.batch.records import ScoreRecord
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import score
 from interplan_sumo.report.table import table_columns

@@ -9,29 +9,28 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from interplan_sumo.batch import run as batch
+from interplan_sumo.batch.given_planners import PlannerLike, named_planners
 from interplan_sumo.batch.jobs import own_maps
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives, rescore
-from interplan_sumo.errors import InputError, PlannerLoadError
+from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import copy_map, load_roads
 from interplan_sumo.metrics.metric import informative_metrics
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE
 from interplan_sumo.metrics.score import ScoreSheet
 from interplan_sumo.metrics.score import score as score_trace
-from interplan_sumo.planner import PLANNERS, Planner
 from interplan_sumo.report.compare import Comparison, RunComparison, compare_runs
 from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.printing import progress as shown_progress
@@ -45,8 +44,6 @@ from interplan_sumo.world.trace import EgoTrack, Trace
 if TYPE_CHECKING:
     from interplan_sumo.batch.run import RunProgress
 
-PlannerLike = str | Planner | Callable[[], Planner]
-"""A name as `--planner` takes it, a planner, or what makes one: its class or a function without arguments."""
 RunLike = pd.DataFrame | StoredRun | str | PathLike[str]
 """What `run` and `load_run` return, or a run folder."""
 ScenarioLike = str | PathLike[str] | Scenario
@@ -73,7 +70,7 @@ def run(
     the same call goes on where it was stopped. `progress` None shows a bar on a
     terminal. InputError for anything that cannot be used.
     """
-    names, made = _named(planner)
+    names, made = named_planners(planner)
     wanted = RunOptions.of(options, names=RUN_KEYWORDS)
     if wanted.workers is None and made:
         _say(f"{', '.join(made)}: only this process knows it, so it drives here, without workers")
@@ -229,62 +226,6 @@ def replay(drives: StoredDrive | Sequence[StoredDrive], path: str | PathLike[str
 
 
 # --- what users give -----------------------------------------------------------------------------
-
-
-def _named(
-    planner: PlannerLike | Sequence[PlannerLike] | Mapping[str, PlannerLike],
-) -> tuple[list[str], dict[str, Callable[[], Planner]]]:
-    """The planners' names, and those of them that only this process can build."""
-    if isinstance(planner, Mapping):
-        pairs = [(str(name), each) for name, each in cast("Mapping[str, PlannerLike]", planner).items()]
-    elif isinstance(planner, Sequence) and not isinstance(planner, str):
-        pairs = [(None, each) for each in cast("Sequence[PlannerLike]", planner)]
-    else:
-        pairs = [(None, planner)]
-    if not pairs:
-        raise InputError("no planner given; name one, such as 'idm'")
-    names: list[str] = []
-    made: dict[str, Callable[[], Planner]] = {}
-    for given, each in pairs:
-        spec = each if isinstance(each, str) else _spec_of(each)
-        if spec is not None and given is None:
-            names.append(spec)
-            continue
-        if isinstance(each, str):
-            raise InputError(f"planner {each!r} has a name already; only objects and classes can be given another")
-        name = given or getattr(each, "__name__", type(each).__name__)
-        if name in names:
-            raise InputError(f"two planners are called {name!r}; name them: run({{'a': ..., 'b': ...}})")
-        names.append(name)
-        made[name] = functools.partial(_build, name, each)
-    return names, made
-
-
-def _spec_of(planner: object) -> str | None:
-    """The name under which any process can import a class or function: registered, or module:Class; else None."""
-    module, name = getattr(planner, "__module__", None), getattr(planner, "__qualname__", None)
-    if not (module and name) or module == "__main__" or getattr(sys.modules.get(module), name, None) is not planner:
-        return None
-    with contextlib.suppress(ImportError, ValueError):
-        if find_spec(module) is not None:
-            spec = f"{module}:{name}"
-            return next((short for short, point in PLANNERS.points.items() if point.value == spec), spec)
-    return None
-
-
-def _build(name: str, planner: Any) -> Planner:
-    """The planner itself, or a new one; PlannerLoadError if that fails or is none."""
-    try:
-        found = planner if _plans(planner) and not isinstance(planner, type) else planner()
-    except Exception as error:
-        raise PlannerLoadError(f"planner {name!r} could not be built: {type(error).__name__}: {error}") from error
-    if not _plans(found):
-        raise PlannerLoadError(f"planner {name!r} lacks a method; a planner needs start(mission) and plan(observation)")
-    return found
-
-
-def _plans(planner: object) -> bool:
-    return all(callable(getattr(planner, method, None)) for method in ("start", "plan"))
 
 
 def _chosen(suite: str | None, given: ScenarioLike | Sequence[ScenarioLike]) -> tuple[str | None, tuple[str, ...]]:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from msgspec import structs
 
-from interplan_sumo.batch.records import Brief, Fault, JobKey, RecordError, Row, brief_of, encode, row_of
+from interplan_sumo.batch.briefs import Brief, brief_of
+from interplan_sumo.batch.records import Fault, JobKey, RecordError, Row, encode, row_of
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.world.files import replacing, writing
 

@@ -14,11 +14,12 @@ from types import FrameType
 from typing import Protocol
 
 from interplan_sumo.batch.backend import drive_answer, drive_outcomes
+from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.custom_references import keep_certified
 from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.jobs import Job, Selection, jobs_for, own_maps
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import Brief, Manifest, PlannerRecord, RequestedJobs, Row
+from interplan_sumo.batch.records import Manifest, PlannerRecord, RequestedJobs, Row
 from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Outcome, Task
 from interplan_sumo.batch.versions import versions

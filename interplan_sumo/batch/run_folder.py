@@ -31,10 +31,10 @@ from typing import Any, Self
 
 from msgspec import json, structs, to_builtins
 
+from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.folder_lock import FolderLock
 from interplan_sumo.batch.records import (
     FORMAT,
-    Brief,
     JobKey,
     Manifest,
     ManifestFormat,

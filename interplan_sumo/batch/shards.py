@@ -20,7 +20,8 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from interplan_sumo.batch.records import Brief, Row
+from interplan_sumo.batch.briefs import Brief
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.results import RESULTS, rows_of, whole_lines
 from interplan_sumo.metrics.profile import PROFILES, row_metrics
 from interplan_sumo.world.files import replacing

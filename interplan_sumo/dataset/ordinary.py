@@ -18,9 +18,10 @@ from typing import Final
 import numpy as np
 from msgspec import convert, to_builtins
 
+from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import Brief, JobKey, Row
+from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrives

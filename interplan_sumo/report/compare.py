@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from interplan_sumo.batch.records import Brief, JobKey, Row
+from interplan_sumo.batch.briefs import Brief
+from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.report.failure_reasons import fault_sentence, metric_sentence

@@ -12,7 +12,8 @@ from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from interplan_sumo.batch.records import Brief, Row
+from interplan_sumo.batch.briefs import Brief
+from interplan_sumo.batch.records import Row
 from interplan_sumo.report.failure_reasons import fault_sentence
 
 PLAIN_EVERY_S = 10.0

@@ -9,7 +9,8 @@ from functools import partial
 from operator import eq
 from typing import Final, overload
 
-from interplan_sumo.batch.records import AppliedOverrides, Brief, JobKey, Row
+from interplan_sumo.batch.briefs import Brief
+from interplan_sumo.batch.records import AppliedOverrides, JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.verified import verified_rows
 from interplan_sumo.errors import RunFolderError

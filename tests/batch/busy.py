@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from interplan_sumo.batch.records import Brief, Row
+from interplan_sumo.batch.briefs import Brief
+from interplan_sumo.batch.records import Row
 from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
 
 PLAIN = Scenario(

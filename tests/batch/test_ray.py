@@ -12,10 +12,11 @@ from typing import Any
 import pytest
 
 from interplan_sumo.batch import ray_backend
+from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.processes import environment
 from interplan_sumo.batch.ray_backend import RayPool, run_on_ray
-from interplan_sumo.batch.records import Brief, Row
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.tasks import Limits, Outcome, Task

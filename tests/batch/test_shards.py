@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from interplan_sumo.batch import results, run_folder
-from interplan_sumo.batch.records import AppliedOverrides, Brief, Fault, Row, brief_of, row_of
+from interplan_sumo.batch.briefs import Brief, brief_of
+from interplan_sumo.batch.records import AppliedOverrides, Fault, Row, row_of
 from interplan_sumo.batch.results import StoredRows, line_of, write_rows
 from interplan_sumo.batch.run_folder import RunFolder
 from interplan_sumo.batch.shards import COLUMNS

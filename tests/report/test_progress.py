@@ -7,7 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
-from interplan_sumo.batch.records import Brief
+from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.report.progress import LiveProgress, PlainProgress, Tally
 from tests.report.rows import drive
 

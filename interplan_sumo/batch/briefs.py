@@ -1,0 +1,118 @@
+"""Briefs: what tables need of the rows of a run, read in a fraction of the time, kept in a fraction of the memory."""
+
+from __future__ import annotations
+
+import sys
+from typing import NamedTuple, Self
+
+import msgspec
+from msgspec import Struct
+
+from interplan_sumo.batch.records import FaultClass, JobKey, ModelUse, Row, Score, Seconds, Seed, decoded
+
+
+class Brief(NamedTuple):
+    """What tables need of a row, small enough to keep for every drive of a long run."""
+
+    family: str
+    score: float | None
+    """0 to 1."""
+    fault: FaultClass | None
+    official: bool
+    no_collision: float | None
+    """Score of the metric, 0 to 1, as `drivable_area`; None where it was not judged."""
+    drivable_area: float | None
+    goal_lane: bool | None
+    """Whether the drive ended in the goal lane."""
+    done: bool | None
+    """Whether the task was done, as the profile has it, and whether a gate of safety took points; None as in rows."""
+    unsafe: bool | None
+    beside: tuple[tuple[str, float], ...]
+    """Scores by other profiles, 0 to 1."""
+    total_s: float | None
+    """Wall clock of the whole job."""
+    scoring: int | None
+    """Version of the scoring of a row that was scored again."""
+    questions: int | None
+    """How often the planner asked a language model; None where it says nothing about that."""
+    unanswered: int | None
+    """How often in vain."""
+
+    @classmethod
+    def of(cls, row: Row) -> Self:
+        return cls(*_brief(msgspec.convert(row, _BriefRow, from_attributes=True)))
+
+
+class _BriefMetric(Struct, gc=False):
+    score: Score | None = None
+
+
+class _LaneDetail(Struct, gc=False):
+    goal: bool | None = None
+
+
+class _LaneChanges(Struct):
+    detail: _LaneDetail
+
+
+class _BriefMetrics(Struct):
+    no_collision: _BriefMetric | None = None
+    drivable_area: _BriefMetric | None = None
+    lane_changes: _LaneChanges | None = None
+
+
+class _BriefFault(Struct, gc=False):
+    kind: FaultClass = msgspec.field(name="class")
+
+
+class _BriefTimes(Struct, gc=False):
+    total: Seconds | None = None
+
+
+class _BriefRow(Struct, kw_only=True):
+    """The part of a row that makes its brief: what is not named here is passed over as it is read."""
+
+    scenario_id: str
+    planner: str
+    seed: Seed
+    family: str
+    score: Score | None
+    fault: _BriefFault | None
+    official: bool
+    metrics: _BriefMetrics
+    times_s: _BriefTimes
+    done: bool | None = None
+    unsafe: bool | None = None
+    beside: dict[str, Score] = {}
+    scoring_version: int | None = msgspec.field(name="version", default=None)
+    planner_report: ModelUse | None = None
+
+
+def _brief(row: _BriefRow) -> Brief:
+    lanes, report = row.metrics.lane_changes, row.planner_report
+    asked = report if report is not None and report.queries is not None else None
+    return Brief(
+        row.family,
+        row.score,
+        row.fault and row.fault.kind,
+        row.official,
+        row.metrics.no_collision and row.metrics.no_collision.score,
+        row.metrics.drivable_area and row.metrics.drivable_area.score,
+        lanes and lanes.detail.goal,
+        row.done,
+        row.unsafe,
+        tuple((sys.intern(name), score) for name, score in row.beside.items()),
+        row.times_s.total,
+        row.scoring_version,
+        asked and asked.queries,
+        None if asked is None else sum(asked.fallbacks.values()),
+    )
+
+
+_brief_rows = msgspec.json.Decoder(_BriefRow)
+
+
+def brief_of(line: bytes) -> tuple[JobKey, Brief]:
+    """Job and brief of a line of results.jsonl, in a fraction of the time; RecordError for what it looks at."""
+    row = decoded(_brief_rows, line)
+    return (row.scenario_id, row.planner, row.seed), _brief(row)
