@@ -112,9 +112,9 @@ def test_classes_and_names_go_to_workers_and_give_the_same_traces(drives: pd.Dat
 
 
 def test_a_class_of_this_module_is_named_for_workers() -> None:
-    from interplan_sumo.api import _named
+    from interplan_sumo.batch.given_planners import named_planners
 
-    assert _named(Creeping) == (["test_api:Creeping"], {})
+    assert named_planners(Creeping) == (["test_api:Creeping"], {})
 
 
 def test_objects_functions_and_local_classes_drive_in_this_process(capsys: pytest.CaptureFixture[str]) -> None:
