@@ -94,7 +94,7 @@ MORE_HARMLESS = ["leave a daemon", "close what it prints to", "leave threads", "
 
 
 def check_fault(how: str, words: str, tmp_path: Path) -> None:
-    began_s = time.monotonic()
+    began_s, before = time.monotonic(), descendants(os.getpid())
     with hostile(how, tmp_path / "mark") as seat:
         episode = driven(seat)
     assert episode.fault is not None, how
@@ -104,7 +104,7 @@ def check_fault(how: str, words: str, tmp_path: Path) -> None:
     assert len(episode.fault.message) < 600
     episode.fault.message.encode()
     assert seat.killed_from_outside == (how == "kill itself")
-    assert descendants(os.getpid()) == []
+    assert set(descendants(os.getpid())) <= set(before)
     assert hash_of(driven(StraightAhead())) == HONEST
     assert time.monotonic() - began_s < 30.0
 
@@ -121,11 +121,12 @@ def test_one_that_misbehaves_in_another_way_is_one_too(how: str, words: str, tmp
 
 
 def check_harmless(how: str, tmp_path: Path) -> None:
+    before = descendants(os.getpid())
     with hostile(how, tmp_path / "mark", PlannerLimits(load_s=30.0)) as seat:
         episode = driven(seat)
     assert episode.fault is None
     assert hash_of(episode) == HONEST == hash_of(driven(StraightAhead()))
-    assert descendants(os.getpid()) == []
+    assert set(descendants(os.getpid())) <= set(before)
     if how == "leave a daemon":
         place = Path("/proc", (tmp_path / "mark").read_text(), "cmdline")
         assert not place.exists() or not place.read_bytes()  # gone, or a zombie that init has yet to reap
@@ -182,7 +183,8 @@ def test_one_that_ends_in_its_report_is_at_fault(how: str, words: str) -> None:
     ],
 )
 def test_one_that_cannot_be_built_says_why(how: str, words: str) -> None:
+    before = descendants(os.getpid())
     with pytest.raises(PlannerLoadError) as caught:
         hostile(how)
     assert words in str(caught.value)
-    assert descendants(os.getpid()) == []
+    assert set(descendants(os.getpid())) <= set(before)
