@@ -170,7 +170,7 @@ class NetworkFile:
     crossings: list[FileLane] = field(default_factory=list[FileLane])
     walking_areas: list[FileLane] = field(default_factory=list[FileLane])
     connections: list[FileConnection] = field(default_factory=list[FileConnection])
-    """From lanes of normal edges."""
+    """From lanes of normal edges to lanes of others, as junctions count their links."""
     onward: dict[str, str] = field(default_factory=dict[str, str])
     """Internal lane -> the internal lane that follows it."""
     junctions: list[FileJunction] = field(default_factory=list[FileJunction])
@@ -295,6 +295,8 @@ def _add_connection(file: NetworkFile, element: Element) -> None:
         if via:
             file.onward[from_lane] = via
         return
+    if end.startswith(":"):
+        return  # from a sidewalk to a walking area: SUMO does not count it among the junction's links
     file.connections.append(
         FileConnection(
             from_lane=from_lane,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import shapely
 
 from interplan_sumo.maps.check import check_map
 from interplan_sumo.maps.controls import CONTROLS_FILE
+from interplan_sumo.maps.network_file import FileConnection, read_network_file
 from interplan_sumo.maps.store import find_map, load_roads, maps
 from interplan_sumo.maps.to_sumo import convert
 from interplan_sumo.verification.lock import roads_hash
@@ -253,3 +255,18 @@ def test_streets_beside_one_another_do_not_lie_on_one_another(name: str) -> None
         if lanes[i].roadblock_id < lanes[j].roadblock_id:
             beside = shapely.intersection(lines[i], shapely.buffer(lines[j], CARS_APART_M))
             assert beside.length < 5.0, f"{lanes[i].id} and {lanes[j].id}: {beside.length:.0f} m"
+
+
+@every_map
+def test_paths_that_cross_in_a_junction_are_foes(name: str) -> None:
+    file = read_network_file(find_map(name).network)
+    leaving: dict[str, list[FileConnection]] = {}
+    for connection in file.connections:
+        leaving.setdefault(connection.from_lane, []).append(connection)
+    for junction in file.junctions:
+        links = [each for lane in junction.incoming for each in leaving.get(lane, ())]
+        paths = [shapely.LineString(file.internal[each.via].shape) if each.via else None for each in links]
+        for (i, one), (j, other) in combinations(enumerate(links), 2):
+            path, across = paths[i], paths[j]
+            if one.from_lane.rpartition("_")[0] != other.from_lane.rpartition("_")[0] and path and across:
+                assert j in junction.foes[i] or not path.crosses(across), f"{one.name} and {other.name}"
