@@ -9,7 +9,7 @@ from typing import Self
 from interplan_sumo.errors import PlannerError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.planner_seat import PlannerSeat, TimedPlan
-from interplan_sumo.world.trace import Trace
+from interplan_sumo.world.trace import read_plans
 from interplan_sumo.world.trajectory import Trajectory
 
 
@@ -23,7 +23,7 @@ class StoredPlans(PlannerSeat):
     @classmethod
     def of(cls, trace: Path) -> Self:
         """Those of a trace's folder; InputError if it cannot be read."""
-        return cls(Trace.read(trace).plans)
+        return cls(read_plans(trace))
 
     def start(self, mission: Mission) -> None:  # noqa: ARG002 (the seat's)
         self._next = 0

@@ -40,7 +40,7 @@ from interplan_sumo.planner_source import PlannerSource
 from interplan_sumo.scenario.files import MAPS
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario
-from interplan_sumo.world.trace import Trace
+from interplan_sumo.world.trace import Trace, read_plans
 
 SCORE_BAR = 1e-6
 """Scores, 0 to 1, this close are equal."""
@@ -220,12 +220,15 @@ def _without_plans(run: StoredRun, row: Row) -> RowCheck | None:
     """The verdict on a row whose plans cannot be driven; None where they can."""
     if row.trace is None and row.fault is not None:
         return RowCheck(row, "equal", f"a {row.fault.kind} fault before the first step: there is nothing to drive")
-    trace, problem = _stored_trace(run, row)
-    if trace is not None:
-        return None
-    if (run.path / (row.trace or "?")).is_dir():
-        return RowCheck(row, "differs", problem)
-    return RowCheck(row, "unverifiable", "its plans are not in the run folder; --with-planner drives the planner again")
+    folder = run.path / (row.trace or "?")
+    if not folder.is_dir():
+        why = "its plans are not in the run folder; --with-planner drives the planner again"
+        return RowCheck(row, "unverifiable", why)
+    try:
+        read_plans(folder)
+    except InputError as error:
+        return RowCheck(row, "differs", str(error))
+    return None
 
 
 def _driven_again(

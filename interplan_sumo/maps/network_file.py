@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -182,6 +184,14 @@ class NetworkFile:
     @property
     def left_hand(self) -> bool:
         return self.attributes.get("lefthand", "").lower() in ("true", "1")
+
+    def links(self) -> Iterator[tuple[FileJunction, list[FileConnection]]]:
+        """Each junction with its links in SUMO's order: by the lanes that come to it, then as in the file."""
+        leaving: dict[str, list[FileConnection]] = defaultdict(list)
+        for connection in self.connections:
+            leaving[connection.from_lane].append(connection)
+        for junction in self.junctions:
+            yield junction, [each for lane in junction.incoming for each in leaving.get(lane, ())]
 
     def via(self, connection: FileConnection) -> tuple[str, ...]:
         """The internal lanes that a connection runs over, upstream to downstream."""

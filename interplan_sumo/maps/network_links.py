@@ -64,16 +64,10 @@ def _summary(file: NetworkFile) -> NetworkSummary:
     for lane in lanes.values():
         if not len(lane.shape) or lane.length_m is None or lane.speed_mps is None:
             raise ValueError(f"lane {lane.id} lacks its shape, length or speed")
-    leaving: dict[str, list[int]] = {}
-    for number, connection in enumerate(file.connections):
-        leaving.setdefault(connection.from_lane, []).append(number)
-    at: dict[int, tuple[str, int]] = {}
-    for junction in file.junctions:
-        for link, number in enumerate(n for lane in junction.incoming for n in leaving.get(lane, ())):
-            at[number] = junction.id, link
+    at = {id(each): (junction.id, link) for junction, links in file.links() for link, each in enumerate(links)}
     links = tuple(
-        CheckedLink(each.from_lane, each.to_lane, file.via(each), each.link, *at[number], each.state)
-        for number, each in enumerate(file.connections)
+        CheckedLink(each.from_lane, each.to_lane, file.via(each), each.link, *at[id(each)], each.state)
+        for each in file.connections
     )
     for link in links:
         # Not by subtracting the keys, which walks through all of them for every link.

@@ -100,7 +100,7 @@ def _rings(polygon: shapely.Polygon, pack: Pack) -> list[Any]:
 Rings = tuple[bytes, ...]
 
 
-class PackedLane(Struct, frozen=True, kw_only=True):
+class PackedLaneLike(Struct, frozen=True, kw_only=True):
     id: str
     roadblock_id: str
     centerline: bytes
@@ -108,6 +108,9 @@ class PackedLane(Struct, frozen=True, kw_only=True):
     right_boundary: bytes
     polygon: Rings
     speed_limit_mps: float | None
+
+
+class PackedLane(PackedLaneLike, frozen=True, kw_only=True):
     index: int
 
     def lane(self) -> Lane:
@@ -116,14 +119,7 @@ class PackedLane(Struct, frozen=True, kw_only=True):
         return Lane(self.id, self.roadblock_id, self.index, centre, polygon, *lines, self.speed_limit_mps)
 
 
-class PackedConnector(Struct, frozen=True, kw_only=True):
-    id: str
-    roadblock_id: str
-    centerline: bytes
-    left_boundary: bytes
-    right_boundary: bytes
-    polygon: Rings
-    speed_limit_mps: float | None
+class PackedConnector(PackedLaneLike, frozen=True, kw_only=True):
     from_lane_id: str
     to_lane_id: str
     turn: Turn

@@ -350,7 +350,6 @@ class Trace:
         ego_table = _read_table(folder, "ego", EGO_COLUMNS)
         actor_rows = _read_table(folder, "actors", ACTOR_COLUMNS)
         signal_rows = _read_table(folder, "signals", SIGNAL_COLUMNS)
-        plan_rows = _read_table(folder, "plans", PLAN_COLUMNS)
         frames = len(ego_table)
         with _blamed(folder, "ego"):
             ego = EgoTrack.from_frame(ego_table, shape)
@@ -363,11 +362,7 @@ class Trace:
             connectors = signal_rows["lane_connector_id"].astype(str).to_numpy(object)
             status = np.array([code[s] for s in signal_rows["status"]], dtype=np.int8)
             signals = tuple(Signals(tuple(connectors[a:b]), status[a:b]) for a, b in pairwise(split))
-        with _blamed(folder, "plans"):
-            plan_frame = plan_rows["frame"].to_numpy()
-            plan_split = np.searchsorted(plan_frame, np.arange(int(plan_frame[-1]) + 2 if len(plan_frame) else 1))
-            columns = [plan_rows[n].to_numpy(np.float64) for n in PLAN_COLUMNS[1:]]
-            plans = tuple(Trajectory(*(column[a:b] for column in columns)) for a, b in pairwise(plan_split))
+        plans = read_plans(folder)
         seen = None
         if (folder / "seen.parquet").exists():
             seen_rows = _read_table(folder, "seen", SEEN_COLUMNS)
@@ -375,6 +370,16 @@ class Trace:
                 since_start = seen_rows.assign(frame=seen_rows["frame"] + SEEN_BEFORE)
                 seen = ActorTable.from_frame(since_start, frames + SEEN_BEFORE)
         return cls(ego, actors, signals, plans, wall[np.isfinite(wall)], shape, seen)
+
+
+def read_plans(folder: Path) -> tuple[Trajectory, ...]:
+    """The plans of a trace alone, frame by frame; InputError as from `Trace.read`."""
+    rows = _read_table(folder, "plans", PLAN_COLUMNS)
+    with _blamed(folder, "plans"):
+        frame = rows["frame"].to_numpy()
+        split = np.searchsorted(frame, np.arange(int(frame[-1]) + 2 if len(frame) else 1))
+        columns = [rows[name].to_numpy(np.float64) for name in PLAN_COLUMNS[1:]]
+        return tuple(Trajectory(*(column[a:b] for column in columns)) for a, b in pairwise(split))
 
 
 def _read_table(folder: Path, name: str, columns: Sequence[str]) -> pd.DataFrame:

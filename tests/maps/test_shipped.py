@@ -12,7 +12,7 @@ import shapely
 
 from interplan_sumo.maps.check import check_map
 from interplan_sumo.maps.controls import CONTROLS_FILE
-from interplan_sumo.maps.network_file import FileConnection, read_network_file
+from interplan_sumo.maps.network_file import read_network_file
 from interplan_sumo.maps.store import find_map, load_roads, maps
 from interplan_sumo.maps.to_sumo import convert
 from interplan_sumo.verification.lock import roads_hash
@@ -260,11 +260,7 @@ def test_streets_beside_one_another_do_not_lie_on_one_another(name: str) -> None
 @every_map
 def test_paths_that_cross_in_a_junction_are_foes(name: str) -> None:
     file = read_network_file(find_map(name).network)
-    leaving: dict[str, list[FileConnection]] = {}
-    for connection in file.connections:
-        leaving.setdefault(connection.from_lane, []).append(connection)
-    for junction in file.junctions:
-        links = [each for lane in junction.incoming for each in leaving.get(lane, ())]
+    for junction, links in file.links():
         paths = [shapely.LineString(file.internal[each.via].shape) if each.via else None for each in links]
         for (i, one), (j, other) in combinations(enumerate(links), 2):
             path, across = paths[i], paths[j]

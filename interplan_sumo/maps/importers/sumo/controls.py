@@ -99,13 +99,9 @@ def junctions_of(
     file: NetworkFile, ways: Iterable[FileConnection], with_lane: Container[str]
 ) -> tuple[SourceJunction, ...]:
     """Who yields to whom; `with_lane` are the first internal lanes that became lanes of the map."""
-    leaving: dict[str, list[FileConnection]] = defaultdict(list)
-    for connection in file.connections:
-        leaving[connection.from_lane].append(connection)
     wanted = {(way.from_lane, way.to_lane): way for way in ways}
     found: list[SourceJunction] = []
-    for junction in file.junctions:
-        links = [each for lane in junction.incoming for each in leaving.get(lane, ())]
+    for junction, links in file.links():
         mine = {k: wanted[key] for k, each in enumerate(links) if (key := (each.from_lane, each.to_lane)) in wanted}
         if mine:
             found.append(_junction(file, junction, mine, with_lane))
