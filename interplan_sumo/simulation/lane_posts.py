@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from interplan_sumo.simulation.agent_control import LONGEST_LANE_CHANGE_S
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
 from interplan_sumo.simulation.network import SumoNetwork
@@ -22,8 +23,6 @@ from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.geometry import box_polygons
 
-LONGEST_CHANGE_S = 8.0
-"""No lane change takes longer (agent_control)."""
 ACROSS_M = 4.5
 """The middles of the lanes on both sides are no farther from a post than that."""
 CLOSED_M = 60.0
@@ -83,8 +82,8 @@ class LanePosts:
             near = (np.abs(across_m) < ACROSS_M) & (np.cos(snapshot.heading_rad - post.heading_rad) > ALIGNED)
             for row in near.nonzero()[0].tolist():
                 driver = self._drivers[snapshot.names[row]]
-                speed_mps = float(snapshot.speed_mps[row]) + driver.accel_mps2 * LONGEST_CHANGE_S / 2.0
+                speed_mps = float(snapshot.speed_mps[row]) + driver.accel_mps2 * LONGEST_LANE_CHANGE_S / 2.0
                 ahead_m = float(along_m[row])
-                if -driver.length_m - post.half_m < ahead_m < speed_mps * LONGEST_CHANGE_S + post.half_m:
+                if -driver.length_m - post.half_m < ahead_m < speed_mps * LONGEST_LANE_CHANGE_S + post.half_m:
                     found.add(snapshot.names[row])
         return frozenset(found)
