@@ -58,7 +58,8 @@ def in_git(*folders: str) -> set[str]:
 def test_the_wheel_holds_the_code_both_type_markers_and_all_data_and_nothing_else(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
     held = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    wanted = {name.removeprefix("planners/") for name in in_git("interplan_sumo", "planners")}
+    packages = {str(init.parent.relative_to(ROOT)) for init in ROOT.glob("planners/*/__init__.py")}
+    wanted = {name.removeprefix("planners/") for name in in_git("interplan_sumo", *packages)}
     wanted |= {f"interplan_sumo/_data/{name}" for name in in_git("nets", "routes")}
     assert held == wanted
     assert {"interplan_sumo/py.typed", "interplan_planners/py.typed"} <= held

@@ -7,25 +7,25 @@ answers for an agent as soon as it is on the road, before anybody has seen it dr
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf
 
-from interplan_sumo.simulation.start_speed import LINE_M
+from interplan_sumo.simulation.start_speed import ERRING_MODEL, LINE_M, hardest_mps2, safe
 from interplan_sumo.simulation.sumo import DT_S, finite, sumo
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
 STEPS = 20
 HARDEST_MPS2 = 2.6
 """Milder than the 3 m/s2 that the benchmark allows in the first two seconds: not everything ahead is foreseen."""
-EIDM_MPS2 = 1.5
-"""Its drivers err, and foresee what others do, which SUMO's answer leaves out: they brake up to 1.7 times as hard."""
 CALM_MODELS = frozenset({"IDM", "IDMM", "EIDM", "Krauss", "KraussPS", "KraussX"})
 """The other models answer small differences with hard braking: they hold, too, if the next one ahead brakes."""
 TWITCHY_MPS2, LEADER_BRAKES_MPS2 = 1.0, (0.5, 1.0, 2.0)
 MOST_CLOSING_MPS = {"ACC": 2.4, "CACC": 1.5}
 """Models that brake in proportion to the difference in speed, however far away the next one ahead is."""
+MOST_ABOVE = 1.1
+"""Drivers that err brake up to twice as hard as others for their own desired speed; this is times that speed."""
 ASKED_AT_ITS_SPEED = "Wiedemann"
 """This model answers for the speed that its car has, whatever other speed it is asked about."""
 EARLY_MODELS = frozenset({"IDM", "IDMM", "EIDM", "KraussOrig1", "PWagner2009"})
@@ -56,12 +56,24 @@ class _Leader:
     """The gap to it beyond the agent's least one."""
     speeds_mps: list[float]
     """Now and in the next steps."""
+    gap_m: float = inf
+    """The gap itself to one that drives in the same lane."""
 
     def braking(self, rate_mps2: float) -> _Leader:
         """The same one if it brakes all the while."""
         speeds = (self.speeds_mps[min(k, len(self.speeds_mps) - 1)] for k in range(STEPS + 1))
         brakes = (self.speeds_mps[0] - rate_mps2 * DT_S * k for k in range(STEPS + 1))
         return replace(self, speeds_mps=[max(0.0, min(pair)) for pair in zip(speeds, brakes, strict=True)])
+
+
+@dataclass(frozen=True, slots=True)
+class _Foreseen:
+    """What is known of an agent's first seconds."""
+
+    speeds_mps: list[float]
+    """Now and in the next steps."""
+    mild: bool = True
+    """Whether it comes through them without hard braking."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,19 +100,28 @@ class FirstSeconds:
         self._drivers = drivers
         self._besides = besides
 
-    def settle(self, names: Collection[str]) -> None:
-        """Lower the speeds of agents that have come with this step, as far as needed."""
-        foreseen: dict[str, list[float]] = {}
+    def settle(self, names: Collection[str]) -> set[str]:
+        """Lower the speeds of agents that have come with this step, as far as needed.
+
+        Those are returned that even from a stand would brake hard, before a light that is about to switch, say.
+        """
+        foreseen: dict[str, _Foreseen] = {}
         for name in sorted(names):
             self._foresee(name, names, foreseen)
+        return {name for name in names if not foreseen[name].mild}
 
-    def disturbs(self, name: str) -> bool:
-        """Whether the next one behind one that has just come would brake hard for it."""
-        behind, gap_m = sumo.vehicle.getFollower(name, AHEAD_M)
-        if behind not in self._drivers:
-            return False
-        leader = _Leader(name, gap_m, [sumo.vehicle.getSpeed(name)])
-        return not self._speeds(behind, sumo.vehicle.getSpeed(behind), (leader,), _line(behind))[1]
+    def disturbs(self, name: str, there: Iterable[str]) -> bool:
+        """Whether somebody who is there would brake hard for one that has just come, on whatever way to it."""
+        vehicle = sumo.vehicle
+        speeds_mps = [vehicle.getSpeed(name)]
+        for behind in there:
+            first = vehicle.getLeader(behind, AHEAD_M)
+            if first is None or first[0] != name:
+                continue
+            leader = _Leader(name, first[1], speeds_mps)
+            if not self._speeds(behind, vehicle.getSpeed(behind), (leader,), _line(behind))[1]:
+                return True
+        return False
 
     def _speeds(
         self, name: str, now_mps: float, leaders: Sequence[_Leader], line: _Line | None
@@ -111,28 +132,31 @@ class FirstSeconds:
         mild = all(
             self._is_mild(name, speeds, leaders, line, each) for speeds, each in zip(found, closings, strict=True)
         )
-        return found[0], mild
+        holds = all(safe(now_mps, each.gap_m, each.speeds_mps[0]) for each in leaders)
+        return found[0], mild and (holds or now_mps == 0.0)
 
     def _is_mild(
         self, name: str, speeds_mps: list[float], leaders: Sequence[_Leader], line: _Line | None, closes: int
     ) -> bool:
         model = self._drivers[name].car_following_model
+        if model == ERRING_MODEL and speeds_mps[0] > MOST_ABOVE * sumo.vehicle.getAllowedSpeed(name):
+            return False
         if model in CALM_MODELS:
-            return _hardest_mps2(speeds_mps) <= (EIDM_MPS2 if model == "EIDM" else HARDEST_MPS2)
+            return _hardest_braking_mps2(speeds_mps) <= hardest_mps2(self._drivers[name], HARDEST_MPS2)
         if any(speeds_mps[0] > each.speeds_mps[0] + MOST_CLOSING_MPS.get(model, inf) for each in leaders):
             return False
         found = [speeds_mps]
         for rate_mps2 in LEADER_BRAKES_MPS2 if leaders else ():
             brake = [each.braking(rate_mps2) for each in leaders]
             found.append(self._driven(name, speeds_mps[0], brake, line, closes))
-        return all(_hardest_mps2(each) <= TWITCHY_MPS2 for each in found)
+        return all(_hardest_braking_mps2(each) <= TWITCHY_MPS2 for each in found)
 
-    def _foresee(self, name: str, asked: Collection[str], foreseen: dict[str, list[float]]) -> list[float]:
+    def _foresee(self, name: str, asked: Collection[str], foreseen: dict[str, _Foreseen]) -> list[float]:
         """The speeds of an agent from now on, after those of all ahead of it; one that is `asked` may start slower."""
         if name in foreseen:
-            return foreseen[name]
+            return foreseen[name].speeds_mps
         now_mps = max(0.0, sumo.vehicle.getSpeed(name))
-        foreseen[name] = [now_mps] * (STEPS + 1)  # in a ring everybody is ahead of everybody
+        foreseen[name] = _Foreseen([now_mps] * (STEPS + 1))  # in a ring everybody is ahead of everybody
         leaders, line = self._leaders(name, asked, foreseen), _line(name)
         found, mild = self._speeds(name, now_mps, leaders, line)
         if name in asked:
@@ -142,23 +166,23 @@ class FirstSeconds:
                 found, mild = self._speeds(name, now_mps * share, leaders, line)
             if found[0] < now_mps:
                 sumo.vehicle.setPreviousSpeed(name, finite("a start speed", found[0]), 0.0)
-        foreseen[name] = found
+        foreseen[name] = _Foreseen(found, mild)
         return found
 
-    def _leaders(self, name: str, asked: Collection[str], foreseen: dict[str, list[float]]) -> list[_Leader]:
+    def _leaders(self, name: str, asked: Collection[str], foreseen: dict[str, _Foreseen]) -> list[_Leader]:
         """The next one ahead, and whoever crosses its way in the next junction: SUMO's cars keep behind those, too."""
-        found: dict[str, float] = {}
+        found: dict[str, tuple[float, float]] = {}
+        least_m = self._drivers[name].min_gap_m
         for foe in sumo.vehicle.getJunctionFoes(name, FOES_M):
             other = foe[0]
             if other != self._besides and other in self._drivers and _in_junction_soon(other):
-                body_m = self._drivers[other].length_m + self._drivers[name].min_gap_m
-                found[other] = foe[_MINE_M] - foe[_OTHERS_M] - body_m
+                found[other] = foe[_MINE_M] - foe[_OTHERS_M] - self._drivers[other].length_m - least_m, inf
         first = sumo.vehicle.getLeader(name, AHEAD_M)
         if first is not None and first[0] and first[0] != self._besides:
-            found[first[0]] = first[1]
+            found[first[0]] = first[1], first[1] + least_m
         return [
-            _Leader(other, net_m, self._foresee(other, asked, foreseen) if other in self._drivers else [0.0])
-            for other, net_m in found.items()
+            _Leader(other, net_m, self._foresee(other, asked, foreseen) if other in self._drivers else [0.0], gap_m)
+            for other, (net_m, gap_m) in found.items()
         ]  # an obstacle has no driver
 
     def _driven(
@@ -215,5 +239,5 @@ def _in_junction_soon(name: str) -> bool:
     return speed_mps > CREEPING_MPS and left_m <= speed_mps * STEPS * DT_S
 
 
-def _hardest_mps2(speeds_mps: list[float]) -> float:
+def _hardest_braking_mps2(speeds_mps: list[float]) -> float:
     return max((before - after) / DT_S for before, after in pairwise(speeds_mps))

@@ -338,4 +338,4 @@ class _Entry:
         if crossing is not None and crossing.start_m - front_m < JUNCTION_S * speed_mps:
             return None
         self._occupied.add(lane.id, Occupant(front_m, front_m - driver.length_m, speed_mps, driver))
-        return Spawn(lane.id, front_m, speed_mps, driver, route)
+        return Spawn(lane.id, front_m, speed_mps, driver, route, drawn=True)

@@ -11,7 +11,7 @@ from interplan_sumo.simulation.idm import acceleration_mps2
 from interplan_sumo.simulation.lane_chains import ChainedLane
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
-from interplan_sumo.simulation.start_speed import HARDEST_FIRST_BRAKING_MPS2, StartAhead, safe
+from interplan_sumo.simulation.start_speed import StartAhead, hardest_mps2, safe
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
 AHEAD_M, BEHIND_M = 150.0, 80.0
@@ -142,5 +142,5 @@ def may_follow(driver: VehicleType | None, speed_mps: float, limit_mps: float, g
         return False
     return driver is None or (
         gap_m > driver.min_gap_m
-        and acceleration_mps2(driver, speed_mps, limit_mps, gap_m, leader_mps) >= -HARDEST_FIRST_BRAKING_MPS2
+        and acceleration_mps2(driver, speed_mps, limit_mps, gap_m, leader_mps) >= -hardest_mps2(driver)
     )

@@ -32,7 +32,7 @@ from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetw
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.passed_light import passed_light
 from interplan_sumo.simulation.slow_vehicles import slow_vehicle
-from interplan_sumo.simulation.start_speed import HARDEST_FIRST_BRAKING_MPS2, LINE_M, StartAhead, safe, start_speed_mps
+from interplan_sumo.simulation.start_speed import LINE_M, StartAhead, hardest_mps2, safe, start_speed_mps
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
 from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.geometry import wrap_angle
@@ -83,6 +83,8 @@ class Spawn:
     driver: VehicleType
     route: tuple[str, ...]
     """SUMO edges."""
+    drawn: bool = False
+    """It is left out where no start is safe and mild; the scenario asks for none in particular."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +123,7 @@ class _Fixed:
         if self.driver is None:
             return True
         ax_mps2 = acceleration_mps2(self.driver, self.speed_mps, self.limit_mps, gap_m, leader_mps)
-        return ax_mps2 >= -HARDEST_FIRST_BRAKING_MPS2
+        return ax_mps2 >= -hardest_mps2(self.driver)
 
 
 _PlannedChain = tuple[str, Density, list[ChainedLane], tuple[float, float]]
@@ -175,7 +177,7 @@ def populate(
             closed.append((0.0, min((at_m for at_m, _ in events if at_m > 0.0), default=0.0)))
         drawn = _fill(chain, span, closed, LARGEST_GAP_M[density], staged.types, fixed, rng)
         for lane, front_m, speed_mps, driver in drawn:
-            spawns.append(Spawn(lane, front_m, speed_mps, driver, _route(staged, lane, demand, rng)))
+            spawns.append(Spawn(lane, front_m, speed_mps, driver, _route(staged, lane, demand, rng), drawn=True))
     origin = staged.ids.origin_m
     occupied = LaneOccupancy(network, blocked)
     lane, fraction = staged.ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
@@ -185,7 +187,7 @@ def populate(
     occupied.add(lane, Occupant(front_m, front_m - staged.shape.length_m, scenario.start_speed_mps))
     if wanted.density != "none" or wanted.oncoming != "none":
         spawns += _on_side_roads(staged, demand, (ego_x - origin[0], ego_y - origin[1]), used, occupied, spawns, rng)
-    spawns = _settled(network, spawns, len(placed), occupied, shown)
+    spawns = _settled(network, spawns, occupied, shown)
     return Population(tuple(spawns), demand, ego_route, shown)
 
 
@@ -340,9 +342,8 @@ def _on_side_roads(
             clear_m = SMALLEST_GAP_M - CAR_LENGTH_M
             if front_m > lane.length_m or any(a < front_m + clear_m and rear_m - clear_m < b for a, b in blocks):
                 continue
-            route = _route(staged, lane_id, demand, rng)
             speed_mps = min(lane.limit_mps * driver.speed_factor, driver.max_speed_mps)
-            found.append(Spawn(lane_id, front_m, speed_mps, driver, route))
+            found.append(Spawn(lane_id, front_m, speed_mps, driver, _route(staged, lane_id, demand, rng), drawn=True))
     return found
 
 
@@ -358,15 +359,15 @@ def _within(lane: NetworkLane, ego_m: tuple[float, float], reach_m: float) -> tu
 
 
 def _settled(
-    network: SumoNetwork, spawns: Sequence[Spawn], placed: int, occupied: LaneOccupancy, shown: Mapping[str, str]
+    network: SumoNetwork, spawns: Sequence[Spawn], occupied: LaneOccupancy, shown: Mapping[str, str]
 ) -> list[Spawn]:
     """All at speeds that suit what lies ahead on their routes: connectors, lights, junctions, leaders, the ego.
 
-    The first `placed` keep their speed where it suits, even beyond the limit.
+    Those that the scenario places keep their speed where it suits, even beyond the limit.
     Those drawn are left out where not even standing is safe.
     """
     opens = partial(network.opens_freely, shown=shown)
-    spawns = [each if i < placed else _up_to_the_line(network, each, opens) for i, each in enumerate(spawns)]
+    spawns = [_up_to_the_line(network, each, opens) if each.drawn else each for each in spawns]
     ways = [way_ahead(network, each.lane, each.route, each.position_m + LOOK_AHEAD_M) for each in spawns]
     speeds: list[float | None] = [each.speed_mps for each in spawns]
     for _ in range(MOST_LOOKS):
@@ -381,8 +382,8 @@ def _settled(
             if speed_mps is None:
                 continue
             ahead = now.ahead_of(way, each.position_m, opens)
-            slower = start_speed_mps(each.driver, ahead, most_mps=speed_mps, settled=i >= placed)
-            speeds[i] = 0.0 if slower is None and i < placed else slower
+            slower = start_speed_mps(each.driver, ahead, most_mps=speed_mps, settled=each.drawn)
+            speeds[i] = 0.0 if slower is None and not each.drawn else slower
         if speeds == before:
             break
     return [replace(each, speed_mps=mps) for each, mps in zip(spawns, speeds, strict=True) if mps is not None]

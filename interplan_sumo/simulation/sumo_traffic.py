@@ -94,7 +94,7 @@ class SumoTraffic:
         self._logged = setup.logged
         self._step = 0
         self._added = 0
-        self._entering: set[str] = set()
+        self._entering: dict[str, Spawn] = {}
         self._speeding: dict[str, float] = {}  # agents that start above the limit -> their speeds
         self._lights = Lights(ids.links)
         self._signals: Signals | None = None
@@ -161,7 +161,7 @@ class SumoTraffic:
             if speeds:  # SUMO refuses a start above the limit
                 self._speeding[name] = each.speed_mps
         self._agents.add(name, token, driver, each.route)
-        self._entering.add(name)
+        self._entering[name] = each
 
     def _block(self, blocked: tuple[LaneBlockage, ...]) -> None:
         """Stopped proxies where obstacles block a lane; only SUMO's own cars see them."""
@@ -264,7 +264,7 @@ class SumoTraffic:
         with Commanding("simulationStep"):
             sumo.simulationStep()
             gone = frozenset(sumo.simulation.getArrivedIDList())
-            departed = self._entering.intersection(sumo.simulation.getDepartedIDList()) if self._entering else None
+            departed = self._entering.keys() & sumo.simulation.getDepartedIDList() if self._entering else None
         if self._crowd is not None and self._started:
             self._crowd.advance()
         if self._logged is not None:
@@ -331,24 +331,20 @@ class SumoTraffic:
 
     def _enter(self, names: set[str]) -> None:
         """Agents that have entered with this step."""
-        self._entering -= names
-        names = self._settled(names)
-        self._agents.enter(names)
         with Commanding("setting up agents that have entered"):
-            self._control.enter(names)
             for name in sorted(names & self._speeding.keys()):  # above the limit
                 sumo.vehicle.setPreviousSpeed(name, self._speeding.pop(name), 0.0)
+            names = self._settled({name: self._entering.pop(name) for name in names})
+            self._agents.enter(names)
+            self._control.enter(names)
 
-    def _settled(self, names: set[str]) -> set[str]:
-        """Those of them that can stay: at the start all of them, later those that nobody has to brake hard for."""
-        with Commanding("settling agents that have entered"):
-            self._first_seconds.settle(names)
-            if not self._agents.names:
-                return names
-            disturbing = {name for name in names if self._first_seconds.disturbs(name)}
-            for name in sorted(disturbing):
-                sumo.vehicle.remove(name)
-        return names - disturbing
+    def _settled(self, spawns: Mapping[str, Spawn]) -> set[str]:
+        """Those of them that can stay: who has not to brake hard, and, after the start, whom nobody brakes hard for."""
+        leaving = {name for name in self._first_seconds.settle(spawns) if spawns[name].drawn}
+        leaving |= {name for name in spawns if self._first_seconds.disturbs(name, self._agents.names)}
+        for name in sorted(leaving):
+            sumo.vehicle.remove(name)
+        return spawns.keys() - leaving
 
     def _is_open(self, link: NetworkLink) -> bool:
         """Whether a car may drive through now without yielding."""

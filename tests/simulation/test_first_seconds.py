@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from networks import agent, ego_at, traffic, types
+from test_late_for_light import MAP as LIGHTS_MAP
+from test_late_for_light import crossing
 from test_right_of_way import first_crossing
 
 from interplan_sumo.maps.network import NetworkIds
@@ -127,8 +130,8 @@ def test_a_line_that_may_close_at_any_moment_is_mild_only_if_it_is_at_each(
 
 def test_who_comes_while_somebody_crosses_its_way_starts_slower() -> None:
     """It has the right of way, but SUMO's cars keep behind whoever is in the junction already."""
-    crossing = first_crossing("one_north")
-    files, behaviour = find_map(crossing.map), types("conservative")
+    junction = first_crossing("one_north")
+    files, behaviour = find_map(junction.map), types("conservative")
     network = read_network(files.network)
 
     def start(link: NetworkLink, before_m: float, speed_mps: float) -> Spawn:
@@ -140,15 +143,68 @@ def test_who_comes_while_somebody_crosses_its_way_starts_slower() -> None:
         """How fast one starts 20 m before a junction, a while after another has set out so far before it."""
         setup = TrafficSetup(
             network, NetworkIds.read(files.ids), behaviour, NOBODY, (), presence=EgoPresence.ABSENT,
-            spawns=(start(crossing.second, beside_m, 0.0),), tokens=("a",),
+            spawns=(start(junction.second, beside_m, 0.0),), tokens=("a",),
         )  # fmt: skip
         with SumoTraffic(setup) as run:
             for _ in range(25):
                 run.react(NOBODY)
                 run.advance()
-            run._add("b", start(crossing.first, 20.0, 10.0))
+            run._add("b", start(junction.first, 20.0, 10.0))
             run.advance()
             return float(sumo.vehicle.getSpeed("a1"))
 
     assert comes_mps(beside_m=60.0) == pytest.approx(10.0)
     assert comes_mps(beside_m=1.0) < 9.5
+
+
+@pytest.mark.parametrize(("gap_m", "slower"), [(9.6, True), (12.0, False)])
+def test_nobody_starts_so_fast_that_it_would_touch_the_next_one_within_three_seconds(
+    gap_m: float, slower: bool
+) -> None:
+    """At 6.7 m/s behind 3.1 m/s, 3 s end 0.5 m behind it from 11.3 m on; mild braking would do from much nearer."""
+    assert (speeds(types("assertive"), gap_m, 6.7, 3.1)[0] < 6.7) is slower
+
+
+@pytest.mark.parametrize(("share", "mildly"), [(1.0, True), (1.09, True), (1.3, False)])
+def test_who_errs_is_placed_no_faster_than_its_driver_wants_to_drive(
+    share: float, mildly: bool, tmp_path: Path
+) -> None:
+    behaviour = types_of("EIDM", tmp_path)
+    wants_mps = 13.9 * behaviour.members[0].speed_factor
+    placed = agent(behaviour, "e0_0", 100.0, share * wants_mps)
+    with traffic(behaviour, (placed,), NOBODY, EgoPresence.ABSENT):
+        assert (sumo.vehicle.getSpeed("a0") == pytest.approx(placed.speed_mps)) is mildly
+
+
+@pytest.mark.parametrize(("gap_m", "stays"), [(5.0, False), (60.0, True)])
+def test_who_comes_later_stays_only_if_nobody_behind_it_brakes_hard(gap_m: float, stays: bool) -> None:
+    behaviour = types("conservative")
+    with traffic(behaviour, (agent(behaviour, "e0_0", 100.0, 13.0),), NOBODY, EgoPresence.ABSENT) as run:
+        run._add("b", agent(behaviour, "e0_0", 101.3 + behaviour.members[0].length_m + gap_m, 8.0))
+        run.advance()
+        assert ("a1" in sumo.vehicle.getIDList()) is stays
+        assert ("b" in run.behaviours) is stays
+
+
+@pytest.mark.parametrize("switches_s", [1.6, 20.0])
+@pytest.mark.parametrize("drawn", [True, False])
+def test_who_stands_before_a_light_about_to_switch_is_left_out_unless_the_scenario_places_it(
+    switches_s: float, drawn: bool
+) -> None:
+    """It would set out, and brake hard 1.6 s later."""
+    network, link = crossing()
+    files, behaviour = find_map(LIGHTS_MAP), read_vehicle_types(vehicle_type_file("measured_city_bold"))
+    lane = network.lanes[link.from_lane]
+    route = (lane.edge, *continued_route(network, link.to_lane, 200.0))
+    spawn = Spawn(lane.id, lane.length_m - 3.9, 0.0, behaviour.members[0], route)
+    setup = TrafficSetup(
+        network, NetworkIds.read(files.ids), behaviour, NOBODY, (), presence=EgoPresence.ABSENT,
+        spawns=(spawn,), tokens=("a",),
+    )  # fmt: skip
+    with SumoTraffic(setup) as run:
+        light, index = link.light or ("", 0)
+        lights, now = sumo.trafficlight, sumo.trafficlight.getAllProgramLogics(light)[0]
+        lights.setPhase(light, next(i for i, phase in enumerate(now.phases) if phase.state[index] == "G"))
+        lights.setPhaseDuration(light, switches_s)
+        left_out = drawn and switches_s < 2.0
+        assert run._settled({"a0": replace(spawn, drawn=drawn)}) == (set() if left_out else {"a0"})
