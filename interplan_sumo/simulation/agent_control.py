@@ -16,6 +16,7 @@ from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE
 from interplan_sumo.simulation.ego_reactions import BACK_TO_SUMO, AgentCommands
 from interplan_sumo.simulation.headway_relaxation import HeadwayRelaxation, Leader
 from interplan_sumo.simulation.reactions import DriverModels, Mode, ReactionDecision
+from interplan_sumo.simulation.start_speed import ERRING_MODEL
 from interplan_sumo.simulation.sumo import DT_S, Commanding, finite, sumo
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
@@ -98,6 +99,7 @@ class AgentControl:
         self._chance = AgentChance(chance_seed)
         self._told: dict[str, _Told] = {}
         self._overseen: set[str] = set()
+        self._parting: set[str] = set()  # hold their speed for a step after a command: SUMO's EIDM flinches in it
         self._late: frozenset[str] = frozenset()
         self._relaxing: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
@@ -132,6 +134,7 @@ class AgentControl:
         self._told.pop(name, None)
         self._late -= {name}
         self._overseen.discard(name)
+        self._parting.discard(name)
         self._relaxing.discard(name)
         self._relaxation.forget(name)
         self.keeping_lane -= {name}
@@ -153,6 +156,11 @@ class AgentControl:
 
     def tell(self, agents: AgentSnapshot, commands: AgentCommands, beside_posts: frozenset[str] = frozenset()) -> None:
         """Pass on what is decided for the next step; those `beside_posts` keep their lanes as well."""
+        if self._parting:
+            with Commanding("releasing agents"):
+                for name in sorted(self._parting):
+                    sumo.vehicle.setSpeed(name, -1.0)
+            self._parting.clear()
         if commands.decisions or self._overseen:
             with Commanding("commanding the agents"):
                 for name, decision in self._held_back(agents, commands.decisions).items():
@@ -213,7 +221,10 @@ class AgentControl:
                 wanted_mps = max(wanted_mps, speed_mps - driver.emergency_decel_mps2 * DT_S, 0.0)
             vehicle.setSpeed(name, finite("an overriding speed", wanted_mps))
         elif before.speed_mps is not None:
-            vehicle.setSpeed(name, -1.0)
+            steady = not left and self._drivers[name].car_following_model == ERRING_MODEL
+            vehicle.setSpeed(name, speed_mps if steady else -1.0)
+            if steady:
+                self._parting.add(name)
         if mode != before.speed_mode:
             vehicle.setSpeedMode(name, mode & ~RED_LIGHTS if name in self._late else mode)
         self._told[name] = _Told(ignore, mode, None if left else wanted_mps, speed_mps, left)
