@@ -67,8 +67,9 @@ class LaneChangeOverhang:
                 self._candidates.discard(name)
                 continue
             (box,) = bodies(np.array([[front_x, front_y, heading]]), driver.length_m, driver.width_m)
-            own = self._network.continuations(lane) if lane else frozenset[str]()
-            spans = lanes_overlapped(self._network, box, own, in_junctions=driver.length_m > LONG_M)
+            long = driver.length_m > LONG_M  # in a turn its rear is not where SUMO has it, in its own lane either
+            own = self._network.continuations(lane) if lane and not long else frozenset[str]()
+            spans = lanes_overlapped(self._network, box, own, in_junctions=long)
             if not spans:
                 self._candidates.discard(name)
                 continue

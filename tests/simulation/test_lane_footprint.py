@@ -71,6 +71,18 @@ def test_the_rear_of_a_car_that_came_slowly_from_the_next_lane_is_in_the_way_the
     assert bodies.candidates(driving(0.05, 0.0, 1.0)) == []
 
 
+@pytest.mark.parametrize(("length_m", "own"), [(6.4, False), (12.0, True)])
+def test_in_a_turn_the_rear_of_a_long_vehicle_is_in_the_way_in_its_own_lane_too(length_m: float, own: bool) -> None:
+    """SUMO bends its body along the lane: those behind would stop where its corner is."""
+    bodies = LaneChangeOverhang(NETWORK, {"a": replace(CAR, length_m=length_m, width_m=2.55)})
+    now = driving(0.15, 0.01, 1.0)
+    assert bodies.candidates(now) == [0]
+    behind = [spans["e0_1"] for _, spans in bodies.coverage([0], ["e0_1"], now) if "e0_1" in spans]
+    assert [each.start_m for each in behind] == (
+        [pytest.approx(100.0 - length_m * np.cos(0.15), abs=0.5)] if own else []
+    )
+
+
 @pytest.mark.parametrize(("turned_rad", "speed_mps"), [(0.003, 1.0), (0.01, 7.5), (2 * pi - 0.003, 1.0)])
 def test_a_car_that_hardly_turns_or_drives_fast_overhangs_nothing(turned_rad: float, speed_mps: float) -> None:
     assert LaneChangeOverhang(NETWORK, {"a": CAR}).candidates(driving(0.5, turned_rad, speed_mps)) == []
