@@ -143,11 +143,10 @@ def _fit_each(
         better = found[0] < cost
         damping = np.where(better, damping / 5.0, damping * 10.0).clip(1e-6, 1e8)
         drivers[better] = tried[better]
-        cost, slope, curvature = (
-            np.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)
-            for new, old in zip(found[:3], (cost, slope, curvature), strict=True)
-        )
-        errors_m2 = np.where(better[batch.driver], found[3], errors_m2)
+        for ours, new in zip((cost, slope, curvature), found[:3], strict=True):
+            ours[better] = new[better]
+        better_e = better[batch.driver]
+        errors_m2[better_e] = found[3][better_e]
     return drivers, np.asarray(np.linalg.inv(curvature), np.float64), errors_m2
 
 

@@ -8,12 +8,14 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from interplan_sumo.batch.remote_jobs import Files
 from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Publish, Work
 from interplan_sumo.errors import InputError, MapError, TrafficError
 from interplan_sumo.planner_process.deaths import KilledWhileBuiltError
+
+if TYPE_CHECKING:  # every worker imports this module: SUMO and pandas with it would be most of what the tests take
+    from interplan_sumo.batch.remote_jobs import Files
 
 
 def open_toy(group: str, publish: Publish) -> Work:

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import transformers
 from jinja2 import TemplateError
 from tokenizers import pre_tokenizers
 from tokenizers.pre_tokenizers import ByteLevel, Digits
+from transformers.models.auto.tokenization_auto import AutoTokenizer
 
 from interplan_llm.models.protocol import Message
 from interplan_sumo.errors import InputError
@@ -32,7 +32,7 @@ class ChatTokens:
         if splitting not in SPLITTINGS:
             raise InputError(f"{path} splits text as {splitting!r}; known here: {', '.join(SPLITTINGS)}")
         try:
-            self._tokenizer: Any = transformers.AutoTokenizer.from_pretrained(
+            self._tokenizer: Any = AutoTokenizer.from_pretrained(
                 path.parent, gguf_file=path.name, local_files_only=True
             )
             self.end_of_turn = int(fields["tokenizer.ggml.eos_token_id"])

@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 import peft
 import torch
-import transformers
 from gguf import GGUFReader, GGUFWriter
 from torch import Tensor
+from transformers.models.auto.modeling_auto import AutoModelForCausalLM
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import replacing
@@ -66,7 +66,7 @@ class TunedModel:
         metadata(path)
         try:
             with _in_silence():
-                loaded_with: Any = transformers.AutoModelForCausalLM.from_pretrained(
+                loaded_with: Any = AutoModelForCausalLM.from_pretrained(
                     path.parent,
                     gguf_file=path.name,
                     dtype=torch.float32,
