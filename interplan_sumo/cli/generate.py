@@ -24,7 +24,8 @@ def generate(
         str | None, typer.Option(help="A family, an ordinary type, 'all' families or all 'ordinary' types.")
     ] = None,
     suite: Annotated[
-        str | None, typer.Option(help="interplan==1 or interplan-large==1: a whole suite, on all shipped maps.")
+        str | None,
+        typer.Option(help="interplan==1, interplan-large==1 or common==1: a whole suite, on all shipped maps."),
     ] = None,
     count: Annotated[int, typer.Option(help="How many of each family.")] = 10,
     seed: Annotated[int, typer.Option(help="Equal seeds give equal scenarios.")] = 0,

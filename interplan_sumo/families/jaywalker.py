@@ -13,6 +13,8 @@ from interplan_sumo.families.crossing import unhurt_problems
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.staging import (
     TRIES,
+    WALK_MPS,
+    WALKS_MPS,
     Approach,
     along,
     approach,
@@ -37,11 +39,6 @@ KERB_M: Final = 0.5
 BEYOND_KERB_M: Final = 1.0
 MIDDLE_OF_EGO_S: Final = 0.2
 """A person is in the middle of the lane this long after the front of a car that holds its speed is there."""
-WALK_MPS: Final = (1.42, 0.26)
-"""Mean and deviation of walking speeds: those of 295 people in recordings (facts/drivers.md), as Weidmann 1993 has
-them, 1.34 (0.26) m/s on pavements, faster on a road;"""
-WALKS_MPS: Final = (1.0, 1.9)
-"""cut to these (benchmark.md, version 2)."""
 RUNS_MPS: Final = (2.5, 3.3)
 CYCLES_MPS: Final = (2.6, 3.6)
 COURSES: Final = {"straight": 0.75, "stops": 0.09, "turns back": 0.08, "runs": 0.08}

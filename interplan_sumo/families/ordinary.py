@@ -121,7 +121,7 @@ NEAR_MULTIPLE_VEHICLES: Final = _ordinary(
     title="Among many vehicles",
     description="Dense traffic on a road of several lanes.",
     suitable=wide_road,
-    drawn=partial(drive_past, 0.6, TrafficDemand("high", DRIVERS)),
+    drawn=partial(drive_past, 0.6, TrafficDemand("high", DRIVERS, "low")),
     order=220,
 )
 CHANGING_LANE: Final = _ordinary(

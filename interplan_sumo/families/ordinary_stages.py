@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import shapely
 
+from interplan_sumo.families.staging import WALK_MPS, WALKS_MPS, uniform
 from interplan_sumo.scenario.scenario import (
     Density,
     Jaywalker,
@@ -24,8 +25,6 @@ from interplan_sumo.world.roads import USUAL_LIMIT_MPS, Connector, Roads, Turn
 
 PARKING_M: Final = 2.0
 """Width beside the lane in which a car can park without reaching into it."""
-PEOPLE_MPS: Final = 1.3
-"""People on a crosswalk walk at this speed."""
 TRIP_M: Final = (150.0, 350.0)
 """Length of a trip; 30 s of driving at most of our limits."""
 CHANGE_ROOM_M: Final = 50.0
@@ -39,7 +38,17 @@ DRIVERS: Final = "urban"
 LANE_CHANGE_M: Final = (280.0, 240.0, 200.0, 160.0, 120.0)
 """From the start of a lane change at leisure to its goal line: the longest that a place has room for."""
 GOAL_ROOM_M: Final = 8.0
-LIGHT_TRAFFIC: Final = TrafficDemand("low", DRIVERS)
+LIGHT_TRAFFIC: Final = TrafficDemand("low", DRIVERS, "low")
+CROSSING: Final = {1: 0.5, 2: 0.35, 3: 0.15}
+"""How many walk over a crosswalk together,"""
+APART_M: Final = 0.9
+"""so far from one another, one behind the other where there are more than two;"""
+AT_EXIT_SHARE: Final = 0.5
+"""at so many turns somebody does on the road that the ego turns into."""
+WAITING_SHARE: Final = 0.6
+"""Beside so many of those parked at the kerb somebody stands,"""
+PAVEMENT_M: Final = (1.5, 2.2)
+"""so far from the car's middle line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +79,11 @@ def cross(
     """Comes to a junction and goes through it; `share` is the start speed as a share of the limit."""
     way = ways[int(rng.integers(len(ways)))]
     course = _through(roads, way, float(np.round(rng.uniform(*before_m), 1)), 60.0)
-    return _scenario(id, roads, course, share, TrafficDemand(_some(rng), DRIVERS, "low"))
+    people: list[Jaywalker] = []
+    crosswalks = _crosswalks_m(roads, way) if way.turn is not Turn.STRAIGHT else []
+    if crosswalks and rng.random() < AT_EXIT_SHARE:
+        people = _walkers(way, crosswalks[-1], edges_m(roads, roads.lanes[way.to_lane_id], 1.0), rng)
+    return _scenario(id, roads, course, share, TrafficDemand(_some(rng), DRIVERS, "low"), jaywalkers=people)
 
 
 def _bends(way: Connector, turn: Turn) -> bool:
@@ -125,28 +138,44 @@ def wait_for_pedestrian(id: str, roads: Roads, place: tuple[Connector, float], r
     way, crossing_m = place
     course = _through(roads, way, float(np.round(rng.uniform(50.0, 70.0), 1)), 50.0)
     lane = roads.lanes[way.from_lane_id]
-    left_m, right_m = edges_m(roads, lane, lane.centerline.length_m - 1.0)
+    people = _walkers(way, crossing_m, edges_m(roads, lane, lane.centerline.length_m - 1.0), rng)
+    return _scenario(id, roads, course, 0.6, LIGHT_TRAFFIC, jaywalkers=people)
+
+
+def _walkers(
+    way: Connector, crossing_m: float, edges: tuple[float, float], rng: np.random.Generator
+) -> list[Jaywalker]:
+    """People who walk over a crosswalk from kerb to kerb, which are as far away as `edges` says, left and right."""
+    left_m, right_m = edges
     from_left = bool(rng.random() < 0.5)
     here_m, there_m = (left_m + 1.0, -right_m - 1.0) if from_left else (-right_m - 1.0, left_m + 1.0)
-    person = Jaywalker(
-        LanePosition(way.id, crossing_m, round(here_m, 2)),
-        LanePosition(way.id, crossing_m, round(there_m, 2)),
-        PEOPLE_MPS,
-    )
-    return _scenario(id, roads, course, 0.6, TrafficDemand("none", DRIVERS), jaywalkers=[person])
+    people: list[Jaywalker] = []
+    for i in range(int(rng.choice(list(CROSSING), p=list(CROSSING.values())))):
+        along_m = min(max(crossing_m + APART_M * (i % 2), 0.0), way.centerline.length_m)
+        behind_m = APART_M * (i // 2) * (1.0 if from_left else -1.0)
+        ends = (here_m + behind_m, there_m + behind_m)
+        start, end = (LanePosition(way.id, round(along_m, CENTIMETRES), round(left_m, 2)) for left_m in ends)
+        people.append(Jaywalker(start, end, round(float(np.clip(rng.normal(*WALK_MPS), *WALKS_MPS)), 2)))
+    return people
 
 
 def _crosswalk_m(roads: Roads, way: Connector) -> float:
     """Where the first crosswalk crosses a connector, arc length."""
+    at_m = _crosswalks_m(roads, way)
+    if not at_m:
+        raise UnsuitableError("no crosswalk crosses the way on")
+    return at_m[0]
+
+
+def _crosswalks_m(roads: Roads, way: Connector) -> list[float]:
+    """Where crosswalks cross a connector, arc lengths in order."""
     line = way.centerline
     at_m = [
         line.project_point(*shapely.get_coordinates(shapely.centroid(part))[0])[0]
         for area in roads.crosswalks
         if not (part := shapely.intersection(area.polygon, line.linestring)).is_empty
     ]
-    if not at_m:
-        raise UnsuitableError("no crosswalk crosses the way on")
-    return round(min(at_m), 2)
+    return sorted(round(each_m, CENTIMETRES) for each_m in at_m)
 
 
 # --- along the road ----------------------------------------------------------------------------
@@ -233,8 +262,13 @@ def follow(
 
 def pass_parked(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
     across_m = site.width_m / 2.0 + _beside_m(site) - 1.0
-    parked = [Obstacle(site.place(ahead_m, across_m), "car") for ahead_m in (-9.0, 0.0, 7.5)[: int(rng.integers(1, 4))]]
-    return _scenario(id, roads, _past(site), 0.8, LIGHT_TRAFFIC, obstacles=parked)
+    standing: list[Obstacle] = []
+    for ahead_m in (-9.0, 0.0, 7.5)[: int(rng.integers(1, 4))]:
+        standing.append(Obstacle(site.place(ahead_m, across_m), "car"))
+        if rng.random() < WAITING_SHARE:
+            beside = site.place(ahead_m + uniform(rng, (-2.0, 2.0)), across_m + uniform(rng, PAVEMENT_M))
+            standing.append(Obstacle(beside, "person", uniform(rng, (-3.0, 3.0))))
+    return _scenario(id, roads, _past(site), 0.8, LIGHT_TRAFFIC, obstacles=standing)
 
 
 def change_lane(id: str, roads: Roads, site: Site, _rng: np.random.Generator) -> Scenario:

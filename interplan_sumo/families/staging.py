@@ -70,6 +70,11 @@ STANDING: Final[
 European Vehicle Market Statistics 2022/23: A/B, C/D, sport utility, light commercial), rigid trucks of up to 10 m."""
 BUS: Final = ("bus", (9.5, 12.5), (2.50, 2.55), (2.9, 3.2))
 """City buses, midi to standard."""
+WALK_MPS: Final = (1.42, 0.26)
+"""Mean and deviation of walking speeds: those of 295 people in recordings (facts/drivers.md), as Weidmann 1993 has
+them, 1.34 (0.26) m/s on pavements, faster on a road;"""
+WALKS_MPS: Final = (1.0, 1.9)
+"""cut to these (benchmark.md, version 2)."""
 PLATOON_HEADWAY_S: Final = (1.3, 1.8)
 PLATOON_APART_M: Final = 8.0
 """At the start, from middle to middle. Nobody starts inside a junction: who would, comes to the lane before it."""

@@ -53,7 +53,8 @@ class Streams:
     def __init__(self, maps: Sequence[Roads], seed: Seed) -> None:
         self._seed = seed
         self._roads = {roads.name: roads for roads in maps}
-        self._groups = {families: number for number, families in enumerate(groups())}
+        everybody = (*groups(), *groups(ordinary=True))
+        self._groups = {families: number for number, families in enumerate(everybody)}
         self._searches: list[Search] = []
         self._running: dict[_Key, Iterator[tuple[Scenario, ...]]] = {}
         self._used_up: set[_Key] = set()
@@ -116,10 +117,13 @@ class Streams:
 
     def _fitted(self, slot: Slot, drawn: Scenario) -> Scenario:
         """A drawn scene as the slot has it: its id, its drivers, and what the planner may see."""
+        id = self._seed.id(drawn.family, slot.number)
+        if slot.is_ordinary:
+            return replace(drawn, id=id)
         modes = [each for each in drawn.perception.split("+") if each not in ("full", "occluded")]
         return replace(
             drawn,
-            id=self._seed.id(drawn.family, slot.number),
+            id=id,
             traffic=replace(drawn.traffic, behaviour=slot.behaviour),
             perception=perception_named("+".join(["occluded", *modes])),
         )

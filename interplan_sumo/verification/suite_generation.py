@@ -26,7 +26,7 @@ from interplan_sumo.scenario.suite import SCENARIOS, SELECTION
 from interplan_sumo.verification.generation import OTHER_FOLDER, write_rows
 from interplan_sumo.verification.suite_candidates import Candidate, Streams, changes_asked
 from interplan_sumo.verification.suite_judging import Verdict
-from interplan_sumo.verification.suite_slots import SIZES, Seed, Slot, groups, size_of, slots
+from interplan_sumo.verification.suite_slots import ORDINARY, Seed, Slot, beginnings, groups, size_of, slots
 from interplan_sumo.world.files import writing
 from interplan_sumo.world.roads import Roads
 
@@ -67,23 +67,29 @@ class SuiteSearch:
     def __post_init__(self) -> None:
         self._streams = Streams(self.maps, self.seed)
 
+    @property
+    def ordinary(self) -> bool:
+        """Whether it is one of ordinary driving."""
+        return self.suite in ORDINARY
+
     def run(self, judge: Judge, tell: Tell = lambda _candidate, _verdict: None) -> None:
         """Fill all slots for which there is a candidate that passes."""
         first = 0
-        for size in sorted({size for size in SIZES.values() if size <= size_of(self.suite)}):
-            self._fill(slots(first, size), judge, tell)
+        for _, size in beginnings(self.suite):
+            self._fill(slots(first, size, ordinary=self.ordinary), judge, tell)
             first = size
 
     def _fill(self, wanted: list[Slot], judge: Judge, tell: Tell) -> None:
         empty = list(wanted)
         for attempt in range(MOST_ATTEMPTS):
-            taken = {each.candidate.block for each in self.filled.values()}
+            held = [each.candidate for each in self.filled.values()]
             trying: list[Candidate] = []
             for slot in sorted(empty, key=lambda slot: -len(slot.families)):  # who shares a place finds fewest
+                others = (*held, *trying)
+                taken = {each.block for each in others if not self.ordinary or each.slot.families == slot.families}
                 found = self._streams.next(slot, attempt, taken)
                 if found is not None:
                     trying.append(found)
-                    taken.add(found.block)
             if not trying:
                 return
             verdicts: dict[Slot, Verdict] = {}
@@ -103,12 +109,12 @@ class SuiteSearch:
     @property
     def missing(self) -> list[Slot]:
         """The slots that nothing fills."""
-        return [slot for slot in slots(0, size_of(self.suite)) if slot not in self.filled]
+        return [slot for slot in slots(0, size_of(self.suite), ordinary=self.ordinary) if slot not in self.filled]
 
     def scenes(self, size: int, first: int = 0) -> list[tuple[Scenario, Certificate]]:
         """The scenes with numbers from `first` to before `size`, family by family."""
         found: list[tuple[Scenario, Certificate]] = []
-        for families in groups():
+        for families in groups(ordinary=self.ordinary):
             for row in range(len(families)):
                 for number in range(first, size):
                     each = self.filled.get(Slot(families, number))
@@ -153,9 +159,7 @@ def write_suites(search: SuiteSearch, folder: Path, *, kept_back: Path | None = 
     made: list[Path] = []
     first, smaller = 0, ""
     secret: list[Certificate] = []
-    for key, size in sorted(SIZES.items(), key=lambda item: item[1]):
-        if size > size_of(search.suite):
-            break
+    for key, size in beginnings(search.suite):
         there = folder / key.replace("==", "-")
         scenes = search.scenes(size, first)
         with writing(there, OTHER_FOLDER):
@@ -173,7 +177,7 @@ def write_suites(search: SuiteSearch, folder: Path, *, kept_back: Path | None = 
     if kept_back is not None:
         with writing(kept_back, "give another file as --secret-seed"):
             certificates.write_certificates(kept_back, secret)
-    else:
+    elif not search.ordinary:
         made += _write_derived(search, folder)
     write_rows(folder / REJECTED, ("stage", "family", "scene or lane", "place", "reason"), search.rejections())
     _write_scenes(search, folder)
@@ -182,7 +186,7 @@ def write_suites(search: SuiteSearch, folder: Path, *, kept_back: Path | None = 
 
 def _write_derived(search: SuiteSearch, folder: Path) -> list[Path]:
     """The suites that name some scenes of the smallest one: the first that somebody solves of each family."""
-    suite, size = min(SIZES.items(), key=lambda item: item[1])
+    suite, size = beginnings(search.suite)[0]
     made: list[Path] = []
     for key, many in PER_FAMILY.items():
         chosen: list[str] = []

@@ -91,7 +91,7 @@ def _solved(
     """The verdict on a candidate that is certified: who solves it?"""
     for number, scenario in reversed(list(enumerate(candidate.scenarios))):
         proved = Certificate.of(certificates[number])
-        if solvers(scenario, proved.track, (TRIVIAL,)):
+        if not candidate.slot.is_ordinary and solvers(scenario, proved.track, (TRIVIAL,)):
             return Verdict("trivial", f"{TRIVIAL} solves it", scenario.id)
         solved_by = solvers(scenario, proved.track, ASKED)
         if not solved_by and not candidate.slot.may_be_open:

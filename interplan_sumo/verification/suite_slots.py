@@ -17,8 +17,10 @@ from interplan_sumo.families import FAMILIES, names
 from interplan_sumo.scenario.scenario import Behaviour
 from interplan_sumo.world.roads import DrivingSide
 
-SIZES: Final = {"interplan==1": 10, "interplan-large==1": 40}
-"""Scenes per family; the smaller suite is the beginning of the larger one."""
+SIZES: Final = {"interplan==1": 10, "interplan-large==1": 40, "common==1": 10}
+"""Scenes per family; the smaller suite of the benchmark is the beginning of the larger one."""
+ORDINARY: Final = frozenset({"common==1"})
+"""Suites of ordinary driving; the others are the benchmark."""
 TEN: Final[tuple[tuple[Behaviour, Behaviour], ...]] = (
     ("conservative", "measured_city_mild"),
     ("measured_city", "mixed"),
@@ -55,6 +57,11 @@ class Slot:
         return f"{self.families[0]}-{self.number}"
 
     @property
+    def is_ordinary(self) -> bool:
+        """Whether it is one of ordinary driving: with its own drivers, and on roads that other families share."""
+        return FAMILIES[self.families[0]].ordinary
+
+    @property
     def behaviour(self) -> Behaviour:
         """The vehicle-type file of its traffic."""
         return TEN[self.number % 10][self.number // 10 % 2]
@@ -82,17 +89,23 @@ def size_of(suite: str) -> int:
     return SIZES[suite]
 
 
-def groups() -> tuple[tuple[str, ...], ...]:
-    """The families of the benchmark in their order, those that draw alike together."""
+def beginnings(suite: str) -> list[tuple[str, int]]:
+    """The suites that a suite begins with, itself the last: names and scenes per family."""
+    alike = [each for each in SIZES if (each in ORDINARY) == (suite in ORDINARY) and SIZES[each] <= SIZES[suite]]
+    return sorted(((each, SIZES[each]) for each in alike), key=lambda each: each[1])
+
+
+def groups(*, ordinary: bool = False) -> tuple[tuple[str, ...], ...]:
+    """The families of the benchmark, or of ordinary driving, in their order, those that draw alike together."""
     found: dict[str, list[str]] = {}
-    for name in names(ordinary=False):
+    for name in names(ordinary=ordinary):
         found.setdefault(FAMILIES[name].draws_as or name, []).append(name)
     return tuple(tuple(each) for each in found.values())
 
 
-def slots(first: int, last: int) -> list[Slot]:
+def slots(first: int, last: int, *, ordinary: bool = False) -> list[Slot]:
     """The slots of all groups with numbers from `first` to before `last`."""
-    return [Slot(families, number) for families in groups() for number in range(first, last)]
+    return [Slot(families, number) for families in groups(ordinary=ordinary) for number in range(first, last)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from interplan_sumo.families import find_family
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.spawning import oncoming_lanes
 from interplan_sumo.world.geometry import wrap_angle
@@ -16,6 +17,8 @@ from interplan_sumo.world.trace import Trace
 NEAR_M: Final = 100.0
 LEAST_VEHICLES: Final = 6.0
 """So many vehicles of the traffic are that near to the ego, on average over the first"""
+LEAST_ORDINARY: Final = 2.0
+"""(in ordinary driving so many)"""
 WITHIN_S: Final = 20.0
 MOVING_MPS: Final = 1.0
 CROSSING_RAD: Final = (np.radians(45.0), np.radians(135.0))
@@ -75,10 +78,10 @@ def traffic_shortcomings(scenario: Scenario, roads: Roads, trace: Trace) -> list
     """What the traffic that a drive met lacks, one sentence each."""
     found = surrounding_traffic(trace)
     problems: list[str] = []
-    if found.vehicles < LEAST_VEHICLES:
+    least = LEAST_ORDINARY if find_family(scenario.family).ordinary else LEAST_VEHICLES
+    if found.vehicles < least:
         problems.append(
-            f"{found.vehicles:.1f} vehicles within {NEAR_M:.0f} m in the first {WITHIN_S:.0f} s, "
-            f"expected {LEAST_VEHICLES:.0f}"
+            f"{found.vehicles:.1f} vehicles within {NEAR_M:.0f} m in the first {WITHIN_S:.0f} s, expected {least:.0f}"
         )
     if not found.crossing and passes_junction(scenario, roads):
         problems.append("nobody crosses the ego's way near the junction on its route")

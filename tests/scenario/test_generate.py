@@ -34,6 +34,19 @@ def test_every_ordinary_type_finds_places_on_some_district(kind: str) -> None:
         assert goal_arc_m(roads, scenario) > line.project_point(start.x_m, start.y_m)[0] + 30.0
 
 
+def test_ordinary_driving_has_traffic_both_ways_and_people_who_cross_and_wait() -> None:
+    turning, waiting, parking = (
+        [s for name in ("one_north", "hazelwood", "strip") for s in islice(Search(load_roads(name), kind, 1), 10)]
+        for kind in ("starting_right_turn", "waiting_for_pedestrian_to_cross", "traversing_pickup_dropoff")
+    )
+    everybody = (*turning, *waiting, *parking)
+    assert {(s.traffic.density != "none", s.traffic.oncoming != "none") for s in everybody} == {(True, True)}
+    assert {1, 2} <= {len(s.jaywalkers) for s in waiting} <= {1, 2, 3}
+    assert {bool(s.jaywalkers) for s in turning} == {True, False}
+    assert all(1.0 <= walker.speed_mps <= 1.9 for s in (*turning, *waiting) for walker in s.jaywalkers)
+    assert {"car", "person"} == {each.kind for s in parking for each in s.obstacles}
+
+
 def test_equal_seeds_give_equal_scenarios_and_other_seeds_others() -> None:
     roads = load_roads("hazelwood")
     first, again, other = (list(islice(Search(roads, "overtake", seed), 5)) for seed in (0, 0, 1))
