@@ -19,7 +19,7 @@ MOST_TAKEN: Final = 200
 """So many places in a row that are taken, and a map counts as used up."""
 MANY_CHANGES: Final = 2
 ALONE: Final = 10
-"""The slots below have a roadblock each; those from here on share one where there is no other."""
+"""The slots below have a roadblock each; those from here on, and ordinary ones, share one where there is no other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,8 @@ class Streams:
     def next(self, slot: Slot, attempt: int, taken: set[str]) -> Candidate | None:
         """The next candidate for a slot, on a roadblock that is not taken; None if no map has one."""
         for many in (True, False) if slot.many_changes else (False,):
-            for shared in (False, True) if slot.number >= ALONE and not many else (False,):
+            may_share = (slot.number >= ALONE and not many) or slot.is_ordinary
+            for shared in (False, True) if may_share else (False,):
                 for name in self._in_turn(slot, attempt):
                     found = self._at(slot, attempt, (slot.families, name, many), set() if shared else taken)
                     if found is not None:

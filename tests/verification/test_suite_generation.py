@@ -16,6 +16,7 @@ from worlds import cars, drive
 
 from interplan_sumo.batch.suite_job import verdicts
 from interplan_sumo.cli import main
+from interplan_sumo.families import names
 from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario import certificates
@@ -107,6 +108,20 @@ def test_every_slot_has_a_roadblock_of_its_own_its_drivers_and_its_id(small: Sui
     sides = Counter(load_roads(scenario.map).driving_side for scenario in scenes)
     assert sides["left"] >= 20
     assert sides["right"] >= 40
+
+
+def test_ordinary_driving_has_ten_scenes_of_each_type_with_their_own_drivers_and_no_selections(tmp_path: Path) -> None:
+    search = made("common==1")
+    assert search.missing == []
+    scenes = [scenario for scenario, _ in search.scenes(10)]
+    assert Counter(scenario.family for scenario in scenes) == dict.fromkeys(names(ordinary=True), 10)
+    assert {scenario.traffic.behaviour for scenario in scenes} == {"urban"}
+    blocks = Counter(
+        each.candidate.block for each in search.filled.values() if "stationary" in each.candidate.slot.name
+    )
+    assert set(blocks.values()) == {1}  # families share roads; scenes of a family only where there are too few
+    assert len({scenario.site(load_roads(scenario.map)) for scenario in scenes}) > 100
+    assert [folder.name for folder in write_suites(search, tmp_path)] == ["common-1"]
 
 
 def test_the_same_seed_gives_the_same_suite_whatever_the_order_of_the_verdicts(small: SuiteSearch) -> None:
