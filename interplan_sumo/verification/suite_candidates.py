@@ -68,7 +68,7 @@ class Streams:
 
     def next(self, slot: Slot, attempt: int, taken: set[str]) -> Candidate | None:
         """The next candidate for a slot, on a roadblock that is not taken; None if no map has one."""
-        for many in (True, False) if slot.many_changes else (False,):
+        for many in (True, False) if slot.is_far else (False,):
             may_share = (slot.number >= ALONE and not many) or slot.is_ordinary
             for shared in (False, True) if may_share else (False,):
                 for name in self._in_turn(slot, attempt):

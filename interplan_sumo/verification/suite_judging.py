@@ -94,7 +94,7 @@ def _solved(
         if not candidate.slot.is_ordinary and solvers(scenario, proved.track, (TRIVIAL,)):
             return Verdict("trivial", f"{TRIVIAL} solves it", scenario.id)
         solved_by = solvers(scenario, proved.track, ASKED)
-        if not solved_by and not candidate.slot.may_be_open:
+        if not solved_by and not candidate.slot.is_far:
             return Verdict("open", f"none of {', '.join(ASKED)} solves it", scenario.id)
         certificates[number] = replace(proved, summary=replace(proved.summary, solved_by=solved_by)).record()
     return Verdict("", certificates=tuple(certificates), traffic=tuple(met))

@@ -37,11 +37,9 @@ TEN: Final[tuple[tuple[Behaviour, Behaviour], ...]] = (
 them, measured ones in the others. The next ten have it the other way round."""
 LEFT_EVERY: Final = 3
 """One slot in three lies where one drives on the left, if there are such maps."""
-MANY_EVERY: Final = 3
-"""One lane change in three is of two lanes or more, as long as there are places."""
-OPEN_EVERY: Final = 5
-"""One slot in five of families that share their slots may be one that nobody of the panel solves: all scenes of the
-others are solved, so that in all more than nine in ten are."""
+FAR_OF_TEN: Final = (2, 8)
+"""Of ten lane changes these are of two lanes or more, as long as there are places, and may be ones that nobody of the
+panel solves: all other scenes are solved, so that in all more than nine in ten are, and eight in ten of each family."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +65,9 @@ class Slot:
         return TEN[self.number % 10][self.number // 10 % 2]
 
     @property
-    def may_be_open(self) -> bool:
-        """Whether it is enough that it is certified."""
-        return len(self.families) > 1 and self.number % OPEN_EVERY == OPEN_EVERY - 1
-
-    @property
-    def many_changes(self) -> bool:
-        """Whether it asks for two lane changes or more, where there is such a place."""
-        return FAMILIES[self.families[0]].changes_lanes and self.number % MANY_EVERY == MANY_EVERY - 1
+    def is_far(self) -> bool:
+        """Whether it asks for two lane changes or more, where there is such a place, and need not be solved."""
+        return FAMILIES[self.families[0]].changes_lanes and self.number % 10 in FAR_OF_TEN
 
     def side(self, sides: Collection[DrivingSide]) -> DrivingSide:
         """The side of the road on which one drives there, of those that there are."""
