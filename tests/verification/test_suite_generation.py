@@ -110,17 +110,21 @@ def test_every_slot_has_a_roadblock_of_its_own_its_drivers_and_its_id(small: Sui
     assert sides["right"] >= 40
 
 
-def test_ordinary_driving_has_ten_scenes_of_each_type_with_their_own_drivers_and_no_selections(tmp_path: Path) -> None:
-    search = made("common==1")
-    assert search.missing == []
+def test_ordinary_scenes_have_their_own_drivers_share_roads_between_types_and_make_no_selections(
+    tmp_path: Path,
+) -> None:
+    every = slots(0, 10, ordinary=True)
+    assert Counter(slot.families for slot in every) == {(name,): 10 for name in names(ordinary=True)}
+    search = SuiteSearch("common==1", MAPS, Seed(0))
+    kinds = ("stationary_in_traffic", "starting_right_turn")
+    some = [slot for slot in every if slot.families[0] in kinds]
+    search._fill(some, lambda candidates: [(each, proof(each)) for each in candidates], lambda *_: None)
     scenes = [scenario for scenario, _ in search.scenes(10)]
-    assert Counter(scenario.family for scenario in scenes) == dict.fromkeys(names(ordinary=True), 10)
-    assert {scenario.traffic.behaviour for scenario in scenes} == {"urban"}
-    blocks = Counter(
-        each.candidate.block for each in search.filled.values() if "stationary" in each.candidate.slot.name
-    )
-    assert set(blocks.values()) == {1}  # families share roads; scenes of a family only where there are too few
-    assert len({scenario.site(load_roads(scenario.map)) for scenario in scenes}) > 100
+    assert Counter(scenario.family for scenario in scenes) == dict.fromkeys(kinds, 10)
+    assert {(scenario.traffic.behaviour, scenario.perception) for scenario in scenes} == {("urban", "full")}
+    for kind in kinds:
+        mine = [each.candidate.block for each in search.filled.values() if each.candidate.slot.families == (kind,)]
+        assert len(set(mine)) == 10
     assert [folder.name for folder in write_suites(search, tmp_path)] == ["common-1"]
 
 
