@@ -28,10 +28,10 @@ from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.jobs import Job
 from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.pieces import keep_pieces
 from interplan_sumo.batch.records import AppliedOverrides, Manifest, MetricRecord, RequestedJobs, Row
 from interplan_sumo.batch.results import RESULTS, write_rows
 from interplan_sumo.batch.run_folder import RunFolder
-from interplan_sumo.batch.shards import keep_shards
 from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.scenario.suite import find_suite
@@ -85,17 +85,17 @@ def engine(arguments: argparse.Namespace, folder: Path) -> None:
 
 
 def reporting(arguments: argparse.Namespace, folder: Path) -> None:
-    """Seconds and peak memory of reports on many rows, by the lines alone and with shards, each in its own process."""
+    """Seconds and peak memory of reports on many rows, by the lines alone and with pieces, each in its own process."""
     toy_folder(folder, arguments.rows).close()
     write_rows(folder / RESULTS, (toy_row(number) for number in range(arguments.rows)))
     size_mb = (folder / RESULTS).stat().st_size / 1e6
     print(f"reporting: {arguments.rows} rows, {size_mb:.0f} MB")
     report(folder, "text, by the lines alone")
     began_s, used_s = time.perf_counter(), time.process_time()
-    keep_shards(folder)
+    keep_pieces(folder)
     made_s, used_s = time.perf_counter() - began_s, time.process_time() - used_s
-    shards_mb = sum(path.stat().st_size for path in (folder / "results").iterdir()) / 1e6
-    print(f"  all shards made: {made_s:.1f} s, {used_s:.1f} s of a core, {shards_mb:.0f} MB")
+    pieces_mb = sum(path.stat().st_size for path in (folder / "results").iterdir()) / 1e6
+    print(f"  all pieces made: {made_s:.1f} s, {used_s:.1f} s of a core, {pieces_mb:.0f} MB")
     report(folder, "text")
     report(folder, "csv", "--csv")
     report(folder, "json", "--json")

@@ -36,6 +36,22 @@ def keep_certified(scenarios: Iterable[Scenario], files: Iterable[str], run_fold
             _keep(certificate.track, path)
 
 
+def keep_experts(found: Iterable[Path], run_folder: Path) -> None:
+    """Take over experts of other run folders with the same scenarios; RunFolderError if two of one name differ."""
+    for path in found:
+        place = run_folder / FOLDER / path.name
+        with writing(place, kind=RunFolderError):
+            content = path.read_bytes()
+            if not place.is_file():
+                place.parent.mkdir(exist_ok=True)
+                with replacing(place) as fresh:
+                    fresh.write_bytes(content)
+            elif place.read_bytes() != content:
+                raise RunFolderError(
+                    f"{path} is not the expert that another shard was scored against; run its shard again"
+                )
+
+
 def own_expert(scenario: Scenario, run_folder: Path) -> EgoTrack:
     """The expert drive of a scenario that belongs to no suite; the first call works it out, if there is none.
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from interplan_sumo.batch.processes import Workers
-from interplan_sumo.batch.records import MOST_SEEDS
+from interplan_sumo.batch.records import MOST_SEEDS, Shard
 from interplan_sumo.errors import InputError, UnknownNameError, clean_line
 
 if TYPE_CHECKING:
@@ -79,6 +79,10 @@ class RunOptions:
     behaviour: str | None = field(default=None, metadata=_about("NAME", setting=True, scene=True))
     perception: str | None = field(default=None, metadata=_about("full|occluded|noisy|late", setting=True, scene=True))
     limit: int | None = field(default=None, metadata=_about("At most so many scenarios.", least=1))
+    shard: str | None = field(
+        default=None,
+        metadata=_about("The I-th of N equal parts, into a folder of its own; `merge` joins them.", metavar="I/N"),
+    )
     profile: str | None = field(
         default=None,
         metadata=_about(
@@ -123,6 +127,8 @@ class RunOptions:
             from interplan_sumo.scenario.scenario import perception_named  # not for every command that starts
 
             object.__setattr__(self, "perception", perception_named(self.perception))
+        if self.shard is not None:
+            Shard.parse(self.shard)
         _check("workers", self.who.processes, least=0, hint=" (in this process)")
 
     @classmethod

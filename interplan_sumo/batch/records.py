@@ -7,13 +7,13 @@ Numbers are finite: the encoder writes null for one that is not, and the decoder
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct, structs
 
-from interplan_sumo.errors import InterplanError, clean_line
+from interplan_sumo.errors import InputError, InterplanError, clean_line
 
 if TYPE_CHECKING:
     from interplan_sumo.metrics.score import ScoreSheet
@@ -228,6 +228,35 @@ class RequestedJobs(Struct, frozen=True):
     seeds: Annotated[int, Meta(ge=1, le=MOST_SEEDS)]
 
 
+class Shard(Struct, frozen=True):
+    """One of the equal parts that a run is split into, for machines that know nothing of each other."""
+
+    number: Annotated[int, Meta(ge=1)]
+    count: int
+    """Of all shards."""
+
+    def __post_init__(self) -> None:
+        if self.number > self.count:
+            raise ValueError(f"shard {self.number} of {self.count}")
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """From `I/N`; InputError for anything else."""
+        parts = text.split("/")
+        if len(parts) == 2 and all(each.isascii() and each.isdigit() and len(each) < 10 for each in parts):
+            number, count = map(int, parts)
+            if 1 <= number <= count:
+                return cls(number, count)
+        raise InputError(f"--shard {text!r} is none; give I/N, such as 1/4 to 4/4 for four machines")
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
+
+    def of(self, things: Sequence[T]) -> Sequence[T]:
+        """Its part: every N-th of all, so that each shard has of everything."""
+        return things[self.number - 1 :: self.count]
+
+
 class PlannerRecord(Struct, frozen=True):
     """The planner that drove: what `planner_source` has of it."""
 
@@ -257,13 +286,22 @@ class Manifest(Struct, frozen=True, kw_only=True):
     plan_limit_s: Seconds | None
     """None for no limit."""
     requests: tuple[RequestedJobs, ...]
+    shard: Shard | None = None
+    """The part of what was asked for that this folder holds; None for all of it."""
     planners: dict[str, PlannerRecord] = {}
     """The one version of each planner that the folder holds drives of, by the name that it was asked for."""
 
     @property
     def keys(self) -> list[JobKey]:
         """The jobs that are asked for, each once."""
-        return keys_of(self.requests)
+        keys = keys_of(self.requests)
+        return keys if self.shard is None else [*self.shard.of(keys)]
+
+    @property
+    def part(self) -> str:
+        """Which part of what was asked for it is, in words."""
+        drives = f"{len(keys_of(self.requests))} drives"
+        return f"a run of {drives}" if self.shard is None else f"shard {self.shard} of a run of {drives}"
 
 
 def keys_of(requests: Iterable[RequestedJobs]) -> list[JobKey]:

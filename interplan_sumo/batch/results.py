@@ -17,7 +17,7 @@ from interplan_sumo.world.files import replacing, writing
 RESULTS = "results.jsonl"
 """In the run folder."""
 LINES_AT_ONCE = 2048
-"""Lines that are read together, some 8 MB; a Parquet shard has as many rows."""
+"""Lines that are read together, some 8 MB; a Parquet piece has as many rows."""
 
 
 class StoredRows(Mapping[JobKey, Row]):

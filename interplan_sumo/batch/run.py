@@ -19,7 +19,7 @@ from interplan_sumo.batch.custom_references import keep_certified
 from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.jobs import Job, Selection, jobs_for, own_maps
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import Manifest, PlannerRecord, RequestedJobs, Row
+from interplan_sumo.batch.records import Manifest, PlannerRecord, RequestedJobs, Row, Shard
 from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Outcome, Task
 from interplan_sumo.batch.versions import versions
@@ -74,7 +74,11 @@ def run(
     profile = find_profile(options.profile or DEFAULT_PROFILE)
     selection = Selection.of(options)
     source, scenarios = selection.source, selection.scenarios
-    jobs = jobs_for(scenarios, planners, options.seeds, options.overrides)
+    shard = None if options.shard is None else Shard.parse(options.shard)
+    every = jobs_for(scenarios, planners, options.seeds, options.overrides)
+    jobs = every if shard is None else shard.of(every)
+    if not jobs:
+        raise InputError(f"--shard {options.shard} has none of the {len(every)} drives; split into fewer shards")
     if options.behaviour is not None:
         vehicle_type_file(options.behaviour)
     check_inputs({job.scenario.id: job.scenario for job in jobs}.values(), options.traffic)
@@ -97,6 +101,7 @@ def run(
         platform=platform.platform(),
         plan_limit_s=options.plan_limit_s or None,
         requests=(wanted,),
+        shard=shard,
         planners={spec: PlannerRecord(source.hash, source.files) for spec, source in sources.items()},
     )
     with RunFolder(options.out, manifest, options.redo) as folder:
@@ -127,7 +132,9 @@ def run(
                     site = scenario.site(load_roads(scenario.map, scenario.maps_beside))
                     named[scenario.id] = (site, scenario.hash())
                 official = source.official and not overrides
-                row = _row(outcome, *named[scenario.id], manifest, official=official, isolated=options.isolated)
+                row = row_of_outcome(
+                    outcome, *named[scenario.id], manifest, official=official, isolated=options.isolated
+                )
                 row = folder.append(row)
                 if watch is not None:
                     watch.finished(row)
@@ -147,7 +154,9 @@ def check_inputs(scenarios: Iterable[Scenario], vehicle_types: Path | None) -> N
         read_vehicle_types(vehicle_types or vehicle_type_file(scenario.traffic.behaviour))
 
 
-def _row(outcome: Outcome, site: str, scenario_hash: str, manifest: Manifest, *, official: bool, isolated: bool) -> Row:
+def row_of_outcome(
+    outcome: Outcome, site: str, scenario_hash: str, manifest: Manifest, *, official: bool, isolated: bool
+) -> Row:
     """A line of results.jsonl."""
     job: Job = outcome.task.payload
     answer, fault = drive_answer(outcome)

@@ -27,12 +27,13 @@ import shutil
 from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from msgspec import json, structs, to_builtins
 
 from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.folder_lock import FolderLock
+from interplan_sumo.batch.pieces import keep_pieces
 from interplan_sumo.batch.records import (
     FORMAT,
     JobKey,
@@ -55,7 +56,6 @@ from interplan_sumo.batch.results import (
     storable,
     write_lines,
 )
-from interplan_sumo.batch.shards import keep_shards
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import MapFiles, copy_map
 from interplan_sumo.metrics.profile import Profile, keep_profile
@@ -65,7 +65,7 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.files import PART, replacing
 
 MANIFEST = "manifest.json"
-BENCHMARK = ("suite", "suite_hash", "profile", "overrides", "versions", "traffic_version")
+BENCHMARK: Final = ("suite", "suite_hash", "profile", "overrides", "versions", "traffic_version")
 """What all rows of a folder share, by its name in the manifest."""
 OWN_SCENARIOS = "scenarios.yaml"
 TRAFFIC = "traffic"
@@ -142,7 +142,7 @@ class RunFolder:
         self.path = path
         self._redo = redo
         self._results = -1
-        self._not_in_shards = 0
+        self._not_in_pieces = 0
         try:
             path.mkdir(parents=True, exist_ok=True)
             self._lock = FolderLock(path / "lock")
@@ -169,7 +169,7 @@ class RunFolder:
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         try:
             if kind is None:
-                self._keep_shards()
+                self._keep_pieces()
         finally:
             self.close()
 
@@ -228,21 +228,21 @@ class RunFolder:
                 os.ftruncate(self._results, size)
             raise _unwritable(self.path, error) from None
         self.done.add(row.key)
-        self._not_in_shards += 1
-        if self._not_in_shards == LINES_AT_ONCE:
-            self._keep_shards()
+        self._not_in_pieces += 1
+        if self._not_in_pieces == LINES_AT_ONCE:
+            self._keep_pieces()
         return row
 
     def kept(self, keys: Container[JobKey]) -> Iterator[Brief]:
         """The briefs of those of these jobs that are done, read one by one."""
         return (brief for _, key, brief in read_briefs(self.path / RESULTS) if key in keys)
 
-    def _keep_shards(self) -> None:
+    def _keep_pieces(self) -> None:
         try:
-            keep_shards(self.path)
+            keep_pieces(self.path)
         except OSError as error:
             raise _unwritable(self.path, error) from None
-        self._not_in_shards = 0
+        self._not_in_pieces = 0
 
     def _agree(self, wanted: Manifest) -> Manifest:
         """The manifest with the requests added; writes it where it is new or grew."""
@@ -256,8 +256,17 @@ class RunFolder:
                     "give an empty or a new folder as --out"
                 )
             return self._write_manifest(wanted)
-        for name in BENCHMARK:
-            _refuse_difference(self.path, name, *(to_builtins(getattr(each, name)) for each in (held, wanted)))
+        if (parted := benchmark_difference(held, wanted)) is not None:
+            name, then, now = parted
+            raise RunFolderError(
+                f"{self.path} holds a run with {name} {then}, this one has {now}; give another folder as --out"
+            )
+        for each in (held.shard, wanted.shard):
+            if each is not None and (held.shard, held.requests) != (wanted.shard, wanted.requests):
+                raise RunFolderError(
+                    f"{self.path} holds {held.part}, this is {wanted.part}; each has a folder of its own: "
+                    "give another one as --out"
+                )
         changed = [name for name, now in wanted.planners.items() if _has_changed(held, name, now)]
         with_rows = {key[1] for _, key, _ in read_briefs(self.path / RESULTS)} if changed else set[str]()
         for name in changed:
@@ -312,16 +321,27 @@ def _refuse_planner(path: Path, name: str, then: PlannerRecord, now: PlannerReco
     )
 
 
-def _refuse_difference(path: Path, name: str, held: Any, wanted: Any) -> None:
+def benchmark_of(manifest: Manifest) -> tuple[str, ...]:
+    """What all rows of a folder share, to hold against that of others."""
+    return tuple(json.encode(getattr(manifest, name)).decode() for name in BENCHMARK)
+
+
+def benchmark_difference(held: Manifest, wanted: Manifest) -> tuple[str, str, str] | None:
+    """What makes two manifests of different benchmarks: its name, and what each says; None for one benchmark."""
+    for name in BENCHMARK:
+        if (found := _difference(name, *(to_builtins(getattr(each, name)) for each in (held, wanted)))) is not None:
+            return found
+    return None
+
+
+def _difference(name: str, held: Any, wanted: Any) -> tuple[str, str, str] | None:
     if held == wanted:
-        return
+        return None
     if isinstance(held, dict) and isinstance(wanted, dict):
         for key in {**held, **wanted}:
             if held.get(key) != wanted.get(key):
-                _refuse_difference(path, f"{name} {key}", held.get(key, "none"), wanted.get(key, "none"))
-    raise RunFolderError(
-        f"{path} holds a run with {name} {_said(held)}, this one has {_said(wanted)}; give another folder as --out"
-    )
+                return _difference(f"{name} {key}", held.get(key, "none"), wanted.get(key, "none"))
+    return name, _said(held), _said(wanted)
 
 
 def _said(value: Any) -> str:

@@ -186,6 +186,8 @@ def _check_agree(options: RunOptions, parameters: Sequence[Parameter]) -> Path:
     """The sweep's folder; InputError for what is asked twice, and for a folder that is a run's."""
     if options.out is None:
         raise InputError("no folder for the sweep given; name one with --out")
+    if options.shard is not None:
+        raise InputError(f"--shard {options.shard} splits a run, not a sweep; give each machine values of its own")
     keys = [parameter.key for parameter in parameters]
     for number, key in enumerate(keys):
         if key in keys[:number]:

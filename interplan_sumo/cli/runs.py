@@ -56,6 +56,28 @@ def run(context: typer.Context, options: RunOptions, quiet: QuietOption = False,
 
 
 @app.command()
+def merge(
+    context: typer.Context,
+    folders: Annotated[list[Path], typer.Argument(help="The folders of all shards.", metavar="DIR...")],
+    out: Annotated[Path, typer.Option(help="The run folder; the same command on it goes on.")],
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Join the shards of a run, as `run --shard I/N` made them, into one run folder, and print the table."""
+    from interplan_sumo.batch.merge import merge as join
+
+    try:
+        with progress(quiet=quiet) as watch:
+            stored = join(folders, out, watch, ["interplan-sumo", *context.obj])
+    except KeyboardInterrupt:
+        print("stopped; what was copied is kept: repeat the command", file=sys.stderr)
+        return INCOMPLETE
+    if not quiet:
+        print(f"results in {out}", file=sys.stderr)
+    return _report([stored], "json" if as_json else "text", out / "report.html")
+
+
+@app.command()
 def report(
     folders: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="DIR...")],
     as_json: JsonOption = False,

@@ -6,7 +6,7 @@ import contextlib
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from interplan_sumo.batch.sweep import Estimate, Result, Sweep
 
 
-@takes_run_options()
+@takes_run_options(*(each.name for each in fields(RunOptions) if each.name != "shard"))
 def sweep(
     context: typer.Context,
     options: RunOptions,

@@ -12,9 +12,9 @@ from typing import Final, overload
 from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.records import AppliedOverrides, JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
-from interplan_sumo.batch.verified import verified_rows
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.families import families, find_family
+from interplan_sumo.report.driven import DrivenRun, family_of, together
 from interplan_sumo.report.standing import LineValues, Standing, standing
 from interplan_sumo.statistics.intervals import mean_estimate
 from interplan_sumo.statistics.scene_values import DriveKey, DriveValue, DriveValues, mean_over_scenes
@@ -194,6 +194,8 @@ class ResultsTable:
     profile: str
     columns: tuple[Column, ...]
     lines: tuple[Line, ...]
+    shards: tuple[str, ...]
+    """Runs of which only some shards are here, in words."""
     standing: Standing
     """Which lines can be told apart, and how large a difference this table would find."""
 
@@ -216,32 +218,6 @@ class ResultsTable:
         return {family: len(ids) for family, ids in found.items()}
 
 
-@dataclass(frozen=True, slots=True)
-class _Driven:
-    """A run as a table needs it, gone over once."""
-
-    run: StoredRun
-    briefs: Mapping[JobKey, Brief]
-    keys: Mapping[str, Sequence[JobKey]]
-    """What was asked for, by planner."""
-    ordinary: bool
-    """Whether it is of ordinary driving only."""
-    verified: frozenset[JobKey]
-    """Rows that came again from their plans."""
-
-    @classmethod
-    def of(cls, run: StoredRun) -> _Driven:
-        briefs = run.briefs
-        one = dict(zip(briefs, briefs, strict=True))  # equal keys as one object: there are many
-        keys: dict[str, list[JobKey]] = {}
-        ordinary = True
-        for key in run.keys:
-            keys.setdefault(key[1], []).append(one.get(key, key))
-            ordinary = ordinary and find_family(_family(key, briefs)).ordinary
-        verified = frozenset(key for key, each in verified_rows(run).items() if each.means == "plans")
-        return cls(run, briefs, keys, ordinary and bool(keys), verified)
-
-
 def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
     """One line per planner and run; official and overridden rows are never mixed.
 
@@ -249,7 +225,7 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
     that has one run of each has one line. RunFolderError if the runs are of
     different suites otherwise, or of different profiles.
     """
-    driven = [_Driven.of(run) for run in runs]
+    driven = together(runs)
     ordinary = [each.run for each in driven if each.ordinary]
     others = [each.run for each in driven if not each.ordinary]
     _check_agree(runs, "profile", "traffic_version")
@@ -259,7 +235,9 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
     beside = ordinary[0].manifest.suite if others and ordinary else None
     columns = table_columns({drive.family for each in driven for drive in each.briefs.values()})
     lines, values = zip(*_lines(driven, columns), strict=True)
-    return ResultsTable(first.suite, beside, first.profile, columns, lines, standing((BENCHMARK, ORDINARY), values))
+    shards = tuple(each.shards for each in driven if each.shards is not None)
+    apart = standing((BENCHMARK, ORDINARY), values)
+    return ResultsTable(first.suite, beside, first.profile, columns, lines, shards, apart)
 
 
 def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
@@ -272,7 +250,7 @@ def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
                 )
 
 
-def _lines(driven: Sequence[_Driven], columns: Sequence[Column]) -> Iterator[tuple[Line, LineValues]]:
+def _lines(driven: Sequence[DrivenRun], columns: Sequence[Column]) -> Iterator[tuple[Line, LineValues]]:
     """A line per planner and run, in order; one for two runs if they are the planner's only ones, one of each kind."""
     named = [(each, planner, planner_label(planner, each.run)) for each in driven for planner in each.keys]
     for each, planner, name in named:
@@ -290,12 +268,7 @@ def planner_label(planner: str, run: StoredRun) -> str:
     return f"{planner} [{said}]" if said else planner
 
 
-def _family(key: JobKey, briefs: Mapping[JobKey, Brief]) -> str:
-    """A scenario that has no row yet has no family on file; official ids begin with it."""
-    return briefs[key].family if key in briefs else key[0].partition("/")[0]
-
-
-def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, label: str) -> tuple[Line, LineValues]:
+def _line(driven: Sequence[DrivenRun], columns: Sequence[Column], planner: str, label: str) -> tuple[Line, LineValues]:
     """What a planner did in runs that share no scenario; the first of them says how many scenarios and seeds."""
     first, overrides = driven[0], driven[0].run.manifest.overrides
     scenarios: dict[str, _Scenario] = {}
@@ -309,20 +282,20 @@ def _line(driven: Sequence[_Driven], columns: Sequence[Column], planner: str, la
     for each in driven:
         for key in each.keys[planner]:
             drive = each.briefs.get(key)
-            scenario = scenarios.setdefault(key[0], _Scenario(_family(key, each.briefs)))
+            scenario = scenarios.setdefault(key[0], _Scenario(family_of(key, each.briefs)))
             scenario.drives[key[0], key[2]] = drive
             if drive is None or drive.score is None:
                 missing.append(key)
             if drive is None:
                 continue
             scenario.family = drive.family
-            rows.append((each.run.rows, key))
+            rows.append((each.rows_with(key), key))
             families.setdefault(drive.family, set()).add(key[0])
             official = official and drive.official
             questions, unanswered = questions + (drive.questions or 0), unanswered + (drive.unanswered or 0)
             verified += key in each.verified
             if drive.fault:
-                faulty.append((each.run.rows, key))
+                faulty.append(rows[-1])
                 faults[drive.fault] += 1
     values = {column.key: _values(column, scenarios.values()) for column in columns}
     line = Line(

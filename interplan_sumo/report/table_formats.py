@@ -75,6 +75,7 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
         "ordinary_suite": table.ordinary_suite,
         "profile": table.profile,
         "complete": table.complete,
+        "shards": list(table.shards),
         "families": table.families,
         "rows": rows,
         **standing_json(table),
@@ -151,6 +152,7 @@ def notes(table: ResultsTable, *, paper: bool = False) -> list[str]:
     if ordinary := sum(count for family, count in table.families.items() if find_family(family).ordinary):
         suite = table.ordinary_suite or table.suite
         found.append(f"Ordinary is the mean over ordinary driving (suite {suite}; scenarios: {ordinary}).")
+    found += [f"A part of a run: {each}; `merge` joins them all." for each in table.shards]
     found += standing_notes(table)
     if not table.complete:
         count = sum(len(line.missing) for line in table.lines)

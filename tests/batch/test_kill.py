@@ -20,7 +20,7 @@ COUNT = 12
 
 
 def finished(folder: Path) -> dict[str, str]:
-    """The results of a finished run, from its lines and from its shards."""
+    """The results of a finished run, from its lines and from its pieces."""
     found = results(folder)
     frame = pd.read_parquet(folder / "results")
     assert dict(zip(frame["scenario_id"], frame["trace_hash"], strict=True)) == found

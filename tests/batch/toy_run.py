@@ -14,8 +14,8 @@ from interplan_sumo.batch.tasks import Limits, Task
 from tests.batch.hasher import open_hasher
 from tests.records import asked, manifest, row
 
-SHARD = 5
-"""Rows of a Parquet shard: few, so that a run of a dozen rows writes several."""
+PIECE = 5
+"""Rows of a Parquet piece: few, so that a run of a dozen rows writes several."""
 
 
 def toy_manifest(count: int) -> Manifest:
@@ -23,7 +23,7 @@ def toy_manifest(count: int) -> Manifest:
 
 
 def main(folder: Path, count: int, workers: int) -> None:
-    with patch.object(results, "LINES_AT_ONCE", SHARD), patch.object(run_folder, "LINES_AT_ONCE", SHARD):
+    with patch.object(results, "LINES_AT_ONCE", PIECE), patch.object(run_folder, "LINES_AT_ONCE", PIECE):
         run_toys(folder, count, workers)
 
 

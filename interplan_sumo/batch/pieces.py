@@ -1,6 +1,6 @@
-"""Shards: `results/part-00000.parquet` and so on, a flat copy of `results.jsonl` for data frames.
+"""Pieces: `results/part-00000.parquet` and so on, a flat copy of `results.jsonl` for data frames.
 
-A shard holds as many rows as `results.LINES_AT_ONCE`, the last one what is left; its number says which.
+A piece holds as many rows as `results.LINES_AT_ONCE`, the last one what is left; its number says which.
 Each carries the SHA-256 of the lines that it was made from, and of its own columns. One that does not have that of
 the lines which are there now, or whose columns are not those that it was made with, is made again. The program itself
 reads none.
@@ -29,15 +29,15 @@ from interplan_sumo.world.files import replacing
 FOLDER = "results"
 """In the run folder, and nothing else is in it: `pandas.read_parquet` reads it as a whole."""
 FORMAT = 3
-"""Of the columns; a shard of another format is made again."""
+"""Of the columns; a piece of another format is made again."""
 MARK: Final = b"interplan_sumo"
-"""The key of what a shard says about itself."""
+"""The key of what a piece says about itself."""
 PHASES: Final = ("setup", "simulation", "planner", "loop", "storing", "scoring", "total")
 
 
 @dataclass(frozen=True, slots=True)
-class ShardColumn:
-    """A column of a shard."""
+class PieceColumn:
+    """A column of a piece."""
 
     name: str
     type: pa.DataType
@@ -59,41 +59,41 @@ def _time_s(phase: str) -> Callable[[Row], Any]:
 
 TEXT, NUMBER, BOOL = pa.string(), pa.float64(), pa.bool_()
 COLUMNS: Final = (
-    ShardColumn("scenario_id", TEXT, attrgetter("scenario_id")),
-    ShardColumn("family", TEXT, attrgetter("family")),
-    ShardColumn("planner", TEXT, attrgetter("planner")),
-    ShardColumn("seed", pa.int64(), attrgetter("seed")),
-    ShardColumn("score", NUMBER, attrgetter("score")),
-    *(ShardColumn(f"metric_{name}", NUMBER, _metric(name)) for name in row_metrics()),
-    ShardColumn("done", BOOL, attrgetter("done")),
-    ShardColumn("unsafe", BOOL, attrgetter("unsafe")),
-    *(ShardColumn(f"score_{name}", NUMBER, _beside(name)) for name in PROFILES),
-    ShardColumn("reached_goal", BOOL, attrgetter("reached_goal")),
-    ShardColumn("reached_goal_lane", BOOL, lambda row: Brief.of(row).goal_lane),
-    ShardColumn("fault_class", TEXT, lambda row: row.fault and row.fault.kind),
-    ShardColumn("fault_message", TEXT, lambda row: row.fault and row.fault.message),
-    ShardColumn("official", BOOL, attrgetter("official")),
-    ShardColumn("override_density", TEXT, attrgetter("overrides.density")),
-    ShardColumn("override_behaviour", TEXT, attrgetter("overrides.behaviour")),
-    ShardColumn("override_perception", TEXT, attrgetter("overrides.perception")),
-    ShardColumn("override_traffic", TEXT, attrgetter("overrides.traffic")),
-    ShardColumn("perception", TEXT, attrgetter("perception")),
-    ShardColumn("trace", TEXT, attrgetter("trace")),
-    ShardColumn("trace_hash", TEXT, attrgetter("trace_hash")),
-    ShardColumn("scenario_hash", TEXT, attrgetter("scenario_hash")),
-    ShardColumn("site", TEXT, attrgetter("site")),
-    *(ShardColumn(f"{phase}_s", NUMBER, _time_s(phase)) for phase in PHASES),
-    ShardColumn("versions", TEXT, lambda row: json.dumps(row.versions)),
-    ShardColumn("questions", pa.int64(), lambda row: Brief.of(row).questions),
-    ShardColumn("unanswered", pa.int64(), lambda row: Brief.of(row).unanswered),
+    PieceColumn("scenario_id", TEXT, attrgetter("scenario_id")),
+    PieceColumn("family", TEXT, attrgetter("family")),
+    PieceColumn("planner", TEXT, attrgetter("planner")),
+    PieceColumn("seed", pa.int64(), attrgetter("seed")),
+    PieceColumn("score", NUMBER, attrgetter("score")),
+    *(PieceColumn(f"metric_{name}", NUMBER, _metric(name)) for name in row_metrics()),
+    PieceColumn("done", BOOL, attrgetter("done")),
+    PieceColumn("unsafe", BOOL, attrgetter("unsafe")),
+    *(PieceColumn(f"score_{name}", NUMBER, _beside(name)) for name in PROFILES),
+    PieceColumn("reached_goal", BOOL, attrgetter("reached_goal")),
+    PieceColumn("reached_goal_lane", BOOL, lambda row: Brief.of(row).goal_lane),
+    PieceColumn("fault_class", TEXT, lambda row: row.fault and row.fault.kind),
+    PieceColumn("fault_message", TEXT, lambda row: row.fault and row.fault.message),
+    PieceColumn("official", BOOL, attrgetter("official")),
+    PieceColumn("override_density", TEXT, attrgetter("overrides.density")),
+    PieceColumn("override_behaviour", TEXT, attrgetter("overrides.behaviour")),
+    PieceColumn("override_perception", TEXT, attrgetter("overrides.perception")),
+    PieceColumn("override_traffic", TEXT, attrgetter("overrides.traffic")),
+    PieceColumn("perception", TEXT, attrgetter("perception")),
+    PieceColumn("trace", TEXT, attrgetter("trace")),
+    PieceColumn("trace_hash", TEXT, attrgetter("trace_hash")),
+    PieceColumn("scenario_hash", TEXT, attrgetter("scenario_hash")),
+    PieceColumn("site", TEXT, attrgetter("site")),
+    *(PieceColumn(f"{phase}_s", NUMBER, _time_s(phase)) for phase in PHASES),
+    PieceColumn("versions", TEXT, lambda row: json.dumps(row.versions)),
+    PieceColumn("questions", pa.int64(), lambda row: Brief.of(row).questions),
+    PieceColumn("unanswered", pa.int64(), lambda row: Brief.of(row).unanswered),
 )
 SCHEMA: Final = pa.schema([pa.field(column.name, column.type) for column in COLUMNS])
 
 
-def keep_shards(run_folder: Path) -> None:
-    """Make the shards that are missing or not of these lines, and take away what is none of them.
+def keep_pieces(run_folder: Path) -> None:
+    """Make the pieces that are missing or not of these lines, and take away what is none of them.
 
-    Constant memory; a kill leaves whole shards only. OSError if they cannot be
+    Constant memory; a kill leaves whole pieces only. OSError if they cannot be
     written, RunFolderError for a damaged line.
     """
     folder, results = run_folder / FOLDER, run_folder / RESULTS
@@ -106,7 +106,7 @@ def keep_shards(run_folder: Path) -> None:
         about = _about(lines)
         if not _says(path, about):
             with replacing(path) as fresh:
-                fresh.write_bytes(_shard(lines, results, first, about))
+                fresh.write_bytes(_piece(lines, results, first, about))
         first += len(lines)
     for path in folder.iterdir():
         if path.name not in wanted and path.is_file():
@@ -118,7 +118,7 @@ def _path(run_folder: Path, number: int) -> Path:
 
 
 def _about(lines: Sequence[bytes]) -> dict[str, Any]:
-    """What a shard of these lines says about itself."""
+    """What a piece of these lines says about itself."""
     digest = hashlib.sha256()
     for line in lines:
         digest.update(line)
@@ -126,7 +126,7 @@ def _about(lines: Sequence[bytes]) -> dict[str, Any]:
 
 
 def _says(path: Path, about: dict[str, Any]) -> bool:
-    """Whether a file is a whole shard that says this about itself."""
+    """Whether a file is a whole piece that says this about itself."""
     try:
         file = pq.ParquetFile(path, page_checksum_verification=True)
         held = file.schema_arrow
@@ -143,7 +143,7 @@ def _columns_hash(table: pa.Table) -> str:
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
-def _shard(lines: Sequence[bytes], results: Path, first: int, about: dict[str, Any]) -> bytes:
+def _piece(lines: Sequence[bytes], results: Path, first: int, about: dict[str, Any]) -> bytes:
     """A Parquet file of these lines."""
     columns: list[list[Any]] = [[] for _ in COLUMNS]
     for row in rows_of(lines, results, first):

@@ -1,4 +1,4 @@
-"""Parquet shards and rows read late: they say what the lines say, whatever happened to the files in between."""
+"""Parquet pieces and rows read late: they say what the lines say, whatever happened to the files in between."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from msgspec.structs import replace
 
 from interplan_sumo.batch import results, run_folder
 from interplan_sumo.batch.briefs import Brief, brief_of
+from interplan_sumo.batch.pieces import COLUMNS
 from interplan_sumo.batch.records import AppliedOverrides, Fault, Row, row_of
 from interplan_sumo.batch.results import StoredRows, line_of, write_rows
 from interplan_sumo.batch.run_folder import RunFolder
-from interplan_sumo.batch.shards import COLUMNS
 from interplan_sumo.errors import RunFolderError
 from tests import records
 from tests.records import asked, manifest, metric
@@ -31,7 +31,7 @@ AT_ONCE = 3
 
 
 @pytest.fixture(autouse=True)
-def short_shards(monkeypatch: pytest.MonkeyPatch) -> None:
+def short_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(results, "LINES_AT_ONCE", AT_ONCE)
     monkeypatch.setattr(run_folder, "LINES_AT_ONCE", AT_ONCE)
 
@@ -67,7 +67,7 @@ def place(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def shards(place: Path) -> dict[str, int]:
+def pieces(place: Path) -> dict[str, int]:
     """Their names and which files they are."""
     return {path.name: path.stat().st_ino for path in sorted((place / "results").iterdir())}
 
@@ -87,28 +87,28 @@ def test_a_finished_run_is_one_data_frame_with_what_the_lines_say(place: Path) -
     assert json.loads(frame["versions"].iloc[0]) == {"sumo": "1.28.0"}
 
 
-def test_shards_are_written_while_rows_come_in_and_the_rest_at_the_end(tmp_path: Path) -> None:
+def test_pieces_are_written_while_rows_come_in_and_the_rest_at_the_end(tmp_path: Path) -> None:
     with opened(tmp_path) as folder:
         for number in range(AT_ONCE - 1):
             folder.append(row(number))
         assert not (tmp_path / "results").exists()
         folder.append(row(AT_ONCE - 1))
-        assert list(shards(tmp_path)) == ["part-00000.parquet"]
+        assert list(pieces(tmp_path)) == ["part-00000.parquet"]
         folder.append(row(AT_ONCE))
-        assert list(shards(tmp_path)) == ["part-00000.parquet"]
-    assert list(shards(tmp_path)) == ["part-00000.parquet", "part-00001.parquet"]
+        assert list(pieces(tmp_path)) == ["part-00000.parquet"]
+    assert list(pieces(tmp_path)) == ["part-00000.parquet", "part-00001.parquet"]
 
 
-def test_going_on_keeps_full_shards_and_makes_the_last_one_again(place: Path) -> None:
-    before = shards(place)
+def test_going_on_keeps_full_pieces_and_makes_the_last_one_again(place: Path) -> None:
+    before = pieces(place)
     with opened(place) as folder:
         folder.append(row(7))
-    after = shards(place)
+    after = pieces(place)
     assert [name for name in before if after[name] == before[name]] == ["part-00000.parquet", "part-00001.parquet"]
     assert len(pd.read_parquet(place / "results")) == 8
 
 
-def test_an_interrupted_run_leaves_whole_shards_and_the_next_one_completes_them(place: Path) -> None:
+def test_an_interrupted_run_leaves_whole_pieces_and_the_next_one_completes_them(place: Path) -> None:
     folder = opened(place)
     folder.append(row(7))
     folder.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
@@ -127,11 +127,11 @@ def deleted_line(place: Path) -> None:
     (place / "results.jsonl").write_bytes(b"".join(lines[1:]))
 
 
-def foreign_shard(place: Path) -> None:
+def foreign_piece(place: Path) -> None:
     pd.DataFrame({"score": [1.0, 1.0, 1.0]}).to_parquet(place / "results" / "part-00000.parquet")
 
 
-def forged_shard(place: Path) -> None:
+def forged_piece(place: Path) -> None:
     path = place / "results" / "part-00000.parquet"
     table = pq.read_table(path)
     at = table.schema.get_field_index("score")
@@ -139,7 +139,7 @@ def forged_shard(place: Path) -> None:
     pq.write_table(forged.replace_schema_metadata(table.schema.metadata), path)
 
 
-def swapped_shards(place: Path) -> None:
+def swapped_pieces(place: Path) -> None:
     os.replace(place / "results" / "part-00001.parquet", place / "results" / "part-00000.parquet")
 
 
@@ -162,7 +162,7 @@ def a_bit_fell_over(place: Path) -> None:
 
 
 OF_LINES = (changed_line, deleted_line)
-DAMAGES = (*OF_LINES, foreign_shard, forged_shard, swapped_shards, no_parquet, cut_short, a_bit_fell_over)
+DAMAGES = (*OF_LINES, foreign_piece, forged_piece, swapped_pieces, no_parquet, cut_short, a_bit_fell_over)
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
@@ -172,10 +172,10 @@ def test_the_same_command_makes_them_again(damage: Callable[[Path], None], place
         pass
     rows = truth(place)
     assert pd.read_parquet(place / "results")["score"].tolist() == [each.score for each in rows]
-    assert list(shards(place)) == [f"part-{n:05}.parquet" for n in range(-(-len(rows) // AT_ONCE))]
+    assert list(pieces(place)) == [f"part-{n:05}.parquet" for n in range(-(-len(rows) // AT_ONCE))]
 
 
-def test_shards_that_cannot_be_written_are_an_error_in_one_line(tmp_path: Path) -> None:
+def test_pieces_that_cannot_be_written_are_an_error_in_one_line(tmp_path: Path) -> None:
     folder = opened(tmp_path)
     (tmp_path / "results").touch()
     with pytest.raises(RunFolderError, match="cannot write the run folder"):
