@@ -12,7 +12,6 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from msgspec import structs
@@ -24,28 +23,21 @@ from interplan_sumo.batch.jobs import Job, matching
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import DriveAnswer, Fault, JobKey, Row
+from interplan_sumo.batch.row_check import Remade, RowCheck, Verdict, compared
 from interplan_sumo.batch.run import RunProgress, here
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import own_scenarios
 from interplan_sumo.batch.tasks import Task
-from interplan_sumo.batch.trace_difference import TraceDifference, difference
+from interplan_sumo.batch.trace_difference import difference
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types
 from interplan_sumo.batch.verified import Means, VerifiedRow, keep_verified
-from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.metrics.profile import stored_profile
-from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.planner import find_planner
-from interplan_sumo.planner_source import PlannerSource
 from interplan_sumo.scenario.files import MAPS
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.world.trace import Trace, read_plans
-
-SCORE_BAR = 1e-6
-"""Scores, 0 to 1, this close are equal."""
-
-Verdict = Literal["equal", "differs", "unverifiable"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,40 +52,6 @@ class RowSample:
     """Only ids that match one of these globs; none means all."""
     planners: tuple[str, ...] = ()
     """Only these, as the run was asked for them; none means all."""
-
-
-@dataclass(frozen=True, slots=True)
-class RowCheck:
-    """How one row fared."""
-
-    row: Row
-    verdict: Verdict
-    reason: str
-    """Why it differs or cannot be verified; a remark where it is equal; may be empty."""
-    trace_hash: str | None = None
-    """Of the drive made now, as `score`."""
-    score: float | None = None
-    difference: TraceDifference | None = None
-    """None where the traces agree, or where one of them is missing."""
-
-    @property
-    def within_bars(self) -> bool:
-        """Whether it differs by less than two machines may: 1 mm, and 1e-6 in the score."""
-        then = self.row.score
-        scored = self.score is not None and then is not None and abs(self.score - then) <= SCORE_BAR
-        return self.verdict == "differs" and self.difference is not None and self.difference.within_bar and scored
-
-    @property
-    def changed_versions(self) -> dict[str, tuple[str, str]]:
-        """What has another version now than when the row was driven: name -> (then, now); planners by their hash."""
-        then, now = dict(self.row.versions), _versions()
-        if self.row.planner_hash is not None:
-            then["planner"], now["planner"] = self.row.planner_hash[:12], _planner_hash(self.row.planner)[:12]
-        return {
-            name: (then.get(name, "none"), now.get(name, "none"))
-            for name in {**then, **now}
-            if then.get(name) != now.get(name)
-        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,17 +129,6 @@ def note_verified(found: Verification) -> None:
     """Keep in the run folder which of its rows came again; RunFolderError if it cannot be written."""
     equal = [VerifiedRow.of(check.row, found.means) for check in found.checks if check.verdict == "equal"]
     keep_verified(found.run.path, equal, [check.row.key for check in found.checks if check.verdict == "differs"])
-
-
-def _planner_hash(spec: str) -> str:
-    try:
-        return PlannerSource.of(spec).hash
-    except InputError:
-        return "none"
-
-
-def _versions() -> dict[str, str]:
-    return versions() | {"scoring": str(SCORING_VERSION)}
 
 
 def _candidates(run: StoredRun, sample: RowSample) -> list[JobKey]:
@@ -278,58 +225,24 @@ def _check(
     run: StoredRun, row: Row, answer: DriveAnswer, fault: Fault | None, scratch: Path, with_planner: bool
 ) -> RowCheck:
     """Hold a drive made again against its row and its stored trace."""
-    score = None if answer.sheet is None else answer.sheet.score
-    check = RowCheck(row, "equal", "", answer.trace_hash, score)
-    if row.fault and not with_planner and (fault is None or fault.kind == "planner"):
-        # Only the planner could fail again. It has its zero; what is to be seen is that it drove until then.
-        same = answer.trace_hash == row.trace_hash
-        reason = f"its drive until the {row.fault.kind} fault" if same else "another drive than until its fault"
-        return replace(check, verdict="equal" if same else "differs", reason=reason)
-    if row.fault or fault or score is None or row.score is None:
-        reason = _fault_differs(row.fault, fault)
-        same = f"the same {row.fault.kind} fault" if row.fault else ""
-        return replace(check, verdict="differs" if reason else "equal", reason=reason or same)
-    agrees = answer.trace_hash == row.trace_hash
+    check = compared(row, Remade.of(answer, fault), with_planner=with_planner)
+    if row.fault or fault or check.score is None:
+        return check
     stored, problem = _stored_trace(run, row)
-    if not agrees:
+    if check.trace_hash != row.trace_hash:
         if stored is None or answer.trace is None:
-            return replace(check, verdict="differs", reason=problem)
+            return replace(check, reason=problem)
         parted = difference(stored, Trace.read(scratch / answer.trace))
         said = "" if parted else "the drive repeats its trace file exactly: the hash in results.jsonl was changed"
-        return replace(check, verdict="differs", reason=said, difference=parted)
+        return replace(check, reason=said, difference=parted)
     if stored is not None and stored.hash() != row.trace_hash:
         return replace(
             check, verdict="differs", reason="the drive repeats its hash, its trace file does not: it was changed"
         )
-    if stored is None and problem:
+    if check.verdict == "equal" and stored is None:
         missing = not (run.path / (row.trace or "?")).is_dir()
         return replace(check, verdict="equal" if missing else "differs", reason=problem)
-    if abs(score - row.score) > SCORE_BAR:
-        return replace(check, verdict="differs", reason=f"the same drive, but its score was {row.score:.6f}")
-    if (name := _other_metric(row, answer)) is not None:
-        return replace(check, verdict="differs", reason=f"the same drive and score, but its metric {name} was another")
     return check
-
-
-def _other_metric(row: Row, answer: DriveAnswer) -> str | None:
-    """A metric that the row has otherwise; None if there is none."""
-    now = {} if answer.sheet is None else answer.sheet.metrics
-    for name in {**row.metrics, **now}:
-        if name not in row.metrics or name not in now:
-            return name
-        one, other = row.metrics[name].score, now[name].score
-        if (one is None) != (other is None) or (one is not None and other is not None and abs(one - other) > SCORE_BAR):
-            return name
-    return None
-
-
-def _fault_differs(then: Fault | None, now: Fault | None) -> str:
-    """What is different about two endings of which at least one is a fault; empty if they are of one class."""
-    if now is None:
-        return f"it ended in a {then.kind} fault then and does not now: {then.message}" if then else ""
-    if then is None:
-        return f"now it ends in a {now.kind} fault: {now.message}"
-    return "" if then.kind == now.kind else f"a {then.kind} fault then, a {now.kind} fault now: {now.message}"
 
 
 def _stored_trace(run: StoredRun, row: Row) -> tuple[Trace | None, str]:

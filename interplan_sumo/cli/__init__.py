@@ -20,6 +20,7 @@ from interplan_sumo.cli.certify import certify
 from interplan_sumo.cli.dataset import dataset_app
 from interplan_sumo.cli.export import export
 from interplan_sumo.cli.generate import generate
+from interplan_sumo.cli.hand_in import judge, leaderboard, submit
 from interplan_sumo.cli.llm import llm_app
 from interplan_sumo.cli.maps import maps_app
 from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, OUR_FAULT, JsonOption, naming
@@ -37,6 +38,9 @@ app = typer.Typer(name="interplan-sumo", rich_markup_mode="rich", **LOOKS)
 app.add_typer(runs.app)
 app.command()(sweep)
 app.command()(verify)
+app.command()(submit)
+app.command()(judge)
+app.command()(leaderboard)
 app.command()(export)
 app.command()(replay)
 app.add_typer(dataset_app, name="dataset")

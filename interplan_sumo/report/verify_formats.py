@@ -8,7 +8,8 @@ from typing import Any, Final
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from interplan_sumo.batch.verify import RowCheck, Verification
+from interplan_sumo.batch.row_check import RowCheck
+from interplan_sumo.batch.verify import Verification
 from interplan_sumo.report.text import drive_name, figure, grid, points
 
 WORDS = ("scenario", "planner", "verdict", "differs from")

@@ -33,6 +33,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats, Ints, box_corners, frozen
+from interplan_sumo.world.plans import PLAN_COLUMNS, plan_table, plans_of
 from interplan_sumo.world.signals import Signals, SignalStatus
 from interplan_sumo.world.trajectory import Trajectory
 
@@ -47,7 +48,6 @@ ACTOR_COLUMNS = ("frame", "track_token", "type", "x", "y", "heading", "length", 
 SEEN_COLUMNS = ACTOR_COLUMNS[:-1]
 WITHOUT_EGO = "ax_without_ego"
 SIGNAL_COLUMNS = ("frame", "lane_connector_id", "status")
-PLAN_COLUMNS = ("frame", "time_s", "x", "y", "heading")
 SEEN_BEFORE = 20
 """Frames before the first that `Trace.seen` holds: as many as a planner looks back."""
 _NOT_HASHED = frozenset({"plan_wall_s", WITHOUT_EGO})
@@ -294,21 +294,7 @@ class Trace:
                 "status": status[np.concatenate([s.status for s in self.signals] or [np.zeros(0, np.int8)])],
             }
         )
-        lengths = [len(p) for p in self.plans]
-
-        def stacked(name: str) -> Floats:
-            return np.concatenate([getattr(p, name) for p in self.plans] or [np.zeros(0)])
-
-        plans = pd.DataFrame(
-            {
-                "frame": np.repeat(np.arange(len(self.plans)), lengths).astype(np.int64),
-                "time_s": stacked("time_s"),
-                "x": stacked("x_m"),
-                "y": stacked("y_m"),
-                "heading": stacked("heading_rad"),
-            }
-        )
-        tables = {"ego": ego, "actors": self.actors.to_frame(), "signals": signals, "plans": plans}
+        tables = {"ego": ego, "actors": self.actors.to_frame(), "signals": signals, "plans": plan_table(self.plans)}
         if self.seen is not None:
             seen = self.seen.to_frame()[list(SEEN_COLUMNS)]
             tables["seen"] = seen.assign(frame=seen["frame"] - SEEN_BEFORE)
@@ -376,10 +362,13 @@ def read_plans(folder: Path) -> tuple[Trajectory, ...]:
     """The plans of a trace alone, frame by frame; InputError as from `Trace.read`."""
     rows = _read_table(folder, "plans", PLAN_COLUMNS)
     with _blamed(folder, "plans"):
-        frame = rows["frame"].to_numpy()
-        split = np.searchsorted(frame, np.arange(int(frame[-1]) + 2 if len(frame) else 1))
-        columns = [rows[name].to_numpy(np.float64) for name in PLAN_COLUMNS[1:]]
-        return tuple(Trajectory(*(column[a:b] for column in columns)) for a, b in pairwise(split))
+        return plans_of(rows)
+
+
+def write_plans(plans: Sequence[Trajectory], folder: Path) -> None:
+    """Write the plans of a trace alone."""
+    folder.mkdir(parents=True, exist_ok=True)
+    plan_table(plans).to_parquet(folder / "plans.parquet", index=False, compression="zstd")
 
 
 def _read_table(folder: Path, name: str, columns: Sequence[str]) -> pd.DataFrame:

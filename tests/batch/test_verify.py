@@ -16,11 +16,12 @@ from msgspec import structs
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Fault, Row
 from interplan_sumo.batch.results import write_rows
+from interplan_sumo.batch.row_check import SCORE_BAR, RowCheck
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.trace_difference import POSITION_BAR_M, TraceDifference, difference
 from interplan_sumo.batch.verified import verified_rows
-from interplan_sumo.batch.verify import SCORE_BAR, RowCheck, RowSample, Verification, note_verified, verify
+from interplan_sumo.batch.verify import RowSample, Verification, note_verified, verify
 from interplan_sumo.errors import InputError, PlannerLoadError, RunFolderError, UnknownNameError
 from interplan_sumo.report.table import make_table
 from interplan_sumo.resources import routes_root
@@ -234,7 +235,8 @@ def test_rows_without_a_score_are_left_out_and_counted(copy: Path) -> None:
 def test_other_versions_are_named(copy: Path) -> None:
     changes = {"planner_hash": "0" * 64}
     rewritten(copy, lambda row: structs.replace(row, versions=row.versions | {"sumo": "1.20.0"}, **changes))
-    still, other = checked(copy, STRAIGHT).checks
+    assert "planner" not in checked(copy, STRAIGHT).checks[1].changed_versions
+    still, other = checked(copy, STRAIGHT, with_planner=True).checks
     assert still.changed_versions == {}
     assert other.changed_versions.keys() == {"sumo", "planner"}
     assert other.changed_versions["sumo"][0] == "1.20.0"

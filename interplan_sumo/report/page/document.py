@@ -77,6 +77,12 @@ def _links(
     return found
 
 
+def drive_links(drives: Sequence[ShownDrive], page: Path | None) -> dict[str, list[tuple[str, str]]]:
+    """Of each drive, by anchor, the replays beside where a page lies: file and what it shows."""
+    folder = None if page is None else replays_folder(page)
+    return _links(drives, {file.name for file in folder.glob("*.html")} if folder is not None else set(), folder)
+
+
 def _make(drive: ShownDrive, runs: Sequence[StoredRun], folder: Path | None) -> str:
     """The command that makes the replay of a drive; nothing where it is not known which run it is of."""
     run = next((run for run in runs if (drive.scenario, drive.planner, drive.seed) in run.rows), None)
