@@ -343,9 +343,9 @@ def test_a_second_run_on_the_folder_is_refused_and_ctrl_c_leaves_one_that_goes_o
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     place = tmp_path / "run"
-    arguments = ("run", "--planner", SLOW, "--limit", 1, "--seeds", 2, "--workers", 1, "--out", place)
-    with started(place, *arguments) as process:
-        code, _, err = ran(capsys, *arguments, "--quiet")
+    arguments = ("run", "--planner", SLOW, "--limit", 1, "--seeds", 2, "--out", place)
+    with started(place, *arguments, "--workers", 1) as process:
+        code, _, err = ran(capsys, *arguments, "--workers", 0, "--quiet")
         assert code == 2
         assert f"in use by another run (process {process.pid})" in err
         process.send_signal(signal.SIGINT)
@@ -354,7 +354,7 @@ def test_a_second_run_on_the_folder_is_refused_and_ctrl_c_leaves_one_that_goes_o
     assert "stopped; what was done is kept. Go on with: interplan-sumo run --planner" in err
     before = hashes(read_run(place))
     assert len(before) == 1
-    assert ran(capsys, *arguments, "--quiet")[0] == 0
+    assert ran(capsys, *arguments, "--workers", 0, "--quiet")[0] == 0
     after = hashes(read_run(place))
     assert len(after) == 2
     assert before.items() <= after.items()

@@ -11,13 +11,13 @@ import pytest
 import typer
 from docs_pages import Block, blocks_of, commands_of, drive_page, mentions_of
 
-from interplan_sumo.cli import app
+from interplan_sumo.cli import command_line
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 INDEX = ROOT / "docs" / "README.md"
 RUNNING = [page for page in PAGES if any(block.runs for block in blocks_of(page))]
-QUICK = [page for page in RUNNING if page.stem in ("gym", "language_models")]
+QUICK = [page for page in RUNNING if page.stem == "language_models"]
 """Whose blocks run every time, but for those that are marked; all run among the slow tests, and always in CI."""
 
 USAGE_ERROR: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
@@ -31,7 +31,7 @@ def _name(page: Path) -> str:
 
 def problem_with(words: list[str]) -> str | None:
     """Why the command line would refuse these words; None if it takes them."""
-    command: Any = typer.main.get_command(app)
+    command: Any = command_line()
     try:
         context = command.make_context("interplan-sumo", list(words), obj=[])
         while hasattr(context.command, "resolve_command"):

@@ -10,7 +10,8 @@ import errno
 import os
 import sys
 from collections.abc import Sequence
-from typing import Annotated
+from functools import cache
+from typing import Annotated, Any
 
 import typer
 
@@ -70,6 +71,12 @@ WANTS = {
 """What a command that the system refuses something needs."""
 
 
+@cache
+def command_line() -> Any:
+    """All commands, put together once: that takes longer than most of them take to refuse a word."""
+    return typer.main.get_command(app)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code. The one place where errors become a line on stderr."""
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -77,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if os.getcwd() not in sys.path:  # planners of the folder one works in; last, so that nothing there hides a library
         sys.path.append(os.getcwd())
     try:
-        code = app(args=given, prog_name="interplan-sumo", standalone_mode=False, obj=given)
+        code = command_line()(args=given, prog_name="interplan-sumo", standalone_mode=False, obj=given)
         sys.stdout.flush()
         return int(code or DONE)
     except _UsageError as error:

@@ -30,7 +30,9 @@ def naming(option: str, names: Callable[[], Iterable[str]]) -> type[TyperCommand
             for parameter in self.params:
                 if parameter.name == option:
                     said: str = getattr(parameter, "help", None) or ""
-                    setattr(parameter, "help", f"{', '.join(names())}. {said}".strip())  # noqa: B010 (typed as a base)
+                    known = f"{', '.join(names())}."
+                    if not said.startswith(known):  # help may be asked for again
+                        setattr(parameter, "help", f"{known} {said}".strip())  # noqa: B010 (typed as a base)
             super().format_help(ctx, formatter)
 
     return Naming

@@ -75,6 +75,12 @@ def lit(folder: Path, kind: str = "static", change: Callable[[str], str] | None 
     return path
 
 
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Imported:
+    """The crossing under a light as it is; not to be changed."""
+    return Imported.of(lit(tmp_path_factory.mktemp("plain")))
+
+
 def second(programs: str) -> str:
     """With another program, which skips a phase."""
     phases = '<phase duration="9" state="{}" next="1"/><phase duration="3" state="{}" name="all red" next="0"/>'
@@ -201,14 +207,13 @@ def other_phase(program: SignalProgram, **changes: Any) -> SignalProgram:
     ],
 )
 def test_the_check_names_what_differs_in_a_program(
-    change: Callable[[SignalProgram], SignalProgram], said: str, tmp_path: Path
+    change: Callable[[SignalProgram], SignalProgram], said: str, plain: Imported
 ) -> None:
-    made_map = Imported.of(lit(tmp_path))
-    source = read_sumo_network(made_map.source)
-    assert made_map.against(source).problems == ()
+    source = read_sumo_network(plain.source)
+    assert plain.against(source).problems == ()
     (signal,) = source.signals
     changed = replace(signal, programs=tuple(map(change, signal.programs)))
-    problems = made_map.against(replace(source, signals=(changed,))).problems
+    problems = plain.against(replace(source, signals=(changed,))).problems
     assert problems
     assert {problem.kind for problem in problems} == {"signal"}
     assert any(said in problem.message for problem in problems)
