@@ -49,7 +49,7 @@ def branch(x_m: float, y_m: float, yaw: float = 0.0, steps: int = 16) -> Any:
 
 def test_the_expert_is_near_a_branch_of_both_stages(tiny_data: Dataset) -> None:
     recipe = find_recipe("dtpp")
-    held = read_samples(tiny_data, "train", recipe).columns
+    held = read_samples(tiny_data, "val", recipe).columns
     made, shown = recipe.targets(held), recipe.inputs(held)
     future, rows = held["ego_future"], np.arange(len(held["ego_future"]))
     assert made["teaches"][:, 0].mean() > 0.6

@@ -17,7 +17,7 @@ from interplan_learned.gc_pgp import sizes as gc_pgp_sizes
 from interplan_sumo import tiny_worlds
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.errors import InputError
-from tools.train.data import Balanced, held_out_split, read_samples
+from tools.train.data import Balanced, Samples, held_out_split, read_samples
 from tools.train.recipe import Recipe, fields_of, find_recipe, recipe_names
 
 if TYPE_CHECKING:
@@ -134,34 +134,39 @@ def test_a_trained_planner_drives_from_its_card(tiny_folder: Path, tmp_path: Pat
     assert planner.report()["network"]["options"]["history_s"] == 0.0
 
 
-@pytest.fixture(params=recipe_names())
+@pytest.fixture(params=recipe_names(), scope="module")
 def recipe(request: pytest.FixtureRequest) -> Recipe:
     return find_recipe(request.param)
 
 
-def test_what_stays_in_memory_gives_the_same_inputs_as_everything(recipe: Recipe, tiny_data: Dataset) -> None:
+@pytest.fixture(scope="module")
+def held(recipe: Recipe, tiny_data: Dataset) -> Samples:
+    """Samples as this recipe keeps them; not to be changed."""
+    return read_samples(tiny_data, "val", recipe)
+
+
+def test_what_stays_in_memory_gives_the_same_inputs_as_everything(
+    recipe: Recipe, held: Samples, tiny_data: Dataset
+) -> None:
     everything = tiny_data.split("val").shard(0, fields_of(recipe))
-    kept = read_samples(tiny_data, "val", recipe).columns
     again = recipe.inputs(recipe.keep(everything, tiny_data))
-    for name, values in recipe.inputs(kept).items():
+    for name, values in recipe.inputs(held.columns).items():
         assert len(values) == len(everything["ego_future"])
         np.testing.assert_array_equal(values, again[name])
 
 
-def test_inputs_are_finite_and_of_one_sample_as_of_many(recipe: Recipe, tiny_data: Dataset) -> None:
-    samples = read_samples(tiny_data, "val", recipe)
-    together = recipe.inputs(samples.columns)
-    alone = recipe.inputs(samples.picked(np.array([3])))
+def test_inputs_are_finite_and_of_one_sample_as_of_many(recipe: Recipe, held: Samples) -> None:
+    together = recipe.inputs(held.columns)
+    alone = recipe.inputs(held.picked(np.array([3])))
     for name, values in together.items():
         assert np.isfinite(values.astype(np.float64)).all(), name
         np.testing.assert_allclose(alone[name][0], values[3], atol=1e-6, err_msg=name)
 
 
-def test_steps_of_training_reach_the_weights_and_lower_the_loss(recipe: Recipe, tiny_data: Dataset) -> None:
+def test_steps_of_training_reach_the_weights_and_lower_the_loss(recipe: Recipe, held: Samples) -> None:
     from tools.train.loop import batch_of
 
-    samples = read_samples(tiny_data, "train", recipe)
-    rows = recipe.augmented(samples.picked(np.arange(0, len(samples), 7)), np.random.default_rng(0))
+    rows = recipe.augmented(held.picked(np.arange(len(held))), np.random.default_rng(0))
     torch.manual_seed(0)
     model, batch, losses = recipe.make_model(), batch_of(recipe, rows), list[float]()
     rule = torch.optim.AdamW(model.parameters(), lr=3e-3)
@@ -178,18 +183,17 @@ def test_steps_of_training_reach_the_weights_and_lower_the_loss(recipe: Recipe, 
 
 
 def test_plans_have_sixteen_poses_alone_as_among_others_and_onnx_gives_the_same(
-    recipe: Recipe, tiny_data: Dataset, tmp_path: Path
+    recipe: Recipe, held: Samples, tmp_path: Path
 ) -> None:
     pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
     from tools.train.loop import batch_of
     from tools.train.onnx_export import export_graphs, round_to_half
 
-    samples = read_samples(tiny_data, "val", recipe)
     torch.manual_seed(0)
     model = recipe.make_model().eval()
     round_to_half(model)
-    batch = batch_of(recipe, samples.picked(np.arange(4)))
+    batch = batch_of(recipe, held.picked(np.arange(4)))
     with torch.no_grad():
         plans = recipe.poses(model, batch)
         alone = recipe.poses(model, {name: values[2:3] for name, values in batch.items()})
@@ -199,8 +203,8 @@ def test_plans_have_sixteen_poses_alone_as_among_others_and_onnx_gives_the_same(
     assert sum((tmp_path / each.file).stat().st_size for each in graphs.values()) < 4 << 20
 
 
-def test_equal_seeds_give_equal_augmented_samples(recipe: Recipe, tiny_data: Dataset) -> None:
-    columns = read_samples(tiny_data, "val", recipe).columns
+def test_equal_seeds_give_equal_augmented_samples(recipe: Recipe, held: Samples) -> None:
+    columns = held.columns
     before = {name: values.copy() for name, values in columns.items()}
     one, other = (recipe.augmented(columns, np.random.default_rng(5)) for _ in range(2))
     for name in columns:
