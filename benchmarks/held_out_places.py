@@ -17,21 +17,21 @@ from interplan_sumo.realism.comparison import FEWEST, realism_report, recorded_p
 from interplan_sumo.realism.distances import kolmogorov_smirnov
 from interplan_sumo.realism.features import FEATURES, FeatureSamples, feature_samples
 from interplan_sumo.realism.plain_traffic import plain_traffic
-from interplan_sumo.realism.tracker_noise import TrackerNoise
 from interplan_sumo.realism.tracks import RecordedTraffic, open_recordings
+from interplan_sumo.realism.views import views_of
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types
 
 
 def driven_without(place: str, recordings: list[RecordedTraffic], limits_mps: dict[str, float]) -> FeatureSamples:
-    """Plain traffic of drivers fitted to all places but one."""
+    """Plain traffic of drivers fitted to all places but one, seen as that one was recorded."""
     others = [each for each in recordings if each.place != place]
     known = {each.place for each in others}
     options = CalibrationOptions(limits_mps={name: mps for name, mps in limits_mps.items() if name in known})
-    noise = TrackerNoise.of(others)
+    views = views_of(each for each in recordings if each.place == place)
     with TemporaryDirectory() as folder:
         file = Path(folder) / "drivers.xml"
         file.write_text(calibrated(others, options).text(), encoding="utf-8")
-        return feature_samples(map(noise.on, plain_traffic(read_vehicle_types(file), place)))
+        return feature_samples(plain_traffic(read_vehicle_types(file), place, views))
 
 
 def main() -> None:

@@ -73,6 +73,7 @@ def realism(
     from interplan_sumo.realism.sources import named_sources
     from interplan_sumo.realism.tracker_noise import TrackerNoise
     from interplan_sumo.realism.tracks import open_recordings
+    from interplan_sumo.realism.views import views_of
     from interplan_sumo.report.printing import console, print_json
 
     if plot is not None:
@@ -93,11 +94,12 @@ def realism(
     drivers = [Baseline(str(path), file) for path, file in files.items() if is_vehicle_types(file)]
     sources = named_sources([path for path, file in files.items() if not is_vehicle_types(file)], types)
     simulations = {each.name: feature_samples(each.parts(noise)) for each in sources}
-    simulations |= simulated_baselines(drivers, noise, say)
+    views = views_of(recordings) if drivers or baselines else ()
+    simulations |= simulated_baselines(drivers, views, say)
     beside = {}
     if baselines:
         with shipped_baselines() as shipped:
-            beside = simulated_baselines(shipped, noise, say)
+            beside = simulated_baselines(shipped, views, say)
     report = realism_report(simulations, recordings, beside, noise)
     if html is not None:
         from interplan_sumo.realism.page import write_realism_page

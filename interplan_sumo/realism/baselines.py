@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 from interplan_sumo.errors import TrafficError
 from interplan_sumo.realism.features import FeatureSamples, feature_samples
 from interplan_sumo.realism.plain_traffic import plain_traffic
-from interplan_sumo.realism.tracker_noise import TrackerNoise
+from interplan_sumo.realism.views import RecordedView
 from interplan_sumo.resources import routes_root
 from interplan_sumo.simulation.vehicle_type_effects import car_following_models
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types
@@ -55,9 +55,9 @@ def _of_model(folder: Path, model: str) -> Baseline:
 
 
 def simulated_baselines(
-    baselines: Sequence[Baseline], noise: TrackerNoise, say: Callable[[str], None], seed: int = 0
+    baselines: Sequence[Baseline], views: Sequence[RecordedView], say: Callable[[str], None], seed: int = 0
 ) -> dict[str, FeatureSamples]:
-    """The features of the plain traffic of each, shaken as recordings are, by name.
+    """The features of the plain traffic of each, seen as recordings see theirs, by name.
 
     One that SUMO fails with is left out, and `say` is told.
 
@@ -68,7 +68,7 @@ def simulated_baselines(
     for number, (each, drivers) in enumerate(zip(baselines, types, strict=True), start=1):
         say(f"simulating {number} of {len(baselines)}: {each.name}")
         try:
-            found[each.name] = feature_samples(map(noise.on, plain_traffic(drivers, each.name, seed)))
+            found[each.name] = feature_samples(plain_traffic(drivers, each.name, views, seed))
         except TrafficError as error:
             say(f"warning: {each.name} is left out: {error}")
     return found

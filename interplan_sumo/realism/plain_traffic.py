@@ -2,13 +2,14 @@
 
 Vehicles come in at every end of the network, as a Poisson process, and take shortest ways to other ends, through
 lights, turns and queues; who comes when and where, and the order of drivers, depend on the seed only. Nothing but SUMO
-moves them, as in a SUMO user's own simulation with --lanechange.duration 3.
+moves them, as in a SUMO user's own simulation with --lanechange.duration 3. What is seen of it is what recordings would
+see.
 """
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.realism.tracks import RecordedTraffic, Track
+from interplan_sumo.realism.views import RecordedView, looked_at, signalled_junctions
 from interplan_sumo.simulation.network import NetworkLane, SumoNetwork, read_network
 from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, open_simulation, sumo
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
@@ -45,10 +47,14 @@ class _Arrival:
     driver: VehicleType
 
 
-def plain_traffic(types: VehicleTypes, name: str, seed: int = 0) -> Iterator[RecordedTraffic]:
-    """The traffic of each of `NETWORKS` with drivers of a file; TrafficError if SUMO fails."""
-    for network in NETWORKS:
-        yield traffic_on(read_network(find_map(network).network), types, f"{name} {network}", seed)
+def plain_traffic(
+    types: VehicleTypes, name: str, views: Sequence[RecordedView], seed: int = 0
+) -> Iterator[RecordedTraffic]:
+    """What recordings would see at the lights of `NETWORKS` of the drivers of a file; TrafficError if SUMO fails."""
+    for each in NETWORKS:
+        network = read_network(find_map(each).network)
+        traffic = traffic_on(network, types, f"{name} {each}", seed)
+        yield from looked_at(traffic, signalled_junctions(network), views, seed)
 
 
 def traffic_on(
