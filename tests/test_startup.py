@@ -30,3 +30,8 @@ def test_help_needs_no_arrays() -> None:
 def test_lists_need_nothing_that_drives_learns_or_draws() -> None:
     run(("pyproj", *HEAVY), "planners list")
     run(HEAVY, "scenarios list", "maps list", "maps list --json")
+
+
+def test_a_run_waits_for_neither_sumo_nor_pandas_before_its_workers_start() -> None:
+    code = "import sys, interplan_sumo.batch.run; print([m for m in ('libsumo', 'pandas') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-import pandas as pd
-
 from interplan_sumo.batch.run_folder import slug
 from interplan_sumo.errors import InputError, RunFolderError
 from interplan_sumo.maps.store import load_roads
@@ -61,6 +59,8 @@ def own_expert(scenario: Scenario, run_folder: Path) -> EgoTrack:
     """
     path = _path(scenario, run_folder)
     if path.is_file():
+        import pandas as pd  # half a second that only those who read tracks should wait
+
         try:
             return EgoTrack.from_frame(pd.read_parquet(path), PACIFICA)
         except Exception as error:  # pyarrow has many

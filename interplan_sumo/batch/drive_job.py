@@ -33,7 +33,6 @@ from interplan_sumo.planner_process.process import PlannerLimits, PlannerProcess
 from interplan_sumo.planner_seat import InProcess, PlannerSeat
 from interplan_sumo.planner_source import PlannerSource, changed_files
 from interplan_sumo.scenario.suite import expert
-from interplan_sumo.simulation.episode import EpisodeOptions, drive
 from interplan_sumo.world.files import PART
 from interplan_sumo.world.trace import Trace
 
@@ -76,6 +75,9 @@ def drive_jobs(settings: DriveSettings) -> OpenGroup:
 
 
 def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
+    # Only who drives waits for SUMO, half a second: a run whose workers do needs none in its own process.
+    from interplan_sumo.simulation.episode import EpisodeOptions, drive
+
     seat_of = _seats(settings, name)
     options = EpisodeOptions(vehicle_types=settings.options.traffic)
 
