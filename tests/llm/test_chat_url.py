@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from interplan_llm.models.chat_url import RETRY_AFTER_CAP_S, ChatUrl
+from interplan_llm.models.endpoint import Endpoint, address
 from interplan_llm.models.protocol import MAX_TEXT_BYTES, Capabilities, Cause, LanguageModel, ModelFailure
 from interplan_sumo.errors import InputError
 from tests.llm import chat_server
@@ -228,6 +229,21 @@ def test_the_key_goes_to_the_server_and_nowhere_else(
     assert all(headers["Authorization"] == f"Bearer {CANARY}" for headers in server.headers)
     for text in (*shown, caplog.text, *capfd.readouterr()):
         assert CANARY not in text
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-32-le"])
+def test_a_key_that_comes_back_in_disguise_is_kept_out_of_answers(encoding: str, server: ChatServer) -> None:
+    disguised = "".join(f"\\u{ord(each):04x}" for each in CANARY)
+    content = f'{{"a": "{disguised}", "{CANARY}": "{CANARY}"}}'.encode(encoding)
+    server.acts.append(chat_server.raw(content))
+    endpoint = Endpoint(address(server.url))
+    try:
+        assert endpoint.post("/chat/completions", {}, 5.0) == {"a": "[key]", "[key]": "[key]"}
+    except ModelFailure as failure:
+        assert encoding != "utf-8"
+        assert CANARY not in str(failure)  # noqa: PT017
+    finally:
+        endpoint.close()
 
 
 def test_openais_key_and_a_proxy_are_not_for_this_machine(server: ChatServer, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,18 +2,41 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
-from interplan_llm.models.endpoint import address, key_for, within
+from interplan_llm.models.endpoint import address, key_for, spelled, within
 from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
 
 BOTH = {"INTERPLAN_LLM_KEY": "ours", "OPENAI_API_KEY": "theirs"}
+
+
+KEY = 'sk-a/"b\\n1'
+BY_NUMBER = "".join(f"\\u{ord(character):04X}" for character in KEY)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [KEY, json.dumps(KEY)[1:-1], json.dumps(json.dumps(KEY)[1:-1])[1:-1], KEY.replace("/", "\\/"), BY_NUMBER,
+     BY_NUMBER.lower(), BY_NUMBER.replace("\\", "\\\\"), KEY.replace("s", "\\u0073")],
+)  # fmt: skip
+def test_a_key_is_found_however_json_spells_it(text: str) -> None:
+    assert spelled(KEY).sub("[key]", f'{{"a": "{text}."}}') == '{"a": "[key]."}'
+
+
+def test_what_is_no_key_stays_and_takes_no_time() -> None:
+    for text in ("sk-a/", KEY[:-1], KEY.upper(), BY_NUMBER[:-1]):
+        assert spelled(KEY).sub("[key]", text) == text
+    began_s = time.process_time()
+    assert spelled("/" + KEY).sub("", "\\" * 200_000) == "\\" * 200_000
+    assert time.process_time() - began_s < 2.0
 
 
 @pytest.mark.parametrize(("url", "key"), [

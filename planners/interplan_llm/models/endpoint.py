@@ -84,6 +84,16 @@ def key_for(where: Address, environment: Mapping[str, str] | None = None) -> str
     return key or None
 
 
+def spelled(key: str) -> re.Pattern[str]:
+    """A key, however JSON may spell it, also inside of JSON that is a text of JSON."""
+    return re.compile("".join(_spelled(character) for character in key))
+
+
+def _spelled(character: str) -> str:
+    plain = rf"\\{{0,8}}{re.escape(character)}" if character in '"\\/' else re.escape(character)
+    return rf"(?:{plain}|\\{{1,8}}u00(?i:{ord(character):02x}))"
+
+
 class Endpoint:
     """Posts JSON to one address and reads JSON back: no redirects, no repeats, no more bytes than an answer needs."""
 
@@ -95,7 +105,7 @@ class Endpoint:
         key = key_for(where)
         if key is not None:
             headers["Authorization"] = f"Bearer {key}"
-        self._secret = key
+        self._secret = None if key is None else spelled(key)
         try:
             self._http.URL(where.url)
         except self._http.InvalidURL as error:
@@ -111,7 +121,7 @@ class Endpoint:
         except self._http.RequestError as error:
             raise HttpFailure("connection", f"no connection to {self.where.url}: {self._told(str(error))}") from None
         try:
-            value = json.loads(content)
+            value = json.loads(content.decode("utf-8-sig"))  # bytes may be of encodings in which no key is found
         except (ValueError, RecursionError):
             raise HttpFailure("parse", f"{self.where.url} answered something that is not JSON") from None
         if not isinstance(value, dict):
@@ -144,7 +154,9 @@ class Endpoint:
         if size > MAX_TEXT_BYTES and response.status_code == self._http.codes.OK:
             raise HttpFailure("too_long", f"{self.where.url} answered more than {MAX_TEXT_BYTES} bytes")
         content = b"".join(parts)
-        return content.replace(self._secret.encode(), b"[key]") if self._secret else content
+        if self._secret is None:
+            return content
+        return self._secret.sub("[key]", content.decode("latin-1")).encode("latin-1")
 
     def _refusal(self, response: Any, content: bytes) -> HttpFailure:
         status = int(response.status_code)
@@ -159,7 +171,7 @@ class Endpoint:
     def _detail(self, content: bytes) -> str:
         """What an OpenAI-shaped error says, after a colon; empty if it says nothing."""
         try:
-            told = json.loads(content)["error"]
+            told = json.loads(content.decode("utf-8-sig"))["error"]
             text = told if isinstance(told, str) else told["message"]
         except (ValueError, RecursionError, LookupError, TypeError):
             return ""
@@ -167,8 +179,8 @@ class Endpoint:
 
     def _told(self, text: str) -> str:
         """Foreign text on one line, shortened and without the key."""
-        if self._secret:
-            text = text.replace(self._secret, "[key]")
+        if self._secret is not None:
+            text = self._secret.sub("[key]", text)
         line = " ".join(text.split())
         return line if len(line) <= _DETAIL_CHARS else f"{line[:_DETAIL_CHARS]}..."
 
