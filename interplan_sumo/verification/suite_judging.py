@@ -14,7 +14,8 @@ from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.certificates import Certificate, CertificateRecord
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.verification.certificates import passing_drive
-from interplan_sumo.verification.replay import reference_drive
+from interplan_sumo.verification.ordinary_types import shows_its_type
+from interplan_sumo.verification.replay import reference_drive, replay
 from interplan_sumo.verification.solvers import PANEL, solvers
 from interplan_sumo.verification.start_checks import start_problems
 from interplan_sumo.verification.suite_candidates import Candidate
@@ -38,7 +39,7 @@ class Verdict(msgspec.Struct, frozen=True):
     """What was found of a candidate."""
 
     stage: str
-    """At which check it failed: start, traffic, certificate, trivial, open, or a fault; '' if it is taken."""
+    """At which check it failed: start, traffic, certificate, type, trivial, open, or a fault; '' if it is taken."""
     reason: str = ""
     scenario: str = ""
     """Which of its scenes failed."""
@@ -68,6 +69,8 @@ def judged(candidate: Candidate) -> Verdict:
             proof = passing_drive(scenario, MOST_SIMULATIONS, reference)
             if proof.certificate is None:
                 return Verdict("certificate", "; ".join(proof.problems), scenario.id)
+            if candidate.slot.is_ordinary and not shows_its_type(scenario, replay(scenario, proof.certificate.track)):
+                return Verdict("type", f"the certificate shows nothing of {scenario.family}", scenario.id)
             certificates.insert(0, proof.certificate.record())
             met.insert(0, surrounding_traffic(reference))
     except (ScenarioError, TrafficError) as error:

@@ -1,35 +1,17 @@
-"""Stages a suite of ordinary driving as common==1 was: python -m tools.stage_common_suite FILE.yaml
-
-Scenes of the challenge types of nuPlan that are sound, certified, and show what they are named after.
-"""
+"""Ordinary types: does a drive through a scene show what its type of nuPlan's challenge is named after?"""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from itertools import chain, islice, zip_longest
-from pathlib import Path
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
-from interplan_sumo.families import names
-from interplan_sumo.families.generate import Search
-from interplan_sumo.maps.store import load_roads
-from interplan_sumo.scenario.certificates import Certificate
-from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.verification.certificates import certify
-from interplan_sumo.verification.ordinary_scenes import MAPS
-from interplan_sumo.verification.replay import replay
-from interplan_sumo.verification.start_checks import start_problems
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trace import Trace
 
-SEED: Final = 1
-TRIES_PER_MAP: Final = 12
 LEADER_M: Final = 40.0
 """A leader is nearer than this, bumper to bumper, and less than 2 m to the side."""
 FOLLOWING_FRAMES: Final = 30
@@ -39,53 +21,9 @@ TURN_RAD: Final = np.radians(50.0)
 FELT_MPS2: Final = 1.5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Staged:
-    """A scenario of the suite and its certificate."""
-
-    scenario: Scenario
-    certificate: Certificate
-
-
-def staged(kind: str, count: int = 4) -> list[Staged]:
-    """The first `count` scenes of a type that are sound, certified, and show what the type is about.
-
-    Goes round the districts, so that a type is on several where they have it.
-    """
-    found: list[Staged] = []
-    for candidate in _candidates(kind):
-        scenario = replace(candidate, id=f"{kind}/{len(found)}", family=kind)
-        if start_problems(scenario, load_roads(scenario.map, scenario.maps_beside)):
-            continue
-        verdict = certify(scenario)
-        if verdict.certificate is None:
-            continue
-        if shows(kind, scenario, replay(scenario, verdict.certificate.track)):
-            found.append(Staged(scenario, verdict.certificate))
-        if len(found) == count:
-            break
-    return found
-
-
-def write_ordinary_suite(path: Path) -> int:
-    """Stage all types anew and write their scenarios into one file; how many. For maintainers: it takes minutes."""
-    scenarios = [each.scenario for kind in names(ordinary=True) for each in staged(kind)]
-    write_scenarios(scenarios, path)
-    return len(scenarios)
-
-
-def _candidates(kind: str) -> Iterator[Scenario]:
-    per_map = [islice(Search(load_roads(name), kind, SEED), TRIES_PER_MAP) for name in MAPS]
-    rounds = zip_longest(*per_map)
-    return (scenario for scenario in chain.from_iterable(rounds) if scenario is not None)
-
-
-# --- what a type is about ------------------------------------------------------------------------
-
-
-def shows(kind: str, scenario: Scenario, trace: Trace) -> bool:
-    """Whether a drive through a scene has what the type is named after."""
-    return _SHOWS[kind](scenario, trace)
+def shows_its_type(scenario: Scenario, trace: Trace) -> bool:
+    """Whether a drive through a scene has what the scene's family is named after; families that are no type have it."""
+    return _SHOWS.get(scenario.family, _always)(scenario, trace)
 
 
 def _turned_rad(trace: Trace) -> float:
@@ -156,15 +94,9 @@ _SHOWS: Final[dict[str, Callable[[Scenario, Trace], bool]]] = {
     ),
     "high_magnitude_speed": lambda _, trace: float(trace.ego.vx_mps.max()) > 15.0,
     "low_magnitude_speed": lambda _, trace: float(trace.ego.vx_mps[0]) < 2.0,
-    "traversing_pickup_dropoff": _always,
     "waiting_for_pedestrian_to_cross": _waits_for_people,
     "behind_long_vehicle": _follows(LONG_M),
     "stationary_in_traffic": _stands_in_traffic,
     "near_multiple_vehicles": _crowded,
-    "changing_lane": _always,
     "following_lane_with_lead": _follows(0.0),
 }
-
-
-if __name__ == "__main__":
-    print(f"{write_ordinary_suite(Path(sys.argv[1]))} scenarios: {sys.argv[1]}")
