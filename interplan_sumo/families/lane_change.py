@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from math import inf
 from typing import Final
 
@@ -117,17 +117,29 @@ def _ways(roads: Roads, lane_id: str, at_m: float) -> Iterator[_Way]:
 
 def _starts(roads: Roads, goal: str, way: _Way) -> Iterator[StartLane]:
     """The lanes in the first block of a way where one must change in time, and all that is to change lies before."""
-    block, begins_m, ends_m = way[0]
+    _, begins_m, ends_m = way[0]
     route = tuple(each for each, _, _ in way)
-    need = lane_changes_needed(roads, route, goal)
     left_m = {each: end_m for each, _, end_m in way}
-    for lane in roads.roadblocks[block].lane_ids:
+    for lane, changes, last in _changing(roads, route, goal):
+        yield StartLane(route, lane, changes, begins_m, ends_m, left_m[roads[last].roadblock_id])
+
+
+@lru_cache(maxsize=10_000)
+def _changing(roads: Roads, route: tuple[str, ...], goal: str) -> tuple[tuple[str, int, str], ...]:
+    """Lanes in a route's first block from where one must change, how often, and the last lane for who does not.
+
+    Places on one lane share it: the same for all goals along that lane.
+    """
+    need = lane_changes_needed(roads, route, goal)
+    found: list[tuple[str, int, str]] = []
+    for lane in roads.roadblocks[route[0]].lane_ids:
         changes = need.get(lane, 0)
         if not 1 <= changes <= MOST_CHANGES:
             continue
         last = dead_end(roads, need, lane, roads[goal].roadblock_id)
         if last is not None and need[last] == _steps(roads, need, last):
-            yield StartLane(route, lane, changes, begins_m, ends_m, left_m[roads[last].roadblock_id])
+            found.append((lane, changes, last))
+    return tuple(found)
 
 
 def dead_end(roads: Roads, need: Mapping[str, int], lane: str, goal_block: str) -> str | None:
