@@ -23,6 +23,8 @@ from interplan_sumo.world.recording import Recording
 from tests.records import hashes
 from tests.scenario.made_recordings import recording, track
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -13,6 +13,8 @@ from interplan_sumo.world.ego import PACIFICA
 from tools.train.data import read_samples
 from tools.train.recipe import find_recipe
 
+pytestmark = pytest.mark.slow
+
 if TYPE_CHECKING:
     import torch
 

@@ -16,6 +16,8 @@ from interplan_sumo.features.view import EgoView
 from interplan_sumo.planner import Mission, Observation
 from tools.train.recipe import find_recipe
 
+pytestmark = pytest.mark.slow
+
 if TYPE_CHECKING:
     import torch
 

@@ -18,6 +18,8 @@ from interplan_sumo.dataset.reading import Dataset
 from tools.train.data import read_samples
 from tools.train.recipe import Recipe, find_recipe
 
+pytestmark = pytest.mark.slow
+
 if TYPE_CHECKING:
     import torch
 

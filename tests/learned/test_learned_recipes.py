@@ -20,6 +20,8 @@ from interplan_sumo.errors import InputError
 from tools.train.data import Balanced, Samples, held_out_split, read_samples
 from tools.train.recipe import Recipe, fields_of, find_recipe, recipe_names
 
+pytestmark = pytest.mark.slow
+
 if TYPE_CHECKING:
     import torch
 

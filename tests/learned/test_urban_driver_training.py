@@ -12,6 +12,8 @@ from interplan_sumo.dataset.reading import Dataset
 from tools.train.data import read_samples
 from tools.train.recipe import find_recipe
 
+pytestmark = pytest.mark.slow
+
 if TYPE_CHECKING:
     import torch
 

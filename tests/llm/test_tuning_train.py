@@ -22,8 +22,11 @@ if TYPE_CHECKING:
     from tools.tune_llm.fitting import Fitting
 
 pytestmark = [
-    pytest.mark.skipif(importlib.util.find_spec(name) is None, reason=f"needs {name}: 'interplan-sumo[train]'")
-    for name in NEEDED
+    pytest.mark.slow,
+    *(
+        pytest.mark.skipif(importlib.util.find_spec(name) is None, reason=f"needs {name}: 'interplan-sumo[train]'")
+        for name in NEEDED
+    ),
 ]
 
 
