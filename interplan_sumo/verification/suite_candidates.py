@@ -17,6 +17,8 @@ from interplan_sumo.world.roads import DrivingSide, Roads
 
 MOST_TAKEN: Final = 200
 """So many places in a row that are taken, and a map counts as used up."""
+SIDE_TRIES: Final = 12
+"""A slot for which so many candidates of its side of the road failed takes those of the other, too."""
 MANY_CHANGES: Final = 2
 ALONE: Final = 10
 """The slots below have a roadblock each; those from here on, and ordinary ones, share one where there is no other."""
@@ -83,6 +85,9 @@ class Streams:
         for name, roads in self._roads.items():
             sides.setdefault(roads.driving_side, []).append(name)
         mine = sides.pop(slot.side(tuple(sides)))
+        if attempt >= SIDE_TRIES:
+            mine = sorted((*mine, *(name for names in sides.values() for name in names)))
+            sides = {}
         first = (self._groups[slot.families] + slot.number + attempt) % len(mine)
         return [*mine[first:], *mine[:first], *(name for names in sides.values() for name in names)]
 
