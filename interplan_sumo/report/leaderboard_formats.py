@@ -18,7 +18,7 @@ from interplan_sumo.report.page.figures import best_figure
 from interplan_sumo.report.page.replays import write_replays
 from interplan_sumo.report.table import Line
 from interplan_sumo.report.table_formats import as_json, as_text, notes, shown_columns
-from interplan_sumo.report.text import figure, grid
+from interplan_sumo.report.text import grid
 from interplan_sumo.world.files import writing
 
 CLAIMS: Final = (
@@ -67,7 +67,7 @@ def _words(line: Line, entry: Entry) -> list[str]:
         plan_time(entry),
         entry.run.manifest.suite,
         judged.driven[:10],
-        f"{judged.judged[:10]} by {entry.run.manifest.versions.get('interplan_sumo', '?')}",
+        judged_by(entry),
         card.authors,
         card.data,
         card.hardware,
@@ -79,9 +79,14 @@ def came_again(entry: Entry) -> str:
     return f"{entry.judged.equal} of {entry.judged.drives}"
 
 
+def judged_by(entry: Entry) -> str:
+    """When, and with which version."""
+    return f"{entry.judged.judged[:10]}, version {entry.run.manifest.versions.get('interplan_sumo', '?')}"
+
+
 def plan_time(entry: Entry) -> str:
     seconds = entry.judged.plan_s
-    return figure(None if seconds is None else 1e3 * seconds) + ("" if seconds is None else " ms")
+    return "-" if seconds is None else f"{1e3 * seconds:.1f}\u00a0ms"
 
 
 def write_leaderboard(board: Leaderboard, path: Path, replays: str = "none") -> None:
@@ -107,6 +112,7 @@ def leaderboard_page(board: Leaderboard, path: Path | None = None) -> str:
         notes=[*notes(table), CLAIMS],
         entries=[(number, line, entry) for number, line in enumerate(table.lines) for entry in board.of(line)],
         came_again=came_again,
+        judged_by=judged_by,
         plan_time=plan_time,
         differs=[said for entry in board.entries for said in what_differs(entry)],
         replays=[(drive, links) for drive in drives if (links := drive_links(drives, path).get(drive.anchor))],
