@@ -245,7 +245,7 @@ def test_scenarios_are_listed_by_suite_and_by_file_and_a_watch_is_told_of_every_
     from interplan_sumo.scenario.files import write_scenarios
 
     assert len(ips.scenarios()) == 80
-    assert ips.scenarios("smoke==1")[0].id == "construction/2"
+    assert ips.scenarios("smoke==1")[0].id == "construction/0"
     write_scenarios((MINE,), tmp_path / "mine.yaml")
     assert ips.scenarios(str(tmp_path / "mine.yaml")) == (MINE,)
     assert ips.load_scenario(tmp_path / "mine.yaml") == MINE

@@ -16,9 +16,9 @@ from interplan_sumo.scenario.suite import find_scenario
 
 
 def test_one_decision_is_shown_with_prompt_options_answer_and_cost(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["llm", "try", "construction/2", "--model", "scripted:merge_left"]) == 0
+    assert main(["llm", "try", "construction/0", "--model", "scripted:merge_left"]) == 0
     shown = capsys.readouterr().out
-    assert shown.startswith("construction/2 at ")
+    assert shown.startswith("construction/0 at ")
     answer = "[answer of scripted:merge_left]"
     for part in ("[system]", "[user]\nOwn speed", "- merge_left: ", answer, "cost: 0 tokens"):
         assert part in shown
@@ -26,7 +26,7 @@ def test_one_decision_is_shown_with_prompt_options_answer_and_cost(capsys: pytes
 
 
 def test_as_json_it_is_one_document(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["llm", "try", "construction/2", "--model", "scripted:fly", "--at", "3", "--json"]) == 0
+    assert main(["llm", "try", "construction/0", "--model", "scripted:fly", "--at", "3", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["time_s"] >= 3.0
     assert found["failure"]["cause"] == "parse"

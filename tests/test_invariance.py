@@ -14,10 +14,10 @@ from interplan_sumo.maps.to_sumo import convert
 from interplan_sumo.metrics.score import score
 from interplan_sumo.planner import load_planner
 from interplan_sumo.scenario.scenario import LanePosition, PlacedVehicle, Scenario
-from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_scenario, find_suite
 from interplan_sumo.simulation.episode import Episode, drive
 from interplan_sumo.verification.replay import reference_drive
 from tests.metrics.staging import moved_roads
+from tests.scenes import scene
 
 SHORT_S = 12.0
 
@@ -30,7 +30,7 @@ def scored(scenario: Scenario, episode: Episode) -> dict[str, float | None]:
 
 @pytest.mark.parametrize("family", ["nudge", pytest.param("lane_change_mtd", marks=pytest.mark.slow)])
 def test_an_episode_on_a_shifted_map_gives_equal_scores(family: str, tmp_path: Path) -> None:
-    here = next(s for s in find_suite(DEFAULT_SUITE).scenarios if (s.family, s.map) == (family, "back_bay"))
+    here = scene({"nudge": "nudge/0", "lane_change_mtd": "lane_change_mtd/9"}[family])
     files = MapFiles("elsewhere", "1.0", tmp_path / "elsewhere" / "1.0")
     files.folder.mkdir(parents=True)
     write_map(moved_roads(load_roads("back_bay"), lambda xy: xy + np.array([4096.0, -2048.0])), files.gpkg)
@@ -41,7 +41,7 @@ def test_an_episode_on_a_shifted_map_gives_equal_scores(family: str, tmp_path: P
 
 
 def test_a_vehicle_out_of_reach_changes_nothing() -> None:
-    scenario = replace(find_scenario("nudge/2"), duration_s=SHORT_S)
+    scenario = replace(scene("nudge/2"), duration_s=SHORT_S)
     far = PlacedVehicle(LanePosition("302010", 100.0), 12.0)
     roads = load_roads(scenario.map)
     here, there = scenario.start.pose(roads), far.place.pose(roads)

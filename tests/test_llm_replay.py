@@ -39,8 +39,8 @@ def driven(spec: str, scenario: str, seconds: float) -> tuple[str, list[dict[str
 )
 def test_a_drive_is_repeated_from_what_was_recorded(planner: str, answers: list[str], tmp_path: Path) -> None:
     model, store = f"scripted:{','.join(map(quote, answers))}", tmp_path / "answers.jsonl"
-    recorded = driven(f"{planner}?model={model}&store={store}", "construction/2", 5.0)
-    replayed = driven(f"{planner}?model=replay:{store}", "construction/2", 5.0)
+    recorded = driven(f"{planner}?model={model}&store={store}", "construction/0", 5.0)
+    replayed = driven(f"{planner}?model=replay:{store}", "construction/0", 5.0)
     assert replayed == recorded
     assert {each["failure"] and each["failure"]["cause"] for each in recorded[1]} >= {None, "parse"}
 
@@ -49,8 +49,8 @@ def test_a_drive_is_repeated_from_what_was_recorded(planner: str, answers: list[
 @pytest.mark.parametrize(
     ("planner", "scenario", "seconds"),
     [
-        ("llm_hybrid?model=embedded", "construction/2", 5.0),
-        ("llm_hybrid?model=embedded&real_time=true", "construction/2", 5.0),
+        ("llm_hybrid?model=embedded", "construction/0", 5.0),
+        ("llm_hybrid?model=embedded&real_time=true", "construction/0", 5.0),
         ("llm_waypoints?model=embedded", "nudge/0", 2.5),
     ],
 )

@@ -145,8 +145,8 @@ def _traffic(roads: Roads, to: Approach, rng: np.random.Generator) -> dict[str, 
 
 
 def asks(scenario: Scenario, roads: Roads) -> bool:
-    """Whether several vehicles stand in the way, and nobody walks into it."""
-    if scenario.jaywalkers or len(vehicles_standing(scenario)) < 2:
+    """Whether vehicles that have run into one another stand in the way, and nobody walks into it."""
+    if scenario.jaywalkers or len(vehicles_standing(scenario)) < 2 or wreck_problems(scenario, roads):
         return False
     offset_m = offset_asked_m(scenario, roads)
     return offset_m is None or offset_m > 0.0

@@ -98,7 +98,7 @@ def _rank(id_: str) -> tuple[int, str]:
 
 def _lines(lane: LaneLike) -> dict[str, Polyline]:
     line = lane.centerline
-    if np.diff(line.arc_m).max() > schema.MAX_SPACING_M + GRID_M:
+    if np.diff(line.arc_m).max() > schema.MAX_SPACING_M + 2 * GRID_M:  # both ends of a step lie on the grid
         line = line.resampled(schema.MAX_SPACING_M - 2 * GRID_M)
     lines = {"centerline": line, "left_boundary": lane.left_boundary, "right_boundary": lane.right_boundary}
     try:

@@ -10,7 +10,7 @@ from interplan_sumo.batch.certify_job import proofs
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.suite import find_scenario
 
-SCENARIOS = [find_scenario("nudge/0"), find_scenario("nudge/2")]
+SCENARIOS = [find_scenario("nudge/2"), find_scenario("nudge/7")]
 
 
 @pytest.mark.slow
@@ -19,12 +19,12 @@ def test_a_worker_finds_and_checks_what_this_process_finds() -> None:
     assert set(here) == {s.id for s in SCENARIOS}
     (there,) = proofs(SCENARIOS[1:], workers=1)
     assert there.certificate is not None
-    assert there.certificate.record() == here["nudge/2"].record()
-    worse = {**here, "nudge/0": Certificate(replace(here["nudge/0"].summary, score=0.5), here["nudge/0"].track)}
+    assert there.certificate.record() == here["nudge/7"].record()
+    worse = {**here, "nudge/2": Certificate(replace(here["nudge/2"].summary, score=0.5), here["nudge/2"].track)}
     checked = {p.scenario.id: p for p in proofs(SCENARIOS, workers=0, stored=worse)}
-    assert checked["nudge/2"].problems == ()
-    assert checked["nudge/0"].certificate is None
-    assert "score" in checked["nudge/0"].problems[0]
+    assert checked["nudge/7"].problems == ()
+    assert checked["nudge/2"].certificate is None
+    assert "score" in checked["nudge/2"].problems[0]
 
 
 def test_a_certificate_names_who_of_the_panel_solves_the_scenario_and_an_open_one_nobody() -> None:

@@ -116,13 +116,13 @@ def test_overridden_traffic_is_marked_and_kept_apart(official: StoredRun, tmp_pa
 
 def test_a_vehicle_type_file_of_ones_own_replaces_the_traffic(official: StoredRun, tmp_path: Path) -> None:
     mine = tmp_path / "mine.xml"
-    mine.write_text('<routes><vType id="traffic" maxSpeed="3" tau="3"/></routes>')
+    mine.write_text('<routes><vType id="traffic" maxSpeed="15" tau="3"/></routes>')
     stored = run(request(tmp_path / "run", "straight_ahead", traffic=mine))
     (row,) = stored.rows.values()
     assert row.official is False
     assert str(row.overrides.traffic).startswith("mine.xml sha256:")
     assert row.trace_hash != official.rows[FIRST.id, "straight_ahead", 0].trace_hash
-    mine.write_text('<routes><vType id="traffic" maxSpeed="4" tau="3"/></routes>')
+    mine.write_text('<routes><vType id="traffic" maxSpeed="16" tau="3"/></routes>')
     with pytest.raises(RunFolderError, match="with overrides traffic"):
         run(request(tmp_path / "run", "straight_ahead", traffic=mine))
 

@@ -73,10 +73,10 @@ def test_drives_carry_what_splits_and_audits_need_and_shards_are_full_but_for_th
     manifest = dataset.manifest
     found = [(d.scenario_id, d.family, d.map, d.planner, d.seed, d.origin) for d in dataset.drives]
     assert found == [
-        ("lane_change_mtd/5", "lane_change_mtd", "one_north", "idm", 0, "run"),
-        ("lane_change_mtd/5", "lane_change_mtd", "one_north", "idm", 1, "run"),
-        ("nudge/0", "nudge", "back_bay", "idm", 0, "run"),
-        ("nudge/0", "nudge", "back_bay", "idm", 1, "run"),
+        ("lane_change_mtd/0", "lane_change_mtd", "strip", "idm", 0, "run"),
+        ("lane_change_mtd/0", "lane_change_mtd", "strip", "idm", 1, "run"),
+        ("nudge/0", "nudge", "roosevelt", "idm", 0, "run"),
+        ("nudge/0", "nudge", "roosevelt", "idm", 1, "run"),
     ]
     first = dataset.drives[0]
     assert first.route
@@ -91,7 +91,7 @@ def test_drives_carry_what_splits_and_audits_need_and_shards_are_full_but_for_th
 
 
 def test_maps_and_seeds_are_held_out_whole(driven: Path, tmp_path: Path) -> None:
-    choice = replace(ANY_SCORE, holdout_maps=("back_bay",), holdout_seeds=(1,))
+    choice = replace(ANY_SCORE, holdout_maps=("roosevelt",), holdout_seeds=(1,))
     manifest = export(request(tmp_path / "a", driven, choice=choice))
     dataset = read_dataset(tmp_path / "a")
     for split, expected in (
@@ -214,7 +214,7 @@ def test_a_fault_of_a_worker_ends_the_export_and_names_the_drive(driven: Path, t
     def sabotage(*_: object) -> None:
         shutil.rmtree(tmp_path / "a" / "parts")
 
-    with pytest.raises(InterplanError, match=r"lane_change_mtd/5, harness fault: FileNotFoundError.*repeat the export"):
+    with pytest.raises(InterplanError, match=r"lane_change_mtd/0, harness fault: FileNotFoundError.*repeat the export"):
         export(request(tmp_path / "a", driven), sabotage)
     with pytest.raises(InputError, match="was not finished"):
         read_dataset(tmp_path / "a")

@@ -13,7 +13,7 @@ from interplan_sumo.scenario.suite import find_scenario
 
 
 def test_scenarios_say_what_planners_see_of_them() -> None:
-    assert {entry["perception"] for entry in suite_entries("smoke==1")} == {"full"}
+    assert {entry["perception"] for entry in suite_entries("smoke==1")} == {"occluded"}
     noisy = replace(find_scenario("nudge/0"), perception="noisy")
     entry = scenario_details(noisy)
     assert (entry["perception"], entry["scenario"]["perception"]) == ("noisy", "noisy")

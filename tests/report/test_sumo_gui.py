@@ -29,7 +29,7 @@ from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.trace import ActorTable
 
 sumo = pytest.importorskip("sumo", reason="eclipse-sumo is not installed")
-SCENARIOS = ("construction/2", "jaywalker/0")
+SCENARIOS = ("construction/0", "jaywalker/0")
 """Traffic and things that stand; people who walk, off the road too."""
 
 
@@ -88,7 +88,7 @@ def test_sumo_plays_the_drive_to_its_end_with_everybody_where_they_were(
 
 
 def test_who_leaves_or_comes_on_the_way_does_so_in_sumo(drives: dict[str, StoredDrive], tmp_path: Path) -> None:
-    drive = drives["construction/2"]
+    drive = drives["construction/0"]
     rows = drive.trace.actors.to_frame()
     driving = rows[rows["behaviour"] != ""].groupby("track_token")["frame"]
     leaving, coming = driving.count().nlargest(2).index
@@ -115,7 +115,7 @@ def test_the_tracks_are_those_of_the_trace(drives: dict[str, StoredDrive], tmp_p
 
 
 def test_everybody_is_in_the_tracks_or_among_the_shapes(drives: dict[str, StoredDrive], tmp_path: Path) -> None:
-    drive = drives["construction/2"]
+    drive = drives["construction/0"]
     write_sumo_gui(drive, tmp_path)
     moving = {name for _, name, *_ in recorded(tmp_path)} - {"ego"}
     shapes = {shape.get("id") for shape in tree(tmp_path / SHAPES)}
@@ -128,13 +128,13 @@ def test_everybody_is_in_the_tracks_or_among_the_shapes(drives: dict[str, Stored
 def test_playback_opens_shortly_before_the_moment_and_pauses_there(
     drives: dict[str, StoredDrive], tmp_path: Path
 ) -> None:
-    path = write_sumo_gui(drives["construction/2"], tmp_path, at_s=9.0)
+    path = write_sumo_gui(drives["construction/0"], tmp_path, at_s=9.0)
     assert value(path, "begin") == f"{9.0 - BEFORE_S:.2f}"
     assert value(tmp_path / VIEW, "breakpoint") == "9.00"
 
 
 def test_the_same_start_runs_in_plain_sumo(drives: dict[str, StoredDrive], tmp_path: Path) -> None:
-    drive = drives["construction/2"]
+    drive = drives["construction/0"]
     path = write_sumo_gui(drive, tmp_path)
     rows = simulated(path.with_name("rerun.sumocfg"))
     first = [row for row in rows if row[0] == 0.0]

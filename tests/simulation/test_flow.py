@@ -15,7 +15,6 @@ from interplan_planners.idm import IdmPlanner
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads, maps
 from interplan_sumo.scenario.scenario import Density, Scenario, TrafficDemand
-from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.episode import drive
 from interplan_sumo.simulation.flow import (
     LEAVING_M,
@@ -33,6 +32,7 @@ from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Floats
+from tests.scenes import scene
 
 NETWORK = two_way_road()
 DT_S = 0.1
@@ -170,7 +170,7 @@ def test_every_entry_starts_as_the_rules_of_the_start_demand(cars: list[tuple[fl
 
 # --- on the maps -------------------------------------------------------------------------------
 
-HTD = find_scenario("lane_change_htd/0")
+HTD = scene("lane_change_htd/0")
 
 
 def counted(scenario: Scenario) -> tuple[float, float]:
@@ -186,7 +186,7 @@ def counted(scenario: Scenario) -> tuple[float, float]:
 
 @pytest.mark.parametrize("name", ["lane_change_ltd/6", "lane_change_mtd/5", "lane_change_htd/4"])
 def test_the_density_around_the_ego_is_held(name: str) -> None:
-    first, later = counted(find_scenario(name))
+    first, later = counted(scene(name))
     assert later == pytest.approx(first, rel=0.3)
 
 
@@ -205,7 +205,7 @@ def ends(name: str, *, begins: bool) -> Floats:
 
 @pytest.mark.parametrize("name", ["lane_change_htd/1", "lane_change_mtd/9"])
 def test_nobody_appears_or_vanishes_in_sight_but_where_the_map_ends(name: str) -> None:
-    scenario = find_scenario(name)
+    scenario = scene(name)
     trace = drive(scenario, IdmPlanner()).trace
     assert trace is not None
     came, went = list[float](), list[float]()

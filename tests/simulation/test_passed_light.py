@@ -8,13 +8,13 @@ from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.recorded_parts import LoggedLight
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.passed_light import PASSED_M, passed_light
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.simulation.sumo import sumo
+from tests.scenes import scene
 
-PASSED = find_scenario("lane_change_htd/4")
+PASSED = scene("lane_change_htd/4")
 """Starts 12 m behind a light of which the program begins red for it."""
 
 

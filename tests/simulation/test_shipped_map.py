@@ -17,7 +17,6 @@ from interplan_sumo.errors import MapError, TrafficError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import MapFiles, find_map, load_roads, maps
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario, TrafficDemand
-from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation import setup
 from interplan_sumo.simulation.agent_control import LANE_CHANGE_DEFAULT, NEW_STEPS
 from interplan_sumo.simulation.ego_proxy import NO_LANE_CHANGE
@@ -27,9 +26,10 @@ from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import box_corners, penetration_m
 from interplan_sumo.world.signals import SignalStatus
+from tests.scenes import scene
 
-LTD = find_scenario("lane_change_ltd/0")
-HTD = find_scenario("lane_change_htd/0")
+LTD = scene("lane_change_ltd/0")
+HTD = scene("lane_change_htd/0")
 STEPS = 400
 """Longer than the longest green of a shipped map."""
 

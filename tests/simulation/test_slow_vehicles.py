@@ -11,11 +11,11 @@ from networks import stepped
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, PlacedVehicle, Scenario, TrafficDemand, VehicleKind
-from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.world.actors import ActorKind, Actors
+from tests.scenes import scene
 
-LTD = find_scenario("lane_change_ltd/0")
+LTD = scene("lane_change_ltd/0")
 ROADS = load_roads(LTD.map)
 LANE = ROADS["402031"]
 EMPTY = replace(LTD, id="test/slow", traffic=TrafficDemand("none"), start=LanePosition("402031", 20.0))

@@ -9,15 +9,15 @@ import pytest
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.ego_proxy import EGO
 from interplan_sumo.simulation.setup import open_sumo_traffic, start_state
 from interplan_sumo.simulation.sumo import DT_S, sumo
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic
 from interplan_sumo.world.ego import EgoState
+from tests.scenes import scene
 from tests.simulation.rude_egos import Driver, Wish, driven
 
-SCENE = find_scenario("lane_change_htd/1")
+SCENE = scene("lane_change_htd/1")
 BESIDE_M = 3.5 if load_roads(SCENE.map).left_of(SCENE.start.lane) is not None else -3.5
 STEPS = 60
 
