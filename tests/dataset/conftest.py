@@ -14,11 +14,11 @@ from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 @pytest.fixture(scope="session")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A nudge in right-hand traffic and a lane change in left-hand traffic, two seeds each."""
-    return recorded_run(tmp_path_factory.mktemp("runs") / "mine", "nudge/0", "lane_change_mtd/0", seeds=2)
+    return recorded_run(tmp_path_factory.mktemp("runs") / "mine", "nudge/0", "lane_change_mtd/1", seeds=2)
 
 
 @pytest.fixture(scope="session")
 def stored(driven: Path) -> StoredDrive:
     """A drive of the IDM planner through SUMO's traffic."""
     runs = StoredDrives(read_run(driven))
-    return runs.read(runs.run.rows["lane_change_mtd/0", "idm", 0])
+    return runs.read(runs.run.rows["lane_change_mtd/1", "idm", 0])

@@ -13,8 +13,8 @@ ANY_SCORE = DriveSelection(min_score=0.0)
 
 
 def recorded_run(folder: Path, *scenarios: str, seeds: int = 1) -> Path:
-    """A run of the IDM planner over scenarios of the smoke suite."""
-    run(RunOptions(("idm",), folder, suite="smoke==1", scenarios=scenarios, seeds=seeds, workers=0))
+    """A run of the IDM planner over scenarios of the benchmark."""
+    run(RunOptions(("idm",), folder, suite="interplan==1", scenarios=scenarios, seeds=seeds, workers=0))
     return folder
 
 

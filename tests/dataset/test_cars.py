@@ -15,12 +15,16 @@ from interplan_sumo.dataset.observation_replay import ObservationReplay
 from interplan_sumo.dataset.samples import drive_samples
 from interplan_sumo.features.schema import BY_NAME, SEEN
 from interplan_sumo.features.view import EgoView
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.planner import load_planner
 from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
+from interplan_sumo.simulation import episode
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
+from tests.scenes import scene
 
 LEAST = 101
 """2 s, the present and 8 s."""
@@ -120,13 +124,15 @@ ALMOST = {"ego_history": 0.2, "ego_future": 0.03, "agents": 0.06, "origin": 0.02
 
 
 @pytest.mark.slow
-def test_a_car_that_moves_as_an_ego_did_gives_the_samples_of_that_ego(stored: StoredDrive) -> None:
-    trace = stored.trace
+def test_a_car_that_moves_as_an_ego_did_gives_the_samples_of_that_ego() -> None:
+    known, roads = scene("lane_change_mtd/5"), load_roads(scene("lane_change_mtd/5").map)
+    trace = episode.drive(known, load_planner("idm")).trace
+    assert trace is not None
     token = next(t for t in Cars(trace).tokens if (trace.actors.ids == t).sum() == len(trace))
     own = Cars(in_the_ranks(trace, token)).drive("me00").trace
     frames = range(25, len(trace) - 30, 15)
     assert len(frames) >= 3
-    (one, other) = (drive_samples(stored.scenario, stored.roads, each, drive=0, frames=frames) for each in (trace, own))
+    (one, other) = (drive_samples(known, roads, each, drive=0, frames=frames) for each in (trace, own))
     for name in (*(field.name for field in SEEN), "ego_future", "agent_futures", "expert_nodes", "situation"):
         off = one[name].astype(np.float64) - other[name].astype(np.float64)
         for k in (k for k, channel in enumerate(BY_NAME[name].channels) if channel.name == "yaw"):

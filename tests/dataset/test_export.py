@@ -73,8 +73,8 @@ def test_drives_carry_what_splits_and_audits_need_and_shards_are_full_but_for_th
     manifest = dataset.manifest
     found = [(d.scenario_id, d.family, d.map, d.planner, d.seed, d.origin) for d in dataset.drives]
     assert found == [
-        ("lane_change_mtd/0", "lane_change_mtd", "strip", "idm", 0, "run"),
-        ("lane_change_mtd/0", "lane_change_mtd", "strip", "idm", 1, "run"),
+        ("lane_change_mtd/1", "lane_change_mtd", "bathurst", "idm", 0, "run"),
+        ("lane_change_mtd/1", "lane_change_mtd", "bathurst", "idm", 1, "run"),
         ("nudge/0", "nudge", "roosevelt", "idm", 0, "run"),
         ("nudge/0", "nudge", "roosevelt", "idm", 1, "run"),
     ]
@@ -214,7 +214,7 @@ def test_a_fault_of_a_worker_ends_the_export_and_names_the_drive(driven: Path, t
     def sabotage(*_: object) -> None:
         shutil.rmtree(tmp_path / "a" / "parts")
 
-    with pytest.raises(InterplanError, match=r"lane_change_mtd/0, harness fault: FileNotFoundError.*repeat the export"):
+    with pytest.raises(InterplanError, match=r"lane_change_mtd/1, harness fault: FileNotFoundError.*repeat the export"):
         export(request(tmp_path / "a", driven), sabotage)
     with pytest.raises(InputError, match="was not finished"):
         read_dataset(tmp_path / "a")

@@ -20,7 +20,7 @@ from interplan_sumo.features.schema import FUTURE_FRAMES, SITUATIONS
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.world.trace import Trace
 
-KEY = ("lane_change_mtd/0", "idm", 0)
+KEY = ("lane_change_mtd/1", "idm", 0)
 
 
 @pytest.fixture(scope="session")

@@ -8,8 +8,6 @@ from random_drives import Audit, audited, random_scenario
 
 from interplan_sumo.maps.store import maps
 
-pytestmark = pytest.mark.slow
-
 MAPS = sorted(maps())
 
 
