@@ -110,18 +110,17 @@ class FirstSeconds:
             self._foresee(name, names, foreseen)
         return {name for name in names if not foreseen[name].mild}
 
-    def disturbs(self, name: str, there: Iterable[str]) -> bool:
-        """Whether somebody who is there would brake hard for one that has just come, on whatever way to it."""
-        vehicle = sumo.vehicle
-        speeds_mps = [vehicle.getSpeed(name)]
+    def disturbing(self, names: Collection[str], there: Iterable[str]) -> set[str]:
+        """Those of `names`, which have just come, that somebody who is there would brake hard for, on whatever way."""
+        vehicle, found = sumo.vehicle, set[str]()
         for behind in there:
             first = vehicle.getLeader(behind, AHEAD_M)
-            if first is None or first[0] != name:
+            if first is None or first[0] not in names or first[0] in found:
                 continue
-            leader = _Leader(name, first[1], speeds_mps)
+            leader = _Leader(first[0], first[1], [vehicle.getSpeed(first[0])])
             if not self._speeds(behind, vehicle.getSpeed(behind), (leader,), _line(behind))[1]:
-                return True
-        return False
+                found.add(first[0])
+        return found
 
     def _speeds(
         self, name: str, now_mps: float, leaders: Sequence[_Leader], line: _Line | None

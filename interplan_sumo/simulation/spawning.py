@@ -363,8 +363,7 @@ def _settled(
 ) -> list[Spawn]:
     """All at speeds that suit what lies ahead on their routes: connectors, lights, junctions, leaders, the ego.
 
-    Those that the scenario places keep their speed where it suits, even beyond the limit.
-    Those drawn are left out where not even standing is safe.
+    Those placed keep theirs where it suits, even beyond the limit; those drawn are left out if standing is not safe.
     """
     opens = partial(network.opens_freely, shown=shown)
     spawns = [_up_to_the_line(network, each, opens) if each.drawn else each for each in spawns]

@@ -341,7 +341,7 @@ class SumoTraffic:
     def _settled(self, spawns: Mapping[str, Spawn]) -> set[str]:
         """Those of them that can stay: who has not to brake hard, and, after the start, whom nobody brakes hard for."""
         leaving = {name for name in self._first_seconds.settle(spawns) if spawns[name].drawn}
-        leaving |= {name for name in spawns if self._first_seconds.disturbs(name, self._agents.names)}
+        leaving |= self._first_seconds.disturbing(spawns.keys(), self._agents.names)
         for name in sorted(leaving):
             sumo.vehicle.remove(name)
         return spawns.keys() - leaving

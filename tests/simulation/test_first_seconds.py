@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from networks import agent, ego_at, traffic, types
 from test_late_for_light import MAP as LIGHTS_MAP
-from test_late_for_light import crossing
+from test_late_for_light import crossing, types_of
 from test_right_of_way import first_crossing
 
 from interplan_sumo.maps.network import NetworkIds
@@ -30,13 +30,6 @@ from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_t
 MODELS = ("IDM", "Krauss", "KraussOrig1", "PWagner2009", "EIDM", "ACC", "CACC", "W99", "Wiedemann", "IDMM")
 NOBODY = ego_at(1400.0, -1.75)
 FIRST_S = 2.0
-
-
-def types_of(model: str, folder: Path) -> VehicleTypes:
-    text = vehicle_type_file("conservative").read_text()
-    path = folder / f"{model}.xml"
-    path.write_text(text.replace('carFollowModel="IDM"', f'carFollowModel="{model}"'))
-    return read_vehicle_types(path)
 
 
 def speeds(behaviour: VehicleTypes, gap_m: float, speed_mps: float, leader_mps: float) -> list[float]:
