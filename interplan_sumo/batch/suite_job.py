@@ -54,7 +54,7 @@ def verdicts(
 
 def _path(folder: Path, candidate: Candidate) -> Path:
     """Where the verdict on a candidate is kept: by all that it depends on but the code of the search."""
-    text = f"{candidate.key} {SCORING_VERSION} {TRAFFIC_VERSION} {candidate.slot.is_far}"
+    text = f"{candidate.key} {SCORING_VERSION} {TRAFFIC_VERSION} {candidate.slot.may_be_open}"
     return folder / f"{candidate.slot.name}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.json"
 
 

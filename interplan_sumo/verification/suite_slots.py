@@ -37,9 +37,10 @@ TEN: Final[tuple[tuple[Behaviour, Behaviour], ...]] = (
 them, measured ones in the others. The next ten have it the other way round."""
 LEFT_EVERY: Final = 3
 """One slot in three lies where one drives on the left, if there are such maps."""
-FAR_OF_TEN: Final = (2, 8)
-"""Of ten lane changes these are of two lanes or more, as long as there are places, and may be ones that nobody of the
-panel solves: all other scenes are solved, so that in all more than nine in ten are, and eight in ten of each family."""
+UNSELECTED_OF_TEN: Final = (2, 8)
+"""Of ten scenes these may be ones that nobody solves who is asked, so that not every scene is chosen for somebody's
+sake; lane changes among them are of two lanes or more, as long as there are places. All other scenes are solved: eight
+in ten of each family, and more than nine in ten of all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +66,14 @@ class Slot:
         return TEN[self.number % 10][self.number // 10 % 2]
 
     @property
+    def may_be_open(self) -> bool:
+        """Whether its scenes need not be solved by anybody."""
+        return self.number % 10 in UNSELECTED_OF_TEN
+
+    @property
     def is_far(self) -> bool:
-        """Whether it asks for two lane changes or more, where there is such a place, and need not be solved."""
-        return FAMILIES[self.families[0]].changes_lanes and self.number % 10 in FAR_OF_TEN
+        """Whether it asks for two lane changes or more, where there is such a place."""
+        return self.may_be_open and FAMILIES[self.families[0]].changes_lanes
 
     def side(self, sides: Collection[DrivingSide]) -> DrivingSide:
         """The side of the road on which one drives there, of those that there are."""

@@ -81,6 +81,7 @@ def test_one_slot_in_three_lies_on_the_left_where_there_is_a_left_and_one_lane_c
     assert sum(slot.side(("left", "right")) == "left" for slot in ten) == 10
     assert {slot.side(("right",)) for slot in ten} == {"right"}
     assert not any(slot.is_far for slot in ten)
+    assert sum(slot.may_be_open for slot in ten) == 6
     assert sum(Slot(groups()[-1], number).is_far for number in range(30)) == 6
 
 
