@@ -37,6 +37,8 @@ MOST_LINE: Final = 1 << 18
 MOST_PLANS: Final = 64 << 20
 """Of one drive."""
 MOST_CARD_TEXT: Final = 300
+MOST_BUNDLE_SEEDS: Final = 20
+"""Of each scenario: judging drives all of them."""
 _ESCAPES: Final = re.compile(rb"\\[\\\"/]")
 """Those of JSON that stand for a character that is printed."""
 _LINK: Final = re.compile(r"https?://[A-Za-z0-9][^\s\"'<>\\]*")
@@ -189,6 +191,8 @@ def _rows(path: Path, manifest: Manifest, content: bytes) -> dict[JobKey, Row]:
     drives = sum(len(each.planners) * len(each.scenarios) * each.seeds for each in manifest.requests)
     if drives != len(lines) or len(manifest.requests) != 1 or len(manifest.requests[0].planners) != 1:
         raise InputError(f"{path}: {MANIFEST} asks for {drives} drives, {RESULTS} holds {len(lines)}")
+    if manifest.requests[0].seeds > MOST_BUNDLE_SEEDS:
+        raise InputError(f"{path} holds {manifest.requests[0].seeds} seeds; at most {MOST_BUNDLE_SEEDS} are judged")
     rows: dict[JobKey, Row] = {}
     for number, line in enumerate(lines, start=1):
         where = f"{path}: {RESULTS}, line {number}"

@@ -82,7 +82,7 @@ class RayPool:
         return worker
 
     def give(self, worker: Worker, task: Task) -> bool:
-        self._awaited[self._actors[worker].do.remote(task)] = worker
+        self._awaited[self._actors[worker].do.remote(task, self._jobs.needs(task))] = worker
         worker.task, worker.task_since_s = task, time.monotonic()
         return True
 

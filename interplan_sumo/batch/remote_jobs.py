@@ -10,13 +10,16 @@ from typing import Protocol
 
 from interplan_sumo.batch import custom_references
 from interplan_sumo.batch.drive_job import DriveSettings, drive_jobs, place_trace
-from interplan_sumo.batch.run_folder import TRAFFIC
-from interplan_sumo.batch.tasks import OpenGroup
+from interplan_sumo.batch.run_folder import TRAFFIC, trace_place
+from interplan_sumo.batch.tasks import OpenGroup, Task
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.scenario.files import MAPS
 from interplan_sumo.world.files import PART, replacing, writing
+from interplan_sumo.world.trace import PLANS_FILE
 
 TRACES = "traces"
+PLANS = "plans"
+"""Where over there the plans lie that a drive is to be made of."""
 
 Files = dict[str, bytes]
 """Contents by relative path, with forward slashes."""
@@ -31,6 +34,10 @@ class Portable(Protocol):
 
     def open_in(self, folder: Path) -> OpenGroup:
         """There: opens groups whose tasks read and write this folder."""
+        ...
+
+    def needs(self, task: Task) -> Files:
+        """At home: what must lie in the folder for this task alone."""
         ...
 
     def collect(self, folder: Path) -> Files:
@@ -64,13 +71,22 @@ class RemoteJobs:
         options = self.settings.options
         if options.traffic is not None:
             options = replace(options, traffic=folder / TRAFFIC / options.traffic.name)
-        return drive_jobs(replace(self.settings, folder=folder, options=options, maps_beside=folder / MAPS))
+        plans = None if self.settings.plans_of is None else folder / PLANS
+        there = replace(self.settings, folder=folder, options=options, maps_beside=folder / MAPS, plans_of=plans)
+        return drive_jobs(there)
+
+    def needs(self, task: Task) -> Files:
+        if self.settings.plans_of is None:
+            return {}
+        place = trace_place(task.payload.key)
+        return {f"{PLANS}/{place}/{PLANS_FILE}": _read(self.settings.plans_of / place / PLANS_FILE)}
 
     def collect(self, folder: Path) -> Files:
         fresh = [path for path in _below(folder, custom_references.FOLDER) if path not in self._known]
         self._known.update(fresh)
         files = {path: (folder / path).read_bytes() for path in (*fresh, *_below(folder, TRACES))}
-        shutil.rmtree(folder / TRACES, ignore_errors=True)
+        for fetched in (TRACES, PLANS):
+            shutil.rmtree(folder / fetched, ignore_errors=True)
         return files
 
     def stage_out(self, files: Files) -> None:

@@ -75,8 +75,9 @@ class RemoteWorker:
         self._worker = self._pool.start(group)
         return self._listen()
 
-    def do(self, task: Task) -> WorkerReply:
-        """Have the worker do a task."""
+    def do(self, task: Task, needs: Files) -> WorkerReply:
+        """Have the worker do a task, with the files that it needs."""
+        write_files(self._folder, needs)
         if self._worker is None or not self._pool.give(self._worker, task):
             return WorkerReply(ending=Ending(None, "idle", lost="its worker died between two tasks"))
         said = self._listen()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from msgspec import structs
 
-from interplan_sumo.batch.bundle import PlannerCard, plan_place, public, published, write_bundle
+from interplan_sumo.batch.bundle import MOST_BUNDLE_SEEDS, PlannerCard, plan_place, public, published, write_bundle
 from interplan_sumo.batch.jobs import ScenarioSource
 from interplan_sumo.batch.records import JobKey, PlannerRecord, RequestedJobs
 from interplan_sumo.batch.run_folder import OWN_SCENARIOS, StoredRun, trace_place
@@ -85,7 +85,8 @@ def _scenarios(run: StoredRun) -> tuple[str, ...]:
 
 
 def _seeds(run: StoredRun, planner: str) -> int:
-    return max(request.seeds for request in run.manifest.requests if planner in request.planners)
+    """How many are handed in: all, or as many as a judge takes."""
+    return min(MOST_BUNDLE_SEEDS, max(each.seeds for each in run.manifest.requests if planner in each.planners))
 
 
 def _check_whole(run: StoredRun, planner: str, keys: Sequence[JobKey]) -> None:

@@ -135,11 +135,12 @@ class DriveRows(Sequence[Row]):
     """Rows of one or more runs in an order of their own, each read when it is asked for."""
 
     def __init__(self, places: Sequence[tuple[Mapping[JobKey, Row], JobKey]]) -> None:
-        self._places = places
+        self.places = places
+        """Who holds each row, and under which key."""
 
     @property
     def keys(self) -> list[JobKey]:
-        return [key for _, key in self._places]
+        return [key for _, key in self.places]
 
     @overload
     def __getitem__(self, at: int) -> Row: ...
@@ -147,12 +148,12 @@ class DriveRows(Sequence[Row]):
     def __getitem__(self, at: slice) -> DriveRows: ...
     def __getitem__(self, at: int | slice) -> Row | DriveRows:
         if isinstance(at, slice):
-            return DriveRows(self._places[at])
-        rows, key = self._places[at]
+            return DriveRows(self.places[at])
+        rows, key = self.places[at]
         return rows[key]
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self.places)
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,6 +48,7 @@ ACTOR_COLUMNS = ("frame", "track_token", "type", "x", "y", "heading", "length", 
 SEEN_COLUMNS = ACTOR_COLUMNS[:-1]
 WITHOUT_EGO = "ax_without_ego"
 SIGNAL_COLUMNS = ("frame", "lane_connector_id", "status")
+PLANS_FILE = "plans.parquet"
 SEEN_BEFORE = 20
 """Frames before the first that `Trace.seen` holds: as many as a planner looks back."""
 _NOT_HASHED = frozenset({"plan_wall_s", WITHOUT_EGO})
@@ -368,7 +369,7 @@ def read_plans(folder: Path) -> tuple[Trajectory, ...]:
 def write_plans(plans: Sequence[Trajectory], folder: Path) -> None:
     """Write the plans of a trace alone."""
     folder.mkdir(parents=True, exist_ok=True)
-    plan_table(plans).to_parquet(folder / "plans.parquet", index=False, compression="zstd")
+    plan_table(plans).to_parquet(folder / PLANS_FILE, index=False, compression="zstd")
 
 
 def _read_table(folder: Path, name: str, columns: Sequence[str]) -> pd.DataFrame:

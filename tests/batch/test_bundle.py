@@ -273,6 +273,11 @@ def without_a_drive(held: Contents) -> None:
     held["results.jsonl"] = held["results.jsonl"].splitlines(keepends=True)[0]
 
 
+def with_seeds(held: Contents) -> None:
+    of_manifest(lambda told: told["requests"][0].update(seeds=21))(held)
+    held["results.jsonl"] *= 21
+
+
 REFUSED: dict[str, tuple[Callable[[Contents], object], str]] = {
     "a plan is missing": (lambda held: held.pop(plan_file(held)), r"plans/mine_1-.*f64 is missing"),
     "no rows": (lambda held: held.pop("results.jsonl"), r"results\.jsonl is missing"),
@@ -292,6 +297,7 @@ REFUSED: dict[str, tuple[Callable[[Contents], object], str]] = {
     "more seeds than rows": (
         of_manifest(lambda told: told["requests"][0].update(seeds=9999)), "asks for 19998 drives",
     ),
+    "seeds without end": (with_seeds, "holds 21 seeds; at most 20 are judged"),
     "a score of 2": (of_rows(lambda row: row.update(score=2.0)), r"results\.jsonl, line 2: .*score"),
     "no score": (of_rows(lambda row: row.update(score=None)), r"line 2"),
     "a fault without its class": (of_rows(lambda row: row.update(fault={"message": "x"})), r"line 2"),

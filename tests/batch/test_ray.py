@@ -13,12 +13,14 @@ import pytest
 
 from interplan_sumo.batch import ray_backend
 from interplan_sumo.batch.briefs import Brief
+from interplan_sumo.batch.judge import judge
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.processes import environment
 from interplan_sumo.batch.ray_backend import RayPool, run_on_ray
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
+from interplan_sumo.batch.submit import submit
 from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.verify import RowSample, verify
 from interplan_sumo.batch.worker_pool import Report
@@ -194,6 +196,15 @@ def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_
     shutil.rmtree(tmp_path / "mine")
     found = verify(read_run(tmp_path / "there"), RowSample(None), RunOptions(workers="ray:auto"))
     assert [(check.verdict, check.reason) for check in found.checks] == [("equal", ""), ("equal", "")]
+
+
+def test_a_bundle_is_judged_there(cluster: Any, mine: Path, tmp_path: Path) -> None:
+    del cluster
+    file = str(mine / "mine.yaml")
+    run(RunOptions(("straight_ahead",), tmp_path / "home", scenarios=(file,), workers=0))
+    submit(read_run(tmp_path / "home"), tmp_path / "bundle.zip")
+    made = judge(tmp_path / "bundle.zip", tmp_path, RunOptions(scenarios=(file,), workers="ray:auto"))
+    assert (made.judged.equal, made.judged.drives) == (2, 2)
 
 
 def test_the_commands_sweep_and_verify_take_the_same_workers_as_run(

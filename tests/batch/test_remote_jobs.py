@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from interplan_sumo.batch.drive_job import DriveSettings
+from interplan_sumo.batch.jobs import Job
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.remote_jobs import Files, RemoteJobs, write_files
+from interplan_sumo.batch.run_folder import trace_place
+from interplan_sumo.batch.tasks import Task
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.metrics.profile import find_profile
+from tests.batch.busy import PLAIN
 
 PLACE = "traces/nudge_0-12345678/idm-12345678/seed0"
 
@@ -42,6 +47,18 @@ def test_luggage_is_what_drives_read_of_the_run_folder_and_no_results(tmp_path: 
 def test_a_vehicle_type_file_that_is_gone_is_named(tmp_path: Path) -> None:
     with pytest.raises(RunFolderError, match=r"cannot read .*gone\.xml: No such file"):
         drives(tmp_path, tmp_path / "gone.xml").stage_in()
+
+
+def test_plans_go_to_the_drive_that_is_made_of_them_and_no_further(tmp_path: Path) -> None:
+    key = ("nudge/0", "idm", 3)
+    home = folder(tmp_path / "home", {f"{trace_place(key)}/{name}.parquet": b"x" for name in ("plans", "ego")})
+    jobs = RemoteJobs(replace(drives(home).settings, plans_of=home))
+    task = Task(key, "idm", Job(replace(PLAIN, id="nudge/0"), "idm", 3))
+    assert drives(home).needs(task) == {}
+    assert jobs.needs(task) == {f"plans/{trace_place(key)}/plans.parquet": b"x"}
+    there = folder(tmp_path / "there", jobs.needs(task))
+    assert jobs.collect(there) == {}
+    assert below(there) == []
 
 
 def test_what_drives_leave_comes_home_once(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Publish, Work
+from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Publish, Task, Work
 from interplan_sumo.errors import InputError, MapError, TrafficError
 from interplan_sumo.planner_process.deaths import KilledWhileBuiltError
 
@@ -64,6 +64,9 @@ class ToysAway:
     def open_in(self, folder: Path) -> OpenGroup:
         (folder / "fresh").write_bytes((folder / "deep/needed").read_bytes())
         return open_toy
+
+    def needs(self, task: Task) -> Files:  # noqa: ARG002 (as all jobs have it)
+        return {}
 
     def collect(self, folder: Path) -> Files:
         return {path.name: path.read_bytes() for path in folder.glob("fresh")}

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 from typer.main import get_command
 
 from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.records import Shard
 from interplan_sumo.batch.run import run
-from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.cli.runs import app
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.page.drives import pair_replay, replays_folder, shown_drives
@@ -52,6 +54,19 @@ def test_several_planners_on_a_scenario_get_a_page_of_the_best_beside_the_worst(
     assert len(single) == 3
     assert [key[1] for _, key in pair.drives] == ["b", "c"]
     assert pair.path == tmp_path / "report-replays" / pair_replay("nudge/0")
+
+
+def test_a_replay_is_of_the_run_and_the_shard_that_its_line_is_about(tmp_path: Path) -> None:
+    rows = [drive(f"nudge/{number}", 0.5) for number in range(2)]
+    whole = stored(*rows, path="runs/whole")
+    shards = [
+        StoredRun(Path(f"runs/{n}"), structs.replace(whole.manifest, shard=Shard(n, 2)), {row.key: row})
+        for n, row in enumerate(rows, start=1)
+    ]
+    runs = [whole, *shards]
+    jobs = replay_jobs(make_table(runs), runs, tmp_path / "report.html", "all")
+    places = [(place.name, key[0]) for job in jobs for place, key in job.drives]
+    assert sorted(places) == [("1", "nudge/0"), ("2", "nudge/1"), ("whole", "nudge/0"), ("whole", "nudge/1")]
 
 
 def test_the_best_drive_is_shown_beside_the_worst_though_it_lost_nothing_unless_they_are_equal(tmp_path: Path) -> None:

@@ -83,26 +83,25 @@ def replay_jobs(table: ResultsTable, runs: Sequence[StoredRun], page: Path, whic
     if not wanted:
         return []
     folder = replays_folder(page)
-    jobs = [ReplayJob((_place(drive, runs),), folder / drive.replay) for drive in wanted]
+    folders = {id(run.rows): run.path for run in runs}
+    held = {
+        (number, key): (folders[id(rows)], key)
+        for number, line in enumerate(table.lines)
+        for rows, key in line.rows.places
+    }
+
+    def place(drive: ShownDrive) -> tuple[Path, JobKey]:
+        return held[drive.line, (drive.scenario, drive.planner, drive.seed)]
+
+    jobs = [ReplayJob((place(drive),), folder / drive.replay) for drive in wanted]
     all_drives = by_scenario(shown_drives(table))
     for scenario in by_scenario(wanted):
         scored = [drive for drive in all_drives[scenario] if drive.score is not None]
         if scored:
             best, worst = (choose(scored, key=lambda drive: drive.rank) for choose in (max, min))
             if best.line != worst.line and best.score != worst.score:
-                jobs.append(ReplayJob((_place(best, runs), _place(worst, runs)), folder / pair_replay(scenario)))
+                jobs.append(ReplayJob((place(best), place(worst)), folder / pair_replay(scenario)))
     return jobs
-
-
-def _place(drive: ShownDrive, runs: Sequence[StoredRun]) -> tuple[Path, JobKey]:
-    return _run_of(drive, runs), (drive.scenario, drive.planner, drive.seed)
-
-
-def _run_of(drive: ShownDrive, runs: Sequence[StoredRun]) -> Path:
-    """The folder of the run that a drive belongs to; among several with the same job the one that its label names."""
-    key = (drive.scenario, drive.planner, drive.seed)
-    holding = [run.path for run in runs if key in run.rows]
-    return next((path for path in holding if drive.label.endswith(f"({path.name})")), holding[0])
 
 
 def _made(jobs: Sequence[ReplayJob]) -> Iterator[str | None]:
