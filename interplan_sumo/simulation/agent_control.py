@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
+from interplan_sumo.simulation.braking_cut_ins import LEAST_GAP_M, BrakingCutIns
 from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE
 from interplan_sumo.simulation.ego_reactions import BACK_TO_SUMO, AgentCommands
 from interplan_sumo.simulation.headway_relaxation import HeadwayRelaxation, Leader
@@ -37,9 +38,10 @@ LANE_WIDTH_M = 3.5
 PLAIN_LATERAL_MPS = 1.0
 """SUMO's `maxSpeedLat` where a type has none of its own."""
 COLLISION_FREE_MODELS = frozenset({"IDM", "IDMM", "EIDM", "Krauss", "KraussOrig1", "KraussPS", "KraussX"})
-"""The other car-following models of SUMO may drive into their leaders at low speed (W99 by 0.24 m, without any ego)."""
-LEAST_GAP_M = 0.3
-"""The others brake as hard as they can when they could else not stop this far behind their leader."""
+"""The other car-following models of SUMO may drive into their leaders at low speed (W99 by 0.24 m, without any ego).
+
+They brake as hard as they can when they could else not stop `LEAST_GAP_M` behind their leader.
+"""
 WANTED_LESS_MPS = 1e-3
 """SUMO wanted less than it was told if by more than this: below that it is rounding."""
 NEW_STEPS = 25
@@ -101,6 +103,7 @@ class AgentControl:
         self._overseen: set[str] = set()
         self._parting: set[str] = set()  # hold their speed for a step after a command: SUMO's EIDM flinches in it
         self._late: frozenset[str] = frozenset()
+        self._cut_ins = BrakingCutIns(drivers)
         self._relaxing: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
         self._keeping_steps: dict[str, int] = {}
@@ -161,9 +164,11 @@ class AgentControl:
                 for name in sorted(self._parting):
                     sumo.vehicle.setSpeed(name, -1.0)
             self._parting.clear()
-        if commands.decisions or self._overseen:
+        with Commanding("looking for cars that brake as they cut in"):
+            surprised = self._cut_ins.most_mps(agents)
+        if commands.decisions or self._overseen or surprised:
             with Commanding("commanding the agents"):
-                for name, decision in self._held_back(agents, commands.decisions).items():
+                for name, decision in self._held_back(agents, commands.decisions, surprised).items():
                     if name in self._told or decision.mode is not Mode.SUMO or decision.speed_mps is not None:
                         self._apply(name, decision, float(agents.speed_mps[agents.rows[name]]))
         self.keep_lanes(commands.keep_lane | beside_posts)
@@ -175,14 +180,17 @@ class AgentControl:
         return float(sumo.vehicle.getFollowSpeed(name, speed_mps, net_m, leader_mps, decel_mps2, leader))
 
     def _held_back(
-        self, agents: AgentSnapshot, decisions: Mapping[str, ReactionDecision]
+        self, agents: AgentSnapshot, decisions: Mapping[str, ReactionDecision], surprised: Mapping[str, float]
     ) -> Mapping[str, ReactionDecision]:
-        """`decisions`, and that agents whose model drives into its leader do not."""
-        if not self._overseen:
+        """`decisions`, and that agents whose model drives into its leader do not, nor those `surprised`."""
+        if not self._overseen and not surprised:
             return decisions
-        held = {name: decisions.get(name, BACK_TO_SUMO) for name in self._overseen}
-        for name, decision in held.items():
-            most_mps = self._most_mps(name, float(agents.speed_mps[agents.rows[name]]))
+        held: dict[str, ReactionDecision] = {}
+        for name in sorted(self._overseen | surprised.keys()):
+            held[name] = decision = decisions.get(name, BACK_TO_SUMO)
+            overseen = name in self._overseen
+            most_mps = self._most_mps(name, float(agents.speed_mps[agents.rows[name]])) if overseen else inf
+            most_mps = min(most_mps, surprised.get(name, inf))
             if decision.speed_mps is None or most_mps < decision.speed_mps:
                 held[name] = decision if most_mps == inf else decision._replace(speed_mps=most_mps)
         return {**decisions, **held}
