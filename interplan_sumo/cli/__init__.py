@@ -19,6 +19,7 @@ from interplan_sumo.cli import runs
 from interplan_sumo.cli.audit import audit
 from interplan_sumo.cli.certify import certify
 from interplan_sumo.cli.dataset import dataset_app
+from interplan_sumo.cli.drive import drive
 from interplan_sumo.cli.export import export
 from interplan_sumo.cli.generate import generate
 from interplan_sumo.cli.hand_in import judge, leaderboard, submit
@@ -44,6 +45,7 @@ app.command()(judge)
 app.command()(leaderboard)
 app.command()(export)
 app.command()(replay)
+app.command()(drive)
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(scenarios_app, name="scenarios")
 scenarios_app.command("certify")(certify)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -25,13 +23,6 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.slow  # CI runs them
 
-CHROMIUMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-QUIET = (
-    "--disable-background-networking", "--disable-component-update", "--disable-default-apps",
-    "--disable-domain-reliability", "--disable-sync", "--metrics-recording-only", "--no-default-browser-check",
-    "--no-first-run", "--no-pings",
-)  # fmt: skip
-"""What keeps a browser from calling home."""
 NASTY = """<script>alert("1")</script> & 'co'"""
 USUAL, NARROW = (1440, 900), (390, 844)
 """Pixels of a screen."""
@@ -45,21 +36,6 @@ class OpenPage:
     requests: list[str] = field(default_factory=list[str])
     errors: list[str] = field(default_factory=list[str])
     """Errors and warnings of the console, what was refused by policy among them, and exceptions that nobody caught."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """One installed Chromium for all tests here; skips them where playwright or a browser is missing."""
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    program = next(filter(None, map(shutil.which, CHROMIUMS)), None)
-    if program is None:
-        pytest.skip(f"no browser on the PATH, looked for {', '.join(CHROMIUMS)}")
-    as_root = hasattr(os, "geteuid") and os.geteuid() == 0
-    flags = [*QUIET, *(["--no-sandbox"] if as_root else [])]  # Chromium refuses to sandbox what root runs
-    with sync_api.sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=program, args=flags)
-        yield running
-        running.close()
 
 
 def sized(pixels: tuple[int, int]) -> ViewportSize:
@@ -254,6 +230,15 @@ def test_space_plays_and_pauses_and_presses_what_tab_has_reached(replay: Page) -
     replay.focus("#forward")
     assert pressed(replay, " ") == 0.1
     assert not playing(replay)
+
+
+def test_it_says_how_to_drive_on_from_a_moment(replay: Page) -> None:
+    pressed(replay, "Home", "Shift+ArrowRight", "2")
+    replay.click("#take-over")
+    said = replay.inner_text("#take-over-command")
+    assert said.startswith("interplan-sumo drive '<script>")
+    assert said.endswith("--from RUN --planner pdm_closed --at 1.0")
+    replay.get_by_role("button", name="Close").click()
 
 
 def test_it_jumps_to_what_decided_each_drive_and_says_so(replay: Page) -> None:

@@ -189,7 +189,7 @@ def test_what_was_staged_is_told_apart_from_the_traffic() -> None:
         "ped00": ("pedestrian", "pedestrian"),
         "worker00": ("worker", "worker"),
     }
-    shown = {look for look, _ in (*looks.values(), *agents_timeline._LOOKS.values())}
+    shown = {look for look, _ in (*looks.values(), *agents_timeline.KIND_LOOKS.values())}
     assert shown <= set(replay_data([staged])["looks"])  # each has a colour
 
 

@@ -10,12 +10,15 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 
-def html(template: str, *, style: str, script: str, **fields: object) -> str:
+def html(template: str, *, style: str, script: str, connects: bool = False, **fields: object) -> str:
     """A page of `templates/` with its style and script inside, and a policy that allows no others.
 
-    Fields are escaped; what is a `Markup` goes in as it is.
+    Fields are escaped; what is a `Markup` goes in as it is. Only one that
+    `connects` may ask, and nobody but the server that it came from.
     """
     policy = f"default-src 'none'; style-src '{_digest(style)}'; script-src '{_digest(script)}'; base-uri 'none'"
+    if connects:
+        policy += "; connect-src 'self'"
     parts = {"policy": Markup(policy), "style": Markup(style), "script": Markup(script)}
     return _templates().get_template(template).render(**parts, **fields)
 

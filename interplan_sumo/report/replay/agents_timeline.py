@@ -186,7 +186,7 @@ def _staged(scenario: Scenario, roads: Roads) -> list[tuple[ActorKind, Pose, str
     return found
 
 
-_LOOKS: Final[Mapping[ActorKind, tuple[str, str]]] = {
+KIND_LOOKS: Final[Mapping[ActorKind, tuple[str, str]]] = {
     ActorKind.PEDESTRIAN: ("pedestrian", "pedestrian"),
     ActorKind.BICYCLE: ("bicycle", "bicycle"),
     ActorKind.TRAFFIC_CONE: ("cone", "traffic cone"),
@@ -194,6 +194,7 @@ _LOOKS: Final[Mapping[ActorKind, tuple[str, str]]] = {
     ActorKind.CZONE_SIGN: ("barrier", "construction sign"),
     ActorKind.GENERIC_OBJECT: ("object", "object"),
 }
+"""What decides the colour of whoever is no vehicle, and a word for it."""
 
 
 def _look(table: ActorTable, rows: Ints, staged: Iterable[tuple[ActorKind, Pose, str, str]]) -> tuple[str, str]:
@@ -209,7 +210,7 @@ def _look(table: ActorTable, rows: Ints, staged: Iterable[tuple[ActorKind, Pose,
             "vehicle" if moves else "standing",
             _vehicle_word(float(table.length_m[first]), float(table.width_m[first])),
         )
-    return _LOOKS[kind]
+    return KIND_LOOKS[kind]
 
 
 def _vehicle_word(length_m: float, width_m: float) -> str:

@@ -20,13 +20,11 @@ Coordinates, columns and series are encoded as in `numbers`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-from math import atan2
 from typing import Any, Final
 
 import numpy as np
-import shapely
 
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.errors import InputError
@@ -35,29 +33,15 @@ from interplan_sumo.metrics.score import ScoreSheet, score_facts
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.failure_reasons import fault_sentence, metric_title
 from interplan_sumo.report.key_events import FAULT, KeyEvent, deciding_event, loss_events, replay_events
-from interplan_sumo.report.replay import agents_timeline, surroundings
+from interplan_sumo.report.replay import agents_timeline
 from interplan_sumo.report.replay.charts import CHARTS, chart_series
-from interplan_sumo.report.replay.numbers import PER_METRE, PER_RADIAN, PER_UNIT, points
-from interplan_sumo.report.road_markings import goal_line, signal_changes
-from interplan_sumo.scenario.route import way_ahead
+from interplan_sumo.report.replay.drawn_scene import DrawnScene
+from interplan_sumo.report.road_markings import signal_changes
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 
 MOST_DRIVES: Final = 2
 """Side by side on one page."""
-LOOKS: Final = {
-    "vehicle": drawing.OTHERS[0],
-    "standing": drawing.STANDING,
-    "hiding": drawing.HIDING,
-    "cone": drawing.CONE,
-    "barrier": drawing.BARRIER,
-    "worker": drawing.WORKER,
-    "pedestrian": drawing.PERSON,
-    "bicycle": drawing.OTHERS[1],
-    "object": drawing.OTHERS[3],
-}
-"""Colours of whoever has no type of driver, as in the pictures of scenarios."""
 
 
 def replay_data(drives: Sequence[StoredDrive]) -> dict[str, Any]:
@@ -68,30 +52,18 @@ def replay_data(drives: Sequence[StoredDrive]) -> dict[str, Any]:
     _check(drives)
     first = drives[0]
     roads, scenario = first.roads, first.scenario
-    route = way_ahead(roads, scenario)
-    away = route.points[-1] - route.points[0]
     tracks = [np.column_stack((drive.trace.ego.x_m, drive.trace.ego.y_m)) for drive in drives]
-    shown = np.concatenate((route.points, *tracks))
-    origin = np.floor(shown.min(axis=0))
-    area = surroundings.area_around((route.points, *tracks))
+    scene = DrawnScene.of(roads, scenario, tracks)
     longest = max(drives, key=lambda drive: len(drive.trace))
-    lights = surroundings.lights(roads, area, origin)
-    drivable = surroundings.drivable_around(roads, area)
     return {
         "scenario": {"id": scenario.id, "about": _about(scenario, roads)},
-        "per": {"metre": PER_METRE, "radian": PER_RADIAN, "unit": PER_UNIT},
         "dt_s": round(longest.trace.dt_s, 6),
         "frames": len(longest.trace),
-        "turned_rad": round(atan2(away[1], away[0]), 4),
-        "extent": points(np.stack((shown.min(axis=0), shown.max(axis=0))), origin),
-        "map": surroundings.map_around(roads, area, origin),
-        "lights": lights,
-        "route": {"line": points(route.points, origin), "goal": points(goal_line(roads, scenario), origin)},
-        "expert": agents_timeline.expert(first.expert, longest.trace.ego.time_us, origin),
-        "looks": LOOKS,
+        "expert": agents_timeline.expert(first.expert, longest.trace.ego.time_us, scene.origin),
         "behaviours": drawing.behaviour_colours(_behaviours(drives)),
         "charts": [asdict(chart) for chart in CHARTS],
-        "drives": [_drive(drive, drivable, origin, lights) for drive in drives],
+        "drives": [_drive(drive, scene) for drive in drives],
+        **scene.fields,
     }
 
 
@@ -112,7 +84,7 @@ def _check(drives: Sequence[StoredDrive]) -> None:
             )
 
 
-def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, lights: Iterable[str]) -> dict[str, Any]:
+def _drive(drive: StoredDrive, scene: DrawnScene) -> dict[str, Any]:
     """What differs from planner to planner.
 
     `planner`, `seed`, `profile`, `score` (0 to 100, or None), `fault` (a sentence or
@@ -120,6 +92,7 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
     `deciding` (frame, metric and reason), `charts`, what is around (`ego`, `agents`,
     `seen`, `plans`, `triggers`) and `signals` (`road_markings.signal_changes`).
     """
+    origin, lights = scene.origin, scene.fields["lights"]
     facts = Facts(drive.trace, drive.roads, drive.expert, drive.scenario)
     sheet = score_facts(facts, drive.profile)
     lost = loss_events(facts, sheet, drive.row)
@@ -137,7 +110,7 @@ def _drive(drive: StoredDrive, drivable: shapely.Geometry, origin: Floats, light
         "metrics": _metrics(sheet, lost),
         "events": [asdict(event) for event in replay_events(drive, facts, sheet, lost, set_off)],
         "deciding": {"frame": decided.frame, "metric": decided.metric, "reason": decided.reason},
-        "charts": chart_series(facts, sheet, drivable),
+        "charts": chart_series(facts, sheet, scene.drivable),
         "ego": agents_timeline.ego(drive.trace, origin),
         "agents": agents_timeline.agents(drive, origin),
         "seen": agents_timeline.seen(drive.trace, origin),

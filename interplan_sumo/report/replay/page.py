@@ -54,7 +54,7 @@ def replay_page(drives: Sequence[StoredDrive]) -> str:
     data = replay_data(drives)
     heading = data["scenario"]["id"]
     return html(
-        "replay.html.j2", style=_style(), script=_script(), heading=heading, title=f"{heading} with {planners}",
+        "replay.html.j2", style=style(), script=_script(), heading=heading, title=f"{heading} with {planners}",
         data=packed(data),
     )  # fmt: skip
 
@@ -69,16 +69,18 @@ def packed(data: Mapping[str, Any]) -> Markup:
 
 
 @cache
-def _part(name: str) -> str:
+def part(name: str) -> str:
+    """One of the files that the page is made from."""
     return files(__package__ or "").joinpath(name).read_text(encoding="utf-8")
 
 
 @cache
-def _style() -> str:
+def style() -> str:
+    """The style, with the colours of the pictures."""
     colours = "".join(f"--{name}:{colour};" for name, colour in COLOURS.items())
-    return f":root{{{colours}}}\n{_part('replay.css')}"
+    return f":root{{{colours}}}\n{part('replay.css')}"
 
 
 @cache
 def _script() -> str:
-    return "\n".join(_part(name) for name in SCRIPTS)
+    return "\n".join(part(name) for name in SCRIPTS)

@@ -146,6 +146,16 @@ class Player {
     this.say(`${seconds(this.drive.deciding.frame, this.data)}. ${this.drive.planner}: ${this.drive.deciding.reason}`);
   }
 
+  /** Say the command with which a person drives on from here. */
+  takeOver() {
+    this.play(false);
+    const quoted = (text) => (/^[\w./:-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
+    const at = Math.min(this.state.frame, this.drive.plans.length - 1) * this.data.dt_s;
+    const words = [quoted(this.data.scenario.id), "--from RUN", `--planner ${quoted(this.drive.planner)}`, `--at ${at.toFixed(1)}`];
+    this.parts["take-over-command"].textContent = `interplan-sumo drive ${words.join(" ")}`;
+    this.parts["take-over-box"].showModal();
+  }
+
   /** To the next event of the chosen planner, or to the one before. */
   nextEvent(direction) {
     const now = Math.round(this.state.frame);
@@ -205,7 +215,7 @@ class Player {
       play: () => this.play(!this.state.playing), decide: () => this.decide(),
       fit: () => this.fit(), follow: () => this.follow(),
       "zoom-in": () => this.zoom(ZOOM_STEP), "zoom-out": () => this.zoom(1 / ZOOM_STEP),
-      "help-open": () => parts.help.showModal(),
+      "help-open": () => parts.help.showModal(), "take-over": () => this.takeOver(),
     };
     for (const [id, act] of Object.entries(clicks)) parts[id].addEventListener("click", act);
     parts.time.addEventListener("input", () => this.seek(Number(parts.time.value)));
@@ -227,7 +237,7 @@ class Player {
   }
 
   key(event) {
-    if (this.parts.help.open || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (document.querySelector("dialog[open]") || event.ctrlKey || event.metaKey || event.altKey) return;
     const { target } = event;
     if (target instanceof HTMLSelectElement) return;
     const presses = target instanceof HTMLButtonElement || target.matches("input[type=checkbox], summary");
