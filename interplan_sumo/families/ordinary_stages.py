@@ -82,7 +82,8 @@ def cross(
     people: list[Jaywalker] = []
     crosswalks = _crosswalks_m(roads, way) if way.turn is not Turn.STRAIGHT else []
     if crosswalks and rng.random() < AT_EXIT_SHARE:
-        people = _walkers(way, crosswalks[-1], edges_m(roads, roads.lanes[way.to_lane_id], 1.0), rng)
+        edges = edges_m(roads, roads.lanes[way.to_lane_id], 1.0)
+        people = _walkers(way, crosswalks[-1], edges, rng, from_left=bool(rng.random() < 0.5))
     return _scenario(id, roads, course, share, TrafficDemand(_some(rng), DRIVERS, "low"), jaywalkers=people)
 
 
@@ -138,16 +139,16 @@ def wait_for_pedestrian(id: str, roads: Roads, place: tuple[Connector, float], r
     way, crossing_m = place
     course = _through(roads, way, float(np.round(rng.uniform(50.0, 70.0), 1)), 50.0)
     lane = roads.lanes[way.from_lane_id]
-    people = _walkers(way, crossing_m, edges_m(roads, lane, lane.centerline.length_m - 1.0), rng)
+    edges = edges_m(roads, lane, lane.centerline.length_m - 1.0)
+    people = _walkers(way, crossing_m, edges, rng, from_left=edges[0] < edges[1])  # from afar they come too late
     return _scenario(id, roads, course, 0.6, LIGHT_TRAFFIC, jaywalkers=people)
 
 
 def _walkers(
-    way: Connector, crossing_m: float, edges: tuple[float, float], rng: np.random.Generator
+    way: Connector, crossing_m: float, edges: tuple[float, float], rng: np.random.Generator, *, from_left: bool
 ) -> list[Jaywalker]:
     """People who walk over a crosswalk from kerb to kerb, which are as far away as `edges` says, left and right."""
     left_m, right_m = edges
-    from_left = bool(rng.random() < 0.5)
     here_m, there_m = (left_m + 1.0, -right_m - 1.0) if from_left else (-right_m - 1.0, left_m + 1.0)
     people: list[Jaywalker] = []
     for i in range(int(rng.choice(list(CROSSING), p=list(CROSSING.values())))):

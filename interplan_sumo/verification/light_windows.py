@@ -19,12 +19,16 @@ from interplan_sumo.simulation.episode import DT_S
 from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.verification.replay import replay
 from interplan_sumo.world.ego import PACIFICA
-from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.roads import Connector, Roads
 from interplan_sumo.world.signals import Signals, SignalStatus
 from interplan_sumo.world.trace import EgoTrack
 
 DELAYS_S: Final = (5.0, 10.0)
 """Who comes to the lights so much later than on an empty road is still in time: nobody fails for a second."""
+RED_FOR_LEADER_S: Final = (-2.0, 6.0)
+"""From before a leader comes to its light until after, it is red: whoever follows has stopped by then, too."""
+RED_FOR_QUEUE_S: Final = (0.0, 2.0)
+"""A queue stands at first."""
 STOPPED_S: Final = 3.0
 """Who had to stop for a light is this much later than one who drives through as it turns green."""
 TIME_SHARE: Final = 0.7
@@ -41,6 +45,29 @@ def light_problems(scenario: Scenario, roads: Roads) -> list[str]:
     return [f"on an empty road the goal line is {needed_s:.0f} s away with its lights, expected {most_s:.0f} s at most"]
 
 
+def green_too_soon(scenario: Scenario, roads: Roads) -> list[str]:
+    """Whether nobody has to stop in a type of ordinary driving that is about stopping at a light."""
+    light = next((each for each in _lights(scenario, roads)), None)
+    if light is None or scenario.family not in ("stopping_with_lead", "stationary_in_traffic"):
+        return []
+    from_s, to_s = RED_FOR_QUEUE_S
+    if scenario.family == "stopping_with_lead":
+        lead = scenario.vehicles[0]
+        left_m = roads[lead.place.lane].centerline.length_m - lead.place.arc_m
+        from_s, to_s = (max(left_m / lead.speed_mps + each_s, 0.0) for each_s in RED_FOR_LEADER_S)
+    shown = _signals(scenario)[int(from_s / DT_S) : int(to_s / DT_S) + 1]
+    states = [dict(zip(now.connector_ids, now.status, strict=True)).get(light.id) for now in shown]
+    if all(state == SignalStatus.RED for state in states):
+        return []
+    return [f"light {light.id} is not red from {from_s:.1f} to {to_s:.1f} s: nobody stops for it"]
+
+
+def _lights(scenario: Scenario, roads: Roads) -> list[Connector]:
+    """The connectors with a traffic light on the way, in order."""
+    found = [roads.connectors.get(lane) for lane in route_lanes(roads, scenario)]
+    return [each for each in found if each is not None and each.has_traffic_light]
+
+
 def time_to_goal_s(scenario: Scenario, roads: Roads, late_s: float = 0.0) -> float:
     """How long the nominal drive takes with the lights of the map; infinite if it does not come there.
 
@@ -51,16 +78,13 @@ def time_to_goal_s(scenario: Scenario, roads: Roads, late_s: float = 0.0) -> flo
         return inf
     line = route_centerline(roads, scenario)
     arc_m, _ = line.project(np.stack((track.x_m, track.y_m), axis=1))
-    for lane in route_lanes(roads, scenario):
-        connector = roads.connectors.get(lane)
-        if connector is None or not connector.has_traffic_light:
-            continue
+    for connector in _lights(scenario, roads):
         begins_m = line.project_point(*connector.centerline.points[0].tolist())[0] - PACIFICA.length_m / 2.0
         at_line = np.flatnonzero(arc_m >= begins_m)
         if len(at_line) == 0 or arc_m[0] >= begins_m:
             continue
         arrives_s = late_s + DT_S * int(at_line[0])
-        opens_s = _green_from_s(scenario, lane, arrives_s)
+        opens_s = _green_from_s(scenario, connector.id, arrives_s)
         if opens_s == inf:
             return inf
         if opens_s > arrives_s:

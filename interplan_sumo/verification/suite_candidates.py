@@ -10,7 +10,7 @@ from interplan_sumo.families import FAMILIES
 from interplan_sumo.families.generate import Search
 from interplan_sumo.scenario.scenario import Scenario, perception_named
 from interplan_sumo.scenario.sites import Rejected
-from interplan_sumo.verification.light_windows import light_problems
+from interplan_sumo.verification.light_windows import green_too_soon, light_problems
 from interplan_sumo.verification.suite_slots import Seed, Slot, groups
 from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import DrivingSide, Roads
@@ -106,7 +106,7 @@ class Streams:
             block = first.site(roads).partition("@")[0]
             if block in taken or (many and changes_asked(first, roads) < MANY_CHANGES):
                 continue
-            if problems := light_problems(first, roads):
+            if problems := light_problems(first, roads) or green_too_soon(first, roads):
                 self.passed_over.append((slot, Rejected(first.goal.lane, first.goal.arc_m, problems[0])))
                 continue
             return Candidate(slot, attempt, tuple(self._fitted(slot, each) for each in drawn), block)

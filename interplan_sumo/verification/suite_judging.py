@@ -90,8 +90,9 @@ def _proved(scenario: Scenario, slot: Slot) -> tuple[CertificateRecord, Surround
     if proof.certificate is None:
         return Verdict("certificate", "; ".join(proof.problems), scenario.id)
     track = proof.certificate.track
-    if slot.is_ordinary and not shows_its_type(scenario, replay(scenario, track)):
-        return Verdict("type", f"the certificate shows nothing of {scenario.family}", scenario.id)
+    shown = (reference, replay(scenario, track)) if slot.is_ordinary else ()  # who knows the lights need not stop
+    if slot.is_ordinary and not any(shows_its_type(scenario, trace) for trace in shown):
+        return Verdict("type", f"neither driver shows anything of {scenario.family}", scenario.id)
     if not slot.is_ordinary and solvers(scenario, track, (TRIVIAL,)):
         return Verdict("trivial", f"{TRIVIAL} solves it", scenario.id)
     solved_by = solvers(scenario, track, ASKED) or solvers(scenario, track, ASKED_NEXT)

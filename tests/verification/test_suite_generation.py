@@ -23,7 +23,13 @@ from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.suite import expert, find_scenario
-from interplan_sumo.verification.light_windows import DELAYS_S, TIME_SHARE, light_problems, time_to_goal_s
+from interplan_sumo.verification.light_windows import (
+    DELAYS_S,
+    TIME_SHARE,
+    green_too_soon,
+    light_problems,
+    time_to_goal_s,
+)
 from interplan_sumo.verification.suite_candidates import Candidate, changes_asked
 from interplan_sumo.verification.suite_generation import SuiteSearch, counts, write_suites
 from interplan_sumo.verification.suite_judging import Verdict
@@ -219,6 +225,23 @@ def test_a_scene_whose_lights_leave_too_little_time_is_told_before_anybody_drive
     assert 0 < len(late) < len(others)
     assert all("s late misses the light" in light_problems(scene, roads)[0] for scene in late)
     assert all(light_problems(scene, roads) == [] for scene in others if scene not in late)
+
+
+def test_a_leader_that_is_to_stop_comes_to_a_red_light_and_a_queue_stands_before_one() -> None:
+    roads = load_roads("back_bay")
+    for family in ("stopping_with_lead", "stationary_in_traffic"):
+        scenes = list(islice(Search(roads, family, 0), 12))
+        said = [green_too_soon(scene, roads) for scene in scenes]
+        assert 0 < sum(each == [] for each in said) < len(scenes)
+        assert all("nobody stops for it" in each[0] for each in said if each)
+        without = [replace(scene, family="following_lane_with_lead") for scene in scenes]
+        assert not any(green_too_soon(scene, roads) for scene in without)
+
+
+def test_who_is_waited_for_comes_from_the_nearer_kerb() -> None:
+    for scene in islice(Search(load_roads("back_bay"), "waiting_for_pedestrian_to_cross", 0), 12):
+        first = scene.jaywalkers[0]
+        assert abs(first.start.left_m) <= abs(first.end.left_m)
 
 
 def test_options_that_do_not_go_together_are_refused_with_the_way_out(capsys: pytest.CaptureFixture[str]) -> None:
