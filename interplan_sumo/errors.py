@@ -18,9 +18,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import cache
+from pathlib import PurePath
+from sysconfig import get_path
+from traceback import StackSummary, walk_tb
 
 MOST_CHARACTERS = 500
 """Of a message that somebody else wrote."""
+MOST_PLACES = 3
+"""Lines of somebody's code that a message names."""
 
 
 def clean_line(text: str, most: int = MOST_CHARACTERS) -> str:
@@ -28,6 +34,35 @@ def clean_line(text: str, most: int = MOST_CHARACTERS) -> str:
     line = " ".join(text[: 4 * most].split())
     shown = "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in line[:most])
     return shown if len(line) <= most and len(shown) <= most and len(text) <= 4 * most else f"{shown[: most - 3]}..."
+
+
+def text_of(error: BaseException) -> str:
+    """What an exception says, whoever made it."""
+    try:
+        return str(error)
+    except BaseException:
+        return "an error without a text"
+
+
+def told(error: BaseException) -> str:
+    """What an exception of somebody's own code says, and the lines of that code which it went through."""
+    text = text_of(error)
+    return f"{type(error).__name__}{': ' if text else ''}{text}{_places(error)}"
+
+
+def _places(error: BaseException) -> str:
+    """The last lines outside of libraries and of this package; of libraries if there are no others."""
+    every = StackSummary.extract(walk_tb(error.__traceback__), lookup_lines=False)
+    frames = [frame for frame in every if not frame.filename.startswith("<frozen")]
+    own = [frame for frame in frames if not frame.filename.startswith(_libraries())][-MOST_PLACES:] or frames[-1:]
+    places = [f"{PurePath(frame.filename).name}:{frame.lineno} in {frame.name}" for frame in own]
+    return f" ({', '.join(places)})" if places else ""
+
+
+@cache
+def _libraries() -> tuple[str, ...]:
+    places = (get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib"))
+    return tuple({*(f"{place}/" for place in places), f"{PurePath(__file__).parent}/"})
 
 
 class InterplanError(Exception):

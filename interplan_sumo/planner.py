@@ -7,16 +7,13 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import inspect
 import os
-import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
-import yaml
-
-from interplan_sumo.errors import InputError, PlannerLoadError, UnknownNameError
+from interplan_sumo.errors import InputError, PlannerLoadError, UnknownNameError, told
+from interplan_sumo.planner_options import option_defaults, options_of, settings_class
 from interplan_sumo.registry import INSTALL_HINT, Registry, source_of
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
@@ -110,15 +107,6 @@ SCHEMES: Registry[PlannerScheme] = Registry(
 """By the prefix that each stands for."""
 
 
-class OptionLoader(yaml.SafeLoader):
-    """Plain YAML, but 1e-4 is a number, as people write it; YAML wants 1.0e-4."""
-
-
-OptionLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
-)
-
-
 @dataclass(frozen=True, slots=True)
 class PlannerInfo:
     """A registered planner, as `planners list` prints it."""
@@ -171,7 +159,7 @@ def planners() -> list[PlannerInfo]:
         recommended = name == RECOMMENDED
         try:
             make = PLANNERS[name]
-            info = PlannerInfo(name, source_of(point), _parameters(make), recommended, _paper(make))
+            info = PlannerInfo(name, source_of(point), option_defaults(make), recommended, _paper(make))
         except InputError as error:
             info = PlannerInfo(name, source_of(point), {}, recommended, problem=str(error))
         listed.append(info)
@@ -183,27 +171,19 @@ def load_planner(spec: str) -> Planner:
 
     `exec:COMMAND` starts a program.
 
-    Values are read as YAML (`2`, `0.5`, `true`, text, `[1, 2]`). Raises
-    UnknownNameError or PlannerLoadError with the way out.
+    Values are read as YAML (`2`, `0.5`, `true`, text, `[1, 2]`) and held against the constructor's annotations,
+    `Annotated[float, msgspec.Meta(gt=0)]` included. Raises UnknownNameError or PlannerLoadError with the way out.
     """
     name, query = split_spec(spec)
     make = _factory(name)
-    known = _parameters(make)
-    options: dict[str, Any] = {}
-    for pair in filter(None, query.split("&")):
-        key, equals, value = pair.partition("=")
-        if not equals:
-            raise PlannerLoadError(f"option {pair!r} of planner {name!r} has no value; write {key}=VALUE")
-        if known and key not in known:
-            raise UnknownNameError(f"option of planner {name!r}", key, known)
-        options[key] = yaml.load(value, OptionLoader)  # a safe loader
-    settings = _settings(make)
+    options = options_of(name, make, query)
+    settings = settings_class(make)
     try:
         planner = make(settings(**options)) if settings else make(**options)
     except InputError:
         raise
-    except Exception as error:
-        raise PlannerLoadError(f"planner {spec!r} could not be built: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise PlannerLoadError(f"planner {spec!r} could not be built: {told(error)}") from error
     for method in ("start", "plan"):
         if not callable(getattr(planner, method, None)):
             raise PlannerLoadError(
@@ -218,33 +198,16 @@ def _factory(name: str) -> Any:
         if ":" in attribute or module_name == EXEC:
             return SCHEMES[module_name].factory(attribute)
         try:
-            return getattr(importlib.import_module(module_name), attribute)
-        except ImportError as error:
-            raise PlannerLoadError(f"planner {name!r}: cannot import {module_name!r}: {error}") from error
-        except AttributeError:
-            raise PlannerLoadError(f"planner {name!r}: module {module_name!r} has no {attribute!r}") from None
+            module = importlib.import_module(module_name)
+        except (Exception, SystemExit) as error:
+            raise PlannerLoadError(f"planner {name!r}: cannot import {module_name!r}: {told(error)}") from error
+        if not hasattr(module, attribute):
+            classes = [each for each, value in vars(module).items() if isinstance(value, type)]
+            raise UnknownNameError(f"class of module {module_name!r}", attribute, classes)
+        return getattr(module, attribute)
     return PLANNERS[name]
 
 
 def _paper(make: Any) -> str | None:
     paper = getattr(make, "paper", None)
     return paper if isinstance(paper, str) else None
-
-
-def _settings(make: Any) -> Callable[..., Any] | None:
-    """The dataclass of a planner's options, if it keeps them in one."""
-    settings = getattr(make, "Settings", None)
-    return settings if is_dataclass(settings) and isinstance(settings, type) else None
-
-
-def _parameters(make: Any) -> dict[str, Any]:
-    try:
-        signature = inspect.signature(_settings(make) or make)
-    except (TypeError, ValueError):
-        return {}
-    plain = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    return {
-        p.name: None if p.default is inspect.Parameter.empty else p.default
-        for p in signature.parameters.values()
-        if p.kind in plain
-    }

@@ -6,10 +6,9 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypeVar
 
-from interplan_sumo.errors import PlannerError, clean_line
+from interplan_sumo.errors import PlannerError, clean_line, text_of, told
 from interplan_sumo.planner import Mission, Observation, Planner
 from interplan_sumo.world.trajectory import Trajectory
 
@@ -88,17 +87,7 @@ def guarded(call: Callable[[], _T], what: str) -> _T:
 
 def blame(error: BaseException, what: str) -> str:
     """What a call raised and where; what a PlannerError says is said already."""
-    try:
-        text = str(error)
-    except BaseException:
-        text = "an error without a text"
-    if isinstance(error, PlannerError):
-        return text
-    where = error.__traceback__
-    while where is not None and where.tb_next is not None:
-        where = where.tb_next
-    place = f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})" if where is not None else ""
-    return f"{what} raised {type(error).__name__}: {text}{place}"
+    return text_of(error) if isinstance(error, PlannerError) else f"{what} raised {told(error)}"
 
 
 def own_report(planner: Planner) -> dict[str, Any] | None:

@@ -24,7 +24,8 @@ from typing import Any, Final
 import yaml
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.planner import EXEC, PLANNERS, OptionLoader, split_spec
+from interplan_sumo.planner import EXEC, PLANNERS, split_spec
+from interplan_sumo.planner_options import OptionLoader
 
 RECORDS: Final = frozenset((".jsonl", ".log", ".db", ".sqlite"))
 """Files that a planner writes, such as answers of language models: what its options name so is none of its source."""

@@ -17,7 +17,7 @@ SHELF = ROOT / "planners"
 # Each room and the rooms it may import from. A module of the package's root is a room of its own.
 BASE = {"errors", "resources", "registry"}
 LAYER_0 = {"world"}
-PLANNER = {"planner", "planner_seat", "planner_source", "plan_check"}
+PLANNER = {"planner", "planner_options", "planner_seat", "planner_source", "plan_check"}
 LAYER_1 = {"maps", "dynamics", "features", "recordings", "scenario", "families", "tiny_worlds"} | PLANNER
 LAYER_2 = {"simulation", "metrics", "policy", "planner_process"}
 LAYER_3 = {"statistics", "verification", "batch", "report", "realism", "testing", "doctor", "dataset", "gym", "wheel"}
@@ -27,10 +27,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     "registry": {"errors"},
     "statistics": BASE,
     "world": BASE,
-    "planner": BASE | LAYER_0,
+    "planner": BASE | LAYER_0 | {"planner_options"},
+    "planner_options": BASE,
     "plan_check": BASE | LAYER_0,
     "planner_seat": BASE | LAYER_0 | {"planner"},
-    "planner_source": BASE | LAYER_0 | {"planner"},
+    "planner_source": BASE | LAYER_0 | {"planner", "planner_options"},
     "dynamics": BASE | LAYER_0,
     "maps": BASE | LAYER_0,
     "recordings": BASE | LAYER_0,
@@ -49,7 +50,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "report": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "verification", "statistics"},
     "realism": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},
     "doctor": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch"},
-    "bridge": BASE | LAYER_0 | {"dynamics", "maps", "planner"},
+    "bridge": BASE | LAYER_0 | {"dynamics", "maps", "planner", "planner_options"},
     "dataset": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification", "batch"},
     "gym": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},
     "wheel": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},

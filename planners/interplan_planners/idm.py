@@ -7,6 +7,7 @@ from typing import ClassVar
 from interplan_planners.common.corridor import Corridor
 from interplan_planners.common.frozen_world import IdmDecision, obstacles, roll_out
 from interplan_planners.common.idm_policy import IdmDriver
+from interplan_planners.common.option_checks import at_least_0, more_than_0
 from interplan_planners.common.paths import braking_plan, centerline
 from interplan_planners.common.route_search import lane_chain, lanes_of_route, starting_lane
 from interplan_sumo.planner import Mission, Observation
@@ -47,16 +48,14 @@ class IdmPlanner:
         radius_m: float = 40.0,
     ) -> None:
         """`target_speed_mps` holds only where the map knows no limit; `radius_m` is how far actors are considered."""
-        positive = {
-            "target_speed_mps": target_speed_mps,
-            "max_acceleration_mps2": max_acceleration_mps2,
-            "max_deceleration_mps2": max_deceleration_mps2,
-            "samples": samples,
-            "sample_interval_s": sample_interval_s,
-        }
-        for name, value in positive.items():
-            if not value > 0:
-                raise ValueError(f"{name} is {value}, expected more than 0")
+        more_than_0(
+            target_speed_mps=target_speed_mps,
+            max_acceleration_mps2=max_acceleration_mps2,
+            max_deceleration_mps2=max_deceleration_mps2,
+            samples=samples,
+            sample_interval_s=sample_interval_s,
+        )
+        at_least_0(min_gap_m=min_gap_m, headway_s=headway_s, radius_m=radius_m)
         self.target_speed_mps = target_speed_mps
         self.min_gap_m = min_gap_m
         self.headway_s = headway_s

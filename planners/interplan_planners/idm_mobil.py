@@ -14,6 +14,7 @@ from interplan_planners.common.lane_routes import LaneRoute, Ways
 from interplan_planners.common.mobil_options import ChangeStyle, Sight, options, synchronised
 from interplan_planners.common.neighbours import moved, stands_for_good, together
 from interplan_planners.common.occupancy import occupancy
+from interplan_planners.common.option_checks import at_least_0, more_than_0
 from interplan_planners.common.paths import DrivingPath, braking_plan, lane_change_path, plan_along
 from interplan_planners.common.red_lights import RedLights
 from interplan_planners.common.rollout import ProposalPath, RolloutClock, RolloutStart, roll_out
@@ -98,12 +99,21 @@ class IdmMobilSettings:
     published: bool = False
 
     def __post_init__(self) -> None:
-        for name in (
-            "safe_deceleration_mps2", "change_time_s", "change_headway_s", "fallback_limit_mps",
-            "max_acceleration_mps2", "max_deceleration_mps2", "horizon_s",
-        ):  # fmt: skip
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected more than 0")
+        more_than_0(
+            safe_deceleration_mps2=self.safe_deceleration_mps2,
+            change_time_s=self.change_time_s,
+            change_headway_s=self.change_headway_s,
+            fallback_limit_mps=self.fallback_limit_mps,
+            max_acceleration_mps2=self.max_acceleration_mps2,
+            max_deceleration_mps2=self.max_deceleration_mps2,
+            horizon_s=self.horizon_s,
+        )
+        at_least_0(
+            politeness=self.politeness,
+            threshold_mps2=self.threshold_mps2,
+            min_gap_m=self.min_gap_m,
+            headway_s=self.headway_s,
+        )
 
 
 class IdmMobilPlanner:

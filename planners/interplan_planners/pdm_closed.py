@@ -11,6 +11,7 @@ from typing import ClassVar
 
 from interplan_planners.common.ground import Ground
 from interplan_planners.common.idm_policy import IdmDriver
+from interplan_planners.common.option_checks import at_least_0, more_than_0
 from interplan_planners.common.paths import DrivingPath, centerline, shifted
 from interplan_planners.common.pdm import PdmCorridor, PdmDecision, PdmMotion, PdmSettings
 from interplan_planners.common.red_lights import RedLights
@@ -44,9 +45,18 @@ class PdmClosedSettings:
     """Make new paths at every step (PDM++)."""
 
     def __post_init__(self) -> None:
-        for name in ("fallback_limit_mps", "max_acceleration_mps2", "max_deceleration_mps2"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected more than 0")
+        more_than_0(
+            fallback_limit_mps=self.fallback_limit_mps,
+            max_acceleration_mps2=self.max_acceleration_mps2,
+            max_deceleration_mps2=self.max_deceleration_mps2,
+            exponent=self.exponent,
+        )
+        at_least_0(
+            min_gap_m=self.min_gap_m,
+            headway_s=self.headway_s,
+            emergency_within_s=self.emergency_within_s,
+            emergency_speed_mps=self.emergency_speed_mps,
+        )
         if not self.lateral_offsets_m:
             raise ValueError("lateral_offsets_m must hold a number")
 

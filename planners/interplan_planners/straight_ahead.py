@@ -6,6 +6,7 @@ from math import cos, sin
 
 import numpy as np
 
+from interplan_planners.common.option_checks import more_than_0
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.trajectory import Trajectory
 
@@ -14,6 +15,7 @@ class StraightAhead:
     """Hold heading and speed."""
 
     def __init__(self, horizon_s: float = 8.0) -> None:
+        more_than_0(horizon_s=horizon_s)
         self.horizon_s = horizon_s
 
     def start(self, mission: Mission) -> None:

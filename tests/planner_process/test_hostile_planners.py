@@ -147,7 +147,7 @@ def test_what_else_it_changes_is_its_own_too(how: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("how", "said"),
     [
-        ("raise in report", {"error": "report() raised ValueError: nothing to say (hostile_planners.py:52)"}),
+        ("raise in report", {"error": "report() raised ValueError: nothing to say (hostile_planners.py:52 in report)"}),
         ("report a number", {"error": "report() gave a int"}),
         ("report nothing", None),
     ],

@@ -125,7 +125,7 @@ def leaving(_: Observation) -> object:
 @pytest.mark.parametrize(
     ("plan", "message"),
     [
-        (raising, r"plan\(\) raised RuntimeError: lost the map \(test_episode\.py:\d+\) \(t = 0\.0 s\)"),
+        (raising, r"plan\(\) raised RuntimeError: lost the map \(test_episode\.py:\d+ in [^)]*\) \(t = 0\.0 s\)"),
         (leaving, r"raised SystemExit: 3"),
         (lambda _: Trajectory(np.array([0.0, np.inf]), *[np.zeros(2)] * 3), r"not finite"),
         (lambda observation: straight(observation, speed_mps=100.0), r"100 m/s \(at most 60\)"),

@@ -11,7 +11,7 @@ import yaml
 
 from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError, InterplanError
-from interplan_sumo.planner import OptionLoader
+from interplan_sumo.planner_options import OptionLoader
 
 if TYPE_CHECKING:
     from tools.train.loop import EpochDone

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from interplan_sumo.errors import PlannerLoadError
-from interplan_sumo.planner import OptionLoader
+from interplan_sumo.planner_options import OptionLoader
 
 TARGET = "_target_"
 _IGNORED = ("_convert_", "_recursive_")

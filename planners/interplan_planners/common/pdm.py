@@ -13,6 +13,7 @@ from interplan_planners.common.forecast import STEP_S, Forecast, constant_veloci
 from interplan_planners.common.ground import Ground
 from interplan_planners.common.idm_policy import IdmDriver
 from interplan_planners.common.occupancy import occupancy
+from interplan_planners.common.option_checks import more_than_0
 from interplan_planners.common.paths import DrivingPath, braking_plan, center_poses, rear_axle_plan
 from interplan_planners.common.red_lights import RedLights
 from interplan_planners.common.rollout import ProposalPath, Rollout, RolloutClock, RolloutStart, roll_out
@@ -49,14 +50,11 @@ class PdmSettings:
     Without it a car beside the centre line stays there, for the way back costs a hair of progress."""
 
     def __post_init__(self) -> None:
-        positive = {
-            "proposal_horizon_s": self.proposal_horizon_s,
-            "emergency_deceleration_mps2": self.emergency_deceleration_mps2,
+        more_than_0(
+            proposal_horizon_s=self.proposal_horizon_s,
+            emergency_deceleration_mps2=self.emergency_deceleration_mps2,
             **{f"speed_fractions[{i}]": fraction for i, fraction in enumerate(self.speed_fractions)},
-        }
-        for name, value in positive.items():
-            if not value > 0:
-                raise ValueError(f"{name} is {value}, expected more than 0")
+        )
         if not self.speed_fractions:
             raise ValueError("speed_fractions must hold a number")
         if self.horizon_s < self.proposal_horizon_s:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from interplan_planners.common.neighbours import moved
 from interplan_planners.common.occupancy import StripOccupancy
+from interplan_planners.common.option_checks import more_than_0
 from interplan_planners.common.paths import braking_plan, rear_axle_plan
 from interplan_planners.foresight.candidate_paths import RUN_IN_M, Base, CandidatePath
 from interplan_planners.foresight.caution import cautious_limits, red_stops, soonest_stop_m, waiting_m
@@ -92,14 +93,7 @@ class ForesightPlanner:
         change_time_s: float = 3.6,
     ) -> None:
         """`fallback_limit_mps` holds where the map knows no limit; a lane change takes `change_time_s` at speed."""
-        positive = {
-            "replan_s": replan_s,
-            "fallback_limit_mps": fallback_limit_mps,
-            "change_time_s": change_time_s,
-        }
-        for name, value in positive.items():
-            if not value > 0:
-                raise ValueError(f"{name} is {value}, expected more than 0")
+        more_than_0(replan_s=replan_s, fallback_limit_mps=fallback_limit_mps, change_time_s=change_time_s)
         shortest_s = CHECKED_S + TRACKED_AHEAD_S
         if not horizon_s >= shortest_s:
             raise ValueError(f"horizon_s is {horizon_s}, expected at least {shortest_s:g}")
