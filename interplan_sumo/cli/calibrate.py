@@ -27,6 +27,9 @@ def calibrate_drivers(
     ] = 0.0,
     date: Annotated[str, typer.Option(help="When the recordings were made; goes into the file.")] = "",
     source: Annotated[str, typer.Option(help="Whose they are, under which licence; goes into the file.")] = "",
+    as_fitted: Annotated[
+        bool, typer.Option("--as-fitted", help="Leave city drivers as fitted, however they look in plain traffic.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> int:
     """Fit drivers to recordings and write them as a vehicle-type file, with the error on places left out."""
@@ -39,7 +42,7 @@ def calibrate_drivers(
 
     if not out.parent.is_dir() or out.is_dir():
         raise InputError(f"cannot write {out}: {'it is a folder' if out.is_dir() else 'there is no such folder'}")
-    options = CalibrationOptions(road, _limits(limit or []), drivers, shift, date, source)  # type: ignore[arg-type]
+    options = CalibrationOptions(road, _limits(limit or []), drivers, shift, date, source, as_fitted)  # type: ignore[arg-type]
     found = calibrate(open_recordings(recordings), options)
     write_vehicle_types(out, found.text())
     if as_json:

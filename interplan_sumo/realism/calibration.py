@@ -5,19 +5,26 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.realism.as_seen import SeenPopulation, as_seen
 from interplan_sumo.realism.car_following import PARAMETERS, spacing_rmse_m
 from interplan_sumo.realism.driver_fit import DriverFit
 from interplan_sumo.realism.driver_population import QUALITIES, DriverPopulation
+from interplan_sumo.realism.features import BY_KEY, FeatureSamples, feature_samples
 from interplan_sumo.realism.held_out import HeldOut, fitted, held_out
 from interplan_sumo.realism.observed_drivers import ObservedDrivers, observed_drivers
+from interplan_sumo.realism.plain_traffic import plain_traffic
 from interplan_sumo.realism.published import PRIORS, WAVER_MPS2, Road
 from interplan_sumo.realism.tracks import RecordedTraffic
-from interplan_sumo.realism.vehicle_type_writer import vehicle_type_text
+from interplan_sumo.realism.vehicle_type_writer import vehicle_type_text, write_vehicle_types
+from interplan_sumo.realism.views import views_of
+from interplan_sumo.simulation.vehicle_types import read_vehicle_types
 from interplan_sumo.world.geometry import Floats
 
 TOLD: Final = 0.5
@@ -50,6 +57,8 @@ class CalibrationOptions:
     """When the recordings were made."""
     source: str = ""
     """Whose they are, and under which licence."""
+    as_fitted: bool = False
+    """Whether the drivers of a city stay as they were fitted, whatever is seen of them in plain traffic."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,8 +69,13 @@ class Calibration:
     recordings: tuple[RecordedTraffic, ...]
     drivers: ObservedDrivers
     fit: DriverFit
-    population: DriverPopulation
+    seen: SeenPopulation
     held_out: HeldOut
+
+    @property
+    def population(self) -> DriverPopulation:
+        """The one that drivers are drawn from."""
+        return self.seen.population
 
     @property
     def rmse_m(self) -> Floats:
@@ -107,7 +121,24 @@ def calibrated(recordings: Sequence[RecordedTraffic], options: CalibrationOption
     fit = fitted(drivers, prior)
     population = DriverPopulation.of(fit)
     population.drawn(options.count, options.shift)  # a fault in an option is told before the long part
-    return Calibration(options, tuple(recordings), drivers, fit, population, HeldOut((), {}))
+    found = Calibration(
+        options, tuple(recordings), drivers, fit, SeenPopulation(population, {}, {}, {}), HeldOut((), {})
+    )
+    return found if options.as_fitted or options.road != "city" else replace(found, seen=_as_seen(found))
+
+
+def _as_seen(found: Calibration) -> SeenPopulation:
+    """The population that looks in plain traffic as the recordings look."""
+    views = views_of(found.recordings)
+
+    def drive(population: DriverPopulation, seed: int) -> FeatureSamples:
+        text = vehicle_type_text(population.drawn(found.options.count), found.waver_mps2, [])
+        with TemporaryDirectory(prefix="interplan_") as folder:
+            file = Path(folder) / "drivers.xml"
+            write_vehicle_types(file, text)
+            return feature_samples(plain_traffic(read_vehicle_types(file), "plain", views, seed))
+
+    return as_seen(found.population, feature_samples(found.recordings), drive)
 
 
 def _comment(found: Calibration) -> Iterator[str]:
@@ -145,6 +176,17 @@ def _comment(found: Calibration) -> Iterator[str]:
         + ", ".join(f"{NAMES[name]} {_middle(found, at)}" for at, name in enumerate(QUALITIES))
         + "."
     )
+    if found.seen.recorded:
+        seen = found.seen
+        moments = (
+            f"{BY_KEY[each.feature].title} p{100.0 * each.share:.0f} recorded {value:.2f}, as fitted "
+            f"{seen.before[each]:.2f}, as moved {seen.after[each]:.2f} {BY_KEY[each.feature].unit}"
+            for each, value in seen.recorded.items()
+        )
+        yield from _wrapped(
+            "Moved until what recordings would see of them in plain SUMO traffic is what they saw (indirect inference; "
+            f"medians only, spreads and correlations are those of the fit): {'; '.join(moments)}."
+        )
     wavering = np.isfinite(drivers.waver_mps2).sum()
     yield from _wrapped(
         f"Wavering: root mean square acceleration at a kept speed {found.waver_mps2:.2f} m/s2, "

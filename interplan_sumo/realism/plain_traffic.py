@@ -27,8 +27,9 @@ NETWORKS: Final = ("back_bay", "strip")
 """Of the shipped maps: one-way streets with lights and limits of 11 m/s, and wide avenues, which fill up."""
 WARM_UP_S, LASTS_S = 120.0, 60.0
 """Lights come round once in up to 106 s, and queues need that long to be what they are."""
-LANE_RATE_HZ: Final = 0.1
-"""Vehicles a second that want to come in on each lane: 360 an hour, about what a lane discharges at a light."""
+LANE_RATE_HZ: Final = 0.15
+"""Vehicles a second that want to come in on each lane: 540 an hour, so that some junctions are at times as full as the
+densest recordings."""
 ROOM_M: Final = 12.0
 """Of free lane from the end of the network on before somebody comes in."""
 ENTRY_S: Final = 3.0

@@ -30,7 +30,12 @@ _HEAD: Final = '<?xml version="1.0" encoding="UTF-8"?>\n'
 _FIXED: Final = (
     'vClass="passenger" carFollowModel="EIDM" length="4.6" width="1.85" height="1.5" emergencyDecel="9.0" maxSpeed="55"'
 )
-_LANES: Final = 'speedDev="0" lcKeepRight="0" lcOpposite="0" lcMaxSpeedLatStanding="0" lcMaxSpeedLatFactor="1"'
+SIDEWAYS_M: Final = 0.3
+"""SUMO's `lcSigma`, which lets drivers sway within the lane: then who drives straight on yaws as people do."""
+_LANES: Final = (
+    f'speedDev="0" lcKeepRight="0" lcSigma="{SIDEWAYS_M}" lcOpposite="0" lcMaxSpeedLatStanding="0" '
+    'lcMaxSpeedLatFactor="1"'
+)
 
 
 def vehicle_type_text(drivers: Floats, waver_mps2: float, comment: Sequence[str]) -> str:

@@ -64,7 +64,7 @@ def known_drivers() -> tuple[Floats, Calibration]:
         follower_m = way_of_a_follower(leader_m, driver, -4.0 - driver[1] - 8.0 * driver[0] - 3.0)
         tracks += [track(f"a{number}", leader_m, 50.0 * number), track(f"b{number}", follower_m, 50.0 * number)]
     recording = RecordedTraffic("street_1", "street", tuple(tracks))
-    return drivers, calibrate([recording], CalibrationOptions(limits_mps={"street": LIMIT_MPS}))
+    return drivers, calibrate([recording], CalibrationOptions(limits_mps={"street": LIMIT_MPS}, as_fitted=True))
 
 
 def test_known_drivers_are_found_again() -> None:
@@ -142,7 +142,7 @@ def test_real_recordings_become_a_file_that_sumo_s_schema_takes(
 ) -> None:
     files = [real("tracks", f"{name}.parquet") for name in ("ngsim_lankershim_1", "nuplan_las_vegas_1", "av2_sensor_1")]
     out = tmp_path / "mine.xml"
-    code, said, _ = ran(capsys, "traffic", "calibrate", *files, "--out", out, "--date", "2026", "--json")
+    code, said, _ = ran(capsys, "traffic", "calibrate", *files, "--out", out, "--date", "2026", "--as-fitted", "--json")
     assert code == 0
     document = json.loads(said)
     assert document["rmse_m"]["median"] < 1.0
@@ -166,7 +166,7 @@ def test_a_limit_that_is_none_is_told(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize("name", ["measured_city", "measured_motorway"])
 def test_shipped_measured_drivers_differ_and_have_milder_and_bolder_versions(name: str) -> None:
     measured, mild, bold = (read_vehicle_types(vehicle_type_file(name + end)).members for end in ("", "_mild", "_bold"))
-    assert len({each.tau_s for each in measured}) == 64
+    assert len({(each.tau_s, each.min_gap_m) for each in measured}) == 64
     for quality, towards_mild in (("tau_s", 1), ("min_gap_m", 1), ("accel_mps2", -1), ("speed_factor", -1)):
         middles = [np.median([getattr(each, quality) for each in some]) for some in (bold, measured, mild)]
         assert np.all(towards_mild * np.diff(middles) > 0.0), quality

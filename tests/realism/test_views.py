@@ -19,8 +19,8 @@ def traffic(*tracks: Track) -> RecordedTraffic:
     return RecordedTraffic("x", "x", tracks)
 
 
-def view(radius_m: float, lasts_s: float) -> RecordedView:
-    return RecordedView(radius_m, lasts_s, NO_NOISE)
+def view(radius_m: float, lasts_s: float, drivers: float = 1.0) -> RecordedView:
+    return RecordedView(radius_m, lasts_s, drivers, NO_NOISE)
 
 
 HERE = np.zeros((1, 2))
@@ -80,16 +80,34 @@ def test_a_longer_view_than_the_traffic_is_taken_in_parts_and_views_take_turns()
     assert len(lasts_s) >= LOOKS
 
 
-def test_a_seed_says_where_and_when_for_all_drivers_alike() -> None:
-    places = np.array([[0.0, 0.0], [200.0, 0.0]])
+TWO_PLACES = np.array([[0.0, 0.0], [200.0, 0.0]])
 
+
+def test_a_seed_says_where_and_when_for_all_drivers_alike() -> None:
     def starts(seed: int, *also: Track) -> list[tuple[float, float]]:
         one = traffic(steady("a", 0.0, 0.0, seconds=60.0), steady("b", 200.0, 0.0, seconds=60.0), *also)
-        looks = looked_at(one, places, [view(30.0, 5.0)], seed)
+        looks = looked_at(one, TWO_PLACES, [view(30.0, 5.0)], seed)
         return [(each.tracks[0].x_m[0], each.tracks[0].time_s[0]) for each in looks]
 
-    assert starts(0) == starts(0, steady("c", 5.0, 1.0, seconds=60.0)) != starts(1)
+    assert starts(0) == starts(0, steady("c", 5.0, 0.0, seconds=60.0)) != starts(1)
     assert {x_m for x_m, _ in starts(0)} == {0.0, 200.0}
+
+
+def test_a_view_holds_those_who_drive_for_as_long_as_they_are_seen() -> None:
+    half = steady("a", 0.0, 5.0, seconds=10.0)
+    (found,) = views_of([traffic(half, steady("b", 0.0, 5.0, seconds=20.0), steady("c", 9.0, 0.0, seconds=20.0))])
+    assert found.drivers == pytest.approx(0.95 * 1.5)
+
+
+@pytest.mark.parametrize(("drivers", "seen_at_m"), [(1.0, 0.0), (3.0, 200.0)])
+def test_looks_are_taken_where_as_many_drive_as_in_the_recording(drivers: float, seen_at_m: float) -> None:
+    """One drives back and forth at the first place and two stand there, three drive at the second."""
+    swings_m = 5.0 * np.sin(np.arange(0.0, 60.0, 0.1))
+    fast, still = np.full(600, 5.0), np.zeros(600)
+    stands = (replace(track(f"s{n}", 0.0 * still, 5.0 * n), speed_mps=still) for n in (1, 2))
+    drive = (replace(track(f"b{n}", 200.0 * (n > 0) + swings_m, 5.0 * n), speed_mps=fast) for n in range(4))
+    looks = [*looked_at(traffic(*drive, *stands), TWO_PLACES, [view(30.0, 5.0, drivers)], 0)]
+    assert {100.0 * round(np.median(each.tracks[0].x_m) / 100.0) for each in looks} == {seen_at_m}
 
 
 def test_without_views_places_or_traffic_there_is_nothing_to_see() -> None:
