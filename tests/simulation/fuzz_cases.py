@@ -43,7 +43,8 @@ MODELS = ("Krauss", "KraussOrig1", "PWagner2009", "KraussX", "IDMM", "EIDM", "AC
 RANDOM_BRAKING = "PWagner2009"
 """Ends its braking by chance, and SUMO's chance falls otherwise where there is an ego: no twin tells a reaction.
 
-Nor is a hard braking a bad start: with a `decel` of 2 m/s2 it stops behind any leader with 3.2 m/s2.
+Nor is a hard braking a bad start: in plain SUMO, without an ego, with a `decel` of 2 m/s2, one above 3 m/s2 begins 3.0
+times in 100 agent-seconds later on (of 16,943), 0.28 times in the first two seconds. With IDM 0.03 times and never.
 """
 OUR_OWN = ("spawn_braking", "appears", "leaves")
 """Where vehicles start, come and go is ours to say, also where plain SUMO drives them."""
