@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -43,7 +44,7 @@ def calibrate_drivers(
     if not out.parent.is_dir() or out.is_dir():
         raise InputError(f"cannot write {out}: {'it is a folder' if out.is_dir() else 'there is no such folder'}")
     options = CalibrationOptions(road, _limits(limit or []), drivers, shift, date, source, as_fitted)  # type: ignore[arg-type]
-    found = calibrate(open_recordings(recordings), options)
+    found = calibrate(open_recordings(recordings), options, lambda line: print(line, file=sys.stderr))
     write_vehicle_types(out, found.text())
     if as_json:
         print_json(calibration_json(found))

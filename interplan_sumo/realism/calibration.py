@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.realism.as_seen import SeenPopulation, as_seen
+from interplan_sumo.realism.as_seen import ROUNDS, SeenPopulation, as_seen
 from interplan_sumo.realism.car_following import PARAMETERS, spacing_rmse_m
 from interplan_sumo.realism.driver_fit import DriverFit
 from interplan_sumo.realism.driver_population import QUALITIES, DriverPopulation
@@ -103,14 +103,23 @@ class Calibration:
         return vehicle_type_text(self.drawn(), self.waver_mps2, [*_comment(self)])
 
 
-def calibrate(recordings: Sequence[RecordedTraffic], options: CalibrationOptions | None = None) -> Calibration:
+def calibrate(
+    recordings: Sequence[RecordedTraffic],
+    options: CalibrationOptions | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> Calibration:
     """Fit drivers to recordings, and to all places but one in turn; InputError as `calibrated`."""
-    found = calibrated(recordings, options or CalibrationOptions())
+    found = calibrated(recordings, options or CalibrationOptions(), say)
     return replace(found, held_out=held_out(found.drivers, PRIORS[found.options.road]))
 
 
-def calibrated(recordings: Sequence[RecordedTraffic], options: CalibrationOptions) -> Calibration:
-    """Fit drivers to recordings, nothing held out; InputError if there is too little, or an option cannot be."""
+def calibrated(
+    recordings: Sequence[RecordedTraffic], options: CalibrationOptions, say: Callable[[str], None] = lambda _: None
+) -> Calibration:
+    """Fit drivers to recordings, nothing held out; InputError if there is too little, or an option cannot be.
+
+    `say` is told what takes long; TrafficError if SUMO fails.
+    """
     if options.road not in PRIORS:
         raise InputError(f"the road is {options.road!r}, expected {' or '.join(PRIORS)}")
     for place, limit_mps in (options.limits_mps or {}).items():
@@ -124,14 +133,15 @@ def calibrated(recordings: Sequence[RecordedTraffic], options: CalibrationOption
     found = Calibration(
         options, tuple(recordings), drivers, fit, SeenPopulation(population, {}, {}, {}), HeldOut((), {})
     )
-    return found if options.as_fitted or options.road != "city" else replace(found, seen=_as_seen(found))
+    return found if options.as_fitted or options.road != "city" else replace(found, seen=_as_seen(found, say))
 
 
-def _as_seen(found: Calibration) -> SeenPopulation:
+def _as_seen(found: Calibration, say: Callable[[str], None]) -> SeenPopulation:
     """The population that looks in plain traffic as the recordings look."""
     views = views_of(found.recordings)
 
     def drive(population: DriverPopulation, seed: int) -> FeatureSamples:
+        say(f"plain traffic of the fitted drivers, {seed + 1} of {ROUNDS + 1}")
         text = vehicle_type_text(population.drawn(found.options.count), found.waver_mps2, [])
         with TemporaryDirectory(prefix="interplan_") as folder:
             file = Path(folder) / "drivers.xml"
@@ -231,6 +241,17 @@ def calibration_json(found: Calibration) -> dict[str, Any]:
             name: {f"p{share}": _number(np.percentile(drawn[:, at], share)) for share in (5, 25, 50, 75, 95)}
             for at, name in enumerate(QUALITIES)
         },
+        "as_seen": [
+            {
+                "feature": each.feature,
+                "share": each.share,
+                "moves": each.quality,
+                "recorded": _number(value),
+                "as_fitted": _number(found.seen.before[each]),
+                "as_moved": _number(found.seen.after[each]),
+            }
+            for each, value in found.seen.recorded.items()
+        ],
         "held_out": {
             "own_rmse_m": _number(found.held_out.median("own_rmse_m")),
             "ahead_rmse_m": _number(found.held_out.median("ahead_rmse_m")),

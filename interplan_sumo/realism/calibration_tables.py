@@ -9,6 +9,7 @@ import numpy as np
 
 from interplan_sumo.realism.calibration import NAMES, UNITS, Calibration
 from interplan_sumo.realism.driver_population import QUALITIES
+from interplan_sumo.realism.features import BY_KEY
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -30,8 +31,23 @@ def calibration_tables(found: Calibration) -> Iterator[Table]:
         "told by: drivers whose own record tells the parameter"
     )
     yield table
+    if found.seen.recorded:
+        yield _as_seen(found)
     if found.held_out.places:
         yield _left_out(found)
+
+
+def _as_seen(found: Calibration) -> Table:
+    from rich.table import Table
+
+    table = Table(title="Plain traffic of these drivers, seen as the recordings see theirs")
+    for name in ("", "", "recorded", "as fitted", "as moved", "moves"):
+        table.add_column(name, justify="right" if name.startswith(("rec", "as")) else "left")
+    for each, recorded in found.seen.recorded.items():
+        feature = BY_KEY[each.feature]
+        values = (f"{value:.2f}" for value in (recorded, found.seen.before[each], found.seen.after[each]))
+        table.add_row(f"{feature.title}, {feature.unit}", f"p{100.0 * each.share:.0f}", *values, NAMES[each.quality])
+    return table
 
 
 def _left_out(found: Calibration) -> Table:
