@@ -36,6 +36,11 @@ def clean_line(text: str, most: int = MOST_CHARACTERS) -> str:
     return shown if len(line) <= most and len(shown) <= most and len(text) <= 4 * most else f"{shown[: most - 3]}..."
 
 
+def counted(number: int, what: str) -> str:
+    """So many things in words: `no problems`, `1 scenario`, `2 scenarios`."""
+    return f"{number or 'no'} {what}{'s' * (number != 1)}"
+
+
 def text_of(error: BaseException) -> str:
     """What an exception says, whoever made it."""
     try:

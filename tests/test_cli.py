@@ -321,6 +321,33 @@ def test_json_of_a_run_is_alone_on_stdout_whatever_the_planner_prints(
     assert "1/1 done" in err
 
 
+def test_a_run_ends_with_what_cost_most_and_what_to_do_next(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    planners = ("--planner", "straight_ahead", "--planner", "idm")
+    code, _, err = ran(capsys, "run", *planners, "--limit", 1, "--workers", 0, "--out", folder)
+    assert code == 0
+    begin, *_, one, two, place, why, replay, verify = err.splitlines()
+    assert begin.startswith(f"1 scenario of {DEFAULT_SUITE}, 2 planners (straight_ahead, idm), 1 seed, no workers, in ")
+    assert begin.endswith(": 2 jobs, 2 of them done already")
+    assert one.startswith("straight_ahead lost most of 100 points by: ")
+    assert "(1 drive)" in one
+    assert two.startswith("idm lost ")
+    assert place.endswith("report.html; next:")
+    assert why == f"  interplan-sumo report {folder} --why"
+    assert replay.startswith(f"  interplan-sumo replay {folder} {FIRST} --planner ")
+    assert verify == f"  interplan-sumo verify {folder}"
+
+
+def test_a_planner_that_fails_in_every_drive_is_bad_input(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    planner = "tests.batch.rude_planners:NeverBegins"
+    code, out, err = ran(
+        capsys, "run", "--planner", planner, "--limit", 1, "--workers", 0, "--out", tmp_path / "run", "--quiet"
+    )
+    assert code == 2
+    assert planner in out
+    assert err.startswith(f"error: planner '{planner}' failed in its only drive, first: start() raised ValueError")
+    assert err.endswith(f"see: interplan-sumo planners check {planner}\n")
+
+
 def test_quiet_says_nothing_on_stderr(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     planners = ("--planner", "straight_ahead", "--planner", "idm")
     code, out, err = ran(capsys, "run", *planners, "--limit", 1, "--workers", 0, "--out", folder, "--quiet")

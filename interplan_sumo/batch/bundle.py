@@ -25,7 +25,7 @@ from msgspec import Meta, Struct, structs
 from interplan_sumo.batch.bundle_zip import ZipFiles, open_zip, write_zip
 from interplan_sumo.batch.records import JobKey, Manifest, RecordError, Row, decode, encode, row_of
 from interplan_sumo.batch.run_folder import slug, trace_place
-from interplan_sumo.errors import InputError, clean_line
+from interplan_sumo.errors import InputError, clean_line, counted
 from interplan_sumo.world.files import file_hash
 from interplan_sumo.world.plans import plans_from
 from interplan_sumo.world.trajectory import Trajectory
@@ -190,7 +190,7 @@ def _rows(path: Path, manifest: Manifest, content: bytes) -> dict[JobKey, Row]:
     lines = content.removesuffix(b"\n").split(b"\n")
     drives = sum(len(each.planners) * len(each.scenarios) * each.seeds for each in manifest.requests)
     if drives != len(lines) or len(manifest.requests) != 1 or len(manifest.requests[0].planners) != 1:
-        raise InputError(f"{path}: {MANIFEST} asks for {drives} drives, {RESULTS} holds {len(lines)}")
+        raise InputError(f"{path}: {MANIFEST} asks for {counted(drives, 'drive')}, {RESULTS} holds {len(lines)}")
     if manifest.requests[0].seeds > MOST_BUNDLE_SEEDS:
         raise InputError(f"{path} holds {manifest.requests[0].seeds} seeds; at most {MOST_BUNDLE_SEEDS} are judged")
     rows: dict[JobKey, Row] = {}

@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Generator, Hashable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 from interplan_sumo.batch.in_process import run_in_process
 from interplan_sumo.batch.processes import adopted_orphans
@@ -23,6 +24,8 @@ from interplan_sumo.planner_process.deaths import death, killed_from_outside
 
 OUTSIDE_KILLS_FORGIVEN = 2
 """A task whose worker somebody else killed is done again this often; then it is taken to be the task's own doing."""
+TURN: Final = 20
+"""After so many tasks a worker makes room for a group that has none, so that all are heard of early."""
 
 
 def run_tasks(tasks: Sequence[Task], open_group: OpenGroup, *, workers: int, limits: Limits) -> Generator[Outcome]:
@@ -176,10 +179,11 @@ def _staff(waiting: dict[str, deque[Task]], pool: WorkerPool, workers: int) -> N
     """Give idle workers tasks, let those go whose group is done, start up to `workers`."""
     for worker in list(pool.workers):
         if worker.ready and worker.task is None:
-            if not waiting[worker.group]:
+            if not waiting[worker.group] or (worker.tasks >= TURN and _is_unserved(waiting, pool)):
                 pool.release(worker)
             elif pool.give(worker, waiting[worker.group][0]):
                 waiting[worker.group].popleft()
+                worker.tasks += 1
     while len(pool.workers) < workers:
         # The group with most tasks for each worker it already has.
         opening = {g: sum(w.group == g and w.task is None for w in pool.workers) for g in waiting}
@@ -188,6 +192,11 @@ def _staff(waiting: dict[str, deque[Task]], pool: WorkerPool, workers: int) -> N
         if not short:
             return
         pool.start(max(short, key=lambda g: len(waiting[g]) / (serving[g] + 1)))
+
+
+def _is_unserved(waiting: dict[str, deque[Task]], pool: WorkerPool) -> bool:
+    """Whether a group has tasks and no worker."""
+    return not {group for group, tasks in waiting.items() if tasks} <= {worker.group for worker in pool.workers}
 
 
 def _from_outside(ending: Ending) -> bool:

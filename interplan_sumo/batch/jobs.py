@@ -118,6 +118,18 @@ def matching(ids: Collection[str], globs: Sequence[str], what: str, hint: str = 
     return {each for each in ids if not globs or any(fnmatchcase(each, glob) for glob in globs)}
 
 
+def interleaved(jobs: Sequence[Job]) -> list[Job]:
+    """The jobs in an order every beginning of which resembles the whole: seeds, families and planners take turns."""
+    families: dict[str, dict[str, int]] = {}
+    for job in jobs:
+        within = families.setdefault(job.scenario.family, {})
+        within.setdefault(job.scenario.id, len(within))
+    turns = {family: number for number, family in enumerate(families)}
+    return sorted(
+        jobs, key=lambda job: (job.seed, families[job.scenario.family][job.scenario.id], turns[job.scenario.family])
+    )
+
+
 def jobs_for(
     scenarios: Sequence[Scenario], planners: Sequence[str], seeds: int, overrides: Overrides | None = None
 ) -> tuple[Job, ...]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, TypeVar
 import msgspec
 from msgspec import Meta, Struct, structs
 
-from interplan_sumo.errors import InputError, InterplanError, clean_line
+from interplan_sumo.errors import InputError, InterplanError, clean_line, counted
 
 if TYPE_CHECKING:
     from interplan_sumo.metrics.score import ScoreSheet
@@ -300,7 +300,7 @@ class Manifest(Struct, frozen=True, kw_only=True):
     @property
     def part(self) -> str:
         """Which part of what was asked for it is, in words."""
-        drives = f"{len(keys_of(self.requests))} drives"
+        drives = counted(len(keys_of(self.requests)), "drive")
         return f"a run of {drives}" if self.shard is None else f"shard {self.shard} of a run of {drives}"
 
 

@@ -17,13 +17,13 @@ from interplan_sumo.batch.backend import drive_answer, drive_outcomes
 from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.custom_references import keep_certified
 from interplan_sumo.batch.drive_job import DriveSettings
-from interplan_sumo.batch.jobs import Job, Selection, jobs_for, own_maps
+from interplan_sumo.batch.jobs import Job, Selection, interleaved, jobs_for, own_maps
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import Manifest, PlannerRecord, RequestedJobs, Row, Shard
+from interplan_sumo.batch.records import JobKey, Manifest, PlannerRecord, RequestedJobs, Row, Shard
 from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Outcome, Task
 from interplan_sumo.batch.versions import versions
-from interplan_sumo.errors import InputError, UnknownNameError, clean_line
+from interplan_sumo.errors import InputError, UnknownNameError, clean_line, counted
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.metrics.score import SCORING_VERSION
@@ -38,7 +38,7 @@ from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_
 class RunProgress(Protocol):
     """Told how a run goes on."""
 
-    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
+    def begin(self, jobs: int, done: Iterable[tuple[JobKey, Brief]]) -> None:
         """So many jobs in all, of which these are done already; they are read while they are iterated over."""
         ...
 
@@ -78,7 +78,9 @@ def run(
     every = jobs_for(scenarios, planners, options.seeds, options.overrides)
     jobs = every if shard is None else shard.of(every)
     if not jobs:
-        raise InputError(f"--shard {options.shard} has none of the {len(every)} drives; split into fewer shards")
+        raise InputError(
+            f"--shard {options.shard} has none of the {counted(len(every), 'drive')}; split into fewer shards"
+        )
     if options.behaviour is not None:
         vehicle_type_file(options.behaviour)
     check_inputs({job.scenario.id: job.scenario for job in jobs}.values(), options.traffic)
@@ -105,7 +107,7 @@ def run(
         planners={spec: PlannerRecord(source.hash, source.files) for spec, source in sources.items()},
     )
     with RunFolder(options.out, manifest, options.redo) as folder:
-        left = [job for job in jobs if job.key not in folder.done]
+        left = interleaved([job for job in jobs if job.key not in folder.done])
         if watch is not None:
             watch.begin(len(jobs), folder.kept({job.key for job in jobs}))
         settings = DriveSettings(

@@ -24,8 +24,9 @@ import hashlib
 import os
 import re
 import shutil
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -56,7 +57,7 @@ from interplan_sumo.batch.results import (
     storable,
     write_lines,
 )
-from interplan_sumo.errors import RunFolderError
+from interplan_sumo.errors import InputError, RunFolderError
 from interplan_sumo.maps.store import MapFiles, copy_map
 from interplan_sumo.metrics.profile import Profile, keep_profile
 from interplan_sumo.planner_source import changed_files
@@ -143,6 +144,12 @@ class RunFolder:
         self._redo = redo
         self._results = -1
         self._not_in_pieces = 0
+        self._appended = False
+        self._take_back: Callable[[], object] = partial((path / MANIFEST).unlink, missing_ok=True)
+        if not path.exists():
+            self._take_back = partial(shutil.rmtree, path, ignore_errors=True)
+        elif (path / MANIFEST).exists():
+            self._take_back = lambda: None
         try:
             path.mkdir(parents=True, exist_ok=True)
             self._lock = FolderLock(path / "lock")
@@ -172,6 +179,8 @@ class RunFolder:
                 self._keep_pieces()
         finally:
             self.close()
+        if kind is not None and issubclass(kind, InputError) and not self._appended:
+            self._take_back()  # what cannot be driven leaves no folder, and asks for nothing in one that was there
 
     def close(self) -> None:
         if self._results >= 0:
@@ -227,15 +236,16 @@ class RunFolder:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._results, size)
             raise _unwritable(self.path, error) from None
+        self._appended = True
         self.done.add(row.key)
         self._not_in_pieces += 1
         if self._not_in_pieces == LINES_AT_ONCE:
             self._keep_pieces()
         return row
 
-    def kept(self, keys: Container[JobKey]) -> Iterator[Brief]:
-        """The briefs of those of these jobs that are done, read one by one."""
-        return (brief for _, key, brief in read_briefs(self.path / RESULTS) if key in keys)
+    def kept(self, keys: Container[JobKey]) -> Iterator[tuple[JobKey, Brief]]:
+        """Those of these jobs that are done, and their briefs, read one by one."""
+        return ((key, brief) for _, key, brief in read_briefs(self.path / RESULTS) if key in keys)
 
     def _keep_pieces(self) -> None:
         try:
@@ -284,7 +294,10 @@ class RunFolder:
             write_lines(path, (line for line, key, _ in read_briefs(path) if key[1] not in self._redo))
 
     def _write_manifest(self, manifest: Manifest) -> Manifest:
-        with replacing(self.path / MANIFEST) as file:
+        path = self.path / MANIFEST
+        if path.exists():
+            self._take_back = partial(path.write_bytes, path.read_bytes())
+        with replacing(path) as file:
             file.write_bytes(json.format(encode(manifest), indent=2) + b"\n")
         return manifest
 

@@ -44,6 +44,8 @@ class Worker:
     ready: bool = False
     """Whether it has opened its group."""
     task: Task | None = None
+    tasks: int = 0
+    """How many it was given."""
 
 
 @dataclass(frozen=True, slots=True)

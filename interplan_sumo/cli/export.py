@@ -11,6 +11,7 @@ import typer
 from msgspec import structs
 
 from interplan_sumo.cli.options import DONE, JsonOption, QuietOption, WorkersOption
+from interplan_sumo.errors import counted
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
@@ -84,7 +85,9 @@ def summary(out: Path, manifest: DatasetManifest, wall_s: float) -> dict[str, An
 
 def print_summary(entry: dict[str, Any]) -> None:
     by_split = ", ".join(f"{count} {split}" for split, count in entry["by_split"].items())
-    print(f"{entry['samples']} samples ({by_split}) of {entry['drives']} drives: {entry['folder']}")
+    print(
+        f"{counted(entry['samples'], 'sample')} ({by_split}) of {counted(entry['drives'], 'drive')}: {entry['folder']}"
+    )
     print(f"{entry['bytes'] / 1e6:.1f} MB in {entry['wall_s']:.0f} s, hash {entry['hash'][:16]}")
     if entry["left_out"]:
         print(f"left out: {', '.join(f'{count} {reason}' for reason, count in entry['left_out'].items())}")

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from interplan_sumo.cli.certify import proved
-from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, WorkersOption, counted
-from interplan_sumo.errors import InputError
+from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, WorkersOption
+from interplan_sumo.errors import InputError, counted
 from interplan_sumo.report.printing import print_json
 
 

@@ -20,7 +20,7 @@ from interplan_sumo.cli.options import (
     take_one_thread,
     takes_run_options,
 )
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, counted
 from interplan_sumo.report.printing import console, print_json, progress
 
 JUDGED_FOLDERS = Path("judged")
@@ -47,7 +47,7 @@ def submit(
         print_json(told | {"bytes": made.bytes, "sha256": made.sha256})
     else:
         size_mb = made.bytes / 1e6
-        print(f"wrote {made.path}: {made.card.name}, {made.drives} drives of {made.suite}, {size_mb:.1f} MB")
+        print(f"wrote {made.path}: {made.card.name}, {counted(made.drives, 'drive')} of {made.suite}, {size_mb:.1f} MB")
     return DONE
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from interplan_sumo.cli.options import DONE, LOOKS, OUR_FAULT, JsonOption, MapArgument, naming, starting
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, counted
 from interplan_sumo.report.printing import print_entries, print_json
 
 maps_app = typer.Typer(help="Maps and their SUMO networks.", **LOOKS)
@@ -51,7 +51,7 @@ def import_map(
             }
         )  # fmt: skip
         return
-    print(f"{files.folder}: {len(roads.lanes)} lanes, {len(roads.connectors)} connectors")
+    print(f"{files.folder}: {counted(len(roads.lanes), 'lane')}, {counted(len(roads.connectors), 'connector')}")
     for reason, count in left_out.items():
         print(f"left out: {count} x {reason}")
     for note in record.notes:

@@ -86,11 +86,6 @@ def takes_run_options(*names: str, **help: str) -> Callable[[Callable[..., int]]
     return decorate
 
 
-def counted(number: int, what: str) -> str:
-    """So many things in words: `no problems`, `1 scenario`, `2 scenarios`."""
-    return f"{number or 'no'} {what}{'s' * (number != 1)}"
-
-
 def take_one_thread() -> None:
     """Before libraries are imported: sums keep one order, and the workers are the parallelism."""
     os.environ.update({name: os.environ.get(name, value) for name, value in SINGLE_THREAD.items()})

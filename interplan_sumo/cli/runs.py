@@ -24,11 +24,12 @@ from interplan_sumo.cli.options import (
     take_one_thread,
     takes_run_options,
 )
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, counted
 from interplan_sumo.report.printing import Form, print_comparison, print_table, progress, write_page
 
 if TYPE_CHECKING:
     from interplan_sumo.batch.run_folder import StoredRun
+    from interplan_sumo.report.table import ResultsTable
 
 app = typer.Typer()
 
@@ -39,20 +40,50 @@ def run(context: typer.Context, options: RunOptions, quiet: QuietOption = False,
     """Drive and score scenarios, and print the table. Repeating the command on the same folder resumes it."""
     take_one_thread()
     from interplan_sumo.batch import run as batch
+    from interplan_sumo.report.costly import cost_text, next_commands
 
     folder, command = run_folder(context, options, "")
     stdout = contextlib.redirect_stdout(sys.stderr) if as_json else contextlib.nullcontext()
     try:
-        with progress(quiet=quiet) as watch, stdout:  # in-process planners may print: not into the JSON
+        with progress(quiet=quiet, about=_about(options, folder)) as watch, stdout:  # planners here may print
             say_what_cannot_act(options.traffic)
             stored = batch.run(replace(options, out=folder), watch, command=command)
             say_what_is_out_of_reach(options)
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
         return INCOMPLETE
+    table = _reported([stored], "json" if as_json else "text", folder / "report.html")
     if not quiet:
-        print(f"results in {folder}", file=sys.stderr)
-    return _report([stored], "json" if as_json else "text", folder / "report.html")
+        place = f"results in {folder}, as a page in {folder / 'report.html'}; next:"
+        commands = (f"  {each}" for each in next_commands(table.lines, folder))
+        print(*map(cost_text, table.lines), place, *commands, sep="\n", file=sys.stderr)
+    _refuse_planners_that_never_drove(table)
+    return DONE if table.complete else INCOMPLETE
+
+
+def _about(options: RunOptions, folder: Path) -> str:
+    """What a run is going to drive, in words."""
+    from interplan_sumo.batch.jobs import Selection
+    from interplan_sumo.planner import RECOMMENDED
+
+    selection, planners = Selection.of(options), dict.fromkeys(options.planners) or (RECOMMENDED,)
+    scenes = f"{counted(len(selection.scenarios), 'scenario')} of {selection.source.name}"
+    who = f"{counted(len(planners), 'planner')} ({', '.join(planners)})"
+    where = f"in {folder}" if options.shard is None else f"part {options.shard}, in {folder}"
+    at_once = "a Ray cluster" if options.who.ray else counted(options.who.processes, "worker")
+    return f"{scenes}, {who}, {counted(options.seeds, 'seed')}, {at_once}, {where}"
+
+
+def _refuse_planners_that_never_drove(table: ResultsTable) -> None:
+    """InputError for a planner whose every drive ended in a fault of its own."""
+    for line in table.lines:
+        if line.rows and line.faults == {"planner": len(line.rows)}:
+            first = line.rows[0].fault
+            drives = "its only drive" if len(line.rows) == 1 else f"all its {len(line.rows)} drives"
+            raise InputError(
+                f"planner {line.planner!r} failed in {drives}, first: {first.message if first else ''}; "
+                f"see: interplan-sumo planners check {shlex.quote(line.planner)}"
+            )
 
 
 @app.command()
@@ -173,10 +204,16 @@ def _report(
     runs: Sequence[StoredRun], form: Form, html: Path | None = None, replays: str = "none", **options: bool
 ) -> int:
     """Print the table of the runs, write the page and its replays if they are asked for; the exit code."""
+    return DONE if _reported(runs, form, html, replays, **options).complete else INCOMPLETE
+
+
+def _reported(
+    runs: Sequence[StoredRun], form: Form, html: Path | None = None, replays: str = "none", **options: bool
+) -> ResultsTable:
     from interplan_sumo.report.table import make_table
 
     table = make_table(runs)
     if html is not None:
         write_page(table, html, runs, paper=options.get("paper", False), replays=replays)
     print_table(table, form, **options)
-    return DONE if table.complete else INCOMPLETE
+    return table

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, JsonOption, counted, scenario_ids
-from interplan_sumo.errors import InputError
+from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, JsonOption, scenario_ids
+from interplan_sumo.errors import InputError, counted
 from interplan_sumo.report.printing import print_entries, print_json
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from interplan_sumo.cli.options import (
     take_one_thread,
     takes_run_options,
 )
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, counted
 from interplan_sumo.report.printing import console, print_json, progress
 from interplan_sumo.world.files import writing
 
@@ -71,7 +71,9 @@ def _results(planned: Sweep, workers: int, command: Sequence[str], *, quiet: boo
     count = len(planned.combinations)
     left = estimate(planned, workers)
     if not quiet:
-        print(f"{count} combinations, {planned.drives} drives; {_in_words(left)}", file=sys.stderr)
+        print(
+            f"{counted(count, 'combination')}, {counted(planned.drives, 'drive')}; {_in_words(left)}", file=sys.stderr
+        )
         if planned.without_traffic:
             print(f"no traffic to change, so equal results, in {_listed(planned.without_traffic)}", file=sys.stderr)
     for number, combination in enumerate(planned.combinations, start=1):
@@ -99,7 +101,7 @@ def _in_words(left: Estimate) -> str:
     minutes = left.wall_s / 60.0
     duration = f"{minutes:.0f} min" if minutes >= 2.0 else f"{left.wall_s:.0f} s"
     basis = "as timed so far" if left.timed else "a guess, until the first is done"
-    return f"{left.drives} drives left, about {duration} at {left.drive_s:.1f} s each ({basis})"
+    return f"{counted(left.drives, 'drive')} left, about {duration} at {left.drive_s:.1f} s each ({basis})"
 
 
 def _report(planned: Sweep, results: list[Result], *, as_json: bool, quiet: bool) -> int:

@@ -12,6 +12,7 @@ from rich.text import Text
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrives
+from interplan_sumo.errors import counted
 from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.standing_formats import BRACKETS
 from interplan_sumo.report.table import POINTS
@@ -74,7 +75,7 @@ def audit_text(entry: dict[str, Any]) -> RenderableType:
     chosen = "" if entry["below"] is None else f" with less than {entry['below']:g} points"
     rows = [[name, str(count), *_share(entry["shares"][name])] for name, count in entry["classes"].items()]
     table = grid(("class", "scenarios", "share", "95 %"), rows)
-    table.title = f"{entry['suite']}: {entry['scenarios']} scenarios{chosen}, driven by {entry['planner']}"
+    table.title = f"{entry['suite']}: {counted(entry['scenarios'], 'scenario')}{chosen}, driven by {entry['planner']}"
     for row, (name, count) in zip(table.rows, entry["classes"].items(), strict=True):
         row.style = "bold" if name in DEFECTS and count else ""
     told = [

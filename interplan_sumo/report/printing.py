@@ -103,11 +103,11 @@ def console(*, stderr: bool = False) -> Console:
     return found if found.is_terminal else Console(stderr=stderr, width=200)
 
 
-def progress(*, quiet: bool) -> AbstractContextManager[LiveProgress | PlainProgress | None]:
-    """A watch for a run; None if nothing is to be said."""
+def progress(*, quiet: bool, about: str = "") -> AbstractContextManager[LiveProgress | PlainProgress | None]:
+    """A watch for a run, which says at its beginning what it is `about`; None if nothing is to be said."""
     from interplan_sumo.report.progress import LiveProgress, PlainProgress
 
     if quiet:
         return contextlib.nullcontext()
     place = console(stderr=True)
-    return LiveProgress(place) if place.is_terminal else PlainProgress(place)
+    return LiveProgress(place, about) if place.is_terminal else PlainProgress(place, about)

@@ -13,37 +13,45 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from interplan_sumo.batch.briefs import Brief
-from interplan_sumo.batch.records import Row
+from interplan_sumo.batch.records import JobKey, Row
+from interplan_sumo.errors import counted
 from interplan_sumo.report.failure_reasons import fault_sentence
 
 PLAIN_EVERY_S = 10.0
+PLAIN_SHARE = 0.1
+"""Of the time that a run takes already: where nobody watches, lines come the more seldom the longer it is."""
+FAULTS_TOLD = 5
+"""One by one; all of them are counted."""
+PLANNERS_TOLD = 4
+"""At most so many have their mean score in a line."""
 SHARES = (("SUMO", ("simulation", "setup")), ("planner", ("planner",)), ("metrics", ("scoring",)))
 
 
 class Tally:
     """What is known while a run goes on: counts, rate, mean score, faults and where the time goes."""
 
-    def __init__(self, jobs: int, done: Iterable[Brief]) -> None:
+    def __init__(self, jobs: int, done: Iterable[tuple[JobKey, Brief]]) -> None:
         self.jobs = jobs
         self.done = 0
-        self._scored = 0
-        self._score_sum = 0.0
+        self._scores: dict[str, list[float]] = {}
+        """By planner, how many and their sum."""
         self._faults: Counter[str] = Counter()
         self._times_s: Counter[str] = Counter()
-        for brief in done:
-            self._count(brief.score, brief.fault)
+        for (_, planner, _), brief in done:
+            self._count(planner, brief.score, brief.fault)
         self._before = self.done
         self._began_s = time.monotonic()
 
     def add(self, row: Row) -> None:
-        self._count(row.score, row.fault and row.fault.kind)
+        self._count(row.planner, row.score, row.fault and row.fault.kind)
         self._times_s.update(row.times_s)
 
-    def _count(self, score: float | None, fault: str | None) -> None:
+    def _count(self, planner: str, score: float | None, fault: str | None) -> None:
         self.done += 1
         if score is not None:
-            self._scored += 1
-            self._score_sum += score
+            held = self._scores.setdefault(planner, [0, 0.0])
+            held[0] += 1
+            held[1] += score
         if fault:
             self._faults[fault] += 1
 
@@ -65,8 +73,8 @@ class Tally:
     def summary(self) -> str:
         """Rate, mean score, faults and shares of time in one line."""
         parts = [f"{60 * self.per_s:.1f} jobs/min"]
-        if self._scored:
-            parts.append(f"mean score {100 * self._score_sum / self._scored:.1f}")
+        if self._scores:
+            parts.append(f"mean score {self._means()}")
         faults = ", ".join(f"{count} {name}" for name, count in sorted(self._faults.items()))
         parts.append(f"faults: {faults or 'none'}")
         total_s = self._times_s["total"]
@@ -75,14 +83,25 @@ class Tally:
             parts.append("time: " + ", ".join(f"{name} {share:.0%}" for name, share in shares))
         return "; ".join(parts)
 
+    def _means(self) -> str:
+        """Of each planner where there are few, else of all."""
+        if len(self._scores) > PLANNERS_TOLD:
+            drives, total = map(sum, zip(*self._scores.values(), strict=True))
+            return f"{100 * total / drives:.1f}"
+        alone = len(self._scores) == 1
+        return ", ".join(f"{'' if alone else f'{name} '}{100 * s / n:.1f}" for name, (n, s) in self._scores.items())
+
 
 class PlainProgress:
     """One line now and then; for logs."""
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, about: str = "") -> None:
+        """`about` says at the beginning what is done."""
         self._console = console
+        self._about = about
+        self._faults = 0
         self._tally = Tally(0, ())
-        self._said_s = 0.0
+        self._began_s = self._said_s = 0.0
         self._said_done = 0
 
     def __enter__(self) -> Self:
@@ -92,17 +111,20 @@ class PlainProgress:
         if self._tally.done != self._said_done:
             self._sum_up()
 
-    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
+    def begin(self, jobs: int, done: Iterable[tuple[JobKey, Brief]]) -> None:
         self._tally = Tally(jobs, done)
         before = self._said_done = self._tally.done
-        resumed = f", {before} of them done already" if before else ""
-        self._say(f"{jobs} jobs{resumed}")
+        self._say(_beginning(self._about, jobs, before))
+        self._began_s = self._said_s = time.monotonic()
 
     def finished(self, row: Row) -> None:
         self._tally.add(row)
         if row.fault:
-            self._say(_fault(row))
-        if time.monotonic() - self._said_s >= PLAIN_EVERY_S:
+            self._faults += 1
+            if self._faults <= FAULTS_TOLD:
+                self._say(_fault(row, self._faults))
+        now_s = time.monotonic()
+        if now_s - self._said_s >= max(PLAIN_EVERY_S, PLAIN_SHARE * (now_s - self._began_s)):
             self._sum_up()
 
     def _sum_up(self) -> None:
@@ -117,8 +139,11 @@ class PlainProgress:
 class LiveProgress:
     """A bar that moves, and what is known so far below it; for people."""
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, about: str = "") -> None:
+        """As `PlainProgress`."""
         self._console = console
+        self._about = about
+        self._faults = 0
         self._tally: Tally | None = None
         self._bar = Progress(
             BarColumn(bar_width=None),
@@ -144,20 +169,29 @@ class LiveProgress:
         if self._tally is not None:
             self._say(f"{self._tally.done}/{self._tally.jobs} done; {self._tally.summary}")
 
-    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
+    def begin(self, jobs: int, done: Iterable[tuple[JobKey, Brief]]) -> None:
         tally = self._tally = Tally(jobs, done)
+        self._say(_beginning(self._about, jobs, tally.done))
         self._bar.update(self._job, total=jobs, completed=tally.done)
 
     def finished(self, row: Row) -> None:
         assert self._tally is not None, "a job ended before the run began"
         self._tally.add(row)
         if row.fault:
-            self._say(_fault(row), style="yellow")
+            self._faults += 1
+            if self._faults <= FAULTS_TOLD:
+                self._say(_fault(row, self._faults), style="yellow")
         self._bar.update(self._job, completed=self._tally.done, description=f"{self._tally.left} left")
 
     def _say(self, text: str, style: str | None = None) -> None:
         self._console.print(text, markup=False, highlight=False, style=style)
 
 
-def _fault(row: Row) -> str:
-    return f"{row.scenario_id}, {row.planner}, seed {row.seed}: {fault_sentence(row)}"
+def _beginning(about: str, jobs: int, before: int) -> str:
+    resumed = f", {before} of them done already" if before else ""
+    return f"{about}{': ' if about else ''}{counted(jobs, 'job')}{resumed}"
+
+
+def _fault(row: Row, number: int) -> str:
+    more = "; further faults are only counted" if number == FAULTS_TOLD else ""
+    return f"{row.scenario_id}, {row.planner}, seed {row.seed}: {fault_sentence(row)}{more}"

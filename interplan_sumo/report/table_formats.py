@@ -13,6 +13,7 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from interplan_sumo.batch.records import Row
+from interplan_sumo.errors import counted
 from interplan_sumo.families import find_family
 from interplan_sumo.report.failure_reasons import fault_sentence, lost_points
 from interplan_sumo.report.paper_comparison import (
@@ -168,7 +169,8 @@ def notes(table: ResultsTable, *, paper: bool = False) -> list[str]:
         if line.questions:
             share = 100.0 * line.unanswered / line.questions
             found.append(
-                f"{line.label} asked a language model {line.questions} times, {share:.1f} % without a usable answer."
+                f"{line.label} asked a language model {counted(line.questions, 'time')}, "
+                f"{share:.1f} % without a usable answer."
             )
     if paper:
         found.append(f"(paper): {SOURCE}; ordinary driving there is Val14.")

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from interplan_sumo.batch.briefs import Brief
-from interplan_sumo.batch.records import Row
+from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
 
 PLAIN = Scenario(
@@ -27,10 +27,10 @@ class Log:
 
     def __init__(self) -> None:
         self.jobs = 0
-        self.done: list[Brief] = []
+        self.done: list[tuple[JobKey, Brief]] = []
         self.rows: list[Row] = []
 
-    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
+    def begin(self, jobs: int, done: Iterable[tuple[JobKey, Brief]]) -> None:
         self.jobs, self.done = jobs, list(done)
 
     def finished(self, row: Row) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from interplan_sumo.batch import engine
 from interplan_sumo.batch.engine import run_tasks, run_with
 from interplan_sumo.batch.records import Fault
 from interplan_sumo.batch.tasks import Answer, Limits, Outcome, SharedPhase, Task
@@ -55,6 +56,15 @@ def test_a_worker_opens_its_group_once_and_serves_many_tasks(tmp_path: Path) -> 
     outcomes = run("works", tmp_path, count=5, workers=1)
     assert [o.value["nth"] for o in outcomes] == [1, 2, 3, 4, 5]
     assert len({o.value["process"] for o in outcomes}) == 1
+
+
+def test_groups_take_turns_where_workers_are_few(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine, "TURN", 2)
+    tasks = [Task((group, n), group, (n, str(tmp_path))) for group in ("works", "works too") for n in range(3)]
+    done = [o.task.group for o in run_tasks(tasks, open_toy, workers=1, limits=QUICK)]
+    first, second = dict.fromkeys(done)
+    assert done[:4] == [first, first, second, second]
+    assert len(done) == len(tasks)
 
 
 def test_two_groups_never_share_a_process(tmp_path: Path) -> None:

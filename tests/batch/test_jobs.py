@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from interplan_sumo.batch.jobs import chosen, jobs_for
+from interplan_sumo.batch.jobs import chosen, interleaved, jobs_for
 from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import AppliedOverrides, keys_of
 from interplan_sumo.errors import InputError, UnknownNameError
@@ -21,12 +21,20 @@ def scenario(name: str, density: str = "none", oncoming: str = "none") -> Scenar
     return replace(PLAIN, id=name, family=name.partition("/")[0], traffic=demand)
 
 
+PAIR = ["idm", "pdm"]
 ALL = tuple(scenario(f"{family}/{n}") for family in ("nudge", "overtake") for n in range(3))
 
 
 def test_jobs_are_every_planner_on_every_scenario_with_every_seed_once() -> None:
     jobs = jobs_for(ALL[:2], ["idm", "pdm", "idm"], 2)
     assert len({job.key for job in jobs}) == len(jobs) == 2 * 2 * 2
+
+
+def test_every_beginning_of_a_run_resembles_the_whole() -> None:
+    order = [job.key for job in interleaved(jobs_for(ALL, PAIR, 2))]
+    assert set(order[:4]) == {(f"{family}/0", planner, 0) for family in ("nudge", "overtake") for planner in PAIR}
+    assert [seed for _, _, seed in order] == [0] * 12 + [1] * 12
+    assert set(order) == {job.key for job in jobs_for(ALL, PAIR, 2)}
 
 
 def test_requests_that_overlap_ask_for_each_job_once() -> None:

@@ -17,7 +17,7 @@ from interplan_sumo.batch.judge import judge
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.processes import environment
 from interplan_sumo.batch.ray_backend import RayPool, run_on_ray
-from interplan_sumo.batch.records import Row
+from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.submit import submit
@@ -173,7 +173,7 @@ def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Interrupting:
     """A watch that has had enough after the first drive."""
 
-    def begin(self, jobs: int, done: Iterable[Brief]) -> None: ...
+    def begin(self, jobs: int, done: Iterable[tuple[JobKey, Brief]]) -> None: ...
 
     def finished(self, row: Row) -> None:
         raise KeyboardInterrupt(row.scenario_id)

@@ -277,5 +277,13 @@ def test_bad_input_ends_the_run_before_a_folder_is_made(tmp_path: Path) -> None:
 @pytest.mark.parametrize("workers", [0, 1])
 def test_a_planner_that_cannot_be_built_ends_the_run(workers: int, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="could not be built: RuntimeError: no weights"):
-        run(request(tmp_path, f"{RUDE}:CannotBeBuilt", workers=workers))
-    assert read_run(tmp_path).rows == {}
+        run(request(tmp_path / "run", f"{RUDE}:CannotBeBuilt", workers=workers))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_planner_that_cannot_be_built_is_not_asked_of_a_folder_that_was_there(tmp_path: Path) -> None:
+    before = run(request(tmp_path, "straight_ahead")).manifest
+    with pytest.raises(InputError, match="could not be built"):
+        run(request(tmp_path, "straight_ahead", f"{RUDE}:CannotBeBuilt"))
+    assert read_run(tmp_path).manifest == before
+    assert len(read_run(tmp_path).rows) == len(before.keys)

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from interplan_sumo.batch.briefs import Brief
-from interplan_sumo.report.progress import LiveProgress, PlainProgress, Tally
+from interplan_sumo.report.progress import FAULTS_TOLD, LiveProgress, PlainProgress, Tally
 from tests.report.rows import drive
 
 ROWS = [
@@ -21,7 +21,7 @@ ROWS = [
 def spoken(kind: type[PlainProgress] | type[LiveProgress], terminal: bool) -> str:
     file = io.StringIO()
     with kind(Console(file=file, width=120, force_terminal=terminal)) as progress:
-        progress.begin(4, [Brief.of(ROWS[0])])
+        progress.begin(4, [(ROWS[0].key, Brief.of(ROWS[0]))])
         for row in ROWS[1:]:
             progress.finished(row)
     return file.getvalue()
@@ -47,6 +47,27 @@ def test_each_fault_is_told_and_the_end_is_summed_up(
     assert "nudge/2, idm, seed 0: timeout fault: killed" in text
     assert "3/4 done" in text
     assert "mean score 50.0" in text
+
+
+def test_each_of_few_planners_has_its_mean_and_many_have_one() -> None:
+    for count, words in ((1, "mean score 10.0;"), (2, "mean score p0 10.0, p1 20.0;"), (5, "mean score 30.0;")):
+        tally = Tally(count, ())
+        for number in range(count):
+            tally.add(drive("nudge/0", 0.1 * (number + 1), planner=f"p{number}"))
+        assert words in tally.summary
+
+
+def test_a_planner_that_fails_always_is_no_line_per_drive() -> None:
+    file = io.StringIO()
+    with PlainProgress(Console(file=file, width=120), "1 scenario") as progress:
+        progress.begin(100, ())
+        for number in range(100):
+            progress.finished(drive(f"nudge/{number}", 0.0, fault=("planner", "plan() raised")))
+    lines = file.getvalue().splitlines()
+    assert lines[0] == "1 scenario: 100 jobs"
+    assert len(lines) == 1 + FAULTS_TOLD + 1
+    assert lines[-2].endswith("further faults are only counted")
+    assert "100/100 done" in lines[-1]
 
 
 def test_plain_progress_says_what_was_done_before_without_control_characters() -> None:

@@ -1,0 +1,72 @@
+"""Costly: what cost a planner most, over all its drives, and what to do about it next."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from interplan_sumo.batch.records import JobKey, Row
+from interplan_sumo.errors import counted
+from interplan_sumo.metrics.metric import failure_words
+from interplan_sumo.metrics.score import points_lost
+from interplan_sumo.report.failure_reasons import LEAST_LOSS
+from interplan_sumo.report.table import Line
+
+TOLD: Final = 3
+
+
+@dataclass(slots=True)
+class Cost:
+    """What one reason took of a planner's score."""
+
+    words: str
+    points: float = 0.0
+    """Of the mean over all drives, 0 to 100."""
+    drives: int = 0
+    worst: JobKey | None = None
+    """Where it cost most."""
+    worst_points: float = 0.0
+
+
+def costs(line: Line) -> list[Cost]:
+    """What cost points in the drives of a planner, the most first; a fault costs all of them."""
+    found: dict[str, Cost] = {}
+    for row in line.rows:
+        for reason, points in _lost(row).items():
+            cost = found.setdefault(reason, Cost(f"{reason} fault" if row.fault else failure_words(reason)))
+            cost.points += points / len(line.rows)
+            cost.drives += 1
+            if points > cost.worst_points:
+                cost.worst, cost.worst_points = row.key, points
+    return sorted(found.values(), key=lambda cost: -cost.points)
+
+
+def cost_text(line: Line) -> str:
+    """The costliest reasons in one line."""
+    said = [f"{each.words} {each.points:.1f} ({counted(each.drives, 'drive')})" for each in costs(line)[:TOLD]]
+    return f"{line.label} lost most of 100 points by: {', '.join(said)}" if said else f"{line.label} lost nothing"
+
+
+def next_commands(lines: Sequence[Line], folder: Path) -> list[str]:
+    """What to type after a run: why points were lost, the costliest drive to watch, and how to trust the result."""
+    program, run = "interplan-sumo", shlex.quote(str(folder))
+    found: list[str] = []
+    every = sorted((cost for line in lines for cost in costs(line)[:1]), key=lambda cost: -cost.points)
+    if every:
+        found.append(f"{program} report {run} --why")
+    watched = next((cost.worst for cost in every if cost.worst is not None), None)
+    if watched is not None:
+        scenario, planner, seed = watched
+        told = f"{f' --seed {seed}' if seed else ''} --html replay.html"
+        found.append(f"{program} replay {run} {shlex.quote(scenario)} --planner {shlex.quote(planner)}{told}")
+    return [*found, f"{program} verify {run}"]
+
+
+def _lost(row: Row) -> dict[str, float]:
+    if row.fault is not None:
+        return {row.fault.kind: 100.0}
+    lost = points_lost(row.judged, row.gates, row.weights)
+    return {name: points for name, points in lost.items() if points >= 100.0 * LEAST_LOSS}
