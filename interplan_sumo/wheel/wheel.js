@@ -63,7 +63,7 @@ class Wheel {
       row.append(listed("th", title), listed("td", String(value)));
       return row;
     }));
-    parts.replay.href = `replay/${replay}`;
+    parts.replay.href = `replay/${replay}#decides`;
     parts.next.textContent = this.scene.number + 1 < this.scene.scenes ? "Next scene" : "Done";
     this.become("end");
   }

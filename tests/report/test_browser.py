@@ -73,7 +73,7 @@ def reopened(found: OpenPage, ready: str) -> Generator[Page]:
 
 FAMILIES = "construction accident jaywalker nudge overtake lane_change_ltd lane_change_mtd lane_change_htd".split()
 PLANNERS = ("foresight", "pdm_closed", "idm_mobil", "idm")
-SHOWN = "#all-drives tbody tr:not([hidden])"
+SHOWN = "#all-drives .drives tbody tr:not([hidden])"
 
 
 @pytest.fixture(scope="module")
@@ -119,37 +119,50 @@ def test_filters_narrow_the_drives_and_say_how_many_are_left(report: Page) -> No
     wait_until(report, lambda: report.inner_text("#count") == "320 drives")
 
 
-def test_headers_sort_by_keyboard_say_which_way_and_know_numbers(report: Page) -> None:
-    button = report.get_by_role("button", name="score", exact=True)
-    header, first = report.locator("#all-drives thead th.score"), report.locator("#all-drives tbody tr").first
+def test_headers_sort_a_family_by_keyboard_say_which_way_and_know_numbers(report: Page) -> None:
+    family = report.locator(".family").first
+    family.locator("summary").first.click()
+    family.locator(".every > summary").click()
+    button = family.get_by_role("button", name="score", exact=True)
+    header, first = family.locator("thead th.score"), family.locator(".drives tbody tr").first
     assert header.get_attribute("aria-sort") == "none"
-    for direction, score in (("ascending", "0.0"), ("descending", "100.0")):
+    for direction, score in (("ascending", "0"), ("descending", "100")):
         button.press("Enter")
         assert header.get_attribute("aria-sort") == direction
         assert first.locator("td.score").inner_text() == score
     button.press("Enter")
     assert first.get_attribute("id") == "drive-0"
-    report.get_by_role("button", name="scenario", exact=True).click()
-    assert report.locator("#all-drives tbody th").all_inner_texts()[:5] == ["accident/0"] * 4 + ["accident/1"]
+    family.get_by_role("button", name="planner", exact=True).click()
+    assert family.locator(".drives tbody td:nth-child(2)").all_inner_texts()[:5] == ["foresight"] * 5
 
 
-def test_a_cell_leads_to_its_drive_though_the_filters_hide_it(report: Page) -> None:
+def test_a_cell_leads_to_its_drive_though_it_is_folded_and_a_search_opens_what_it_finds(report: Page) -> None:
     report.locator("[name=family]").select_option("overtake")
+    assert report.locator(".family:not([hidden])").count() == 1
+    assert report.locator(SHOWN).first.is_visible()
+    report.get_by_role("button", name="Clear").click()
+    wait_until(report, lambda: report.locator(".family:not([hidden])").count() == 8)
+    report.locator(".family summary").first.click()
     report.locator(".heat a").first.click()
-    assert report.locator("#drive-0").is_visible()
+    wait_until(report, lambda: report.locator("#drive-0").is_visible())
     assert report.evaluate("document.querySelector(':target').id") == "drive-0"
 
 
-def test_the_report_is_never_wider_than_the_screen(report: Page) -> None:
-    for size in (USUAL, NARROW):
+def test_the_report_fits_every_screen_and_is_short_while_it_is_folded(report: Page) -> None:
+    cut = "[...document.querySelectorAll('.scroll, table')].filter((each) => each.scrollWidth > each.clientWidth + 1)"
+    for size in (USUAL, NARROW, (768, 1024), (2560, 1440)):
         report.set_viewport_size(sized(size))
+        assert report.evaluate("document.documentElement.scrollHeight") < 4 * size[1]
+        report.evaluate("document.querySelectorAll('details').forEach((box) => { box.open = true; })")
         assert report.evaluate("document.documentElement.scrollWidth") <= size[0]
+        assert report.evaluate(f"{cut}.length") == 0
+        report.evaluate("document.querySelectorAll('details').forEach((box) => { box.open = false; })")
 
 
 def test_without_a_script_every_drive_is_shown_and_no_dead_control(browser: Browser, report_file: Path) -> None:
     assert report_file.stat().st_size < 400_000
     with opened(browser, report_file, script=False) as plain:
-        assert plain.page.locator("#all-drives tbody tr").count() == 320
+        assert plain.page.locator(".drives tbody tr").count() == 320
         assert plain.page.locator("#filters").is_hidden()
         assert plain.page.locator("thead button").count() == 0
 
@@ -239,6 +252,13 @@ def test_it_says_how_to_drive_on_from_a_moment(replay: Page) -> None:
     assert said.startswith("interplan-sumo drive '<script>")
     assert said.endswith("--from RUN --planner pdm_closed --at 1.0")
     replay.get_by_role("button", name="Close").click()
+
+
+def test_an_address_opens_it_three_seconds_before_what_decided(replay: Page) -> None:
+    replay.goto(f"{replay.url.partition('#')[0]}#decides")
+    replay.reload()
+    replay.wait_for_selector("html[data-ready]")
+    assert now_s(replay) == 0.6
 
 
 def test_it_jumps_to_what_decided_each_drive_and_says_so(replay: Page) -> None:

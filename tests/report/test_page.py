@@ -12,6 +12,7 @@ from interplan_sumo.report.page.document import page
 from interplan_sumo.report.page.drives import shown_drives
 from interplan_sumo.report.page.figures import band
 from interplan_sumo.report.table import make_table
+from interplan_sumo.scenario.suite import find_scenario
 from tests.report.rows import drive, stored
 
 NASTY = "<script>alert('x')</script>&\"'"
@@ -107,16 +108,44 @@ def test_a_cell_of_the_matrix_shows_the_mean_over_seeds_and_leads_to_the_worst_o
 @pytest.mark.parametrize(
     ("score", "expected"),
     [(None, "none"), (0.0, "b0"), (0.1, "b1"), (39.9, "b1"), (40.0, "b2"), (79.9, "b2"), (80.0, "b3"), (99.94, "b3"),
-     (99.95, "b4"), (100.0, "b4")],
+     (99.95, "b4"), (100.0, "b4"), (79.99999998, "b3"), (79.96, "b3"), (79.94, "b2")],
 )  # fmt: skip
-def test_a_score_has_the_colour_of_its_band(score: float | None, expected: str) -> None:
+def test_a_score_has_the_colour_of_its_band_and_what_is_shown_alike_has_one(score: float | None, expected: str) -> None:
     assert band(score) == expected
+
+
+def test_a_family_is_folded_under_the_mean_of_each_planner_and_says_what_it_asks() -> None:
+    rows = [drive("nudge/0", 1.0), drive("nudge/1", 0.5), drive("nudge/0", 0.0, planner="idm_mobil")]
+    html = page(make_table([stored(*rows)]))
+    (summary,) = re.findall(r'<details class="family" data-family="nudge"><summary>(.*?)</summary>', html, re.DOTALL)
+    assert re.findall(r'class="chip (\w+)"[^>]*>([^<]*)<', summary) == [("b2", "75"), ("b0", "0")]
+    assert "2 scenes" in summary
+    assert " open" not in re.findall(r"<details[^>]*>", html)
+
+
+def test_every_column_is_explained() -> None:
+    html = page(make_table([stored(drive("nudge/0", 1.0), drive("lane_change_ltd/0", 1.0))]))
+    titles = re.findall(r'<th class="n" scope="col" title="[^"]+">([^<]+)</th>', html)
+    explained = dict(re.findall(r"<dt>([^<]+)</dt><dd>(.*?)</dd>", html))
+    assert {"interPlan", "Nudge", "LTD", "No-Col."} <= set(titles)
+    assert all(len(explained[title]) > 20 for title in titles)
+
+
+def test_a_scene_has_its_drawing_where_it_is_as_it_was_driven() -> None:
+    scenario = find_scenario("nudge/0")
+    driven = drive("nudge/0", 1.0, scenario_hash=scenario.hash())
+    changed = drive("nudge/1", 1.0, scenario_hash="0" * 64)
+    run = stored(driven, changed)
+    html = page(make_table([run]), [run])
+    assert html.count('<svg class="thumbnail"') == 1
+    assert re.search(r'<th scope="row"><svg class="thumbnail".*?</svg><span>nudge/0</span>', html)
+    assert all(f'class="t-{part}"' in html for part in ("road", "way", "thing", "ego"))
 
 
 def test_scores_are_counted_by_band() -> None:
     rows = [drive(f"nudge/{n}", score) for n, score in enumerate((0.0, 0.2, 0.5, 0.9, 1.0, 1.0))]
     (spread,) = re.findall(r'<table class="spread">.*?</table>', page(make_table([stored(*rows)])), re.DOTALL)
-    assert re.findall(r'<td class="n">(\d+)</td>', spread) == ["1", "1", "1", "1", "2"]
+    assert re.findall(r'<td class="n" data-title="[^"]+">(\d+)</td>', spread) == ["1", "1", "1", "1", "2"]
 
 
 def test_how_the_run_was_made_is_told() -> None:
@@ -136,7 +165,7 @@ def test_a_replay_that_lies_there_is_linked_and_one_that_does_not_is_told_how_to
     (tmp_path / "report-replays").mkdir()
     (tmp_path / "report-replays" / there.replay).touch()
     html = page(table, [run], path=tmp_path / "report.html")
-    assert f'<a href="report-replays/{there.replay}">replay</a>' in html
+    assert f'<a href="report-replays/{there.replay}#decides">replay</a>' in html
     assert html.count(">replay</a>") == 1
     assert f"interplan-sumo replay {tmp_path / 'run'} nudge/1 --planner idm --html" in read(html).text
 

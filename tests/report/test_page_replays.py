@@ -93,7 +93,7 @@ def test_replays_are_made_and_linked_and_a_drive_without_a_trace_is_named(
     write_page(make_table([held]), page, [held], replays="lost")
     made = list(replays_folder(page).iterdir())
     assert len(made) == 1
-    assert f'<a href="my%20report-replays/{made[0].name}">replay</a>' in page.read_text(encoding="utf-8")
+    assert f'<a href="my%20report-replays/{made[0].name}#decides">replay</a>' in page.read_text(encoding="utf-8")
     said = capsys.readouterr().err
     assert "replays: 2 of 2" in said
     assert said.count("no replay: ") == 1

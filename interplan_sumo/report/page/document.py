@@ -10,8 +10,16 @@ from pathlib import Path
 from urllib.parse import quote
 
 from interplan_sumo.batch.run_folder import StoredRun
-from interplan_sumo.report.page.drives import BANDS, ShownDrive, by_scenario, pair_replay, replays_folder, shown_drives
-from interplan_sumo.report.page.figures import best_figure, family_blocks, score_spread
+from interplan_sumo.report.page.drives import (
+    BANDS,
+    ShownDrive,
+    by_scenario,
+    pair_replay,
+    replays_folder,
+    shown,
+    shown_drives,
+)
+from interplan_sumo.report.page.figures import best_figure, family_blocks, legend, scene_thumbnails, score_spread
 from interplan_sumo.report.page.html import html
 from interplan_sumo.report.paper_comparison import published_figure, published_rows
 from interplan_sumo.report.table import ResultsTable
@@ -34,7 +42,7 @@ def page(
     drives = shown_drives(table)
     folder = replays_folder(path) if path is not None else None
     replays = {file.name for file in folder.glob("*.html")} if folder is not None else set[str]()
-    shown = shown_columns(table, paper=paper)
+    columns = shown_columns(table, paper=paper)
     part = files(__package__ or "")
     return html(
         "report.html.j2",
@@ -43,16 +51,17 @@ def page(
         title=title,
         table=table,
         missing=[f"{scenario} ({name}, seed {seed})" for line in table.lines for scenario, name, seed in line.missing],
-        columns=shown,
-        best={column.key: best_figure(table, column) for column in shown},
+        columns=columns,
+        best={column.key: best_figure(table, column) for column in columns},
         published=published_rows() if paper else [],
         published_figure=published_figure,
         notes=notes(table, paper=paper),
-        asked=[column for column in table.columns if table.asked(column)],
+        legend=legend(columns),
         bands=BANDS,
         spread=score_spread(table, drives),
-        blocks=family_blocks(table, drives),
+        blocks=family_blocks(table, drives, scene_thumbnails(runs)),
         drives=drives,
+        shown=shown,
         links=_links(drives, replays, folder),
         make={drive.anchor: _make(drive, runs, folder) for drive in drives if drive.replay not in replays},
         make_all=_make_all(runs, folder) if drives and not replays else "",
@@ -66,14 +75,14 @@ def page(
 def _links(
     drives: Sequence[ShownDrive], replays: Collection[str], folder: Path | None
 ) -> dict[str, list[tuple[str, str]]]:
-    """Of each drive, by anchor, the replays that lie there: file and what it shows."""
+    """Of each drive, by anchor, the replays that lie there: where each shows what decided, and what it is."""
     base = quote(folder.name) if folder is not None else ""
     pairs = {scenario for scenario in by_scenario(drives) if pair_replay(scenario) in replays}
     found: dict[str, list[tuple[str, str]]] = {}
     for drive in drives:
         names = [(drive.replay, "replay")] if drive.replay in replays else []
         names += [(pair_replay(drive.scenario), "best and worst")] if drive.scenario in pairs else []
-        found[drive.anchor] = [(f"{base}/{quote(name)}", text) for name, text in names]
+        found[drive.anchor] = [(f"{base}/{quote(name)}#decides", text) for name, text in names]
     return found
 
 

@@ -56,11 +56,17 @@ class ShownDrive:
         return band(self.score)
 
 
+def shown(score: float) -> str:
+    """A score as the page tells it: 80, 79.6."""
+    return f"{round(score, 1):g}"
+
+
 def band(score: float | None) -> str:
     """Class of a score's colour: one of BANDS, `none` without a score."""
     if score is None:
         return "none"
-    return "b0" if score <= 0.0 else "b1" if score < 40.0 else "b2" if score < 80.0 else "b3" if score < WHOLE else "b4"
+    score = round(score, 1)  # what is shown alike has one colour
+    return "b0" if score <= 0.0 else "b1" if score < 40.0 else "b2" if score < 80.0 else "b3" if score < 100.0 else "b4"
 
 
 def shown_drives(table: ResultsTable) -> list[ShownDrive]:

@@ -313,8 +313,13 @@ class Player {
   }
 }
 
-/** Start at the time that the address asks for: replay.html#t=6.2 */
+/** Start at the time that the address asks for: replay.html#t=6.2, or replay.html#decides, shortly before that. */
 function startTime(data) {
+  const EARLIER_S = 3;
+  if (location.hash === "#decides") {
+    const first = Math.min(...data.drives.map(({ deciding }) => deciding.frame));
+    return Math.max(0, first - Math.round(EARLIER_S / data.dt_s));
+  }
   const asked = /^#t=(\d+(?:\.\d+)?)$/.exec(location.hash);
   return asked ? Math.round(Number(asked[1]) / data.dt_s) : 0;
 }
