@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import platform
+import re
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib import metadata
 
 from interplan_sumo.batch.processes import available_cores
 from interplan_sumo.batch.versions import versions
 
 NATIVE = ("numpy", "scipy.signal", "shapely", "pyarrow.parquet", "pyproj", "interplan_sumo.simulation.sumo")
-EXTRAS = {"maps": ("sumolib", "sumo"), "plots": ("matplotlib",)}
-"""Extra -> what it brings; missing ones are told, not counted."""
+NAME = "interplan-sumo"
 SELF_TEST_S = 2.0
 
 
@@ -48,13 +48,19 @@ def examine() -> Diagnosis:
     ]
     checks += [_check("maps", _read_maps), _check("vehicle types", _read_vehicle_types), _check("suites", _read_suites)]
     checks += [_check("planners", _load_recommended), _check("self-test", _drive_a_little)]
-    checks += [DoctorCheck(f"extra [{name}]", True, _extra(name, modules)) for name, modules in EXTRAS.items()]
+    checks += [DoctorCheck(f"extra [{name}]", True, _extra(name)) for name in _extras()]
     machine: dict[str, str | int] = {
         "platform": platform.platform(),
+        "platform class": platform_class(),
         "python": sys.executable,
         "cores": available_cores(),
     }
     return Diagnosis(versions(), machine, tuple(checks))
+
+
+def platform_class() -> str:
+    """What must be equal, beside all versions, for traces to have equal hashes: arithmetic differs between them."""
+    return f"{sys.platform}-{platform.machine().lower()}"
 
 
 def _check(name: str, look: Callable[..., str], *arguments: str) -> DoctorCheck:
@@ -126,6 +132,39 @@ def _drive_a_little() -> str:
     return f"{SELF_TEST_S:g} s of {whole.id} driven and scored in {took_s:.2f} s"
 
 
-def _extra(name: str, modules: tuple[str, ...]) -> str:
-    missing = [module for module in modules if importlib.util.find_spec(module) is None]
-    return f"not installed ({', '.join(missing)}); pip install 'interplan-sumo[{name}]'" if missing else "installed"
+def _extras() -> list[str]:
+    """Those that the package declares; none in a bare checkout."""
+    try:
+        return metadata.metadata(NAME).get_all("Provides-Extra") or []
+    except metadata.PackageNotFoundError:
+        return []
+
+
+def _extra(name: str) -> str:
+    """Whether it is installed; a missing one is told, and is no fault."""
+    missing = [wanted for wanted in sorted(_wanted(name)) if not _is_installed(wanted)]
+    return f"not installed ({', '.join(missing)}); pip install '{NAME}[{name}]'" if missing else "installed"
+
+
+def _wanted(extra: str) -> set[str]:
+    """The distributions that an extra asks for, those of extras that it includes among them."""
+    found: set[str] = set()
+    for line in metadata.requires(NAME) or ():
+        wanted, _, marker = line.partition(";")
+        name = re.match(r"[\w.-]+", wanted)
+        if name is None or not re.search(rf"extra == [\"']{re.escape(extra)}[\"']", marker):
+            continue
+        if name[0] != NAME:
+            found.add(name[0])
+            continue
+        for inner in re.findall(r"[\w-]+", wanted.partition("[")[2].partition("]")[0]):
+            found |= _wanted(inner)
+    return found
+
+
+def _is_installed(distribution: str) -> bool:
+    try:
+        metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return False
+    return True

@@ -47,20 +47,30 @@ class RunOptions:
         metadata=_about(
             "A registered name, module:Class, name?option=value&..., or exec:COMMAND. Default: the recommended one.",
             flag="--planner",
+            metavar="P",
             completes="planner_names",
         ),
     )
-    out: Path | None = field(default=None, metadata=_about("The run folder; the same command on it goes on."))
-    suite: str | None = field(default=None, metadata=_about("NAME==VERSION.", scene=True))
+    out: Path | None = field(
+        default=None, metadata=_about("The run folder; the same command on it goes on.", metavar="DIR")
+    )
+    suite: str | None = field(
+        default=None, metadata=_about("NAME==VERSION.", metavar="SUITE", completes="suite_names", scene=True)
+    )
     scenarios: tuple[str, ...] = field(
         default=(),
         metadata=_about(
-            "Only ids that match, such as 'nudge/*'; or a FILE.yaml.", completes="scenario_ids", scene=True
+            "Only ids that match, such as 'nudge/*'; or a FILE.yaml.",
+            metavar="GLOB",
+            completes="scenario_ids",
+            scene=True,
         ),
     )
     seeds: int = field(
         default=1,
-        metadata=_about("Seeds 0 to N-1; seed 0 is the certified one.", least=1, most=MOST_SEEDS, scene=True),
+        metadata=_about(
+            "Seeds 0 to N-1; seed 0 is the certified one.", metavar="N", least=1, most=MOST_SEEDS, scene=True
+        ),
     )
     workers: int | str | None = field(
         default=None,
@@ -70,7 +80,8 @@ class RunOptions:
         ),
     )
     traffic: Path | None = field(
-        default=None, metadata=_about("A vehicle-type file instead of the scenarios' own.", scene=True)
+        default=None,
+        metadata=_about("A vehicle-type file instead of the scenarios' own.", metavar="FILE.xml", scene=True),
     )
     density: str | None = field(
         default=None,
@@ -78,7 +89,7 @@ class RunOptions:
     )
     behaviour: str | None = field(default=None, metadata=_about("NAME", setting=True, scene=True))
     perception: str | None = field(default=None, metadata=_about("full|occluded|noisy|late", setting=True, scene=True))
-    limit: int | None = field(default=None, metadata=_about("At most so many scenarios.", least=1))
+    limit: int | None = field(default=None, metadata=_about("At most so many scenarios.", metavar="N", least=1))
     shard: str | None = field(
         default=None,
         metadata=_about("The I-th of N equal parts, into a folder of its own; `merge` joins them.", metavar="I/N"),
@@ -102,15 +113,19 @@ class RunOptions:
     )
     plan_limit_s: float = field(
         default=10.0,
-        metadata=_about("Seconds that one plan() call may take; 0 for no limit.", flag="--plan-limit", least=0),
+        metadata=_about(
+            "Seconds that one plan() call may take; 0 for no limit.", flag="--plan-limit", metavar="S", least=0
+        ),
     )
     job_limit_s: float = field(
         default=3600.0,
-        metadata=_about("Seconds that one drive may take; 0 for no limit.", flag="--job-limit", least=0),
+        metadata=_about("Seconds that one drive may take; 0 for no limit.", flag="--job-limit", metavar="S", least=0),
     )
     memory_gb: float = field(
         default=8.0,
-        metadata=_about("Memory that a worker, and its planner, may allocate (Linux); 0 for no limit.", least=0),
+        metadata=_about(
+            "Memory that a worker, and its planner, may allocate (Linux); 0 for no limit.", metavar="GB", least=0
+        ),
     )
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -18,8 +19,10 @@ import typer
 from interplan_sumo.cli import runs
 from interplan_sumo.cli.audit import audit
 from interplan_sumo.cli.certify import certify
+from interplan_sumo.cli.completion import BashWords
 from interplan_sumo.cli.dataset import dataset_app
 from interplan_sumo.cli.drive import drive
+from interplan_sumo.cli.examples import explain
 from interplan_sumo.cli.export import export
 from interplan_sumo.cli.generate import generate
 from interplan_sumo.cli.hand_in import judge, leaderboard, submit
@@ -76,13 +79,17 @@ WANTS = {
 @cache
 def command_line() -> Any:
     """All commands, put together once: that takes longer than most of them take to refuse a word."""
-    return typer.main.get_command(app)
+    command = typer.main.get_command(app)
+    explain(command)
+    return command
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code. The one place where errors become a line on stderr."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     _open_standard_streams()
+    if (bash := BashWords.of_environment()) is not None:
+        return _complete_in_bash(bash)
     if os.getcwd() not in sys.path:  # planners of the folder one works in; last, so that nothing there hides a library
         sys.path.append(os.getcwd())
     try:
@@ -111,6 +118,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _forget_output()
         where = f" ({error.filename})" if error.filename else ""
         return _failed(f"{error.strerror}{where}: {WANTS[error.errno]}, and repeat the command", BAD_INPUT)
+
+
+def _complete_in_bash(words: BashWords) -> int:
+    """Print what the shell offers for the last of the words."""
+    words.tell()
+    offered = io.StringIO()
+    with contextlib.redirect_stdout(offered), contextlib.suppress(SystemExit):
+        command_line()(args=[], prog_name="interplan-sumo", standalone_mode=False)
+    print(words.answer(offered.getvalue()))
+    return DONE
 
 
 def _open_standard_streams() -> None:

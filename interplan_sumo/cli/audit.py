@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, WorkersOption, planner_names
+from interplan_sumo.cli.completion import planner_names
+from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, WorkersOption
 from interplan_sumo.report.printing import console, print_json, progress
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from interplan_sumo.cli.completion import suite_names
 from interplan_sumo.cli.options import DONE, INCOMPLETE, OUR_FAULT, JsonOption, WorkersOption
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import print_json
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def certify(
-    suite: Annotated[str | None, typer.Option(help="NAME==VERSION.")] = None,
+    suite: Annotated[str | None, typer.Option(help="NAME==VERSION.", autocompletion=suite_names)] = None,
     scenarios: Annotated[
         list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'; or a FILE.yaml.")
     ] = None,

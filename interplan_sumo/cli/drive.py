@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.cli.completion import planner_names, run_folders, scenario_ids
 from interplan_sumo.cli.options import (
     DONE,
     INCOMPLETE,
-    planner_names,
     run_folder,
-    scenario_ids,
     take_one_thread,
     takes_run_options,
 )
@@ -38,7 +37,9 @@ def drive(
     ],
     options: RunOptions,
     start: Annotated[
-        Path | None, typer.Option("--from", help="Take over a drive of this run folder.", metavar="RUN")
+        Path | None, typer.Option(
+            "--from", help="Take over a drive of this run folder.", metavar="RUN", autocompletion=run_folders
+        )
     ] = None,
     planner: Annotated[
         str | None, typer.Option(help="Whose drive, where the run has several.", autocompletion=planner_names)

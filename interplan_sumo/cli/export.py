@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from msgspec import structs
 
+from interplan_sumo.cli.completion import run_folders, suite_names
 from interplan_sumo.cli.options import DONE, JsonOption, QuietOption, WorkersOption
 from interplan_sumo.errors import counted
 from interplan_sumo.report.printing import print_json
@@ -21,9 +22,14 @@ if TYPE_CHECKING:
 
 def export(
     out: Annotated[Path, typer.Option(help="The dataset's folder: new, empty, or an older dataset, to be replaced.")],
-    runs: Annotated[list[Path] | None, typer.Argument(help="Run folders.", metavar="RUN")] = None,
+    runs: Annotated[
+        list[Path] | None, typer.Argument(help="Run folders.", metavar="RUN", autocompletion=run_folders)
+    ] = None,
     certificates: Annotated[
-        list[str] | None, typer.Option(help="NAME==VERSION of a suite whose certified drives to take.", metavar="SUITE")
+        list[str] | None,
+        typer.Option(
+            help="NAME==VERSION of a suite whose certified drives to take.", metavar="SUITE", autocompletion=suite_names
+        ),
     ] = None,
     recordings: Annotated[
         list[Path] | None, typer.Option(help="A recording, a nuPlan log, or a folder of logs.", metavar="SOURCE")

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.cli.completion import run_folders
 from interplan_sumo.cli.options import (
     BAD_INPUT,
     DONE,
@@ -27,7 +28,9 @@ JUDGED_FOLDERS = Path("judged")
 
 
 def submit(
-    folder: Annotated[Path, typer.Argument(help="A run folder with all drives of a suite.", metavar="RUN")],
+    folder: Annotated[
+        Path, typer.Argument(help="A run folder with all drives of a suite.", metavar="RUN", autocompletion=run_folders)
+    ],
     out: Annotated[Path, typer.Option(help="The bundle to write.", metavar="BUNDLE")],
     planner: Annotated[str | None, typer.Option(help="Which planner of the run, if it holds several.")] = None,
     card: Annotated[

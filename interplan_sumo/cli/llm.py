@@ -11,7 +11,8 @@ from urllib.parse import quote
 
 import typer
 
-from interplan_sumo.cli.options import DONE, LOOKS, JsonOption, QuietOption, scenario_ids
+from interplan_sumo.cli.completion import run_folders, scenario_ids
+from interplan_sumo.cli.options import DONE, LOOKS, JsonOption, QuietOption
 from interplan_sumo.errors import InputError
 from interplan_sumo.report.printing import print_json
 
@@ -92,7 +93,7 @@ def try_model(
 
 @llm_app.command("export")
 def export_chats(
-    runs: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="RUN")],
+    runs: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="RUN", autocompletion=run_folders)],
     out: Annotated[Path, typer.Option(help="What to write; its card is put beside it.", metavar="FILE.jsonl")],
     count: Annotated[int, typer.Option(help="Samples at most.")] = 600,
     each: Annotated[int, typer.Option(help="Moments of each scenario at most, 1 s apart or more.")] = 1,

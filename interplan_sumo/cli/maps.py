@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from interplan_sumo.cli.options import DONE, LOOKS, OUR_FAULT, JsonOption, MapArgument, naming, starting
+from interplan_sumo.cli.completion import starting
+from interplan_sumo.cli.options import DONE, LOOKS, OUR_FAULT, JsonOption, MapArgument, naming
 from interplan_sumo.errors import InputError, counted
 from interplan_sumo.report.printing import print_entries, print_json
 

@@ -16,6 +16,7 @@ from typer.core import TyperCommand
 
 from interplan_sumo.batch.options import SETTINGS, RunOptions, settings_of
 from interplan_sumo.batch.processes import SINGLE_THREAD
+from interplan_sumo.cli import completion
 
 DONE, OUR_FAULT, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
 
@@ -36,29 +37,6 @@ def naming(option: str, names: Callable[[], Iterable[str]]) -> type[TyperCommand
             super().format_help(ctx, formatter)
 
     return Naming
-
-
-def starting(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """The completion of an option that takes one of some names."""
-    return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
-
-
-def planner_names(incomplete: str) -> list[str]:
-    from interplan_sumo.planner import PLANNERS
-
-    return [name for name in PLANNERS if name.startswith(incomplete)]
-
-
-def scenario_ids(incomplete: str) -> list[str]:
-    from interplan_sumo.scenario.suite import ids_of, suites
-
-    return sorted({id for key in suites() for id in ids_of(key) if id.startswith(incomplete)})
-
-
-def profile_names(incomplete: str) -> list[str]:
-    from interplan_sumo.metrics.profile import PROFILES
-
-    return [name for name in PROFILES if name.startswith(incomplete)]
 
 
 def takes_run_options(*names: str, **help: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
@@ -137,11 +115,13 @@ def _parameters(chosen: list[Any], help: dict[str, str]) -> list[inspect.Paramet
         said = help.get(each.name, about["help"])
         if about.get("setting"):
             settings.append(f"{each.name}={said}")
-            option = typer.Option("--set", help=f"{' or '.join(settings)}.")
+            option = typer.Option(
+                "--set", help=f"{' or '.join(settings)}.", metavar="KEY=VALUE", autocompletion=completion.settings
+            )
             found["set_"] = _parameter("set_", Annotated[list[str] | None, option], None)
             continue
         flag = about.get("flag", f"--{each.name.replace('_', '-')}")
-        completes = globals()[about["completes"]] if "completes" in about else None
+        completes = getattr(completion, about["completes"]) if "completes" in about else None
         option = typer.Option(flag, help=said, metavar=about.get("metavar"), autocompletion=completes)
         found[each.name] = _parameter(each.name, Annotated[KINDS[str(each.type)], option], each.default or None)
     return list(found.values())
@@ -151,7 +131,12 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
-MapArgument = Annotated[str, typer.Argument(help="A folder with a map.gpkg, or a shipped map's name.", metavar="DIR")]
+MapArgument = Annotated[
+    str,
+    typer.Argument(
+        help="A folder with a map.gpkg, or a shipped map's name.", metavar="DIR", autocompletion=completion.map_names
+    ),
+]
 WorkersOption = Annotated[int | None, typer.Option(help="Processes; 0 works in this one. Default: all cores.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, JsonOption, planner_names
+from interplan_sumo.cli.completion import planner_names
+from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, JsonOption
 from interplan_sumo.report.printing import print_entries, print_json
 
 planners_app = typer.Typer(help="Registered planners, and the conformance suite.", **LOOKS)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from interplan_sumo.cli.certify import proved
-from interplan_sumo.cli.options import DONE, JsonOption, WorkersOption, starting
+from interplan_sumo.cli.completion import starting
+from interplan_sumo.cli.options import DONE, JsonOption, WorkersOption
 from interplan_sumo.errors import counted
 from interplan_sumo.report.printing import print_json
 

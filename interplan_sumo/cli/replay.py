@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from interplan_sumo.cli.options import DONE, planner_names, scenario_ids
+from interplan_sumo.cli.completion import planner_names, run_folders, scenario_ids
+from interplan_sumo.cli.options import DONE
 from interplan_sumo.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def replay(
-    folder: Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN")],
+    folder: Annotated[Path, typer.Argument(help="A run folder.", metavar="RUN", autocompletion=run_folders)],
     scenario: Annotated[
         str,
         typer.Argument(help="A scenario of the run, such as nudge/0.", metavar="SCENARIO", autocompletion=scenario_ids),

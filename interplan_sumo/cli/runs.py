@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.cli.completion import run_folders
 from interplan_sumo.cli.options import (
     DONE,
     INCOMPLETE,
@@ -89,7 +90,9 @@ def _refuse_planners_that_never_drove(table: ResultsTable) -> None:
 @app.command()
 def merge(
     context: typer.Context,
-    folders: Annotated[list[Path], typer.Argument(help="The folders of all shards.", metavar="DIR...")],
+    folders: Annotated[
+        list[Path], typer.Argument(help="The folders of all shards.", metavar="DIR...", autocompletion=run_folders)
+    ],
     out: Annotated[Path, typer.Option(help="The run folder; the same command on it goes on.")],
     quiet: QuietOption = False,
     as_json: JsonOption = False,
@@ -110,7 +113,7 @@ def merge(
 
 @app.command()
 def report(
-    folders: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="DIR...")],
+    folders: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="DIR...", autocompletion=run_folders)],
     as_json: JsonOption = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print the table as CSV.")] = False,
     as_markdown: Annotated[bool, typer.Option("--markdown", help="Print the table as Markdown.")] = False,
@@ -150,7 +153,7 @@ def report(
 
 @app.command()
 def score(
-    folder: Annotated[Path, typer.Argument(help="A run folder.", metavar="DIR")],
+    folder: Annotated[Path, typer.Argument(help="A run folder.", metavar="DIR", autocompletion=run_folders)],
     profile: Annotated[
         str | None, typer.Option(help="interplan-strict, interplan-paper, interplan-code, nuplan, or a FILE.yaml.")
     ] = None,
@@ -169,14 +172,16 @@ def score(
 
 @app.command()
 def compare(
-    folder_a: Annotated[Path, typer.Argument(help="A run folder.", metavar="DIR_A")],
-    folder_b: Annotated[Path, typer.Argument(help="The run folder to hold against it.", metavar="DIR_B")],
+    folder_a: Annotated[Path, typer.Argument(help="A run folder.", metavar="DIR_A", autocompletion=run_folders)],
+    folder_b: Annotated[
+        Path, typer.Argument(help="The run folder to hold against it.", metavar="DIR_B", autocompletion=run_folders)
+    ],
     planner_a: Annotated[str | None, typer.Option(help="Which planner of DIR_A, if not all common ones.")] = None,
     planner_b: Annotated[str | None, typer.Option(help="Which planner of DIR_B.")] = None,
     profile: Annotated[str | None, typer.Option(help="Score both again under this profile first.")] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """B against A, paired on equal scenario and seed: who is better, by how much, and what changed most.
+    """Two runs paired on equal scenario and seed, B against A: who is better, by how much, and what changed most.
 
     Every planner that both folders hold against itself, or those that are named.
     """

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, JsonOption, scenario_ids
+from interplan_sumo.cli.completion import scenario_ids, scenes, suite_names
+from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, JsonOption
 from interplan_sumo.errors import InputError, counted
 from interplan_sumo.report.printing import print_entries, print_json
 
@@ -20,7 +21,9 @@ scenarios_app = typer.Typer(help="The official scenarios, and one's own.", **LOO
 
 @scenarios_app.command("list")
 def list_scenarios(
-    suite: Annotated[str | None, typer.Option(help="NAME==VERSION; default: all suites.")] = None,
+    suite: Annotated[
+        str | None, typer.Option(help="NAME==VERSION; default: all suites.", autocompletion=suite_names)
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """The official scenarios: where each is, what its traffic does, and who solves it."""
@@ -73,7 +76,9 @@ def export_scenario(
 @scenarios_app.command("validate")
 def validate_scenarios(
     files: Annotated[list[Path] | None, typer.Argument(help="Scenario files.", metavar="FILE.yaml...")] = None,
-    suite: Annotated[str | None, typer.Option(help="NAME==VERSION: the scenarios of a suite.")] = None,
+    suite: Annotated[
+        str | None, typer.Option(help="NAME==VERSION: the scenarios of a suite.", autocompletion=suite_names)
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Only geometry: do not start SUMO for the traffic.")] = False,
     as_json: JsonOption = False,
 ) -> int:
@@ -100,7 +105,7 @@ def render_scenario(
         typer.Argument(
             help="A scenario id; or a file or NAME==VERSION, of which several are drawn as one sheet.",
             metavar="ID|FILE.yaml|SUITE",
-            autocompletion=scenario_ids,
+            autocompletion=scenes,
         ),
     ],
     picture: Annotated[Path, typer.Argument(help="Its ending says which kind.", metavar="FILE.png")],
@@ -119,7 +124,9 @@ def render_scenario(
 
 @scenarios_app.command("freeze")
 def freeze_suite(
-    suite: Annotated[str, typer.Option(help="NAME==VERSION of a suite that is not released yet.")],
+    suite: Annotated[
+        str, typer.Option(help="NAME==VERSION of a suite that is not released yet.", autocompletion=suite_names)
+    ],
 ) -> None:
     """Write the lock of a suite anew. For maintainers: it says what the scenarios are; certify them afterwards."""
     from interplan_sumo.scenario.suite import find_suite

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.cli.completion import run_folders
 from interplan_sumo.cli.options import (
     DONE,
     INCOMPLETE,
@@ -32,7 +33,7 @@ from interplan_sumo.report.printing import console, print_json, progress
     traffic="The run's vehicle-type file, if it lies elsewhere now.",
 )
 def verify(
-    folder: Annotated[Path, typer.Argument(help="A run folder.", metavar="DIR")],
+    folder: Annotated[Path, typer.Argument(help="A run folder.", metavar="DIR", autocompletion=run_folders)],
     options: RunOptions,
     sample: Annotated[int | None, typer.Option(help="So many drives, drawn at random. Default: 10.")] = None,
     every: Annotated[bool, typer.Option("--all", help="All drives.")] = False,
