@@ -48,10 +48,10 @@ check: setup
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
 test: setup
-	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not slow"
 
 test-all: setup
-	$(BIN)/python -m pytest -n $(WORKERS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 nightly: setup
 	PYTHONPATH=.:planners $(BIN)/python -m benchmarks.traffic_fuzz --agent-seconds 1000000 --seed $(or $(FUZZ_SEED),0) --workers $(WORKERS)
