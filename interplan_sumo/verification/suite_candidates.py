@@ -11,7 +11,7 @@ from interplan_sumo.families.generate import Search
 from interplan_sumo.scenario.scenario import Scenario, perception_named
 from interplan_sumo.scenario.sites import Rejected
 from interplan_sumo.verification.light_windows import green_too_soon, light_problems
-from interplan_sumo.verification.suite_slots import Seed, Slot, groups
+from interplan_sumo.verification.suite_slots import SIZES, Seed, Slot, groups
 from interplan_sumo.world.lane_changes import lane_changes_needed
 from interplan_sumo.world.roads import DrivingSide, Roads
 
@@ -55,7 +55,7 @@ class Streams:
     def __init__(self, maps: Sequence[Roads], seed: Seed) -> None:
         self._seed = seed
         self._roads = {roads.name: roads for roads in maps}
-        everybody = (*groups(), *groups(ordinary=True))
+        everybody = dict.fromkeys(families for suite in SIZES for families in groups(suite))
         self._groups = {families: number for number, families in enumerate(everybody)}
         self._searches: list[Search] = []
         self._running: dict[_Key, Iterator[tuple[Scenario, ...]]] = {}

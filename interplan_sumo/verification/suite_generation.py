@@ -67,16 +67,11 @@ class SuiteSearch:
     def __post_init__(self) -> None:
         self._streams = Streams(self.maps, self.seed)
 
-    @property
-    def ordinary(self) -> bool:
-        """Whether it is one of ordinary driving."""
-        return self.suite in ORDINARY
-
     def run(self, judge: Judge, tell: Tell = lambda _candidate, _verdict: None) -> None:
         """Fill all slots for which there is a candidate that passes."""
         first = 0
         for _, size in beginnings(self.suite):
-            self._fill(slots(first, size, ordinary=self.ordinary), judge, tell)
+            self._fill(slots(self.suite, size, first), judge, tell)
             first = size
 
     def _fill(self, wanted: list[Slot], judge: Judge, tell: Tell) -> None:
@@ -86,7 +81,7 @@ class SuiteSearch:
             trying: list[Candidate] = []
             for slot in sorted(empty, key=lambda slot: -len(slot.families)):  # who shares a place finds fewest
                 others = (*held, *trying)
-                taken = {each.block for each in others if not self.ordinary or each.slot.families == slot.families}
+                taken = {each.block for each in others if not slot.is_ordinary or each.slot.families == slot.families}
                 found = self._streams.next(slot, attempt, taken)
                 if found is not None:
                     trying.append(found)
@@ -109,12 +104,12 @@ class SuiteSearch:
     @property
     def missing(self) -> list[Slot]:
         """The slots that nothing fills."""
-        return [slot for slot in slots(0, size_of(self.suite), ordinary=self.ordinary) if slot not in self.filled]
+        return [slot for slot in slots(self.suite, size_of(self.suite)) if slot not in self.filled]
 
     def scenes(self, size: int, first: int = 0) -> list[tuple[Scenario, Certificate]]:
         """The scenes with numbers from `first` to before `size`, family by family."""
         found: list[tuple[Scenario, Certificate]] = []
-        for families in groups(ordinary=self.ordinary):
+        for families in groups(self.suite):
             for row in range(len(families)):
                 for number in range(first, size):
                     each = self.filled.get(Slot(families, number))
@@ -177,7 +172,7 @@ def write_suites(search: SuiteSearch, folder: Path, *, kept_back: Path | None = 
     if kept_back is not None:
         with writing(kept_back, "give another file as --secret-seed"):
             certificates.write_certificates(kept_back, secret)
-    elif not search.ordinary:
+    elif search.suite not in ORDINARY:
         made += _write_derived(search, folder)
     write_rows(folder / REJECTED, ("stage", "family", "scene or lane", "place", "reason"), search.rejections())
     _write_scenes(search, folder)
@@ -190,7 +185,7 @@ def _write_derived(search: SuiteSearch, folder: Path) -> list[Path]:
     made: list[Path] = []
     for key, many in PER_FAMILY.items():
         chosen: list[str] = []
-        for families in groups():
+        for families in groups(suite):
             for family in families:
                 mine = [(s, c) for s, c in search.scenes(size) if s.family == family]
                 mine.sort(key=lambda each: not each[1].summary.solved_by)  # stable: the open ones last

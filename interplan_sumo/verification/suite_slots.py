@@ -94,17 +94,17 @@ def beginnings(suite: str) -> list[tuple[str, int]]:
     return sorted(((each, SIZES[each]) for each in alike), key=lambda each: each[1])
 
 
-def groups(*, ordinary: bool = False) -> tuple[tuple[str, ...], ...]:
-    """The families of the benchmark, or of ordinary driving, in their order, those that draw alike together."""
+def groups(suite: str) -> tuple[tuple[str, ...], ...]:
+    """The families that a suite has, in their order, those that draw alike together."""
     found: dict[str, list[str]] = {}
-    for name in names(ordinary=ordinary):
+    for name in names(ordinary=suite in ORDINARY):
         found.setdefault(FAMILIES[name].draws_as or name, []).append(name)
     return tuple(tuple(each) for each in found.values())
 
 
-def slots(first: int, last: int, *, ordinary: bool = False) -> list[Slot]:
-    """The slots of all groups with numbers from `first` to before `last`."""
-    return [Slot(families, number) for families in groups(ordinary=ordinary) for number in range(first, last)]
+def slots(suite: str, last: int, first: int = 0) -> list[Slot]:
+    """The slots of a suite with numbers from `first` to before `last`."""
+    return [Slot(families, number) for families in groups(suite) for number in range(first, last)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,13 +88,13 @@ def test_one_slot_in_three_lies_on_the_left_where_there_is_a_left_and_one_lane_c
     assert {slot.side(("right",)) for slot in ten} == {"right"}
     assert not any(slot.is_far for slot in ten)
     assert sum(slot.may_be_open for slot in ten) == 6
-    assert sum(Slot(groups()[-1], number).is_far for number in range(30)) == 6
+    assert sum(Slot(groups("interplan==1")[-1], number).is_far for number in range(30)) == 6
 
 
 def test_lane_changes_of_three_densities_share_their_slots() -> None:
-    assert groups()[-1] == ("lane_change_ltd", "lane_change_mtd", "lane_change_htd")
-    assert sum(len(slot.families) for slot in slots(0, 10)) == 80
-    assert sum(len(slot.families) for slot in slots(0, 40)) == 320
+    assert groups("interplan==1")[-1] == ("lane_change_ltd", "lane_change_mtd", "lane_change_htd")
+    assert sum(len(slot.families) for slot in slots("interplan==1", 10)) == 80
+    assert sum(len(slot.families) for slot in slots("interplan-large==1", 40)) == 320
 
 
 @pytest.mark.slow
@@ -103,13 +103,13 @@ def test_every_slot_has_a_roadblock_of_its_own_its_drivers_and_its_id(small: Sui
     assert len({each.candidate.block for each in small.filled.values()}) == 60
     scenes = [scenario for scenario, _ in small.scenes(10)]
     assert len({scenario.id for scenario in scenes}) == 80
-    assert Counter(scenario.family for scenario in scenes) == dict.fromkeys((f for g in groups() for f in g), 10)
+    assert Counter(scenario.family for scenario in scenes) == dict.fromkeys(names(ordinary=False), 10)
     assert all(scenario.perception == "occluded" for scenario in scenes)
     by_id = {scenario.id: scenario for scenario in scenes}
     for number in range(10):
-        trio = [by_id[f"{family}/{number}"] for family in groups()[-1]]
+        trio = [by_id[f"{family}/{number}"] for family in groups("interplan==1")[-1]]
         assert len({(s.start, s.goal, s.route, s.traffic.behaviour) for s in trio}) == 1
-        assert trio[0].traffic.behaviour == Slot(groups()[-1], number).behaviour
+        assert trio[0].traffic.behaviour == Slot(groups("interplan==1")[-1], number).behaviour
     changes = [changes_asked(s, load_roads(s.map)) for s in scenes if s.family == "lane_change_htd"]
     assert set(changes) <= {1, 2, 3}
     assert all(changes[number] >= 2 for number in (2, 8))
@@ -121,7 +121,7 @@ def test_every_slot_has_a_roadblock_of_its_own_its_drivers_and_its_id(small: Sui
 def test_ordinary_scenes_have_their_own_drivers_and_share_roads_between_types(
     tmp_path: Path,
 ) -> None:
-    every = slots(0, 10, ordinary=True)
+    every = slots("common==1", 10)
     assert Counter(slot.families for slot in every) == {(name,): 10 for name in names(ordinary=True)}
     search = SuiteSearch("common==1", MAPS, Seed(0))
     kinds = ("stationary_in_traffic", "starting_right_turn")
