@@ -12,7 +12,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 DATA ?= data/ordinary
 
-.PHONY: help setup check test test-all nightly golden mutants smoke benchmark data train tune-llm clean
+.PHONY: help setup check test test-all nightly golden mutants smoke benchmark docs data train tune-llm clean
 
 help:
 	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
@@ -22,6 +22,7 @@ help:
 	@echo "make check       lint, format and types"
 	@echo "make golden      only the comparison with nuPlan's own values"
 	@echo "make mutants     200 small wrong changes to the code: does a test notice each? (a quarter of an hour on two cores)"
+	@echo "make docs        the documentation as a site, in build/site; refuses links that lead nowhere"
 	@echo "make smoke       one scenario per family, in a minute"
 	@echo "make data        ordinary driving to train on, below data/ordinary (20 minutes); back_bay is for testing"
 	@echo "make tune-llm    EXAMPLES=choices.jsonl [OUT=hybrid.gguf] [TUNE=...]: teach the small language model"
@@ -72,6 +73,14 @@ benchmark: $(VENV)/.installed
 	$(BIN)/interplan-sumo run --out runs/benchmark
 	$(BIN)/interplan-sumo report runs/benchmark --html runs/benchmark/report.html --replays lost
 	@echo "report: runs/benchmark/report.html"
+
+$(VENV)/.installed-docs: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable ".[docs,gym]"
+	@touch $@
+
+docs: $(VENV)/.installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo "open build/site/index.html"
 
 data: $(VENV)/.installed
 	$(BIN)/interplan-sumo dataset ordinary --out $(DATA) --holdout-maps back_bay --workers $(WORKERS)

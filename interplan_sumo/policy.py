@@ -231,10 +231,12 @@ class PolicyPlanner:
         self._action: ActionForm = action
 
     def start(self, mission: Mission) -> None:
+        """As `Planner.start`."""
         self._mission = mission
         self._senses: Senses | None = None
 
     def plan(self, observation: Observation) -> Trajectory:
+        """As `Planner.plan`; PlannerError for an action that holds a number that is not finite."""
         self._senses = self._senses or Senses(self._mission, observation)
         parts = self._senses.parts(observation)
         action = self._policy(parts if self._observation == "dict" else vector_of(parts))

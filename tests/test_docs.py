@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shutil
 from pathlib import Path
@@ -9,9 +10,12 @@ from typing import Any
 
 import pytest
 import typer
+import yaml
 from docs_pages import Block, blocks_of, commands_of, drive_page, mentions_of
 
+import interplan_sumo
 from interplan_sumo.cli import command_line
+from tools.docs_site.links import without_outer_links
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -154,3 +158,47 @@ def test_every_link_of_a_page_leads_somewhere(page: Path) -> None:
 def test_the_index_names_every_page() -> None:
     text = INDEX.read_text(encoding="utf-8")
     assert [page.name for page in PAGES[1:] if page != INDEX and f"]({page.name})" not in text] == []
+
+
+# --- the site ------------------------------------------------------------------------------------
+
+
+def places(nav: Any) -> list[str]:
+    """The pages of a navigation, in order."""
+    if isinstance(nav, str):
+        return [nav]
+    return [page for part in (nav.values() if isinstance(nav, dict) else nav) for page in places(part)]
+
+
+def test_the_site_has_every_page_once() -> None:
+    held = sorted(path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md"))
+    site = yaml.safe_load((ROOT / "mkdocs.yml").read_text())
+    assert sorted(places(site["nav"])) == held
+
+
+def test_links_out_of_the_pages_become_words_where_they_lead_to_something() -> None:
+    page = (
+        "see [the nets](../nets), [the score](../interplan_sumo/metrics/score.py#l1), [nothing](../nowhere), [a](b.md)"
+    )
+    assert without_outer_links(page, "maps.md") == "see the nets, the score, [nothing](../nowhere), [a](b.md)"
+    assert without_outer_links("[up](../maps.md) [out](../../nets)", "reference/world.md") == "[up](../maps.md) out"
+
+
+def test_the_reference_has_every_name_of_the_package_and_each_has_its_words() -> None:
+    shown = [
+        name
+        for page in sorted((ROOT / "docs" / "reference").glob("*.md"))
+        for name in re.findall(r"^::: (\S+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    ]
+    assert set(interplan_sumo.__all__) <= {name.rpartition(".")[2] for name in shown}
+    assert [name for name in shown if without_words(name)] == []
+
+
+def without_words(name: str) -> list[str]:
+    """Of a class or function, and of its public methods, those without a docstring."""
+    module, _, own = name.rpartition(".")
+    tree = ast.parse((ROOT / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8"))
+    (node,) = [each for each in tree.body if isinstance(each, (ast.ClassDef, ast.FunctionDef)) and each.name == own]
+    parts = [each for each in node.body if isinstance(each, ast.FunctionDef)] if isinstance(node, ast.ClassDef) else []
+    public = [each for each in parts if not each.name.startswith("_")]
+    return [each.name for each in (node, *public) if not ast.get_docstring(each)]

@@ -46,6 +46,7 @@ class Facts:
 
     @property
     def frames(self) -> int:
+        """How many the drive has."""
         return len(self.trace)
 
     @cached_property

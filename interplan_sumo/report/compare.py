@@ -44,10 +44,12 @@ class ScoreChange:
 
     @property
     def difference(self) -> float:
+        """B less A."""
         return self.b - self.a
 
     @property
     def unsafe_difference(self) -> float | None:
+        """B less A; None where one of them is not judged."""
         return None if self.unsafe_a is None or self.unsafe_b is None else self.unsafe_b - self.unsafe_a
 
     @property
@@ -104,6 +106,7 @@ class Comparison:
 
     @property
     def complete(self) -> bool:
+        """Whether both have driven all that either was asked for."""
         return not (self.missing_a or self.missing_b)
 
     @property
@@ -134,6 +137,7 @@ class RunComparison:
 
     @property
     def complete(self) -> bool:
+        """Whether every pair is."""
         return all(pair.complete for pair in self.pairs)
 
 

@@ -56,6 +56,7 @@ class EgoState:
 
     @property
     def pose(self) -> Pose:
+        """Of the centre of its box, map frame."""
         return Pose(self.x_m, self.y_m, self.heading_rad)
 
     @property

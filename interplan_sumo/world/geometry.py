@@ -76,6 +76,7 @@ class Polyline:
 
     @property
     def length_m(self) -> float:
+        """From the first point to the last, along the line."""
         return float(self.arc_m[-1])
 
     @cached_property

@@ -96,6 +96,7 @@ class Connector:
 
     @property
     def has_traffic_light(self) -> bool:
+        """Whether a light holds whoever takes it."""
         return bool(self.stop_line_ids)
 
 
