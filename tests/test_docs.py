@@ -35,6 +35,8 @@ def _name(page: Path) -> str:
 
 def problem_with(words: list[str]) -> str | None:
     """Why the command line would refuse these words; None if it takes them."""
+    if words[:1] in (["--install-completion"], ["--show-completion"]):
+        return None  # typer's own; parsed, they would be done
     command: Any = command_line()
     try:
         context = command.make_context("interplan-sumo", list(words), obj=[])
