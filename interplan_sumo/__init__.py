@@ -20,28 +20,52 @@ if TYPE_CHECKING:
         score,
         table,
     )
-    from interplan_sumo.errors import InputError, InterplanError
-    from interplan_sumo.planner import Mission, Observation, Planner
+    from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
+    from interplan_sumo.maps.store import load_roads
+    from interplan_sumo.planner import Mission, Observation, Past, Planner, load_planner
     from interplan_sumo.policy import PolicyPlanner
     from interplan_sumo.scenario.scenario import Scenario
+    from interplan_sumo.testing import assert_planner_conforms, check_planner
+    from interplan_sumo.world.actors import ActorKind, Actors
+    from interplan_sumo.world.ego import EgoShape, EgoState
+    from interplan_sumo.world.geometry import Polyline, Pose, wrap_angle
+    from interplan_sumo.world.roads import Connector, Lane, Roads
+    from interplan_sumo.world.signals import Signals, SignalStatus
     from interplan_sumo.world.trace import Trace
     from interplan_sumo.world.trajectory import Trajectory
 
     __version__: str
 
 __all__ = [
+    "ActorKind",
+    "Actors",
+    "Connector",
+    "EgoShape",
+    "EgoState",
     "InputError",
     "InterplanError",
+    "Lane",
     "Mission",
     "Observation",
+    "Past",
     "Planner",
     "PolicyPlanner",
+    "Polyline",
+    "Pose",
+    "Roads",
     "Scenario",
+    "SignalStatus",
+    "Signals",
     "Trace",
     "Trajectory",
+    "UnknownNameError",
+    "assert_planner_conforms",
+    "check_planner",
     "compare",
     "compare_all",
     "load_drive",
+    "load_planner",
+    "load_roads",
     "load_run",
     "load_scenario",
     "load_trace",
@@ -50,18 +74,37 @@ __all__ = [
     "scenarios",
     "score",
     "table",
+    "wrap_angle",
 ]
 
 _HOMES = {
+    "ActorKind": "world.actors",
+    "Actors": "world.actors",
+    "Connector": "world.roads",
+    "EgoShape": "world.ego",
+    "EgoState": "world.ego",
     "InputError": "errors",
     "InterplanError": "errors",
+    "Lane": "world.roads",
     "Mission": "planner",
     "Observation": "planner",
+    "Past": "planner",
     "Planner": "planner",
     "PolicyPlanner": "policy",
+    "Polyline": "world.geometry",
+    "Pose": "world.geometry",
+    "Roads": "world.roads",
     "Scenario": "scenario.scenario",
+    "SignalStatus": "world.signals",
+    "Signals": "world.signals",
     "Trace": "world.trace",
     "Trajectory": "world.trajectory",
+    "UnknownNameError": "errors",
+    "assert_planner_conforms": "testing",
+    "check_planner": "testing",
+    "load_planner": "planner",
+    "load_roads": "maps.store",
+    "wrap_angle": "world.geometry",
 }
 """The modules of names that are not in `api`."""
 

@@ -8,7 +8,9 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
+from types import FunctionType
 
 import numpy as np
 import pandas as pd
@@ -23,6 +25,7 @@ from interplan_sumo.world.trajectory import Trajectory
 from tests.batch.busy import Log
 
 SCENE = "nudge/0"
+METHODS = (FunctionType, classmethod, staticmethod, property, cached_property)
 MINE = replace(ips.load_scenario("overtake/0"), id="mine/0", family="mine", duration_s=3.0)
 
 
@@ -70,8 +73,12 @@ def test_importing_the_package_loads_nothing_heavy_and_nothing_of_its_own() -> N
 
 
 @pytest.mark.parametrize("name", ips.__all__)
-def test_every_promised_name_is_there_and_has_a_docstring(name: str) -> None:
-    assert getattr(ips, name).__doc__
+def test_every_promised_name_is_there_and_has_a_docstring_as_all_that_one_can_call_on_it(name: str) -> None:
+    found = getattr(ips, name)
+    members = vars(found).items() if isinstance(found, type) else ()
+    methods = [each for part, each in members if not part.startswith("_") and isinstance(each, METHODS)]
+    assert all(each.__doc__ for each in (found, *methods))
+    assert not str(found.__doc__).startswith(f"{name}("), "a dataclass makes one up"
     assert name in dir(ips)
     with pytest.raises(AttributeError, match=f"has no attribute '{name}_'"):
         getattr(ips, f"{name}_")

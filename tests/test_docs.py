@@ -50,6 +50,14 @@ def problem_with(words: list[str]) -> str | None:
     return None
 
 
+@pytest.mark.parametrize("page", PAGES, ids=_name)
+def test_what_the_package_offers_is_imported_from_there(page: Path) -> None:
+    found = re.findall(
+        r"^from interplan_sumo\.[\w.]+ import ([\w, ]+)$", page.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert not {name for names in found for name in names.split(", ")} & {*interplan_sumo.__all__}
+
+
 # --- the reader of commands itself ---------------------------------------------------------------
 
 
