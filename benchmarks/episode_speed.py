@@ -1,13 +1,14 @@
 """How fast the closed loop is beside bare SUMO, all in one run: python benchmarks/episode_speed.py [--agents 150]
 
-(a) bare libsumo: the same traffic, the ego moved, position, angle, speed and lane of every vehicle read
+(a) bare libsumo: SUMO's steps, the ego moved, position, angle, speed and lane of every vehicle read, in traffic of (b)
 (b) the whole episode with StraightAhead: reactions and recording included
 (c) the same with scoring
 
 Then what the reactions cost per step beside SUMO's own step in the same run, with the ego in its lane and astride two.
 
 More agents than the scenario has are found on the oncoming lanes and farther up and down the road.
-Times are CPU seconds; the three are run in turn, so that a noisy machine is noisy for all of them.
+Times are CPU seconds; the three are taken from one drive, so that a noisy machine is noisy for all of them, and the
+traffic is the same.
 """
 
 from __future__ import annotations
@@ -20,20 +21,16 @@ from itertools import pairwise
 from math import cos, sin
 
 import libsumo
-import numpy as np
 
 from interplan_planners.idm import IdmPlanner
 from interplan_planners.straight_ahead import StraightAhead
-from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.store import find_map, load_roads
+from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import score
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
-from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic
-from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M, StagedScenario, populate
-from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
+from interplan_sumo.simulation.spawning import AHEAD_M, BEHIND_M
 
 MANY = 100
 
@@ -48,68 +45,49 @@ def astride_m(scenario: Scenario) -> float:
     return -1.6 if load_roads(scenario.map).right_of(scenario.start.lane) is not None else 1.6
 
 
-def bare(scenario: Scenario, agents: int, steps: int) -> float:
-    """Steps per second of plain libsumo with the scenario's first `agents` agents."""
-    roads = load_roads(scenario.map)
-    files = find_map(scenario.map)
-    network, ids = read_network(files.network), NetworkIds.read(files.ids)
-    types = read_vehicle_types(vehicle_type_file(scenario.traffic.behaviour))
-    rng, reach = scenario.rng(0), reach_m(agents)
-    population = populate(StagedScenario(scenario, roads, network, ids, types), (), rng, reach)
-    spawns = population.spawns[:agents]
-    libsumo.start(
-        ["sumo", "-n", str(network.path), "-a", str(types.path), "--step-length", "0.1", "--insertion-checks", "none",
-         "--lanechange.duration", "3", "--default.speeddev", "0", "--collision.action", "none",
-         "--time-to-teleport", "-1", "--no-step-log", "true", "--no-warnings", "true"]
-    )  # fmt: skip
-    vehicle = libsumo.vehicle
-    for i, each in enumerate(spawns):
-        lane = network.lanes[each.lane]
-        libsumo.route.add(f"a{i}", each.route)
-        vehicle.add(
-            f"a{i}", f"a{i}", each.driver.id, departLane=str(lane.index), departPos=str(each.position_m),
-            departSpeed=str(each.speed_mps),
-        )  # fmt: skip
-    libsumo.route.add("ego", population.ego_route)
-    vehicle.add("ego", "ego", "DEFAULT_VEHTYPE")
-    vehicle.setSpeedMode("ego", 32)
-    start = scenario.start.pose(roads)
-    sumo_lane, _ = ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
-    edge, index = network.lanes[sumo_lane].edge, network.lanes[sumo_lane].index
-    began = time.process_time()
-    for k in range(steps):
-        ahead = 0.1 * k * scenario.start_speed_mps
-        x = start.x_m - ids.origin_m[0] + ahead * float(np.cos(start.heading_rad))
-        y = start.y_m - ids.origin_m[1] + ahead * float(np.sin(start.heading_rad))
-        vehicle.moveToXY("ego", edge, index, x, y, 90.0 - float(np.degrees(start.heading_rad)), 1)
-        libsumo.simulationStep()
-        for name in vehicle.getIDList():
+def episode(scenario: Scenario, agents: int) -> tuple[float, float, float, int, int]:
+    """(Steps per second of bare libsumo, of the episode, and with scoring, mean number of vehicles, steps)."""
+    roads, clock, vehicle = load_roads(scenario.map), time.process_time, libsumo.vehicle
+    step, move = libsumo.simulationStep, vehicle.moveToXY
+    bare_s = reading_s = vehicles = 0.0
+
+    def timed_step() -> None:
+        nonlocal bare_s, reading_s, vehicles
+        began = clock()
+        step()
+        stepped = clock()
+        names = vehicle.getIDList()
+        for name in names:
             vehicle.getPosition(name)
             vehicle.getAngle(name)
             vehicle.getSpeed(name)
             vehicle.getLaneID(name)
-    rate = steps / (time.process_time() - began)
-    libsumo.close()
-    return rate
+        read = clock()
+        bare_s, reading_s, vehicles = bare_s + read - began, reading_s + read - stepped, vehicles + len(names)
 
+    def timed_move(*place: str | float) -> None:
+        nonlocal bare_s
+        began = clock()
+        move(*place)
+        bare_s += clock() - began
 
-def episode(scenario: Scenario, agents: int) -> tuple[float, float, int, int]:
-    """(Steps per second of the episode, the same with scoring, agents at the start, steps)."""
-    roads = load_roads(scenario.map)
     with open_traffic(scenario, roads, most_agents=agents, reach_m=reach_m(agents)) as traffic:
-        count = len(traffic.observe().actors)
-        began = time.process_time()
-        drive: Episode = run_loop(
-            scenario, roads, StraightAhead(), traffic, options=EpisodeOptions(), on_phase=lambda _: None
-        )
-        driven = time.process_time()
+        libsumo.simulationStep, vehicle.moveToXY = timed_step, timed_move
+        try:
+            began = clock()
+            drive: Episode = run_loop(
+                scenario, roads, StraightAhead(), traffic, options=EpisodeOptions(), on_phase=lambda _: None
+            )
+            driven_s = clock() - began - reading_s
+        finally:
+            libsumo.simulationStep, vehicle.moveToXY = step, move
     trace = drive.trace
     assert trace is not None
     assert drive.fault is None, drive.fault
-    scoring = time.process_time()
+    scoring = clock()
     score(trace, roads, trace.ego, scenario)  # against itself: this is about time
-    scored_s = time.process_time() - scoring
-    return len(trace) / (driven - began), len(trace) / (driven - began + scored_s), count, len(trace)
+    scored_s, steps = clock() - scoring, len(trace)
+    return steps / bare_s, steps / driven_s, steps / (driven_s + scored_s), round(vehicles / steps), steps
 
 
 def reactions(scenario: Scenario, agents: int, beside_m: float) -> tuple[float, float, float]:
@@ -163,13 +141,12 @@ def main() -> None:
     rates: list[tuple[float, float, float]] = []
     count = steps = 0
     for _ in range(options.repeats + 1):  # the first one warms up
-        driven, scored, count, steps = episode(scenario, options.agents)
-        plain = bare(scenario, options.agents, steps)
+        plain, driven, scored, count, steps = episode(scenario, options.agents)
         rates.append((plain, driven, scored))
     a, b, c = (statistics.median(column) for column in zip(*rates[1:], strict=True))
     ratio_b = statistics.median(r[1] / r[0] for r in rates[1:])
     ratio_c = statistics.median(r[2] / r[0] for r in rates[1:])
-    print(f"{options.scenario}, {count} agents, median of {options.repeats} runs of {steps} steps")
+    print(f"{options.scenario}, {count} vehicles on average, median of {options.repeats} runs of {steps} steps")
     print(f"(a) bare libsumo            {a:8.0f} steps/s")
     print(f"(b) episode                 {b:8.0f} steps/s   {ratio_b:.2f} of (a)")
     print(f"(c) episode and scoring     {c:8.0f} steps/s   {ratio_c:.2f} of (a)")
