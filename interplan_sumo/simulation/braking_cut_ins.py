@@ -51,9 +51,9 @@ class BrakingCutIns:
     def _surprise(self, row: int, agents: AgentSnapshot) -> None:
         """Who is next behind a hard-braking car in a lane that it reaches into has to brake if it hardly can."""
         leader = agents.names[row]
-        left_m = sumo.vehicle.getLateralLanePosition(leader)
-        over_m = abs(left_m) + (self._drivers[leader].width_m - sumo.lane.getWidth(sumo.vehicle.getLaneID(leader))) / 2
-        if over_m <= 0.0:
+        lane = sumo.vehicle.getLaneID(leader)
+        left_m = sumo.vehicle.getLateralLanePosition(leader) if lane else 0.0
+        if not lane or abs(left_m) + self._drivers[leader].width_m / 2.0 <= sumo.lane.getWidth(lane) / 2.0:
             return
         for name, _ in sumo.vehicle.getNeighbors(leader, LEFT_FOLLOWERS if left_m > 0.0 else RIGHT_FOLLOWERS):
             driver = self._drivers.get(name)
