@@ -19,7 +19,7 @@ from tests.realism.overlapping import overlaps
 
 MAPS = ("back_bay", "hazelwood", "one_north", "strip")
 LANE_RATE_HZ = 0.2
-"""Twice as dense as the traffic that is compared with recordings."""
+"""Denser than the traffic that is compared with recordings."""
 
 
 def main() -> int:
