@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from interplan_sumo.realism.comparison import RealismReport, RealismRow
+from interplan_sumo.realism.comparison import FeatureComparison, RealismReport, RealismRow
 from interplan_sumo.realism.distances import Sample
 from interplan_sumo.realism.features import FEATURES, TrafficFeature
 from interplan_sumo.realism.formats import COLUMNS, ROW_COLUMNS, feature_cells, report_notes, row_figures, row_title
@@ -55,14 +54,14 @@ def drawn_rows(report: RealismReport) -> list[RealismRow]:
     return [*rows, *(row for row in report.rows if row.kind == "baseline")][:MOST_LINES]
 
 
-def write_realism_page(report: RealismReport, path: Path, command: Sequence[str]) -> None:
+def write_realism_page(report: RealismReport, path: Path, command: str) -> None:
     """The page; InputError if it cannot be written. Names are text whatever they hold."""
     text = realism_page(report, command)
     with writing(path, "give another file as --html"):
         path.write_text(text, encoding="utf-8")
 
 
-def realism_page(report: RealismReport, command: Sequence[str]) -> str:
+def realism_page(report: RealismReport, command: str) -> str:
     """The report as HTML."""
     shown = [each for each in FEATURES if len(report.recorded.together[each.key])]
     part = files("interplan_sumo.report.page")
@@ -81,15 +80,33 @@ def realism_page(report: RealismReport, command: Sequence[str]) -> str:
         features=tuple(each.short for each in shown),
         columns=COLUMNS,
         row_columns=ROW_COLUMNS,
-        rows=[(row_title(row), row_figures(row), [row.features[each.key].ks for each in shown]) for row in report.rows],
+        rows=[
+            (row_title(row), row_figures(row), [_distance_cell(row.features[each.key]) for each in shown])
+            for row in report.rows
+        ],
+        bands=DISTANCE_BANDS,
         places=[
             (name, [samples[each.key].road_users for each in shown]) for name, samples in report.recorded.places.items()
         ],
         notes=report_notes(report),
-        command=" ".join(command),
+        command=command,
         wide=WIDE,
         high=HIGH,
     )
+
+
+DISTANCE_BANDS: Final = {"b4": "below 10", "b3": "to 20", "b2": "to 40", "b1": "to 70", "b0": "above"}
+"""Of a KS distance x 100, by the class of its colour in the style of the report: green is near."""
+
+
+def _distance_cell(found: FeatureComparison) -> tuple[str, str, str]:
+    """What is shown of a distance, the class of its colour, and of how many road users it is."""
+    if found.ks is None:
+        return "-", "none", "nothing to compare"
+    distance = round(100.0 * found.ks)  # what is shown alike has one colour
+    band = next((name for name, most in zip(DISTANCE_BANDS, (9, 20, 40, 70), strict=False) if distance <= most), "b0")
+    counts = f"n = {found.simulated.road_users} simulated, {found.recorded.road_users} recorded"
+    return str(distance), band, counts
 
 
 def _drawing(feature: TrafficFeature, report: RealismReport) -> DistributionDrawing:

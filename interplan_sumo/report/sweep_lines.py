@@ -36,6 +36,7 @@ class Measure:
     """Of one drive with a score; None where it says nothing about it."""
     limits: Range = (0.0, 100.0)
     """What a drive can have."""
+    lower_is_better: bool = False
     highest: bool = False
     """Whether the highest of the drives is worth telling, too."""
 
@@ -85,9 +86,15 @@ MEASURES = (
     Measure("score", "score", "score (0 to 100)", _score),
     Measure("goal_reached", "goal line %", "goal line passed (% of drives)", _goal_reached),
     Measure("goal_lane", "goal lane %", "goal lane reached (% of lane changes)", _goal_lane),
-    Measure("at_fault_collisions", "at fault %", "at-fault collision (% of drives)", _at_fault),
-    Measure("collisions", "collision %", "any collision (% of drives)", _collisions),
-    Measure("hard_braking_behind", "hard braking %", "a follower brakes hard (% of drives)", _hard_braking_behind),
+    Measure("at_fault_collisions", "at fault %", "at-fault collision (% of drives)", _at_fault, lower_is_better=True),
+    Measure("collisions", "collision %", "any collision (% of drives)", _collisions, lower_is_better=True),
+    Measure(
+        "hard_braking_behind",
+        "hard braking %",
+        "a follower brakes hard (% of drives)",
+        _hard_braking_behind,
+        lower_is_better=True,
+    ),
     Measure(
         "braking_behind_mps2",
         "braking behind",

@@ -15,6 +15,7 @@ from interplan_sumo.world.files import writing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
 MOST_PARAMETERS: Final = 2
@@ -24,6 +25,8 @@ PANEL: Final = (340, 300)
 DPI: Final = 100
 SCALE: Final = (0.0, 100.0)
 """Of every axis and every colour, so that panels and sweeps can be held side by side: what changes nothing looks so."""
+GRADES: Final = ((0.0, "#b3261e"), (0.3, "#ec8f6a"), (0.6, "#f5cf7b"), (0.85, "#b5d99c"), (1.0, "#2f8f5b"))
+"""Colours from bad to good, those of the report's bands, by the share of SCALE at which they stand."""
 COLOURS: Final = ("#1f5fa8", "#d1672c", "#2a9d6f", "#8e44ad", "#b01e28", "#777777", "#0aa3c2", "#c9a227")
 DASHES: Final = ("-", "--", ":", "-.")
 """One per planner."""
@@ -109,9 +112,11 @@ def _heat_map(axes: Axes, measure: Measure, along: Parameter, down: Parameter, l
     means = [[_mean(lines, measure, {along.key: x, down.key: y}) for x in across] for y in rows]
     values = np.array([[np.nan if mean is None else mean.value for mean in row] for row in means])
     low, high = SCALE
-    axes.imshow(np.ma.masked_invalid(values), aspect="auto", origin="lower", cmap="cividis", vmin=low, vmax=high)
+    graded = _graded(measure)
+    axes.imshow(np.ma.masked_invalid(values), aspect="auto", origin="lower", cmap=graded, vmin=low, vmax=high)
     for row, column in np.ndindex(*values.shape):
-        colour = "#000000" if values[row, column] > (low + high) / 2 else "#ffffff"
+        red, green, blue, _ = graded((values[row, column] - low) / (high - low))
+        colour = "#000000" if 0.3 * red + 0.6 * green + 0.1 * blue > 0.5 else "#ffffff"
         axes.text(column, row, _cell(means[row][column]), ha="center", va="center", fontsize=8, color=colour)
     axes.set_xticks(range(len(across)), across)
     axes.set_yticks(range(len(rows)), rows)
@@ -128,14 +133,22 @@ def _cell(mean: Mean | None) -> str:
 def _counted(measure: Measure, lines: Sequence[SweepLine]) -> str:
     """What is drawn, and of how many scenarios and drives each mean is."""
     means = [mean for line in lines if (mean := line.means[measure.key]) is not None]
-    counts = ("scenarios", [mean.scenarios for mean in means]), ("drives", [mean.drives for mean in means])
-    said = [f"{_span(numbers)} {what}" for what, numbers in counts if numbers]
+    counts = ("scenario", [mean.scenarios for mean in means]), ("drive", [mean.drives for mean in means])
+    said = [f"{_span(numbers)} {what}{'s' * (max(numbers) != 1)}" for what, numbers in counts if numbers]
     return f"{measure.label}\nn = {', '.join(said)}"
 
 
 def _span(numbers: Sequence[int]) -> str:
     low, high = min(numbers), max(numbers)
     return str(low) if low == high else f"{low} to {high}"
+
+
+def _graded(measure: Measure) -> Colormap:
+    """From bad to good along SCALE, whichever end is the good one."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    grades = LinearSegmentedColormap.from_list("grades", [*GRADES])
+    return grades.reversed() if measure.lower_is_better else grades
 
 
 def _curves(

@@ -74,6 +74,8 @@ def test_the_page_shows_names_as_text_and_loads_nothing(
     assert not seen.tags & {"script", "link", "img", "iframe"}
     assert all(link.startswith("#") for link in seen.loads)
     assert {"svg", "path"} <= seen.tags
+    assert f"--html {page}" in seen.text
+    assert 'title="n = 1 simulated, 12 recorded"' in page.read_text(encoding="utf-8")
 
 
 def test_the_plot_is_drawn(tmp_path: Path, simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -261,6 +261,15 @@ def test_numbers_lie_along_the_axis_in_order_of_size() -> None:
     assert sweep_plot._ordered(DENSITY) == ["low", "high"]
 
 
+def test_green_is_good_at_whichever_end_that_is() -> None:
+    pytest.importorskip("matplotlib")
+    by_key = {measure.key: sweep_plot._graded(measure) for measure in MEASURES}
+    red, green = (179 / 255, 47 / 255)
+    for key, at_most, at_least in (("score", green, red), ("at_fault_collisions", red, green)):
+        assert by_key[key](1.0)[0] == pytest.approx(at_most, abs=0.01)
+        assert by_key[key](0.0)[0] == pytest.approx(at_least, abs=0.01)
+
+
 def test_no_plot_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     lines, one = two_by_two(), Parameter("tau", ("1",))
     nothing = sweep_lines([result([], density="low", asked=1)])
