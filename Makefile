@@ -12,7 +12,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 DATA ?= data/ordinary
 
-.PHONY: help setup check test test-all nightly golden mutants smoke benchmark docs data train tune-llm clean
+.PHONY: help setup check test test-all nightly golden mutants smoke benchmark docs dist data train tune-llm clean
 
 help:
 	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
@@ -23,6 +23,7 @@ help:
 	@echo "make golden      only the comparison with nuPlan's own values"
 	@echo "make mutants     200 small wrong changes to the code: does a test notice each? (a quarter of an hour on two cores)"
 	@echo "make docs        the documentation as a site, in build/site; refuses links that lead nowhere"
+	@echo "make dist        wheel and sdist below dist/, installed in a fresh environment: what it weighs, and a scored drive"
 	@echo "make smoke       one scenario per family, in a minute"
 	@echo "make data        ordinary driving to train on, below data/ordinary (20 minutes); back_bay is for testing"
 	@echo "make tune-llm    EXAMPLES=choices.jsonl [OUT=hybrid.gguf] [TUNE=...]: teach the small language model"
@@ -81,6 +82,16 @@ $(VENV)/.installed-docs: pyproject.toml | $(BIN)/python
 docs: $(VENV)/.installed-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 	@echo "open build/site/index.html"
+
+# The wheel is made from the sdist, so both are what they should be if it works where no checkout is near.
+dist: setup
+	rm -rf dist build/fresh
+	$(BIN)/python -m build --no-isolation --outdir dist
+	$(PYTHON) -m venv build/fresh
+	build/fresh/bin/python -m pip install --quiet dist/*.whl
+	@cd build/fresh && du -sm lib/python*/site-packages/* | sort -rn | head -12 && du -sm .
+	cd build/fresh && bin/interplan-sumo doctor && \
+	bin/interplan-sumo run --planner idm --suite smoke==1 --limit 1 --out first --quiet && bin/interplan-sumo verify first --all --quiet
 
 data: $(VENV)/.installed
 	$(BIN)/interplan-sumo dataset ordinary --out $(DATA) --holdout-maps back_bay --workers $(WORKERS)

@@ -19,7 +19,7 @@ EXAMPLES: Final[Mapping[str, tuple[str, ...]]] = {
     "merge": ("merge runs/mine-1 runs/mine-2 --out runs/mine",),
     "sweep": ("sweep --planner idm --param density=low,high --suite smoke==1 --out runs/sweep",),
     "replay": ("replay runs/mine nudge/0 --html nudge.html",),
-    "drive": ("drive nudge/0",),
+    "drive": ("drive nudge/0", "drive nudge/0 --from runs/mine --planner idm --at 6.2"),
     "verify": ("verify runs/mine --all",),
     "submit": ("submit runs/mine --planner mine:Best --card card.yaml --out mine.zip",),
     "judge": ("judge mine.zip --out judged",),

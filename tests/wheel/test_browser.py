@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.slow  # CI runs them
 
+PAD = "{connected: true, axes: [0.3], buttons: [0, 0, 0, 0, 0, 0, {value: 0.8}, {value: 0}]}"
+"""A gamepad whose left trigger is pulled: it brakes."""
+
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[WheelServer]:
@@ -47,7 +50,7 @@ def wait_for(page: Page, state: str) -> None:
     pytest.fail(f"waited 30 s for {state}, it is {page.get_attribute('html', 'data-state')}")
 
 
-def test_keys_drive_the_ego_and_the_score_is_shown(browser: Browser, served: WheelServer, tmp_path: Path) -> None:
+def test_keys_and_a_gamepad_drive_and_the_score_is_shown(browser: Browser, served: WheelServer, tmp_path: Path) -> None:
     page = browser.new_page(viewport={"width": 390, "height": 844})
     troubles: list[str] = []
     asked: list[str] = []
@@ -70,8 +73,13 @@ def test_keys_drive_the_ego_and_the_score_is_shown(browser: Browser, served: Whe
     assert page.inner_text("#time") == shown
     assert page.locator("#map").screenshot() != before
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.keyboard.up("ArrowUp")
     page.keyboard.press("p")
+    wait_for(page, "driving")
+    before_kmh = int(page.inner_text("#speed"))
+    page.evaluate(f"navigator.getGamepads = () => [{PAD}]")
     wait_for(page, "end")
+    assert int(page.inner_text("#speed")) < before_kmh - 5
     assert page.inner_text("#score").endswith("of 100")
     assert json.loads(page.get_attribute("#pace", "data-delays") or "[]")
     page.click("#next")
