@@ -131,7 +131,7 @@ def reactions(scenario: Scenario, agents: int, beside_m: float) -> tuple[float, 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenario", default="lane_change_htd/0")
+    parser.add_argument("--scenario", default="lane_change_htd/6")
     parser.add_argument("--agents", type=int, default=40)
     parser.add_argument("--repeats", type=int, default=5)
     options = parser.parse_args()

@@ -59,7 +59,9 @@ def _places(error: BaseException) -> str:
     """The last lines outside of libraries and of this package; of libraries if there are no others."""
     every = StackSummary.extract(walk_tb(error.__traceback__), lookup_lines=False)
     frames = [frame for frame in every if not frame.filename.startswith("<frozen")]
-    own = [frame for frame in frames if not frame.filename.startswith(_libraries())][-MOST_PLACES:] or frames[-1:]
+    own = [frame for frame in frames if not frame.filename.startswith(_libraries())][-MOST_PLACES:]
+    if not own and not isinstance(error, (SyntaxError, ImportError)):  # who raises these is nobody's own code
+        own = frames[-1:]
     places = [f"{PurePath(frame.filename).name}:{frame.lineno} in {frame.name}" for frame in own]
     return f" ({', '.join(places)})" if places else ""
 

@@ -142,54 +142,6 @@ def test_maps_list_has_the_documented_fields(capsys: pytest.CaptureFixture[str])
         assert entry["lanes"] > 0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("scenarios show lane_chnge_ltd/0", "Did you mean 'lane_change_ltd/0'?"),
-        ("scenarios list --suite smok==1", "Did you mean 'smoke==1'?"),
-        ("run --nope 1", "See: interplan-sumo run --help"),
-        ("run --planner idn", "no planner named 'idn'. Did you mean 'idm'?"),
-        ("compare nowhere nowhere", "nowhere is not a run folder"),
-        ("compare nowhere", "Missing argument"),
-        ("run --planner idm --set density=hihg", "Did you mean 'high'?"),
-        ("run --planner idm --set speed=1", "no setting to override named 'speed'"),
-        ("run --planner idm --traffic nowhere.xml", "nowhere.xml"),
-        ("run --planner idm --seeds many", "--seeds"),
-        ("run --planner idm --scenarios nothing/*", "no scenario named 'nothing/*'"),
-        ("run --planner nowhere:Nobody --out {tmp}/run", "there is no module 'nowhere'"),
-        ("run --planner idm?hedway_s=1 --out {tmp}/run", "Did you mean 'headway_s'?"),
-        ("report nowhere", "nowhere is not a run folder"),
-        ("report", "Missing argument"),
-        ("score nowhere", "nowhere is not a run folder"),
-        ("rum", "Did you mean 'run'?"),
-        ("run --plannr idm", "--planner"),
-        ("run --scenarios {tmp}/nowhere.yaml", "cannot read"),
-        ("run --scenarios mine.yaml --suite smoke==1", "give one of them"),
-        ("sweep --out {tmp}/sweep", "nothing to vary"),
-        ("sweep --param sigmaa=1 --out {tmp}/sweep", "Did you mean 'sigma'?"),
-        ("sweep --param density=low --set density=high --out {tmp}/sweep", "give only one"),
-        ("verify {tmp}", "is not a run folder: it has no manifest.json"),
-        ("scenarios export nudg/0 {tmp}/x.yaml", "Did you mean 'nudge/0'?"),
-        ("scenarios export nudge/0 {tmp}/no/x.yaml", "cannot write"),
-        ("scenarios validate", "nothing to validate; name a FILE.yaml, or a suite with --suite"),
-        ("scenarios validate --suite interplan==9", "Did you mean 'interplan==1'?"),
-        ("scenarios render nudg/0 {tmp}/x.png", "Did you mean 'nudge/0'?"),
-        ("scenarios render interplan==9 {tmp}/x.png", "Did you mean 'interplan==1'?"),
-        ("scenarios render {tmp}/x.yaml {tmp}/x.png", "cannot read"),
-        ("scenarios render nudge/0 {tmp}/x.docx", "pictures end in .png"),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_code_2(
-    arguments: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    code, out, err = ran(capsys, *arguments.format(tmp=tmp_path).split(), *(["--quiet"] if "run " in arguments else []))
-    assert (code, out) == (2, "")
-    assert err.startswith("error: ")
-    assert err.count("\n") == 1
-    assert words in err
-
-
 def test_report_json_is_the_paper_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     report = said(capsys, "report", folder, "--json", "--paper", "--why")
     assert (report["suite"], report["complete"]) == (DEFAULT_SUITE, True)

@@ -157,21 +157,27 @@ def runs(folder: Path, model: str) -> str:
     return "; ".join(faults) or f"drives in {len(SCENES)} scenes"
 
 
-HEAD: Final = f"""# What acts in a vehicle-type file
+def head() -> str:
+    """What the page says first."""
+    scenes = ", ".join(f"{scene} {find_scenario(scene).hash()[:8]}" for scene in SCENES)
+    return f"""# What acts in a vehicle-type file
 
 Written by `python -m tools.vehicle_type_table docs/vehicle_types.md`; not to be edited by hand.
 
 Each attribute that SUMO's schema has for a vType was driven at two values in dense traffic of one type, beside an ego
-that slides half into the lane next to it, {DURATION_S:g} s in each of {len(SCENES)} scenes ({", ".join(SCENES)}), until
-the traffic of the two differed. *yes*: the first scene in which it did. *no*: it cannot act here, and why; `run` and
-`traffic check` warn of it. *not seen*: it did not act in these scenes, which proves nothing for others. What a scene
-needs for it may be missing: a stop sign, a roundabout, a crossing.
+that slides half into the lane next to it, {DURATION_S:g} s in each of {len(SCENES)} scenes, until the traffic
+of the two differed. They are, with their hashes,
+{scenes}.
+
+*yes*: the first scene in which it did. *no*: it cannot act here, and why; `run` and `traffic check` warn of it. *not
+seen*: it did not act in these scenes, which proves nothing for others. What a scene needs for
+it may be missing: a stop sign, a roundabout, a crossing.
 """
 
 
 def document(found: Sequence[tuple[str, str, str]], driven: Sequence[tuple[str, str]]) -> str:
     """The page."""
-    lines = [HEAD, "| attribute | changes a drive | where, or why not |", "|---|---|---|"]
+    lines = [head(), "| attribute | changes a drive | where, or why not |", "|---|---|---|"]
     lines += [f"| `{name}` | {changes} | {why} |" for name, changes, why in found]
     ours = ", ".join(f"`{key}`" for key in (*PARAMETERS, "interplan.swerve"))
     lines += ["", f"Parameters of ours: {ours}; [tune_traffic.md](tune_traffic.md) explains them.", ""]

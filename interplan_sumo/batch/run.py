@@ -28,6 +28,7 @@ from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.planner import RECOMMENDED, Planner, find_planner
+from interplan_sumo.planner_process.process import PlannerProcess
 from interplan_sumo.planner_source import PlannerSource
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.network import read_network
@@ -106,18 +107,20 @@ def run(
         shard=shard,
         planners={spec: PlannerRecord(source.hash, source.files) for spec, source in sources.items()},
     )
+    settings = DriveSettings(
+        folder=options.out.resolve(),
+        options=here(options),
+        profile=profile,
+        own_scenarios=not source.official,
+        made=made,
+        planners=manifest.planners,
+    )
+    for spec in sources:
+        _try_to_build(spec, settings)
     with RunFolder(options.out, manifest, options.redo) as folder:
         left = interleaved([job for job in jobs if job.key not in folder.done])
         if watch is not None:
             watch.begin(len(jobs), folder.kept({job.key for job in jobs}))
-        settings = DriveSettings(
-            folder=options.out.resolve(),
-            options=here(options),
-            profile=profile,
-            own_scenarios=not source.official,
-            made=made,
-            planners=manifest.planners,
-        )
         if not source.official:
             folder.keep_scenarios(source.scenarios, own_maps(source.scenarios))
             keep_certified(source.scenarios, selection.files, options.out)
@@ -141,6 +144,14 @@ def run(
                 if watch is not None:
                     watch.finished(row)
     return read_run(options.out)
+
+
+def _try_to_build(spec: str, settings: DriveSettings) -> None:
+    """InputError, before there is a folder, for a planner with options or of one's own that cannot be built."""
+    if ":" in spec or "?" in spec:
+        seat = settings.seat(spec)
+        if isinstance(seat, PlannerProcess):
+            seat.close()
 
 
 def here(options: RunOptions) -> RunOptions:

@@ -152,6 +152,7 @@ class RunFolder:
             self._take_back = lambda: None
         try:
             path.mkdir(parents=True, exist_ok=True)
+            _refuse_strangers(path)
             self._lock = FolderLock(path / "lock")
         except OSError as error:
             raise _unwritable(path, error) from None
@@ -258,13 +259,6 @@ class RunFolder:
         """The manifest with the requests added; writes it where it is new or grew."""
         held = _read_manifest(self.path)
         if held is None:
-            names = sorted(p.name for p in self.path.iterdir())
-            strangers = [name for name in names if name not in ("lock", "traces") and not name.startswith(PART)]
-            if strangers:
-                raise RunFolderError(
-                    f"{self.path} holds {strangers[0]!r} and no manifest.json, so it is no run folder; "
-                    "give an empty or a new folder as --out"
-                )
             return self._write_manifest(wanted)
         if (parted := benchmark_difference(held, wanted)) is not None:
             name, then, now = parted
@@ -319,6 +313,17 @@ class RunFolder:
         os.ftruncate(self._results, whole_bytes)
         os.fsync(self._results)
         return {key for key, (_, stays) in last.items() if stays}
+
+
+def _refuse_strangers(path: Path) -> None:
+    """RunFolderError for a folder that holds something else; nothing is written into it."""
+    names = sorted(each.name for each in path.iterdir())
+    strangers = [name for name in names if name not in ("lock", "traces") and not name.startswith(PART)]
+    if strangers and MANIFEST not in names:
+        raise RunFolderError(
+            f"{path} holds {strangers[0]!r} and no manifest.json, so it is no run folder; "
+            "give an empty or a new folder as --out"
+        )
 
 
 def _has_changed(held: Manifest, name: str, now: PlannerRecord) -> bool:
