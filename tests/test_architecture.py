@@ -175,3 +175,8 @@ def test_no_modules_import_one_another_in_a_circle() -> None:
         for name in ground:
             del left[name]
     assert not left, f"these need one another: {sorted(left)}"
+
+
+def test_test_modules_have_names_of_their_own_for_pytest_collects_no_two_alike() -> None:
+    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert len(names) == len(set(names))
