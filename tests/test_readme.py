@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -45,6 +46,24 @@ def test_the_planner_of_the_readme_runs_from_the_folder_that_it_lies_in(tmp_path
     assert missing.returncode == 2
     assert "there is no module 'your_planner'" in missing.stderr
     assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.slow
+def test_the_eight_commands_go_on_from_one_another(tmp_path: Path) -> None:
+    block = README[README.index("## Eight commands") : README.index("Every command takes")]
+    commands = [shlex.split(line, comments=True) for line in block.splitlines() if line.startswith("    ")]
+    assert len(commands) == 8
+    for name, *arguments in commands:
+        assert name == "interplan-sumo"
+        done = subprocess.run(
+            [sys.executable, "-m", "interplan_sumo", *arguments],
+            cwd=tmp_path, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, (arguments, done.stderr)
+
+
+def test_the_readme_fits_three_screens() -> None:
+    assert len(README.splitlines()) <= 110
 
 
 @pytest.mark.parametrize("target", ["setup", "check", "test", "test-all", "golden", "smoke", "benchmark"])
