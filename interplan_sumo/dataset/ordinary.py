@@ -79,7 +79,7 @@ class _Told:
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say, self._done, self._jobs = say, 0, 0
 
-    def begin(self, jobs: int, done: Iterable[Brief]) -> None:
+    def begin(self, jobs: int, done: Iterable[tuple[JobKey, Brief]]) -> None:
         self._jobs, self._done = jobs, sum(1 for _ in done)
 
     def finished(self, row: Row) -> None:
