@@ -20,7 +20,19 @@ LAYER_0 = {"world"}
 PLANNER = {"planner", "planner_options", "planner_seat", "planner_source", "plan_check"}
 LAYER_1 = {"maps", "dynamics", "features", "recordings", "scenario", "families", "tiny_worlds"} | PLANNER
 LAYER_2 = {"simulation", "metrics", "policy", "planner_process"}
-LAYER_3 = {"statistics", "verification", "batch", "report", "realism", "testing", "doctor", "dataset", "gym", "wheel"}
+LAYER_3 = {
+    "statistics",
+    "verification",
+    "batch",
+    "report",
+    "realism",
+    "testing",
+    "doctor",
+    "dataset",
+    "gym",
+    "wheel",
+    "endurance",
+}
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "resources": {"errors"},
@@ -54,6 +66,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "dataset": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification", "batch"},
     "gym": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},
     "wheel": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},
+    "endurance": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification", "batch", "report", "statistics"},
     "api": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},
     "cli": BASE | LAYER_0 | LAYER_1 | LAYER_2 | LAYER_3,
     "__main__": {"cli"},
