@@ -224,9 +224,12 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
 
     Runs of ordinary driving may stand beside runs of one other suite: a planner
     that has one run of each has one line. RunFolderError if the runs are of
-    different suites otherwise, or of different profiles.
+    different suites otherwise, or of different profiles, or if one asks for no drive.
     """
     driven = together(runs)
+    for each in driven:
+        if not each.keys:
+            raise RunFolderError(f"{each.run.path} asks for no drive ({each.run.manifest.part}); leave it out")
     ordinary = [each.run for each in driven if each.ordinary]
     others = [each.run for each in driven if not each.ordinary]
     _check_agree(runs, "profile", "traffic_version")

@@ -77,7 +77,10 @@ def test_progress_reads_what_was_done_before_row_by_row() -> None:
     def one_by_one() -> Iterator[Any]:  # a tally reads of rows what it does of briefs
         while rows:
             assert sum(each() is not None for each in watched) <= len(rows) + 1
-            yield rows.pop()
+            last = rows.pop()
+            key = (last.scenario_id, last.planner, last.seed)
+            yield key, last
+            del last
 
     tally = Tally(9, one_by_one())
     assert tally.done == 3

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
+from interplan_sumo.batch.records import Shard
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.report.table import make_table
@@ -29,6 +30,18 @@ def test_a_family_that_is_not_installed_has_a_column_of_its_name_after_ours() ->
     titles = [column.title for column in table.columns]
     assert titles[titles.index("HTD") : titles.index("Driv.")] == ["HTD", "parking"]
     assert "parking" not in [column.key for column in make_table([stored(drive("nudge/0", 1.0))]).columns]
+
+
+def test_a_shard_that_no_drive_falls_into_is_named_but_reported_beside_the_others() -> None:
+    first = stored(drive("nudge/0", 0.5))
+    parts = [
+        StoredRun(each.path, replace(first.manifest, shard=Shard(n, 2)), rows)
+        for n, each, rows in ((1, first, first.rows), (2, first, {}))
+    ]
+    with pytest.raises(RunFolderError, match="asks for no drive \\(shard 2/2 of a run of 1 drive\\)"):
+        make_table(parts[1:])
+    (line,) = make_table(parts).lines
+    assert line.cells["nudge"].value == 50.0
 
 
 def test_driving_goal_and_collisions_are_judged_over_the_lane_changes_only() -> None:
