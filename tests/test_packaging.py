@@ -71,8 +71,9 @@ def test_the_sdist_holds_the_tests_with_the_pages_that_they_read_and_no_leftover
         names = {name.split("/", 1)[1] for name in archive.getnames() if "/" in name}
     assert "tests/test_packaging.py" in names
     top = {name.split("/")[0] for name in names}
-    documents = {"pyproject.toml", "README.md", "CHANGELOG.md", "LICENSE", "PKG-INFO", ".gitignore"}
-    assert top <= documents | {"docs", "interplan_sumo", "planners", "nets", "routes", "tests", "tools"}
+    documents = {"README.md", "CHANGELOG.md", "CITATION.cff", "LICENSE", "PKG-INFO"}
+    settings = {"pyproject.toml", "mkdocs.yml", ".gitignore"}
+    assert top <= documents | settings | {"docs", "interplan_sumo", "planners", "nets", "routes", "tests", "tools"}
 
 
 def test_a_fresh_environment_runs_and_scores_a_scenario_outside_the_checkout(built: Path, tmp_path: Path) -> None:

@@ -105,9 +105,8 @@ def check_certificate(scenario: Scenario, certificate: Certificate | None) -> li
     stored = certificate.summary
     if (stored.scenario_id, stored.scenario_hash) != (scenario.id, scenario.hash()):
         return [f"it is for another scenario: {stored.scenario_id} with hash {stored.scenario_hash[:12]}"]
-    wrong = validate(scenario) or unreachable(
-        start_state(scenario, load_roads(scenario.map, scenario.maps_beside)), certificate.track
-    )
+    start = start_state(scenario, load_roads(scenario.map, scenario.maps_beside))
+    wrong = validate(scenario) or unreachable(start, certificate.track, scenario.duration_s)
     if wrong:
         return wrong
     trace = replay(scenario, certificate.track)

@@ -12,7 +12,6 @@ from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.trace import EgoTrack
 
-MOST_STATES = 301
 PUSH_MPS2 = (-9.0, 5.0)
 STEERING_RADPS = 1.5
 """Commands beyond these no car can follow. nuPlan's tracker itself has no bounds."""
@@ -20,14 +19,15 @@ PLACE_M, REST = 1e-5, 1e-4
 """States are stored in millionths; derivatives of them are less certain."""
 
 
-def unreachable(start: EgoState, track: EgoTrack) -> list[str]:
+def unreachable(start: EgoState, track: EgoTrack, duration_s: float) -> list[str]:
     """Where a drive from `start` is not what the bicycle model does under commands a car can follow; [] if nowhere.
 
-    The commands of each step are recovered from its two states; the step is
+    It takes `duration_s` at most. The commands of each step are recovered from its two states; the step is
     done again with them and must give the second state.
     """
-    if not 1 <= len(track) <= MOST_STATES:
-        return [f"it has {len(track)} states, expected 1 to {MOST_STATES}"]
+    most = round(duration_s / DT_S) + 1
+    if not 1 <= len(track) <= most:
+        return [f"it has {len(track)} states, expected 1 to {most}"]
     before = track.state(0)
     if _apart(start, before):
         return [f"it does not begin as the scenario does: {_apart(start, before)}"]

@@ -29,7 +29,9 @@ from interplan_sumo.scenario.suite import (
     suites,
     suites_with,
 )
+from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.verification.lock import lock
+from interplan_sumo.verification.reachability import unreachable
 from interplan_sumo.verification.start_checks import start_problems
 from interplan_sumo.world.trace import EgoTrack
 
@@ -89,6 +91,14 @@ def test_a_suite_is_what_its_lock_says(key: str) -> None:
 def test_official_scenarios_pass_every_start_check(key: str) -> None:
     for scenario in find_suite(key).scenarios:
         assert start_problems(scenario, load_roads(scenario.map)) == [], scenario.id
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", WHOLE)
+def test_every_expert_drives_as_a_car_can_for_no_longer_than_its_scenario_lasts(key: str) -> None:
+    for scenario in find_suite(key).scenarios:
+        start = start_state(scenario, load_roads(scenario.map))
+        assert unreachable(start, expert(scenario), scenario.duration_s) == [], scenario.id
 
 
 def test_official_scenarios_are_sound_before_anybody_moves() -> None:

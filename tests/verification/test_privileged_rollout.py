@@ -55,7 +55,7 @@ def test_the_driver_keeps_to_its_timing_to_comfort_and_to_the_bicycle_model(scen
     track, wanted, driven_m = drive(SCENES[scene])
     assert np.abs(wanted - driven_m).max() < 0.15
     assert worst_discomfort(track) < 1.0
-    assert unreachable(start_state(corridor.scenario, corridor.roads), track) == []
+    assert unreachable(start_state(corridor.scenario, corridor.roads), track, 30.0) == []
     if scene == "lane change":  # it ends in the middle of the new lane
         assert track.y_m[-1] == pytest.approx(-3.5, abs=0.1)
         assert track.y_m.min() > -3.7

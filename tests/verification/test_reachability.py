@@ -35,7 +35,7 @@ def tampered(track: EgoTrack, row: int, **changes: float) -> EgoTrack:
 @settings(max_examples=20)
 @given(st.lists(st.tuples(st.floats(-8.0, 4.0), st.floats(-1.0, 1.0)), min_size=1, max_size=30))
 def test_whatever_the_bicycle_does_under_possible_commands_is_reachable(commands: list[tuple[float, float]]) -> None:
-    assert unreachable(START, driven(commands)) == []
+    assert unreachable(START, driven(commands), 30.0) == []
 
 
 STRAIGHT = driven([(0.5, 0.0)] * 20)
@@ -53,7 +53,7 @@ STRAIGHT = driven([(0.5, 0.0)] * 20)
     ],
 )
 def test_a_state_that_was_changed_does_not_follow(change: dict[str, float], said: str) -> None:
-    (problem,) = unreachable(START, tampered(STRAIGHT, 10, **change))
+    (problem,) = unreachable(START, tampered(STRAIGHT, 10, **change), 30.0)
     assert "1.0 s" in problem
     assert said in problem
 
@@ -61,10 +61,10 @@ def test_a_state_that_was_changed_does_not_follow(change: dict[str, float], said
 def test_what_is_no_drive_of_this_scenario_is_refused() -> None:
     keep = np.arange(len(STRAIGHT)) != 10
     gap = replace(STRAIGHT, **{name: getattr(STRAIGHT, name)[keep] for name in STRAIGHT.__dataclass_fields__})
-    assert "does not follow" in unreachable(START, gap)[0]
-    assert "begin" in unreachable(replace(START, vx_mps=9.0), STRAIGHT)[0]
-    assert "not finite" in unreachable(START, tampered(STRAIGHT, 5, x_m=float("nan")))[0]
-    assert "expected 1 to 301" in unreachable(START, driven([(0.0, 0.0)] * 301))[0]
+    assert "does not follow" in unreachable(START, gap, 30.0)[0]
+    assert "begin" in unreachable(replace(START, vx_mps=9.0), STRAIGHT, 30.0)[0]
+    assert "not finite" in unreachable(START, tampered(STRAIGHT, 5, x_m=float("nan")), 30.0)[0]
+    assert "expected 1 to 301" in unreachable(START, driven([(0.0, 0.0)] * 301), 30.0)[0]
 
 
 @pytest.mark.parametrize(
@@ -79,4 +79,4 @@ def test_what_is_no_drive_of_this_scenario_is_refused() -> None:
     ],
 )
 def test_commands_beyond_what_a_car_can_do_are_refused(push: float, steering: float, reachable: bool) -> None:
-    assert (unreachable(START, driven([(push, steering)])) == []) == reachable
+    assert (unreachable(START, driven([(push, steering)]), 30.0) == []) == reachable
