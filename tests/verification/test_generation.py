@@ -63,6 +63,7 @@ def test_an_unknown_family_and_a_count_of_none_are_refused() -> None:
         generate(roads, "nudge", 0, seed=0)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_folder_that_run_accepts_and_the_certificates_are_its_experts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -33,6 +33,7 @@ def test_a_round_has_three_types_a_lane_change_and_three_trips(scenes: list[Scen
     assert all(scene.id.split("/")[1].startswith(str(FIRST_SEED)) for scene in scenes)
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_scenes_and_others_others(scenes: list[Scenario]) -> None:
     assert [scene.hash() for scene in ordinary_scenes(load_roads(MAP), FIRST_SEED)] == [s.hash() for s in scenes]
     later = ordinary_scenes(load_roads(MAP), FIRST_SEED + 1)
