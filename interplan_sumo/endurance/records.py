@@ -85,7 +85,7 @@ class SegmentRecord(Struct, frozen=True, kw_only=True):
     """What one job gave: one or two kilometres of one planner in one cell, from one start with one seed."""
 
     index: Count
-    """Among the segments of its planner and cell; batches of the stop rule are by it."""
+    """Among the segments of its planner, cell and seed; batches of the stop rule are by it."""
     cell: TrafficCell
     planner: str
     planner_hash: str | None
@@ -127,10 +127,10 @@ class SegmentRecord(Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.naive and (self.final_weight != 1.0 or self.natural != self.drawn_with):
             raise ValueError("a naive segment has the weight 1 and natural probabilities")
-        for each in self.rare_events:
-            if each.kind not in self.natural or each.kind not in self.drawn_with:
-                raise ValueError(f"{each.kind} began and has no probability")
         begun = {each.kind for each in self.rare_events}
+        for kind in begun | self.opportunities.keys():
+            if kind not in self.natural or kind not in self.drawn_with:
+                raise ValueError(f"{kind} has opportunities and no probability")
         for event in self.events:
             if event.rare is not None and event.rare not in begun:
                 raise ValueError(f"an event is said to be of a {event.rare}, and none began")
