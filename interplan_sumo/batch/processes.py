@@ -7,6 +7,7 @@ import ctypes
 import os
 import signal
 import sys
+import threading
 from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,7 @@ SINGLE_THREAD = dict.fromkeys(
 )
 """One thread per worker: the workers are the parallelism, and sums keep one order."""
 
+_INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _PR_SET_DUMPABLE = 4
 _PR_SET_CHILD_SUBREAPER = 36
@@ -88,6 +90,23 @@ def interrupts_held() -> Generator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Generator[None]:
+    """Ctrl-C and SIGTERM inside the block are answered at its end, so that what it does is done whole."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    before = {each: signal.signal(each, lambda number, _: held.append(number)) for each in _INTERRUPTS}
+    try:
+        yield
+    finally:
+        for each, answer in before.items():
+            signal.signal(each, answer if answer is not None else signal.SIG_DFL)
+        if held:
+            signal.raise_signal(held[0])
 
 
 def become_worker(memory_bytes: int | None) -> None:

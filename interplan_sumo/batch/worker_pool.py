@@ -6,6 +6,7 @@ for its task is the engine's to say.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import multiprocessing
 import time
@@ -17,7 +18,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, Protocol
 
-from interplan_sumo.batch.processes import SINGLE_THREAD, environment, interrupts_held, kill_worker
+from interplan_sumo.batch.processes import SINGLE_THREAD, environment, interrupts_held, kill_worker, uninterrupted
 from interplan_sumo.batch.records import RecordError, WorkerAnswer, decode
 from interplan_sumo.batch.tasks import Limits, OpenGroup, SharedPhase, Task
 from interplan_sumo.batch.worker import serve
@@ -126,6 +127,7 @@ class ProcessPool:
         self._present: dict[Worker, _Process] = {}
         self._leaving: dict[Worker, _Process] = {}
         self._clock = AwakeClock()
+        atexit.register(self.stop_all)  # before multiprocessing waits for them, if all else was interrupted
 
     @property
     def workers(self) -> list[Worker]:
@@ -144,12 +146,12 @@ class ProcessPool:
             daemon=False,
             name=f"interplan-sumo worker {self._started}",
         )
-        # Set iteration order, too, must not differ from worker to worker.
-        with environment({**SINGLE_THREAD, "PYTHONHASHSEED": "0"}), interrupts_held():
-            process.start()
-        there.close()
         worker = Worker(group, time.monotonic())
-        self._present[worker] = _Process(process, here, SharedPhase(shared), output, self._clock.now_s())
+        # Set iteration order, too, must not differ from worker to worker.
+        with environment({**SINGLE_THREAD, "PYTHONHASHSEED": "0"}), uninterrupted(), interrupts_held():
+            process.start()
+            self._present[worker] = _Process(process, here, SharedPhase(shared), output, self._clock.now_s())
+        there.close()
         return worker
 
     def give(self, worker: Worker, task: Task) -> bool:
@@ -163,18 +165,20 @@ class ProcessPool:
         return True
 
     def release(self, worker: Worker) -> None:
-        own = self._leaving[worker] = self._present.pop(worker)
+        own = self._leaving[worker] = self._present[worker]
+        del self._present[worker]
         with contextlib.suppress(OSError):
             own.line.send(None)
         own.since_s = self._clock.now_s()
 
     def stop(self, worker: Worker) -> None:
-        for place in (self._present, self._leaving):
-            own = place.pop(worker, None)
-            if own is not None:
-                kill_worker(own.process)
-                own.line.close()
-                own.output.unlink(missing_ok=True)
+        with uninterrupted():
+            for place in (self._present, self._leaving):
+                own = place.pop(worker, None)
+                if own is not None:
+                    kill_worker(own.process)
+                    own.line.close()
+                    own.output.unlink(missing_ok=True)
 
     def reports(self) -> list[Report]:
         found = [report for worker in self._heard() if (report := self._listen(worker)) is not None]
@@ -191,9 +195,11 @@ class ProcessPool:
             connection.wait([own.process.sentinel for own in self._leaving.values()], timeout=POLL_S)
 
     def stop_all(self) -> None:
-        """Stop all workers."""
-        for worker in [*self._present, *self._leaving]:
-            self.stop(worker)
+        """Stop all workers, also if somebody presses Ctrl-C once more meanwhile."""
+        with uninterrupted():
+            for worker in [*self._present, *self._leaving]:
+                self.stop(worker)
+        atexit.unregister(self.stop_all)
 
     def _heard(self) -> list[Worker]:
         """The workers with something to say, or dead; waits a moment for one."""

@@ -123,14 +123,16 @@ def test_two_hundred_kills_lose_nothing_and_double_nothing(tmp_path: Path) -> No
     check_kills(tmp_path, kills=200, seed=2)
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_a_polite_end_leaves_a_folder_that_goes_on(how: signal.Signals, tmp_path: Path) -> None:
+@pytest.mark.parametrize("signals", [(signal.SIGTERM,), (signal.SIGINT,), (signal.SIGINT, signal.SIGINT)])
+def test_a_polite_end_leaves_a_folder_that_goes_on(signals: tuple[signal.Signals, ...], tmp_path: Path) -> None:
     with started(tmp_path, 60, stderr=subprocess.DEVNULL) as process:
         deadline = time.monotonic() + 20.0
         while size(tmp_path) == 0:
             assert time.monotonic() < deadline
             time.sleep(0.01)
-        process.send_signal(how)
+        for each in signals:
+            process.send_signal(each)
+            time.sleep(0.02)
         assert process.wait(timeout=20) != 0
     before = results(tmp_path)
     assert 0 < len(before) < 60
