@@ -28,7 +28,11 @@ from tools.map_yardsticks import tightest_radius_m, yardsticks
 
 BEFORE = {"back_bay", "hazelwood", "one_north", "strip"}
 """Districts of an earlier way of drawing, without plans, on which the official suites stand."""
-every_map = pytest.mark.parametrize("name", sorted(maps()))
+QUICK = ("back_bay", "queenstown")
+every_map = pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in sorted(maps())]
+)
+"""All of them in CI, two in a hurry."""
 every_drawn_map = pytest.mark.parametrize("name", PLANS)
 every_real_map = pytest.mark.parametrize("name", RECIPES)
 SMALL_BYTES = 600_000

@@ -17,7 +17,6 @@ from interplan_sumo.errors import ScenarioError, VehicleTypeError
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads, maps
 from interplan_sumo.scenario.scenario import LanePosition, PlacedVehicle, Scenario, TrafficDemand, VehicleKind
-from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.simulation import spawning
 from interplan_sumo.simulation.idm import acceleration_mps2
 from interplan_sumo.simulation.lane_chains import chain_through
@@ -25,16 +24,16 @@ from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.simulation.vehicle_types import VehicleType, vehicle_type_file
 from interplan_sumo.world.actors import Actors
+from tests.scenes import scene
 
-CHANGES = [each for each in find_suite("interplan==1").scenarios if each.family == "lane_change_ltd"]
-STRIP = next(each for each in CHANGES if each.map == "strip")
+LTD = scene("lane_change_ltd/0")
 URBAN = vehicle_type_file("urban")
-EMPTY = replace(STRIP, id="test/placed", traffic=TrafficDemand("none"))
+EMPTY = replace(LTD, id="test/placed", traffic=TrafficDemand("none"))
 
 
 def start(scenario: Scenario, *, steps: int = 0) -> Actors:
-    with open_traffic(scenario, load_roads(STRIP.map), vehicle_types=URBAN) as traffic:
-        ego = start_state(scenario, load_roads(STRIP.map))
+    with open_traffic(scenario, load_roads(LTD.map), vehicle_types=URBAN) as traffic:
+        ego = start_state(scenario, load_roads(LTD.map))
         *_, actors = stepped(traffic, lambda _: ego, steps + 1)
         return actors
 
@@ -50,7 +49,7 @@ LENGTH_M: dict[VehicleKind, float] = {"car": 4.6, "truck": 8.0, "bus": 12.0, "mo
 def test_a_vehicle_starts_with_its_centre_where_it_is_placed_at_its_speed_and_drives_on(kind: VehicleKind) -> None:
     scenario = placed(PlacedVehicle(LanePosition("402031", 100.0), 7.25, kind))
     first, later = start(scenario), start(scenario, steps=20)
-    pose = LanePosition("402031", 100.0).pose(load_roads(STRIP.map))
+    pose = LanePosition("402031", 100.0).pose(load_roads(LTD.map))
     assert len(first) == 1
     assert first.length_m[0] == pytest.approx(LENGTH_M[kind])
     assert (first.x_m[0], first.y_m[0]) == pytest.approx((pose.x_m, pose.y_m), abs=0.005)
@@ -61,7 +60,7 @@ def test_a_vehicle_starts_with_its_centre_where_it_is_placed_at_its_speed_and_dr
 
 def test_a_vehicle_may_be_placed_anywhere_on_any_lane_of_a_map() -> None:
     """Also where a lane is cut into several edges for SUMO, and far from all lanes that a density would fill."""
-    roads, files = load_roads(STRIP.map), find_map(STRIP.map)
+    roads, files = load_roads(LTD.map), find_map(LTD.map)
     network, ids = read_network(files.network), NetworkIds.read(files.ids)
     cut = next(lane for lane, pieces in ids.pieces.items() if len(pieces) > 1 and lane in roads.lanes)
     rng = np.random.default_rng(0)
@@ -79,11 +78,11 @@ def test_a_vehicle_may_be_placed_anywhere_on_any_lane_of_a_map() -> None:
 
 @pytest.mark.parametrize("over_mps", [-0.5, 5.0])
 def test_a_vehicle_may_start_faster_than_the_limit_and_then_keeps_it(over_mps: float) -> None:
-    limit_mps = load_roads(STRIP.map)["402031"].speed_limit_mps
+    limit_mps = load_roads(LTD.map)["402031"].speed_limit_mps
     assert limit_mps is not None
     scenario = placed(PlacedVehicle(LanePosition("402031", 60.0), limit_mps + over_mps))
-    ego = start_state(scenario, load_roads(STRIP.map))
-    with open_traffic(scenario, load_roads(STRIP.map), vehicle_types=URBAN) as traffic:
+    ego = start_state(scenario, load_roads(LTD.map))
+    with open_traffic(scenario, load_roads(LTD.map), vehicle_types=URBAN) as traffic:
         speeds = [float(actors.speed_mps[0]) for actors in stepped(traffic, lambda _: ego, 61)]
     assert speeds[0] == pytest.approx(limit_mps + over_mps, abs=1e-6)
     if over_mps > 0.0:
@@ -93,9 +92,9 @@ def test_a_vehicle_may_start_faster_than_the_limit_and_then_keeps_it(over_mps: f
 
 def test_equal_seeds_give_equal_drivers() -> None:
     scenario = placed(*(PlacedVehicle(LanePosition("402031", 60.0 + 30.0 * i), 8.0) for i in range(4)))
-    with open_traffic(scenario, load_roads(STRIP.map), seed=1) as traffic:
+    with open_traffic(scenario, load_roads(LTD.map), seed=1) as traffic:
         first = dict(traffic.behaviours)
-    with open_traffic(scenario, load_roads(STRIP.map), seed=1) as traffic:
+    with open_traffic(scenario, load_roads(LTD.map), seed=1) as traffic:
         assert dict(traffic.behaviours) == first
     assert set(first.values()) <= {"conservative", "assertive"}
 
@@ -105,7 +104,7 @@ def test_a_file_without_the_kind_is_refused_by_name() -> None:
     with pytest.raises(
         VehicleTypeError, match=r'mixed\.xml: no vType that .traffic. stands for is a bus \(vClass="bus"'
     ):
-        open_traffic(scenario, load_roads(STRIP.map))
+        open_traffic(scenario, load_roads(LTD.map))
 
 
 @pytest.mark.parametrize(
@@ -117,14 +116,14 @@ def test_a_file_without_the_kind_is_refused_by_name() -> None:
 )
 def test_a_vehicle_that_cannot_start_there_is_refused(vehicle: PlacedVehicle, message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
-        open_traffic(placed(vehicle), load_roads(STRIP.map))
+        open_traffic(placed(vehicle), load_roads(LTD.map))
 
 
 def test_a_vehicle_cannot_be_placed_inside_a_junction() -> None:
-    connector = sorted(load_roads(STRIP.map).connectors)[0]
-    place = LanePosition(connector, load_roads(STRIP.map)[connector].centerline.length_m / 2.0)
+    connector = sorted(load_roads(LTD.map).connectors)[0]
+    place = LanePosition(connector, load_roads(LTD.map)[connector].centerline.length_m / 2.0)
     with pytest.raises(ScenarioError, match="inside a junction"):
-        open_traffic(placed(PlacedVehicle(place, 5.0)), load_roads(STRIP.map))
+        open_traffic(placed(PlacedVehicle(place, 5.0)), load_roads(LTD.map))
 
 
 NETWORK = two_way_road()

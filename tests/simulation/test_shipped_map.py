@@ -30,6 +30,7 @@ from tests.scenes import scene
 
 LTD = scene("lane_change_ltd/0")
 HTD = scene("lane_change_htd/0")
+QUICK = ("back_bay", "queenstown")
 STEPS = 400
 """Longer than the longest green of a shipped map."""
 
@@ -92,7 +93,9 @@ def snapshot() -> tuple[Snapshot, list[str]]:
     return vehicles, [lights.getRedYellowGreenState(light) for light in lights.getIDList()]
 
 
-@pytest.mark.parametrize("name", sorted(maps()))
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in sorted(maps())]
+)
 def test_without_an_ego_a_district_equals_plain_sumo_to_the_bit(name: str) -> None:
     roads = load_roads(name)
     scenario = random_scenario(name, np.random.default_rng(11), 11)
