@@ -22,6 +22,7 @@ from interplan_sumo.cli.certify import certify
 from interplan_sumo.cli.completion import BashWords
 from interplan_sumo.cli.dataset import dataset_app
 from interplan_sumo.cli.drive import drive
+from interplan_sumo.cli.endure import endure
 from interplan_sumo.cli.examples import explain
 from interplan_sumo.cli.export import export
 from interplan_sumo.cli.generate import generate
@@ -42,6 +43,7 @@ from interplan_sumo.report.printing import print_json
 app = typer.Typer(name="interplan-sumo", rich_markup_mode="rich", **LOOKS)
 app.add_typer(runs.app)
 app.command()(sweep)
+app.command()(endure)
 app.command()(verify)
 app.command()(submit)
 app.command()(judge)

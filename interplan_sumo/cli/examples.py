@@ -18,6 +18,10 @@ EXAMPLES: Final[Mapping[str, tuple[str, ...]]] = {
     "compare": ("compare runs/before runs/after", "compare runs/mine runs/mine --planner-a idm --planner-b mine:Best"),
     "merge": ("merge runs/mine-1 runs/mine-2 --out runs/mine",),
     "sweep": ("sweep --planner idm --param density=low,high --suite smoke==1 --out runs/sweep",),
+    "endure": (
+        "endure --planner idm --map strip --km 10 --out runs/kilometres",
+        "endure --planner mine:Best --map one_north --km 500 --density 0.75 --behaviour assertive --out runs/dense",
+    ),
     "replay": ("replay runs/mine nudge/0 --html nudge.html",),
     "drive": ("drive nudge/0", "drive nudge/0 --from runs/mine --planner idm --at 6.2"),
     "verify": ("verify runs/mine --all",),

@@ -157,8 +157,17 @@ class AgentControl:
             with Commanding("relaxing headways"):
                 self._relaxation.step(relaxed, speeds.__getitem__, _leader)
 
-    def tell(self, agents: AgentSnapshot, commands: AgentCommands, beside_posts: frozenset[str] = frozenset()) -> None:
-        """Pass on what is decided for the next step; those `beside_posts` keep their lanes as well."""
+    def tell(
+        self,
+        agents: AgentSnapshot,
+        commands: AgentCommands,
+        beside_posts: frozenset[str] = frozenset(),
+        staged: Mapping[str, float] | None = None,
+    ) -> None:
+        """Pass on what is decided for the next step; those `beside_posts` keep their lanes as well.
+
+        `staged` is how fast some are to be at most, whatever they think of it.
+        """
         if self._parting:
             with Commanding("releasing agents"):
                 for name in sorted(self._parting):
@@ -166,6 +175,8 @@ class AgentControl:
             self._parting.clear()
         with Commanding("looking for cars that brake as they cut in"):
             surprised = self._cut_ins.most_mps(agents)
+        for name, most_mps in (staged or {}).items():
+            surprised = {**surprised, name: min(most_mps, surprised.get(name, inf))}
         if commands.decisions or self._overseen or surprised:
             with Commanding("commanding the agents"):
                 for name, decision in self._held_back(agents, commands.decisions, surprised).items():

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from interplan_sumo.simulation.agent_kinematics import AgentKinematics
-from interplan_sumo.simulation.pedestrians import Crowd
+from interplan_sumo.simulation.pedestrians import People
 from interplan_sumo.simulation.vehicle_types import ENTRY, VehicleType
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.geometry import Floats
@@ -47,7 +47,7 @@ class AgentRegistry:
     """All agents; obstacles and pedestrians are seen with them."""
 
     def __init__(
-        self, types_file: Path, standing: Actors, crowd: Crowd | None, origin_m: tuple[float, float], dt_s: float
+        self, types_file: Path, standing: Actors, crowd: People | None, origin_m: tuple[float, float], dt_s: float
     ) -> None:
         self.names: list[str] = []
         """Of the agents that are there, in the order of their tokens; a new list whenever an agent comes or goes."""
@@ -113,6 +113,10 @@ class AgentRegistry:
             aside_m = np.stack((-np.cos(angle_rad), np.sin(angle_rad)), axis=1) * self._left_m[:, None]
             front_m = np.asarray(front_m, dtype=np.float64).reshape(-1, 2) + aside_m
         self.kinematics.move(front_m, angle_deg, speed_mps, self.length_m)
+
+    def notice_people(self) -> None:
+        """Other pedestrians than before are there."""
+        self._index()
 
     def _index(self) -> None:
         """Columns that do not change from step to step."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import hypot, inf
+from typing import Protocol
 
 import numpy as np
 
@@ -86,6 +87,25 @@ class Changes:
 
     entering: Sequence[tuple[str, Spawn]]
     leaving: Sequence[str]
+
+
+class Inflow(Protocol):
+    """What lets agents in and out while time goes on."""
+
+    @property
+    def drivers(self) -> tuple[VehicleType, ...]:
+        """Of all who may enter: SUMO must know them before it starts."""
+        ...
+
+    def is_due(self) -> bool:
+        """Whether to look now; to be asked once per step."""
+        ...
+
+    def changes(
+        self, agents: OnTheRoad, ego: EgoState, origin_m: tuple[float, float], opens: Callable[[NetworkLink], bool]
+    ) -> Changes:
+        """Who enters and who leaves with the next step; `opens` tells which links are open."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +200,7 @@ class Flow:
     ) -> Changes:
         """Who enters and who leaves with the next step; `opens` tells which links are open."""
         x_m, y_m = ego.x_m - origin_m[0], ego.y_m - origin_m[1]
-        entry = _Entry(self, self._occupied(agents), (x_m, y_m), opens)
+        entry = EntrySearch(self, self.occupied(agents), (x_m, y_m), opens)
         missing = self._missing(agents, x_m, y_m)
         here: dict[int, list[float]] = {}
         for lane, position_m in zip(agents.lanes, agents.positions_m, strict=True):
@@ -226,7 +246,8 @@ class Flow:
         edges = (self._edge_of.get(agents.lanes[row]) for row in np.flatnonzero(near).tolist())
         return wanted - sum(edge is not None and self._edges[edge] in self.demand.on_own_road for edge in edges)
 
-    def _occupied(self, agents: OnTheRoad) -> LaneOccupancy:
+    def occupied(self, agents: OnTheRoad) -> LaneOccupancy:
+        """Who is where on the lanes."""
         occupied = LaneOccupancy(self.network, self._blocked)
         lanes = self.network.lanes
         for lane, position_m, aside_m, speed_mps, driver in zip(
@@ -270,7 +291,7 @@ class Flow:
         return [name for name, now_m in self._away_m.items() if name in before and now_m > before[name]]
 
 
-class _Entry:
+class EntrySearch:
     """One look for room, among all who are there and those who have been let in."""
 
     def __init__(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 import shapely
 
@@ -17,6 +19,30 @@ FORESIGHT_S = 3.0
 """Background traffic foresees for so long where a walking pedestrian will be."""
 FORESEEN_STEP_S = 0.5
 """It looks at places this far apart in time."""
+
+
+class People(Protocol):
+    """All who walk in an episode. Background traffic brakes for them."""
+
+    def notice(self, ego: EgoState, shape: EgoShape, /) -> None:
+        """See where the ego is, before anybody moves."""
+        ...
+
+    def advance(self) -> bool:
+        """Everyone under way walks on for one step; whether somebody has come or left."""
+        ...
+
+    def observe(self) -> Actors:
+        """Everyone as actors with their true velocities, rows sorted by id."""
+        ...
+
+    def foreseen(self, origin_m: tuple[float, float]) -> list[Ring]:
+        """What those who walk cover from now to `FORESIGHT_S` later, in SUMO's frame."""
+        ...
+
+    def standing(self, origin_m: tuple[float, float]) -> dict[str, shapely.Polygon]:
+        """The boxes of those that stand, by place: equal keys mean equal boxes. In SUMO's frame."""
+        ...
 
 
 class Crowd:
@@ -44,9 +70,10 @@ class Crowd:
             if self._walked_s[i] is None and -shape.length_m <= ahead_m <= trigger_distance_m(ego.speed_mps):
                 self._walked_s[i] = 0.0
 
-    def advance(self) -> None:
-        """Everyone under way walks on for one step."""
+    def advance(self) -> bool:
+        """Everyone under way walks on for one step; nobody comes or leaves."""
         self._walked_s = [None if walked is None else walked + self._dt_s for walked in self._walked_s]
+        return False
 
     def observe(self) -> Actors:
         """Everyone as actors with their true velocities, rows sorted by id."""
@@ -69,13 +96,13 @@ class Crowd:
             if walked is None or walked >= each.duration_s:
                 continue
             ahead_s = np.arange(walked, min(walked + FORESIGHT_S, each.duration_s) + FORESEEN_STEP_S, FORESEEN_STEP_S)
-            areas.append(hull(_covered(each, np.minimum(ahead_s, each.duration_s), origin_m)))
+            areas.append(hull(covered(each, np.minimum(ahead_s, each.duration_s), origin_m)))
         return areas
 
     def ways(self, origin_m: tuple[float, float]) -> list[shapely.Polygon]:
         """What everyone covers on its whole way, part by part, in SUMO's frame."""
         return [
-            shapely.Polygon(hull(_covered(each, np.array((begins_s, ends_s)), origin_m)))
+            shapely.Polygon(hull(covered(each, np.array((begins_s, ends_s)), origin_m)))
             for each in self._walks
             for begins_s, ends_s in zip(each.leaves_s.tolist(), each.arrives_s.tolist(), strict=True)
         ]
@@ -95,7 +122,7 @@ class Crowd:
         return found
 
 
-def _covered(each: PedestrianWalk, walked_s: Floats, origin_m: tuple[float, float]) -> list[tuple[float, float]]:
+def covered(each: PedestrianWalk, walked_s: Floats, origin_m: tuple[float, float]) -> list[tuple[float, float]]:
     """Corners of a walker's boxes at several times, in SUMO's frame."""
     x_m, y_m, heading_rad = each.poses(walked_s).T
     sizes = (np.full_like(x_m, size_m) for size_m in each.size_m)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import islice
+from itertools import chain, count, islice
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +91,7 @@ def open_sumo_traffic(
     names = opaque_ids(len(spawns), rng, besides=tokens)
     flow = None
     if most_agents is None and scenario.has_flow:
-        free = _shuffled_ids(rng, (*tokens, *names))
+        free = shuffled_ids(rng, (*tokens, *names))
         arrivals = draw_arrivals(types, rng)
         flow = Flow(network, population.demand, walked, arrivals, free, staged.route_m, rng)
     setup = TrafficSetup(
@@ -114,11 +114,11 @@ def _replays(scenario: Scenario, roads: Roads, seed: int) -> ReplayedTraffic:
 
 def opaque_ids(count: int, rng: np.random.Generator, besides: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Ids that say nothing of their bearers, in random order: four hexadecimal digits each, none of `besides`."""
-    return tuple(islice(_shuffled_ids(rng, besides), count))
+    return tuple(islice(shuffled_ids(rng, besides), count))
 
 
-def _shuffled_ids(rng: np.random.Generator, besides: Iterable[str]) -> Iterator[str]:
-    """All ids but `besides`; their order is drawn at once."""
+def shuffled_ids(rng: np.random.Generator, besides: Iterable[str]) -> Iterator[str]:
+    """All ids but `besides`, without end; the order of those of four digits is drawn at once, longer ones follow."""
     taken = frozenset(besides)
     drawn = (f"{number:04x}" for number in rng.permutation(16**4))
-    return (token for token in drawn if token not in taken)
+    return (token for token in chain(drawn, (f"{number:x}" for number in count(16**4))) if token not in taken)

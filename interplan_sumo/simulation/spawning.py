@@ -187,7 +187,7 @@ def populate(
     occupied.add(lane, Occupant(front_m, front_m - staged.shape.length_m, scenario.start_speed_mps))
     if wanted.density != "none" or wanted.oncoming != "none":
         spawns += _on_side_roads(staged, demand, (ego_x - origin[0], ego_y - origin[1]), used, occupied, spawns, rng)
-    spawns = _settled(network, spawns, occupied, shown)
+    spawns = settled(network, spawns, occupied, shown)
     return Population(tuple(spawns), demand, ego_route, shown)
 
 
@@ -358,7 +358,7 @@ def _within(lane: NetworkLane, ego_m: tuple[float, float], reach_m: float) -> tu
     return lane.position_of(float(line.arc_m[near[0]])), lane.position_of(float(line.arc_m[near[-1]]))
 
 
-def _settled(
+def settled(
     network: SumoNetwork, spawns: Sequence[Spawn], occupied: LaneOccupancy, shown: Mapping[str, str]
 ) -> list[Spawn]:
     """All at speeds that suit what lies ahead on their routes: connectors, lights, junctions, leaders, the ego.

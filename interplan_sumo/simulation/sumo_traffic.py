@@ -5,7 +5,7 @@ The ego is a proxy car; its true pose is kept by the closed loop and never read 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from math import inf
@@ -15,18 +15,18 @@ import shapely
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation.agent_control import AgentControl
-from interplan_sumo.simulation.agent_registry import AgentRegistry
+from interplan_sumo.simulation.agent_registry import AgentRegistry, AgentSnapshot
 from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE, EgoProxy
 from interplan_sumo.simulation.ego_reactions import FREEZE_RADIUS_M, EgoReactions
 from interplan_sumo.simulation.first_seconds import FirstSeconds
-from interplan_sumo.simulation.flow import Flow, OnTheRoad
+from interplan_sumo.simulation.flow import Inflow, OnTheRoad
 from interplan_sumo.simulation.lane_polygons import Ring
 from interplan_sumo.simulation.lane_posts import LanePosts
 from interplan_sumo.simulation.late_for_light import LateForLight
 from interplan_sumo.simulation.lights import Lights, LoggedLights
 from interplan_sumo.simulation.network import SOON_S, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
-from interplan_sumo.simulation.pedestrians import Crowd
+from interplan_sumo.simulation.pedestrians import People
 from interplan_sumo.simulation.slow_vehicles import ELEMENTS as SLOW
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, getters, open_simulation, sumo
@@ -43,6 +43,11 @@ BESIDE_M = 80.0
 """This near to one that enters nobody changes lane for a while."""
 NOWHERE_M = 1e7
 """An ego there meets nobody."""
+
+
+def nobody_acts(_: AgentSnapshot) -> Mapping[str, float]:
+    """Nothing is staged."""
+    return {}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,8 +68,8 @@ class TrafficSetup:
     """Obstacles."""
     blocked: tuple[LaneBlockage, ...] = ()
     """The stretches of lanes that they block."""
-    crowd: Crowd | None = None
-    flow: Flow | None = None
+    crowd: People | None = None
+    flow: Inflow | None = None
     """Brings more agents as time goes on."""
     presence: EgoPresence = EgoPresence.DRIVES
     logged: LoggedLights | None = None
@@ -75,6 +80,8 @@ class TrafficSetup:
     """For what agents decide by chance."""
     heights_m: Mapping[str, float] = field(default_factory=dict[str, float])
     """Of obstacles by id."""
+    acts: Callable[[AgentSnapshot], Mapping[str, float]] = nobody_acts
+    """How fast some agents, by SUMO's name, are to be at most after the next step: what is staged as time goes on."""
 
 
 class SumoTraffic:
@@ -92,6 +99,7 @@ class SumoTraffic:
         self._proxy: EgoProxy | None = None
         self._started = False
         self._logged = setup.logged
+        self._acts = setup.acts
         self._step = 0
         self._added = 0
         self._entering: dict[str, Spawn] = {}
@@ -213,6 +221,11 @@ class SumoTraffic:
         return self._drivers
 
     @property
+    def agents(self) -> AgentRegistry:
+        """Those that are there."""
+        return self._agents
+
+    @property
     def behaviours(self) -> Mapping[str, str]:
         return self._agents.behaviours
 
@@ -237,7 +250,7 @@ class SumoTraffic:
         self._control.relax(agents)
         met, anchor = (ego, self._proxy.anchor) if self._proxy is not None else (replace(ego, x_m=NOWHERE_M), None)
         commands = self._reactions.decide(met, anchor, walking, standing, agents)
-        self._control.tell(agents, commands, self._posts.agents(agents))
+        self._control.tell(agents, commands, self._posts.agents(agents), self._acts(agents))
         self._control.let_drive_on(self._late_for_light.agents(agents, self._next_switch_s))
         if self._proxy is not None:
             told = (commands.for_ego_mps, commands.for_others_mps)
@@ -265,8 +278,8 @@ class SumoTraffic:
             sumo.simulationStep()
             gone = frozenset(sumo.simulation.getArrivedIDList())
             departed = self._entering.keys() & sumo.simulation.getDepartedIDList() if self._entering else None
-        if self._crowd is not None and self._started:
-            self._crowd.advance()
+        if self._crowd is not None and self._started and self._crowd.advance():
+            self._agents.notice_people()
         if self._logged is not None:
             self._step += self._started
             if changes := self._logged.changes(self._step):
@@ -286,7 +299,7 @@ class SumoTraffic:
         self._before = None
         self._ax_without_ego = {self._agents.token_of(name): value for name, value in found.items()}
 
-    def _let_in_and_out(self, flow: Flow) -> None:
+    def _let_in_and_out(self, flow: Inflow) -> None:
         """Who comes and goes far from the ego."""
         agents = self._agents
         names, aside_of = agents.names, sumo.vehicle.getLateralLanePosition

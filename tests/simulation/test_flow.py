@@ -132,9 +132,9 @@ def test_where_the_map_begins_none_enters_in_sight_of_the_ego(ego_x: float, ente
 def test_a_car_that_is_changing_lane_is_on_both() -> None:
     flow, ego = keeper(), ego_at(750.0, LANE_Y[1])
     car = [("e1_1", 500.0, 10.0)]
-    assert len(flow._occupied(_one(car, 0.0)).on("e1_0")) == 0
-    assert len(flow._occupied(_one(car, 0.3)).on("e1_0")) == 1
-    inside = flow._occupied(_one([(":B_1_1", 0.1, 10.0)], 0.3))
+    assert len(flow.occupied(_one(car, 0.0)).on("e1_0")) == 0
+    assert len(flow.occupied(_one(car, 0.3)).on("e1_0")) == 1
+    inside = flow.occupied(_one([(":B_1_1", 0.1, 10.0)], 0.3))
     assert [len(inside.on(lane)) for lane in (":B_1_0", "e0_0")] == [1, 1]
     assert look(flow, car, ego).entering
 

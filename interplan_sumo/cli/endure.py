@@ -1,0 +1,159 @@
+"""The command `endure`: kilometres through a district, and how often a planner fails on them."""
+
+from __future__ import annotations
+
+import contextlib
+import shlex
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.cli.completion import map_names
+from interplan_sumo.cli.options import (
+    DONE,
+    INCOMPLETE,
+    JsonOption,
+    QuietOption,
+    run_folder,
+    take_one_thread,
+    takes_run_options,
+)
+from interplan_sumo.errors import InputError, counted
+from interplan_sumo.report.printing import print_json
+
+if TYPE_CHECKING:
+    from interplan_sumo.endurance.records import SegmentRecord
+
+SAY_S = 10.0
+"""Between two lines of progress."""
+
+
+@takes_run_options(
+    "planners", "out", "workers", "traffic", "in_process", "plan_limit_s", "memory_gb",
+    out="The folder of the kilometres; the same command on it goes on.",
+    workers="Processes of this machine; 0 drives in this one. Default: all cores.",
+    traffic="A vehicle-type file instead of the behaviour's.",
+)  # fmt: skip
+def endure(
+    context: typer.Context,
+    options: RunOptions,
+    map_: Annotated[
+        str, typer.Option("--map", help="A shipped map, or the folder of one.", metavar="M", autocompletion=map_names)
+    ],
+    km: Annotated[float, typer.Option(help="Kilometres to drive.", metavar="K")],
+    density: Annotated[
+        float, typer.Option(help="Vehicles, as a fraction of those at which the district is full.", metavar="D")
+    ] = 0.5,
+    behaviour: Annotated[
+        str | None, typer.Option(help="Drivers: a vehicle-type file of routes/. Default: mixed.", metavar="B")
+    ] = None,
+    rare: Annotated[
+        float | None,
+        typer.Option(help="Probability of a rare event per opportunity and second. Default: 0.0003.", metavar="RATE"),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Another one has other starts and other traffic.")] = 0,
+    naive_share: Annotated[
+        float, typer.Option(help="Of the segments, in which rare events are as rare as they are; at least 0.2.")
+    ] = 0.5,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Drive kilometres instead of scenes: collisions and other failures per 1000 km, with intervals.
+
+    The same command on the same folder goes on where it was stopped; with more --km it goes farther.
+    """
+    take_one_thread()
+    from interplan_sumo.endurance.kilometres import EVENTS, EndureOptions, drive_kilometres
+    from interplan_sumo.planner import RECOMMENDED
+
+    if len(options.planners) > 1:
+        raise InputError("endure drives one planner at a time; give --planner once, and the same --out for the next")
+    if options.who.ray is not None:
+        raise InputError("endure drives on this machine; give --workers N")
+    if behaviour is not None and options.traffic is not None:
+        raise InputError("--traffic replaces the vehicle types that --behaviour chooses; give only one")
+    folder, command = run_folder(context, options, "endure-")
+    wanted = EndureOptions(
+        planner=next(iter(options.planners), RECOMMENDED),
+        map=map_,
+        km=km,
+        out=folder,
+        density=density,
+        behaviour=behaviour or "mixed",
+        traffic=options.traffic,
+        rare=rare,
+        seed=seed,
+        naive_share=naive_share,
+        run=options,
+    )
+    try:
+        with contextlib.redirect_stdout(sys.stderr):  # in-process planners may print: not into the table or JSON
+            records = drive_kilometres(wanted, _Progress(quiet=quiet))
+    except KeyboardInterrupt:
+        print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
+        return INCOMPLETE
+    if as_json:
+        print_json({"folder": str(folder), **_summary(records)})
+    else:
+        print(f"{_driven(records)} in {counted(len(records), 'segment')}: {_kinds(records)}")
+        if not quiet:
+            print(f"wrote {folder}; each kept event is a drive of {folder / EVENTS}", file=sys.stderr)
+    return DONE
+
+
+class _Progress:
+    """A line on stderr now and then."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet = quiet
+        self._records: list[SegmentRecord] = []
+        self._planned = 0
+        self._said_s = time.monotonic()
+
+    def planned(self, segments: int, done: Sequence[SegmentRecord]) -> None:
+        """So many segments in all, as far as is known, of which these are done."""
+        self._records = list(done)
+        self._planned = segments
+        self._say(f"{counted(segments, 'segment')}, {len(done)} done")
+
+    def finished(self, record: SegmentRecord) -> None:
+        """One more has been driven."""
+        self._records.append(record)
+        if record.fault is not None:
+            self._say(f"segment {record.index}: {record.fault.kind} fault: {record.fault.message}")
+        if time.monotonic() - self._said_s >= SAY_S:
+            self._say(f"[{len(self._records)}/{self._planned}] {_driven(self._records)}")
+
+    def _say(self, text: str) -> None:
+        self._said_s = time.monotonic()
+        if not self._quiet:
+            print(text, file=sys.stderr, flush=True)
+
+
+def _driven(records: Sequence[SegmentRecord]) -> str:
+    km = sum(record.metres for record in records) / 1000.0
+    hit = sum(event.kind == "collision" and event.at_fault for record in records for event in record.events)
+    return f"{km:.1f} km, {counted(hit, 'at-fault collision')}"
+
+
+def _summary(records: Sequence[SegmentRecord]) -> dict[str, object]:
+    """What was driven and what happened, as plain data."""
+    return {
+        "segments": len(records),
+        "km": round(sum(record.metres for record in records) / 1000.0, 3),
+        "hours": round(sum(record.seconds for record in records) / 3600.0, 4),
+        "events": dict(Counter(event.kind for record in records for event in record.events)),
+        "at_fault": sum(e.kind == "collision" and e.at_fault for record in records for e in record.events),
+        "rare_events": dict(Counter(each.kind for record in records for each in record.rare_events)),
+        "faults": dict(Counter(record.fault.kind for record in records if record.fault is not None)),
+    }
+
+
+def _kinds(records: Sequence[SegmentRecord]) -> str:
+    kinds = Counter(event.kind for record in records for event in record.events)
+    return ", ".join(f"{kind.replace('_', ' ')} {number}" for kind, number in sorted(kinds.items())) or "no events"

@@ -1,0 +1,117 @@
+"""People in the streets of a segment: they come, wait at the kerb, cross and are forgotten once they are far away."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import hypot
+from typing import Final
+
+import numpy as np
+import shapely
+
+from interplan_sumo.scenario.jaywalking import PedestrianWalk
+from interplan_sumo.simulation.lane_polygons import Ring, hull
+from interplan_sumo.simulation.pedestrians import FORESEEN_STEP_S, FORESIGHT_S, covered
+from interplan_sumo.world.actors import ActorKind, Actors
+from interplan_sumo.world.ego import EgoShape, EgoState
+
+FORGOTTEN_M: Final = 115.0
+"""Farther from the ego somebody who neither waits for it nor walks is gone."""
+
+
+@dataclass(slots=True, eq=False)
+class Walker:
+    """One of them."""
+
+    id: str
+    walk: PedestrianWalk
+    expected: bool = True
+    """Whether it still waits for its moment; who does not and stands is part of the street."""
+    walked_s: float | None = None
+    """None: it has not set off."""
+    boxes: dict[str, shapely.Polygon] = field(default_factory=dict[str, shapely.Polygon])
+
+    @property
+    def walks(self) -> bool:
+        """Whether it is under way."""
+        return self.walked_s is not None and self.walked_s < self.walk.duration_s
+
+    @property
+    def time_s(self) -> float:
+        """Since it set off, negative where it has not."""
+        return -1.0 if self.walked_s is None else self.walked_s
+
+
+class StreetPeople:
+    """All who are there; `People` for the traffic."""
+
+    def __init__(self, dt_s: float) -> None:
+        self._dt_s = dt_s
+        self._there: list[Walker] = []
+        self._coming: list[Walker] = []
+        self._ego = (0.0, 0.0)
+
+    @property
+    def there(self) -> Sequence[Walker]:
+        """Those who can be seen, by id."""
+        return self._there
+
+    def come(self, walker: Walker) -> None:
+        """One who stands at a kerb from the next step on."""
+        self._coming.append(walker)
+
+    def notice(self, ego: EgoState, _shape: EgoShape) -> None:
+        """Nobody minds the ego of their own accord."""
+        self._ego = (ego.x_m, ego.y_m)
+
+    def advance(self) -> bool:
+        """Everyone under way walks on for one step; whether somebody has come or left."""
+        for each in self._there:
+            if each.walked_s is not None:
+                each.walked_s += self._dt_s
+        stay = [each for each in self._there if each.expected or each.walks or self._is_near(each)]
+        changed = bool(self._coming) or len(stay) != len(self._there)
+        if changed:
+            self._there = sorted([*stay, *self._coming], key=lambda each: each.id)
+            self._coming.clear()
+        return changed
+
+    def _is_near(self, each: Walker) -> bool:
+        x_m, y_m, _ = each.walk.poses(np.array([each.time_s]))[0].tolist()
+        return hypot(x_m - self._ego[0], y_m - self._ego[1]) <= FORGOTTEN_M
+
+    def observe(self) -> Actors:
+        """Everyone as actors with their true velocities, rows sorted by id."""
+        if not self._there:
+            return Actors.none()
+        poses = [each.walk.poses(np.array([each.time_s]))[0] for each in self._there]
+        x, y, heading = np.array(poses, dtype=np.float64).reshape(-1, 3).T
+        speed = np.array([each.walk.speed_mps(each.time_s) for each in self._there], dtype=np.float64)
+        length, width = np.array([each.walk.size_m for each in self._there], dtype=np.float64).reshape(-1, 2).T
+        kinds = np.full(len(self._there), int(ActorKind.PEDESTRIAN), dtype=np.int8)
+        ids = tuple(each.id for each in self._there)
+        return Actors(ids, kinds, x, y, heading, length, width, speed * np.cos(heading), speed * np.sin(heading))
+
+    def foreseen(self, origin_m: tuple[float, float]) -> list[Ring]:
+        """What those under way cover from now to `FORESIGHT_S` later, in SUMO's frame."""
+        areas: list[Ring] = []
+        for each in self._there:
+            if each.walks:
+                upto_s = min(each.time_s + FORESIGHT_S, each.walk.duration_s) + FORESEEN_STEP_S
+                ahead_s = np.minimum(np.arange(each.time_s, upto_s, FORESEEN_STEP_S), each.walk.duration_s)
+                areas.append(hull(covered(each.walk, ahead_s, origin_m)))
+        return areas
+
+    def standing(self, origin_m: tuple[float, float]) -> dict[str, shapely.Polygon]:
+        """The boxes of those who wait or have arrived, by place. In SUMO's frame."""
+        found: dict[str, shapely.Polygon] = {}
+        for each in self._there:
+            if each.walks:
+                continue
+            place = f"{each.id} {'waits' if each.walked_s is None else 'has arrived'}"
+            if place not in each.boxes:
+                corners = hull(covered(each.walk, np.array([each.time_s]), origin_m))
+                each.boxes[place] = shapely.Polygon(corners)
+            found[place] = each.boxes[place]
+        return found
