@@ -7,7 +7,7 @@ for that (`statistics.repeated_looks`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Final
@@ -19,6 +19,9 @@ from interplan_sumo.statistics.event_rates import ClusterRate, effective_size, r
 from interplan_sumo.statistics.intervals import Range
 from interplan_sumo.statistics.repeated_looks import WIDEST, boundaries
 
+MOST_WIDTHS: Final = 16
+FEWER: Final = 0.8
+"""As many segments from one width to the one before it."""
 LEAST_NEWS: Final = 0.01
 """Of the information that is needed: with less than this no look is taken."""
 
@@ -49,6 +52,7 @@ def looks(
     measure: MeasureKey,
     batch: int,
     wanted: float,
+    natural: Mapping[RareKind, float] | None = None,
 ) -> list[RateLook]:
     """All looks at one planner's total rate until it is known, after `batch` segments of each cell and seed at a time.
 
@@ -56,7 +60,7 @@ def looks(
     first segment is missing.
     """
     ordered = sorted(segments, key=lambda each: (each.index, each.cell))
-    natural = natural_probabilities(ordered)
+    natural = natural or natural_probabilities(ordered)
     known = [weighed(each, natural) for each in ordered]
     found: list[tuple[int, float, RateSample, ClusterRate, float]] = []
     for end in range(batch, _complete(ordered) + 1, batch):
@@ -115,6 +119,38 @@ def _confidence(standard_errors: float) -> float:
 
 def _per_1000_km(interval: Range) -> Range:
     return interval[0] * KM1000, interval[1] * KM1000
+
+
+@dataclass(frozen=True, slots=True)
+class WidthPoint:
+    """How well a total rate was known after so many kilometres, boosted ones included; not corrected for looking."""
+
+    km: float
+    half_width: float
+    """Half the 95 % interval over the rate."""
+
+
+def widths(
+    segments: Iterable[SegmentRecord], natural: Mapping[RareKind, float], measure: MeasureKey
+) -> list[WidthPoint]:
+    """After more and more segments, from where there is an interval on."""
+    ordered = sorted(segments, key=lambda each: (each.index, each.cell, each.seed))
+    known = [weighed(each, natural) for each in ordered]
+    found: list[WidthPoint] = []
+    count = float(len(known))
+    for _ in range(MOST_WIDTHS):
+        until = known[: round(count)]
+        metres = sum(each.record.metres for each in until)
+        naive = sum(each.record.metres for each in until if each.record.naive)
+        if not naive or naive < FEWEST_NAIVE * metres:
+            break
+        sample = RateSample(until, rare_weights(until, natural), measure)
+        spread = sample.rate("total") if sample.enough("total") else None
+        if spread is None:
+            break
+        found.append(WidthPoint(metres / 1000.0, spread.half_width()))
+        count *= FEWER
+    return found[::-1]
 
 
 @dataclass(frozen=True, slots=True)

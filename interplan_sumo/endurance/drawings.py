@@ -1,0 +1,276 @@
+"""Drawings of an endurance report as figures of SVG: rates over densities, where things happened, and widths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import ceil, floor, log10
+from typing import Final
+
+import numpy as np
+
+from interplan_sumo.endurance.formats import number_text, range_text
+from interplan_sumo.endurance.rate_sample import MEASURES, MeasureKey
+from interplan_sumo.endurance.rates import DrivenRates
+from interplan_sumo.endurance.report import EnduranceReport, MappedEvent
+from interplan_sumo.errors import InputError
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.world.geometry import Floats
+
+WIDE, HIGH = 300.0, 170.0
+"""Of a drawing, in its own units."""
+LEFT: Final = 34.0
+"""For the numbers of the axis upwards."""
+MARGIN: Final = 26.0
+"""Between the ends of the axis along and what is drawn at them."""
+APART: Final = 9.0
+"""Between planners at one density."""
+WIDTH_TICKS: Final = (0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
+DETAIL_M: Final = 2.0
+"""Of roads on the map of events."""
+MAP_WIDE: Final = 1000.0
+"""Of the map, in its own units."""
+ON_MAP: Final[tuple[MeasureKey, ...]] = (
+    "at_fault_collision", "other_collision", "near_miss", "hard_braking", "red_light", "stall", "off_road",
+)  # fmt: skip
+"""In the order of their colours; the first is drawn on top."""
+
+
+@dataclass(frozen=True, slots=True)
+class RateMark:
+    """A rate at its place, with its interval as a bar; hollow where too few events make none."""
+
+    x: float
+    y: float
+    bar: str
+    hollow: bool
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnPlanner:
+    """What one planner has in a drawing."""
+
+    name: str
+    colour: int
+    path: str
+    """A line; empty without one."""
+    band: str
+    """Around the line; empty without one."""
+    marks: tuple[RateMark, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RateDrawing:
+    """One panel with ticks along both axes."""
+
+    title: str
+    planners: tuple[DrawnPlanner, ...]
+    along: tuple[tuple[float, str], ...]
+    upwards: tuple[tuple[float, str], ...]
+    axis: str
+    """What stands below."""
+    about: str
+    """In words, for who cannot see it."""
+
+
+@dataclass(frozen=True, slots=True)
+class EventMap:
+    """A district and what happened where."""
+
+    name: str
+    high: float
+    roads: str
+    dots: tuple[tuple[float, float, int, str], ...]
+    """Place, colour and what it is."""
+    counts: tuple[tuple[int, str], ...]
+    """Colours, and how many of what."""
+
+
+def planner_colours(report: EnduranceReport) -> dict[str, int]:
+    """By planner; there are six."""
+    return {each.planner: number % 6 for number, each in enumerate(report.rates.planners)}
+
+
+def rate_drawings(report: EnduranceReport) -> list[RateDrawing]:
+    """A panel for each population of drivers on each map: the rate over densities, a line being the regression's."""
+    cells = [each for each in report.rates.cells if each.cell is not None and each.measures]
+    panels = dict.fromkeys((each.cell.map, each.cell.drivers) for each in cells if each.cell)
+    densities = sorted({each.cell.density for each in cells if each.cell})
+    top = axis_top([highest_rate(each, report) for each in cells])
+    found: list[RateDrawing] = []
+    for map_name, drivers in panels:
+        own = [each for each in cells if each.cell and (each.cell.map, each.cell.drivers) == (map_name, drivers)]
+        found.append(
+            RateDrawing(
+                title=f"{drivers}, {map_name}",
+                planners=tuple(_drawn(name, own, densities, top, report) for name in dict.fromkeys(_names(own))),
+                along=tuple((_x(n, len(densities)), f"{value:g}") for n, value in enumerate(densities)),
+                upwards=_ticks(top),
+                axis="density, of saturation",
+                about="; ".join(
+                    f"{each.label}: {number_text(each.measures[report.measure].total.per_1000_km)}" for each in own
+                ),
+            )
+        )
+    return found
+
+
+def _names(cells: Iterable[DrivenRates]) -> list[str]:
+    return [each.planner for each in cells]
+
+
+def highest_rate(driven: DrivenRates, report: EnduranceReport) -> float:
+    """What has to fit: an interval, but no more than four times the rate."""
+    rate = driven.measures[report.measure].total
+    high = rate.per_1000_km if rate.interval is None else min(rate.interval[1], 4.0 * rate.per_1000_km)
+    fitted = None if driven.cell is None else report.regression.fitted.get((driven.planner, driven.cell))
+    return max(high, 0.0 if fitted is None else min(fitted[1][1], 2.0 * fitted[0]))
+
+
+def _drawn(
+    name: str, cells: Sequence[DrivenRates], densities: Sequence[float], top: float, report: EnduranceReport
+) -> DrawnPlanner:
+    planners = list(planner_colours(report))
+    aside = (planners.index(name) - (len(planners) - 1) / 2.0) * min(APART, 2.0 * MARGIN / len(planners))
+    marks: list[RateMark] = []
+    line: list[tuple[float, float, float, float]] = []
+    own = [(each.cell, each) for each in cells if each.cell is not None and each.planner == name]
+    for cell, each in sorted(own, key=lambda pair: pair[0]):
+        x = _x(densities.index(cell.density), len(densities)) + aside
+        rate = each.measures[report.measure].total
+        bar = ""
+        if rate.interval is not None:
+            low, high = (_y(bound, top) for bound in rate.interval)
+            bar = f"M{x:.1f} {low:.1f}V{high:.1f}"
+        said = f"({rate.events} events)" if rate.interval is None else range_text(rate.interval)
+        title = f"{each.label}: {number_text(rate.per_1000_km)} {said}"
+        marks.append(RateMark(round(x, 1), round(_y(rate.per_1000_km, top), 1), bar, not bar, title))
+        fitted = report.regression.fitted.get((name, cell))
+        if fitted is not None:
+            centre, (low, high) = fitted
+            line.append((x, _y(centre, top), _y(low, top), _y(high, top)))
+    path = _path([(x, y) for x, y, _, _ in line])
+    band = _path([*((x, low) for x, _, low, _ in line), *((x, high) for x, _, _, high in line[::-1])])
+    return DrawnPlanner(name, planner_colours(report)[name], path, band, tuple(marks))
+
+
+def _path(points: Sequence[tuple[float, float]]) -> str:
+    """A line in SVG's words; empty if it is only a step upwards."""
+    if len({x for x, _ in points}) < 2:
+        return ""
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
+
+
+def _x(number: int, count: int) -> float:
+    return LEFT + MARGIN + (WIDE - LEFT - 2.0 * MARGIN) * (number / (count - 1) if count > 1 else 0.5)
+
+
+def _y(value: float, top: float) -> float:
+    return HIGH * (1.0 - min(value / top, 1.0))
+
+
+def axis_top(values: Iterable[float]) -> float:
+    """The least of 1, 2, 5, 10, ... times four ticks that all of these are below."""
+    highest = max([0.0, *values]) or 1.0
+    size = 10.0 ** floor(log10(highest / 4.0))
+    return 4.0 * next(step * size for step in (1.0, 2.0, 2.5, 5.0, 10.0) if 4.0 * step * size >= highest)
+
+
+def _ticks(top: float) -> tuple[tuple[float, str], ...]:
+    return tuple((_y(top * n / 4.0, top), number_text(top * n / 4.0)) for n in range(5))
+
+
+def width_drawing(report: EnduranceReport) -> RateDrawing | None:
+    """Kilometres against the half-width of the interval, both on logarithmic scales; None without any interval."""
+    lines = {planner: points for planner, points in report.widths.items() if points}
+    if not lines:
+        return None
+    every = [point for points in lines.values() for point in points]
+    low_km, high_km = _decades([each.km for each in every])
+    low, high = 0.05, 1.0
+    drawn: list[DrawnPlanner] = []
+    for planner, points in lines.items():
+        places = [(_log_x(each.km, low_km, high_km), _log_y(each.half_width, low, high)) for each in points]
+        marks = tuple(
+            RateMark(x, y, "", False, f"{planner}, {number_text(each.km)} km: +-{100.0 * each.half_width:.0f} %")
+            for (x, y), each in zip(places, points, strict=True)
+        )
+        drawn.append(DrawnPlanner(planner, planner_colours(report)[planner], _path(places), "", marks))
+    decades = [10.0**power for power in range(round(log10(low_km)), round(log10(high_km)) + 1)]
+    return RateDrawing(
+        title="Half of the 95 % interval over the rate",
+        planners=tuple(drawn),
+        along=tuple((_log_x(km, low_km, high_km), number_text(km)) for km in decades),
+        upwards=tuple(
+            (_log_y(value, low, high), f"{100.0 * value:.0f} %") for value in (0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
+        ),
+        axis="kilometres driven",
+        about="; ".join(f"{name}: +-{100.0 * points[-1].half_width:.0f} %" for name, points in lines.items()),
+    )
+
+
+def _decades(values: Sequence[float]) -> tuple[float, float]:
+    low, high = floor(log10(min(values))), ceil(log10(max(values)))
+    return 10.0**low, 10.0 ** max(high, low + 1)
+
+
+def _log_x(value: float, low: float, high: float) -> float:
+    return round(LEFT + 8.0 + (WIDE - LEFT - 16.0) * log10(value / low) / log10(high / low), 1)
+
+
+def _log_y(value: float, low: float, high: float) -> float:
+    return round(HIGH * (1.0 - log10(min(max(value, low), high) / low) / log10(high / low)), 1)
+
+
+def event_maps(report: EnduranceReport) -> list[EventMap]:
+    """A map of each district, with its roads where they can be read."""
+    return [_event_map(name, events) for name, events in report.events.items() if events]
+
+
+def _event_map(name: str, events: Sequence[MappedEvent]) -> EventMap:
+    lines = road_lines(name)
+    places = np.array([(each.event.x, each.event.y) for each in events], dtype=np.float64)
+    every = np.concatenate([places, *lines])
+    low, size = every.min(axis=0), np.maximum(np.ptp(every, axis=0), 1.0)
+    scale = MAP_WIDE / size[0]
+    if scale * size[1] > MAP_WIDE:
+        scale = MAP_WIDE / size[1]
+
+    def drawn(points: Floats) -> Floats:
+        return np.round(
+            np.column_stack(((points[:, 0] - low[0]) * scale, (low[1] + size[1] - points[:, 1]) * scale)), 1
+        )
+
+    ordered = sorted(zip(events, drawn(places).tolist(), strict=True), key=lambda each: -ON_MAP.index(each[0].measure))
+    found: dict[MeasureKey, int] = {key: sum(each.measure == key for each in events) for key in ON_MAP}
+    return EventMap(
+        name=name,
+        high=round(float(size[1]) * scale, 1),
+        roads="".join("M" + "L".join(f"{x:g} {y:g}" for x, y in drawn(line).tolist()) for line in lines),
+        dots=tuple((x, y, ON_MAP.index(each.measure), event_text(each)) for each, (x, y) in ordered),
+        counts=tuple((ON_MAP.index(key), f"{count} {MEASURES[key]}") for key, count in found.items() if count),
+    )
+
+
+def road_lines(name: str) -> list[Floats]:
+    """Centre lines (N, 2) of a map's lanes, thinned; none where there is no such map any more."""
+    import shapely
+
+    try:
+        roads = load_roads(name)
+    except InputError:
+        return []
+    lines = [lane.centerline.linestring for lane in (*roads.lanes.values(), *roads.connectors.values())]
+    return [shapely.get_coordinates(line) for line in shapely.simplify(np.array(lines, dtype=object), DETAIL_M)]
+
+
+def event_text(each: MappedEvent) -> str:
+    """What happened, in a line."""
+    event = each.event
+    other = f" with {event.other}" if event.other else ""
+    rare = f", {event.rare.replace('_', ' ')}" if event.rare else ""
+    return (
+        f"{each.planner}: {MEASURES[each.measure]}{other}{rare}, {event.place}, "
+        f"segment {each.segment} at {event.time_s:.0f} s"
+    )
