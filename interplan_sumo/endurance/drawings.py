@@ -238,9 +238,10 @@ def _event_map(name: str, events: Sequence[MappedEvent]) -> EventMap:
         scale = MAP_WIDE / size[1]
 
     def drawn(points: Floats) -> Floats:
-        return np.round(
-            np.column_stack(((points[:, 0] - low[0]) * scale, (low[1] + size[1] - points[:, 1]) * scale)), 1
-        )
+        found = np.empty_like(points)
+        found[:, 0] = points[:, 0] - low[0]
+        found[:, 1] = low[1] + size[1] - points[:, 1]
+        return np.round(found * scale, 1)
 
     ordered = sorted(zip(events, drawn(places).tolist(), strict=True), key=lambda each: -ON_MAP.index(each[0].measure))
     found: dict[MeasureKey, int] = {key: sum(each.measure == key for each in events) for key in ON_MAP}
