@@ -47,7 +47,9 @@ def open_trip(
     speed_mps = _start_speed_mps(city, now, spawns, (lane, front_m), ego_route)
     occupied = LaneOccupancy(network)
     occupied.add(lane, Occupant(front_m, front_m - shape.length_m, speed_mps))
-    spawns = settled(network, spawns, occupied, now.shown)
+    # Who stands in a queue stands where SUMO has put it, however short the gap: it is none to be left out.
+    kept = settled(network, [replace(each, drawn=False) for each in spawns], occupied, now.shown)
+    spawns = [replace(each, drawn=True) for each in kept]
     scenario = replace(scenario, start_speed_mps=round(speed_mps, 2))
     tokens = opaque_ids(len(spawns), rng)
     names = shuffled_ids(rng, tokens)
