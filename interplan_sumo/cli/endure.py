@@ -6,8 +6,8 @@ import contextlib
 import shlex
 import sys
 import time
-from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -24,11 +24,14 @@ from interplan_sumo.cli.options import (
     takes_run_options,
 )
 from interplan_sumo.errors import InputError, counted
-from interplan_sumo.report.printing import print_json
+from interplan_sumo.report.printing import console, print_json
 
 if TYPE_CHECKING:
     from interplan_sumo.endurance.records import SegmentRecord
 
+PAGE = "report.html"
+PLOT = "rates.png"
+"""In the folder."""
 SAY_S = 10.0
 """Between two lines of progress."""
 
@@ -68,7 +71,7 @@ def endure(
     The same command on the same folder goes on where it was stopped; with more --km it goes farther.
     """
     take_one_thread()
-    from interplan_sumo.endurance.kilometres import EVENTS, EndureOptions, drive_kilometres
+    from interplan_sumo.endurance.kilometres import EndureOptions, drive_kilometres
     from interplan_sumo.planner import RECOMMENDED
 
     if len(options.planners) > 1:
@@ -93,16 +96,11 @@ def endure(
     )
     try:
         with contextlib.redirect_stdout(sys.stderr):  # in-process planners may print: not into the table or JSON
-            records = drive_kilometres(wanted, _Progress(quiet=quiet))
+            drive_kilometres(wanted, _Progress(quiet=quiet))
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
         return INCOMPLETE
-    if as_json:
-        print_json({"folder": str(folder), **_summary(records)})
-    else:
-        print(f"{_driven(records)} in {counted(len(records), 'segment')}: {_kinds(records)}")
-        if not quiet:
-            print(f"wrote {folder}; each kept event is a drive of {folder / EVENTS}", file=sys.stderr)
+    say_what_was_driven(folder, command, as_json=as_json, quiet=quiet)
     return DONE
 
 
@@ -141,19 +139,22 @@ def _driven(records: Sequence[SegmentRecord]) -> str:
     return f"{km:.1f} km, {counted(hit, 'at-fault collision')}"
 
 
-def _summary(records: Sequence[SegmentRecord]) -> dict[str, object]:
-    """What was driven and what happened, as plain data."""
-    return {
-        "segments": len(records),
-        "km": round(sum(record.metres for record in records) / 1000.0, 3),
-        "hours": round(sum(record.seconds for record in records) / 3600.0, 4),
-        "events": dict(Counter(event.kind for record in records for event in record.events)),
-        "at_fault": sum(e.kind == "collision" and e.at_fault for record in records for e in record.events),
-        "rare_events": dict(Counter(each.kind for record in records for each in record.rare_events)),
-        "faults": dict(Counter(record.fault.kind for record in records if record.fault is not None)),
-    }
+def say_what_was_driven(folder: Path, command: Sequence[str], *, as_json: bool, quiet: bool) -> None:
+    """The rates of all that a folder holds: as tables or JSON, as its page, and as its figure."""
+    from interplan_sumo.endurance.formats import endurance_json, endurance_text
+    from interplan_sumo.endurance.kilometres import EVENTS, read_segments
+    from interplan_sumo.endurance.page import write_endurance_report
+    from interplan_sumo.endurance.report import endurance_report
 
-
-def _kinds(records: Sequence[SegmentRecord]) -> str:
-    kinds = Counter(event.kind for record in records for event in record.events)
-    return ", ".join(f"{kind.replace('_', ' ')} {number}" for kind, number in sorted(kinds.items())) or "no events"
+    report = endurance_report(read_segments(folder))
+    page, plot = folder / PAGE, folder / PLOT
+    write_endurance_report(report, page=page, command=shlex.join(command))
+    with contextlib.suppress(InputError):  # without matplotlib there is the page
+        write_endurance_report(report, plot=plot)
+    if as_json:
+        print_json({"folder": str(folder), **endurance_json(report)})
+    else:
+        for each in endurance_text(report):
+            console().print(each)
+    if not quiet:
+        print(f"wrote {page}; each kept event is a drive of {folder / EVENTS}", file=sys.stderr)
