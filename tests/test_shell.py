@@ -85,13 +85,15 @@ def test_bash_is_offered_names_settings_and_values(
 
 
 def test_bash_is_offered_run_folders(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    for place in ("runs/one", "runs/two", "alone", "maps/town"):
+    for place in ("runs/one", "runs/two", "alone", "maps/town", "far"):
         (tmp_path / place).mkdir(parents=True)
         if place != "maps/town":
-            (tmp_path / place / "manifest.json").touch()
+            (tmp_path / place / ("endure.json" if place == "far" else "manifest.json")).touch()
     monkeypatch.chdir(tmp_path)
     assert offered(monkeypatch, "report", "") == ["alone", "runs/one", "runs/two"]
     assert offered(monkeypatch, "compare", "runs/one", "runs/t") == ["runs/two"]
+    assert offered(monkeypatch, "rates", "") == ["far"]
+    assert offered(monkeypatch, "rates", "far", "--of", "near") == ["near_miss"]
     assert offered(monkeypatch, "verify", f"{tmp_path}/al") == [f"{tmp_path}/alone"]
 
 

@@ -31,6 +31,7 @@ from interplan_sumo.cli.llm import llm_app
 from interplan_sumo.cli.maps import maps_app
 from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, OUR_FAULT, JsonOption, naming
 from interplan_sumo.cli.planners import planners_app
+from interplan_sumo.cli.rates import rates
 from interplan_sumo.cli.recorded import format_names, import_recorded
 from interplan_sumo.cli.replay import replay
 from interplan_sumo.cli.scenarios import scenarios_app
@@ -44,6 +45,7 @@ app = typer.Typer(name="interplan-sumo", rich_markup_mode="rich", **LOOKS)
 app.add_typer(runs.app)
 app.command()(sweep)
 app.command()(endure)
+app.command()(rates)
 app.command()(verify)
 app.command()(submit)
 app.command()(judge)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
 
@@ -72,15 +72,20 @@ def settings(incomplete: str) -> list[str]:
 
 def run_folders(incomplete: str) -> list[str]:
     """Run folders at the place that was typed, and one level below; none leaves it to the shell to complete files."""
+    return _folders_with("manifest.json", incomplete)
+
+
+def endure_folders(incomplete: str) -> list[str]:
+    """Folders of `endure`, as `run_folders`."""
+    return _folders_with("endure.json", incomplete)
+
+
+def _folders_with(name: str, incomplete: str) -> list[str]:
     above, slash, _ = incomplete.rpartition("/")
     place = Path(above + slash) if slash else Path()
-    found = (f"{above}{slash}{each.parent.relative_to(place)}" for each in _manifests(place))
+    files = (file for pattern in ("*", "*/*") for file in place.glob(f"{pattern}/{name}"))
+    found = (f"{above}{slash}{each.parent.relative_to(place)}" for each in files)
     return sorted(each for each in found if each.startswith(incomplete))
-
-
-def _manifests(place: Path) -> Iterator[Path]:
-    for pattern in ("*/manifest.json", "*/*/manifest.json"):
-        yield from place.glob(pattern)
 
 
 class BashWords:

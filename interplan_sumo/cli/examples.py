@@ -22,6 +22,10 @@ EXAMPLES: Final[Mapping[str, tuple[str, ...]]] = {
         "endure --planner idm --map strip --km 10 --out runs/kilometres",
         "endure --planner mine:Best --map one_north --km 500 --density 0.75 --behaviour assertive --out runs/dense",
     ),
+    "rates": (
+        "rates runs/kilometres --html rates.html",
+        "rates runs/idm runs/mine --of near_miss --rare jaywalker=0.001",
+    ),
     "replay": ("replay runs/mine nudge/0 --html nudge.html",),
     "drive": ("drive nudge/0", "drive nudge/0 --from runs/mine --planner idm --at 6.2"),
     "verify": ("verify runs/mine --all",),
