@@ -31,7 +31,7 @@ from interplan_sumo.world.signals import SignalStatus
 
 TripEnd = Literal["driven", "contact", "stall", "off_road", "jam", "time", "fault"]
 STALL_S: Final = 60.0
-"""So long an ego stands, in a junction, or with nobody before it and no red light, until it is said to have stalled."""
+"""So long in all an ego stands without moving on, in a junction, or with nobody before it and no red light."""
 JAM_S: Final = 240.0
 """So long it may stand for others."""
 STANDS_MPS: Final = 0.1
@@ -109,7 +109,7 @@ class _Watch:
             self._in_junction = not self.roads.lanes_at(ego.x_m, ego.y_m)
         self.stood_s += DT_S
         waits = not self._in_junction and (someone_before(ego, self.shape, actors) or self._at_red(loop))
-        self.stalled_s = 0.0 if waits else self.stalled_s + DT_S
+        self.stalled_s += 0.0 if waits else DT_S
         if self.stalled_s >= STALL_S - 1e-6:
             return "stall"
         return "jam" if self.stood_s >= JAM_S - 1e-6 else None

@@ -137,3 +137,14 @@ def test_each_kept_event_is_a_drive_to_look_at_and_a_scenario_to_drive_again(tmp
     scenarios = read_scenarios(tmp_path / EVENTS / "scenarios.yaml")
     assert [each.id for each in scenarios] == sorted(key[0] for key in run.briefs)
     assert all(each.family == "endure" and each.replayed for each in scenarios)
+
+
+@pytest.mark.slow
+def test_a_planner_that_stands_still_stalls_in_every_segment(tmp_path: Path) -> None:
+    still = replace(TINY, out=tmp_path, planner="tests.endurance.still_planner:Still", km=0.1, segment_m=100.0)
+    records = drive_kilometres(still)
+    assert len(records) == 2
+    for each in records:
+        assert [event.kind for event in each.events if event.kind != "hard_braking"] == ["stall"]
+        assert each.seconds >= 60.0
+        assert each.metres < 60.0
