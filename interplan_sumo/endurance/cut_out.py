@@ -14,7 +14,7 @@ import numpy as np
 
 from interplan_sumo.endurance.trip_way import TripWay
 from interplan_sumo.errors import ScenarioError
-from interplan_sumo.scenario.recorded import floored_m, scene
+from interplan_sumo.scenario.recorded import STEP_S, ego_scene, floored_m, replayed_track
 from interplan_sumo.scenario.route import start_arc_m
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.actors import ActorKind
@@ -26,6 +26,8 @@ from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
 BEFORE_S: Final = 10.0
 AFTER_S: Final = 5.0
 """15 s in all, where the trip has them."""
+LONGEST_S: Final = 90.0
+"""It begins up to so much earlier where the ego was inside a junction: scenarios begin on lanes."""
 PAST_S: Final = 2.0
 """What a planner looks back on."""
 GOAL_M: Final = 150.0
@@ -35,10 +37,15 @@ NEAR_M: Final = 60.0
 EGO: Final = "endure-ego"
 
 
-def window(trace: Trace, frame: int) -> tuple[int, int]:
-    """The first frame of the cut-out around an event, and the first one behind it."""
-    step_s = trace.dt_s
-    return max(0, frame - round(BEFORE_S / step_s)), min(len(trace), frame + round(AFTER_S / step_s) + 1)
+def window(trace: Trace, frame: int, roads: Roads) -> tuple[int, int]:
+    """The first frame of the cut-out around an event, and the first one behind it; it begins on a lane."""
+    step_s, ego = trace.dt_s, trace.ego
+    first = max(0, frame - round(BEFORE_S / step_s))
+    for earlier in range(first, max(-1, first - round(LONGEST_S / step_s)), -1):
+        if roads.lanes_at(float(ego.x_m[earlier]), float(ego.y_m[earlier])):
+            first = earlier
+            break
+    return first, min(len(trace), frame + round(AFTER_S / step_s) + 1)
 
 
 def cut_trace(trace: Trace, first: int, end: int) -> Trace:
@@ -62,12 +69,17 @@ def cut_trace(trace: Trace, first: int, end: int) -> Trace:
 def cut_scenario(id: str, trip: Scenario, roads: Roads, trace: Trace, first: int, end: int) -> Scenario | None:
     """The frames as a scenario; None if the ego was on no lane when they begin."""
     past = min(first, round(PAST_S / trace.dt_s))
+    recording = _recording(trace, roads, first - past, end, past)
+    duration_s = round((end - first - 1) * trace.dt_s, 1)
     try:
-        found = scene(
-            _recording(trace, roads, first - past, end, past), roads, ego_id=EGO, agents="replayed", goal_m=GOAL_M,
-            duration_s=round((end - first - 1) * trace.dt_s, 1),
-        )  # fmt: skip
-        return _on_its_way(replace(found.scenario, id=id, family="endure", maps_beside=trip.maps_beside), trip, roads)
+        bare, *_ = ego_scene(
+            recording, roads, ego_id=EGO, at_s=0.0, agents="replayed", goal_m=GOAL_M, duration_s=duration_s
+        )
+        tracks = (replayed_track(each, STEP_S, past, end - first) for each in recording.tracks if each.id != EGO)
+        others = tuple(each for each in tracks if not isinstance(each, str))
+        return _on_its_way(
+            replace(bare, id=id, family="endure", replayed=others, maps_beside=trip.maps_beside), trip, roads
+        )
     except ScenarioError:
         return None
 

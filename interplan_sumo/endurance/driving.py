@@ -137,7 +137,7 @@ def _keep(job: SegmentJob, settings: SegmentSettings, trip: Trip, trace: Trace, 
     ranked = sorted(range(len(found)), key=lambda row: (order.index(found[row].record.kind), row))
     for row in sorted(ranked[:MOST_KEPT]):
         each = found[row]
-        first, end = window(trace, each.frame)
+        first, end = window(trace, each.frame, trip.loop.roads)
         if end - first < 2:
             continue
         name = event_id(job, row)
