@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
+from math import inf
 from typing import Final, Protocol
 
 import numpy as np
@@ -196,6 +197,7 @@ class Staging:
         self._origin_m = ids.origin_m
         self._act: StagedAct | None = None
         self._ego: EgoState | None = None
+        self._told: frozenset[str] = frozenset()
 
     @property
     def is_active(self) -> bool:
@@ -221,10 +223,11 @@ class Staging:
 
     def most_mps(self, agents: AgentSnapshot) -> Mapping[str, float]:
         """How fast some agents are to be at most after the next step: the traffic asks once per step."""
-        if self._act is None or self._ego is None:
-            return {}
-        told = self._act.step(agents, self._ego)
-        return {name: most_mps for name, most_mps in told.items() if name in agents.rows}
+        told = self._act.step(agents, self._ego) if self._act is not None and self._ego is not None else {}
+        told = {name: most_mps for name, most_mps in told.items() if name in agents.rows}
+        found = with_released(told, self._told & agents.rows.keys())
+        self._told = frozenset(told)
+        return found
 
     def _started(self, what: RareOpportunity, agents: AgentRegistry) -> StagedAct:
         origin_m = self._origin_m
@@ -248,3 +251,8 @@ class Staging:
         end = LanePosition(what.place.lane, what.place.arc_m, -sign * there_m)
         way = walk(Jaywalker(start, end, WALKS_MPS), self._way.roads, self._way.line)
         return Walker(next(self._tokens), way)
+
+
+def with_released(told: Mapping[str, float], before: Set[str]) -> Mapping[str, float]:
+    """What agents are told, and that those who were told something before may drive as they like again."""
+    return {**dict.fromkeys(sorted(before - told.keys()), inf), **told}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import inf, pi
 
 import pytest
 
 from interplan_sumo.endurance.events import rare_at
-from interplan_sumo.endurance.staged import StagedSpan
+from interplan_sumo.endurance.staged import StagedSpan, with_released
 from interplan_sumo.endurance.trip import Stretches, someone_before, touches
 from interplan_sumo.tiny_worlds import cars
 from interplan_sumo.world.ego import PACIFICA, EgoState
@@ -46,3 +46,8 @@ def test_stretches_are_weighed_as_the_segment_was_there() -> None:
 def test_what_happens_is_of_the_rare_event_that_was_under_way(time_s: float, kind: str | None) -> None:
     spans = [StagedSpan("jaywalker", 10.0, 20.0), StagedSpan("cut_in", 30.0)]
     assert rare_at(spans, time_s) == kind
+
+
+def test_who_was_told_something_is_released_in_the_step_after() -> None:
+    assert with_released({"a": 3.0}, {"a", "b"}) == {"a": 3.0, "b": inf}
+    assert with_released({}, frozenset()) == {}
