@@ -138,10 +138,9 @@ def _seen(
 ) -> RateEvent:
     if event.rare is None:
         return RateEvent(measure_of(event), None, event.place, 1.0, 1.0)
-    last = max(
-        (n for n, each in enumerate(record.rare_events) if each.kind == event.rare and each.time_s <= event.time_s),
-        default=0,
-    )
+    until_s = event.time_s + 0.05  # times of events are in whole tenths
+    begun = (n for n, each in enumerate(record.rare_events) if each.kind == event.rare and each.time_s <= until_s)
+    last = max(begun, default=0)
     changed = natural[event.rare] / record.natural[event.rare]
     return RateEvent(measure_of(event), event.rare, event.place, weights[last][1], changed)
 

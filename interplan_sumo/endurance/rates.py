@@ -6,6 +6,7 @@ and nothing at all where less than a fifth of the kilometres are naive.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot
@@ -28,7 +29,7 @@ from interplan_sumo.endurance.rate_sample import (
     weighed,
 )
 from interplan_sumo.endurance.records import PLACE_KINDS, PlaceKind, RareKind, SegmentRecord, TrafficCell
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, counted
 from interplan_sumo.statistics.event_rates import FEWEST_EFFECTIVE, ClusterRate, effective_size
 from interplan_sumo.statistics.intervals import Range
 
@@ -154,7 +155,10 @@ def endurance_rates(
     """
     ordered = sorted(segments, key=lambda each: (each.planner, each.cell, each.index))
     if not any(each.metres > 0.0 for each in ordered):
-        raise InputError("no kilometre was driven")
+        faults = Counter(f"{each.fault.kind} fault" for each in ordered if each.fault is not None)
+        why = ", ".join(counted(number, kind) for kind, number in faults.items())
+        message = next((each.fault.message for each in ordered if each.fault is not None), "")
+        raise InputError("no kilometre was driven" + (f": {why}, first: {message}" if why else ""))
     _check_versions(ordered)
     natural = natural_probabilities(ordered, rare)
     by_cell: dict[tuple[str, TrafficCell], list[WeighedSegment]] = {}

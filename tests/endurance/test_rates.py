@@ -22,8 +22,9 @@ from benchmarks.rate_coverage import (
 from interplan_sumo.batch.records import Fault
 from interplan_sumo.endurance.cell_regression import cell_regression
 from interplan_sumo.endurance.looks import hours_needed, looks, stopped_at
+from interplan_sumo.endurance.rare_events import RareEventDraws
 from interplan_sumo.endurance.rates import endurance_rates, log_ratio
-from interplan_sumo.endurance.records import EventRecord, RareEventRecord, SegmentRecord, TrafficCell
+from interplan_sumo.endurance.records import EventRecord, RareEventRecord, RareKind, SegmentRecord, TrafficCell
 from interplan_sumo.errors import InputError
 
 structs_replace = msgspec.structs.replace
@@ -116,8 +117,10 @@ def test_probabilities_that_differ_need_a_word_and_versions_of_a_planner_are_not
         endurance_rates([segment(0), structs_replace(segment(1), planner_hash="i")])
     with pytest.raises(InputError, match="no door could begin"):
         endurance_rates([segment(0)], {"door": 0.1})
-    with pytest.raises(InputError, match="no kilometre"):
+    with pytest.raises(InputError, match=r"no kilometre was driven$"):
         endurance_rates([])
+    with pytest.raises(InputError, match="no kilometre was driven: 1 planner fault, first: it raised"):
+        endurance_rates([structs_replace(segment(0), metres=0.0, fault=Fault("planner", "it raised"))])
 
 
 def test_a_fault_of_the_planner_is_an_event_and_one_of_ours_is_counted_beside() -> None:
@@ -134,6 +137,37 @@ def test_naive_and_boosted_kilometres_recover_the_rates_of_a_world_that_is_known
         for holds, width, rate, known in coverage(world, 12).values():
             assert rate == pytest.approx(1.0, abs=0.45 if np.isnan(width) else 0.25)
             assert np.isnan(holds) or holds > 80.0 or known < 50.0
+
+
+def wary(index: int, *, naive: bool) -> SegmentRecord:
+    """Of an ego that hits the first jaywalker of a segment in 6 of 10 cases and those after it in 1 of 10."""
+    natural: dict[RareKind, float] = {"jaywalker": 0.001}
+    draws, rng = RareEventDraws(index, natural, None if naive else {"jaywalker": 0.02}), np.random.default_rng(index)
+    rare: list[RareEventRecord] = []
+    hits: list[EventRecord] = []
+    for second in range(100):
+        found = draws.begins(second, {"jaywalker": ["w"]})
+        if found is None:
+            continue
+        if rng.random() < (0.1 if rare else 0.6):
+            hits.append(EventRecord("collision", second, 9.0, "straight", True, "w", "jaywalker", 1.0, 0.0, 0.0))
+        rare.append(RareEventRecord("jaywalker", second, "w", found.weight_before, found.weight, found.passed))
+    return structs_replace(
+        segment(index, naive=naive), natural=natural, drawn_with=draws.drawn_with, opportunities=draws.opportunities,
+        rare_events=tuple(rare), events=tuple(hits), final_weight=draws.weight,
+    )  # fmt: skip
+
+
+def test_weights_undo_what_one_boosted_event_does_to_the_next() -> None:
+    """Naturally nearly all are the first of their segment: 1 - 0.999^100 of 0.1, so 0.58 of them are hit."""
+    run = [wary(n, naive=n % 4 == 0) for n in range(1500)]
+    begun = [each for record in run for each in record.rare_events]
+    given = collisions(run).given["jaywalker"]
+    first = (1.0 - 0.999**100) / 0.1
+    assert given.per_event == pytest.approx(0.6 * first + 0.1 * (1.0 - first), abs=0.06)
+    assert given.events / len(begun) < 0.4  # unweighted, it would be this
+    assert given.interval is not None
+    assert given.interval[0] < 0.576 < given.interval[1]
 
 
 @pytest.mark.slow
