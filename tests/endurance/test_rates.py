@@ -172,7 +172,7 @@ def test_weights_undo_what_one_boosted_event_does_to_the_next() -> None:
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth_in_93_to_97_of_100_runs() -> None:
-    for world in (ToyWorld(3000, 1.0, 10), ToyWorld(1600, 0.5, 4)):
+    for world in (ToyWorld(1600, 1.0, 4), ToyWorld(2000, 0.5, 4)):
         holds, _, rate, known = coverage(world, 250, seed=1)["total"]
         assert known > 99.0
         assert 92.0 <= holds <= 98.0  # 1.4 points of error with 250 runs
