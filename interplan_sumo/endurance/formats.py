@@ -191,8 +191,9 @@ def _driven_notes(driven: DrivenRates, report: EnduranceReport) -> Iterator[str]
     if driven.refused:
         yield f"{driven.planner}: no rates, {driven.refused}."
         return
-    bound = driven.measures[report.measure].gain_bound
-    if driven.boosted_m and bound is not None:
+    rates = driven.measures[report.measure]
+    bound = rates.gain_bound
+    if rates.given and bound is not None:
         yield (
             f"{driven.planner}: boosting can spare naive kilometres by {number_text(bound)} times at most "
             "(total over ordinary rate)."
@@ -225,10 +226,11 @@ def _known_notes(driven: DrivenRates, report: EnduranceReport) -> Iterator[str]:
         yield f"{driven.planner}: no {title}, so nothing says how far {wanted} is."
         return
     time = f" and {number_text(hours.hours)} {range_text(hours.range)} hours of one core" if hours.hours > 0.0 else ""
+    share = f"; {100.0 * hours.naive:.0f} % naive would take fewest" if driven.measures[report.measure].given else ""
     yield (
         f"{driven.planner}: {title} to {wanted} take {number_text(hours.kilometres)} km{time} in all"
-        f" ({hours.events:.0f} effective events so far, {hours.clustering:.1f} times the variance of independent ones;"
-        f" {100.0 * hours.naive:.0f} % naive would take fewest)."
+        f" ({hours.events:.0f} effective events so far, {hours.clustering:.1f} times the variance of independent ones"
+        f"{share})."
     )
 
 

@@ -61,7 +61,7 @@ def endurance_page(report: EnduranceReport, command: str = "") -> str:
         rates=rates_table(report),
         strata=[strata_table(each, report.measure) for each in told],
         places=[table for each in told if (table := places_table(each)).rows],
-        panels=rate_drawings(report),
+        panels=rate_drawings(report) if len(report.rates.cells) > 1 else [],
         cells=cells_table(report),
         ratios=[table for table in regression_tables(report) if table.rows],
         maps=event_maps(report),

@@ -31,7 +31,7 @@ from interplan_sumo.endurance.records import (
     SegmentRecord,
     likelihood_ratio,
 )
-from interplan_sumo.errors import InputError, counted
+from interplan_sumo.errors import InputError
 from interplan_sumo.statistics.event_rates import FEWEST_EFFECTIVE, ClusterRate, ClusterSums, Floats, effective_size
 
 MOST_OF_ONE: Final = 0.1
@@ -175,7 +175,8 @@ def rare_weights(segments: Sequence[WeighedSegment], natural: Mapping[RareKind, 
             refused = "none began"
         elif weights.max() > MOST_OF_ONE * weights.sum():
             share = 100.0 * weights.max() / weights.sum()
-            refused = f"{counted(len(weights), 'event')} began, and one has {share:.0f} % of the weight"
+            few = f"fewer than {1.0 / MOST_OF_ONE:.0f} began"
+            refused = few if len(weights) * MOST_OF_ONE < 1.0 else f"one has {share:.0f} % of the weight"
         found[kind] = RareWeights(
             kind=kind,
             natural=p,

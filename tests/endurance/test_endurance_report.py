@@ -128,7 +128,9 @@ def test_a_drawing_has_a_mark_for_each_cell_and_a_dot_for_each_event(report: End
 def test_little_driving_has_a_page_without_pictures_of_what_is_not_known() -> None:
     report = endurance_report(of_cell("idm", 0.5, "mixed", 1)[:4])
     assert width_drawing(report) is None
-    assert "How far between" in endurance_page(report)
+    text = endurance_page(report)
+    assert "How far between" in text
+    assert "Density and drivers" not in text
 
 
 @pytest.mark.parametrize(

@@ -174,7 +174,7 @@ def test_weights_undo_what_one_boosted_event_does_to_the_next() -> None:
 def test_intervals_hold_the_truth_in_93_to_97_of_100_runs() -> None:
     for world in (ToyWorld(1600, 1.0, 4), ToyWorld(2000, 0.5, 4)):
         holds, _, rate, known = coverage(world, 250, seed=1)["total"]
-        assert known > 99.0
+        assert known > 95.0
         assert 92.0 <= holds <= 98.0  # 1.4 points of error with 250 runs
         assert rate == pytest.approx(1.0, abs=0.03)
 
