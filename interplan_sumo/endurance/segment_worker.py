@@ -8,6 +8,7 @@ import msgspec
 
 from interplan_sumo.batch.tasks import Answer, OpenGroup, Publish, Work
 from interplan_sumo.endurance.segment_job import SegmentJob, SegmentSettings
+from interplan_sumo.scenario.route import forget_lines
 
 
 def segment_jobs(settings: SegmentSettings) -> OpenGroup:
@@ -22,6 +23,7 @@ def _open_planner(settings: SegmentSettings, name: str, publish: Publish) -> Wor
 
     def work(job: SegmentJob) -> Answer:
         record = driven_segment(job, settings, seat, publish)
+        forget_lines()
         return {"segment": msgspec.to_builtins(record)}, record.fault
 
     return work

@@ -111,6 +111,12 @@ def goal_arc_m(roads: Roads, scenario: Scenario) -> float:
     return route_centerline(roads, scenario).project_point(pose.x_m, pose.y_m)[0]
 
 
+def forget_lines() -> None:
+    """Give back the memory of all lines worked out so far: long ones, of trips that nobody drives twice."""
+    route_centerline.cache_clear()
+    goal_arc_m.cache_clear()
+
+
 class GoalLine:
     """Whether the goal line is passed: whether the nearest point of the route lies beyond it."""
 

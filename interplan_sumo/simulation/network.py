@@ -32,6 +32,8 @@ PIECE_M = 25.0
 HALF_FOOTPRINT_M = 1.15
 """A car on the centre line keeps clear of what stays this far from it: half its width and a hand's breadth more."""
 NOWHERE_M = 50.0
+MOST_ROUTES = 256
+"""So many routes' lanes are kept."""
 SOON_S = 2.5
 """A light that switches within this time is none to drive towards as if it stayed green."""
 
@@ -267,6 +269,8 @@ class SumoNetwork:
                 for way in self.links[lane]:
                     if (self.lanes[lane].edge, self.lanes[way.to_lane].edge) in pairs:
                         lanes.update(way.via)
+            if len(self._lanes_on) >= MOST_ROUTES:
+                self._lanes_on.clear()
             found = self._lanes_on[route] = frozenset(lanes)
         return found
 
