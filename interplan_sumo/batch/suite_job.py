@@ -9,14 +9,14 @@ from typing import Final
 
 import msgspec
 
-from interplan_sumo.batch.engine import run_tasks
-from interplan_sumo.batch.processes import available_cores
-from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
+from interplan_sumo.batch.kept_answers import kept_answers
+from interplan_sumo.batch.processes import Workers, available_cores
+from interplan_sumo.batch.records import Fault
+from interplan_sumo.batch.tasks import Answer, Publish, Task, Work
 from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.simulation.traffic import TRAFFIC_VERSION
 from interplan_sumo.verification.suite_candidates import Candidate
 from interplan_sumo.verification.suite_judging import Verdict, judged
-from interplan_sumo.world.files import writing
 
 GROUP: Final = "suite"
 
@@ -28,28 +28,14 @@ def verdicts(
 
     0 workers work in this process, None takes all cores.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    unknown: list[Candidate] = []
-    for candidate in candidates:
-        path = _path(folder, candidate)
-        if path.is_file():
-            yield candidate, msgspec.json.decode(path.read_bytes(), type=Verdict)
-        else:
-            unknown.append(candidate)
-    tasks = [Task(candidate.key, GROUP, candidate) for candidate in unknown]
-    many = available_cores() if workers is None else workers
-    for outcome in run_tasks(tasks, _open, workers=many, limits=Limits()):
-        candidate: Candidate = outcome.task.payload
-        if outcome.fault is not None:
-            found = Verdict("fault", f"{outcome.fault.kind}: {outcome.fault.message}", candidate.scenarios[0].id)
-        else:
-            found = msgspec.convert(outcome.value, Verdict)
-        path = _path(folder, candidate)
-        with writing(path, "give another folder as --out"):
-            fresh = path.with_suffix(".part")
-            fresh.write_bytes(msgspec.json.encode(found))
-            fresh.replace(path)
-        yield candidate, found
+    tasks = [Task(candidate.key, GROUP, candidate) for candidate in candidates]
+    who = Workers(available_cores() if workers is None else workers)
+    return kept_answers(tasks, lambda task: _path(folder, task.payload), _fault, Verdict, _open, who)
+
+
+def _fault(task: Task, fault: Fault) -> Verdict:
+    candidate: Candidate = task.payload
+    return Verdict("fault", f"{fault.kind}: {fault.message}", candidate.scenarios[0].id)
 
 
 def _path(folder: Path, candidate: Candidate) -> Path:

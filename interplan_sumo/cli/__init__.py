@@ -27,6 +27,7 @@ from interplan_sumo.cli.examples import explain
 from interplan_sumo.cli.export import export
 from interplan_sumo.cli.generate import generate
 from interplan_sumo.cli.hand_in import judge, leaderboard, submit
+from interplan_sumo.cli.harden import harden
 from interplan_sumo.cli.llm import llm_app
 from interplan_sumo.cli.maps import maps_app
 from interplan_sumo.cli.options import BAD_INPUT, DONE, LOOKS, OUR_FAULT, JsonOption, naming
@@ -57,6 +58,7 @@ app.add_typer(dataset_app, name="dataset")
 app.add_typer(scenarios_app, name="scenarios")
 scenarios_app.command("certify")(certify)
 scenarios_app.command("generate")(generate)
+scenarios_app.command("harden")(harden)
 scenarios_app.command("import", cls=naming("format", format_names))(import_recorded)
 scenarios_app.command("audit")(audit)
 app.add_typer(planners_app, name="planners")

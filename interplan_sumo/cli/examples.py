@@ -43,6 +43,9 @@ EXAMPLES: Final[Mapping[str, tuple[str, ...]]] = {
     "scenarios freeze": ("scenarios freeze --suite mine==1",),
     "scenarios certify": ("scenarios certify --suite interplan==1 --check",),
     "scenarios generate": ("scenarios generate --map strip --family nudge --count 5 --out data/nudge",),
+    "scenarios harden": (
+        "scenarios harden --family jaywalker --map strip --against idm,pdm_closed --count 5 --out data/hard",
+    ),
     "scenarios import": ("scenarios import drive.db --map maps --out data/mine",),
     "scenarios audit": ("scenarios audit interplan==1 --planner idm --below 60",),
     "planners": ("planners list", "planners check mine:Best"),

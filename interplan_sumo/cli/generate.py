@@ -97,7 +97,7 @@ def _suite(
 
     size_of(suite)
     roads = [load_roads(find_map(name).name) for name in map_names or maps()]
-    search = SuiteSearch(suite, roads, Seed(seed) if secret is None else Seed.secret(_content(secret)))
+    search = SuiteSearch(suite, roads, Seed(seed) if secret is None else Seed.secret(secret_of(secret)))
 
     def tell(candidate: Candidate, verdict: Verdict) -> None:
         found = "taken" if verdict.taken else f"{verdict.stage}: {verdict.scenario}: {verdict.reason}"
@@ -125,7 +125,8 @@ def _suite(
     return INCOMPLETE if missing else DONE
 
 
-def _content(path: Path) -> bytes:
+def secret_of(path: Path) -> bytes:
+    """The content of a file with a secret; InputError if it cannot be read, or is soon guessed."""
     try:
         text = path.read_bytes()
     except OSError as error:

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
+from interplan_sumo.families.draws import Draws
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import offset_asked_m, passing_problems, vehicles_standing, wreck_problems
 from interplan_sumo.families.shapes import reach_m
@@ -20,7 +21,6 @@ from interplan_sumo.families.staging import (
     oncoming_traffic,
     parked,
     site_for,
-    uniform,
 )
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
 from interplan_sumo.scenario.sites import ROOM_M as USUAL_ROOM_M
@@ -83,32 +83,32 @@ def _junction_m(roads: Roads, site: Site) -> float | None:
     return roads[site.lane].centerline.length_m - site.at_m + roads[straight].centerline.length_m / 2.0
 
 
-def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+def drawn(id: str, roads: Roads, site: Site, draws: Draws) -> Scenario:
     """A scenario of the family at a site, what varies drawn; UnsuitableError if no crash leaves room."""
     at_end = site.at_m > roads[site.lane].centerline.length_m - USUAL_ROOM_M
     ahead_m = (_junction_m(roads, site) or 0.0) if at_end else 0.0
     room_m = NEAR_END_M if at_end else USUAL_ROOM_M
-    to = approach(roads, site, rng, before_m=4.0 - ahead_m, after_m=6.0 + ahead_m, room_m=room_m)
-    for _ in range(TRIES):
+    to = approach(roads, site, draws, before_m=4.0 - ahead_m, after_m=6.0 + ahead_m, room_m=room_m)
+    for _ in draws.tries(TRIES):
         try:
-            cars = crashed(roads, to.site, ahead_m, rng)
+            cars = crashed(roads, to.site, ahead_m, draws)
         except ScenarioError:
             continue
         to_kerb_m, away_m = reach_m(cars, to.site.kerb)
         if not at_end and max(to.site.far_edge_m - away_m, to.site.near_edge_m - to_kerb_m) < ROOM_M:
             continue
         passed_far = at_end or to.site.far_edge_m - away_m > to.site.near_edge_m - to_kerb_m
-        people = bystanders(cars, to.site.kerb if passed_far else -to.site.kerb, rng)
-        return to.scenario(id, "accident", obstacles=(*cars, *people), exempt=EXEMPT, **_traffic(roads, to, rng))
+        people = bystanders(cars, to.site.kerb if passed_far else -to.site.kerb, draws)
+        return to.scenario(id, "accident", obstacles=(*cars, *people), exempt=EXEMPT, **_traffic(roads, to, draws))
     raise UnsuitableError("no crash leaves room to pass")
 
 
-def crashed(roads: Roads, site: Site, at_m: float, rng: np.random.Generator) -> tuple[Obstacle, ...]:
+def crashed(roads: Roads, site: Site, at_m: float, draws: Draws) -> tuple[Obstacle, ...]:
     """Cars in one of interPlan's crashes, mirrored or not, of sizes that were drawn; ScenarioError beyond the road."""
-    crash = CRASHES[int(rng.integers(len(CRASHES)))]
-    flip = -1.0 if rng.random() < 0.5 else 1.0
-    aside_m, turned_rad = uniform(rng, ASIDE_M), uniform(rng, TURNED_RAD)
-    whats = [parked(rng, "small car", "car", "sport utility", "van") for _ in crash]
+    crash = draws.one_of("crash", CRASHES)
+    flip = -1.0 if draws.happens("mirrored", 0.5) else 1.0
+    aside_m, turned_rad = draws.uniform("aside_m", ASIDE_M), draws.uniform("turned_rad", TURNED_RAD)
+    whats = [parked(draws, "small car", "car", "sport utility", "van") for _ in crash]
     cosine, sine = np.cos(turned_rad), np.sin(turned_rad)
     for push in PUSH:
         cars: list[Obstacle] = []
@@ -123,25 +123,25 @@ def crashed(roads: Roads, site: Site, at_m: float, rng: np.random.Generator) -> 
     raise ScenarioError("the cars do not meet")
 
 
-def bystanders(cars: tuple[Obstacle, ...], side: int, rng: np.random.Generator) -> tuple[Obstacle, ...]:
+def bystanders(cars: tuple[Obstacle, ...], side: int, draws: Draws) -> tuple[Obstacle, ...]:
     """People beside the cars, on their left (1) or right (-1), where nobody passes."""
     found: list[Obstacle] = []
-    for _ in range(int(rng.integers(PEOPLE[0], PEOPLE[1] + 1))):
-        car = cars[int(rng.integers(len(cars)))]
+    for _ in range(draws.whole("bystanders", PEOPLE)):
+        car = draws.one_of("bystander_at", cars)
         length_m, width_m = car.size_m
         half_m = abs(np.sin(car.turned_rad)) * length_m / 2.0 + abs(np.cos(car.turned_rad)) * width_m / 2.0
-        off_m = side * float(half_m + uniform(rng, STANDS_OFF_M))
-        arc_m = max(0.0, round(car.place.arc_m + uniform(rng, (-1.5, 1.5)), 2))
+        off_m = side * float(half_m + draws.uniform("bystander_off_m", STANDS_OFF_M))
+        arc_m = max(0.0, round(car.place.arc_m + draws.uniform("bystander_ahead_m", (-1.5, 1.5)), 2))
         place = LanePosition(car.place.lane, arc_m, round(car.place.left_m + off_m, 2))
-        found.append(Obstacle(place, "person", uniform(rng, (-3.0, 3.0))))
+        found.append(Obstacle(place, "person", draws.uniform("bystander_turned_rad", (-3.0, 3.0))))
     return tuple(found)
 
 
-def _traffic(roads: Roads, to: Approach, rng: np.random.Generator) -> dict[str, Any]:
+def _traffic(roads: Roads, to: Approach, draws: Draws) -> dict[str, Any]:
     """Where the own direction has a second lane, traffic on it; else as where one overtakes."""
     if to.site.lanes_far + to.site.lanes_near == 0:
-        return oncoming_traffic(roads, to, rng, complete=True)
-    return beside_traffic(roads, to, rng, towards_kerb=to.site.lanes_far == 0)
+        return oncoming_traffic(roads, to, draws, complete=True)
+    return beside_traffic(roads, to, draws, towards_kerb=to.site.lanes_far == 0)
 
 
 def asks(scenario: Scenario, roads: Roads) -> bool:
@@ -157,6 +157,7 @@ FAMILY: Final = Family(
     description="Crashed cars stand at odd angles and stay; pass them with care, if need be through the oncoming lane.",
     suitable=suitable,
     drawn=drawn,
+    telling=("crash", "aside_m"),
     order=20,
     column="Acc.",
     checks=(wreck_problems, partial(passing_problems, own_side_only=False)),

@@ -9,6 +9,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from interplan_sumo.families.draws import Draws
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import passing_problems
 from interplan_sumo.families.shapes import LARGEST_OFFSET_M, PASSING_M
@@ -19,7 +20,6 @@ from interplan_sumo.families.staging import (
     beside_traffic,
     oncoming_traffic,
     site_for,
-    uniform,
 )
 from interplan_sumo.scenario.kinds import OBSTACLES
 from interplan_sumo.scenario.scenario import Obstacle, Scenario
@@ -69,34 +69,35 @@ class Works:
         return float(self.cones[:, 0].max())
 
 
-def works(layout: Layout, site: Site, reach_m: float, rng: np.random.Generator) -> Works:
+def works(layout: Layout, site: Site, reach_m: float, draws: Draws) -> Works:
     """Works of a layout; `reach_m` is how far beyond the lane's centre line the outermost cone stands."""
     if layout in ("closure", "narrowing"):
-        return _by_the_rules(layout, site, reach_m, rng)
-    cones = int(rng.integers(CONES[layout][0], CONES[layout][1] + 1))
+        return _by_the_rules(layout, site, reach_m, draws)
+    cones = draws.whole("cones", CONES[layout])
     edge_m = -site.width_m / 2.0 - (site.width_m if layout == "wedge" else 0.0)
-    points = np.array(_LAYOUT[layout](cones, uniform(rng, SPACING_M), edge_m, reach_m))
+    points = np.array(_LAYOUT[layout](cones, draws.uniform("cone_spacing_m", SPACING_M), edge_m, reach_m))
     points[:, 0] -= points[:, 0].min()
     return Works(points, (_inside(layout, points, reach_m),))
 
 
-def _by_the_rules(layout: Layout, site: Site, reach_m: float, rng: np.random.Generator) -> Works:
+def _by_the_rules(layout: Layout, site: Site, reach_m: float, draws: Draws) -> Works:
     """A taper from the lane's edge, then a straight row beside the works, with workers inside."""
     edge_m = -site.width_m / 2.0
     across_m, spacing_m = reach_m - edge_m, CONE_EVERY_S * site.limit_mps
     taper_m = min(LONGEST_TAPER_M, across_m * (3.6 * site.limit_mps) ** 2 / TAPER_DIVISOR)
     if layout == "narrowing":
         taper_m, spacing_m = SHORT_TAPER_M, SHORT_TAPER_M / 5.0
-    works_m = uniform(rng, WORKS_M, 1)
+    works_m = draws.uniform("works_m", WORKS_M, 1)
     many = max(4, ceil(taper_m / spacing_m) + 1)
     share = np.linspace(0.0, 1.0, many)
     taper = np.stack((share * taper_m, edge_m + share * across_m), axis=1)
     row_m = np.arange(spacing_m, works_m + 0.1, min(spacing_m, 6.0))
     row = np.stack((taper_m + row_m, np.full_like(row_m, reach_m)), axis=1)
     points = np.concatenate((taper, row))
-    points[:, 1] -= np.abs(rng.uniform(0.0, JITTER_M, len(points)))
-    at_m = [taper_m + works_m * uniform(rng, (0.1, 0.9)) for _ in range(int(rng.integers(WORKERS[0], WORKERS[1] + 1)))]
-    workers = [(each_m, reach_m - BEHIND_CONES_M - uniform(rng, (0.0, 0.3))) for each_m in at_m]
+    points[:, 1] -= np.abs(draws.scatter((0.0, JITTER_M), len(points)))
+    many = draws.whole("workers", WORKERS)
+    at_m = [taper_m + works_m * draws.uniform("worker_at_share", (0.1, 0.9)) for _ in range(many)]
+    workers = [(each_m, reach_m - BEHIND_CONES_M - draws.uniform("worker_inside_m", (0.0, 0.3))) for each_m in at_m]
     apart = workers[:1] + [each for each in workers[1:] if abs(each[0] - workers[0][0]) > 1.3]
     return Works(points, tuple(apart))
 
@@ -179,7 +180,7 @@ def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     return site
 
 
-def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+def drawn(id: str, roads: Roads, site: Site, draws: Draws) -> Scenario:
     """A scenario of the family at a site, what varies drawn at random."""
     many = site.lanes_far + site.lanes_near > 0
     sides: list[At] = []
@@ -187,26 +188,26 @@ def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenar
         sides.append("kerb")
     if site.lanes_near >= 1:
         sides.append("middle")
-    at = sides[int(rng.integers(len(sides)))]
+    at = draws.one_of("side", sides)
     covered = site.lanes_near if at == "kerb" else site.lanes_far  # by a wedge, besides the ego's lane
-    layout = _drawn_layout(many, covered >= 1, rng)
+    layout = _drawn_layout(many, covered >= 1, draws)
     # with no lane beside the ego gets past on its own side (decisions.md)
     highest_m = site.width_m / 2.0 - 0.3 if many else LARGEST_OFFSET_M - PASSING_M - CONE_M / 2.0
     lowest_m = highest_m - (0.15 if layout in ("closure", "narrowing") else 0.5)
-    made = works(layout, site, uniform(rng, (lowest_m, highest_m)), rng)
-    to = approach(roads, site, rng, before_m=made.length_m / 2.0, after_m=made.length_m / 2.0)
+    made = works(layout, site, draws.uniform("reach_m", (lowest_m, highest_m)), draws)
+    to = approach(roads, site, draws, before_m=made.length_m / 2.0, after_m=made.length_m / 2.0)
     if many:
-        return construction(id, roads, to, at, made, beside_traffic(roads, to, rng, towards_kerb=at == "middle"))
-    return construction(id, roads, to, at, made, oncoming_traffic(roads, to, rng))
+        return construction(id, roads, to, at, made, beside_traffic(roads, to, draws, towards_kerb=at == "middle"))
+    return construction(id, roads, to, at, made, oncoming_traffic(roads, to, draws))
 
 
-def _drawn_layout(many: bool, wide: bool, rng: np.random.Generator) -> Layout:
-    if many and rng.random() < CLOSURE_SHARE:
+def _drawn_layout(many: bool, wide: bool, draws: Draws) -> Layout:
+    if many and draws.happens("closure", CLOSURE_SHARE):
         return "closure"
-    if not many and rng.random() < NARROWING_SHARE:
+    if not many and draws.happens("narrowing", NARROWING_SHARE):
         return "narrowing"
     layouts = PUBLISHED if wide else PUBLISHED[:-1]
-    return layouts[int(rng.integers(len(layouts)))]
+    return draws.one_of("layout", layouts)
 
 
 def asks(scenario: Scenario, _roads: Roads) -> bool:
@@ -219,6 +220,7 @@ FAMILY: Final = Family(
     description="Cones close a part or all of the ego's lane, with workers inside; leave the lane in time.",
     suitable=suitable,
     drawn=drawn,
+    telling=("reach_m", "start_speed_share"),
     order=10,
     column="Constr.",
     checks=(partial(passing_problems, own_side_only=True),),

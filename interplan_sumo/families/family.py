@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, NoReturn, TypeAlias, TypeVar
 
 if TYPE_CHECKING:  # names of families are listed often, and that is to be quick
-    import numpy as np
-
+    from interplan_sumo.families.draws import Draws
     from interplan_sumo.scenario.scenario import Scenario
     from interplan_sumo.world.roads import Roads
 
@@ -40,9 +39,11 @@ class Family(Generic[Place]):
     """One sentence: what it asks of a planner."""
     suitable: Callable[[Roads, str, float], Place] = _nowhere
     """What a place (lane, arc length) of a map offers, often a `Site`; UnsuitableError says why it does not do."""
-    drawn: Callable[[str, Roads, Place, np.random.Generator], Scenario] = _nowhere
+    drawn: Callable[[str, Roads, Place, Draws], Scenario] = _nowhere
     """A new scenario with an id at such a place; UnsuitableError or ScenarioError if what was drawn finds no room."""
 
+    telling: tuple[str, ...] = ()
+    """The two draws that tell its scenes apart best: a search spreads over them, an atlas shows them."""
     draws_as: str = ""
     """Families that share this name draw alike: equal seeds give the same places; default: its own name."""
     restaged: Callable[[Scenario], Scenario] | None = None

@@ -11,6 +11,7 @@ import numpy as np
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families import FAMILIES, Family
+from interplan_sumo.families.draws import Draws
 from interplan_sumo.scenario.route import route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import Rejected, UnsuitableError, places
@@ -69,7 +70,7 @@ class Search:
         id = f"{self.roads.name}.{self.family}/{self.seed}-{number}"
         try:
             place = self._family.suitable(self.roads, lane_id, at_m)
-            scenario = self._family.drawn(id, self.roads, place, rng)
+            scenario = self._family.drawn(id, self.roads, place, Draws(rng))
             scenario.check(self.roads)
             route_lanes(self.roads, scenario)
         except (UnsuitableError, ScenarioError) as reason:

@@ -10,6 +10,7 @@ import numpy as np
 
 from interplan_sumo.errors import ScenarioError
 from interplan_sumo.families.crossing import unhurt_problems
+from interplan_sumo.families.draws import Draws
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.staging import (
     TRIES,
@@ -23,7 +24,6 @@ from interplan_sumo.families.staging import (
     obstacle,
     parked,
     site_for,
-    uniform,
 )
 from interplan_sumo.scenario.jaywalking import trigger_distance_m
 from interplan_sumo.scenario.scenario import Jaywalker, Obstacle, Scenario, TrafficDemand, WalkStage
@@ -133,86 +133,83 @@ def _slowest_mps(site: Site, reach_s: float, *, far: bool) -> float:
     return least_mps
 
 
-def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+def drawn(id: str, roads: Roads, site: Site, draws: Draws) -> Scenario:
     """A scenario of the family at a site, what varies drawn at random."""
-    to = _approach(roads, site, rng)
-    hider = _drawn(HIDERS, rng)
-    people = _people(to, rng, hidden=hider != "nothing")
+    to = _approach(roads, site, draws)
+    hider = draws.by_share("hidden_by", HIDERS)
+    people = _people(to, draws, hidden=hider != "nothing")
     walkers = tuple(crossing(roads, to, person) for person in people)
-    standing = [*_hiding(roads, to, people[0], hider, rng), *_waiting(roads, to, people, rng)]
-    demand = TrafficDemand(density="medium", behaviour=behaviour(rng), oncoming="low")
+    standing = [*_hiding(roads, to, people[0], hider, draws), *_waiting(roads, to, people, draws)]
+    demand = TrafficDemand(density="medium", behaviour=behaviour(draws), oncoming="low")
     return to.scenario(id, "jaywalker", obstacles=tuple(standing), jaywalkers=walkers, traffic=demand)
 
 
-def _approach(roads: Roads, site: Site, rng: np.random.Generator) -> Approach:
+def _approach(roads: Roads, site: Site, draws: Draws) -> Approach:
     """Farther away than everybody's trigger, so that they wait at the start."""
-    for _ in range(TRIES):
-        to = approach(roads, site, rng, after_m=max(APART_M) * max(GROUP) + max(SLANT_M))
+    for _ in draws.tries(TRIES):
+        to = approach(roads, site, draws, after_m=max(APART_M) * max(GROUP) + max(SLANT_M))
         if to.distance_m > trigger_distance_m(to.start_speed_mps) + SPARE_M - min(SLANT_M):
             return to
     raise UnsuitableError("no start is far enough away for its speed that everybody still waits")
 
 
-def _drawn(shares: dict[str, float], rng: np.random.Generator) -> str:
-    return str(rng.choice(list(shares), p=list(shares.values())))
-
-
-def _people(to: Approach, rng: np.random.Generator, *, hidden: bool) -> list[Person]:
+def _people(to: Approach, draws: Draws, *, hidden: bool) -> list[Person]:
     """Those who cross; the first of them meets the ego whatever the others do."""
     reach_s = trigger_distance_m(to.start_speed_mps) / to.start_speed_mps + MIDDLE_OF_EGO_S
     people: list[Person] = []
     ahead_m = 0.0
-    for i in range(int(rng.choice(list(GROUP), p=list(GROUP.values())))):
-        far = bool(rng.random() < FAR_SHARE)
+    for i in range(draws.by_share("people", GROUP)):
+        far = draws.happens("from_far_side", FAR_SHARE)
         try:
             least_mps = _slowest_mps(to.site, reach_s, far=far)
         except UnsuitableError:
             far = False
             least_mps = _slowest_mps(to.site, reach_s, far=False)
-        speed_mps = round(float(np.clip(rng.normal(*WALK_MPS), least_mps, WALKS_MPS[1])) + 0.005, 2)
-        if i == 0 and rng.random() < CYCLIST_SHARE:
-            speed_mps = uniform(rng, CYCLES_MPS)
+        speed_mps = round(draws.normal("walk_mps", WALK_MPS, (least_mps, WALKS_MPS[1])) + 0.005, 2)
+        if i == 0 and draws.happens("cyclist", CYCLIST_SHARE):
+            speed_mps = draws.uniform("cycle_mps", CYCLES_MPS)
             people.append(Person(speed_mps, far=far, cyclist=True))
             continue
-        slant_m = 0.0 if hidden or rng.random() < 0.6 else uniform(rng, SLANT_M, 1)
+        slant_m = 0.0 if hidden or draws.happens("walks_straight", 0.6) else draws.uniform("slant_m", SLANT_M, 1)
         if slant_m:
             speed_mps = round(min(speed_mps + 0.15, WALKS_MPS[1] + 0.1), 2)
-        course = _drawn(COURSES, rng)
-        pause_s = uniform(rng, STOPS_S, 1) if course in ("stops", "turns back") else 0.0
+        course = draws.by_share("course", COURSES)
+        pause_s = draws.uniform("pause_s", STOPS_S, 1) if course in ("stops", "turns back") else 0.0
         people.append(Person(speed_mps, round(ahead_m, 2), slant_m, far, course, pause_s))
-        ahead_m += uniform(rng, APART_M)
+        ahead_m += draws.uniform("people_apart_m", APART_M)
     return people
 
 
-def _hiding(roads: Roads, to: Approach, first: Person, hider: str, rng: np.random.Generator) -> list[Obstacle]:
+def _hiding(roads: Roads, to: Approach, first: Person, hider: str, draws: Draws) -> list[Obstacle]:
     """Something parked before the first of those who cross, as the ego sees it, at the kerb that it comes from."""
     if hider == "nothing":
         return []
-    many = int(rng.integers(ROW[0], ROW[1] + 1)) if hider == "row" else 1
+    many = draws.whole("row", ROW) if hider == "row" else 1
     side = -1.0 if first.far else 1.0
     edge_m = to.site.far_edge_m if first.far else to.site.near_edge_m
-    end_m = first.ahead_m - uniform(rng, PASSAGE_M)
+    end_m = first.ahead_m - draws.uniform("passage_m", PASSAGE_M)
     found: list[Obstacle] = []
     for _ in range(many):
-        what = bus(rng) if hider == "bus" else parked(rng, *(() if hider == "row" else (hider,)))
+        what = bus(draws) if hider == "bus" else parked(draws, *(() if hider == "row" else (hider,)))
         _, (length_m, width_m, _) = what
-        beside_m = edge_m + uniform(rng, BAY_M) + width_m / 2.0
+        beside_m = edge_m + draws.uniform("bay_m", BAY_M) + width_m / 2.0
         place = along(roads, to.site, end_m - length_m / 2.0, side * beside_m)
         found.append(obstacle(place, what, np.pi if first.far else 0.0))
-        end_m -= length_m + uniform(rng, (0.8, 1.6))
+        end_m -= length_m + draws.uniform("row_gap_m", (0.8, 1.6))
     return found
 
 
-def _waiting(roads: Roads, to: Approach, people: list[Person], rng: np.random.Generator) -> list[Obstacle]:
+def _waiting(roads: Roads, to: Approach, people: list[Person], draws: Draws) -> list[Obstacle]:
     """People on the pavement who stay there."""
     found: list[Obstacle] = []
     ahead_m = max(person.ahead_m for person in people) + max(SLANT_M)
-    for _ in range(int(rng.integers(BYSTANDERS[0], BYSTANDERS[1] + 1))):
-        ahead_m += uniform(rng, (1.2, 4.0))
-        far = rng.random() < FAR_SHARE
+    for _ in range(draws.whole("bystanders", BYSTANDERS)):
+        ahead_m += draws.uniform("bystander_ahead_m", (1.2, 4.0))
+        far = draws.happens("bystander_far_side", FAR_SHARE)
         edge_m = to.site.far_edge_m if far else to.site.near_edge_m
-        aside_m = (edge_m + KERB_M + uniform(rng, (0.2, 1.2))) * (-1.0 if far else 1.0)
-        found.append(Obstacle(along(roads, to.site, ahead_m, aside_m), "person", uniform(rng, (-3.0, 3.0))))
+        aside_m = (edge_m + KERB_M + draws.uniform("bystander_aside_m", (0.2, 1.2))) * (-1.0 if far else 1.0)
+        turned_rad = draws.uniform("bystander_turned_rad", (-3.0, 3.0))
+        found.append(Obstacle(along(roads, to.site, ahead_m, aside_m), "person", turned_rad))
     return found
 
 
@@ -226,6 +223,7 @@ FAMILY: Final = Family(
     description="People step into the road when the ego comes near; anticipate, stop or slow, do not swerve at speed.",
     suitable=suitable,
     drawn=drawn,
+    telling=("hidden_by", "walk_mps"),
     order=30,
     column="Jayw.",
     checks=(unhurt_problems,),

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from interplan_sumo.families.draws import Draws
 from interplan_sumo.families.family import Family
 from interplan_sumo.scenario.nominal_drive import nominal_drive, reaches_goal
 from interplan_sumo.scenario.route import goal_arc_m, start_arc_m
@@ -168,14 +169,15 @@ def _steps(roads: Roads, need: Mapping[str, int], lane: str) -> int:
     return nearest if any(need[each] == 0 for steps, each in serving if steps == nearest) else -1
 
 
-def drawn(family: str, density: Density, id: str, roads: Roads, place: GoalPlace, rng: np.random.Generator) -> Scenario:
+def drawn(family: str, density: Density, id: str, roads: Roads, place: GoalPlace, draws: Draws) -> Scenario:
     """A scenario of a family and its density at a place, what varies drawn at random."""
-    behaviour = DRIVERS[int(rng.integers(len(DRIVERS)))]
-    starts = [place.starts[row] for row in rng.permutation(len(place.starts)).tolist()]
-    for start in sorted(starts, key=lambda start: -start.changes):  # few places have room for many
+    behaviour = draws.one_of("drivers", DRIVERS)
+    starts = [place.starts[row] for row in draws.order(len(place.starts))]
+    starts = sorted(starts, key=lambda start: -start.changes)  # few places have room for many
+    for start, _ in zip(starts, draws.tries(len(starts)), strict=True):
         limit_mps = roads[start.lane].speed_limit_mps or USUAL_LIMIT_MPS
-        speed_mps = round(float(rng.uniform(*START_SHARES)) * limit_mps, 1)
-        room_m = start.changes * LEAST_CHANGE_S * speed_mps + float(rng.uniform(*SPARE_M))
+        speed_mps = round(draws.uniform("start_speed_share", START_SHARES, None) * limit_mps, 1)
+        room_m = start.changes * LEAST_CHANGE_S * speed_mps + draws.uniform("room_to_spare_m", SPARE_M, None)
         to_goal_m = start.last_m + room_m
         here = start.at(roads, to_goal_m)
         if here is None or to_goal_m > NOMINAL_SHARE * DURATION_S * _fastest_mps(roads, start.route):
@@ -265,6 +267,7 @@ def _family(name: str, density: Density, *, order: int, original: str) -> Family
         description=f"Only lanes beside the ego's lead on along the route, traffic of {density} density between.",
         suitable=suitable,
         drawn=partial(drawn, name, density),
+        telling=("room_to_spare_m", "start_speed_share"),
         draws_as=DRAWS_AS,
         restaged=partial(restaged, name, density),
         order=order,

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from interplan_sumo.families.draws import Draws
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import is_small, offset_asked_m, passing_problems, small_offset
 from interplan_sumo.families.shapes import LARGEST_OFFSET_M, PASSING_M
@@ -20,7 +21,6 @@ from interplan_sumo.families.staging import (
     oncoming_traffic,
     parked,
     site_for,
-    uniform,
 )
 from interplan_sumo.scenario.kinds import SLOW_SIZES_M
 from interplan_sumo.scenario.scenario import Obstacle, PlacedVehicle, Scenario, TrafficDemand
@@ -64,64 +64,66 @@ def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     return site
 
 
-def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+def drawn(id: str, roads: Roads, site: Site, draws: Draws) -> Scenario:
     """A scenario of the family at a site, what varies drawn at random."""
-    scene = str(rng.choice(list(SCENES), p=list(SCENES.values())))
-    offset_m = uniform(rng, (OFFSET_M[0], min(OFFSET_M[1], site.width_m / 2.0)))  # the ego's centre stays in its lane
+    scene = draws.by_share("scene", SCENES)
+    most_m = min(OFFSET_M[1], site.width_m / 2.0)  # the ego's centre stays in its lane
+    offset_m = draws.uniform("offset_m", (OFFSET_M[0], most_m))
     if scene == "cyclist":
-        return _cyclist(id, roads, site, offset_m, rng)
-    many = int(rng.integers(ROW[0], ROW[1] + 1)) if scene == "row" else 1
-    cars = [parked(rng, "van" if scene == "van" else "small car", *(() if scene == "van" else ("car", "sport utility")))
-            for _ in range(many)]  # fmt: skip
-    gaps_m = [uniform(rng, GAP_M) for _ in range(many - 1)]
+        return _cyclist(id, roads, site, offset_m, draws)
+    many = draws.whole("row", ROW) if scene == "row" else 1
+    classes = ("van",) if scene == "van" else ("small car", "car", "sport utility")
+    cars = [parked(draws, *classes) for _ in range(many)]
+    gaps_m = [draws.uniform("gap_m", GAP_M) for _ in range(many - 1)]
     length_m = sum(size[0] for _, size in cars) + sum(gaps_m)
-    to = approach(roads, site, rng, before_m=length_m / 2.0, after_m=length_m / 2.0)
+    to = approach(roads, site, draws, before_m=length_m / 2.0, after_m=length_m / 2.0)
     edge_m = PASSING_M - offset_m
     """From the lane's centre line towards the kerb to where what stands begins."""
-    farthest = int(rng.integers(many))
+    farthest = draws.whole("farthest_out", (0, many - 1))
     standing: list[Obstacle] = []
     ahead_m = -length_m / 2.0
     for i, (kind, size) in enumerate(cars):
-        back_m = (0.0 if i == farthest else uniform(rng, UNEVEN_M)) + (DOOR_M if scene == "door" else 0.0)
-        turned_rad = uniform(rng, TURNED_RAD) if scene == "row" else 0.0
+        back_m = (0.0 if i == farthest else draws.uniform("uneven_m", UNEVEN_M)) + (DOOR_M if scene == "door" else 0.0)
+        turned_rad = draws.uniform("turned_rad", TURNED_RAD) if scene == "row" else 0.0
         half_m = (np.sin(abs(turned_rad)) * size[0] + np.cos(turned_rad) * size[1]) / 2.0
         place = along(roads, to.site, ahead_m + size[0] / 2.0, edge_m + back_m + float(half_m))
         standing.append(obstacle(place, (kind, size), turned_rad))
         ahead_m += size[0] + (gaps_m[i] if i < many - 1 else 0.0)
     if scene == "door":
-        standing.append(_door(roads, to, edge_m, cars[0][1][0], rng))
+        standing.append(_door(roads, to, edge_m, cars[0][1][0], draws))
     elif scene == "van":
-        behind_m = -length_m / 2.0 - uniform(rng, UNLOADS_M)
-        standing.append(Obstacle(along(roads, to.site, behind_m, edge_m + uniform(rng, INSIDE_M) + 0.4), "person"))
-    return to.scenario(id, "nudge", obstacles=tuple(standing), **_traffic(roads, to, rng))
+        behind_m = -length_m / 2.0 - draws.uniform("unloads_behind_m", UNLOADS_M)
+        inside_m = edge_m + draws.uniform("unloads_inside_m", INSIDE_M) + 0.4
+        standing.append(Obstacle(along(roads, to.site, behind_m, inside_m), "person"))
+    return to.scenario(id, "nudge", obstacles=tuple(standing), **_traffic(roads, to, draws))
 
 
-def _door(roads: Roads, to: Approach, edge_m: float, length_m: float, rng: np.random.Generator) -> Obstacle:
+def _door(roads: Roads, to: Approach, edge_m: float, length_m: float, draws: Draws) -> Obstacle:
     """The driver's door, hinged a third of the way behind the front bumper; its tip ends where the ego's room does."""
     door_m = DOOR_M / np.sin(DOOR_RAD)
-    hinge_m = length_m / 2.0 - uniform(rng, (0.28, 0.36)) * length_m
+    hinge_m = length_m / 2.0 - draws.uniform("door_hinge_share", (0.28, 0.36)) * length_m
     ahead_m = hinge_m - door_m / 2.0 * float(np.cos(DOOR_RAD))
     place = along(roads, to.site, ahead_m, edge_m + DOOR_M / 2.0)
     return Obstacle(place, "door", round(-to.site.kerb * (np.pi - DOOR_RAD), 3), round(float(door_m), 2))
 
 
-def _cyclist(id: str, roads: Roads, site: Site, offset_m: float, rng: np.random.Generator) -> Scenario:
+def _cyclist(id: str, roads: Roads, site: Site, offset_m: float, draws: Draws) -> Scenario:
     """Somebody who rides slowly along the kerb."""
-    to = approach(roads, site, rng, distance_m=CYCLIST_M, beyond_m=(FOLLOWED_M - CYCLIST_M[0], FOLLOWED_M))
+    to = approach(roads, site, draws, distance_m=CYCLIST_M, beyond_m=(FOLLOWED_M - CYCLIST_M[0], FOLLOWED_M))
     length_m, width_m = SLOW_SIZES_M["bicycle"]
     place = to.site.place(length_m / 2.0, PASSING_M - offset_m + width_m / 2.0)
-    rides = PlacedVehicle(place, uniform(rng, CYCLIST_MPS, 1), "bicycle")
-    staged = _traffic(roads, to, rng)
+    rides = PlacedVehicle(place, draws.uniform("cyclist_mps", CYCLIST_MPS, 1), "bicycle")
+    staged = _traffic(roads, to, draws)
     return to.scenario(id, "nudge", **{**staged, "vehicles": (rides, *staged.get("vehicles", ()))})
 
 
-def _traffic(roads: Roads, to: Approach, rng: np.random.Generator) -> dict[str, Any]:
+def _traffic(roads: Roads, to: Approach, draws: Draws) -> dict[str, Any]:
     """Where the own direction has one lane, others come when the ego is there, or hardly anybody does."""
     if to.site.lanes_near + to.site.lanes_far:
-        return beside_traffic(roads, to, rng, towards_kerb=to.site.lanes_far == 0)
-    if rng.random() < ONCOMING_SHARE:
-        return oncoming_traffic(roads, to, rng)
-    return {"traffic": TrafficDemand(density="medium", behaviour=behaviour(rng), oncoming="sparse")}
+        return beside_traffic(roads, to, draws, towards_kerb=to.site.lanes_far == 0)
+    if draws.happens("platoon_comes", ONCOMING_SHARE):
+        return oncoming_traffic(roads, to, draws)
+    return {"traffic": TrafficDemand(density="medium", behaviour=behaviour(draws), oncoming="sparse")}
 
 
 def asks(scenario: Scenario, roads: Roads) -> bool:
@@ -135,6 +137,7 @@ FAMILY: Final = Family(
     description="Parked cars, a door, a van or a cyclist reach into the lane; pass on the own side, a little aside.",
     suitable=suitable,
     drawn=drawn,
+    telling=("scene", "offset_m"),
     order=40,
     checks=(partial(passing_problems, own_side_only=True, offset=small_offset),),
     weighs_direction=True,

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 import shapely
 
-from interplan_sumo.families.staging import WALK_MPS, WALKS_MPS, uniform
+from interplan_sumo.families.draws import Draws
+from interplan_sumo.families.staging import WALK_MPS, WALKS_MPS
 from interplan_sumo.scenario.scenario import (
     Density,
     Jaywalker,
@@ -74,17 +75,17 @@ def ways_out(turn: Turn, light: bool | None, roads: Roads, lane_id: str, _at_m: 
 
 def cross(
     share: float, before_m: tuple[float, float], id: str, roads: Roads, ways: tuple[Connector, ...],
-    rng: np.random.Generator,
+    draws: Draws,
 ) -> Scenario:  # fmt: skip
     """Comes to a junction and goes through it; `share` is the start speed as a share of the limit."""
-    way = ways[int(rng.integers(len(ways)))]
-    course = _through(roads, way, float(np.round(rng.uniform(*before_m), 1)), 60.0)
+    way = draws.one_of("way", ways)
+    course = _through(roads, way, draws.uniform("distance_m", before_m, 1), 60.0)
     people: list[Jaywalker] = []
     crosswalks = _crosswalks_m(roads, way) if way.turn is not Turn.STRAIGHT else []
-    if crosswalks and rng.random() < AT_EXIT_SHARE:
+    if crosswalks and draws.happens("people_at_exit", AT_EXIT_SHARE):
         edges = edges_m(roads, roads.lanes[way.to_lane_id], 1.0)
-        people = _walkers(way, crosswalks[-1], edges, rng, from_left=bool(rng.random() < 0.5))
-    return _scenario(id, roads, course, share, TrafficDemand(_some(rng), DRIVERS, "low"), jaywalkers=people)
+        people = _walkers(way, crosswalks[-1], edges, draws, from_left=draws.happens("from_left", 0.5))
+    return _scenario(id, roads, course, share, TrafficDemand(_some(draws), DRIVERS, "low"), jaywalkers=people)
 
 
 def _bends(way: Connector, turn: Turn) -> bool:
@@ -108,8 +109,8 @@ def light_ahead(roads: Roads, lane_id: str, _at_m: float) -> Connector:
     return ways[0]
 
 
-def stand_in_queue(id: str, roads: Roads, way: Connector, rng: np.random.Generator) -> Scenario:
-    before_m = float(np.round(rng.uniform(14.0, 26.0), 1))
+def stand_in_queue(id: str, roads: Roads, way: Connector, draws: Draws) -> Scenario:
+    before_m = draws.uniform("distance_m", (14.0, 26.0), 1)
     course = _through(roads, way, before_m, 60.0)
     room_m = before_m - 2.6
     cars = [
@@ -119,8 +120,8 @@ def stand_in_queue(id: str, roads: Roads, way: Connector, rng: np.random.Generat
     return _scenario(id, roads, course, 0.0, LIGHT_TRAFFIC, vehicles=cars)
 
 
-def stop_behind(id: str, roads: Roads, way: Connector, rng: np.random.Generator) -> Scenario:
-    course = _through(roads, way, float(np.round(rng.uniform(60.0, 90.0), 1)), 50.0)
+def stop_behind(id: str, roads: Roads, way: Connector, draws: Draws) -> Scenario:
+    course = _through(roads, way, draws.uniform("distance_m", (60.0, 90.0), 1), 50.0)
     limit_mps = _limit_mps(roads, course.start)
     lead = PlacedVehicle(_ahead_of(roads, course.start, 2.6 + 2.5 + 0.9 * limit_mps), round(0.6 * limit_mps, 1))
     return _scenario(id, roads, course, 0.6, LIGHT_TRAFFIC, vehicles=[lead])
@@ -135,28 +136,28 @@ def crosswalk_ahead(roads: Roads, lane_id: str, _at_m: float) -> tuple[Connector
     return ways[0], _crosswalk_m(roads, ways[0])
 
 
-def wait_for_pedestrian(id: str, roads: Roads, place: tuple[Connector, float], rng: np.random.Generator) -> Scenario:
+def wait_for_pedestrian(id: str, roads: Roads, place: tuple[Connector, float], draws: Draws) -> Scenario:
     way, crossing_m = place
-    course = _through(roads, way, float(np.round(rng.uniform(50.0, 70.0), 1)), 50.0)
+    course = _through(roads, way, draws.uniform("distance_m", (50.0, 70.0), 1), 50.0)
     lane = roads.lanes[way.from_lane_id]
     edges = edges_m(roads, lane, lane.centerline.length_m - 1.0)
-    people = _walkers(way, crossing_m, edges, rng, from_left=edges[0] < edges[1])  # from afar they come too late
+    people = _walkers(way, crossing_m, edges, draws, from_left=edges[0] < edges[1])  # from afar they come too late
     return _scenario(id, roads, course, 0.6, LIGHT_TRAFFIC, jaywalkers=people)
 
 
 def _walkers(
-    way: Connector, crossing_m: float, edges: tuple[float, float], rng: np.random.Generator, *, from_left: bool
+    way: Connector, crossing_m: float, edges: tuple[float, float], draws: Draws, *, from_left: bool
 ) -> list[Jaywalker]:
     """People who walk over a crosswalk from kerb to kerb, which are as far away as `edges` says, left and right."""
     left_m, right_m = edges
     here_m, there_m = (left_m + 1.0, -right_m - 1.0) if from_left else (-right_m - 1.0, left_m + 1.0)
     people: list[Jaywalker] = []
-    for i in range(int(rng.choice(list(CROSSING), p=list(CROSSING.values())))):
+    for i in range(draws.by_share("people", CROSSING)):
         along_m = min(max(crossing_m + APART_M * (i % 2), 0.0), way.centerline.length_m)
         behind_m = APART_M * (i // 2) * (1.0 if from_left else -1.0)
         ends = (here_m + behind_m, there_m + behind_m)
         start, end = (LanePosition(way.id, round(along_m, CENTIMETRES), round(left_m, 2)) for left_m in ends)
-        people.append(Jaywalker(start, end, round(float(np.clip(rng.normal(*WALK_MPS), *WALKS_MPS)), 2)))
+        people.append(Jaywalker(start, end, round(draws.normal("walk_mps", WALK_MPS, WALKS_MPS), 2)))
     return people
 
 
@@ -244,14 +245,14 @@ def _beside_m(site: Site) -> float:
 
 
 def drive_past(
-    share: float, traffic: TrafficDemand, id: str, roads: Roads, site: Site, _rng: np.random.Generator
+    share: float, traffic: TrafficDemand, id: str, roads: Roads, site: Site, _draws: Draws
 ) -> Scenario:  # fmt: skip
     """Drives past a site in traffic."""
     return _scenario(id, roads, _past(site), share, traffic)
 
 
 def follow(
-    kind: VehicleKind, gap_s: float, share: float, id: str, roads: Roads, site: Site, _rng: np.random.Generator
+    kind: VehicleKind, gap_s: float, share: float, id: str, roads: Roads, site: Site, _draws: Draws
 ) -> Scenario:  # fmt: skip
     """Follows a leader of a kind, `gap_s` ahead, at `share` of the limit."""
     speed_mps = round(share * site.limit_mps, 1)
@@ -261,18 +262,19 @@ def follow(
     return _scenario(id, roads, _past(site), share, LIGHT_TRAFFIC, vehicles=[lead])
 
 
-def pass_parked(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+def pass_parked(id: str, roads: Roads, site: Site, draws: Draws) -> Scenario:
     across_m = site.width_m / 2.0 + _beside_m(site) - 1.0
     standing: list[Obstacle] = []
-    for ahead_m in (-9.0, 0.0, 7.5)[: int(rng.integers(1, 4))]:
+    for ahead_m in (-9.0, 0.0, 7.5)[: draws.whole("row", (1, 3))]:
         standing.append(Obstacle(site.place(ahead_m, across_m), "car"))
-        if rng.random() < WAITING_SHARE:
-            beside = site.place(ahead_m + uniform(rng, (-2.0, 2.0)), across_m + uniform(rng, PAVEMENT_M))
-            standing.append(Obstacle(beside, "person", uniform(rng, (-3.0, 3.0))))
+        if draws.happens("somebody_waits", WAITING_SHARE):
+            beside_m = ahead_m + draws.uniform("bystander_ahead_m", (-2.0, 2.0))
+            beside = site.place(beside_m, across_m + draws.uniform("bystander_aside_m", PAVEMENT_M))
+            standing.append(Obstacle(beside, "person", draws.uniform("bystander_turned_rad", (-3.0, 3.0))))
     return _scenario(id, roads, _past(site), 0.8, LIGHT_TRAFFIC, obstacles=standing)
 
 
-def change_lane(id: str, roads: Roads, site: Site, _rng: np.random.Generator) -> Scenario:
+def change_lane(id: str, roads: Roads, site: Site, _draws: Draws) -> Scenario:
     index = site.beside_start.index(site.start.lane)
     start = site.beside_start[index - 1 if index else 1]
     arc_m = min(site.start.arc_m, round(roads[start].centerline.length_m - 1.0, 2))
@@ -287,27 +289,27 @@ def anywhere(_roads: Roads, lane_id: str, at_m: float) -> LanePosition:
     return LanePosition(lane_id, round(at_m, CENTIMETRES))
 
 
-def trip_through_town(id: str, roads: Roads, start: LanePosition, rng: np.random.Generator) -> Scenario:
+def trip_through_town(id: str, roads: Roads, start: LanePosition, draws: Draws) -> Scenario:
     """Goes some way through the town: straight on, off to the sides and from lane to lane, as drawn."""
-    share = float(np.round(rng.choice((0.0, 0.4, 0.7, 0.9)), 1))
-    length_m, left_m = roads[start.lane].centerline.length_m, float(rng.uniform(*TRIP_M))
+    share = draws.one_of("start_speed_share", (0.0, 0.4, 0.7, 0.9))
+    length_m, left_m = roads[start.lane].centerline.length_m, draws.uniform("trip_m", TRIP_M, None)
     if not IN_LANE_M <= start.arc_m <= length_m - IN_LANE_M:
         raise UnsuitableError(f"an end of the lane is nearer than {IN_LANE_M:.0f} m")
     here, room_m, chain = start.lane, length_m - start.arc_m, [start.lane]
     while left_m > room_m - IN_LANE_M:
-        way = _way_on(roads, here, room_m, rng)
+        way = _way_on(roads, here, room_m, draws)
         if roads[way.to_lane_id].roadblock_id in roads.route_through(chain):
             raise UnsuitableError("the way drawn comes back to where it was")
         left_m -= room_m + way.centerline.length_m
         here, room_m = way.to_lane_id, roads[way.to_lane_id].centerline.length_m
         chain += [way.from_lane_id, way.id, here]
     begin_m = roads[here].centerline.length_m - room_m
-    goal = _beside(roads, LanePosition(here, round(begin_m + max(left_m, IN_LANE_M), CENTIMETRES)), begin_m, rng)
+    goal = _beside(roads, LanePosition(here, round(begin_m + max(left_m, IN_LANE_M), CENTIMETRES)), begin_m, draws)
     course = Course(start, goal, roads.route_through((*chain, goal.lane)))
-    return _scenario(id, roads, course, share, TrafficDemand(_some(rng), DRIVERS, _some(rng)))
+    return _scenario(id, roads, course, share, TrafficDemand(_some(draws), DRIVERS, _some(draws)))
 
 
-def _way_on(roads: Roads, lane_id: str, room_m: float, rng: np.random.Generator) -> Connector:
+def _way_on(roads: Roads, lane_id: str, room_m: float, draws: Draws) -> Connector:
     """A way out of the roadblock, from a lane that can be reached in time; turns and straight ways alike."""
     siblings = roads.roadblocks[roads[lane_id].roadblock_id].lane_ids
     here = siblings.index(lane_id)
@@ -316,19 +318,19 @@ def _way_on(roads: Roads, lane_id: str, room_m: float, rng: np.random.Generator)
     turns = sorted({way.turn for way in ways} - {Turn.U_TURN})
     if not turns:
         raise UnsuitableError("the road ends on the way drawn")
-    straight = Turn.STRAIGHT in turns and (len(turns) == 1 or rng.random() < STRAIGHT_SHARE)
+    straight = Turn.STRAIGHT in turns and (len(turns) == 1 or draws.happens("straight_on", STRAIGHT_SHARE))
     others = [turn for turn in turns if turn is not Turn.STRAIGHT]
-    turn = Turn.STRAIGHT if straight else others[int(rng.integers(len(others)))]
+    turn = Turn.STRAIGHT if straight else draws.one_of("turn", others)
     pool = [way for way in ways if way.turn is turn]
-    return pool[int(rng.integers(len(pool)))]
+    return draws.one_of("connector", pool)
 
 
-def _beside(roads: Roads, place: LanePosition, begin_m: float, rng: np.random.Generator) -> LanePosition:
+def _beside(roads: Roads, place: LanePosition, begin_m: float, draws: Draws) -> LanePosition:
     """A goal, or in most cases the one beside it on a neighbour lane, where there is room to change."""
     neighbours = [lane for lane in (roads.left_of(place.lane), roads.right_of(place.lane)) if lane is not None]
-    if not neighbours or place.arc_m - begin_m < CHANGE_ROOM_M or rng.random() >= BESIDE_SHARE:
+    if not neighbours or place.arc_m - begin_m < CHANGE_ROOM_M or not draws.happens("goal_beside", BESIDE_SHARE):
         return place
-    lane = neighbours[int(rng.integers(len(neighbours)))]
+    lane = draws.one_of("neighbour", neighbours)
     there = place.pose(roads)
     arc_m = round(lane.centerline.project_point(there.x_m, there.y_m)[0], CENTIMETRES)
     return LanePosition(lane.id, min(arc_m, lane.centerline.length_m - IN_LANE_M))
@@ -364,8 +366,8 @@ def _limit_mps(roads: Roads, place: LanePosition) -> float:
     return roads[place.lane].speed_limit_mps or USUAL_LIMIT_MPS
 
 
-def _some(rng: np.random.Generator) -> Density:
-    return ("low", "medium")[int(rng.integers(2))]
+def _some(draws: Draws) -> Density:
+    return draws.one_of("density", ("low", "medium"))
 
 
 def _ahead_of(roads: Roads, start: LanePosition, ahead_m: float) -> LanePosition:

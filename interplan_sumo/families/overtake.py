@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, Final
 
-import numpy as np
-
 from interplan_sumo.errors import ScenarioError
+from interplan_sumo.families.draws import Draws
 from interplan_sumo.families.family import Family
 from interplan_sumo.families.passing import beyond_own_side, is_small, offset_asked_m, passing_problems
 from interplan_sumo.families.shapes import CLEARANCE_M, LARGEST_OFFSET_M, PASSING_M
@@ -19,7 +18,6 @@ from interplan_sumo.families.staging import (
     oncoming_traffic,
     parked,
     site_for,
-    uniform,
 )
 from interplan_sumo.scenario.kinds import SLOW_SIZES_M, VehicleKind
 from interplan_sumo.scenario.scenario import Obstacle, PlacedVehicle, Scenario
@@ -71,32 +69,32 @@ def suitable(roads: Roads, lane_id: str, at_m: float) -> Site:
     return site
 
 
-def drawn(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+def drawn(id: str, roads: Roads, site: Site, draws: Draws) -> Scenario:
     """A scenario of the family at a site, what varies drawn at random."""
-    if rng.random() < SLOW_SHARE:
-        return _behind_slow(id, roads, site, rng)
-    what = bus(rng) if rng.random() < BUS_SHARE else parked(rng)
+    if draws.happens("slow_vehicle", SLOW_SHARE):
+        return _behind_slow(id, roads, site, draws)
+    what = bus(draws) if draws.happens("bus", BUS_SHARE) else parked(draws)
     _, (length_m, width_m, _) = what
-    to = approach(roads, site, rng, before_m=length_m / 2.0, after_m=length_m / 2.0)
+    to = approach(roads, site, draws, before_m=length_m / 2.0, after_m=length_m / 2.0)
     least_m = max(LARGEST_OFFSET_M, site.width_m / 2.0) + 0.1
     most_m = min(site.width_m / 2.0 + site.oncoming_m - PASSING_M - TURNED_M, least_m + REACH_M)
     if most_m < least_m:
         raise UnsuitableError("the oncoming lane is too narrow to pass on")
-    offset_m = uniform(rng, (least_m, most_m))
+    offset_m = draws.uniform("offset_m", (least_m, most_m))
     standing = obstacle(to.site.place(0.0, PASSING_M - offset_m + width_m / 2.0), what)
-    return blocked(id, to, standing, oncoming_traffic(roads, to, rng, complete=True))
+    return blocked(id, to, standing, oncoming_traffic(roads, to, draws, complete=True))
 
 
-def _behind_slow(id: str, roads: Roads, site: Site, rng: np.random.Generator) -> Scenario:
+def _behind_slow(id: str, roads: Roads, site: Site, draws: Draws) -> Scenario:
     """A cyclist in the middle of the lane, or a tractor, that is passed while it moves."""
-    kind: VehicleKind = "bicycle" if rng.random() < 0.5 else "tractor"
-    speed_mps = uniform(rng, SLOW[kind], 1)
+    kind: VehicleKind = "bicycle" if draws.happens("bicycle", 0.5) else "tractor"
+    speed_mps = draws.uniform("slow_mps", SLOW[kind], 1)
     beyond_m = (FOLLOWED_M - SLOW_M[0], FOLLOWED_M)
-    to = approach(roads, site, rng, distance_m=SLOW_M, beyond_m=beyond_m)
+    to = approach(roads, site, draws, distance_m=SLOW_M, beyond_m=beyond_m)
     length_m, _ = SLOW_SIZES_M[kind]
-    aside_m = uniform(rng, ASIDE_M) if kind == "bicycle" else 0.0
+    aside_m = draws.uniform("aside_m", ASIDE_M) if kind == "bicycle" else 0.0
     ahead = PlacedVehicle(to.site.place(length_m / 2.0, aside_m), speed_mps, kind)
-    staged = oncoming_traffic(roads, to, rng, complete=True)
+    staged = oncoming_traffic(roads, to, draws, complete=True)
     return to.scenario(id, "overtake", exempt=EXEMPT, **{**staged, "vehicles": (ahead, *staged.get("vehicles", ()))})
 
 
@@ -110,6 +108,7 @@ FAMILY: Final = Family(
     description="Something blocks the lane or crawls along it; wait for a gap, use the oncoming lane, come back.",
     suitable=suitable,
     drawn=drawn,
+    telling=("offset_m", "start_speed_share"),
     order=50,
     column="Overt.",
     checks=(partial(passing_problems, own_side_only=False, offset=beyond_own_side),),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
 from typing import Any, Final
@@ -9,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from interplan_sumo.errors import ScenarioError
+from interplan_sumo.families.draws import Draws
 from interplan_sumo.scenario.kinds import ObstacleKind
 from interplan_sumo.scenario.route import route_centerline, start_arc_m
 from interplan_sumo.scenario.scenario import (
@@ -104,11 +106,6 @@ class Approach:
         return replace(made, start_speed_mps=self.start_speed_mps)
 
 
-def uniform(rng: np.random.Generator, bounds: tuple[float, float], decimals: int = 2) -> float:
-    """A number between bounds, rounded: scenarios are data that people read."""
-    return float(np.round(rng.uniform(*bounds), decimals))
-
-
 def site_for(roads: Roads, lane_id: str, at_m: float, fastest_mps: float, *, room_m: float = ROOM_M) -> Site:
     """The site at a place with the shortest way there and on; UnsuitableError if it has none or is too fast."""
     site = site_at(roads, lane_id, at_m, approach_m=DISTANCE_M[0], beyond_m=BEYOND_M[0], room_m=room_m)
@@ -120,7 +117,7 @@ def site_for(roads: Roads, lane_id: str, at_m: float, fastest_mps: float, *, roo
 def approach(
     roads: Roads,
     site: Site,
-    rng: np.random.Generator,
+    draws: Draws,
     *,
     distance_m: tuple[float, float] = DISTANCE_M,
     before_m: float = 0.0,
@@ -135,10 +132,10 @@ def approach(
     the start is sound: see `STANDOFF_M` and `FREE_S`. UnsuitableError if no draw is.
     """
     reason = UnsuitableError("no start is far enough away for its speed")
-    for _ in range(TRIES):
-        away_m = uniform(rng, distance_m, 1)
-        goal_m = after_m + uniform(rng, beyond_m, 1)
-        share = uniform(rng, START_SHARE)
+    for _ in draws.tries(TRIES):
+        away_m = draws.uniform("distance_m", distance_m, 1)
+        goal_m = after_m + draws.uniform("goal_beyond_m", beyond_m, 1)
+        share = draws.uniform("start_speed_share", START_SHARE)
         try:
             found = site_at(roads, site.lane, site.at_m, approach_m=away_m + before_m, beyond_m=goal_m, room_m=room_m)
         except UnsuitableError as error:
@@ -180,19 +177,27 @@ def _driven_m(roads: Roads, site: Site) -> float:
     return at_m - start_arc_m(roads, bare)
 
 
-def parked(rng: np.random.Generator, *names: str) -> tuple[ObstacleKind, tuple[float, float, float]]:
+def parked(draws: Draws, *names: str) -> tuple[ObstacleKind, tuple[float, float, float]]:
     """A standing vehicle of one of these classes, by default of any: its kind, and its length, width and height."""
     chosen = names or tuple(STANDING)
     shares = np.array([STANDING[name][0] for name in chosen])
-    _, kind, *bounds = STANDING[chosen[int(rng.choice(len(chosen), p=shares / shares.sum()))]]
-    length_m, width_m, height_m = (uniform(rng, each) for each in bounds)
-    return kind, (length_m, width_m, height_m)
+    likely: list[float] = (shares / shares.sum()).tolist()
+    _, kind, *bounds = STANDING[draws.by_share("vehicle", dict(zip(chosen, likely, strict=True)))]
+    return kind, _size_m(bounds, draws)
 
 
-def bus(rng: np.random.Generator) -> tuple[ObstacleKind, tuple[float, float, float]]:
+def bus(draws: Draws) -> tuple[ObstacleKind, tuple[float, float, float]]:
     """A stopped bus."""
-    length_m, width_m, height_m = (uniform(rng, each) for each in BUS[1:])
-    return "bus", (length_m, width_m, height_m)
+    return "bus", _size_m(BUS[1:], draws)
+
+
+def _size_m(bounds: Sequence[tuple[float, float]], draws: Draws) -> tuple[float, float, float]:
+    length_m, width_m, height_m = bounds
+    return (
+        draws.uniform("vehicle_length_m", length_m),
+        draws.uniform("vehicle_width_m", width_m),
+        draws.uniform("vehicle_height_m", height_m),
+    )
 
 
 def along(roads: Roads, site: Site, ahead_m: float, towards_kerb_m: float) -> LanePosition:
@@ -209,16 +214,14 @@ def along(roads: Roads, site: Site, ahead_m: float, towards_kerb_m: float) -> La
     return LanePosition(lane, round(arc_m, CENTIMETRES), round(site.kerb * towards_kerb_m, CENTIMETRES) + 0.0)
 
 
-def beside_traffic(
-    roads: Roads, to: Approach, rng: np.random.Generator, *, towards_kerb: bool = False
-) -> dict[str, Any]:
+def beside_traffic(roads: Roads, to: Approach, draws: Draws, *, towards_kerb: bool = False) -> dict[str, Any]:
     """Traffic where the own direction has a second lane, on which somebody drives a little behind the ego.
 
     What is staged, for `Approach.scenario`; who drives there is on the side `towards_kerb`, or on the other.
     """
-    density: Density = "medium" if rng.random() < MEDIUM_SHARE else "low"
-    demand = TrafficDemand(density=density, behaviour=behaviour(rng), oncoming="low")
-    start, behind_m = to.site.start, uniform(rng, BEHIND_M, 1)
+    density: Density = "medium" if draws.happens("medium_density", MEDIUM_SHARE) else "low"
+    demand = TrafficDemand(density=density, behaviour=behaviour(draws), oncoming="low")
+    start, behind_m = to.site.start, draws.uniform("follower_behind_m", BEHIND_M, 1)
     beside = roads.left_of(start.lane) if (to.site.kerb > 0) == towards_kerb else roads.right_of(start.lane)
     if beside is None:
         return {"traffic": demand}
@@ -229,15 +232,15 @@ def beside_traffic(
     return {"traffic": demand, "vehicles": (PlacedVehicle(LanePosition(beside.id, arc_m), to.start_speed_mps),)}
 
 
-def behaviour(rng: np.random.Generator) -> Behaviour:
+def behaviour(draws: Draws) -> Behaviour:
     """The drivers of a scene."""
-    return DRIVERS[int(rng.integers(len(DRIVERS)))]
+    return draws.one_of("drivers", DRIVERS)
 
 
 # --- who comes towards the ego -----------------------------------------------------------------
 
 
-def oncoming_traffic(roads: Roads, to: Approach, rng: np.random.Generator, *, complete: bool = False) -> dict[str, Any]:
+def oncoming_traffic(roads: Roads, to: Approach, draws: Draws, *, complete: bool = False) -> dict[str, Any]:
     """Traffic that meets who swerves out without looking, and then leaves room: platoons, placed, and few others.
 
     The first platoon passes the site when the ego would come there, whatever
@@ -245,7 +248,7 @@ def oncoming_traffic(roads: Roads, to: Approach, rng: np.random.Generator, *, co
     where no lane comes towards the ego, density alone. UnsuitableError where
     the road has no room for all of it, if it is to be `complete`.
     """
-    demand = TrafficDemand(density="medium", behaviour=behaviour(rng), oncoming="rare")
+    demand = TrafficDemand(density="medium", behaviour=behaviour(draws), oncoming="rare")
     lane = oncoming_lane(roads, to.site)
     if lane is None:
         return {"traffic": replace(demand, oncoming="none")}
@@ -262,9 +265,9 @@ def oncoming_traffic(roads: Roads, to: Approach, rng: np.random.Generator, *, co
                     placed.append(PlacedVehicle(place, round(speed_mps - 0.05, 1)))
             elif complete and platoon == 0:
                 raise UnsuitableError("the oncoming lane begins too near for a platoon to come from")
-            passes_s += float(rng.uniform(*PLATOON_HEADWAY_S))
-        passes_s += float(rng.uniform(*WINDOW_S))
-        last_s = passes_s + float(rng.uniform(0.0, SECOND_PLATOON_S))
+            passes_s += draws.uniform("platoon_headway_s", PLATOON_HEADWAY_S, None)
+        passes_s += draws.uniform("platoon_window_s", WINDOW_S, None)
+        last_s = passes_s + draws.uniform("platoon_lasts_s", (0.0, SECOND_PLATOON_S), None)
     return {"traffic": demand, "vehicles": tuple(placed)}
 
 

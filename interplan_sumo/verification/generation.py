@@ -6,13 +6,14 @@ A map that is not shipped goes into the folder, too, so that it can be driven an
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.families import names
+from interplan_sumo.families.draws import Draw
 from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import MapFiles, load_roads
 from interplan_sumo.scenario import certificates
@@ -28,6 +29,7 @@ from interplan_sumo.world.roads import Roads
 SCENARIOS: Final = "scenarios.yaml"
 REPORT: Final = "report.csv"
 REJECTED: Final = "rejected.csv"
+PARAMETERS: Final = "parameters.csv"
 OTHER_FOLDER: Final = "give another folder as --out"
 CANDIDATES_PER_SCENARIO: Final = 12
 LEAST_CANDIDATES: Final = 60
@@ -138,6 +140,12 @@ def write_rows(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]
         table = csv.writer(file)
         table.writerow(names)
         table.writerows(rows)
+
+
+def write_parameters(path: Path, scenes: Iterable[tuple[str, Mapping[str, Draw]]]) -> None:
+    """Write what was drawn for each scene, by its id, a row for each parameter; InputError if it cannot be written."""
+    rows = ((id, name, each.value, f"{each.quantile:.6f}") for id, draws in scenes for name, each in draws.items())
+    write_rows(path, ("scenario_id", "parameter", "value", "quantile"), rows)
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:

@@ -21,6 +21,7 @@ from interplan_sumo.families import (
     names,
     overtake,
 )
+from interplan_sumo.families.draws import Draws
 from interplan_sumo.families.generate import Search
 from interplan_sumo.families.jaywalker import Person
 from interplan_sumo.families.passing import corners_in_the_way
@@ -148,8 +149,8 @@ def test_where_the_own_direction_has_one_lane_cars_in_platoons_come_when_the_ego
 
 
 def test_a_lane_is_closed_by_a_taper_as_long_as_the_limit_asks_and_narrowed_by_a_short_one() -> None:
-    rng, site = np.random.default_rng(0), replace(narrow().site, width_m=3.5, limit_mps=50.0 / 3.6)
-    closed, narrowed = (construction.works(layout, site, 1.4, rng).cones for layout in ("closure", "narrowing"))
+    draws, site = Draws(np.random.default_rng(0)), replace(narrow().site, width_m=3.5, limit_mps=50.0 / 3.6)
+    closed, narrowed = (construction.works(layout, site, 1.4, draws).cones for layout in ("closure", "narrowing"))
     for cones, taper_m in ((closed, 3.15 * 50.0**2 / 155.0), (narrowed, 15.0)):
         row = cones[cones[:, 0] > taper_m + 0.1]
         assert np.diff(cones[:, 1])[: len(cones) - len(row) - 1].min() > 0.0  # ever farther into the lane
@@ -160,7 +161,9 @@ def test_a_lane_is_closed_by_a_taper_as_long_as_the_limit_asks_and_narrowed_by_a
 @pytest.mark.parametrize("side", [1, -1])
 def test_people_stand_beside_the_crashed_cars_and_all_on_the_side_on_which_nobody_passes(side: int) -> None:
     cars = (Obstacle(LanePosition("1", 50.0)), Obstacle(LanePosition("1", 53.0), turned_rad=1.57))
-    people = [each for seed in range(20) for each in accident.bystanders(cars, side, np.random.default_rng(seed))]
+    people = [
+        each for seed in range(20) for each in accident.bystanders(cars, side, Draws(np.random.default_rng(seed)))
+    ]
     assert len(people) > 10
     assert min(side * each.place.left_m for each in people) >= 0.925 + accident.STANDS_OFF_M[0] - 0.01
 

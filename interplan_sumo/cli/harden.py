@@ -1,0 +1,150 @@
+"""Command `scenarios harden`: scenes in which given planners do badly, each proved solvable and solved by somebody."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from interplan_sumo.cli.completion import map_names
+from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, QuietOption, take_one_thread
+from interplan_sumo.errors import counted
+from interplan_sumo.report.printing import print_json
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from interplan_sumo.verification.hard_search import HardOptions, HardSearch
+    from interplan_sumo.world.roads import Roads
+
+
+def harden(
+    family: Annotated[str, typer.Option(help="A family, or an ordinary type.")],
+    against: Annotated[
+        str, typer.Option(help="The panel: planners that are to do badly, with commas between.", metavar="P,Q,...")
+    ],
+    out: Annotated[Path, typer.Option(help="The folder; the same command on it goes on.", metavar="DIR")],
+    map: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A shipped map's name, or a folder with a map.gpkg. Repeat for several. Default: all shipped ones.",
+            autocompletion=map_names,
+        ),
+    ] = None,
+    count: Annotated[int, typer.Option(help="How many scenes.")] = 10,
+    seed: Annotated[int, typer.Option(help="Equal seeds give equal scenes, however many work.")] = 0,
+    secret_seed: Annotated[
+        Path | None,
+        typer.Option(help="A file whose content is the seed; the certificates go beside it, not to the scenarios."),
+    ] = None,
+    difficulty: Annotated[float, typer.Option(help="The share of the panel that must fail in a scene.")] = 0.5,
+    plausibility: Annotated[
+        float, typer.Option(help="The share of the family's own scenes that must be no more likely than it.")
+    ] = 0.05,
+    budget: Annotated[int, typer.Option(help="Scenes to drive at most.")] = 2000,
+    workers: Annotated[
+        str | None,
+        typer.Option(
+            help="Processes; 0 works in this one. Default: all cores. ray[:ADDRESS] takes the CPUs of a Ray cluster.",
+            metavar="N|ray[:ADDRESS]",
+        ),
+    ] = None,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Search the parameters of a family for scenes in which a panel of planners fails, and that can be solved.
+
+    Each scene passes the start checks and has a certificate, and a planner without privileged knowledge solves it:
+    one of the panel, or one that it does not have. Exit code 3 if the budget ends before there are as many.
+    """
+    take_one_thread()
+    from interplan_sumo.batch.hard_job import hard_verdicts
+    from interplan_sumo.batch.processes import Workers
+    from interplan_sumo.cli.generate import secret_of
+    from interplan_sumo.families import FAMILIES
+    from interplan_sumo.planner import find_planner
+    from interplan_sumo.verification.hard_folder import CANDIDATES, write_hard
+    from interplan_sumo.verification.hard_search import HardOptions, HardSearch
+    from interplan_sumo.verification.quality_diversity import check_optimiser
+    from interplan_sumo.verification.suite_slots import Seed
+
+    check_optimiser()
+    who = Workers.parse(workers)
+    panel = tuple(name.strip() for name in against.split(",") if name.strip())
+    for name in panel:
+        find_planner(name)
+    FAMILIES[family]
+    given = Seed(seed, f"hard-{seed}-") if secret_seed is None else Seed.secret(secret_of(secret_seed))
+    options = HardOptions(family, panel, count, given, difficulty, plausibility, budget)
+    roads, options = _maps(map or [], out, options)
+    search = HardSearch.of(roads, options)
+
+    def tell(search: HardSearch) -> None:
+        if not quiet:
+            print(_line(search), file=sys.stderr, flush=True)
+
+    search.run(lambda candidates: hard_verdicts(candidates, out / CANDIDATES, who), tell)
+    kept_back = None if secret_seed is None else secret_seed.with_name(f"{secret_seed.name}.certificates.parquet")
+    write_hard(search, out, kept_back=kept_back)
+    _print(search, out, kept_back, as_json=as_json)
+    return DONE if search.complete else INCOMPLETE
+
+
+def _maps(names: Sequence[str], out: Path, options: HardOptions) -> tuple[list[Roads], HardOptions]:
+    """The roads to search on; maps that are not shipped go into the folder whole, as the scenes are driven there."""
+    from interplan_sumo.maps.store import find_map, load_roads, maps
+    from interplan_sumo.scenario.files import MAPS
+    from interplan_sumo.verification.map_bundling import carry_map, own_maps_root
+
+    found: list[Roads] = []
+    for name in names or maps():
+        files = find_map(name)
+        if own_maps_root(files) is not None:
+            roads = load_roads(files.folder)
+            files = carry_map(files, roads, (), out / MAPS, overwrite=True, whole_lanes=len(roads.lanes))
+            options = replace(options, maps_beside=(out / MAPS).resolve())
+        found.append(load_roads(files.folder))
+    return found, options
+
+
+def _line(search: HardSearch) -> str:
+    """How far the search has come: yield, and what a scene costs."""
+    options, many = search.options, len(search.taken)
+    stages = Counter(each.verdict.stage or "hard" for each in search.judged)
+    said = ", ".join(f"{number} {stage}" for stage, number in stages.most_common())
+    each = f", {search.cpu_s / many:.0f} for each" if many else ""
+    return f"{len(search.judged)} driven ({said}); {many} of {options.count} taken; {search.cpu_s:.0f} CPU s{each}"
+
+
+def _print(search: HardSearch, out: Path, kept_back: Path | None, *, as_json: bool) -> None:
+    taken, options = search.taken, search.options
+    stages = Counter(each.verdict.stage or "hard" for each in search.judged)
+    mean = sum(each.verdict.mean_score for each in taken) / len(taken) if taken else None
+    if as_json:
+        print_json(
+            {
+                "folder": str(out),
+                "scenarios": len(taken),
+                "asked": options.count,
+                "driven": len(search.judged),
+                "stages": dict(stages),
+                "not_driven": dict(search.passed_over),
+                "plausible_share": round(search.plausible_share, 4),
+                "mean_score": mean,
+                "certificates": str(kept_back) if kept_back else None,
+            }
+        )
+        return
+    for stage, number in [*search.passed_over.most_common(), *stages.most_common()]:
+        print(f"{number:6d}  {stage}")
+    print(f"plausible enough are {search.plausible_share:.0%} of the scenes that found room")
+    hard = "" if mean is None else f", the panel scores {100.0 * mean:.0f} in them"
+    print(f"{len(taken)} of {counted(options.count, 'scenario')}, all certified and solved by somebody{hard}: {out}")
+    if kept_back is not None:
+        print(f"their certificates, to be kept back: {kept_back}")
+    if not search.complete:
+        print(f"a larger --budget, another --seed or more maps may do; {out / 'rejected.csv'} says what was tried")

@@ -1,0 +1,64 @@
+"""Hard folder: what a search for hard scenes found, as a folder that `run` accepts.
+
+| file | what |
+|---|---|
+| scenarios.yaml, certificates.parquet | the scenes, and a drive for each that proves it solvable |
+| hard.csv | of each its difficulty, plausibility, who solves it, and the panel's scores |
+| parameters.csv | of each what was drawn for it |
+| tried/ | all scenes that the panel drove, whatever came of it, with their parameters |
+| rejected.csv | scenes that were not taken, with the check that they failed |
+| candidates/ | what is known of scenes, so that the search goes on where it was stopped |
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from interplan_sumo.scenario import certificates
+from interplan_sumo.scenario.certificates import Certificate
+from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.verification.generation import (
+    OTHER_FOLDER,
+    PARAMETERS,
+    REJECTED,
+    SCENARIOS,
+    write_parameters,
+    write_rows,
+)
+from interplan_sumo.verification.hard_search import HardScene, HardSearch
+from interplan_sumo.world.files import writing
+
+HARD: Final = "hard.csv"
+TRIED: Final = "tried"
+CANDIDATES: Final = "candidates"
+
+
+def write_hard(search: HardSearch, folder: Path, *, kept_back: Path | None = None) -> None:
+    """Write what a search found; the certificates to `kept_back` if that is given. InputError if it cannot be."""
+    taken = sorted(search.taken, key=lambda scene: scene.id)
+    proved = [Certificate.of(each.verdict.certificate) for each in taken if each.verdict.certificate is not None]
+    tried = [scene for scene in search.judged if scene.verdict.scores]
+    with writing(folder, OTHER_FOLDER):
+        (folder / TRIED).mkdir(parents=True, exist_ok=True)
+        write_scenarios([each.drawn.scenario for each in taken], folder / SCENARIOS)
+        write_scenarios([each.drawn.scenario for each in tried], folder / TRIED / SCENARIOS)
+    with writing(kept_back or folder, "give another file as --secret-seed" if kept_back else OTHER_FOLDER):
+        certificates.write_certificates(kept_back or folder / certificates.FILE, proved)
+    for there, scenes in ((folder, taken), (folder / TRIED, tried)):
+        write_parameters(there / PARAMETERS, ((each.id, each.drawn.draws) for each in scenes))
+    panel = search.options.panel
+    names = ("scenario_id", "difficulty", "mean_score", "plausibility", "solved_by", *panel)
+    write_rows(folder / HARD, names, [_row(scene, panel) for scene in taken])
+    ids = {scene.id for scene in taken}
+    others = [scene for scene in search.judged if scene.id not in ids]
+    rows = [(each.verdict.stage or "not needed", each.id, each.verdict.reason) for each in others]
+    write_rows(folder / REJECTED, ("stage", "scenario_id", "reason"), rows)
+
+
+def _row(scene: HardScene, panel: tuple[str, ...]) -> tuple[object, ...]:
+    verdict, proved = scene.verdict, scene.verdict.certificate
+    solved_by = " ".join(proved.summary.solved_by or ()) if proved is not None else ""
+    scores = [f"{verdict.scores[name]:.4f}" for name in panel]
+    hard = f"{verdict.difficulty:.2f}", f"{verdict.mean_score:.4f}", f"{scene.plausibility:.3f}"
+    return (scene.id, *hard, solved_by, *scores)

@@ -1,0 +1,146 @@
+"""Hard judging: is a scene sound and certified, does a panel of planners fail in it, and does somebody solve it?
+
+Planners drive before a certificate is looked for: all of a panel take as long as a search that finds one at once, and
+a search that finds none three times as long. What is easy for most of the panel is told by the first who solve it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import msgspec
+
+from interplan_sumo.errors import ScenarioError, TrafficError
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.metrics.score import score
+from interplan_sumo.planner import load_planner
+from interplan_sumo.scenario.certificates import CertificateRecord
+from interplan_sumo.scenario.nominal_drive import nominal_drive
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.simulation.episode import drive
+from interplan_sumo.verification.certificates import passing_drive
+from interplan_sumo.verification.light_windows import light_problems
+from interplan_sumo.verification.replay import reference_drive
+from interplan_sumo.verification.solvers import SOLVED_SCORE, solvers
+from interplan_sumo.verification.start_checks import start_problems
+from interplan_sumo.verification.suite_judging import ASKED, ASKED_NEXT, MOST_SIMULATIONS, TRIVIAL, avoidable_change
+from interplan_sumo.verification.surrounding_traffic import traffic_shortcomings
+from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.trace import EgoTrack, Trace
+
+STAGES: Final = ("room", "start", "traffic", "easy", "certificate", "trivial", "open")
+"""At which a scene may fail, in the order in which they are looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class HardCandidate:
+    """A scene, and what is asked of it."""
+
+    scenario: Scenario
+    panel: tuple[str, ...]
+    least_difficulty: float
+    """The share of the panel that must fail."""
+
+    @property
+    def most_solved(self) -> int:
+        """So many of the panel may solve it."""
+        return int(len(self.panel) * (1.0 - self.least_difficulty) + 1e-9)
+
+
+class HardVerdict(msgspec.Struct, frozen=True):
+    """What was found of a scene."""
+
+    stage: str
+    """At which check it failed, `fault` for one of the simulator; '' if it is hard and sound."""
+    reason: str = ""
+    scores: dict[str, float] = {}
+    """Of those of the panel who drove, in the panel's order; against the certificate once there is one."""
+    certificate: CertificateRecord | None = None
+    cpu_s: float = 0.0
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Who of the panel does not solve it."""
+        return tuple(name for name, got in self.scores.items() if got < SOLVED_SCORE)
+
+    @property
+    def difficulty(self) -> float:
+        """The share of the panel that fails."""
+        return len(self.failed) / len(self.scores) if self.scores else 0.0
+
+    @property
+    def mean_score(self) -> float:
+        """Of those of the panel who drove."""
+        return sum(self.scores.values()) / len(self.scores) if self.scores else 1.0
+
+
+def judged_hard(candidate: HardCandidate) -> HardVerdict:
+    """Check a scene, the cheapest checks first. Deterministic but for the time it takes."""
+    begun_s = time.process_time()
+    try:
+        found = _judged(candidate)
+    except (ScenarioError, TrafficError) as error:
+        found = HardVerdict("fault", str(error))
+    return msgspec.structs.replace(found, cpu_s=time.process_time() - begun_s)
+
+
+def quick_problems(scenario: Scenario, roads: Roads) -> list[str]:
+    """What is wrong with the geometry of a scene: takes milliseconds and opens no simulator."""
+    return avoidable_change(scenario, roads) or start_problems(scenario, roads, with_traffic=False)
+
+
+def _judged(candidate: HardCandidate) -> HardVerdict:
+    scenario = candidate.scenario
+    roads = load_roads(scenario.map, scenario.maps_beside)
+    if problems := start_problems(scenario, roads) or light_problems(scenario, roads):
+        return HardVerdict("start", problems[0])
+    reference = reference_drive(scenario)
+    if lacking := traffic_shortcomings(scenario, roads, reference):
+        return HardVerdict("traffic", lacking[0])
+    fastest = nominal_drive(roads, scenario)  # who solves it measured by this does so by any certificate
+    driven: dict[str, Trace | None] = {}
+    solved = 0
+    for name, trace in _drives(scenario, candidate.panel):
+        driven[name] = trace
+        solved += _score(trace, roads, fastest, scenario) >= SOLVED_SCORE
+        if solved > candidate.most_solved:
+            scores = {each: _score(trace, roads, fastest, scenario) for each, trace in driven.items()}
+            return HardVerdict("easy", f"{solved} of the panel solve it", scores)
+    proof = passing_drive(scenario, MOST_SIMULATIONS, reference)
+    if proof.certificate is None:
+        scores = {each: _score(trace, roads, fastest, scenario) for each, trace in driven.items()}
+        return HardVerdict("certificate", "; ".join(proof.problems), scores)
+    expert = proof.certificate.track
+    scores = {name: _score(trace, roads, expert, scenario) for name, trace in driven.items()}
+    solved_by = tuple(name for name, got in scores.items() if got >= SOLVED_SCORE)
+    if len(solved_by) > candidate.most_solved:
+        return HardVerdict("easy", f"{len(solved_by)} of the panel solve it", scores)
+    if solvers(scenario, expert, (TRIVIAL,)):
+        return HardVerdict("trivial", f"{TRIVIAL} solves it", scores)
+    solved_by = solved_by or _another(scenario, expert, candidate.panel)
+    if not solved_by:
+        return HardVerdict("open", "nobody who was asked solves it", scores)
+    summary = replace(proof.certificate.summary, solved_by=solved_by)
+    return HardVerdict("", scores=scores, certificate=replace(proof.certificate, summary=summary).record())
+
+
+def _drives(scenario: Scenario, panel: Sequence[str]) -> Iterator[tuple[str, Trace | None]]:
+    """What each planner does; None if it faults."""
+    for name in panel:
+        episode = drive(scenario, load_planner(name))
+        yield name, episode.trace if episode.fault is None else None
+
+
+def _score(trace: Trace | None, roads: Roads, expert: EgoTrack, scenario: Scenario) -> float:
+    return 0.0 if trace is None else round(score(trace, roads, expert, scenario).score, 6)
+
+
+def _another(scenario: Scenario, expert: EgoTrack, panel: Sequence[str]) -> tuple[str, ...]:
+    """The first who solves it of those that suites ask and the panel does not have."""
+    for name in (*ASKED, *ASKED_NEXT):
+        if name not in panel and (found := solvers(scenario, expert, (name,))):
+            return found
+    return ()

@@ -1,0 +1,181 @@
+"""Hard search: hard scenes, certified and solved by somebody, apart from one another, the same however many judge."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from interplan_sumo.errors import InputError
+from interplan_sumo.families.scene_space import SceneSpace
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.scenario import certificates
+from interplan_sumo.scenario.certificates import Certificate
+from interplan_sumo.scenario.files import read_scenarios
+from interplan_sumo.scenario.suite import expert, find_scenario
+from interplan_sumo.verification.hard_folder import write_hard
+from interplan_sumo.verification.hard_judging import HardCandidate, HardVerdict
+from interplan_sumo.verification.hard_search import APART, HardOptions, HardSearch
+from interplan_sumo.verification.quality_diversity import CELLS, DiverseSearch, EliteGrid
+from interplan_sumo.verification.suite_slots import Seed
+from tests.commands import ran
+
+MAP = load_roads("hazelwood")
+OPTIONS = HardOptions("overtake", ("idm", "foresight"), 4, Seed(3, "hard-3-"))
+SPACE = SceneSpace([MAP], "overtake", 3)
+
+
+def judged(candidates: Sequence[HardCandidate]) -> Iterator[tuple[HardCandidate, HardVerdict]]:
+    """As if who starts fast failed, in an order of its own; a bus has no certificate."""
+    track = expert(find_scenario("nudge/0"))
+    for each in reversed(candidates):
+        scenario = each.scenario
+        proof = certificates.Summary(scenario.id, scenario.hash(), 1.0, 100.0, 100.0, True, "", ("foresight",))
+        scores = {"idm": 0.0, "foresight": 1.0 if scenario.start_speed_mps < 9.0 else 0.2}
+        if any(obstacle.kind == "bus" for obstacle in scenario.obstacles):
+            yield each, HardVerdict("certificate", "no drive was found", scores, cpu_s=9.0)
+        else:
+            yield each, HardVerdict("", "", scores, Certificate(proof, track).record(), 1.0)
+
+
+def found(options: HardOptions = OPTIONS) -> HardSearch:
+    search = HardSearch({MAP.name: MAP}, options, SPACE)
+    search.run(judged)
+    return search
+
+
+@pytest.fixture(scope="module")
+def search() -> HardSearch:
+    return found()
+
+
+def test_scenes_are_certified_lie_apart_on_their_own_roads_and_nobody_solves_most_of_them(search: HardSearch) -> None:
+    assert search.complete
+    assert [scene.verdict.stage for scene in search.taken] == [""] * 4
+    assert len({scene.drawn.scenario.site(MAP).partition("@")[0] for scene in search.taken}) == 4
+    pairs = [(a.drawn, b.drawn) for a in search.taken for b in search.taken if a is not b]
+    assert min(one.apart(other) for one, other in pairs) >= APART
+    assert sum(scene.verdict.scores["foresight"] >= 0.8 for scene in search.taken) <= 2
+    assert min(scene.plausibility for scene in search.judged) >= OPTIONS.least_plausibility
+    assert {scene.id.partition("/")[0] for scene in search.taken} == {"hazelwood.overtake"}
+
+
+def test_equal_seeds_give_equal_scenes_and_other_seeds_others(search: HardSearch) -> None:
+    hashes = [scene.drawn.scenario.hash() for scene in search.taken]
+    assert [scene.drawn.scenario.hash() for scene in found().taken] == hashes
+    other = found(replace(OPTIONS, seed=Seed(4, "hard-4-")))
+    assert {scene.drawn.scenario.hash() for scene in other.taken}.isdisjoint(hashes)
+
+
+def test_a_stricter_bound_passes_over_more_and_a_spent_budget_ends_the_search(search: HardSearch) -> None:
+    strict = found(replace(OPTIONS, count=20, least_plausibility=0.6, most_judged=8))
+    assert strict.plausible_share < search.plausible_share
+    assert strict.passed_over["implausible"] > 0
+    assert min(scene.plausibility for scene in strict.judged) >= 0.6
+    assert not strict.complete
+
+
+def test_the_folder_has_the_scenes_their_certificates_difficulty_and_parameters(
+    search: HardSearch, tmp_path: Path
+) -> None:
+    write_hard(search, tmp_path)
+    scenes = read_scenarios(tmp_path / "scenarios.yaml")
+    assert {scene.id for scene in scenes} == set(certificates.read_certificates(tmp_path / certificates.FILE))
+    rows = table(tmp_path / "hard.csv")
+    assert [row["scenario_id"] for row in rows] == [scene.id for scene in scenes]
+    assert {row["difficulty"] for row in rows} <= {"0.50", "1.00"}
+    drawn = table(tmp_path / "parameters.csv")
+    assert {row["scenario_id"] for row in drawn} == {scene.id for scene in scenes}
+    assert {"start_speed_share", "place"} <= {row["parameter"] for row in drawn}
+    tried = read_scenarios(tmp_path / "tried" / "scenarios.yaml")
+    assert {scene.id for scene in tried} >= {scene.id for scene in scenes}
+    assert len(table(tmp_path / "rejected.csv")) == len(search.judged) - 4
+
+
+def test_of_a_secret_seed_the_certificates_lie_elsewhere(tmp_path: Path) -> None:
+    search = found(replace(OPTIONS, seed=Seed.secret(b"nobody has ever seen this")))
+    write_hard(search, tmp_path / "shown", kept_back=tmp_path / "kept.parquet")
+    assert not list((tmp_path / "shown").rglob("*.parquet"))
+    assert all("/hidden-" in each for each in certificates.read_certificates(tmp_path / "kept.parquet"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"panel": ()}, "--against"),
+        ({"panel": ("idm", "idm")}, "twice"),
+        ({"count": 0}, "expected 1 or more"),
+        ({"least_difficulty": 1.1}, "expected 0 to 1"),
+    ],
+)
+def test_what_cannot_be_searched_for_is_refused(wrong: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        replace(OPTIONS, **wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("share", "most"), [(0.5, 2), (0.75, 1), (0.76, 0), (1.0, 0), (0.0, 4)])
+def test_of_a_panel_so_many_may_solve_a_scene(share: float, most: int) -> None:
+    candidate = HardCandidate(find_scenario("nudge/0"), ("a", "b", "c", "d"), share)
+    assert candidate.most_solved == most
+
+
+def test_the_optimiser_comes_nearer_to_what_is_good_in_every_direction_than_chance_does() -> None:
+    search = DiverseSearch(12, 16, 0)
+    values: list[list[float]] = []
+    for _ in range(25):
+        points = search.ask(lambda _: True)
+        values.append([1.0 - float(np.mean((point[2:] - 1.0) ** 2)) for point in points])
+        search.tell(points, values[-1], [tuple(1.0 / (1.0 + np.exp(-point[:2]))) for point in points])
+    assert np.mean(values[-5:]) > np.mean(values[:5]) + 0.8
+    assert len(search.grid.best) > CELLS**2 / 2
+
+
+def test_points_that_are_not_worth_a_look_are_asked_for_again_and_a_batch_ends_where_none_is() -> None:
+    search = DiverseSearch(3, 8, 0)
+    assert all(point[0] > 0.0 for point in search.ask(lambda point: bool(point[0] > 0.0)))
+    assert search.ask(lambda _: False) == []
+
+
+def test_a_cell_of_the_grid_keeps_its_best_point() -> None:
+    grid, point = EliteGrid(), np.zeros(2)
+    for value in (0.2, 0.5, 0.3):
+        grid.add(point + value, value, (0.0, 1.0))
+    assert list(grid.best) == [(0, CELLS - 1)]
+    assert grid.improvement(0.6, (0.0, 1.0)) == pytest.approx(0.1)
+    assert grid.best[0, CELLS - 1][1].tolist() == [0.5, 0.5]
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.slow
+def test_scenes_hard_for_a_planner_are_found_on_a_shipped_map_driven_by_others_and_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = ("--family", "jaywalker", "--map", "hazelwood", "--against", "idm", "--count", 2, "--out", tmp_path)
+    code, out, err = ran(capsys, "scenarios", "harden", *given, "--workers", 2)
+    assert code == 0, err
+    assert "2 of 2 scenarios, all certified and solved by somebody" in out
+    assert "2 of 2 taken" in err
+    rows = table(tmp_path / "hard.csv")
+    assert all(float(row["idm"]) < 0.8 and row["solved_by"] for row in rows)
+    written = {path.name: path.read_bytes() for path in tmp_path.glob("*.*")}
+    kept = sorted((tmp_path / "candidates").iterdir())
+    (tmp_path / "hard.csv").unlink()
+    kept[0].unlink()
+    code, again, _ = ran(capsys, "scenarios", "harden", *given, "--workers", 0)
+    assert (code, again) == (0, out)
+    assert {path.name: path.read_bytes() for path in tmp_path.glob("*.*")} == written
+    file = tmp_path / "scenarios.yaml"
+    assert ran(capsys, "scenarios", "certify", "--scenarios", file, "--check", "--workers", 0)[0] == 0
+    driven = ran(
+        capsys, "run", "--planner", "idm", "--scenarios", file, "--out", tmp_path / "run", "--workers", 0, "--quiet"
+    )
+    assert driven[0] == 0
+    assert "certificates.parquet" in written
