@@ -114,6 +114,7 @@ class DiverseSearch:
         options: dict[str, Any] = {
             "popsize": self._evolved,
             "CMA_diagonal": True,  # a few hundred points say little about how dozens of coordinates hang together
+            "CMA_mirrors": 0,  # a batch may end before a point has its mirror
             "randn": lambda *shape: self._rng.standard_normal(shape),
             "seed": np.nan,
             "verbose": -9,
