@@ -41,7 +41,7 @@ class ScenePoint:
     def apart(self, other: ScenePoint) -> float:
         """How far another scene lies from this one: the mean difference of quantiles, 1 for what only one has."""
         names = (self.draws.keys() | other.draws.keys()) - {PLACE}
-        both = [name for name in names if name in self.draws and name in other.draws]
+        both = sorted(name for name in names if name in self.draws and name in other.draws)  # sums keep one order
         differences = sum(abs(self.draws[name].quantile - other.draws[name].quantile) for name in both)
         return (differences + len(names) - len(both)) / len(names) if names else 0.0
 
