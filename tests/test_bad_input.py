@@ -42,9 +42,10 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def test_the_page_has_sixty_of_them_each_once() -> None:
+def test_the_page_has_sixty_of_them_each_once_and_says_how_many() -> None:
     commands = [command for command, _ in CASES]
     assert len(commands) == len(set(commands)) >= 60
+    assert f"Here are {len(commands)} of them" in PAGE.read_text(encoding="utf-8")
     assert PAGE.read_text(encoding="utf-8").count("\nerror: ") == len(commands)
 
 
