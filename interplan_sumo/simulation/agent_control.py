@@ -46,6 +46,8 @@ WANTED_LESS_MPS = 1e-3
 """SUMO wanted less than it was told if by more than this: below that it is rounding."""
 NEW_STEPS = 25
 """Who has just come, and who is beside it, keeps its lane for so long: neither expects the other to change."""
+STRATEGIC = "laneChangeModel.lcStrategic"
+"""SUMO's cars slow down where they must change lane soon, also while they may not; with -1 they do not."""
 CUT_IN_WITHIN_M = 60.0
 """Farther ahead nobody cuts in."""
 
@@ -107,6 +109,7 @@ class AgentControl:
         self._relaxing: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
         self._keeping_steps: dict[str, int] = {}
+        self._strategic: dict[str, str] = {}  # of those that have just come: what they have once they may change lane
         self.keeping_lane: frozenset[str] = frozenset()
         """Agents that must not change lane."""
         self.models = DriverModels(self._follow_speed_mps, self._chance.of, self._relaxation.cut_in, DT_S)
@@ -124,6 +127,8 @@ class AgentControl:
             model = self._drivers[name].car_following_model
             if model not in COLLISION_FREE_MODELS:
                 self._overseen.add(name)
+            self._strategic[name] = sumo.vehicle.getParameter(name, STRATEGIC)
+            sumo.vehicle.setParameter(name, STRATEGIC, "-1")
         self.keep_lanes_a_while(names)
 
     def keep_lanes_a_while(self, names: Collection[str]) -> None:
@@ -134,6 +139,7 @@ class AgentControl:
     def forget(self, name: str) -> None:
         """The agent has left."""
         self._keeping_steps.pop(name, None)
+        self._strategic.pop(name, None)
         self._told.pop(name, None)
         self._late -= {name}
         self._overseen.discard(name)
@@ -147,6 +153,9 @@ class AgentControl:
         if self._keeping_steps:
             old = {name for name, steps in self._keeping_steps.items() if steps <= 1}
             self._keeping_steps = {name: steps - 1 for name, steps in self._keeping_steps.items() if steps > 1}
+            with Commanding("letting agents change lane"):
+                for name in sorted(old & self._strategic.keys()):
+                    sumo.vehicle.setParameter(name, STRATEGIC, self._strategic.pop(name))
             self.keep_lanes(self.keeping_lane - old)
 
     def relax(self, agents: AgentSnapshot) -> None:

@@ -7,12 +7,15 @@ answers for an agent as soon as it is on the road, before anybody has seen it dr
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf
 
-from interplan_sumo.simulation.start_speed import ERRING_MODEL, LINE_M, hardest_mps2, safe
+from interplan_sumo.simulation.lane_chains import way_ahead
+from interplan_sumo.simulation.network import SumoNetwork
+from interplan_sumo.simulation.obstacles import LaneBlockage
+from interplan_sumo.simulation.start_speed import ERRING_MODEL, LINE_M, hardest_mps2, safe, turns_mps
 from interplan_sumo.simulation.sumo import DT_S, finite, sumo
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
@@ -29,6 +32,8 @@ MOST_ABOVE = 1.1
 ASKED_AT_ITS_SPEED = "Wiedemann"
 """This model answers for the speed that its car has, whatever other speed it is asked about."""
 EARLY_MODELS = frozenset({"IDM", "IDMM", "EIDM", "KraussOrig1", "PWagner2009"})
+ERRS_BY = 2.0
+"""So many times as hard as foreseen a driver that errs may brake: those behind it reckon with that."""
 LIGHT_MPS2 = 3.0
 """SUMO's `tls.yellow.min-decel`, for red lights as well."""
 CLOSINGS = (0, 7, 14, 19)
@@ -41,6 +46,14 @@ CREEPING_MPS = 0.3
 """Who is slower before a junction waits there."""
 AHEAD_M = 150.0
 """So far ahead, and behind, an agent has others to reckon with."""
+SLOWS_M = 90.0
+"""So far ahead it slows down for lower limits."""
+SLOWS_MPS2 = 0.5
+"""Before that takes as much it does not."""
+MAY_QUEUE, QUEUES_MPS2 = 0.75, 0.5
+"""Who is slower than this share of one's own speed, or brakes so hard, may be about to queue."""
+STANDS_MPS2 = 4.5
+"""How hard what stands may brake for all that a driver's model knows: SUMO's default for cars."""
 _HAS_PRIORITY, _STATE = 1, 5
 """In what `getNextLinks` answers of each link."""
 _MINE_M, _OTHERS_M = 1, 2
@@ -58,6 +71,8 @@ class _Leader:
     """Now and in the next steps."""
     gap_m: float = inf
     """The gap itself to one that drives in the same lane."""
+    crosses: bool = False
+    """Whether it crosses the way in the next junction: nobody minds it who stops before that."""
 
     def braking(self, rate_mps2: float) -> _Leader:
         """The same one if it brakes all the while."""
@@ -74,6 +89,10 @@ class _Foreseen:
     """Now and in the next steps."""
     mild: bool = True
     """Whether it comes through them without hard braking."""
+
+
+_Slower = Sequence[tuple[float, float]]
+"""Where lower limits begin ahead, in metres, and how fast an agent drives there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +114,17 @@ class _Line:
 class FirstSeconds:
     """Slows down those that have just come, where their own models would brake hard."""
 
-    def __init__(self, drivers: Mapping[str, VehicleType], *, besides: str) -> None:
-        """`drivers` by agent, as they come; the vehicle `besides` is overlooked: it is the ego."""
+    def __init__(
+        self, drivers: Mapping[str, VehicleType], network: SumoNetwork, waiting: Callable[[], Iterable[LaneBlockage]],
+        *, besides: str,
+    ) -> None:  # fmt: skip
+        """`drivers` by agent, as they come; the vehicle `besides` is overlooked: it is the ego.
+
+        `waiting` tells where people, whom SUMO does not know, stand in lanes.
+        """
         self._drivers = drivers
+        self._network = network
+        self._waiting = waiting
         self._besides = besides
 
     def settle(self, names: Collection[str]) -> set[str]:
@@ -106,8 +133,9 @@ class FirstSeconds:
         Those are returned that even from a stand would brake hard, before a light that is about to switch, say.
         """
         foreseen: dict[str, _Foreseen] = {}
+        waiting = tuple(self._waiting())
         for name in sorted(names):
-            self._foresee(name, names, foreseen)
+            self._foresee(name, names, foreseen, waiting)
         return {name for name in names if not foreseen[name].mild}
 
     def disturbing(self, names: Collection[str], there: Iterable[str]) -> set[str]:
@@ -118,12 +146,12 @@ class FirstSeconds:
             if first is None or first[0] not in names or first[0] in found:
                 continue
             leader = _Leader(first[0], first[1], [vehicle.getSpeed(first[0])])
-            if not self._speeds(behind, vehicle.getSpeed(behind), (leader,), _line(behind))[1]:
+            if not self._speeds(behind, vehicle.getSpeed(behind), (leader,), _line(behind), ())[1]:
                 found.add(first[0])
         return found
 
     def _speeds(
-        self, name: str, now_mps: float, leaders: Sequence[_Leader], line: _Line | None
+        self, name: str, now_mps: float, leaders: Sequence[_Leader], line: _Line | None, slower: _Slower
     ) -> tuple[list[float], bool]:
         """An agent's speeds from now on, if it drives at one now; whether they are mild, whenever its line closes."""
         closings = line.closings if line is not None else (0,)
@@ -132,7 +160,8 @@ class FirstSeconds:
             self._is_mild(name, speeds, leaders, line, each) for speeds, each in zip(found, closings, strict=True)
         )
         holds = all(safe(now_mps, each.gap_m, each.speeds_mps[0]) for each in leaders)
-        return found[0], mild and (holds or now_mps == 0.0)
+        foreseen = self._driven(name, now_mps, leaders, line, closings[0], slower) if slower else found[0]
+        return foreseen, mild and (holds or now_mps == 0.0)
 
     def _is_mild(
         self, name: str, speeds_mps: list[float], leaders: Sequence[_Leader], line: _Line | None, closes: int
@@ -150,48 +179,91 @@ class FirstSeconds:
             found.append(self._driven(name, speeds_mps[0], brake, line, closes))
         return all(_hardest_braking_mps2(each) <= TWITCHY_MPS2 for each in found)
 
-    def _foresee(self, name: str, asked: Collection[str], foreseen: dict[str, _Foreseen]) -> list[float]:
+    def _foresee(
+        self, name: str, asked: Collection[str], foreseen: dict[str, _Foreseen], waiting: Sequence[LaneBlockage]
+    ) -> list[float]:
         """The speeds of an agent from now on, after those of all ahead of it; one that is `asked` may start slower."""
         if name in foreseen:
             return foreseen[name].speeds_mps
         now_mps = max(0.0, sumo.vehicle.getSpeed(name))
         foreseen[name] = _Foreseen([now_mps] * (STEPS + 1))  # in a ring everybody is ahead of everybody
-        leaders, line = self._leaders(name, asked, foreseen), _line(name)
-        found, mild = self._speeds(name, now_mps, leaders, line)
+        leaders = self._leaders(name, asked, foreseen, waiting)
+        slower, line = self._slower(name), _line(name)
+        found, mild = self._speeds(name, now_mps, leaders, line, slower)
         if name in asked:
-            for share in SHARES[1:]:
-                if mild:
-                    break
-                found, mild = self._speeds(name, now_mps * share, leaders, line)
+            errs = self._drivers[name].car_following_model == ERRING_MODEL
+            found, mild = self._mildest(name, now_mps, leaders, slower, [_may_be_kept_clear(name)] * errs + [line])
             if found[0] < now_mps:
                 sumo.vehicle.setPreviousSpeed(name, finite("a start speed", found[0]), 0.0)
+        if self._drivers[name].car_following_model == ERRING_MODEL:
+            found = [max(0.0, min(each, found[0] - ERRS_BY * (found[0] - each))) for each in found]
+        if name not in asked:
+            found = _braking_on(found, sumo.vehicle.getAcceleration(name))
         foreseen[name] = _Foreseen(found, mild)
         return found
 
-    def _leaders(self, name: str, asked: Collection[str], foreseen: dict[str, _Foreseen]) -> list[_Leader]:
+    def _mildest(
+        self, name: str, now_mps: float, leaders: Sequence[_Leader], slower: _Slower, lines: Sequence[_Line | None]
+    ) -> tuple[list[float], bool]:
+        """The highest share of its speed that is mild whichever of the `lines` there is, else whenever the last is."""
+        found, chosen = list[float](), None
+        for share in SHARES:
+            found, mild = self._speeds(name, now_mps * share, leaders, lines[-1], slower)
+            if mild:
+                chosen = chosen or found
+                if all(self._speeds(name, now_mps * share, leaders, each, slower)[1] for each in lines[:-1]):
+                    return found, True
+        return chosen or found, chosen is not None
+
+    def _slower(self, name: str) -> _Slower:
+        """Where lanes with lower limits begin ahead, or turns, and how fast the agent drives there."""
+        driver, vehicle = self._drivers[name], sumo.vehicle
+        lane = vehicle.getLaneID(name)
+        if lane.startswith(":"):
+            return ()
+        here_m, route = vehicle.getLanePosition(name), vehicle.getRoute(name)[vehicle.getRouteIndex(name) :]
+        way = way_ahead(self._network, lane, tuple(route), here_m + SLOWS_M)
+        limits = [(part.start_m - here_m, part.lane.limit_mps * driver.speed_factor) for part in way[1:]]
+        turns = turns_mps(driver, [(part.end_m - here_m, part.link.direction) for part in way if part.link is not None])
+        return tuple(each for each in (*limits, *turns) if each[0] <= SLOWS_M)
+
+    def _leaders(
+        self, name: str, asked: Collection[str], foreseen: dict[str, _Foreseen], waiting: Sequence[LaneBlockage]
+    ) -> list[_Leader]:
         """The next one ahead, and whoever crosses its way in the next junction: SUMO's cars keep behind those, too."""
-        found: dict[str, tuple[float, float]] = {}
+        found: dict[str, tuple[float, float, bool]] = {}
         least_m = self._drivers[name].min_gap_m
         for foe in sumo.vehicle.getJunctionFoes(name, FOES_M):
             other = foe[0]
             if other != self._besides and other in self._drivers and _in_junction_soon(other):
-                found[other] = foe[_MINE_M] - foe[_OTHERS_M] - self._drivers[other].length_m - least_m, inf
+                found[other] = foe[_MINE_M] - foe[_OTHERS_M] - self._drivers[other].length_m - least_m, inf, True
         first = sumo.vehicle.getLeader(name, AHEAD_M)
         if first is not None and first[0] and first[0] != self._besides:
-            found[first[0]] = first[1], first[1] + least_m
-        return [
-            _Leader(other, net_m, self._foresee(other, asked, foreseen) if other in self._drivers else [0.0], gap_m)
-            for other, (net_m, gap_m) in found.items()
-        ]  # an obstacle has no driver
+            found[first[0]] = first[1], first[1] + least_m, False
+        lane, here_m = sumo.vehicle.getLaneID(name), sumo.vehicle.getLanePosition(name)
+        people_m = [each.start_m - here_m for each in waiting if each.lane == lane and each.start_m > here_m]
+        people = [_Leader("", min(people_m) - least_m, [0.0], min(people_m))] if people_m else []
+        return people + [
+            _Leader(
+                other, net_m, self._foresee(other, asked, foreseen, waiting) if other in self._drivers else [0.0],
+                gap_m, crosses,
+            )  # an obstacle has no driver
+            for other, (net_m, gap_m, crosses) in found.items()
+        ]  # fmt: skip
 
     def _driven(
-        self, name: str, speed_mps: float, leaders: Sequence[_Leader], line: _Line | None, closes: int
-    ) -> list[float]:
-        """The agent's speeds from now on, if it drives at one now, and its line closes at a step."""
+        self, name: str, speed_mps: float, leaders: Sequence[_Leader], line: _Line | None, closes: int,
+        slower: _Slower = (),
+    ) -> list[float]:  # fmt: skip
+        """The agent's speeds from now on, if it drives at one now, and its line closes at a step.
+
+        When it brakes for what is `slower` ahead is the model's secret: evenly is a guess, good enough for a leader.
+        """
         driver, vehicle = self._drivers[name], sumo.vehicle
         found, way_m = [speed_mps], 0.0
         light_m = line.away_m if line is not None and line.light else inf
-        ahead = [(each, vehicle.getApparentDecel(each.name)) for each in leaders if each.net_m <= light_m]
+        met = [each for each in leaders if each.net_m <= light_m and not (each.crosses and light_m < inf)]
+        ahead = [(each, vehicle.getApparentDecel(each.name) if each.name else STANDS_MPS2) for each in met]
         led_m = [0.0] * len(ahead)
         has_mps = vehicle.getSpeed(name) if driver.car_following_model == ASKED_AT_ITS_SPEED else None
         for k in range(STEPS):
@@ -203,6 +275,7 @@ class FirstSeconds:
                 net_m, led_mps = leader.net_m + led_m[i] - way_m, leader.speeds_mps[min(k, len(leader.speeds_mps) - 1)]
                 next_mps = min(next_mps, vehicle.getFollowSpeed(name, now_mps, net_m, led_mps, decel_mps2, leader.name))
                 led_m[i] += led_mps * DT_S
+            next_mps = min(next_mps, _slowing_down(now_mps, way_m, slower, driver.decel_mps2))
             if line is not None and k >= closes:
                 room_m = max(0.0, line.away_m - way_m)
                 if line.stops(driver, room_m, now_mps):
@@ -212,6 +285,37 @@ class FirstSeconds:
         if has_mps is not None:
             vehicle.setPreviousSpeed(name, has_mps, 0.0)
         return found
+
+
+def _may_be_kept_clear(name: str) -> _Line | None:
+    """The next junction, where a queue before a light may soon leave no room: SUMO's cars keep junctions clear."""
+    vehicle = sumo.vehicle
+    lane, leader, speed_mps = vehicle.getLaneID(name), vehicle.getLeader(name, AHEAD_M), vehicle.getSpeed(name)
+    if lane.startswith(":") or leader is None or not leader[0]:
+        return None
+    if vehicle.getSpeed(leader[0]) > MAY_QUEUE * speed_mps and vehicle.getAcceleration(leader[0]) > -QUEUES_MPS2:
+        return None
+    if not any(away_m <= AHEAD_M and state != "G" for _, _, away_m, state in vehicle.getNextTLS(name)[:1]):
+        return None
+    return _Line(sumo.lane.getLength(lane) - vehicle.getLanePosition(name) - LINE_M, CLOSINGS, light=False)
+
+
+def _slowing_down(speed_mps: float, way_m: float, slower: _Slower, brakes_mps2: float) -> float:
+    """How fast an agent is after the next step that slows down evenly for lower limits, `way_m` along its way."""
+    least_mps = speed_mps - brakes_mps2 * DT_S
+    found = inf
+    for at_m, lower_mps in slower:
+        if speed_mps > lower_mps:
+            takes_mps2 = (speed_mps**2 - lower_mps**2) / (2.0 * max(at_m - way_m, 0.1))
+            if takes_mps2 >= SLOWS_MPS2:
+                found = min(found, max(speed_mps - takes_mps2 * DT_S, least_mps, lower_mps))
+    return found
+
+
+def _braking_on(speeds_mps: list[float], ax_mps2: float) -> list[float]:
+    """What is foreseen of one that brakes already: it is reckoned to go on at least so hard."""
+    brakes = (speeds_mps[0] + min(0.0, ax_mps2) * DT_S * k for k in range(len(speeds_mps)))
+    return [max(0.0, min(pair)) for pair in zip(speeds_mps, brakes, strict=True)]
 
 
 def _line(name: str) -> _Line | None:

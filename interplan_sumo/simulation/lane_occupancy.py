@@ -120,8 +120,9 @@ class LaneOccupancy:
         """What a vehicle has before it that starts on the first lane of a way; `opens` tells which links are open."""
         line_m = next((part.end_m - front_m for part in way if part.link is not None and not opens(part.link)), None)
         slower = [(part.start_m - front_m, part.lane.limit_mps) for part in way[1:]]
+        turns = [(part.end_m - front_m, part.link.direction) for part in way if part.link is not None]
         leaders = self.leaders(way[0].lane.id, front_m, HOLD_AHEAD_M)
-        return StartAhead(way[0].lane.limit_mps, line_m, slower, self.leader(way, front_m), leaders)
+        return StartAhead(way[0].lane.limit_mps, line_m, slower, turns, self.leader(way, front_m), leaders)
 
     def leaves_room(self, lane: str, front_m: float, length_m: float, speed_mps: float) -> bool:
         """Whether those behind a vehicle that starts there keep a gap, are not endangered nor made to brake hard."""

@@ -42,8 +42,8 @@ class LocalDemand:
     """Normal lanes that agents may use: from each one can go on for good, or to where the map ends."""
 
     def mean_gap_m(self, edge: str) -> float:
-        """From centre to centre."""
-        return (SMALLEST_GAP_M + self.largest_gap_m[edge]) / 2.0
+        """From centre to centre; where no traffic is wanted, as where it is sparse."""
+        return (SMALLEST_GAP_M + self.largest_gap_m.get(edge, LARGEST_GAP_M["sparse"])) / 2.0
 
 
 def local_demand(
@@ -105,11 +105,12 @@ def agent_route(
     At least `length_m` long but where the map ends. Chances are as the
     densities of the roads, so that those that turn off a road are replaced by
     those that turn into it. No edge is driven on twice where it can be helped.
+    Who is placed where no traffic is wanted drives on all the same.
     """
     here = network.lanes[lane]
     route, driven_m = [here.edge], here.length_m
     while driven_m < length_m:
-        ways = [way for way in network.links[here.id] if way.to_lane in demand.lanes]
+        ways = [way for way in network.links[here.id] if way.to_lane in demand.lanes or here.id not in demand.lanes]
         if not ways:
             break
         fresh = [way for way in ways if network.lanes[way.to_lane].edge not in route] or ways

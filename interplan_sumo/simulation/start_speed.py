@@ -16,6 +16,8 @@ HARDEST_FIRST_BRAKING_MPS2 = 2.4
 """Milder than the 3 m/s2 that the benchmark allows in the first two seconds: braking grows as one comes nearer."""
 ERRING_MODEL, ERRING_MPS2 = "EIDM", 1.5
 """Its drivers err, and foresee what others do, which SUMO's answer leaves out: they brake up to 1.7 times as hard."""
+TURNS_MPS = {"t": 4.0, "l": 8.0, "r": 6.0, "L": 12.0, "R": 12.0}
+"""Drivers that err turn no faster, whatever the limit: EIDM's own numbers, times their speed factors (SUMO 1.28)."""
 STOPPING_MPS2 = 1.5
 """Comfortable braking towards a light, a junction that may not be open, or a lane with a lower limit."""
 LEAST_GAP_M = 0.5
@@ -33,6 +35,8 @@ class StartAhead:
     """The next junction that may not be open."""
     slower: Sequence[tuple[float, float]] = ()
     """Lanes ahead, connectors among them: where each begins, and its limit."""
+    turns: Sequence[tuple[float, str]] = ()
+    """Junctions ahead: where each begins, and in which direction the way leads there, as SUMO calls it."""
     leader: tuple[float, float] | None = None
     """Gap to, and speed of, the next one ahead."""
     leaders: Sequence[tuple[float, float]] = ()
@@ -65,9 +69,9 @@ def start_speed_mps(
         room_m = max(0.0, ahead.line_m - LINE_M)
         allowed.append(sqrt(2.0 * STOPPING_MPS2 * room_m))
         meets.append(partial(_stops_mildly, free, limit_mps, room_m))
-    for room_m, lower_mps in ahead.slower:
-        if lower_mps < limit_mps:
-            lower_mps *= driver.speed_factor
+    slower = [(room_m, lower_mps * driver.speed_factor) for room_m, lower_mps in ahead.slower if lower_mps < limit_mps]
+    for room_m, lower_mps in (*slower, *turns_mps(driver, ahead.turns)):
+        if lower_mps < limit_mps * driver.speed_factor:
             allowed.append(sqrt(lower_mps**2 + 2.0 * STOPPING_MPS2 * max(0.0, room_m)))
             meets.append(partial(_slows_mildly, free, limit_mps, max(0.0, room_m), lower_mps))
     allowed += [leader_mps + max(0.0, gap_m - LEAST_GAP_M) / HOLD_S for gap_m, leader_mps in ahead.leaders]
@@ -87,6 +91,13 @@ def start_speed_mps(
         return safe(speed_mps, gap_m, leader_mps)
 
     return largest_speed_mps(allowed, [*meets, *([in_equilibrium] if settled else []), brakes_mildly, holds])
+
+
+def turns_mps(driver: VehicleType, turns: Sequence[tuple[float, str]]) -> list[tuple[float, float]]:
+    """How fast a driver that errs turns at most: where each junction begins, and the speed. Others drive at limits."""
+    if driver.car_following_model != ERRING_MODEL:
+        return []
+    return [(room_m, TURNS_MPS[way] * driver.speed_factor) for room_m, way in turns if way in TURNS_MPS]
 
 
 def _stops_mildly(free: VehicleType, limit_mps: float, room_m: float, speed_mps: float) -> bool:

@@ -25,7 +25,7 @@ from interplan_sumo.simulation.lane_posts import LanePosts
 from interplan_sumo.simulation.late_for_light import LateForLight
 from interplan_sumo.simulation.lights import Lights, LoggedLights
 from interplan_sumo.simulation.network import SOON_S, NetworkLink, SumoNetwork
-from interplan_sumo.simulation.obstacles import LaneBlockage
+from interplan_sumo.simulation.obstacles import LaneBlockage, blocked_by
 from interplan_sumo.simulation.pedestrians import People
 from interplan_sumo.simulation.slow_vehicles import ELEMENTS as SLOW
 from interplan_sumo.simulation.spawning import Spawn
@@ -121,7 +121,7 @@ class SumoTraffic:
             self._drivers = {name: self._as_loaded(each) for name, each in known.items()}
             self._plain = setup.presence is EgoPresence.ABSENT
             self._control = AgentControl(self._agents.drivers, setup.chance_seed, plain=self._plain)
-            self._first_seconds = FirstSeconds(self._agents.drivers, besides=EGO)
+            self._first_seconds = FirstSeconds(self._agents.drivers, network, self._waiting_people, besides=EGO)
             self._reactions = EgoReactions(
                 network, ids.origin_m, setup.shape, self._agents, setup.blocked, self._control.models
             )
@@ -358,6 +358,12 @@ class SumoTraffic:
         for name in sorted(leaving):
             sumo.vehicle.remove(name)
         return spawns.keys() - leaving
+
+    def _waiting_people(self) -> tuple[LaneBlockage, ...]:
+        """The stretches of lanes in which people stand."""
+        if self._crowd is None:
+            return ()
+        return blocked_by(self._network, self._crowd.standing(self._ids.origin_m).values(), 0.0)
 
     def _is_open(self, link: NetworkLink) -> bool:
         """Whether a car may drive through now without yielding."""

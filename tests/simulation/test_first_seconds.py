@@ -16,10 +16,11 @@ from test_right_of_way import first_crossing
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.suite import find_scenario
-from interplan_sumo.simulation.agent_control import NEW_STEPS
+from interplan_sumo.simulation.agent_control import NEW_STEPS, STRATEGIC
 from interplan_sumo.simulation.first_seconds import _Line
 from interplan_sumo.simulation.lane_chains import continued_route
 from interplan_sumo.simulation.network import NetworkLink, read_network
+from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.setup import open_sumo_traffic
 from interplan_sumo.simulation.spawning import Spawn
 from interplan_sumo.simulation.sumo import sumo
@@ -118,7 +119,7 @@ def test_a_line_that_may_close_at_any_moment_is_mild_only_if_it_is_at_each(
     behaviour = types("conservative")
     with traffic(behaviour, (agent(behaviour, "e0_0", 100.0, 9.0),), NOBODY) as run:
         line = _Line(32.0, closings, light=False)
-        assert run._first_seconds._speeds("a0", 9.0, (), line)[1] is mild
+        assert run._first_seconds._speeds("a0", 9.0, (), line, ())[1] is mild
 
 
 def test_who_comes_while_somebody_crosses_its_way_starts_slower() -> None:
@@ -201,3 +202,44 @@ def test_who_stands_before_a_light_about_to_switch_is_left_out_unless_the_scenar
         lights.setPhaseDuration(light, switches_s)
         left_out = drawn and switches_s < 2.0
         assert run._settled({"a0": replace(spawn, drawn=drawn)}) == (set() if left_out else {"a0"})
+
+
+@pytest.mark.parametrize(("brakes_mps2", "slower"), [(0.0, False), (3.0, True)])
+def test_who_comes_behind_one_that_brakes_already_reckons_that_it_goes_on(
+    brakes_mps2: float, slower: bool, tmp_path: Path
+) -> None:
+    behaviour = types_of("EIDM", tmp_path)
+    with traffic(behaviour, (agent(behaviour, "e0_0", 150.0, 12.0),), NOBODY, EgoPresence.ABSENT) as run:
+        for step in range(4):
+            sumo.vehicle.setSpeed("a0", 12.0 - brakes_mps2 * 0.1 * step)
+            run.react(NOBODY)
+            run.advance()
+        there_m = sumo.vehicle.getLanePosition("a0")
+        mps = float(sumo.vehicle.getSpeed("a0"))
+        run._add("b", agent(behaviour, "e0_0", there_m - behaviour.members[0].length_m - 12.0, mps))
+        sumo.vehicle.setSpeed("a0", mps - brakes_mps2 * 0.1)
+        run.advance()
+        assert (sumo.vehicle.getSpeed("a1") < mps - 0.05) is slower
+
+
+@pytest.mark.parametrize(("at_m", "slower"), [(125.0, True), (330.0, False)])
+def test_who_comes_before_somebody_that_stands_in_its_lane_starts_slower(
+    at_m: float, slower: bool, tmp_path: Path
+) -> None:
+    """People are no vehicles of SUMO's: its cars know of them from us."""
+    behaviour = types_of("Wiedemann", tmp_path)
+    with traffic(behaviour, (agent(behaviour, "e0_1", 300.0, 10.0),), NOBODY, EgoPresence.ABSENT) as run:
+        run._first_seconds._waiting = lambda: (LaneBlockage("e0_0", at_m, at_m + 1.0),)
+        run._add("b", agent(behaviour, "e0_0", 100.0, 10.0))
+        run.advance()
+        assert (sumo.vehicle.getSpeed("a1") < 9.5) is slower
+
+
+def test_who_has_just_come_does_not_brake_for_a_lane_change_that_it_may_not_make_yet() -> None:
+    behaviour = types("assertive")
+    with traffic(behaviour, (agent(behaviour, "e0_1", 120.0, 8.0),), NOBODY, EgoPresence.ABSENT) as run:
+        assert float(sumo.vehicle.getParameter("a0", STRATEGIC)) == -1.0
+        for _ in range(NEW_STEPS):
+            run.react(NOBODY)
+            run.advance()
+        assert float(sumo.vehicle.getParameter("a0", STRATEGIC)) == 1.0

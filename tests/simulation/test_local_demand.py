@@ -56,6 +56,12 @@ def test_routes_lead_on_for_as_long_as_wanted_or_to_the_edge_of_the_map_and_turn
     assert turns > 5
 
 
+def test_who_is_placed_where_no_traffic_is_wanted_drives_on_to_the_edge_of_the_map() -> None:
+    demand = local_demand(NETWORK, TrafficDemand("none", oncoming="none"), ("e0", "e1"), ("w0", "w1"))
+    assert not demand.lanes
+    assert agent_route(NETWORK, demand, "e0_1", 900.0, np.random.default_rng(0)) == ("e0", "e1")
+
+
 def test_a_way_ahead_follows_the_route_and_ends_beyond_its_reach() -> None:
     way = way_ahead(NETWORK, "e0_1", ("e0", "e1"), 1e9)
     assert [part.lane.id for part in way if not part.lane.internal] == ["e0_1", "e1_1"]

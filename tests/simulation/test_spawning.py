@@ -51,6 +51,13 @@ def place(spawn: Spawn) -> tuple[float, float]:
     return front - spawn.driver.length_m, front
 
 
+def test_who_errs_comes_to_a_turn_as_fast_as_its_model_turns_and_others_as_fast_as_the_limit_allows() -> None:
+    errs = replace(DRIVER, car_following_model="EIDM")
+    turns, straight = (StartAhead(15.0, turns=[(5.0, way)]) for way in "rs")
+    assert start_speed_mps(errs, straight) == start_speed_mps(DRIVER, straight) == start_speed_mps(DRIVER, turns)
+    assert (start_speed_mps(errs, turns) or 15.0) <= (36.0 + 2.0 * 1.5 * 5.0) ** 0.5
+
+
 @pytest.mark.parametrize(("largest", "count"), [(33.0, (15, 24)), (50.0, (10, 17)), (100.0, (5, 11))])
 def test_the_number_of_cars_follows_the_density(largest: float, count: tuple[int, int]) -> None:
     mean = np.mean([len(fill(seed, largest, ego_mps=None)) for seed in range(30)])
