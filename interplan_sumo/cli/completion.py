@@ -46,6 +46,13 @@ def profile_names(incomplete: str) -> list[str]:
     return [name for name in PROFILES if name.startswith(incomplete)]
 
 
+def measure_names(incomplete: str) -> list[str]:
+    """Of rates."""
+    from interplan_sumo.endurance.rate_sample import MEASURES
+
+    return [name for name in MEASURES if name.startswith(incomplete)]
+
+
 def map_names(incomplete: str) -> list[str]:
     from interplan_sumo.maps.store import maps
 

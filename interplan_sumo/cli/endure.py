@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.cli.completion import map_names
+from interplan_sumo.cli.completion import map_names, measure_names
 from interplan_sumo.cli.options import (
     DONE,
     INCOMPLETE,
@@ -27,7 +27,9 @@ from interplan_sumo.errors import InputError, counted
 from interplan_sumo.report.printing import console, print_json
 
 if TYPE_CHECKING:
+    from interplan_sumo.endurance.rate_sample import MeasureKey
     from interplan_sumo.endurance.records import SegmentRecord
+    from interplan_sumo.endurance.stop_rule import StopStanding
 
 PAGE = "report.html"
 PLOT = "rates.png"
@@ -48,7 +50,9 @@ def endure(
     map_: Annotated[
         str, typer.Option("--map", help="A shipped map, or the folder of one.", metavar="M", autocompletion=map_names)
     ],
-    km: Annotated[float, typer.Option(help="Kilometres to drive.", metavar="K")],
+    km: Annotated[
+        float, typer.Option(help="Kilometres to drive; with --until-half-width the most of them.", metavar="K")
+    ],
     density: Annotated[
         float, typer.Option(help="Vehicles, as a fraction of those at which the district is full.", metavar="D")
     ] = 0.5,
@@ -63,6 +67,18 @@ def endure(
     naive_share: Annotated[
         float, typer.Option(help="Of the segments, in which rare events are as rare as they are; at least 0.2.")
     ] = 0.5,
+    until_half_width: Annotated[
+        float | None,
+        typer.Option(help="Stop once a rate is known as well as this; 0.3 is +-30 %.", metavar="SHARE"),
+    ] = None,
+    of: Annotated[
+        str,
+        typer.Option(
+            help="What is to be known, and what the strata are of; such as near_miss.",
+            metavar="MEASURE",
+            autocompletion=measure_names,
+        ),
+    ] = "at_fault_collision",
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
@@ -72,6 +88,8 @@ def endure(
     """
     take_one_thread()
     from interplan_sumo.endurance.kilometres import EndureOptions, drive_kilometres
+    from interplan_sumo.endurance.rate_sample import measure_named
+    from interplan_sumo.endurance.stop_rule import StopRule
     from interplan_sumo.planner import RECOMMENDED
 
     if len(options.planners) > 1:
@@ -80,6 +98,8 @@ def endure(
         raise InputError("endure drives on this machine; give --workers N")
     if behaviour is not None and options.traffic is not None:
         raise InputError("--traffic replaces the vehicle types that --behaviour chooses; give only one")
+    measure = measure_named(of)
+    until = None if until_half_width is None else StopRule(until_half_width, measure)
     folder, command = run_folder(context, options, "endure-")
     wanted = EndureOptions(
         planner=next(iter(options.planners), RECOMMENDED),
@@ -92,6 +112,7 @@ def endure(
         rare=rare,
         seed=seed,
         naive_share=naive_share,
+        until=until,
         run=options,
     )
     try:
@@ -100,7 +121,7 @@ def endure(
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
         return INCOMPLETE
-    say_what_was_driven(folder, command, as_json=as_json, quiet=quiet)
+    say_what_was_driven(folder, command, measure, until_half_width, as_json=as_json, quiet=quiet)
     return DONE
 
 
@@ -127,6 +148,12 @@ class _Progress:
         if time.monotonic() - self._said_s >= SAY_S:
             self._say(f"[{len(self._records)}/{self._planned}] {_driven(self._records)}")
 
+    def looked(self, standing: StopStanding) -> None:
+        """After a batch, where it drives until a rate is known."""
+        from interplan_sumo.endurance.formats import standing_text
+
+        self._say(standing_text(standing))
+
     def _say(self, text: str) -> None:
         self._said_s = time.monotonic()
         if not self._quiet:
@@ -139,14 +166,16 @@ def _driven(records: Sequence[SegmentRecord]) -> str:
     return f"{km:.1f} km, {counted(hit, 'at-fault collision')}"
 
 
-def say_what_was_driven(folder: Path, command: Sequence[str], *, as_json: bool, quiet: bool) -> None:
+def say_what_was_driven(
+    folder: Path, command: Sequence[str], measure: MeasureKey, wanted: float | None, *, as_json: bool, quiet: bool
+) -> None:
     """The rates of all that a folder holds: as tables or JSON, as its page, and as its figure."""
     from interplan_sumo.endurance.formats import endurance_json, endurance_text
     from interplan_sumo.endurance.kilometres import EVENTS, read_segments
     from interplan_sumo.endurance.page import write_endurance_report
-    from interplan_sumo.endurance.report import endurance_report
+    from interplan_sumo.endurance.report import WANTED, endurance_report
 
-    report = endurance_report(read_segments(folder))
+    report = endurance_report(read_segments(folder), measure=measure, wanted=wanted or WANTED)
     page, plot = folder / PAGE, folder / PLOT
     write_endurance_report(report, page=page, command=shlex.join(command))
     with contextlib.suppress(InputError):  # without matplotlib there is the page

@@ -9,20 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from interplan_sumo.cli.completion import endure_folders, starting
+from interplan_sumo.cli.completion import endure_folders, measure_names
 from interplan_sumo.cli.options import DONE, JsonOption, take_one_thread
 from interplan_sumo.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
-    from interplan_sumo.endurance.rate_sample import MeasureKey
     from interplan_sumo.endurance.records import RareKind
     from interplan_sumo.endurance.report import EnduranceReport
-
-
-def _measure_names() -> list[str]:
-    from interplan_sumo.endurance.rate_sample import MEASURES
-
-    return [*MEASURES]
 
 
 def rates(
@@ -35,7 +28,7 @@ def rates(
         typer.Option(
             help="What strata, pictures and plans are of; such as near_miss, red_light.",
             metavar="MEASURE",
-            autocompletion=starting(_measure_names),
+            autocompletion=measure_names,
         ),
     ] = "at_fault_collision",
     rare: Annotated[
@@ -55,9 +48,10 @@ def rates(
     from interplan_sumo.endurance.gathered import read_kilometres
     from interplan_sumo.endurance.page import write_endurance_report
     from interplan_sumo.endurance.plot import need_matplotlib
+    from interplan_sumo.endurance.rate_sample import measure_named
     from interplan_sumo.endurance.report import endurance_report
 
-    measure, probabilities = _measure(of), _probabilities(rare or ())
+    measure, probabilities = measure_named(of), _probabilities(rare or ())
     if plot is not None:
         need_matplotlib()
     report = endurance_report(read_kilometres(folders), probabilities, measure, to)
@@ -77,15 +71,6 @@ def _print(report: EnduranceReport, *, as_json: bool) -> None:
     place = console()
     for part in endurance_text(report):
         place.print(part)
-
-
-def _measure(name: str) -> MeasureKey:
-    from interplan_sumo.endurance.rate_sample import MEASURES
-
-    for key in MEASURES:
-        if key == name:
-            return key
-    raise UnknownNameError("measure", name, MEASURES)
 
 
 def _probabilities(texts: Iterable[str]) -> dict[RareKind, float]:

@@ -6,10 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from interplan_sumo.endurance.looks import HoursNeeded
 from interplan_sumo.endurance.rate_sample import MEASURES, MeasureKey
 from interplan_sumo.endurance.rates import DrivenRates, FailuresGiven, RateEstimate, cell_text
 from interplan_sumo.endurance.records import PLACE_KINDS, PlaceKind
 from interplan_sumo.endurance.report import EnduranceReport
+from interplan_sumo.endurance.stop_rule import StopStanding
 from interplan_sumo.errors import counted
 from interplan_sumo.statistics.event_rates import FEWEST_EFFECTIVE
 from interplan_sumo.statistics.intervals import Range
@@ -232,6 +234,32 @@ def _known_notes(driven: DrivenRates, report: EnduranceReport) -> Iterator[str]:
         f" ({hours.events:.0f} effective events so far, {hours.clustering:.1f} times the variance of independent ones"
         f"{share})."
     )
+
+
+def standing_text(standing: StopStanding) -> str:
+    """How well a rate is known after a batch, and how far it still is, in one line."""
+    rule, look = standing.rule, standing.look
+    wanted, title = f"+-{100.0 * rule.half_width:.0f} %", MEASURES[rule.measure]
+    text = f"{counted(standing.segments, 'segment')}, {number_text(standing.metres / 1000.0)} km: {title} "
+    if look is None:
+        text += f"not known yet, fewer than {FEWEST_EFFECTIVE:.0f} effective events"
+    else:
+        text += (
+            f"{number_text(look.per_1000_km)} per 1000 km {range_text(look.interval)}, "
+            f"+-{100.0 * look.half_width:.0f} %, corrected for {counted(look.number, 'look')}"
+        )
+    if standing.known:
+        return f"{text}; known to {wanted}, so this is the end"
+    total = standing.needed.get("total")
+    if total is None:
+        return f"{text}; none has happened, so nothing says how far {wanted} is"
+    parts = [f"{stratum} {_needed_text(each)}" for stratum, each in standing.needed.items() if stratum != "total"]
+    return f"{text}; {wanted} take {_needed_text(total)} in all (alone: {', '.join(parts)})"
+
+
+def _needed_text(needed: HoursNeeded) -> str:
+    hours = f", {number_text(needed.hours)} {range_text(needed.range)} core hours" if needed.hours > 0.0 else ""
+    return f"{number_text(needed.kilometres)} km{hours}"
 
 
 def endurance_text(report: EnduranceReport) -> Iterator[RenderableType]:

@@ -39,6 +39,7 @@ from interplan_sumo.endurance.saturation import saturation_per_km
 from interplan_sumo.endurance.segment_job import SegmentJob, SegmentSettings, empty_record
 from interplan_sumo.endurance.segment_plan import SEGMENT_M
 from interplan_sumo.endurance.segment_worker import segment_jobs
+from interplan_sumo.endurance.stop_rule import StopRule, StopStanding
 from interplan_sumo.errors import InputError, RunFolderError
 from interplan_sumo.maps.store import MapFiles, find_map, is_shipped, load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
@@ -87,6 +88,8 @@ class EndureOptions:
     """Probability of each rare event per opportunity and second; None for the usual one."""
     seed: int = 0
     naive_share: float = 0.5
+    until: StopRule | None = None
+    """Drives no farther than until a rate is known; `km` are then the most."""
     run: RunOptions = field(default_factory=RunOptions)
     """Workers and limits."""
     segment_m: float = SEGMENT_M
@@ -132,6 +135,10 @@ class KilometresWatch(Protocol):
 
     def finished(self, record: SegmentRecord) -> None:
         """One more has been driven."""
+        ...
+
+    def looked(self, standing: StopStanding) -> None:
+        """After a batch, where it drives until a rate is known."""
         ...
 
 
@@ -188,6 +195,8 @@ def drive_kilometres(options: EndureOptions, watch: KilometresWatch | None = Non
                     watch.finished(record)
             if mine.missing(number):
                 raise RunFolderError(f"some segments in {options.out} could not be driven; repeat the command")
+            if watch is not None and (standing := mine.standing()) is not None:
+                watch.looked(standing)
         collect_events(options.out / EVENTS, planners, files)
     return [mine.done[index] for index in sorted(mine.done)]
 
@@ -200,9 +209,17 @@ class SegmentPlan:
     done: dict[int, SegmentRecord]
 
     def planned(self) -> int:
-        """How many are to be driven, as far as the rounds that are whole can tell; a round is planned from those
-        before it.
-        """
+        """How many are to be driven, as far as the rounds, or the batches, that are whole can tell."""
+        most, until = self._for_the_distance(), self.options.until
+        return most if until is None else until.planned([*self.done.values()], most)
+
+    def standing(self) -> StopStanding | None:
+        """How well the rate is known that it drives for."""
+        until = self.options.until
+        return None if until is None else until.standing([*self.done.values()])
+
+    def _for_the_distance(self) -> int:
+        """A round is planned from those before it."""
         wanted_m, best = 1000.0 * self.options.km, self.options.segment_m
         number = first = max(1, ceil(wanted_m / best))
         while True:

@@ -12,8 +12,15 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Final
 
-from interplan_sumo.endurance.rate_sample import MeasureKey, RateSample, natural_probabilities, rare_weights, weighed
-from interplan_sumo.endurance.rates import FEWEST_NAIVE, KM1000, DrivenRates
+from interplan_sumo.endurance.rate_sample import (
+    MeasureKey,
+    RateSample,
+    Stratum,
+    natural_probabilities,
+    rare_weights,
+    weighed,
+)
+from interplan_sumo.endurance.rates import FEWEST_FOR_SPREAD, FEWEST_NAIVE, KM1000, DrivenRates
 from interplan_sumo.endurance.records import RareKind, SegmentRecord, TrafficCell
 from interplan_sumo.statistics.event_rates import ClusterRate, effective_size, relative_to_log
 from interplan_sumo.statistics.intervals import Range
@@ -172,15 +179,23 @@ class HoursNeeded:
     """The share of naive kilometres that would need fewest; a fifth at least."""
 
 
-def hours_needed(driven: DrivenRates, measure: MeasureKey, wanted: float) -> HoursNeeded | None:
-    """From what a pilot gave, until looks at its total rate find this half-width at the latest; None without events."""
+def hours_needed(
+    driven: DrivenRates, measure: MeasureKey, wanted: float, stratum: Stratum = "total"
+) -> HoursNeeded | None:
+    """From what a pilot gave, until looks at a stratum of its rate find this half-width at the latest.
+
+    None without events.
+    """
     from scipy.special import chdtri
 
     rates = driven.measures.get(measure)
-    if rates is None or not rates.total.effective > 0.0:
+    if rates is None:
         return None
-    events = rates.total.effective
-    spread = rates.total.spread
+    sample = rates.sample
+    events = effective_size(sample.contributions(stratum))
+    if not events > 0.0:
+        return None
+    spread = sample.rate(stratum) if events >= FEWEST_FOR_SPREAD else None
     independent = 1.0 / sqrt(events)
     error = independent if spread is None else spread.log_error
     share = (error * WIDEST / relative_to_log(wanted)) ** 2
@@ -194,7 +209,7 @@ def hours_needed(driven: DrivenRates, measure: MeasureKey, wanted: float) -> Hou
         kilometres=metres / 1000.0 * share,
         hours=hours,
         range=(hours * events / high, hours * events / low),
-        naive=_best_share(driven, rates.sample),
+        naive=_best_share(driven, sample),
     )
 
 

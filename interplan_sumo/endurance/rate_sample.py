@@ -31,7 +31,7 @@ from interplan_sumo.endurance.records import (
     SegmentRecord,
     likelihood_ratio,
 )
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.statistics.event_rates import FEWEST_EFFECTIVE, ClusterRate, ClusterSums, Floats, effective_size
 
 MOST_OF_ONE: Final = 0.1
@@ -49,7 +49,8 @@ MeasureKey = Literal[
     "off_road",
     "planner_fault",
 ]
-Stratum = RareKind | Literal["ordinary", "total"]
+Stratum = RareKind | Literal["ordinary", "rare", "total"]
+"""What a rate is made of; `rare` are all kinds of rare events together."""
 MEASURES: Final[dict[MeasureKey, str]] = {
     "at_fault_collision": "at-fault collisions",
     "other_collision": "other collisions",
@@ -83,6 +84,14 @@ class WeighedSegment(NamedTuple):
     weights: tuple[tuple[RareKind, float], ...]
     """Of each rare event that began."""
     events: tuple[RateEvent, ...]
+
+
+def measure_named(name: str) -> MeasureKey:
+    """The measure of that name; UnknownNameError if there is none."""
+    for key in MEASURES:
+        if key == name:
+            return key
+    raise UnknownNameError("measure", name, MEASURES)
 
 
 def measure_of(event: EventRecord) -> MeasureKey:
@@ -241,7 +250,9 @@ class RateSample:
         if stratum == "ordinary":
             return sums[..., ORDINARY]
         if stratum == "total":
-            return sums[..., ORDINARY] + sum(self.count(sums, kind) for kind in self.rare)
+            return sums[..., ORDINARY] + self.count(sums, "rare")
+        if stratum == "rare":
+            return sum((self.count(sums, kind) for kind in self.rare), np.zeros(sums.shape[:-1]))
         first = self._first[stratum]
         if self.rare[stratum].refused:
             return sums[..., first]
@@ -267,6 +278,8 @@ class RateSample:
         """What each event adds to the count of a stratum."""
         if stratum == "total":
             return np.concatenate([self.contributions(each) for each in ("ordinary", *self.rare)])
+        if stratum == "rare":
+            return np.concatenate([np.zeros(0), *(self.contributions(kind) for kind in self.rare)])
         if stratum == "ordinary":
             return np.array([1.0 for event in self.events if event.rare is None])
         if self.rare[stratum].refused:

@@ -11,14 +11,13 @@ from interplan_sumo.endurance.looks import HoursNeeded, RateLook, WidthPoint, ho
 from interplan_sumo.endurance.rate_sample import MEASURES, MeasureKey, measure_of
 from interplan_sumo.endurance.rates import EnduranceRates, endurance_rates
 from interplan_sumo.endurance.records import EventRecord, RareKind, SegmentRecord
+from interplan_sumo.endurance.stop_rule import BATCH
 from interplan_sumo.errors import InputError
 
 MAIN: Final[MeasureKey] = "at_fault_collision"
 """What strata, looks and pictures are of where nothing else is asked for."""
 WANTED: Final = 0.3
 """Half-width of the interval over the rate."""
-BATCH: Final = 25
-"""Segments from one look to the next."""
 
 
 @dataclass(frozen=True, slots=True)
