@@ -41,7 +41,6 @@ SAY_S = 10.0
 @takes_run_options(
     "planners", "out", "workers", "traffic", "in_process", "plan_limit_s", "memory_gb",
     out="The folder of the kilometres; the same command on it goes on.",
-    workers="Processes of this machine; 0 drives in this one. Default: all cores.",
     traffic="A vehicle-type file instead of the behaviour's.",
 )  # fmt: skip
 def endure(
@@ -94,8 +93,6 @@ def endure(
 
     if len(options.planners) > 1:
         raise InputError("endure drives one planner at a time; give --planner once, and the same --out for the next")
-    if options.who.ray is not None:
-        raise InputError("endure drives on this machine; give --workers N")
     if behaviour is not None and options.traffic is not None:
         raise InputError("--traffic replaces the vehicle types that --behaviour chooses; give only one")
     measure = measure_named(of)

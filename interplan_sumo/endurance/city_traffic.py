@@ -57,7 +57,7 @@ def open_trip(
     setup = TrafficSetup(
         network, ids, city.types, start_state(scenario, roads), ego_route, shape, tuple(spawns), tokens,
         crowd=staging.people, flow=city.flow(rng, names), shown=now.shown, chance_seed=int(rng.integers(2**32)),
-        acts=staging.most_mps,
+        acts=staging.most_mps, runs_red=staging.runs_red,
     )  # fmt: skip
     return scenario, SumoTraffic(setup), staging
 

@@ -25,7 +25,8 @@ RARE_TITLES: Final = {
     "cut_in": "cut-in",
     "hard_braking_ahead": "hard braking ahead",
     "red_light_runner": "red-light runner",
-    "door": "door",
+    "door": "opening door",
+    "crosswalk": "crosswalk",
 }
 STRATUM_COLUMNS: Final = (
     "stratum", "probability", "opportunities / km", "began", "failures per event", "per million opportunities",

@@ -15,7 +15,7 @@ def read_kilometres(folders: Iterable[Path]) -> list[SegmentRecord]:
     """All segments of these folders, each once.
 
     RunFolderError for a folder that holds none or is damaged, InputError for
-    folders of another traffic, map, drivers or planner than those before them,
+    folders of other code, another traffic, map, drivers or planner than those before them,
     and for segments that two of them hold differently.
     """
     first: dict[tuple[str, str], tuple[Path, str]] = {}
@@ -46,7 +46,7 @@ def _about(folder: Path) -> dict[tuple[str, str], str]:
         raise RunFolderError(f"cannot read {path}: {error.strerror or error}") from None
     except RecordError as error:
         raise RunFolderError(f"{path} is damaged ({error})") from None
-    return {("traffic version", ""): str(about.traffic_version)} | {
+    return {("code", ""): about.code, ("traffic version", ""): str(about.traffic_version)} | {
         (kind, name): value
         for kind, of in (("map", about.maps), ("drivers", about.drivers), ("planner", about.planners))
         for name, value in of.items()

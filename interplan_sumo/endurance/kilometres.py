@@ -25,6 +25,7 @@ from typing import Annotated, Final, Protocol
 import msgspec
 from msgspec import Meta, Struct
 
+from interplan_sumo.batch.backend import one_connection
 from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.engine import run_tasks
 from interplan_sumo.batch.folder_lock import FolderLock
@@ -32,9 +33,11 @@ from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import PlannerRecord, RecordError, decode, encode
 from interplan_sumo.batch.tasks import Task
 from interplan_sumo.batch.versions import versions
+from interplan_sumo.endurance.code_hash import code_hash
 from interplan_sumo.endurance.event_folder import collect_events, open_event_folder
 from interplan_sumo.endurance.rare_events import boosted_for
-from interplan_sumo.endurance.records import RareKind, SegmentRecord, TrafficCell, segment_of
+from interplan_sumo.endurance.records import RARE_KINDS, RareKind, SegmentRecord, TrafficCell, segment_of
+from interplan_sumo.endurance.remote_segments import RemoteSegments
 from interplan_sumo.endurance.saturation import saturation_per_km
 from interplan_sumo.endurance.segment_job import SegmentJob, SegmentSettings, empty_record
 from interplan_sumo.endurance.segment_plan import SEGMENT_M
@@ -53,13 +56,14 @@ from interplan_sumo.world.files import replacing
 SEGMENTS: Final = "segments.jsonl"
 ABOUT: Final = "endure.json"
 EVENTS: Final = "events"
-STAGED: Final[tuple[RareKind, ...]] = ("jaywalker", "blocked_lane", "cut_in", "hard_braking_ahead")
-"""Rare events that are staged."""
+STAGED: Final = RARE_KINDS
+"""Rare events that are staged: all of them."""
 NATURAL: Final = 3e-4
 """Probability per opportunity and second where none is given: with the opportunities there are, one of them in some ten
 kilometres."""
 PER_SEGMENT: Final[Mapping[RareKind, float]] = {
     "jaywalker": 50.0, "blocked_lane": 25.0, "cut_in": 10.0, "hard_braking_ahead": 25.0,
+    "red_light_runner": 2.0, "door": 10.0, "crosswalk": 4.0,
 }  # fmt: skip
 """Opportunity-seconds of an ordinary segment, for how much to boost; what there was is counted."""
 MOST_TIMES: Final = 8
@@ -145,8 +149,10 @@ class KilometresWatch(Protocol):
 class AboutEndure(Struct, frozen=True):
     """What endure.json says: what all segments of a folder share, and the planners and drivers that they are of."""
 
-    format: Annotated[int, Meta(ge=1, le=1)]
+    format: Annotated[int, Meta(ge=2, le=2)]
     versions: dict[str, str]
+    code: str
+    """Hash of the code that drives (`code_hash`)."""
     traffic_version: int
     maps: dict[str, str]
     """Hash by name."""
@@ -168,11 +174,11 @@ def drive_kilometres(options: EndureOptions, watch: KilometresWatch | None = Non
     files, source = options.map_files, PlannerSource.of(options.planner)
     types_hash = _digest(options.types_path.read_bytes())
     about = AboutEndure(
-        1, versions(), TRAFFIC_VERSION, {files.name: files.hash()}, {options.types_path.stem: types_hash},
+        2, versions(), code_hash(), TRAFFIC_VERSION, {files.name: files.hash()}, {options.types_path.stem: types_hash},
         {options.planner: source.hash}, {str(kind): p for kind, p in options.natural.items()}, options.naive_share,
         options.segment_m,
     )  # fmt: skip
-    with _opened(options.out, about) as records:
+    with one_connection(options.run.who), _opened(options.out, about) as records:
         mine = SegmentPlan(options, {each.index: each for each in records if _is_of(each, options)})
         settings = SegmentSettings(
             drive=DriveSettings((options.out / EVENTS).resolve(), options.run, find_profile(DEFAULT_PROFILE)),
@@ -258,7 +264,12 @@ def is_naive(index: int, share: float) -> bool:
 def _driven(jobs: Sequence[SegmentJob], settings: SegmentSettings, run: RunOptions) -> Iterator[SegmentRecord]:
     """Records in the order in which they end; a job whose worker ended by no fault of planner or traffic has none."""
     tasks = [Task(job.index, job.planner, job) for job in jobs]
-    outcomes = run_tasks(tasks, segment_jobs(settings), workers=run.who.processes, limits=run.limits)
+    if run.who.ray is None:
+        outcomes = run_tasks(tasks, segment_jobs(settings), workers=run.who.processes, limits=run.limits)
+    else:
+        from interplan_sumo.batch.ray_backend import run_on_ray
+
+        outcomes = run_on_ray(tasks, RemoteSegments(settings), address=run.who.ray, limits=run.limits)
     with contextlib.closing(outcomes):
         for outcome in outcomes:
             job: SegmentJob = outcome.task.payload
@@ -326,7 +337,14 @@ def _agree(folder: Path, wanted: AboutEndure) -> None:
         try:
             held = decode(path.read_bytes(), AboutEndure)
         except RecordError as error:
-            raise RunFolderError(f"{path} is damaged ({error}); give another folder as --out") from None
+            raise RunFolderError(
+                f"{path} is damaged, or of an older program ({error}); give another folder as --out"
+            ) from None
+        if held.code != wanted.code:
+            raise RunFolderError(
+                f"{folder} holds segments that other code drove ({held.code[:8]}, this is {wanted.code[:8]}); "
+                "give another folder as --out"
+            )
         for name in ("versions", "traffic_version", "natural", "naive_share", "segment_m"):
             if getattr(held, name) != getattr(wanted, name):
                 raise RunFolderError(

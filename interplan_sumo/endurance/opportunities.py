@@ -13,7 +13,9 @@ from typing import Final
 
 import numpy as np
 
+from interplan_sumo.endurance.kerbside import Crosswalk, ParkedCar, crosswalks_on, parked_car
 from interplan_sumo.endurance.records import RareKind
+from interplan_sumo.endurance.red_light_runners import RedLightRunners
 from interplan_sumo.endurance.trip_way import TripWay
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.scenario.scenario import LanePosition
@@ -51,6 +53,8 @@ FROM_LANE_END_M: Final = 12.0
 """Nobody walks into the road so near to a junction: there are crossings."""
 WIDEST_M: Final = 22.0
 """A road wider than this is crossed by nobody."""
+CROSSWALK_M: Final = (106.0, 118.0)
+"""So far along its way from the ego is a crosswalk to which somebody may come."""
 BIN_M: Final = 10.0
 """Places along a lane are told apart to this."""
 _LEFT_AHEAD, _RIGHT_AHEAD = 0b010, 0b011  # SUMO's codes for getNeighbors
@@ -69,6 +73,8 @@ class RareOpportunity:
     """On the ego's lane, if it is somewhere."""
     edges_m: tuple[float, float] = (0.0, 0.0)
     """From there to the left and to the right edge of the road."""
+    parked: ParkedCar | None = None
+    crosswalk: Crosswalk | None = None
 
 
 class Opportunities:
@@ -80,15 +86,18 @@ class Opportunities:
         self._origin_m = ids.origin_m
         self._sumo_lanes = way.sumo_lanes(network, ids)
         self._edges: dict[str, tuple[float, float] | None] = {}
+        self._parked: dict[str, ParkedCar | None] = {}
+        self._crosswalks = crosswalks_on(way)
+        self._runners = RedLightRunners(way, ids)
 
     def now(self, ego: EgoState, agents: AgentRegistry) -> list[RareOpportunity]:
         """All that there are at this instant."""
         with Commanding("looking for opportunities"):
             if not sumo.vehicle.getLaneID(EGO):
                 return []
-            found = [self._walker(ego), self._breakdown(ego, agents)]
+            found = [*self._kerb(ego), self._crosswalk(ego), self._breakdown(ego, agents)]
             if ego.speed_mps >= DRIVES_MPS:
-                found += [self._braking(agents), self._cut_in(ego, agents)]
+                found += [self._braking(agents), self._cut_in(ego, agents), self._runner(ego, agents)]
         return [each for each in found if each is not None]
 
     def _braking(self, agents: AgentRegistry) -> RareOpportunity | None:
@@ -140,30 +149,52 @@ class Opportunities:
                 return RareOpportunity("blocked_lane", agents.token_of(name), name)
         return None
 
-    def _walker(self, ego: EgoState) -> RareOpportunity | None:
-        """The place on the ego's way that is about to come into sight."""
-        if not WALKER_MPS[0] <= ego.speed_mps <= WALKER_MPS[1]:
+    def _runner(self, ego: EgoState, agents: AgentRegistry) -> RareOpportunity | None:
+        """The one that could run a red light across the ego's way."""
+        name = self._runners.nearest(ego, agents)
+        return None if name is None else RareOpportunity("red_light_runner", agents.token_of(name), name)
+
+    def _crosswalk(self, ego: EgoState) -> RareOpportunity | None:
+        """The crosswalk without a light that is about to come into sight."""
+        if not self._crosswalks or not WALKER_MPS[0] <= ego.speed_mps <= WALKER_MPS[1]:
             return None
+        arc_m, _ = self._way.line.project_point(ego.x_m, ego.y_m)
+        for each in self._crosswalks:
+            x_m, y_m = each.walk.start
+            near_m = hypot(x_m - ego.x_m, y_m - ego.y_m)
+            if CROSSWALK_M[0] <= each.conflict_m - arc_m <= CROSSWALK_M[1] and near_m >= CROSSWALK_M[0]:
+                return RareOpportunity("crosswalk", each.name, crosswalk=each)
+        return None
+
+    def _kerb(self, ego: EgoState) -> list[RareOpportunity]:
+        """What may be at the place on the ego's way that is about to come into sight: a walker, a parked car."""
+        if not WALKER_MPS[0] <= ego.speed_mps <= WALKER_MPS[1]:
+            return []
         arc_m, _ = self._way.line.project_point(ego.x_m, ego.y_m)
         at = self._way.at(arc_m + WALKER_M)
         lane = None if at is None else self._way.roads[at.lane]
         if at is None or not isinstance(lane, Lane):
-            return None
-        arc_m = (at.arc_m // BIN_M + 0.5) * BIN_M
-        if not FROM_LANE_END_M <= arc_m <= lane.centerline.length_m - FROM_LANE_END_M:
-            return None
-        there = lane.centerline.pose_at(arc_m)
+            return []
+        at_m = (at.arc_m // BIN_M + 0.5) * BIN_M
+        if not FROM_LANE_END_M <= at_m <= lane.centerline.length_m - FROM_LANE_END_M:
+            return []
+        there = lane.centerline.pose_at(at_m)
         if hypot(there.x_m - ego.x_m, there.y_m - ego.y_m) < WALKER_M - BIN_M:
-            return None  # the way bends: it would be in sight
-        name = f"{at.lane}@{arc_m:.0f}"
+            return []  # the way bends: it would be in sight
+        name, place = f"{at.lane}@{at_m:.0f}", LanePosition(at.lane, at_m)
         if name not in self._edges:
-            left_m, right_m = edges_m(self._way.roads, lane, arc_m)
+            left_m, right_m = edges_m(self._way.roads, lane, at_m)
             fits = min(left_m, right_m) > 0.0 and left_m + right_m <= WIDEST_M
             self._edges[name] = (left_m, right_m) if fits else None
-        edges = self._edges[name]
-        if edges is None:
-            return None
-        return RareOpportunity("jaywalker", name, place=LanePosition(at.lane, arc_m), edges_m=edges)
+            along_m = arc_m + WALKER_M + at_m - at.arc_m
+            self._parked[name] = parked_car(self._way, place, along_m, (left_m, right_m))
+        edges, parked = self._edges[name], self._parked[name]
+        found: list[RareOpportunity] = []
+        if edges is not None:
+            found.append(RareOpportunity("jaywalker", name, place=place, edges_m=edges))
+        if parked is not None:
+            found.append(RareOpportunity("door", name, place=place, parked=parked))
+        return found
 
 
 def by_kind(found: Sequence[RareOpportunity]) -> Mapping[RareKind, list[str]]:

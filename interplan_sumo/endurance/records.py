@@ -17,7 +17,7 @@ from interplan_sumo.batch.records import Count, Fault, Seconds
 
 EventKind = Literal["collision", "near_miss", "hard_braking", "red_light", "stall", "off_road"]
 """What happens to or because of the ego; hard braking is that of others because of the ego."""
-RareKind = Literal["jaywalker", "blocked_lane", "cut_in", "hard_braking_ahead", "red_light_runner", "door"]
+RareKind = Literal["jaywalker", "blocked_lane", "cut_in", "hard_braking_ahead", "red_light_runner", "door", "crosswalk"]
 """What the world does."""
 PlaceKind = Literal["straight", "turn", "merge", "crossing"]
 """Where on the road the ego is."""

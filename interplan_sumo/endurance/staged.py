@@ -1,4 +1,6 @@
-"""What the rare events of a segment do once they have begun: agents that brake, stop or cut in, people who cross."""
+"""What the rare events of a segment do once they have begun: agents that brake, stop, cut in or run red lights, people
+who cross, doors that open.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
+from interplan_sumo.endurance.kerbside import Thing
 from interplan_sumo.endurance.opportunities import Opportunities, RareOpportunity
 from interplan_sumo.endurance.records import RareKind
 from interplan_sumo.endurance.street_people import StreetPeople, Walker
@@ -48,6 +51,13 @@ GIVES_UP_S: Final = 60.0
 BRAKES_MPS2: Final = 3.0
 """Nobody sets off before one that would have to brake harder: it is the ego that is to be surprised."""
 LANE_HALF_M: Final = 3.5
+DOOR_S: Final = 3.0
+"""A door opens so long before the ego is there, at its speed."""
+NEAREST_DOOR_M: Final = 8.0
+OPEN_S: Final = 8.0
+"""It is open for so long."""
+RUNS_RED_S: Final = 12.0
+"""So long one means to drive over red; then it yields as others do."""
 AVOIDS_COLLISIONS: Final = 256
 """SUMO's lane-change mode: told lanes only, and no care for others but that none is hit."""
 
@@ -152,23 +162,95 @@ class _Crossing:
         ahead_m = self._walker.walk.conflict_m - arc_m - self._half_m
         self._passed = ahead_m < -PASSED_M
         waits = self._walker.walked_s is None
-        if waits and 0.0 <= ahead_m <= trigger_distance_m(ego.speed_mps) and self._others_can_stop(agents):
+        if waits and 0.0 <= ahead_m <= trigger_distance_m(ego.speed_mps) and others_can_stop(agents, self._at):
             self._walker.walked_s = 0.0
         if self.is_over:
             self._walker.expected = False
         return {}
 
-    def _others_can_stop(self, agents: AgentSnapshot) -> bool:
-        dx, dy = self._at[0] - agents.front_x, self._at[1] - agents.front_y
-        cosine, sine = np.cos(agents.heading_rad), np.sin(agents.heading_rad)
-        ahead_m, aside_m = dx * cosine + dy * sine, np.abs(dy * cosine - dx * sine)
-        stops_m = agents.speed_mps**2 / (2.0 * BRAKES_MPS2) + agents.speed_mps + 2.0
-        return not bool(((ahead_m > -PASSED_M) & (ahead_m < stops_m) & (aside_m < 3.0 * LANE_HALF_M)).any())
-
     @property
     def is_over(self) -> bool:
         walked = self._walker.walked_s is not None and not self._walker.walks
         return walked or self._passed or self._left_s <= 0.0
+
+
+class OpeningDoor:
+    """A car is parked at the kerb, and its door opens before the ego; never before others who could not stop."""
+
+    def __init__(
+        self, people: StreetPeople, things: tuple[Thing, Thing], conflict_m: float, line: Polyline, shape: EgoShape,
+        origin_m: tuple[float, float],
+    ) -> None:  # fmt: skip
+        self._people = people
+        self._car, self._door = things
+        self._conflict_m = conflict_m
+        self._line = line
+        self._half_m = shape.length_m / 2.0
+        self._at = (self._door.pose.x_m - origin_m[0], self._door.pose.y_m - origin_m[1])
+        self._left_s = GIVES_UP_S
+        self._open_s: float | None = None
+        self._passed = False
+        people.put(self._car)
+
+    def step(self, agents: AgentSnapshot, ego: EgoState) -> Mapping[str, float]:
+        self._left_s -= DT_S
+        arc_m, _ = self._line.project_point(ego.x_m, ego.y_m)
+        ahead_m = self._conflict_m - arc_m - self._half_m
+        self._passed = ahead_m < -PASSED_M
+        if self._open_s is not None:
+            self._open_s += DT_S
+        elif 0.0 <= ahead_m <= max(NEAREST_DOOR_M, DOOR_S * ego.speed_mps) and others_can_stop(agents, self._at):
+            self._open_s = 0.0
+            self._people.put(self._door)
+        if self.is_over:
+            self._people.take(self._door)
+            self._people.expect_no_more(self._car)
+        return {}
+
+    @property
+    def is_over(self) -> bool:
+        shut = self._open_s is not None and self._open_s >= OPEN_S
+        return shut or self._passed or self._left_s <= 0.0
+
+
+class _RedRun:
+    """One drives on over red as if the ego were not there; it yields to all others."""
+
+    def __init__(self, name: str, network: SumoNetwork) -> None:
+        self._name = name
+        self._network = network
+        self._left_s = RUNS_RED_S
+        self._inside = False
+        self._gone = False
+
+    def step(self, agents: AgentSnapshot, _ego: EgoState) -> Mapping[str, float]:
+        self._left_s -= DT_S
+        if self._name not in agents.rows:
+            self._gone = True
+            return {}
+        lane = self._network.lanes.get(agents.lanes([self._name])[0])
+        inside = lane is not None and lane.internal
+        self._gone = self._inside and not inside
+        self._inside = self._inside or inside
+        return {}
+
+    @property
+    def runs(self) -> str:
+        """SUMO's name of it, while red does not hold for it."""
+        return "" if self._gone or self._left_s <= 0.0 else self._name
+
+    @property
+    def is_over(self) -> bool:
+        return self._gone or self._left_s <= 0.0
+
+
+def others_can_stop(agents: AgentSnapshot, at: tuple[float, float]) -> bool:
+    """Whether all who drive towards a place, in SUMO's frame, can stop before it with `BRAKES_MPS2`."""
+    dx, dy = at[0] - agents.front_x, at[1] - agents.front_y
+    cosine, sine = np.cos(agents.heading_rad), np.sin(agents.heading_rad)
+    ahead_m, aside_m = dx * cosine + dy * sine, np.abs(dy * cosine - dx * sine)
+    stops_m = agents.speed_mps**2 / (2.0 * BRAKES_MPS2) + agents.speed_mps + 2.0
+    return not bool(((ahead_m > -PASSED_M) & (ahead_m < stops_m) & (aside_m < 3.0 * LANE_HALF_M)).any())
 
 
 @dataclass(slots=True)
@@ -191,6 +273,7 @@ class Staging:
         self.spans: list[StagedSpan] = []
         """All that has begun, in order."""
         self._way = way
+        self._network = network
         self._tokens = tokens
         self._shape = shape
         self._opportunities = Opportunities(way, network, ids)
@@ -229,6 +312,11 @@ class Staging:
         self._told = frozenset(told)
         return found
 
+    def runs_red(self) -> frozenset[str]:
+        """For whom red does not hold in the next step."""
+        runs = self._act.runs if isinstance(self._act, _RedRun) else ""
+        return frozenset([runs] if runs else [])
+
     def _started(self, what: RareOpportunity, agents: AgentRegistry) -> StagedAct:
         origin_m = self._origin_m
         if what.kind == "hard_braking_ahead":
@@ -237,12 +325,19 @@ class Staging:
             return _Breakdown(what.agent, origin_m)
         if what.kind == "cut_in":
             return _CutIn(what.agent)
+        if what.kind == "red_light_runner":
+            return _RedRun(what.agent, self._network)
+        if what.parked is not None:
+            things = what.parked.things(next(self._tokens), next(self._tokens))
+            return OpeningDoor(self.people, things, what.parked.conflict_m, self._way.line, self._shape, origin_m)
         walker = self._walker(what)
         self.people.come(walker)
         return _Crossing(walker, self._way.line, self._shape, origin_m)
 
     def _walker(self, what: RareOpportunity) -> Walker:
-        """One who comes from the kerb that is nearer to the ego's lane, and goes straight across."""
+        """One who comes from the kerb that is nearer to the ego's lane, or on a crosswalk, and goes straight across."""
+        if what.crosswalk is not None:
+            return Walker(next(self._tokens), what.crosswalk.walk)
         assert what.place is not None
         left_m, right_m = what.edges_m
         sign = 1.0 if left_m < right_m else -1.0

@@ -73,8 +73,12 @@ class StopRule:
         return StopStanding(self, upto, metres, self.last_look(records), self._needed(driven))
 
     def _needed(self, driven: DrivenRates) -> dict[Stratum, HoursNeeded]:
-        needed = {each: hours_needed(driven, self.measure, self.half_width, each) for each in STRATA}
-        return {stratum: each for stratum, each in needed.items() if each is not None}
+        found: dict[Stratum, HoursNeeded] = {}
+        for stratum in STRATA:
+            needed = hours_needed(driven, self.measure, self.half_width, stratum)
+            if needed is not None:
+                found[stratum] = needed
+        return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,6 +44,15 @@ class TripWay:
         length_m = self.roads[self.lanes[number]].centerline.length_m
         return LanePosition(self.lanes[number], min(max(arc_m - float(self.ends_m[number]) + length_m, 0.0), length_m))
 
+    def near(self, from_m: float, to_m: float) -> tuple[str, ...]:
+        """The lanes and connectors that lie in part between two places."""
+        first, last = np.searchsorted(self.ends_m, [from_m, to_m], side="right").tolist()
+        return self.lanes[first : last + 1]
+
+    def starts_m(self, number: int) -> float:
+        """Where the lane of that number begins."""
+        return float(self.ends_m[number - 1]) if number else 0.0
+
     def sumo_lanes(self, network: SumoNetwork, ids: NetworkIds) -> frozenset[str]:
         """Those of the way that are outside junctions."""
         pieces = (piece.sumo_lane for lane in self.lanes for piece in ids.pieces[lane])

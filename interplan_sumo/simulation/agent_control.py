@@ -105,6 +105,7 @@ class AgentControl:
         self._overseen: set[str] = set()
         self._parting: set[str] = set()  # hold their speed for a step after a command: SUMO's EIDM flinches in it
         self._late: frozenset[str] = frozenset()
+        self._running: frozenset[str] = frozenset()
         self._cut_ins = BrakingCutIns(drivers)
         self._relaxing: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
@@ -142,6 +143,7 @@ class AgentControl:
         self._strategic.pop(name, None)
         self._told.pop(name, None)
         self._late -= {name}
+        self._running -= {name}
         self._overseen.discard(name)
         self._parting.discard(name)
         self._relaxing.discard(name)
@@ -239,7 +241,7 @@ class AgentControl:
         vehicle = sumo.vehicle
         if ignore != before.ignores_ego:
             vehicle.setParameter(name, "carFollowModel.ignoreIDs", EGO if ignore else "")
-            vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore else "")
+            vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignore or name in self._running else "")
         mode = SPEED_MODE_DEFAULT
         left = wanted_mps is not None and self._brakes_harder(name, before, speed_mps, wanted_mps)
         if wanted_mps is not None and not left:
@@ -270,8 +272,18 @@ class AgentControl:
         braked_mps = before.from_mps - own_mps
         return braked_mps > self._drivers[name].decel_mps2 * DT_S and wanted_mps > speed_mps - braked_mps
 
-    def let_drive_on(self, late: frozenset[str]) -> None:
-        """Have these agents, which cannot stop any more, drive on over red, and those before no longer."""
+    def let_drive_on(self, late: frozenset[str], running: frozenset[str] = frozenset()) -> None:
+        """Have these agents, which cannot stop any more, drive on over red, and those before no longer.
+
+        Those `running` red could stop, and do not yield to the ego either; to others they do.
+        """
+        if running != self._running:
+            with Commanding("letting agents run red lights"):
+                for name in sorted(running ^ self._running):
+                    ignored = name in running or self._told.get(name, UNTOLD).ignores_ego
+                    sumo.vehicle.setParameter(name, "junctionModel.ignoreIDs", EGO if ignored else "")
+            self._running = running
+        late |= running
         if late == self._late:
             return
         with Commanding("letting agents drive on over red"):

@@ -50,6 +50,11 @@ def nobody_acts(_: AgentSnapshot) -> Mapping[str, float]:
     return {}
 
 
+def nobody_runs_red() -> frozenset[str]:
+    """Red lights hold."""
+    return frozenset()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TrafficSetup:
     """Everything that background traffic starts from."""
@@ -82,6 +87,8 @@ class TrafficSetup:
     """Of obstacles by id."""
     acts: Callable[[AgentSnapshot], Mapping[str, float]] = nobody_acts
     """How fast some agents, by SUMO's name, are to be at most after the next step: what is staged as time goes on."""
+    runs_red: Callable[[], frozenset[str]] = nobody_runs_red
+    """Agents, by SUMO's name, for whom red lights do not hold in the next step; asked after `acts`."""
 
 
 class SumoTraffic:
@@ -100,6 +107,7 @@ class SumoTraffic:
         self._started = False
         self._logged = setup.logged
         self._acts = setup.acts
+        self._runs_red = setup.runs_red
         self._step = 0
         self._added = 0
         self._entering: dict[str, Spawn] = {}
@@ -251,7 +259,7 @@ class SumoTraffic:
         met, anchor = (ego, self._proxy.anchor) if self._proxy is not None else (replace(ego, x_m=NOWHERE_M), None)
         commands = self._reactions.decide(met, anchor, walking, standing, agents)
         self._control.tell(agents, commands, self._posts.agents(agents), self._acts(agents))
-        self._control.let_drive_on(self._late_for_light.agents(agents, self._next_switch_s))
+        self._control.let_drive_on(self._late_for_light.agents(agents, self._next_switch_s), self._runs_red())
         if self._proxy is not None:
             told = (commands.for_ego_mps, commands.for_others_mps)
             self._before = StepBefore(ego, agents.names, agents.speed_mps, *told, self._control.overlooks_ego)

@@ -14,6 +14,7 @@ from interplan_sumo.endurance.segment_plan import drawn_scenario
 from interplan_sumo.endurance.trip import touches
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.simulation.setup import start_state
+from interplan_sumo.simulation.sumo import sumo
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.geometry import penetration_m
@@ -72,3 +73,44 @@ def test_one_that_breaks_down_stands_for_half_a_minute_and_drives_on() -> None:
     assert 29.0 <= stood_s <= 50.0
     assert not staging.is_active
     assert staging.spans[0].ended_s is not None
+
+
+@pytest.mark.slow
+def test_a_red_light_runner_drives_on_over_red_and_others_wait() -> None:
+    roads = load_roads(CITY.map)
+    rng = np.random.default_rng(3)
+    trip = drawn_scenario("endure/3", roads, rng)
+    trip, traffic, staging = open_trip(trip, roads, CITY, 1, rng, PACIFICA)
+    crossed, waited = "", 0
+    with traffic:
+        ego = start_state(replace(trip, start_speed_mps=0.0), roads)
+        agents, runner = traffic.agents, ""
+        for step in range(900):
+            now = {name: _before_red(name) for name in agents.names}
+            staging.notice(replace(ego, time_s=0.1 * step))
+            if not runner:
+                runner = next((name for name, state in now.items() if state is not None and 10.0 < state < 30.0), "")
+                if runner:
+                    staging.begin(RareOpportunity("red_light_runner", agents.token_of(runner), runner), ego, agents)
+            traffic.react(ego)
+            traffic.place_ego(ego)
+            traffic.advance()
+            inside = {name for name in agents.names if sumo.vehicle.getLaneID(name).startswith(":")}
+            over = {name for name in inside if (now.get(name) or np.inf) < 3.0}
+            crossed = crossed or ("runner" if runner in over else "")
+            assert over <= {runner}
+            waited += sum(state is not None and state < 5.0 for state in now.values())
+            if crossed and not staging.is_active:
+                break
+    assert crossed == "runner"
+    assert waited > 0
+    assert staging.spans[0].kind == "red_light_runner"
+    assert staging.runs_red() == frozenset()
+
+
+def _before_red(name: str) -> float | None:
+    """How far an agent that moves is from a red light that holds for it, and that it could stop at."""
+    ahead = next(iter(sumo.vehicle.getNextTLS(name)), None)
+    if ahead is None or ahead[3] not in "r" or sumo.vehicle.getSpeed(name) < 0.1:
+        return None
+    return float(ahead[2])

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import importlib.util
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from msgspec import structs
 
+from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import encode
 from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.batch.versions import versions
+from interplan_sumo.endurance.code_hash import DRIVES, code_files
 from interplan_sumo.endurance.kilometres import (
+    ABOUT,
     EVENTS,
     MOST_TIMES,
     SEGMENTS,
+    AboutEndure,
     EndureOptions,
     SegmentPlan,
     drive_kilometres,
@@ -24,9 +33,14 @@ from interplan_sumo.endurance.kilometres import (
     read_segments,
 )
 from interplan_sumo.endurance.records import SegmentRecord
-from interplan_sumo.endurance.segment_job import empty_record
+from interplan_sumo.endurance.saturation import saturation_per_km
+from interplan_sumo.endurance.segment_job import SegmentSettings, empty_record
+from interplan_sumo.endurance.segment_worker import segment_jobs
+from interplan_sumo.endurance.stop_rule import StopStanding
 from interplan_sumo.errors import InputError, RunFolderError
+from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.scenario.files import read_scenarios
+from interplan_sumo.simulation.traffic import TRAFFIC_VERSION
 
 TINY = EndureOptions("idm", "back_bay", 0.2, Path("unused"), density=0.05, segment_m=60.0, run=RunOptions(workers=0))
 
@@ -103,6 +117,9 @@ class Killer:
     def planned(self, segments: int, done: Sequence[SegmentRecord]) -> None:
         assert segments > len(done)
 
+    def looked(self, standing: StopStanding) -> None:
+        raise AssertionError(standing)
+
     def finished(self, record: SegmentRecord) -> None:
         with (self._folder / SEGMENTS).open("ab") as file:
             file.write(encode(record)[:100])
@@ -148,3 +165,47 @@ def test_a_planner_that_stands_still_stalls_in_every_segment(tmp_path: Path) -> 
         assert [event.kind for event in each.events if event.kind != "hard_braking"] == ["stall"]
         assert each.seconds >= 60.0
         assert each.metres < 60.0
+
+
+@pytest.mark.slow
+def test_boosted_to_the_natural_probabilities_a_segment_is_the_naive_one_to_the_bit(tmp_path: Path) -> None:
+    options = replace(TINY, out=tmp_path, segment_m=400.0, density=0.3, rare=0.05)
+    job = replace(SegmentPlan(options, {}).missing(3)[2], naive=True)
+    same = replace(job, naive=False, drawn_with=job.natural)
+    settings = SegmentSettings(
+        DriveSettings(tmp_path, options.run, find_profile(DEFAULT_PROFILE)), options.map, None, options.types_path,
+        saturation_per_km(options.map), options.segment_m,
+    )  # fmt: skip
+    work = segment_jobs(settings)(options.planner, lambda _: None)
+    (tmp_path / "experts").mkdir()
+    naive, boosted = (msgspec.convert(work(each)[0]["segment"], SegmentRecord) for each in (job, same))
+    assert naive.rare_events
+    assert naive.rare_events == boosted.rare_events
+    assert naive.trace_hash == boosted.trace_hash
+    assert boosted.final_weight == 1.0
+
+
+def test_a_folder_that_other_code_drove_is_refused_in_one_line(tmp_path: Path) -> None:
+    still = replace(TINY, out=tmp_path, planner="tests.endurance.still_planner:Still", km=0.01)
+    about = AboutEndure(
+        2, versions(), "0" * 64, TRAFFIC_VERSION, {}, {}, {}, {str(kind): p for kind, p in still.natural.items()},
+        still.naive_share, still.segment_m,
+    )  # fmt: skip
+    (tmp_path / ABOUT).write_bytes(encode(about))
+    with pytest.raises(RunFolderError, match=r"holds segments that other code drove \(00000000, this is "):
+        drive_kilometres(still)
+    (tmp_path / ABOUT).write_bytes(encode(about).replace(b'"format":2', b'"format":1'))
+    with pytest.raises(RunFolderError, match="of an older program"):
+        drive_kilometres(still)
+
+
+def test_all_that_a_worker_imports_to_drive_is_in_the_hash_of_the_code() -> None:
+    code = "import sys, interplan_sumo.endurance.driving, interplan_sumo.endurance.segment_worker; print(*sys.modules)"
+    told = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
+    hashed = {path.as_posix() for path in code_files()}
+    for name in told:
+        package = name.split(".")
+        if package[0] == "interplan_sumo" and len(package) > 2 and package[1] in DRIVES:
+            spec = importlib.util.find_spec(name)
+            assert spec is not None
+            assert spec.origin in hashed, name

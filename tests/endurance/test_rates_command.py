@@ -17,10 +17,14 @@ from interplan_sumo.endurance.kilometres import ABOUT, SEGMENTS, AboutEndure
 from interplan_sumo.errors import InputError, RunFolderError
 
 
-def folder(place: Path, planner: str, seed: int, *, map_hash: str = "m", planner_hash: str = "p") -> Path:
+def folder(
+    place: Path, planner: str, seed: int, *, map_hash: str = "m", planner_hash: str = "p", code: str = "c"
+) -> Path:
     """A folder of toy kilometres, as `endure` leaves one."""
     place.mkdir()
-    about = AboutEndure(1, {}, 1, {"toy": map_hash}, {"mixed": "d"}, {planner: planner_hash}, {**NATURAL}, 0.5, 1500.0)
+    about = AboutEndure(
+        2, {}, code, 1, {"toy": map_hash}, {"mixed": "d"}, {planner: planner_hash}, {**NATURAL}, 0.5, 1500.0
+    )
     (place / ABOUT).write_bytes(encode(about))
     records = driven(ToyWorld(200, 0.5, 4), np.random.default_rng(seed))
     lines = [encode(msgspec.structs.replace(each, planner=planner)) for each in records]
@@ -54,6 +58,8 @@ def test_folders_that_cannot_stand_beside_one_another_are_refused(tmp_path: Path
         read_kilometres([one, folder(tmp_path / "three", "idm", 2)])
     with pytest.raises(InputError, match="different planner idm"):
         read_kilometres([one, folder(tmp_path / "four", "idm", 1, planner_hash="q")])
+    with pytest.raises(InputError, match="different code; give only one"):
+        read_kilometres([one, folder(tmp_path / "five", "idm", 1, code="d")])
     (one / ABOUT).write_text("{}")
     with pytest.raises(RunFolderError, match="is damaged"):
         read_kilometres([one])
