@@ -23,6 +23,7 @@ from interplan_sumo.endurance.records import (
     TrafficCell,
     likelihood_ratio,
 )
+from interplan_sumo.endurance.stop_rule import BATCH
 
 CELL: Final = TrafficCell("toy", 0.5, "mixed")
 NATURAL: Final[dict[RareKind, float]] = {"jaywalker": 0.001, "cut_in": 0.002}
@@ -190,6 +191,8 @@ def main() -> None:
     print("boosted over naive", ratio_coverage(replace(world, segments=1600), ToyWorld(2400, 0.25, 4), runs))
     for naive in (1.0, 0.4):
         print("stopped at 30 %", naive, stopped_coverage(ToyWorld(4000, naive, 4), runs, 100, 0.3))
+    bad = replace(QUIET, ordinary=0.5)
+    print("stopped by itself", stopped_coverage(ToyWorld(400, 0.5, 4, (bad, bad)), runs, BATCH, 0.3))
 
 
 if __name__ == "__main__":

@@ -46,6 +46,8 @@ KERB_M: Final = 0.5
 BEYOND_KERB_M: Final = 1.0
 PASSED_M: Final = 10.0
 """What is so far behind the ego concerns it no more."""
+LEFT_BEHIND_M: Final = 60.0
+"""One that has broken down does not move on right behind an ego that has just got past it."""
 GIVES_UP_S: Final = 60.0
 """Who has found no moment to cross by then stays."""
 BRAKES_MPS2: Final = 3.0
@@ -95,7 +97,7 @@ class _Braking:
         return self._left_s <= 0.0
 
 
-class _Breakdown:
+class Breakdown:
     """One ahead on the ego's way stops in its lane and stands for `STOPS_S`."""
 
     def __init__(self, name: str, origin_m: tuple[float, float]) -> None:
@@ -111,7 +113,7 @@ class _Breakdown:
             return {}
         dx = float(agents.front_x[row]) + self._origin_m[0] - ego.x_m
         dy = float(agents.front_y[row]) + self._origin_m[1] - ego.y_m
-        self._passed = dx * np.cos(ego.heading_rad) + dy * np.sin(ego.heading_rad) < -PASSED_M
+        self._passed = bool(dx * np.cos(ego.heading_rad) + dy * np.sin(ego.heading_rad) < -LEFT_BEHIND_M)
         now_mps = float(agents.speed_mps[row])
         if now_mps <= 0.0:
             self._left_s -= DT_S
@@ -322,7 +324,7 @@ class Staging:
         if what.kind == "hard_braking_ahead":
             return _Braking(what.agent, agents.drivers[what.agent])
         if what.kind == "blocked_lane":
-            return _Breakdown(what.agent, origin_m)
+            return Breakdown(what.agent, origin_m)
         if what.kind == "cut_in":
             return _CutIn(what.agent)
         if what.kind == "red_light_runner":

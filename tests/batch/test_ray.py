@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import structs
 
 from interplan_sumo.batch import ray_backend
 from interplan_sumo.batch.briefs import Brief
@@ -25,6 +26,7 @@ from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.verify import RowSample, verify
 from interplan_sumo.batch.worker_pool import Report
 from interplan_sumo.cli import main
+from interplan_sumo.endurance.kilometres import EVENTS, EndureOptions, drive_kilometres
 from interplan_sumo.errors import InputError, PlannerLoadError
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.files import write_scenarios
@@ -238,3 +240,21 @@ def test_a_drive_on_the_cluster_gives_the_hash_and_the_files_of_one_at_home(clus
     expected = summary(run(at_home))
     assert len(expected[0]) == 64
     assert summary(run(there)) == expected
+
+
+@pytest.mark.usefixtures("cluster")
+def test_kilometres_that_are_driven_away_from_home_are_those_driven_here(tmp_path: Path) -> None:
+    blind = EndureOptions(
+        "straight_ahead", "back_bay", 0.2, tmp_path / "here", density=0.2, segment_m=100.0, run=RunOptions(workers=0)
+    )
+    here = drive_kilometres(blind)
+    there = drive_kilometres(replace(blind, out=tmp_path / "there", run=RunOptions(workers="ray:auto")))
+    assert any(each.events for each in here)
+    assert [structs.replace(each, wall_s=0.0, plan_ms=None) for each in there] == [
+        structs.replace(each, wall_s=0.0, plan_ms=None) for each in here
+    ]
+    kept = [read_run(tmp_path / name / EVENTS).briefs.keys() for name in ("here", "there")]
+    assert len(kept[0]) >= 1
+    assert kept[0] == kept[1]
+    texts = [(tmp_path / name / EVENTS / "scenarios.yaml").read_bytes() for name in ("here", "there")]
+    assert texts[0] == texts[1]

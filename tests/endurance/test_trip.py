@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from math import inf, pi
 
+import numpy as np
 import pytest
 
 from interplan_sumo.endurance.events import rare_at
-from interplan_sumo.endurance.staged import StagedSpan, with_released
+from interplan_sumo.endurance.staged import LEFT_BEHIND_M, Breakdown, StagedSpan, with_released
 from interplan_sumo.endurance.trip import Stretches, someone_before, touches
+from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.tiny_worlds import cars
 from interplan_sumo.world.ego import PACIFICA, EgoState
 
@@ -46,6 +48,15 @@ def test_stretches_are_weighed_as_the_segment_was_there() -> None:
 def test_what_happens_is_of_the_rare_event_that_was_under_way(time_s: float, kind: str | None) -> None:
     spans = [StagedSpan("jaywalker", 10.0, 20.0), StagedSpan("cut_in", 30.0)]
     assert rare_at(spans, time_s) == kind
+
+
+@pytest.mark.parametrize(("ahead_m", "over"), [(LEFT_BEHIND_M - 1.0, False), (LEFT_BEHIND_M + 1.0, True)])
+def test_one_that_has_broken_down_stands_until_the_ego_is_well_past_it(ahead_m: float, over: bool) -> None:
+    zero = np.zeros(1)
+    stands = AgentSnapshot(["a"], {"a": 0}, zero, zero, zero, zero, {}, frozenset(), list, lambda _: [], lambda _: ())
+    act = Breakdown("a", (0.0, 0.0))
+    assert act.step(stands, EgoState(0.0, ahead_m, 0.0, 0.0, 5.0)) == {"a": 0.0}
+    assert act.is_over is over
 
 
 def test_who_was_told_something_is_released_in_the_step_after() -> None:
