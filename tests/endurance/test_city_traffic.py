@@ -10,13 +10,15 @@ import pytest
 from interplan_sumo.endurance.city import City, city_state
 from interplan_sumo.endurance.city_traffic import AROUND_M, NearTraffic, open_trip
 from interplan_sumo.endurance.opportunities import RareOpportunity
+from interplan_sumo.endurance.records import RareKind
 from interplan_sumo.endurance.segment_plan import drawn_scenario
 from interplan_sumo.endurance.trip import touches
+from interplan_sumo.endurance.trip_way import TripWay
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.simulation.sumo import sumo
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
-from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import penetration_m
 
 CITY = City("back_bay", 6.0, vehicle_type_file("mixed"))
@@ -106,6 +108,37 @@ def test_a_red_light_runner_drives_on_over_red_and_others_wait() -> None:
     assert waited > 0
     assert staging.spans[0].kind == "red_light_runner"
     assert staging.runs_red() == frozenset()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "number"), [("jaywalker", 0), ("door", 0), ("crosswalk", 1)])
+def test_somebody_comes_into_sight_ahead_of_the_ego(kind: RareKind, number: int) -> None:
+    """On its way, out of sight; who is at the kerb is seen by all from the next step on."""
+    roads = load_roads(CITY.map)
+    rng = np.random.default_rng(number)
+    trip = drawn_scenario(f"endure/{number}", roads, rng)
+    trip, traffic, staging = open_trip(trip, roads, CITY, 0, rng, PACIFICA)
+    way = TripWay(trip, roads)
+    with traffic:
+        before = set(traffic.observe().actors.ids)
+        poses = (way.line.poses_at(arc_m)[0].tolist() for arc_m in np.arange(0.0, way.line.length_m - 120.0, 5.0))
+        egos = [EgoState(0.0, x_m, y_m, heading_rad, 8.0) for x_m, y_m, heading_rad in poses]
+        looks = ((ego, each) for ego in egos for each in staging.look(ego, traffic.agents))
+        ego, found = next((ego, each) for ego, each in looks if each.kind == kind)
+        assert found.name == next(each.name for each in staging.look(ego, traffic.agents) if each.kind == kind)
+        staging.begin(found, ego, traffic.agents)
+        assert staging.look(ego, traffic.agents) == []  # nothing begins meanwhile
+        staging.notice(ego)
+        start = start_state(trip, roads)
+        traffic.react(start)
+        traffic.place_ego(start)
+        traffic.advance()
+        actors = traffic.observe().actors
+        (new,) = set(actors.ids) - before
+        row = actors.ids.index(new)
+        away_m = float(np.hypot(actors.x_m[row] - ego.x_m, actors.y_m[row] - ego.y_m))
+        assert 100.0 < away_m < 125.0
+        assert not roads.drivable((float(actors.x_m[row]), float(actors.y_m[row])))[0]
 
 
 def _before_red(name: str) -> float | None:

@@ -45,6 +45,18 @@ def test_the_mean_weight_is_1_at_any_fixed_time() -> None:
         assert weights.std() > 0.05
 
 
+@pytest.mark.parametrize("kind", RARE_KINDS)
+def test_each_kind_begins_more_often_than_it_would_and_its_weight_makes_up_for_it(kind: RareKind) -> None:
+    begun, weights = 0, np.zeros(1500)
+    for seed in range(1500):
+        draws = RareEventDraws(seed, {kind: 0.01}, {kind: 0.05})
+        found = [draws.begins(second, {kind: ["one"]}) for second in range(20)]
+        begun += sum(each is not None for each in found)
+        weights[seed] = draws.weight
+    assert abs(weights.mean() - 1.0) < 4.0 * weights.std() / np.sqrt(1500)
+    assert begun == pytest.approx(1500, rel=0.1)
+
+
 def test_weighted_boosted_segments_tell_how_often_events_begin_naturally() -> None:
     boosted = [driven(seed, BOOSTED) for seed in range(1500)]
     weighted = np.array([draws.weight * len(begun) for draws, begun in boosted])
