@@ -122,7 +122,14 @@ def test_verify_takes_one_size(run_folder: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_a_sweep_leaves_runs_a_table_and_a_picture(swept: Path, file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert sorted(path.name for path in swept.iterdir()) == ["sweep.csv", "sweep.png", "tau=1", "tau=3", "traffic"]
+    assert sorted(path.name for path in swept.iterdir()) == [
+        "sweep.csv",
+        "sweep.html",
+        "sweep.png",
+        "tau=1",
+        "tau=3",
+        "traffic",
+    ]
     rows = list(csv.DictReader(io.StringIO((swept / "sweep.csv").read_text())))
     assert [(row["tau"], row["planner"], row["drives"]) for row in rows] == [
         ("1", "straight_ahead", "2"), ("3", "straight_ahead", "2"),

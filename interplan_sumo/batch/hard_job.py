@@ -32,7 +32,7 @@ def hard_verdicts(
     tasks = [Task(candidate.scenario.id, GROUP, candidate) for candidate in candidates]
     roots = {candidate.scenario.maps_beside for candidate in candidates} - {None}
     jobs = HardJobs(next(iter(roots), None))
-    return kept_answers(tasks, lambda task: _path(folder, task.payload), _fault, HardVerdict, jobs, workers)
+    return kept_answers(tasks, lambda task: answer_path(folder, task.payload), _fault, HardVerdict, jobs, workers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +84,11 @@ def _fault(_task: Task, fault: Fault) -> HardVerdict:
     return HardVerdict("fault", f"{fault.kind}: {fault.message}")
 
 
-def _path(folder: Path, candidate: HardCandidate) -> Path:
+def answer_path(folder: Path, candidate: HardCandidate) -> Path:
     """Where a verdict is kept: by all that it depends on but the code of the search."""
     panel = [f"{name} {_source_hash(name)}" for name in candidate.panel]
-    text = f"{candidate.scenario.hash()} {panel} {candidate.most_solved} {SCORING_VERSION} {TRAFFIC_VERSION}"
+    asked = f"{panel} {candidate.most_solved} {sorted(candidate.must_fail)}"
+    text = f"{candidate.scenario.hash()} {asked} {SCORING_VERSION} {TRAFFIC_VERSION}"
     return folder / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.json"
 
 

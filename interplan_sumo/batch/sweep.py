@@ -1,9 +1,9 @@
-"""Sweep: one run per combination of traffic parameters, each in a run folder of its own below one folder.
+"""Sweep: one run per combination of parameters, each in a run folder of its own below one folder.
 
 | place | what |
 |---|---|
 | KEY=VALUE,KEY=VALUE/ | the run folder of a combination |
-| KEY=VALUE,.../BEHAVIOUR/ | instead, where vehicle types are changed of which the scenarios use several files |
+| KEY=VALUE,.../PART/ | instead, where scenarios use several vehicle-type files or perceptions that are changed |
 | traffic/ | the changed vehicle-type files |
 """
 
@@ -22,10 +22,11 @@ from interplan_sumo.batch.options import DENSITIES, SETTINGS, RunOptions
 from interplan_sumo.batch.records import JobKey, RequestedJobs, keys_of
 from interplan_sumo.batch.run import RunProgress, check_inputs, run
 from interplan_sumo.batch.run_folder import MANIFEST, TRAFFIC, StoredRun, read_run
+from interplan_sumo.batch.tracks import PLAIN, TRACK, TRACKS, track_settings
 from interplan_sumo.batch.traffic_files import Edit, changed_name, write_changed
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.planner import RECOMMENDED, find_planner
-from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.scenario.scenario import Scenario, perception_named
 from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 
 TYPICAL_S = 5.0
@@ -39,7 +40,8 @@ class Parameter:
     """What is varied, and its values in the order given."""
 
     key: str
-    """`density`, `behaviour`, a vType attribute or `interplan.*` parameter, or one of a single type: `TYPE.KEY`."""
+    """`density`, `behaviour`, `perception`, `track`, a vType attribute or `interplan.*` parameter, or one of a single
+    type: `TYPE.KEY`."""
     values: tuple[str, ...]
 
     @classmethod
@@ -54,13 +56,29 @@ class Parameter:
                 raise InputError(f"--param {key}: {value!r} is no value; numbers and plain words are")
             if any(_same(value, other) for other in values[:number]):
                 raise InputError(f"--param {key} gives {value} twice; give each value once")
-            if key == "density" and value not in DENSITIES:
-                raise UnknownNameError("density", value, DENSITIES)
-            if key == "behaviour":
-                vehicle_type_file(value)
-            elif key != "density":
-                Edit.of(key, value)
+            _check_value(key, value)
         return cls(key, values)
+
+    @property
+    def settings(self) -> set[str]:
+        """The options of a run that it changes; none for vehicle types."""
+        if self.key == TRACK:
+            return {changed for value in self.values if (changed := TRACKS[value]) is not None}
+        return {self.key} & {*SETTINGS}
+
+
+def _check_value(key: str, value: str) -> None:
+    """InputError for a value that the key cannot have."""
+    known = {"density": DENSITIES, TRACK: tuple(TRACKS)}.get(key)
+    if known is not None and value not in known:
+        raise UnknownNameError(key, value, known)
+    if key == "behaviour":
+        vehicle_type_file(value)
+    elif key == "perception":
+        if (named := perception_named(value)) != value:
+            raise InputError(f"--param perception: {value} is called {named}")
+    elif known is None:
+        Edit.of(key, value)
 
 
 def _same(a: str, b: str) -> bool:
@@ -106,7 +124,7 @@ class Combination:
 
     setting: dict[str, str]
     parts: tuple[SweepRun, ...]
-    """One run; several where the vehicle types of several files are changed."""
+    """One run; several where parts of the scenarios need options of their own."""
 
     @property
     def name(self) -> str:
@@ -131,8 +149,8 @@ class Sweep:
     folder: Path
     parameters: tuple[Parameter, ...]
     combinations: tuple[Combination, ...]
-    without_traffic: tuple[str, ...]
-    """Ids of scenarios in which nobody drives but the ego and who was recorded: no combination changes them."""
+    unchanged: tuple[str, ...]
+    """Ids of scenarios in which nobody drives but the ego and who was recorded, where only the traffic is varied."""
 
     @property
     def drives(self) -> int:
@@ -178,8 +196,9 @@ def plan_sweep(options: RunOptions, parameters: Sequence[Parameter]) -> Sweep:
     )
     for overrides in {part.options.overrides for combination in combinations for part in combination.parts}:
         check_inputs([overrides.applied(scenario) for scenario in scenarios], overrides.vehicle_types)
-    without = tuple(scenario.id for scenario in scenarios if scenario.replayed or not scenario.has_traffic)
-    return Sweep(folder, tuple(parameters), combinations, without)
+    of_traffic = all("perception" not in parameter.settings for parameter in parameters)
+    without = [each.id for each in scenarios if of_traffic and (each.replayed or not each.has_traffic)]
+    return Sweep(folder, tuple(parameters), combinations, tuple(without))
 
 
 def _check_agree(options: RunOptions, parameters: Sequence[Parameter]) -> Path:
@@ -188,37 +207,43 @@ def _check_agree(options: RunOptions, parameters: Sequence[Parameter]) -> Path:
         raise InputError("no folder for the sweep given; name one with --out")
     if options.shard is not None:
         raise InputError(f"--shard {options.shard} splits a run, not a sweep; give each machine values of its own")
-    keys = [parameter.key for parameter in parameters]
-    for number, key in enumerate(keys):
-        if key in keys[:number]:
+    varied: dict[str, str] = {}
+    for parameter in parameters:
+        key = parameter.key
+        if key in [other.key for other in parameters if other is not parameter]:
             raise InputError(f"--param {key} is given twice; give all its values at once: {key}=V1,V2,...")
-        if key in ("density", "behaviour") and getattr(options, key) is not None:
-            raise InputError(f"--set {key} fixes what --param {key} varies; give only one")
-    if "behaviour" in keys and options.traffic is not None:
-        raise InputError("--traffic replaces the vehicle types that --param behaviour varies; give only one")
+        for setting in sorted(parameter.settings):
+            if getattr(options, setting) is not None:
+                raise InputError(f"--set {setting} fixes what --param {key} varies; give only one")
+            if setting == "behaviour" and options.traffic is not None:
+                raise InputError(f"--traffic replaces the vehicle types that --param {key} varies; give only one")
+            if (other := varied.setdefault(setting, key)) != key:
+                raise InputError(f"--param {other} and --param {key} both vary {setting}; give only one")
     if (options.out / MANIFEST).exists():
         raise RunFolderError(f"{options.out} holds a run; give another folder as --out")
     return options.out
 
 
 def _parts(options: RunOptions, sweep: Path, setting: Mapping[str, str], selection: Selection) -> Iterator[SweepRun]:
-    """The runs of one combination: one, or one per vehicle-type file where that is changed."""
+    """The runs of one combination: one, or one for each part of the scenarios that needs options of its own."""
     folder = sweep / folder_name(setting)
-    base = replace(options, **{key: value for key, value in setting.items() if key in SETTINGS})
-    changes = {key: value for key, value in setting.items() if key not in SETTINGS}
-    if not changes:
-        yield _part(base, folder, selection.scenarios, selection.files)
-        return
+    fixed = {key: value for key, value in setting.items() if key in SETTINGS}
+    changes = {key: value for key, value in setting.items() if key not in SETTINGS and key != TRACK}
     edits = [Edit.of(key, value) for key, value in changes.items()]
-    users: dict[Path, list[Scenario]] = {}
+    files: dict[Path, Path] = {}
+    parts: dict[str, tuple[RunOptions, list[Scenario]]] = {}
     for scenario in selection.scenarios:
-        used = base.traffic or vehicle_type_file(base.behaviour or scenario.traffic.behaviour)
-        users.setdefault(used, []).append(scenario)
-    for source, members in users.items():
-        target = sweep / TRAFFIC / changed_name(source, changes)
-        write_changed(source, edits, target)
-        place = folder if len(users) == 1 else folder / source.stem
-        yield _part(replace(base, behaviour=None, traffic=target), place, members, selection.files)
+        of_track = track_settings(setting.get(TRACK, PLAIN), scenario)
+        own, name = replace(options, **fixed, **of_track), [*of_track.values()]
+        if edits:
+            source = own.traffic or vehicle_type_file(own.behaviour or scenario.traffic.behaviour)
+            if source not in files:
+                files[source] = sweep / TRAFFIC / changed_name(source, changes)
+                write_changed(source, edits, files[source])
+            own, name = replace(own, behaviour=None, traffic=files[source]), [*name, source.stem]
+        parts.setdefault(",".join(name), (own, []))[1].append(scenario)
+    for name, (own, members) in parts.items():
+        yield _part(own, folder / name if len(parts) > 1 else folder, members, selection.files)
 
 
 def _part(options: RunOptions, folder: Path, scenarios: Sequence[Scenario], files: Sequence[str]) -> SweepRun:

@@ -10,9 +10,11 @@ from xml.etree.ElementTree import Element, SubElement
 
 from defusedxml.ElementTree import parse, tostring
 
+from interplan_sumo.batch.options import SETTINGS
 from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import Manifest
 from interplan_sumo.batch.run_folder import TRAFFIC
+from interplan_sumo.batch.tracks import TRACK
 from interplan_sumo.errors import InputError, UnknownNameError, VehicleTypeError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.simulation.vehicle_type_reader import PARAMETERS, SWERVE
@@ -46,7 +48,7 @@ class Edit:
             elif "." in key:
                 type_id, _, bare = key.rpartition(".")
         if bare not in keys:
-            raise UnknownNameError("vType attribute or parameter to sweep", bare, {*keys, "density", "behaviour"})
+            raise UnknownNameError("vType attribute or parameter to sweep", bare, {*keys, *SETTINGS, TRACK})
         if bare == "probability" and type_id is None:
             raise InputError("probability of all vTypes alike changes nothing; name one: --param TYPE.probability=...")
         return cls(type_id, bare, value)

@@ -1,4 +1,4 @@
-"""The command `sweep`: how results depend on the traffic."""
+"""The command `sweep`: how results depend on traffic and perception."""
 
 from __future__ import annotations
 
@@ -36,15 +36,18 @@ def sweep(
     param: Annotated[
         list[str] | None,
         typer.Option(
-            help="KEY=V1,V2,...: density, behaviour, a vType attribute or interplan.* parameter, or TYPE.KEY for one "
-            "vType. Several make every combination.",
+            help="KEY=V1,V2,...: track (plain, noisy, late, dense, bold), density, behaviour, perception, a vType "
+            "attribute or interplan.* parameter, or TYPE.KEY for one vType. Several make every combination.",
             metavar="KEY=V1,V2,...",
         ),
     ] = None,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
-    """Run every combination of traffic parameters; then a table, sweep.csv and a plot. Repeat the command to resume."""
+    """How scores depend on traffic and perception: a run per combination, then a table, sweep.csv, a page and a plot.
+
+    Repeat the command to resume.
+    """
     take_one_thread()
     from interplan_sumo.batch.backend import one_connection
     from interplan_sumo.batch.sweep import Parameter, plan_sweep
@@ -61,7 +64,7 @@ def sweep(
         return INCOMPLETE
     if all(result.failure for result in results):
         raise InputError(str(results[0].failure))
-    return _report(planned, results, as_json=as_json, quiet=quiet)
+    return _report(planned, results, command, as_json=as_json, quiet=quiet)
 
 
 def _results(planned: Sweep, workers: int, command: Sequence[str], *, quiet: bool) -> Iterator[Result]:
@@ -74,8 +77,8 @@ def _results(planned: Sweep, workers: int, command: Sequence[str], *, quiet: boo
         print(
             f"{counted(count, 'combination')}, {counted(planned.drives, 'drive')}; {_in_words(left)}", file=sys.stderr
         )
-        if planned.without_traffic:
-            print(f"no traffic to change, so equal results, in {_listed(planned.without_traffic)}", file=sys.stderr)
+        if planned.unchanged:
+            print(f"no traffic to change, so equal results, in {_listed(planned.unchanged)}", file=sys.stderr)
     for number, combination in enumerate(planned.combinations, start=1):
         before = left.drives
         if not quiet:
@@ -104,16 +107,18 @@ def _in_words(left: Estimate) -> str:
     return f"{counted(left.drives, 'drive')} left, about {duration} at {left.drive_s:.1f} s each ({basis})"
 
 
-def _report(planned: Sweep, results: list[Result], *, as_json: bool, quiet: bool) -> int:
-    """Write sweep.csv and sweep.png, print the table; the exit code."""
+def _report(planned: Sweep, results: list[Result], command: Sequence[str], *, as_json: bool, quiet: bool) -> int:
+    """Write sweep.csv, sweep.html and sweep.png, print the table; the exit code."""
     from interplan_sumo.report.sweep_formats import sweep_csv, sweep_json, sweep_text
     from interplan_sumo.report.sweep_lines import idle_parameters, sweep_lines
+    from interplan_sumo.report.sweep_page import write_sweep_page
     from interplan_sumo.report.sweep_plot import plot_sweep, why_no_plot
 
     lines = sweep_lines(results)
-    table, picture = planned.folder / "sweep.csv", planned.folder / "sweep.png"
+    table, page, picture = (planned.folder / f"sweep.{kind}" for kind in ("csv", "html", "png"))
     with writing(table, "give another folder as --out"):
         table.write_text(sweep_csv(lines), encoding="utf-8", newline="")
+    write_sweep_page(planned.parameters, lines, page, shlex.join(command))
     reason = why_no_plot(planned.parameters, lines)
     if reason is None:
         plot_sweep(planned.parameters, lines, picture)
@@ -126,6 +131,7 @@ def _report(planned: Sweep, results: list[Result], *, as_json: bool, quiet: bool
                 "complete": complete,
                 "idle": idle_parameters(planned.parameters, lines),
                 "csv": str(table),
+                "page": str(page),
                 "plot": None if reason else str(picture),
                 "rows": sweep_json(lines),
             }
@@ -135,5 +141,5 @@ def _report(planned: Sweep, results: list[Result], *, as_json: bool, quiet: bool
     if reason is not None:
         print(reason, file=sys.stderr)
     if not quiet:
-        print(f"wrote {table}" + ("" if reason else f" and {picture}"), file=sys.stderr)
+        print(f"wrote {', '.join(map(str, [table, page, *([] if reason else [picture])]))}", file=sys.stderr)
     return DONE if complete else INCOMPLETE

@@ -15,16 +15,22 @@ from interplan_sumo.endurance.rates import DrivenRates
 from interplan_sumo.endurance.report import EnduranceReport, MappedEvent
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import load_roads
+from interplan_sumo.report.page.curves import (
+    COLOURS,
+    HIGH,
+    LEFT,
+    WIDE,
+    CurveMark,
+    CurvePanel,
+    PlannerCurve,
+    aside,
+    bar_between,
+    height,
+    line_through,
+    place_along,
+)
 from interplan_sumo.world.geometry import Floats
 
-WIDE, HIGH = 300.0, 170.0
-"""Of a drawing, in its own units."""
-LEFT: Final = 34.0
-"""For the numbers of the axis upwards."""
-MARGIN: Final = 26.0
-"""Between the ends of the axis along and what is drawn at them."""
-APART: Final = 9.0
-"""Between planners at one density."""
 WIDTH_TICKS: Final = (0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
 DETAIL_M: Final = 2.0
 """Of roads on the map of events."""
@@ -34,44 +40,6 @@ ON_MAP: Final[tuple[MeasureKey, ...]] = (
     "at_fault_collision", "other_collision", "near_miss", "hard_braking", "red_light", "stall", "off_road",
 )  # fmt: skip
 """In the order of their colours; the first is drawn on top."""
-
-
-@dataclass(frozen=True, slots=True)
-class RateMark:
-    """A rate at its place, with its interval as a bar; hollow where too few events make none."""
-
-    x: float
-    y: float
-    bar: str
-    hollow: bool
-    title: str
-
-
-@dataclass(frozen=True, slots=True)
-class DrawnPlanner:
-    """What one planner has in a drawing."""
-
-    name: str
-    colour: int
-    path: str
-    """A line; empty without one."""
-    band: str
-    """Around the line; empty without one."""
-    marks: tuple[RateMark, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class RateDrawing:
-    """One panel with ticks along both axes."""
-
-    title: str
-    planners: tuple[DrawnPlanner, ...]
-    along: tuple[tuple[float, str], ...]
-    upwards: tuple[tuple[float, str], ...]
-    axis: str
-    """What stands below."""
-    about: str
-    """In words, for who cannot see it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,23 +57,23 @@ class EventMap:
 
 def planner_colours(report: EnduranceReport) -> dict[str, int]:
     """By planner; there are six."""
-    return {each.planner: number % 6 for number, each in enumerate(report.rates.planners)}
+    return {each.planner: number % COLOURS for number, each in enumerate(report.rates.planners)}
 
 
-def rate_drawings(report: EnduranceReport) -> list[RateDrawing]:
+def rate_drawings(report: EnduranceReport) -> list[CurvePanel]:
     """A panel for each population of drivers on each map: the rate over densities, a line being the regression's."""
     cells = [each for each in report.rates.cells if each.cell is not None and each.measures]
     panels = dict.fromkeys((each.cell.map, each.cell.drivers) for each in cells if each.cell)
     densities = sorted({each.cell.density for each in cells if each.cell})
     top = axis_top([highest_rate(each, report) for each in cells])
-    found: list[RateDrawing] = []
+    found: list[CurvePanel] = []
     for map_name, drivers in panels:
         own = [each for each in cells if each.cell and (each.cell.map, each.cell.drivers) == (map_name, drivers)]
         found.append(
-            RateDrawing(
+            CurvePanel(
                 title=f"{drivers}, {map_name}",
                 planners=tuple(_drawn(name, own, densities, top, report) for name in dict.fromkeys(_names(own))),
-                along=tuple((_x(n, len(densities)), f"{value:g}") for n, value in enumerate(densities)),
+                along=tuple((place_along(n, len(densities)), f"{value:g}") for n, value in enumerate(densities)),
                 upwards=_ticks(top),
                 axis="density, of saturation",
                 about="; ".join(
@@ -130,44 +98,32 @@ def highest_rate(driven: DrivenRates, report: EnduranceReport) -> float:
 
 def _drawn(
     name: str, cells: Sequence[DrivenRates], densities: Sequence[float], top: float, report: EnduranceReport
-) -> DrawnPlanner:
+) -> PlannerCurve:
     planners = list(planner_colours(report))
-    aside = (planners.index(name) - (len(planners) - 1) / 2.0) * min(APART, 2.0 * MARGIN / len(planners))
-    marks: list[RateMark] = []
+    beside = aside(planners.index(name), len(planners))
+    marks: list[CurveMark] = []
     line: list[tuple[float, float, float, float]] = []
     own = [(each.cell, each) for each in cells if each.cell is not None and each.planner == name]
     for cell, each in sorted(own, key=lambda pair: pair[0]):
-        x = _x(densities.index(cell.density), len(densities)) + aside
+        x = place_along(densities.index(cell.density), len(densities)) + beside
         rate = each.measures[report.measure].total
         bar = ""
         if rate.interval is not None:
-            low, high = (_y(bound, top) for bound in rate.interval)
-            bar = f"M{x:.1f} {low:.1f}V{high:.1f}"
+            bar = bar_between(x, *(_y(bound, top) for bound in rate.interval))
         said = f"({rate.events} events)" if rate.interval is None else range_text(rate.interval)
         title = f"{each.label}: {number_text(rate.per_1000_km)} {said}"
-        marks.append(RateMark(round(x, 1), round(_y(rate.per_1000_km, top), 1), bar, not bar, title))
+        marks.append(CurveMark(round(x, 1), round(_y(rate.per_1000_km, top), 1), bar, not bar, title))
         fitted = report.regression.fitted.get((name, cell))
         if fitted is not None:
             centre, (low, high) = fitted
             line.append((x, _y(centre, top), _y(low, top), _y(high, top)))
-    path = _path([(x, y) for x, y, _, _ in line])
-    band = _path([*((x, low) for x, _, low, _ in line), *((x, high) for x, _, _, high in line[::-1])])
-    return DrawnPlanner(name, planner_colours(report)[name], path, band, tuple(marks))
-
-
-def _path(points: Sequence[tuple[float, float]]) -> str:
-    """A line in SVG's words; empty if it is only a step upwards."""
-    if len({x for x, _ in points}) < 2:
-        return ""
-    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
-
-
-def _x(number: int, count: int) -> float:
-    return LEFT + MARGIN + (WIDE - LEFT - 2.0 * MARGIN) * (number / (count - 1) if count > 1 else 0.5)
+    path = line_through([(x, y) for x, y, _, _ in line])
+    band = line_through([*((x, low) for x, _, low, _ in line), *((x, high) for x, _, _, high in line[::-1])])
+    return PlannerCurve(name, planner_colours(report)[name], path, band, tuple(marks))
 
 
 def _y(value: float, top: float) -> float:
-    return HIGH * (1.0 - min(value / top, 1.0))
+    return height(value, 0.0, top)
 
 
 def axis_top(values: Iterable[float]) -> float:
@@ -181,7 +137,7 @@ def _ticks(top: float) -> tuple[tuple[float, str], ...]:
     return tuple((_y(top * n / 4.0, top), number_text(top * n / 4.0)) for n in range(5))
 
 
-def width_drawing(report: EnduranceReport) -> RateDrawing | None:
+def width_drawing(report: EnduranceReport) -> CurvePanel | None:
     """Kilometres against the half-width of the interval, both on logarithmic scales; None without any interval."""
     lines = {planner: points for planner, points in report.widths.items() if points}
     if not lines:
@@ -189,16 +145,16 @@ def width_drawing(report: EnduranceReport) -> RateDrawing | None:
     every = [point for points in lines.values() for point in points]
     low_km, high_km = _decades([each.km for each in every])
     low, high = 0.05, 1.0
-    drawn: list[DrawnPlanner] = []
+    drawn: list[PlannerCurve] = []
     for planner, points in lines.items():
         places = [(_log_x(each.km, low_km, high_km), _log_y(each.half_width, low, high)) for each in points]
         marks = tuple(
-            RateMark(x, y, "", False, f"{planner}, {number_text(each.km)} km: +-{100.0 * each.half_width:.0f} %")
+            CurveMark(x, y, "", False, f"{planner}, {number_text(each.km)} km: +-{100.0 * each.half_width:.0f} %")
             for (x, y), each in zip(places, points, strict=True)
         )
-        drawn.append(DrawnPlanner(planner, planner_colours(report)[planner], _path(places), "", marks))
+        drawn.append(PlannerCurve(planner, planner_colours(report)[planner], line_through(places), "", marks))
     decades = [10.0**power for power in range(round(log10(low_km)), round(log10(high_km)) + 1)]
-    return RateDrawing(
+    return CurvePanel(
         title="Half of the 95 % interval over the rate",
         planners=tuple(drawn),
         along=tuple((_log_x(km, low_km, high_km), number_text(km)) for km in decades),

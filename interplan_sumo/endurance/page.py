@@ -5,16 +5,7 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from interplan_sumo.endurance.drawings import (
-    HIGH,
-    LEFT,
-    MAP_WIDE,
-    WIDE,
-    event_maps,
-    planner_colours,
-    rate_drawings,
-    width_drawing,
-)
+from interplan_sumo.endurance.drawings import MAP_WIDE, event_maps, planner_colours, rate_drawings, width_drawing
 from interplan_sumo.endurance.formats import (
     cells_table,
     places_table,
@@ -25,6 +16,7 @@ from interplan_sumo.endurance.formats import (
 )
 from interplan_sumo.endurance.rate_sample import MEASURES
 from interplan_sumo.endurance.report import EnduranceReport
+from interplan_sumo.report.page.curves import HIGH, LEFT, WIDE
 from interplan_sumo.report.page.html import html
 from interplan_sumo.world.files import writing
 
@@ -50,7 +42,7 @@ def write_endurance_report(
 def endurance_page(report: EnduranceReport, command: str = "") -> str:
     """The report as HTML."""
     part = files("interplan_sumo.report.page")
-    names = ("page.css", "realism.css", "endurance.css")
+    names = ("page.css", "realism.css", "curves.css")
     told = [each for each in report.rates.planners if each.measures]
     return html(
         "endurance.html.j2",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
@@ -13,10 +13,17 @@ import msgspec
 
 from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.batch.sweep import Parameter, Result
+from interplan_sumo.batch.tracks import PLAIN, TRACK
 from interplan_sumo.families import find_family
 from interplan_sumo.report.failure_reasons import fault_sentence
 from interplan_sumo.statistics.intervals import Range, mean_estimate
-from interplan_sumo.statistics.scene_values import DriveKey, DriveValue, DriveValues, mean_over_scenes
+from interplan_sumo.statistics.scene_values import (
+    DriveKey,
+    DriveValue,
+    DriveValues,
+    differences,
+    mean_over_scenes,
+)
 
 HARD_BRAKING_MPS2 = 4.05
 """Beyond it nuPlan calls braking uncomfortable."""
@@ -119,6 +126,15 @@ class Mean:
 
 
 @dataclass(frozen=True, slots=True)
+class Change:
+    """By how much the score differs from that of the planner in the combination that all others are held against."""
+
+    value: float
+    interval: Range | None
+    """95 %, paired scene by scene; None for one scenario."""
+
+
+@dataclass(frozen=True, slots=True)
 class SweepLine:
     """One planner in one combination."""
 
@@ -137,6 +153,13 @@ class SweepLine:
     """Points of each drive; none where drives are missing."""
     failure: str | None = None
     """Why drives are missing, where it is known."""
+    change: Change | None = None
+    """None for the reference itself, and where drives are missing."""
+
+    @property
+    def name(self) -> str:
+        """`KEY=VALUE, KEY=VALUE, PLANNER`."""
+        return ", ".join([*(f"{key}={value}" for key, value in self.setting.items()), self.planner])
 
     @property
     def complete(self) -> bool:
@@ -145,11 +168,30 @@ class SweepLine:
 
 def sweep_lines(results: Sequence[Result]) -> list[SweepLine]:
     """A line per combination and planner, in the order of the sweep."""
-    return [
+    lines = [
         _line(result, planner)
         for result in results
         for planner in dict.fromkeys(planner for _, planner, _ in result.combination.keys)
     ]
+    reference = reference_setting(lines)
+    before = {line.planner: line.scores for line in lines if line.setting == reference}
+    return [
+        line if line.setting == reference else replace(line, change=_change(before.get(line.planner, {}), line.scores))
+        for line in lines
+    ]
+
+
+def reference_setting(lines: Sequence[SweepLine]) -> Mapping[str, str]:
+    """What all others are held against: the first value of each parameter, of tracks the plain one."""
+    first = lines[0].setting
+    plain = {key: PLAIN if key == TRACK else value for key, value in first.items()}
+    return plain if any(line.setting == plain for line in lines) else first
+
+
+def _change(before: DriveValues, after: DriveValues) -> Change | None:
+    paired = differences(before, after)
+    value, estimate = mean_over_scenes(paired), mean_estimate(paired)
+    return None if value is None else Change(value, estimate and estimate.interval_within((-100.0, 100.0)))
 
 
 def _line(result: Result, planner: str) -> SweepLine:

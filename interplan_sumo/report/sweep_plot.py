@@ -55,7 +55,7 @@ def plot_sweep(parameters: Sequence[Parameter], lines: Sequence[SweepLine], path
     """
     from matplotlib.figure import Figure
 
-    measures = _drawn(lines)
+    measures = drawn_measures(lines)
     planners = list(dict.fromkeys(line.planner for line in lines))
     along, colours = _roles(parameters)
     maps = planners if colours is not None else []
@@ -78,26 +78,29 @@ def plot_sweep(parameters: Sequence[Parameter], lines: Sequence[SweepLine], path
         figure.savefig(path, metadata={"Software": None})
 
 
-def _drawn(lines: Sequence[SweepLine]) -> list[Measure]:
+def drawn_measures(lines: Sequence[SweepLine]) -> list[Measure]:
     """The measures with a panel: of the two goals the one that is harder to reach, where it is judged."""
     there = {measure.key: measure for measure in MEASURES if any(line.means[measure.key] for line in lines)}
     goal = "goal_lane" if "goal_lane" in there else "goal_reached"
     return [there[key] for key in ("score", goal, "at_fault_collisions", "hard_braking_behind") if key in there]
 
 
+def along_axis(parameters: Sequence[Parameter]) -> Parameter:
+    """What runs along the axis: numbers rather lie there than words."""
+    return [*(each for each in parameters if not _numeric(each)), *filter(_numeric, parameters)][-1]
+
+
 def _roles(parameters: Sequence[Parameter]) -> tuple[Parameter, Parameter | None]:
-    """What runs along the axis, and what has a colour per value: numbers rather lie on an axis than words."""
-    if len(parameters) == 1:
-        return parameters[0], None
-    first, second = parameters
-    return (first, second) if _numeric(first) and not _numeric(second) else (second, first)
+    """What runs along the axis, and what has a colour per value."""
+    along = along_axis(parameters)
+    return along, next((each for each in parameters if each is not along), None)
 
 
 def _numeric(parameter: Parameter) -> bool:
     return all(as_number(value) is not None for value in parameter.values)
 
 
-def _ordered(parameter: Parameter) -> list[str]:
+def ordered_values(parameter: Parameter) -> list[str]:
     """Numbers by size, words as given."""
     return sorted(parameter.values, key=lambda v: as_number(v) or 0.0) if _numeric(parameter) else [*parameter.values]
 
@@ -108,7 +111,7 @@ def _mean(lines: Sequence[SweepLine], measure: Measure, setting: Mapping[str, st
 
 
 def _heat_map(axes: Axes, measure: Measure, along: Parameter, down: Parameter, lines: Sequence[SweepLine]) -> None:
-    across, rows = _ordered(along), _ordered(down)
+    across, rows = ordered_values(along), ordered_values(down)
     means = [[_mean(lines, measure, {along.key: x, down.key: y}) for x in across] for y in rows]
     values = np.array([[np.nan if mean is None else mean.value for mean in row] for row in means])
     low, high = SCALE
@@ -160,10 +163,12 @@ def _curves(
     planners: Sequence[str],
 ) -> None:
     """A line per planner, or per planner and value, with the interval of each mean as a bar."""
-    ticks = _ordered(along)
+    ticks = ordered_values(along)
     numeric = _numeric(along)
     places = np.array([as_number(tick) if numeric else at for at, tick in enumerate(ticks)], dtype=np.float64)
-    fixed: list[dict[str, str]] = [{}] if colours is None else [{colours.key: value} for value in _ordered(colours)]
+    fixed: list[dict[str, str]] = (
+        [{}] if colours is None else [{colours.key: value} for value in ordered_values(colours)]
+    )
     curves = [(planner, setting) for planner in planners for setting in fixed]
     apart = (np.ptp(places) or 1.0) * 0.015  # so that the bars of several lines do not hide each other
     for number, (planner, setting) in enumerate(curves):

@@ -1,17 +1,19 @@
 """Hard judging: is a scene sound and certified, does a panel of planners fail in it, and does somebody solve it?
 
 Planners drive before a certificate is looked for: all of a panel take as long as a search that finds one at once, and
-a search that finds none three times as long. What is easy for most of the panel is told by the first who solve it.
+a search that finds none three times as long. What is easy for most of the panel is told by the first who solve it, and
+those for whom a scene must be hard drive first.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import msgspec
+from msgspec.structs import replace as replaced
 
 from interplan_sumo.errors import ScenarioError, TrafficError
 from interplan_sumo.maps.store import load_roads
@@ -43,11 +45,24 @@ class HardCandidate:
     panel: tuple[str, ...]
     least_difficulty: float
     """The share of the panel that must fail."""
+    must_fail: frozenset[str] = frozenset()
+    """Those of the panel of whom each must fail, whatever the others do."""
 
     @property
     def most_solved(self) -> int:
         """So many of the panel may solve it."""
         return int(len(self.panel) * (1.0 - self.least_difficulty) + 1e-9)
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """The panel as it drives: first those who must fail."""
+        return tuple(sorted(self.panel, key=lambda name: name not in self.must_fail))
+
+    def too_easy(self, solved_by: Collection[str]) -> str:
+        """Why a scene that these solve is too easy; '' if it is not."""
+        if spent := [name for name in solved_by if name in self.must_fail]:
+            return f"{spent[0]} solves it, and enough others"
+        return f"{len(solved_by)} of the panel solve it" if len(solved_by) > self.most_solved else ""
 
 
 class HardVerdict(msgspec.Struct, frozen=True):
@@ -57,19 +72,19 @@ class HardVerdict(msgspec.Struct, frozen=True):
     """At which check it failed, `fault` for one of the simulator; '' if it is hard and sound."""
     reason: str = ""
     scores: dict[str, float] = {}
-    """Of those of the panel who drove, in the panel's order; against the certificate once there is one."""
+    """Of those of the panel who drove, in their order; against the certificate once there is one."""
     certificate: CertificateRecord | None = None
     cpu_s: float = 0.0
 
     @property
-    def failed(self) -> tuple[str, ...]:
-        """Who of the panel does not solve it."""
-        return tuple(name for name, got in self.scores.items() if got < SOLVED_SCORE)
+    def solved_by(self) -> tuple[str, ...]:
+        """Who of the panel solves it."""
+        return tuple(name for name, got in self.scores.items() if got >= SOLVED_SCORE)
 
     @property
     def difficulty(self) -> float:
         """The share of the panel that fails."""
-        return len(self.failed) / len(self.scores) if self.scores else 0.0
+        return 1.0 - len(self.solved_by) / len(self.scores) if self.scores else 0.0
 
     @property
     def mean_score(self) -> float:
@@ -84,7 +99,7 @@ def judged_hard(candidate: HardCandidate) -> HardVerdict:
         found = _judged(candidate)
     except (ScenarioError, TrafficError) as error:
         found = HardVerdict("fault", str(error))
-    return msgspec.structs.replace(found, cpu_s=time.process_time() - begun_s)
+    return replaced(found, cpu_s=time.process_time() - begun_s)
 
 
 def quick_problems(scenario: Scenario, roads: Roads) -> list[str]:
@@ -102,29 +117,28 @@ def _judged(candidate: HardCandidate) -> HardVerdict:
         return HardVerdict("traffic", lacking[0])
     fastest = nominal_drive(roads, scenario)  # who solves it measured by this does so by any certificate
     driven: dict[str, Trace | None] = {}
-    solved = 0
-    for name, trace in _drives(scenario, candidate.panel):
+    found = HardVerdict("easy")
+    for name, trace in _drives(scenario, candidate.order):
         driven[name] = trace
-        solved += _score(trace, roads, fastest, scenario) >= SOLVED_SCORE
-        if solved > candidate.most_solved:
-            scores = {each: _score(trace, roads, fastest, scenario) for each, trace in driven.items()}
-            return HardVerdict("easy", f"{solved} of the panel solve it", scores)
+        found = replaced(found, scores={**found.scores, name: _score(trace, roads, fastest, scenario)})
+        if easy := candidate.too_easy(found.solved_by):
+            return replaced(found, reason=easy)
     proof = passing_drive(scenario, MOST_SIMULATIONS, reference)
     if proof.certificate is None:
-        scores = {each: _score(trace, roads, fastest, scenario) for each, trace in driven.items()}
-        return HardVerdict("certificate", "; ".join(proof.problems), scores)
+        return replaced(found, stage="certificate", reason="; ".join(proof.problems))
     expert = proof.certificate.track
-    scores = {name: _score(trace, roads, expert, scenario) for name, trace in driven.items()}
-    solved_by = tuple(name for name, got in scores.items() if got >= SOLVED_SCORE)
-    if len(solved_by) > candidate.most_solved:
-        return HardVerdict("easy", f"{len(solved_by)} of the panel solve it", scores)
+    found = HardVerdict(
+        "easy", scores={name: _score(driven[name], roads, expert, scenario) for name in candidate.panel}
+    )
+    if easy := candidate.too_easy(found.solved_by):
+        return replaced(found, reason=easy)
     if solvers(scenario, expert, (TRIVIAL,)):
-        return HardVerdict("trivial", f"{TRIVIAL} solves it", scores)
-    solved_by = solved_by or _another(scenario, expert, candidate.panel)
+        return replaced(found, stage="trivial", reason=f"{TRIVIAL} solves it")
+    solved_by = found.solved_by or _another(scenario, expert, candidate.panel)
     if not solved_by:
-        return HardVerdict("open", "nobody who was asked solves it", scores)
+        return replaced(found, stage="open", reason="nobody who was asked solves it")
     summary = replace(proof.certificate.summary, solved_by=solved_by)
-    return HardVerdict("", scores=scores, certificate=replace(proof.certificate, summary=summary).record())
+    return replaced(found, stage="", certificate=replace(proof.certificate, summary=summary).record())
 
 
 def _drives(scenario: Scenario, panel: Sequence[str]) -> Iterator[tuple[str, Trace | None]]:

@@ -23,7 +23,6 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import UnsuitableError
 from interplan_sumo.verification.hard_judging import HardCandidate, HardVerdict, quick_problems
 from interplan_sumo.verification.quality_diversity import DiverseSearch
-from interplan_sumo.verification.solvers import SOLVED_SCORE
 from interplan_sumo.verification.suite_slots import Seed
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
@@ -130,7 +129,8 @@ class HardSearch:
             points = search.ask(self._is_worth_a_look)
             if not points:
                 return
-            asked = [(drawn, likely, self._candidate(drawn.scenario)) for drawn, likely in self._waiting]
+            must_fail = self._must_fail()
+            asked = [(drawn, likely, self._candidate(drawn.scenario, must_fail)) for drawn, likely in self._waiting]
             verdicts = {candidate.scenario.id: found for candidate, found in judge([each[2] for each in asked])}
             scenes = [HardScene(*each, verdicts[each[2].scenario.id]) for each in asked]
             self.judged += scenes
@@ -164,8 +164,16 @@ class HardSearch:
         self.passed_over[reason] += 1
         return False
 
-    def _candidate(self, scenario: Scenario) -> HardCandidate:
-        return HardCandidate(scenario, self.options.panel, self.options.least_difficulty)
+    def _candidate(self, scenario: Scenario, must_fail: frozenset[str]) -> HardCandidate:
+        return HardCandidate(scenario, self.options.panel, self.options.least_difficulty, must_fail)
+
+    def _must_fail(self) -> frozenset[str]:
+        """Those of a panel of several who solve as many of the scenes as they may."""
+        if len(self.options.panel) == 1:
+            return frozenset()
+        solved = Counter(name for each in self.taken for name in each.verdict.solved_by)
+        most = SOLVED_SHARE * self.options.count
+        return frozenset(name for name in self.options.panel if solved[name] + 1 > most)
 
     def _is_another(self, drawn: ScenePoint) -> bool:
         """Whether a scene lies apart from all that are taken, on a roadblock that has room for another one."""
@@ -179,22 +187,12 @@ class HardSearch:
         return scenario.site(self.maps[scenario.map]).partition("@")[0]
 
     def _may_be_taken(self, scene: HardScene) -> bool:
-        if not self._is_another(scene.drawn):
-            return False
-        if len(self.options.panel) == 1:
-            return True
-        solved = Counter(name for each in self.taken for name in _solvers(each))
-        return all(solved[name] + 1 <= SOLVED_SHARE * self.options.count for name in _solvers(scene))
+        return self._is_another(scene.drawn) and self._must_fail().isdisjoint(scene.verdict.solved_by)
 
     def _measures(self, draws: Mapping[str, Draw]) -> tuple[float, float]:
         names = (*find_family(self.options.family).telling, *self.space.names[1:], self.space.names[0])
         found = [draws[name].quantile for name in names if name in draws]
         return found[0], found[min(1, len(found) - 1)]
-
-
-def _solvers(scene: HardScene) -> list[str]:
-    """Those of the panel who solve a scene."""
-    return [name for name, got in scene.verdict.scores.items() if got >= SOLVED_SCORE]
 
 
 def _worth(scene: HardScene) -> float:

@@ -77,6 +77,10 @@ def test_a_parameter_has_its_values_in_the_order_given() -> None:
         ("densty=low", "Did you mean 'density'"),
         ("density=hihg", "Did you mean 'high'"),
         ("behaviour=asertive", "Did you mean 'assertive'"),
+        ("perception=noisi", "no perception named 'noisi'"),
+        ("perception=noisy+occluded", "is called occluded.noisy"),
+        ("track=plian", "Did you mean 'plain'"),
+        ("trak=plain", "Did you mean 'track'"),
         ("id=a,b", "no vType attribute"),
         ("probability=0.1,0.9", "name one: --param TYPE.probability"),
     ],
@@ -203,7 +207,7 @@ def test_scenarios_of_several_behaviours_keep_their_own_drivers(tmp_path: Path) 
     folders = {part.folder.name: part.scenarios for part in combination.parts}
     assert folders == {"mixed": ("mine/0", "mine/2"), "conservative": ("mine/1",)}
     assert len(combination.keys) == sweep.drives == 3
-    assert sweep.without_traffic == ("mine/2",)
+    assert sweep.unchanged == ("mine/2",)
 
 
 def test_a_file_given_with_traffic_is_the_one_that_is_changed(tmp_path: Path) -> None:
@@ -221,6 +225,9 @@ def test_a_file_given_with_traffic_is_the_one_that_is_changed(tmp_path: Path) ->
         (("density=low",), {"density": "high"}, "--set density fixes what --param density varies"),
         (("behaviour=mixed",), {"behaviour": "urban"}, "--set behaviour fixes"),
         (("behaviour=mixed",), {"traffic": routes_root() / "urban.xml"}, "give only one"),
+        (("track=plain,bold",), {"traffic": routes_root() / "urban.xml"}, "--param track varies; give only one"),
+        (("track=plain,late",), {"perception": "noisy"}, "--set perception fixes what --param track varies"),
+        (("density=low", "track=plain,dense"), {}, "--param density and --param track both vary density"),
         (("bus.tau=1",), {}, "no vType in mixed.xml named 'bus'"),
     ],
 )
@@ -229,6 +236,31 @@ def test_what_contradicts_itself_is_refused_before_anything_is_driven(
 ) -> None:
     with pytest.raises(InputError, match=words):
         planned(tmp_path, *params, **given)
+
+
+def test_a_track_changes_one_thing_in_each_scene_and_adds_to_what_hides_others_there(tmp_path: Path) -> None:
+    hidden = replace(OTHER, perception="occluded")
+    sweep = planned(tmp_path, "track=noisy,plain,late,dense,bold", scenarios=(BUSY, hidden, ALONE))
+    parts = {part.folder.relative_to(sweep.folder).as_posix(): part for c in sweep.combinations for part in c.parts}
+    overrides = {name: part.options.overrides for name, part in parts.items()}
+    assert overrides == {
+        "track=noisy/noisy": Overrides(perception="noisy"),
+        "track=noisy/occluded+noisy": Overrides(perception="occluded+noisy"),
+        "track=plain": Overrides(),
+        "track=late/late": Overrides(perception="late"),
+        "track=late/occluded+late": Overrides(perception="occluded+late"),
+        "track=dense": Overrides(density="high"),
+        "track=bold": Overrides(behaviour="measured_city_bold"),
+    }
+    assert parts["track=noisy/occluded+noisy"].scenarios == ("mine/1",)
+    assert sweep.drives == 15
+    assert sweep.unchanged == ()
+
+
+def test_vehicle_types_are_changed_of_the_drivers_that_a_track_asks_for(tmp_path: Path) -> None:
+    sweep = planned(tmp_path, "track=bold", "tau=2", scenarios=(BUSY, OTHER))
+    files = {part.options.traffic.name: part.scenarios for part in sweep.combinations[0].parts if part.options.traffic}
+    assert files == {"measured_city_bold+tau=2.xml": ("mine/0", "mine/1")}
 
 
 @pytest.mark.parametrize("limit", [0, -1])

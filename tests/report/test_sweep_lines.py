@@ -20,6 +20,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.report import sweep_plot
 from interplan_sumo.report.sweep_formats import sweep_csv, sweep_json, sweep_text
 from interplan_sumo.report.sweep_lines import HARD_BRAKING_MPS2, MEASURES, SweepLine, idle_parameters, sweep_lines
+from interplan_sumo.report.sweep_page import change_panels, measure_panels, sweep_page
 from interplan_sumo.report.sweep_plot import plot_sweep, why_no_plot
 from tests.records import metric
 from tests.report.rows import drive, stored
@@ -212,6 +213,60 @@ def test_json_has_every_measure_and_no_number_that_json_lacks() -> None:
     }  # fmt: skip
 
 
+# --- changes ---
+
+
+def tracks(*names: str) -> list[SweepLine]:
+    """Ten scenes, each of which loses 20 to 29 points where perception is late."""
+    lost = {"plain": 0.0, "late": 0.2}
+    return sweep_lines(
+        [result([drove(n, 0.9 - lost[name] * (1.0 + 0.05 * n)) for n in range(10)], track=name) for name in names]
+    )
+
+
+def test_changes_are_against_the_plain_track_wherever_it_stands_and_paired_by_scene() -> None:
+    late, plain = tracks("late", "plain")
+    assert plain.change is None
+    assert late.change is not None
+    assert late.change.value == pytest.approx(-24.5)
+    assert late.change.interval is not None
+    low, high = late.change.interval
+    assert -29.0 <= low < -24.5 < high <= -20.0
+    assert "-24.5 [-27, -22]" in printed([Parameter("track", ("late", "plain"))], [late, plain])
+    assert sweep_json([late])[0]["change"]["score"] == pytest.approx(-24.5)
+    assert next(csv.DictReader(io.StringIO(sweep_csv([late]))))["change"] == "-24.5000"
+
+
+def test_without_a_plain_track_changes_are_against_the_first_value_and_of_one_scene_have_no_interval() -> None:
+    lines = sweep_lines([result([drove(0, score)], tau=tau) for tau, score in (("1", 0.5), ("2", 0.7))])
+    assert lines[0].change is None
+    assert lines[1].change is not None
+    assert (round(lines[1].change.value, 6), lines[1].change.interval) == (20.0, None)
+    missing = sweep_lines([result([], tau="1", asked=1), result([drove(0)], tau="2")])
+    assert [line.change for line in missing] == [None, None]
+
+
+def test_the_page_has_a_curve_for_each_planner_with_its_fall_and_names_are_text() -> None:
+    lines = [replace(line, planner=name) for name in ("idm", "<b>mine") for line in tracks("plain", "late")]
+    parameter = Parameter("track", ("plain", "late"))
+    text = sweep_page([parameter], lines, "interplan-sumo sweep")
+    assert "<b>mine" not in text
+    assert text.count("&lt;b&gt;mine") > 3
+    (panel,) = change_panels([parameter], lines)
+    assert [(curve.name, len(curve.marks)) for curve in panel.planners] == [("idm", 2), ("<b>mine", 2)]
+    assert [text for _, text in panel.upwards] == ["-40", "-20", "0"]
+    plain, late = panel.planners[0].marks
+    assert plain.hollow
+    assert not late.hollow
+    assert late.y > plain.y
+    assert change_panels([parameter], lines[:1]) == []
+
+
+def test_every_other_parameter_has_panels_of_its_own() -> None:
+    titles = [panel.title for panel in measure_panels([DENSITY, REACT], two_by_two())]
+    assert titles[:2] == ["score (0 to 100), density low", "score (0 to 100), density high"]
+
+
 # --- plots ---
 
 
@@ -257,8 +312,10 @@ def test_two_parameters_of_several_planners_have_a_row_of_maps_for_each(tmp_path
 def test_numbers_lie_along_the_axis_in_order_of_size() -> None:
     tau = Parameter("tau", ("10", "9"))
     assert sweep_plot._roles([tau, DENSITY]) == sweep_plot._roles([DENSITY, tau]) == (tau, DENSITY)
-    assert sweep_plot._ordered(tau) == ["9", "10"]
-    assert sweep_plot._ordered(DENSITY) == ["low", "high"]
+    assert sweep_plot.along_axis([DENSITY, REACT, tau]) == tau
+    assert sweep_plot.along_axis([DENSITY]) == DENSITY
+    assert sweep_plot.ordered_values(tau) == ["9", "10"]
+    assert sweep_plot.ordered_values(DENSITY) == ["low", "high"]
 
 
 def test_green_is_good_at_whichever_end_that_is() -> None:

@@ -7,9 +7,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
+from interplan_sumo.batch.hard_job import answer_path
 from interplan_sumo.errors import InputError
 from interplan_sumo.families.scene_space import SceneSpace
 from interplan_sumo.maps.store import load_roads
@@ -115,6 +117,44 @@ def test_of_a_secret_seed_the_certificates_lie_elsewhere(tmp_path: Path) -> None
 def test_what_cannot_be_searched_for_is_refused(wrong: dict[str, object], said: str) -> None:
     with pytest.raises(InputError, match=said):
         replace(OPTIONS, **wrong)  # type: ignore[arg-type]
+
+
+def test_who_solves_half_of_the_scenes_must_fail_in_the_rest_and_drives_first() -> None:
+    asked: list[HardCandidate] = []
+
+    def solved_where_it_may_be(candidates: Sequence[HardCandidate]) -> Iterator[tuple[HardCandidate, HardVerdict]]:
+        asked.extend(candidates)
+        for each, verdict in judged(candidates):
+            scores = {"idm": 0.0, "foresight": 0.0 if "foresight" in each.must_fail else 1.0}
+            yield each, msgspec.structs.replace(verdict, scores=scores)
+
+    again = HardSearch({MAP.name: MAP}, OPTIONS, SPACE)
+    again.run(solved_where_it_may_be)
+    assert again.complete
+    assert sum("foresight" in scene.verdict.solved_by for scene in again.taken) == 2
+    assert (asked[0].must_fail, asked[0].order) == (frozenset(), ("idm", "foresight"))
+    assert (asked[-1].must_fail, asked[-1].order) == ({"foresight"}, ("foresight", "idm"))
+
+
+def test_a_panel_of_one_may_solve_nothing_but_by_the_difficulty_that_is_asked_for() -> None:
+    alone = found(replace(OPTIONS, panel=("idm",), count=2))
+    assert all(scene.candidate.must_fail == frozenset() for scene in alone.judged)
+
+
+def test_a_scene_is_too_easy_if_one_who_must_fail_solves_it_or_too_many_do() -> None:
+    candidate = HardCandidate(find_scenario("nudge/0"), ("a", "b", "c", "d"), 0.5, frozenset({"b"}))
+    assert candidate.too_easy(("a", "c")) == ""
+    assert candidate.too_easy(("b",)) == "b solves it, and enough others"
+    assert candidate.too_easy(("a", "c", "d")) == "3 of the panel solve it"
+
+
+def test_an_answer_is_kept_for_what_was_asked_and_for_nothing_else(tmp_path: Path) -> None:
+    candidate = HardCandidate(find_scenario("nudge/0"), ("idm", "foresight"), 0.5)
+    others = [replace(candidate, must_fail=frozenset({name})) for name in candidate.panel]
+    others += [replace(candidate, least_difficulty=1.0), replace(candidate, panel=("idm",))]
+    places = [answer_path(tmp_path, each) for each in (candidate, *others)]
+    assert len(set(places)) == 5
+    assert answer_path(tmp_path, replace(candidate)) == places[0]
 
 
 @pytest.mark.parametrize(("share", "most"), [(0.5, 2), (0.75, 1), (0.76, 0), (1.0, 0), (0.0, 4)])
