@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import typer
 
 from interplan_sumo.cli import runs
+from interplan_sumo.cli.atlas import atlas
 from interplan_sumo.cli.audit import audit
 from interplan_sumo.cli.certify import certify
 from interplan_sumo.cli.completion import BashWords
@@ -53,6 +54,7 @@ app.command()(judge)
 app.command()(leaderboard)
 app.command()(export)
 app.command()(replay)
+app.command()(atlas)
 app.command()(drive)
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(scenarios_app, name="scenarios")

@@ -26,6 +26,10 @@ EXAMPLES: Final[Mapping[str, tuple[str, ...]]] = {
         "rates runs/kilometres --html rates.html",
         "rates runs/idm runs/mine --of near_miss --rare jaywalker=0.001",
     ),
+    "atlas": (
+        "atlas runs/hard --parameters data/hard --html atlas.html",
+        "atlas data/hard --planner idm --over walk_mps,distance_m --png atlas.png",
+    ),
     "replay": ("replay runs/mine nudge/0 --html nudge.html",),
     "drive": ("drive nudge/0", "drive nudge/0 --from runs/mine --planner idm --at 6.2"),
     "verify": ("verify runs/mine --all",),

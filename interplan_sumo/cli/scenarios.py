@@ -21,16 +21,28 @@ scenarios_app = typer.Typer(help="The official scenarios, and one's own.", **LOO
 
 @scenarios_app.command("list")
 def list_scenarios(
+    place: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Scenarios of one's own: a file, or a folder with scenarios.yaml.", metavar="FILE.yaml|DIR"
+        ),
+    ] = None,
     suite: Annotated[
         str | None, typer.Option(help="NAME==VERSION; default: all suites.", autocompletion=suite_names)
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """The official scenarios: where each is, what its traffic does, and who solves it."""
-    from interplan_sumo.report.listings import certified, in_words, suite_entries
+    """The official scenarios, or one's own: where each is, what its traffic does, and who solves it."""
+    from interplan_sumo.report.listings import certified, file_entries, in_words, suite_entries
 
-    entries = suite_entries(suite)
-    print_entries(list(map(certified if as_json else in_words, entries)), as_json=as_json, hide=("hash",))
+    if place is not None and suite is not None:
+        raise InputError(f"{place} and --suite {suite} are two lists; give one of them")
+    if place is not None:
+        entries = file_entries(place)
+    else:
+        entries = [certified(each) if as_json else each for each in suite_entries(suite)]
+    hidden = ("hash", "certificate")
+    print_entries(entries if as_json else list(map(in_words, entries)), as_json=as_json, hide=hidden)
 
 
 @scenarios_app.command("show")

@@ -40,10 +40,7 @@ class ScenePoint:
 
     def apart(self, other: ScenePoint) -> float:
         """How far another scene lies from this one: the mean difference of quantiles, 1 for what only one has."""
-        names = (self.draws.keys() | other.draws.keys()) - {PLACE}
-        both = sorted(name for name in names if name in self.draws and name in other.draws)  # sums keep one order
-        differences = sum(abs(self.draws[name].quantile - other.draws[name].quantile) for name in both)
-        return (differences + len(names) - len(both)) / len(names) if names else 0.0
+        return quantiles_apart(*({name: draw.quantile for name, draw in each.draws.items()} for each in (self, other)))
 
 
 class SceneSpace:
@@ -123,6 +120,14 @@ def likelihood(draws: Mapping[str, Draw]) -> float:
     tails = [each.tail for name, each in draws.items() if name != PLACE]
     surprise = -sum(log(max(tail, 1e-12)) for tail in tails)
     return float(gammaincc(len(tails), surprise)) if tails else 1.0
+
+
+def quantiles_apart(one: Mapping[str, float], other: Mapping[str, float]) -> float:
+    """How far two scenes lie apart by the quantiles of what was drawn: the mean difference, 1 for what only one has."""
+    names = (one.keys() | other.keys()) - {PLACE}
+    both = sorted(name for name in names if name in one and name in other)  # sums keep one order
+    differences = sum(abs(one[name] - other[name]) for name in both)
+    return (differences + len(names) - len(both)) / len(names) if names else 0.0
 
 
 def quantiles(names: Sequence[str], normal: Floats) -> dict[str, float]:

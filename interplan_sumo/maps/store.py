@@ -111,6 +111,10 @@ def _in_folder(folder: Path, known: Iterable[str] = ()) -> MapFiles:
         if len(versions) > 1:
             names = ", ".join(file.parent.name for file in versions)
             raise MapError(f"{folder} holds several versions of a map ({names}); name one of these folders")
+        if folder.is_file():
+            which = "sumo" if ".net.xml" in folder.name else "FORMAT"
+            way = f"interplan-sumo maps import {folder} --format {which} --out DIR"
+            raise MapError(f"{folder} is a file, not a folder with a map.gpkg; import it: {way}")
         if not versions:
             raise UnknownNameError("map", text, known, "A folder must hold a map.gpkg.")
         folder = versions[0].parent

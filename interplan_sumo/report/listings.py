@@ -11,6 +11,9 @@ from interplan_sumo.errors import UnknownNameError
 from interplan_sumo.metrics.metric import plain
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from interplan_sumo.scenario.certificates import Summary
     from interplan_sumo.scenario.scenario import Scenario
 
 
@@ -28,11 +31,39 @@ def suite_entries(suite: str | None = None) -> list[dict[str, Any]]:
     return list(map(structs.asdict, found.values()))
 
 
+def file_entries(place: Path) -> list[dict[str, Any]]:
+    """The scenarios of a file, or of a folder that holds one, as `certified` has them; certificates lie beside it.
+
+    ScenarioError if it cannot be read, or a scenario in it cannot be driven.
+    """
+    from interplan_sumo.maps.store import load_roads
+    from interplan_sumo.scenario import certificates
+    from interplan_sumo.scenario.files import read_scenarios
+    from interplan_sumo.scenario.suite import overview
+    from interplan_sumo.verification.generation import SCENARIOS
+
+    file = place / SCENARIOS if place.is_dir() else place
+    beside = file.parent / certificates.FILE
+    held = certificates.read_summaries(beside) if beside.is_file() else {}
+    found: list[dict[str, Any]] = []
+    for scenario in read_scenarios(file):
+        entry = structs.asdict(overview(scenario, load_roads(scenario.map, scenario.maps_beside)))
+        proved = held.get(scenario.id)
+        if proved is not None and proved.scenario_hash == entry["hash"]:
+            found.append(_with_certificate({**entry, "solved_by": proved.solved_by}, proved))
+        else:
+            found.append(certified(entry))
+    return found
+
+
 def certified(entry: dict[str, Any]) -> dict[str, Any]:
     """An entry with its certificate, null until one is stored, before the hash."""
     from interplan_sumo.scenario.suite import certificate_of
 
-    proved = certificate_of(entry["id"], entry["hash"])
+    return _with_certificate(entry, certificate_of(entry["id"], entry["hash"]))
+
+
+def _with_certificate(entry: dict[str, Any], proved: Summary | None) -> dict[str, Any]:
     summary = None if proved is None else asdict(proved)
     if summary is not None:
         del summary["solved_by"]  # the entry has it

@@ -8,8 +8,9 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import isfinite, nan
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.families import names
@@ -146,6 +147,46 @@ def write_parameters(path: Path, scenes: Iterable[tuple[str, Mapping[str, Draw]]
     """Write what was drawn for each scene, by its id, a row for each parameter; InputError if it cannot be written."""
     rows = ((id, name, each.value, f"{each.quantile:.6f}") for id, draws in scenes for name, each in draws.items())
     write_rows(path, ("scenario_id", "parameter", "value", "quantile"), rows)
+
+
+class NotedDraw(NamedTuple):
+    """What `write_parameters` wrote of a draw."""
+
+    value: str
+    quantile: float
+
+
+def read_parameters(path: Path) -> dict[str, dict[str, NotedDraw]]:
+    """What was drawn for each scene, by id and name; InputError if it cannot be read or is something else."""
+    found: dict[str, dict[str, NotedDraw]] = {}
+    for row in read_rows(path, ("scenario_id", "parameter", "value", "quantile")):
+        draw = NotedDraw(row["value"], number_in(row["quantile"], path))
+        found.setdefault(row["scenario_id"], {})[row["parameter"]] = draw
+    return found
+
+
+def read_rows(path: Path, names: Sequence[str]) -> list[dict[str, str]]:
+    """The rows of a table as `write_rows` wrote it; InputError if it cannot be read or lacks one of these columns."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            table = csv.DictReader(file, restval="")
+            missing = [name for name in names if name not in (table.fieldnames or ())]
+            if missing:
+                raise InputError(f"{path} has no column {missing[0]}; it is not what scenarios harden writes")
+            return list(table)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def number_in(text: str, path: Path) -> float:
+    """A finite number of a table; InputError for something else."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = nan
+    if not isfinite(number):
+        raise InputError(f"{path}: {text!r} is no number")
+    return number
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:

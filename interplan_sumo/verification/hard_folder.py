@@ -5,7 +5,7 @@
 | scenarios.yaml, certificates.parquet | the scenes, and a drive for each that proves it solvable |
 | hard.csv | of each its difficulty, plausibility, who solves it, and the panel's scores |
 | parameters.csv | of each what was drawn for it |
-| tried/ | all scenes that the panel drove, whatever came of it, with their parameters |
+| tried/ | all scenes that the panel drove, whatever came of it, with their parameters and scores.csv of who drove |
 | rejected.csv | scenes that were not taken, with the check that they failed |
 | candidates/ | what is known of scenes, so that the search goes on where it was stopped |
 """
@@ -23,6 +23,8 @@ from interplan_sumo.verification.generation import (
     PARAMETERS,
     REJECTED,
     SCENARIOS,
+    number_in,
+    read_rows,
     write_parameters,
     write_rows,
 )
@@ -31,6 +33,7 @@ from interplan_sumo.world.files import writing
 
 HARD: Final = "hard.csv"
 TRIED: Final = "tried"
+SCORES: Final = "scores.csv"
 CANDIDATES: Final = "candidates"
 
 
@@ -48,6 +51,7 @@ def write_hard(search: HardSearch, folder: Path, *, kept_back: Path | None = Non
     for there, scenes in ((folder, taken), (folder / TRIED, tried)):
         write_parameters(there / PARAMETERS, ((each.id, each.drawn.draws) for each in scenes))
     panel = search.options.panel
+    write_rows(folder / TRIED / SCORES, ("scenario_id", *panel), [_scores(scene, panel) for scene in tried])
     names = ("scenario_id", "difficulty", "mean_score", "plausibility", "solved_by", *panel)
     write_rows(folder / HARD, names, [_row(scene, panel) for scene in taken])
     ids = {scene.id for scene in taken}
@@ -59,6 +63,24 @@ def write_hard(search: HardSearch, folder: Path, *, kept_back: Path | None = Non
 def _row(scene: HardScene, panel: tuple[str, ...]) -> tuple[object, ...]:
     verdict, proved = scene.verdict, scene.verdict.certificate
     solved_by = " ".join(proved.summary.solved_by or ()) if proved is not None else ""
-    scores = [f"{verdict.scores[name]:.4f}" for name in panel]
+    scores = _scores(scene, panel)[1:]
     hard = f"{verdict.difficulty:.2f}", f"{verdict.mean_score:.4f}", f"{scene.plausibility:.3f}"
     return (scene.id, *hard, solved_by, *scores)
+
+
+def _scores(scene: HardScene, panel: tuple[str, ...]) -> tuple[str, ...]:
+    """The id, and what each of the panel got; nothing for those who did not drive."""
+    scores = scene.verdict.scores
+    return scene.id, *(f"{scores[name]:.4f}" if name in scores else "" for name in panel)
+
+
+def read_tried_scores(folder: Path) -> dict[str, dict[str, float]]:
+    """By planner, then scene, what a search found; InputError if it cannot be read."""
+    path = folder / TRIED / SCORES
+    found: dict[str, dict[str, float]] = {}
+    for row in read_rows(path, ("scenario_id",)):
+        for name, score in row.items():
+            if name != "scenario_id":
+                held = found.setdefault(name, {})
+                held |= {row["scenario_id"]: number_in(score, path)} if score else {}
+    return found

@@ -75,6 +75,12 @@ def test_a_map_is_found_by_name(root: Path, monkeypatch: pytest.MonkeyPatch) -> 
         find_map(root / "nowhere")
 
 
+def test_a_file_of_a_foreign_network_is_refused_with_the_command_that_imports_it(tmp_path: Path) -> None:
+    (tmp_path / "town.net.xml").touch()
+    with pytest.raises(MapError, match=r"maps import .*town\.net\.xml --format sumo --out DIR"):
+        find_map(tmp_path / "town.net.xml")
+
+
 def test_roads_are_read_once_until_the_file_changes(root: Path) -> None:
     roads = load_roads(root / "zoo")
     assert roads.name == "zoo"

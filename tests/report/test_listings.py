@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
 
 import pytest
 
 from interplan_sumo import planner, registry
-from interplan_sumo.report.listings import planner_entries, scenario_details, suite_entries
-from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.report.listings import file_entries, planner_entries, scenario_details, suite_entries
+from interplan_sumo.scenario.certificates import FILE, Certificate, Summary, write_certificates
+from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.scenario.suite import expert, find_scenario
+from tests.commands import ran
+from tests.scenes import scene
 
 
 def test_scenarios_say_what_planners_see_of_them() -> None:
@@ -17,6 +22,26 @@ def test_scenarios_say_what_planners_see_of_them() -> None:
     noisy = replace(find_scenario("nudge/0"), perception="noisy")
     entry = scenario_details(noisy)
     assert (entry["perception"], entry["scenario"]["perception"]) == ("noisy", "noisy")
+
+
+def test_scenarios_of_a_file_or_folder_are_listed_with_the_certificates_beside_it(tmp_path: Path) -> None:
+    proved, open_one = (replace(scene("nudge/0"), id=f"mine/{number}") for number in range(2))
+    write_scenarios((proved, open_one), tmp_path / "scenarios.yaml")
+    summary = Summary(proved.id, proved.hash(), 0.95, 100.0, 100.0, True, "0", ("foresight",))
+    write_certificates(tmp_path / FILE, [Certificate(summary, expert(find_scenario("nudge/0")))])
+    for place in (tmp_path, tmp_path / "scenarios.yaml"):
+        first, second = file_entries(place)
+        assert (first["id"], first["solved_by"], first["certificate"]["score"]) == ("mine/0", ("foresight",), 0.95)
+        assert (second["id"], second["solved_by"], second["certificate"]) == ("mine/1", None, None)
+    write_scenarios((replace(proved, start_speed_mps=proved.start_speed_mps - 1.0),), tmp_path / "scenarios.yaml")
+    (changed,) = file_entries(tmp_path)
+    assert changed["certificate"] is None
+
+
+def test_a_list_that_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words, given in (("cannot read", (tmp_path,)), ("two lists", (tmp_path, "--suite", "smoke==1"))):
+        code, _, err = ran(capsys, "scenarios", "list", *given)
+        assert (code, words in err, err.count("\n")) == (2, True, 1)
 
 
 class Published:

@@ -19,7 +19,7 @@ from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.suite import expert, find_scenario
-from interplan_sumo.verification.hard_folder import write_hard
+from interplan_sumo.verification.hard_folder import read_tried_scores, write_hard
 from interplan_sumo.verification.hard_judging import HardCandidate, HardVerdict
 from interplan_sumo.verification.hard_search import APART, HardOptions, HardSearch
 from interplan_sumo.verification.quality_diversity import CELLS, DiverseSearch, EliteGrid
@@ -95,6 +95,11 @@ def test_the_folder_has_the_scenes_their_certificates_difficulty_and_parameters(
     assert {"start_speed_share", "place"} <= {row["parameter"] for row in drawn}
     tried = read_scenarios(tmp_path / "tried" / "scenarios.yaml")
     assert {scene.id for scene in tried} >= {scene.id for scene in scenes}
+    scores = read_tried_scores(tmp_path)
+    assert {name: set(of) for name, of in scores.items()} == {
+        name: {each.id for each in tried} for name in OPTIONS.panel
+    }
+    assert all(scores["idm"][row["scenario_id"]] == float(row["idm"]) for row in rows)
     assert len(table(tmp_path / "rejected.csv")) == len(search.judged) - 4
 
 
