@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 # How long an example takes depends on the machine and on what else it does: no test may.
-settings.register_profile("interplan", deadline=None)
+# `--hypothesis-profile=thorough` looks at twenty times as many.
+settings.register_profile("interplan", deadline=None, max_examples=50)
+settings.register_profile("thorough", deadline=None, max_examples=1000)
 settings.load_profile("interplan")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

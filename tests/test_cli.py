@@ -60,6 +60,7 @@ def test_scenarios_show_prints_what_is_staged(capsys: pytest.CaptureFixture[str]
     assert f"id: {FIRST}" in out
 
 
+@pytest.mark.slow
 def test_scenarios_freeze_writes_the_lock_anew(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -194,6 +195,7 @@ def test_score_prints_the_table_under_another_profile(
     assert "Did you mean 'nuplan'?" in err
 
 
+@pytest.mark.slow
 def test_a_run_without_a_planner_drives_the_recommended_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     arguments = ("run", "--limit", 1, "--workers", 0, "--out", tmp_path / "run", "--quiet", "--json")
     assert [row["planner"] for row in said(capsys, *arguments)["rows"]] == [RECOMMENDED]
@@ -243,6 +245,7 @@ def test_score_names_a_damaged_trace_scores_the_rest_and_ends_with_3(
     }
 
 
+@pytest.mark.slow
 def test_scoring_again_needs_no_sumo(folder: Path) -> None:
     code = (
         f"import sys; from interplan_sumo.cli import main; main(['score', {str(folder)!r}, '--profile', 'nuplan']);"
@@ -313,6 +316,7 @@ def test_doctor_finds_everything_in_order(capsys: pytest.CaptureFixture[str]) ->
     assert "FAILED" not in out
 
 
+@pytest.mark.slow
 def test_a_second_run_on_the_folder_is_refused_and_ctrl_c_leaves_one_that_goes_on(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -88,6 +88,7 @@ def tampered(place: Path, copy: Path, **changes: Any) -> Path:
     return copy
 
 
+@pytest.mark.slow
 def test_verify_finds_a_tampered_row_and_exits_with_1(
     run_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -143,6 +144,7 @@ def test_a_sweep_leaves_runs_a_table_and_a_picture(swept: Path, file: Path, caps
     assert (swept / "sweep.csv").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_equal_sweeps_give_equal_tables_and_a_changed_parameter_other_hashes(
     swept: Path, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -42,6 +42,7 @@ def test_a_folder_with_one_of_the_three_is_enough(tmp_path: Path) -> None:
     assert float(last[3]) < 1e-6
 
 
+@pytest.mark.slow
 def test_one_wrong_value_and_one_broken_file_fail_their_cases_only(tmp_path: Path) -> None:
     idm_file(tmp_path, velocity=9.0)
     (tmp_path / "nuplan_controller").mkdir()

@@ -17,6 +17,7 @@ from interplan_sumo.scenario.scenario import LanePosition, PlacedVehicle, Scenar
 from interplan_sumo.simulation.episode import Episode, drive
 from interplan_sumo.verification.replay import reference_drive
 from tests.metrics.staging import moved_roads
+from tests.quick import few
 from tests.scenes import scene
 
 SHORT_S = 12.0
@@ -28,7 +29,7 @@ def scored(scenario: Scenario, episode: Episode) -> dict[str, float | None]:
     return {"score": sheet.score, **{name: result.score for name, result in sheet.metrics.items()}}
 
 
-@pytest.mark.parametrize("family", ["nudge", pytest.param("lane_change_mtd", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("family", few(["nudge", "lane_change_mtd"], 0))
 def test_an_episode_on_a_shifted_map_gives_equal_scores(family: str, tmp_path: Path) -> None:
     here = scene({"nudge": "nudge/0", "lane_change_mtd": "lane_change_mtd/9"}[family])
     files = MapFiles("elsewhere", "1.0", tmp_path / "elsewhere" / "1.0")

@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 
 from tests.batch.toy_run import main
+from tests.quick import few
 
 COUNT = 12
 
@@ -112,6 +113,7 @@ def check_kills(place: Path, kills: int, seed: int) -> None:
     assert cut_short > 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
 def test_a_run_killed_again_and_again_ends_like_an_undisturbed_one(tmp_path: Path) -> None:
     check_kills(tmp_path, kills=3, seed=1)
@@ -123,7 +125,10 @@ def test_two_hundred_kills_lose_nothing_and_double_nothing(tmp_path: Path) -> No
     check_kills(tmp_path, kills=200, seed=2)
 
 
-@pytest.mark.parametrize("signals", [(signal.SIGTERM,), (signal.SIGINT,), (signal.SIGINT, signal.SIGINT)])
+POLITE = ((signal.SIGTERM,), (signal.SIGINT,), (signal.SIGINT, signal.SIGINT))
+
+
+@pytest.mark.parametrize("signals", few(((each,) for each in POLITE), 1))
 def test_a_polite_end_leaves_a_folder_that_goes_on(signals: tuple[signal.Signals, ...], tmp_path: Path) -> None:
     with started(tmp_path, 60, stderr=subprocess.DEVNULL) as process:
         deadline = time.monotonic() + 20.0

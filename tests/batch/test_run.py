@@ -186,6 +186,7 @@ def test_another_profile_has_its_own_terms(official: StoredRun) -> None:
         rescore(official, "nuplam")
 
 
+@pytest.mark.slow
 def test_a_run_is_scored_by_the_profile_that_it_is_given_and_goes_on_with_no_other(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text("needs_scenario: true\nhonours_exemptions: true\nweights:\n- {metric: progress, weight: 1}\n")

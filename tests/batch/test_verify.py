@@ -97,6 +97,7 @@ def test_a_run_comes_again_with_its_faults_and_is_left_as_it_was(
     assert {path: path.stat().st_mtime_ns for path in original.path.rglob("*")} == before
 
 
+@pytest.mark.slow
 def test_what_came_again_is_noted_until_its_row_changes(copy: Path) -> None:
     found = checked(copy, STRAIGHT)
     note_verified(found)
@@ -138,6 +139,7 @@ def test_a_metric_that_was_tampered_with_is_found(copy: Path) -> None:
     assert "the same drive and score, but its metric" in check.reason
 
 
+@pytest.mark.slow
 def test_a_worker_makes_the_same_drives(original: StoredRun) -> None:
     found = verify(original, RowSample(1, planners=("straight_ahead",)), RunOptions(workers=1))
     assert found.count("equal") == 1
@@ -252,6 +254,7 @@ def test_a_run_with_ones_own_vehicle_types_comes_again_from_the_copy_that_it_kee
     assert checked(stored.path).count("equal") == 2
 
 
+@pytest.mark.slow
 def test_ones_own_vehicle_types_are_looked_for_where_the_copy_is_not_what_was_driven(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
     shutil.copy(routes_root() / "urban.xml", file)

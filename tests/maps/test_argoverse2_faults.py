@@ -185,7 +185,7 @@ def imported(path: Path) -> Roads:
 @pytest.mark.parametrize(
     ("where", "seeds"),
     [
-        ("street", 150),
+        ("street", 50),
         pytest.param("street", 1000, marks=pytest.mark.slow),
         pytest.param("city", 60, marks=pytest.mark.slow),
     ],

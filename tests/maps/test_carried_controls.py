@@ -30,6 +30,7 @@ from interplan_sumo.simulation.sumo import sumo
 from interplan_sumo.world.roads import Roads
 from tests.maps.source_worlds import linked, straight, world
 from tests.maps.sumo_nets import crossroads, edge, made, node
+from tests.quick import few
 
 
 @dataclass(frozen=True)
@@ -113,8 +114,8 @@ def seen(network: Path, steps: int = 150) -> tuple[list[Any], list[str]]:
 
 @pytest.mark.parametrize(
     ("kind", "change"),
-    [("static", None), ("static", timed), ("static", second), ("actuated", None), ("delay_based", None)],
-    ids=["static", "offset and names", "two programs", "actuated", "delay based"],
+    few([("static", second), ("actuated", None), ("static", None), ("static", timed), ("delay_based", None)], 2),
+    ids=["two programs", "actuated", "static", "offset and names", "delay based"],
 )
 def test_sumo_runs_the_programs_of_the_file(kind: str, change: Callable[[str], str] | None, tmp_path: Path) -> None:
     made_map = Imported.of(lit(tmp_path, kind, change))
@@ -138,10 +139,10 @@ def merge(folder: Path) -> Path:
     return made(folder, nodes, [edge("ac", "a", "c"), edge("bc", "b", "c"), edge("cd", "c", "d")])
 
 
-KINDS = ("priority", "priority_stop", "right_before_left", "left_before_right", "allway_stop", "traffic_light")
+KINDS = ("priority_stop", "right_before_left", "left_before_right", "allway_stop", "traffic_light")
 
 
-@pytest.mark.parametrize("kind", [*KINDS, "traffic_light_right_on_red", "zipper"])
+@pytest.mark.parametrize("kind", few(["priority", "zipper", *KINDS, "traffic_light_right_on_red"], 2))
 def test_right_of_way_is_that_of_the_file(kind: str, tmp_path: Path) -> None:
     made_map = Imported.of(merge(tmp_path) if kind == "zipper" else crossroads(tmp_path, kind))
     report = check_source(made_map.files, made_map.roads, made_map.record, made_map.source)
@@ -175,7 +176,7 @@ def first_through(made_map: Imported, ways: Mapping[str, str]) -> str:
                     return name
 
 
-@pytest.mark.parametrize(("kind", "first"), [("right_before_left", "north"), ("priority", "east")])
+@pytest.mark.parametrize(("kind", "first"), few([("right_before_left", "north"), ("priority", "east")], 1))
 def test_at_right_before_left_the_car_on_the_left_waits(kind: str, first: str, tmp_path: Path) -> None:
     made_map = Imported.of(crossroads(tmp_path, kind, lanes=1))
     lanes = read_sumo_network(made_map.source).lanes
@@ -235,14 +236,17 @@ def test_the_check_names_pairs_whose_right_of_way_differs(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(
     ("change", "said"),
-    [
-        (lambda text: text.replace('type="static"', 'type="NEMA"'), "programs of the type NEMA"),
-        (lambda text: text.replace('state="', 'state="x'), "letters that SUMO does not know"),
-        (lambda text: re.sub(r'state="\w+"', 'state="rG"', text), "shorter than its links"),
-        (lambda text: re.sub(r'duration="\w+"', 'duration="0"', text), "take no time"),
-        (lambda text: text.replace("<phase", '<phase next="99"', 1), "leads to one that does not exist"),
-        (lambda _: "", "the file holds no program"),
-    ],
+    few(
+        [
+            (lambda text: text.replace('type="static"', 'type="NEMA"'), "programs of the type NEMA"),
+            (lambda text: text.replace('state="', 'state="x'), "letters that SUMO does not know"),
+            (lambda text: re.sub(r'state="\w+"', 'state="rG"', text), "shorter than its links"),
+            (lambda text: re.sub(r'duration="\w+"', 'duration="0"', text), "take no time"),
+            (lambda text: text.replace("<phase", '<phase next="99"', 1), "leads to one that does not exist"),
+            (lambda _: "", "the file holds no program"),
+        ],
+        2,
+    ),
 )
 def test_a_program_that_cannot_run_is_replaced_by_ours_with_a_note(
     change: Callable[[str], str], said: str, tmp_path: Path

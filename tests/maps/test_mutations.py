@@ -9,9 +9,10 @@ import pytest
 
 from benchmarks.mutated_maps import Outcome, outcome
 from tests.maps.mutations import bases, mutant
+from tests.quick import few
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", few([1, 60], 0))
 def test_mutants_of_every_format_are_imported_or_refused(seeds: int, tmp_path: Path) -> None:
     kinds: set[str] = set()
     for format, files in bases(tmp_path / "bases").items():

@@ -20,6 +20,7 @@ from interplan_sumo.simulation.sumo import sumo
 from interplan_sumo.world.roads import Roads
 from tests.maps.source_worlds import fork, lane, linked, straight, world
 from tests.maps.sumo_runs import random_traffic
+from tests.quick import few
 
 ALLEY = ("there", "back")
 
@@ -75,7 +76,7 @@ def test_cars_that_cannot_pass_are_made_known_to_sumo(apart_m: float, bidi: int,
     assert gzip.decompress(files.network.read_bytes()).count(b"bidi=") == bidi
 
 
-@pytest.mark.parametrize("apart_m", [0.0, 1.5])
+@pytest.mark.parametrize("apart_m", few([0.0, 1.5], 1))
 def test_oncoming_cars_never_meet_in_each_other_on_a_shared_street(apart_m: float, tmp_path: Path) -> None:
     files, roads = files_of(alley(apart_m, 3.0, 30.0), tmp_path / "map")
     for seed in (1, 2):
@@ -84,8 +85,8 @@ def test_oncoming_cars_never_meet_in_each_other_on_a_shared_street(apart_m: floa
         assert run.vehicles > 10
 
 
-@pytest.mark.parametrize("apart_m", [0.0, 1.5])
-@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("apart_m", few([0.0, 1.5], 1))
+@pytest.mark.parametrize("first", few([0, 1], 1))
 @pytest.mark.parametrize("lead_s", [3.0, 6.0])
 def test_who_comes_later_waits_outside_a_long_narrow_street(
     apart_m: float, first: int, lead_s: float, tmp_path: Path

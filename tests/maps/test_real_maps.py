@@ -13,6 +13,7 @@ from interplan_sumo.maps.importers.record import ImportRecord, read_record
 from interplan_sumo.maps.store import MapFiles, load_roads
 from interplan_sumo.verification.generation import generate
 from tests.maps.sumo_runs import random_traffic
+from tests.quick import few
 from tests.realdata import real
 
 REAL_MAPS = {
@@ -23,7 +24,7 @@ REAL_MAPS = {
     "town01": ("opendrive", ("opendrive", "Town01.xodr")),
     "lankershim_sumo": ("sumo", ("sumo_nets", "ngsim_lankershim.net.xml")),
 }
-by_map = pytest.mark.parametrize("name", REAL_MAPS)
+by_map = pytest.mark.parametrize("name", few(REAL_MAPS, 1))
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ def test_its_network_lies_where_the_map_does(root: Path, name: str) -> None:
     assert report.lane_deviation_m.max < 0.05
 
 
-@pytest.mark.parametrize("name", ["austin", *(pytest.param(n, marks=pytest.mark.slow) for n in [*REAL_MAPS][1:])])
+@pytest.mark.parametrize("name", few(REAL_MAPS, 1))
 def test_the_same_file_gives_the_same_map(root: Path, name: str, tmp_path: Path) -> None:
     files, source = imported(root, name)
     again, _ = import_map(source, REAL_MAPS[name][0], tmp_path / name)

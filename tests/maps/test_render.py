@@ -23,6 +23,7 @@ def pixels(path: Path) -> np.ndarray:
     return np.round(image.imread(path)[..., :3] * 255).astype(int)
 
 
+@pytest.mark.slow
 def test_the_whole_map_fills_the_picture(tmp_path: Path) -> None:
     render_map(load_roads("strip"), tmp_path / "map.png")
     picture = pixels(tmp_path / "map.png")

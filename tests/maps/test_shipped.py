@@ -47,6 +47,7 @@ REAL_CORNERS = 0.01
 """SUMO cuts the corners of walking areas straight, across the edge of turns."""
 
 
+@pytest.mark.slow
 def test_every_plan_and_recipe_is_shipped_and_nothing_else() -> None:
     assert set(maps()) == BEFORE | set(PLANS) | set(RECIPES)
     left = {name for name in maps() if load_roads(name).driving_side == "left"}

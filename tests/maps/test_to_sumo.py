@@ -24,6 +24,7 @@ from interplan_sumo.world.roads import DrivingSide, Roads, StopLineKind
 from tests.maps.map_files import GOLDEN_MAPS
 from tests.maps.road_worlds import GridPlan, Ways, beside, crossing, grid_city, small_roads, straight
 from tests.maps.sumo_runs import random_traffic
+from tests.quick import few
 
 NAMES = ("gs-boulevard", "gs-cross", "gs-curve", "gs-merge-lht")
 TARGET_M = 0.01
@@ -224,7 +225,7 @@ def test_two_connectors_between_the_same_lanes_leave_one_missing(name: str, tmp_
 # --- traffic -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["gs-cross", "gs-merge-lht", "grid without lights"])
+@pytest.mark.parametrize("name", few(["gs-merge-lht", "gs-cross", "grid without lights"], 1))
 def test_a_minute_of_random_traffic_passes_without_accident(name: str, tmp_path: Path) -> None:
     roads = world(name)
     run = random_traffic(converted(roads, tmp_path), roads, tmp_path / "run", vehicles=40, seed=5)

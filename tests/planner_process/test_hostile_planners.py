@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from interplan_sumo.planner_process.process import PlannerLimits, PlannerProcess
 from interplan_sumo.planner_seat import PlannerSeat
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
+from tests.planner_process import hostile_planners
+from tests.quick import slow
 
 ROADS = straight_road(lanes=2, length_m=400.0)
 SCENE = Scenario(
@@ -48,140 +51,95 @@ def hostile(how: str, mark: Path | str = "", limits: PlannerLimits = QUICK) -> P
     return PlannerProcess.of(f"tests.planner_process.hostile_planners:Hostile?how={how}&mark='{mark}'", limits)
 
 
+PAGE = (Path(__file__).parents[2] / "docs" / "hostile_planners.md").read_text(encoding="utf-8")
+
+
+def rows_of(heading: str, end: str = "\n## ") -> list[list[str]]:
+    """What the page has below a heading: `how` and, where it is there, what is said."""
+    section = PAGE.partition(f"{heading}\n")[2].partition(end)[0]
+    rows = [line.strip("| ").split(" | ") for line in section.splitlines() if line.startswith("| `")]
+    return [[row[0].strip("`"), *row[2:]] for row in rows[1:]]
+
+
 FAULTS = [
-    ("raise in start", "start() raised ValueError: no model for tiny_road (hostile_planners.py:"),
-    ("exit in start", "its process exited with code 3 inside start()"),
-    ("raise", "plan() raised ValueError: I cannot see (hostile_planners.py:"),
-    ("exit", "its process exited with code 3 inside plan()"),
-    ("crash", "its process was killed by SIGSEGV inside plan()"),
-    ("sleep in C", "plan() took longer than 0.5 s"),
-    ("stop itself", "plan() took longer than 0.5 s"),
-    ("babble", "plan() announced a message of 1701995880 bytes, at most 1048576 may come"),
-    ("close everything", "inside plan()"),
-    ("eat memory", "plan() raised MemoryError"),
-    ("fork and exit", "its process exited with code 0 inside plan()"),
+    (how, said.strip("`") if said.startswith("`") else "")
+    for how, said in rows_of("## One planner fault", "One that cannot be built")
 ]
-MORE_FAULTS = [
-    ("hang in start", "start() took longer than 0.5 s"),
-    ("raise a surrogate", "plan() raised ValueError: \\ud800\\x1b[2Jxxx"),
-    ("raise without words", "plan() raised UnspeakableError: an error without a text"),
-    ("raise an interrupt", "plan() raised KeyboardInterrupt"),
-    ("raise the end of generators", "plan() raised GeneratorExit"),
-    ("recurse", "plan() raised RecursionError"),
-    ("leave", "plan() raised SystemExit: enough"),
-    ("kill itself", "its process was killed by SIGKILL inside plan()"),
-    ("loop", "plan() took longer than 0.5 s"),
-    ("be deaf and loop", "plan() took longer than 0.5 s"),
-    ("fork many", "plan() raised RuntimeError: enough"),
-    ("flood without end", "plan() took longer than 0.5 s"),
-    ("flood the channel", "plan() announced a message of"),
-    ("lie about a length", "plan() announced a message of 2147483648 bytes"),
-    ("say half", "plan() took longer than 0.5 s"),
-    ("say half and exit", "its process exited with code 0 inside plan()"),
-    ("drip", "plan() took longer than 0.5 s"),
-    ("forge a reply", "plan() was not answered as the protocol has it"),
-    ("nest", "plan() was not answered as the protocol has it"),
-    ("break the interpreter", ""),
-    ("return nothing", "the plan is of type int"),
-    ("return what is no number", "Trajectory.x_m holds a number that is not finite"),
-    ("return texts", "plan() raised ValueError"),
-    ("return columns of other lengths", "Trajectory.x_m has shape (3,)"),
-    ("return far too much", "plan() announced a message of"),
-    ("jump", "the plan is 50.00 m away from the ego"),
-]
-HARMLESS = ["fork", "flood what it prints to", "move the ego", "patch the score", "walk the frames", "never end"]
-MORE_HARMLESS = ["leave a daemon", "close what it prints to", "leave threads", "write to the scene", "patch the clock"]
+UNBUILT = [(how, said.strip("`")) for how, said in rows_of("One that cannot be built ends", "\n## ")]
+HARMLESS = [how for (how,) in rows_of("## Without effect") + rows_of("## Cheats on what it can reach")]
+QUICK = {
+    "exit in start", "raise", "crash", "sleep in C", "babble", "eat memory", "fork and exit", "exit in report",
+    "move the ego", "patch the score", "walk the frames",
+}  # fmt: skip
+"""All of them in CI, these in a hurry."""
+ELSEWHERE = {"be killed once"}
+"""What an operator does is no fault: tests/batch/test_run.py."""
+SHORT = PlannerLimits(load_s=30.0)
+"""Of nobody who takes long."""
+SAID = {
+    "raise in report": "{'error': 'report() raised ValueError: nothing to say (hostile_planners.py:52 in report)'}",
+    "report a number": "{'error': 'report() gave a int'}",
+    "report a surrogate": "report() raised UnicodeEncodeError",
+    "report what is no number": "{'loss': nan, 'queries': -1}",
+}
+"""Of a report."""
 
 
-def check_fault(how: str, words: str, tmp_path: Path) -> None:
+def in_a_hurry(cases: list[Any]) -> list[Any]:
+    """The cases, those that are not quick marked as slow."""
+    return [case if (case if isinstance(case, str) else case[0]) in QUICK else slow(case) for case in cases]
+
+
+def test_the_page_has_every_hostile_planner_once_and_no_other() -> None:
+    listed = [how for how, _ in FAULTS + UNBUILT] + HARMLESS
+    known = re.findall(r'(?:case|_how ==) "([^"]+)"', Path(hostile_planners.__file__).read_text(encoding="utf-8"))
+    assert len(listed) == len(set(listed)) >= 45
+    assert set(known) - set(listed) == ELSEWHERE
+    assert set(listed) <= set(known)
+
+
+def fault_of(seat: PlannerProcess) -> str:
+    """Why this planner gets nothing: by its drive, or by its report on one."""
+    episode = driven(seat)
+    if episode.fault is not None:
+        assert episode.fault.kind == "planner"
+        return episode.fault.message
+    with pytest.raises(PlannerError) as caught:
+        seat.report()
+    assert seat.report() is None
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(("how", "words"), in_a_hurry(FAULTS))
+def test_a_planner_that_misbehaves_is_one_planner_fault(how: str, words: str, tmp_path: Path) -> None:
     began_s, before = time.monotonic(), descendants(os.getpid())
     with hostile(how, tmp_path / "mark") as seat:
-        episode = driven(seat)
-    assert episode.fault is not None, how
-    assert episode.fault.kind == "planner"
-    assert words in episode.fault.message
-    assert "\n" not in episode.fault.message
-    assert len(episode.fault.message) < 600
-    episode.fault.message.encode()
+        message = fault_of(seat)
+    assert words in message
+    assert message.isprintable()
+    assert len(message) < 600
+    message.encode()
     assert seat.killed_from_outside == (how == "kill itself")
     assert set(descendants(os.getpid())) <= set(before)
     assert hash_of(driven(StraightAhead())) == HONEST
     assert time.monotonic() - began_s < 30.0
 
 
-@pytest.mark.parametrize(("how", "words"), FAULTS)
-def test_a_planner_that_misbehaves_is_one_planner_fault(how: str, words: str, tmp_path: Path) -> None:
-    check_fault(how, words, tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("how", "words"), MORE_FAULTS)
-def test_one_that_misbehaves_in_another_way_is_one_too(how: str, words: str, tmp_path: Path) -> None:
-    check_fault(how, words, tmp_path)
-
-
-def check_harmless(how: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("how", in_a_hurry(HARMLESS))
+def test_what_it_changes_is_its_own_alone(how: str, tmp_path: Path) -> None:
     before = descendants(os.getpid())
-    with hostile(how, tmp_path / "mark", PlannerLimits(load_s=30.0)) as seat:
-        episode = driven(seat)
+    with hostile(how, tmp_path / "mark", SHORT) as seat:
+        episode, said = driven(seat), seat.report()
     assert episode.fault is None
     assert hash_of(episode) == HONEST == hash_of(driven(StraightAhead()))
+    assert SAID.get(how, "None") in str(said)
     assert set(descendants(os.getpid())) <= set(before)
     if how == "leave a daemon":
         place = Path("/proc", (tmp_path / "mark").read_text(), "cmdline")
         assert not place.exists() or not place.read_bytes()  # gone, or a zombie that init has yet to reap
 
 
-@pytest.mark.parametrize("how", HARMLESS)
-def test_what_it_changes_is_its_own_alone(how: str, tmp_path: Path) -> None:
-    check_harmless(how, tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("how", MORE_HARMLESS)
-def test_what_else_it_changes_is_its_own_too(how: str, tmp_path: Path) -> None:
-    check_harmless(how, tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("how", "said"),
-    [
-        ("raise in report", {"error": "report() raised ValueError: nothing to say (hostile_planners.py:52 in report)"}),
-        ("report a number", {"error": "report() gave a int"}),
-        ("report nothing", None),
-    ],
-)
-def test_a_report_that_is_none_is_no_fault(how: str, said: dict[str, Any] | None) -> None:
-    with hostile(how) as seat:
-        assert driven(seat).fault is None
-        assert seat.report() == said
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("how", "words"),
-    [
-        ("exit in report", r"its process exited with code 0 inside report\(\)"),
-        ("hang in report", r"report\(\) took longer than 0\.5 s"),
-        ("report a million texts", r"report\(\) announced a message"),
-    ],
-)
-def test_one_that_ends_in_its_report_is_at_fault(how: str, words: str) -> None:
-    with hostile(how) as seat:
-        assert driven(seat).fault is None
-        with pytest.raises(PlannerError, match=words):
-            seat.report()
-        assert seat.report() is None
-
-
-@pytest.mark.parametrize(
-    ("how", "words"),
-    [
-        ("raise while it is built", "could not be built: RuntimeError: no weights"),
-        ("exit while it is built", "exited with code 7 while it was built; it printed last: these are my last words"),
-    ],
-)
+@pytest.mark.parametrize(("how", "words"), in_a_hurry(UNBUILT))
 def test_one_that_cannot_be_built_says_why(how: str, words: str) -> None:
     before = descendants(os.getpid())
     with pytest.raises(PlannerLoadError) as caught:

@@ -67,6 +67,7 @@ def known_drivers() -> tuple[Floats, Calibration]:
     return drivers, calibrate([recording], CalibrationOptions(limits_mps={"street": LIMIT_MPS}, as_fitted=True))
 
 
+@pytest.mark.slow
 def test_known_drivers_are_found_again() -> None:
     drivers, found = known_drivers()
     followers = [n for n, each in enumerate(found.drivers.drivers) if each.episodes]

@@ -49,6 +49,7 @@ def test_each_place_is_a_row_against_the_others_and_pairs_say_how_far_places_are
     assert report.between_places["speed"] == 0.0
 
 
+@pytest.mark.slow
 def test_a_simulation_of_the_recording_itself_is_as_real_as_can_be() -> None:
     recorded = recorded_places([platoon("a", 15.0)])
     itself = compare("itself", "run", feature_samples([platoon("a", 15.0)] * 50), recorded)

@@ -25,6 +25,7 @@ def simulated(behaviour: str, seed: int = 0) -> RecordedTraffic:
     return traffic_on(read_network(find_map("back_bay").network), types, behaviour, seed, fill_s=FILL_S)
 
 
+@pytest.mark.slow
 def test_a_seed_says_who_comes_when_and_where() -> None:
     one, again = simulated("conservative"), simulated.__wrapped__("conservative")
     assert [each.id for each in one.tracks] == [each.id for each in again.tracks]
@@ -51,6 +52,7 @@ def test_tracks_are_a_minute_of_vehicles_after_the_network_has_filled_up() -> No
         assert np.median(np.abs(moved - each.speed_mps[1:])) < 0.2, each.id
 
 
+@pytest.mark.slow
 def test_drivers_stand_and_follow_as_their_file_has_it() -> None:
     found = feature_samples([simulated("conservative")])
     assert found["standstill_gap"].road_users > 50

@@ -16,6 +16,7 @@ FILE = (
 )
 
 
+@pytest.mark.slow
 def test_a_file_is_told_apart_in_what_acts_and_what_does_not_and_its_drivers_are_driven(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

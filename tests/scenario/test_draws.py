@@ -16,6 +16,7 @@ from interplan_sumo.families.scene_space import PLACE, ScenePoint, SceneSpace, l
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.sites import UnsuitableError, places
 from interplan_sumo.world.geometry import Floats
+from tests.quick import few
 
 MAP = load_roads("hazelwood")
 
@@ -81,7 +82,7 @@ def test_rare_words_lie_farther_out_than_usual_ones_and_words_alike_in_share_ali
     assert [each.tail for each in draws.found.values()] == pytest.approx([0.05, 0.55, 0.5])
 
 
-@pytest.mark.parametrize("family", ["construction", "accident", "jaywalker", "nudge", "overtake"])
+@pytest.mark.parametrize("family", few(["jaywalker", "nudge", "construction", "accident", "overtake"], 2))
 def test_a_scene_is_made_again_from_the_quantiles_noted_for_it(family: str) -> None:
     (lane, at_m), kind = placed(family), FAMILIES[family]
     place, first = kind.suitable(MAP, lane, at_m), Draws(np.random.default_rng(5))

@@ -11,9 +11,10 @@ from interplan_sumo.families import names
 from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline
+from tests.quick import few
 
 
-@pytest.mark.parametrize("family", names(ordinary=False))
+@pytest.mark.parametrize("family", few(names(ordinary=False), 2))
 def test_every_family_finds_places_on_every_district(family: str) -> None:
     for name in ("strip", "one_north", "back_bay", "hazelwood"):
         roads = load_roads(name)
@@ -23,7 +24,7 @@ def test_every_family_finds_places_on_every_district(family: str) -> None:
         assert len({s.site(roads) for s in made}) == 4
 
 
-@pytest.mark.parametrize("kind", names(ordinary=True))
+@pytest.mark.parametrize("kind", few(names(ordinary=True), 4))
 def test_every_ordinary_type_finds_places_on_some_district(kind: str) -> None:
     made = [s for name in ("one_north", "hazelwood", "strip") for s in islice(Search(load_roads(name), kind, 1), 2)]
     assert len(made) >= 2

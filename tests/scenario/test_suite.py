@@ -101,6 +101,7 @@ def test_every_expert_drives_as_a_car_can_for_no_longer_than_its_scenario_lasts(
         assert unreachable(start, expert(scenario), scenario.duration_s) == [], scenario.id
 
 
+@pytest.mark.slow
 def test_official_scenarios_are_sound_before_anybody_moves() -> None:
     for scenario in scenarios_of(*WHOLE):
         assert start_problems(scenario, load_roads(scenario.map), with_traffic=False) == [], scenario.id

@@ -10,7 +10,7 @@ import pytest
 import shapely
 from networks import LANE_Y, WESTWARD_Y, two_way_road
 
-from interplan_sumo.maps.store import find_map, maps
+from interplan_sumo.maps.store import find_map
 from interplan_sumo.simulation.anchor import (
     LANE_CHANGE_PENALTY_M,
     OFF_ROUTE_PENALTY_M,
@@ -20,6 +20,7 @@ from interplan_sumo.simulation.anchor import (
 )
 from interplan_sumo.simulation.network import NetworkLane, SumoNetwork, read_network
 from interplan_sumo.world.geometry import Polyline
+from tests.quick import DISTRICTS
 
 ROAD = two_way_road()
 EASTWARD = ("e0", "e1")
@@ -95,7 +96,7 @@ def searched(
     return None
 
 
-@pytest.mark.parametrize("name", sorted(maps()))
+@pytest.mark.parametrize("name", DISTRICTS)
 def test_the_anchor_is_that_of_a_search_over_all_lanes(name: str) -> None:
     network = read_network(find_map(name).network)
     rng = np.random.default_rng(2)

@@ -10,7 +10,7 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from interplan_sumo.maps.store import find_map, maps
+from interplan_sumo.maps.store import find_map
 from interplan_sumo.simulation import ego_locator
 from interplan_sumo.simulation.lane_polygons import (
     ClipArea,
@@ -24,6 +24,7 @@ from interplan_sumo.simulation.lane_polygons import (
 from interplan_sumo.simulation.network import NetworkLane, SumoNetwork, read_network
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Polyline
+from tests.quick import DISTRICTS
 
 OFFSET_M = 1e-6
 LEAST_SHARE = 1e-5
@@ -93,7 +94,7 @@ SEGMENTS = st.lists(st.tuples(st.floats(-0.5, 0.5), st.floats(0.5, 40.0)), min_s
 BESIDE = st.tuples(st.floats(0.0, 1.0), st.floats(-6.0, 6.0), st.floats(-3.2, 3.2))
 
 
-@settings(max_examples=400)
+@settings(max_examples=120)
 @given(segments=SEGMENTS, width_m=st.floats(2.0, 6.0), beside=BESIDE)
 def test_the_overlap_with_a_curve_is_shapelys(
     segments: list[tuple[float, float]], width_m: float, beside: tuple[float, float, float]
@@ -106,7 +107,7 @@ def test_the_overlap_with_a_curve_is_shapelys(
     assert share == pytest.approx(other, abs=1e-6)
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @example(bend_rad=0.03125, count=25, width_m=3.0, beside=(0.0282889, 0.0, 0.03125))
 @given(bend_rad=st.floats(-0.06, 0.06), count=st.integers(1, 30), width_m=st.floats(2.5, 4.5), beside=BESIDE)
 def test_where_a_road_lies_under_the_box_is_shapelys_too(
@@ -148,7 +149,7 @@ def test_an_area_that_is_neither_a_row_of_tiles_nor_convex_is_cut_into_triangles
     assert ours == pytest.approx(shapely.intersection(outline, shapely.Polygon(area.ring)).area)
 
 
-@pytest.mark.parametrize("name", sorted(maps()))
+@pytest.mark.parametrize("name", DISTRICTS)
 def test_overlaps_on_the_shipped_maps_are_shapelys(name: str) -> None:
     where = read_network(find_map(name).network)
     rng = np.random.default_rng(1)

@@ -81,7 +81,7 @@ def test_a_point_behind_a_box_is_hidden(x_m: float, y_m: float, hides: bool) -> 
 COORDINATE = st.floats(-30.0, 30.0)
 
 
-@settings(max_examples=500)
+@settings(max_examples=200)
 @example(x=7.0, y=0.0, to_x=7.0, to_y=-1.0, heading=0.0)
 @given(x=COORDINATE, y=COORDINATE, to_x=COORDINATE, to_y=COORDINATE, heading=st.floats(-4.0, 4.0))
 def test_a_line_is_cut_where_shapely_says_so(x: float, y: float, to_x: float, to_y: float, heading: float) -> None:

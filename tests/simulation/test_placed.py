@@ -15,7 +15,7 @@ from random_drives import overlapping
 
 from interplan_sumo.errors import ScenarioError, VehicleTypeError
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.store import find_map, load_roads, maps
+from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.scenario.scenario import LanePosition, PlacedVehicle, Scenario, TrafficDemand, VehicleKind
 from interplan_sumo.simulation import spawning
 from interplan_sumo.simulation.idm import acceleration_mps2
@@ -24,6 +24,7 @@ from interplan_sumo.simulation.network import read_network
 from interplan_sumo.simulation.setup import open_traffic, start_state
 from interplan_sumo.simulation.vehicle_types import VehicleType, vehicle_type_file
 from interplan_sumo.world.actors import Actors
+from tests.quick import DISTRICTS
 from tests.scenes import scene
 
 LTD = scene("lane_change_ltd/0")
@@ -134,7 +135,7 @@ FIXED = st.lists(
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 10_000), largest=st.sampled_from([33.0, 50.0, 100.0]), cars=FIXED)
 def test_drawn_traffic_leaves_room_around_placed_vehicles(
     seed: int, largest: float, cars: list[tuple[float, float, float]]
@@ -169,7 +170,7 @@ def test_drawn_traffic_leaves_room_around_placed_vehicles(
             assert acceleration_mps2(follower[3], follower[2], LIMIT_MPS, gap_m, leader[2]) > -3.0
 
 
-@pytest.mark.parametrize("name", sorted(maps()))
+@pytest.mark.parametrize("name", DISTRICTS)
 def test_amid_dense_traffic_nobody_overlaps_a_placed_vehicle(name: str) -> None:
     roads = load_roads(name)
     lane = next(each for each in roads.lanes.values() if each.centerline.length_m > 150.0)

@@ -19,7 +19,7 @@ def polyline(points: list[tuple[float, float]]) -> Polyline | None:
     return Polyline(np.array(points)) if apart else None
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(points=LINE, at=POINT, between_m=st.none() | st.tuples(st.floats(-10, 300), st.floats(0, 100)))
 def test_projections_are_those_of_a_polyline(
     points: list[tuple[float, float]], at: tuple[float, float], between_m: tuple[float, float] | None
@@ -31,7 +31,7 @@ def test_projections_are_those_of_a_polyline(
     assert PlainPolyline(line).project(*at, stretch) == line.project_point(*at, stretch)
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(points=LINE, share=st.floats(-0.2, 1.2))
 def test_poses_are_those_of_a_polyline(points: list[tuple[float, float]], share: float) -> None:
     line = polyline(points)

@@ -195,6 +195,7 @@ def recorded(scenario_id: str, presence: EgoPresence, steps: int) -> tuple[Drive
     return Drive.of(frames), agents
 
 
+@pytest.mark.slow
 def test_bodies_follow_their_wheels_and_lane_changes_last_differently() -> None:
     """Dense traffic before a lane that ends: many lane changes, slow ones, too."""
     durations: list[float] = []

@@ -26,6 +26,7 @@ from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import box_corners, penetration_m
 from interplan_sumo.world.signals import SignalStatus
+from tests.quick import few
 from tests.scenes import scene
 
 LTD = scene("lane_change_ltd/0")
@@ -144,7 +145,7 @@ def test_without_an_ego_a_district_equals_plain_sumo_to_the_bit(name: str) -> No
     assert ours == plain
 
 
-@pytest.mark.parametrize("scenario", [LTD, HTD], ids=lambda s: s.id)
+@pytest.mark.parametrize("scenario", few([LTD, HTD], 1), ids=lambda s: s.id)
 def test_a_drive_through_traffic_shows_no_overlap_and_a_gentle_first_step(scenario: Scenario) -> None:
     episode = drive(scenario, IdmPlanner())
     assert episode.fault is None
@@ -173,6 +174,7 @@ BLOCKED = replace(
 )
 
 
+@pytest.mark.slow
 def test_background_cars_pass_an_obstacle_and_never_touch_it() -> None:
     episode = drive(BLOCKED, IdmPlanner())
     assert episode.fault is None
@@ -209,6 +211,7 @@ def test_a_jaywalker_waits_walks_with_its_true_velocity_and_stands_again() -> No
     assert 48.0 - 1.2 <= 150.0 - (arc_m + trace.shape.length_m / 2) <= 48.0
 
 
+@pytest.mark.slow
 def test_background_cars_stop_for_a_jaywalker() -> None:
     scenario = replace(CROSSED, id="test/crowd", traffic=TrafficDemand("high", "conservative"))
     episode = drive(scenario, IdmPlanner())
@@ -224,6 +227,7 @@ def test_background_cars_stop_for_a_jaywalker() -> None:
         assert not front_hits.any(), f"frame {frame}"
 
 
+@pytest.mark.slow
 def test_nobody_starts_on_a_pedestrian_who_waits_on_the_road() -> None:
     waits = (Jaywalker(LanePosition("402032", 150.0, 0.0), LanePosition("402032", 150.0, 9.0), 1.5),)
     scenario = replace(CROSSED, id="test/on_the_road", traffic=TrafficDemand("high"), jaywalkers=waits)

@@ -108,6 +108,7 @@ def test_a_pose_that_is_not_finite_never_reaches_sumo() -> None:
         run.place_ego(ego_at(float("nan"), 0.0))
 
 
+@pytest.mark.slow
 def test_importing_libsumo_leaves_the_environment_of_proj_alone() -> None:
     code = "import os, interplan_sumo.simulation.sumo; print({k: v for k, v in os.environ.items() if 'PROJ_' in k})"
     env = {key: value for key, value in os.environ.items() if "PROJ_" not in key}

@@ -14,6 +14,7 @@ from interplan_sumo.simulation.setup import open_sumo_traffic, start_state
 from interplan_sumo.simulation.sumo import DT_S, sumo
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic
 from interplan_sumo.world.ego import EgoState
+from tests.quick import few
 from tests.scenes import scene
 from tests.simulation.rude_egos import Driver, Wish, driven
 
@@ -85,7 +86,12 @@ def in_a_twin(scenario: Scenario, egos: list[EgoState], each: Braking) -> float:
         return (sumo.vehicle.getSpeed(each.name) - before) / DT_S
 
 
-@pytest.mark.parametrize("wish", [cutting_in, lambda t, _: Wish(0.0, 0.0 if t > 1.0 else 10.0)], ids=["cut in", "stop"])
+def stopping(time_s: float, _arc_m: float) -> Wish:
+    """At 10 m/s for a second, then to a stand."""
+    return Wish(0.0, 0.0 if time_s > 1.0 else 10.0)
+
+
+@pytest.mark.parametrize("wish", few([cutting_in, stopping], 1))
 def test_who_is_forced_to_brake_does_not_in_a_twin_without_the_ego(wish: Driver):
     egos = rude(SCENE, wish)
     forced = [each for each in brakings(SCENE, egos, 3.0) if each.without_ego_mps2 is not None]

@@ -32,6 +32,7 @@ def test_rows_that_share_scenes_are_paired_and_others_are_not() -> None:
     assert pairs[1, 2].estimate.p_value > 0.3  # as far apart, on scenes of their own
 
 
+@pytest.mark.slow
 def test_many_equal_rows_are_hardly_ever_told_apart() -> None:
     rng = np.random.default_rng(26)
     wrong = 0

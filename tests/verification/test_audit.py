@@ -18,6 +18,7 @@ CLASS_OF = {"jaywalker": "jaywalkers"} | dict.fromkeys(
 )
 
 
+@pytest.mark.slow
 def test_every_official_scenario_asks_what_its_family_is_named_after() -> None:
     for scenario in find_suite(DEFAULT_SUITE).scenarios:
         anonymous = replace(scenario, family="unknown")

@@ -73,6 +73,7 @@ def wall(scenario: Scenario) -> tuple[Obstacle, ...]:
     return tuple(Obstacle(replace(place, left_m=left_m), "truck") for left_m in (-4.0, 0.0, 4.0, 8.0))
 
 
+@pytest.mark.slow
 def test_a_scenario_that_cannot_be_solved_has_no_certificate_but_a_reason() -> None:
     verdict = passing_drive(replace(nudge(), obstacles=wall(nudge()), duration_s=10.0), most_simulations=2)
     assert verdict.certificate is None
@@ -88,6 +89,7 @@ def test_a_scenario_that_is_not_sound_at_its_start_gets_no_certificate_and_keeps
     assert any("above the limit" in problem for problem in check_certificate(fast, same_name))
 
 
+@pytest.mark.slow
 def test_where_no_drive_can_be_tried_at_all_there_is_a_reason_too() -> None:
     overtake = find_scenario("overtake/1")
     parked = overtake.obstacles[0].place
@@ -105,6 +107,7 @@ def changed(certificate: Certificate, **columns: Any) -> Certificate:
     return replace(certificate, track=replace(certificate.track, **columns))
 
 
+@pytest.mark.slow
 def test_a_drive_that_was_tampered_with_is_refused(proof: Certificate) -> None:
     x_m = proof.track.x_m.copy()
     x_m[50:] += 0.5
@@ -113,6 +116,7 @@ def test_a_drive_that_was_tampered_with_is_refused(proof: Certificate) -> None:
     assert "replay gives" in check_certificate(nudge(), changed(proof, **shorter))[0]
 
 
+@pytest.mark.slow
 def test_a_summary_that_was_tampered_with_is_refused(proof: Certificate) -> None:
     """Each number that does not belong to the drive is named; a hash of another scenario is enough."""
     other = {"trace_hash": "0" * 64, "score": proof.summary.score - 0.01, "reference_distance_m": 1.0}

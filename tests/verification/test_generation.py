@@ -39,6 +39,7 @@ def test_generated_scenarios_pass_every_start_check_and_rejected_places_have_rea
     assert all(each.reason for each in made.rejected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "most"), [(1, LEAST_CANDIDATES), (6, 6 * CANDIDATES_PER_SCENARIO)])
 def test_it_gives_up_after_many_unsound_candidates_and_after_more_where_many_are_asked_for(
     count: int, most: int

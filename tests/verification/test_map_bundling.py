@@ -56,6 +56,7 @@ def test_a_map_goes_whole_up_to_a_number_of_lanes(
         assert near <= set(part.lanes)
 
 
+@pytest.mark.slow
 def test_a_part_has_the_same_bytes_each_time(own: MapFiles, scenario: Scenario, tmp_path: Path) -> None:
     roads = load_roads(own.folder)
     one, other = (carry_map(own, roads, [scenario], tmp_path / name, whole_lanes=0) for name in ("one", "other"))

@@ -118,6 +118,7 @@ def test_every_slot_has_a_roadblock_of_its_own_its_drivers_and_its_id(small: Sui
     assert sides["right"] >= 40
 
 
+@pytest.mark.slow
 def test_ordinary_scenes_have_their_own_drivers_and_share_roads_between_types(
     tmp_path: Path,
 ) -> None:

@@ -1,0 +1,24 @@
+"""What runs in a hurry: of many cases that show one behaviour a few, all of them in CI."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+
+from interplan_sumo.maps.store import maps
+
+
+def few(cases: Iterable[Any], quick: int) -> list[Any]:
+    """Cases for `parametrize`, all but the first so many marked as slow."""
+    return [case if number < quick else slow(case) for number, case in enumerate(cases)]
+
+
+def slow(case: Any) -> Any:
+    """A case of `parametrize`, marked as slow."""
+    return pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.slow)
+
+
+DISTRICTS = few(sorted(maps(), key=lambda name: (name not in ("back_bay", "queenstown"), name)), 2)
+"""Of all that ship, one with traffic on the right and one with traffic on the left come first."""
