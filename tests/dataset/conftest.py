@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,12 @@ from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 @pytest.fixture(scope="session")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A nudge in right-hand traffic and a lane change in left-hand traffic, two seeds each."""
-    return recorded_run(tmp_path_factory.mktemp("runs") / "mine", "nudge/0", "lane_change_mtd/1", seeds=2)
+    temp = tmp_path_factory.getbasetemp()
+    runs = temp if "PYTEST_XDIST_WORKER" not in os.environ else temp.parent  # one run for all of pytest's workers
+    with (runs / "driving").open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        folder = runs / "runs" / "mine"
+        return folder if folder.exists() else recorded_run(folder, "nudge/0", "lane_change_mtd/1", seeds=2)
 
 
 @pytest.fixture(scope="session")

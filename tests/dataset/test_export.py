@@ -90,6 +90,7 @@ def test_drives_carry_what_splits_and_audits_need_and_shards_are_full_but_for_th
     assert 1 <= last <= 4
 
 
+@pytest.mark.slow
 def test_maps_and_seeds_are_held_out_whole(driven: Path, tmp_path: Path) -> None:
     choice = replace(ANY_SCORE, holdout_maps=("roosevelt",), holdout_seeds=(1,))
     manifest = export(request(tmp_path / "a", driven, choice=choice))
@@ -105,6 +106,7 @@ def test_maps_and_seeds_are_held_out_whole(driven: Path, tmp_path: Path) -> None
         assert len(rows) == len(dataset.split(split)) == manifest.counts.by_split[split]
 
 
+@pytest.mark.slow
 def test_low_scores_and_excluded_families_stay_out_and_are_counted(driven: Path, tmp_path: Path) -> None:
     scores = sorted({drive.score or 0.0 for drive in chosen_drives([driven], (), ANY_SCORE).drives})
     exactly = export(request(tmp_path / "a", driven, choice=DriveSelection(min_score=scores[-1])))
@@ -170,6 +172,7 @@ def test_a_strangers_folder_is_left_alone(driven: Path, tmp_path: Path) -> None:
         export(request(tmp_path / "thesis.txt", driven))
 
 
+@pytest.mark.slow
 def test_another_spacing_is_another_dataset_and_an_older_one_is_replaced(
     driven: Path, exported: Path, tmp_path: Path
 ) -> None:
@@ -179,6 +182,7 @@ def test_another_spacing_is_another_dataset_and_an_older_one_is_replaced(
     assert files_of(tmp_path / "a") == files_of(exported)
 
 
+@pytest.mark.slow
 def test_half_a_dataset_is_known_as_such_and_is_replaced(driven: Path, tmp_path: Path) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt

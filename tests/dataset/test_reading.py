@@ -20,7 +20,7 @@ from interplan_sumo.features import schema
 @pytest.fixture(scope="module")
 def folder(driven: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dataset")
-    export(request(folder, driven, every_s=0.5, shard_samples=50))
+    export(request(folder, driven, every_s=1.0, shard_samples=25))
     return folder
 
 

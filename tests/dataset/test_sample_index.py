@@ -68,6 +68,7 @@ def test_what_is_offered_is_found_again_in_the_run_folder(
     assert (about.planner, about.car, about.goal_lane) == ("sumo", offer.car, offer.goal.lane)
 
 
+@pytest.mark.slow
 def test_of_a_long_stand_only_a_few_samples_are_offered(stored: StoredDrive) -> None:
     first = stored.trace
     still = np.zeros(len(first), dtype=np.int64)  # the first frame, over and over
