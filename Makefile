@@ -7,6 +7,8 @@ WORKERS ?= 2
 
 # BLAS threads would fight with the worker processes.
 export OPENBLAS_NUM_THREADS = 1
+# Most modules of the libraries are never imported, a tenth of a gigabyte as bytecode; those that are, are compiled then.
+export PIP_COMPILE = 0
 # Without bytecode on disk every process of pytest rewrites all tests anew.
 unexport PYTHONDONTWRITEBYTECODE
 

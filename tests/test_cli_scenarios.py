@@ -61,6 +61,7 @@ def test_validate_checks_a_suite(capsys: pytest.CaptureFixture[str]) -> None:
     assert out == f"{len(find_suite('smoke==1').scenarios)} scenarios, no problems\n"
 
 
+@pytest.mark.slow
 def test_render_draws_an_id_a_file_and_a_sheet(file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     for what in (QUIET, file):

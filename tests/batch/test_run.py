@@ -30,7 +30,7 @@ from tests.records import hashes
 
 RUDE = "tests.batch.rude_planners"
 SUITE = "smoke==1"
-SCENES = 3
+SCENES = 2
 """What is proved here does not depend on how many there are."""
 FIRST = find_suite(SUITE).scenarios[0]
 

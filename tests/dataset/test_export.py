@@ -120,6 +120,7 @@ def test_low_scores_and_excluded_families_stay_out_and_are_counted(driven: Path,
     assert set(excluded.counts.by_family) == {"lane_change_mtd"}
 
 
+@pytest.mark.slow
 def test_certificates_are_replayed_with_their_traffic(tmp_path: Path) -> None:
     families = {scenario.family for scenario in find_suite("smoke==1").scenarios}
     choice = DriveSelection(exclude=tuple(sorted(families - {"lane_change_mtd"})))
@@ -195,6 +196,7 @@ def test_half_a_dataset_is_known_as_such_and_is_replaced(driven: Path, tmp_path:
     assert len(read_dataset(tmp_path / "a")) > 0
 
 
+@pytest.mark.slow
 def test_a_trace_that_is_not_the_one_that_was_driven_is_refused(tmp_path: Path) -> None:
     folder = recorded_run(tmp_path / "run", "nudge/0")
     lines = [json.loads(line) for line in (folder / "results.jsonl").read_text().splitlines()]

@@ -37,6 +37,7 @@ def test_the_ego_comes_first_and_cars_follow(stored: StoredDrive, offers: list[I
     assert {each.car for each in others} <= set(Cars(stored.trace).tokens)
 
 
+@pytest.mark.slow
 def test_cars_offer_few_samples_with_all_of_past_and_future(stored: StoredDrive, offers: list[IndexedSamples]) -> None:
     for offer in offers[1:]:
         assert 1 <= len(offer.frames) <= MOST_PER_CAR

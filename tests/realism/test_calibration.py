@@ -173,6 +173,7 @@ def test_shipped_measured_drivers_differ_and_have_milder_and_bolder_versions(nam
         assert np.all(towards_mild * np.diff(middles) > 0.0), quality
 
 
+@pytest.mark.slow
 def test_pooled_city_recordings_are_open() -> None:
     assert len({each.place for each in open_recordings([real("tracks")])}) >= 6
 

@@ -34,6 +34,7 @@ def test_a_seed_says_who_comes_when_and_where() -> None:
     assert [len(each.time_s) for each in one.tracks] != [len(each.time_s) for each in other.tracks]
 
 
+@pytest.mark.slow
 def test_other_drivers_come_at_the_same_places() -> None:
     gentle, rude = ({each.id: each for each in simulated(name).tracks} for name in ("conservative", "assertive"))
     late = [id_ for id_ in gentle.keys() & rude.keys() if gentle[id_].time_s[0] > FILL_S + ENTRY_S + 1.0]

@@ -35,6 +35,7 @@ def test_every_ordinary_type_finds_places_on_some_district(kind: str) -> None:
         assert goal_arc_m(roads, scenario) > line.project_point(start.x_m, start.y_m)[0] + 30.0
 
 
+@pytest.mark.slow
 def test_ordinary_driving_has_traffic_both_ways_and_people_who_cross_and_wait() -> None:
     turning, waiting, parking = (
         [s for name in ("one_north", "hazelwood", "strip") for s in islice(Search(load_roads(name), kind, 1), 10)]

@@ -182,6 +182,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(suite: MadeUpSuite) -> No
     assert held == pytest.approx(0.955, abs=0.03)
 
 
+@pytest.mark.slow
 def test_what_is_printed_as_detectable_is_detected() -> None:
     wrong, held, least, found = detection(PAIRS[0], 200, np.random.default_rng(26))
     assert wrong == pytest.approx(0.05, abs=0.03)
