@@ -61,20 +61,39 @@ def map_names(incomplete: str) -> list[str]:
 
 def settings(incomplete: str) -> list[str]:
     """`KEY=VALUE` for --set; perceptions are joined by +."""
+    from interplan_sumo.scenario.scenario import PERCEPTIONS
+
+    held, plus, _ = incomplete.rpartition("+")
+    every = [f"{key}={value}" for key, known in _worded().items() for value in known]
+    if plus and held.startswith("perception="):
+        every = [f"{held}+{value}" for value in PERCEPTIONS if value not in held]
+    return [each for each in every if each.startswith(incomplete)]
+
+
+def sweep_parameters(incomplete: str) -> list[str]:
+    """`KEY=V1,V2,...` for --param: keys; after `=` and commas the values that have names and were not given yet."""
+    from interplan_sumo.batch.traffic_files import sweepable
+
+    key, equals, listed = incomplete.partition("=")
+    worded = {each: values for each, values in _worded().items() if each != "perception"}
+    if not equals:
+        return [f"{each}=" for each in (*worded, *sorted(sweepable())) if each.startswith(key)]
+    *given, last = listed.split(",")
+    free = [value for value in worded.get(key, ()) if value not in given and value.startswith(last)]
+    return [f"{key}={','.join([*given, value])}" for value in free]
+
+
+def _worded() -> dict[str, tuple[str, ...]]:
+    """What can be changed in traffic and perception, and the values that have names."""
     from interplan_sumo.batch.options import DENSITIES
     from interplan_sumo.resources import routes_root
     from interplan_sumo.scenario.scenario import PERCEPTIONS
 
-    held, plus, _ = incomplete.rpartition("+")
-    values = {
-        "density": DENSITIES,
-        "behaviour": sorted(path.stem for path in routes_root().glob("*.xml")),
+    return {
+        "density": tuple(DENSITIES),
+        "behaviour": tuple(sorted(path.stem for path in routes_root().glob("*.xml"))),
         "perception": ("full", *PERCEPTIONS),
     }
-    every = [f"{key}={value}" for key, known in values.items() for value in known]
-    if plus and held.startswith("perception="):
-        every = [f"{held}+{value}" for value in PERCEPTIONS if value not in held]
-    return [each for each in every if each.startswith(incomplete)]
 
 
 def run_folders(incomplete: str) -> list[str]:

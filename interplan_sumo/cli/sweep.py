@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.cli.completion import sweep_parameters
 from interplan_sumo.cli.options import (
     DONE,
     INCOMPLETE,
@@ -39,6 +40,7 @@ def sweep(
             help="KEY=V1,V2,...: track (plain, noisy, late, dense, bold), density, behaviour, perception, a vType "
             "attribute or interplan.* parameter, or TYPE.KEY for one vType. Several make every combination.",
             metavar="KEY=V1,V2,...",
+            autocompletion=sweep_parameters,
         ),
     ] = None,
     quiet: QuietOption = False,

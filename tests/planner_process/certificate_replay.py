@@ -43,7 +43,7 @@ class CertificateReplay(StraightAhead):
         frame = round(observation.time_s * 10)
         if track is None or frame > len(track) - 2:
             return super().plan(observation)
-        time_s = track.time_us[frame:] * 1e-6
+        time_s = np.asarray(track.time_us[frame:] * 1e-6, dtype=np.float64)
         return Trajectory(time_s, track.x_m[frame:], track.y_m[frame:], track.heading_rad[frame:])
 
     def _miss_m(self, track: EgoTrack) -> float:

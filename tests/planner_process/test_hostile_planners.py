@@ -67,7 +67,7 @@ FAULTS = [
 ]
 UNBUILT = [(how, said.strip("`")) for how, said in rows_of("with exit code 2:")]
 HARMLESS = [how for (how,) in rows_of("## Without effect") + rows_of("## Cheats on what it can reach")]
-QUICK = {
+HASTY = {
     "exit in start", "raise", "crash", "sleep in C", "babble", "eat memory", "fork and exit", "exit in report",
     "move the ego", "patch the score", "walk the frames", "raise while it is built",
 }  # fmt: skip
@@ -87,7 +87,7 @@ SAID = {
 
 def in_a_hurry(cases: list[Any]) -> list[Any]:
     """The cases, those that are not quick marked as slow."""
-    return [case if (case if isinstance(case, str) else case[0]) in QUICK else slow(case) for case in cases]
+    return [case if (case if isinstance(case, str) else case[0]) in HASTY else slow(case) for case in cases]
 
 
 def test_the_page_has_every_hostile_planner_once_and_no_other() -> None:
