@@ -338,6 +338,21 @@ def test_a_second_run_on_the_folder_is_refused_and_ctrl_c_leaves_one_that_goes_o
     assert before.items() <= after.items()
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="counts descriptors as Linux does")
+def test_too_few_descriptors_are_one_line_and_the_folder_goes_on(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    arguments = ("run", "--planner", "straight_ahead", "--limit", "1", "--out", str(tmp_path / "run"), "--quiet")
+    command = ["sh", "-c", 'ulimit -n 12; exec "$@"', "sh", sys.executable, "-m", "interplan_sumo", *arguments]
+    ended = subprocess.run(command, stderr=subprocess.PIPE, text=True)
+    assert ended.returncode == 2
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith("error: Too many open files")
+    assert line.endswith("allow more open files (ulimit -n), and repeat the command")
+    assert ran(capsys, *arguments, "--workers", 0)[0] == 0
+
+
 def test_output_that_cannot_be_written_is_one_line_and_closed_output_none() -> None:
     command = [sys.executable, "-m", "interplan_sumo", "planners", "list", "--json"]
     if sys.platform == "linux":

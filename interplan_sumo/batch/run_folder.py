@@ -224,10 +224,12 @@ class RunFolder:
         """Write one finished job and wait until it is on the disk; the row as it is there.
 
         One that could not be read again is a fault. RunFolderError if it cannot
-        be written; what was there before stays.
+        be written, or the file is no longer there; what was there before stays.
         """
         row, line = storable(row)
-        size = os.fstat(self._results).st_size
+        size = self._size()
+        if size and os.pread(self._results, 1, size - 1) != b"\n":
+            line = b"\n" + line  # after what somebody else wrote: that line is damaged, this one is not
         try:
             written = os.write(self._results, line)
             if written != len(line):
@@ -243,6 +245,14 @@ class RunFolder:
         if self._not_in_pieces == LINES_AT_ONCE:
             self._keep_pieces()
         return row
+
+    def _size(self) -> int:
+        """Of the file with the rows; RunFolderError if it is no longer in its place."""
+        held, path = os.fstat(self._results), self.path / RESULTS
+        with contextlib.suppress(OSError):
+            if os.path.samestat(held, path.stat()):
+                return held.st_size
+        raise RunFolderError(f"{path} was deleted or replaced while the run wrote to it; repeat the command")
 
     def kept(self, keys: Container[JobKey]) -> Iterator[tuple[JobKey, Brief]]:
         """Those of these jobs that are done, and their briefs, read one by one."""

@@ -31,6 +31,8 @@ class Trajectory:
         for name, value in given.items():
             if np.shape(value) != (count,):
                 raise ValueError(f"Trajectory.{name} has shape {np.shape(value)}, expected ({count},)")
+            if np.iscomplexobj(value) or isinstance(value, np.ma.MaskedArray):
+                raise ValueError(f"Trajectory.{name} holds complex or masked numbers, expected plain ones")
         columns = np.array([*given.values()], dtype=np.float64)
         columns.setflags(write=False)
         self.__dict__.update(zip(given, columns, strict=True))  # the rows; planners make a plan in every step

@@ -209,6 +209,32 @@ def test_a_full_disk_loses_nothing_that_was_there(tmp_path: Path, monkeypatch: p
     assert len(read_run(tmp_path).rows) == 2
 
 
+@pytest.mark.parametrize("replaced", [False, True])
+def test_rows_are_not_written_into_nowhere(replaced: bool, tmp_path: Path) -> None:
+    file = tmp_path / "results.jsonl"
+    with opened(tmp_path) as folder:
+        folder.append(row("a/0"))
+        file.unlink()
+        if replaced:
+            file.touch()
+        with pytest.raises(RunFolderError, match=r"results\.jsonl was deleted or replaced while the run wrote to it"):
+            folder.append(row("a/1"))
+
+
+def test_what_somebody_else_writes_into_the_file_swallows_no_row(tmp_path: Path) -> None:
+    file = tmp_path / "results.jsonl"
+    folder = opened(tmp_path)
+    folder.append(row("a/0"))
+    with file.open("a") as other:
+        other.write("junk")
+    folder.append(row("a/1"))
+    folder.close()
+    with pytest.raises(RunFolderError, match=r"results\.jsonl, line 2 is damaged"):
+        read_run(tmp_path)
+    file.write_text(file.read_text().replace("junk\n", ""))
+    assert [key[0] for key in read_run(tmp_path).rows] == ["a/0", "a/1"]
+
+
 def test_a_disk_that_cannot_be_synced_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(_handle: int) -> None:
         raise OSError(errno.EIO, os.strerror(errno.EIO))

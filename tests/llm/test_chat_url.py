@@ -179,6 +179,13 @@ def test_a_wait_over_the_cap_or_past_the_deadline_is_not_waited_for(
     assert time.slept_s == []
 
 
+@pytest.mark.parametrize("text", ["9999999999", "soon", "Mon, 01 Jan 99999 00:00:00 GMT", "-1"])
+def test_where_the_wait_cannot_be_read_the_usual_one_is_taken(server: ChatServer, text: str) -> None:
+    time = Time()
+    model_of(server, chat_server.status(429, Retry_After=text), time=time).ask(question(timeout_s=60.0))
+    assert len(time.slept_s) == 1
+
+
 @pytest.mark.parametrize("act", [chat_server.silent, chat_server.dripping])
 def test_the_deadline_holds_for_the_whole_answer_however_it_comes(server: ChatServer, act: Act) -> None:
     model = model_of(server, act)
@@ -207,6 +214,8 @@ def test_a_redirect_is_not_followed_and_told_without_the_key(server: ChatServer)
     assert "redirects to 127.0.0.1" in failure.message
     failure = failure_of(model_of(server, chat_server.status(302, Location=f"http://{CANARY}.example.invalid/")))
     assert "redirects to [key].example.invalid" in failure.message
+    failure = failure_of(model_of(server, chat_server.status(307, Location="http://[::bad/")))
+    assert "redirects to an address that cannot be read" in failure.message
 
 
 def test_the_key_goes_to_the_server_and_nowhere_else(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import builtins
 import ctypes
 import gc
 import math
@@ -19,6 +20,7 @@ import numpy as np
 
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.planner import Mission, Observation
+from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
 
 REPLIES = 4
@@ -221,6 +223,23 @@ def misbehave(how: str, observation: Observation, mark: str) -> Any:
         case "return far too much":
             many = np.arange(50_000.0)
             return Trajectory(observation.time_s + 1e-4 * many, many, many, many)
+        case "lie about the length of a plan":
+            plan = odd_plan(observation)
+            plan.__dict__["x_m"] = Endless()
+            return plan
+        case "return complex numbers":
+            time_s, x_m, y_m, heading_rad = odd_columns(observation)
+            return Trajectory(time_s, x_m + 1j, y_m, heading_rad)  # type: ignore[arg-type]
+        case "return masked numbers":
+            time_s, x_m, y_m, heading_rad = odd_columns(observation)
+            return Trajectory(time_s, np.ma.masked_array(x_m, mask=True), y_m, heading_rad)
+        case "return a plan that raises":
+            return Grim(*odd_columns(observation))
+        case "exit when a plan is forgotten":
+            return Haunted(*odd_columns(observation))
+        case "replace what numbers are made by":
+            builtins.float = lambda *_: 0.0  # type: ignore[assignment, misc]
+            np.asarray = lambda *_, **__: np.zeros(3)
         case "jump":
             plan = odd_plan(observation)
             plan.__dict__["x_m"] = plan.x_m + 50.0
@@ -230,7 +249,35 @@ def misbehave(how: str, observation: Observation, mark: str) -> Any:
     return None
 
 
-def odd_plan(observation: Observation) -> Trajectory:
+class Endless(list[float]):
+    """Says that it has more numbers than fit anywhere."""
+
+    def __len__(self) -> int:
+        return 1 << 40
+
+    def __array__(self, *_: object, **__: object) -> Any:
+        return np.lib.stride_tricks.as_strided(np.zeros(1), (1 << 30,), (0,))
+
+
+class Grim(Trajectory):
+    """Cannot be looked at."""
+
+    def __getattribute__(self, name: str) -> Any:
+        raise RuntimeError("look away")
+
+
+class Haunted(Trajectory):
+    """Takes its process with it."""
+
+    def __del__(self) -> None:
+        os._exit(9)
+
+
+def odd_columns(observation: Observation) -> tuple[Floats, Floats, Floats, Floats]:
     ego, ahead_s = observation.ego, np.linspace(0.0, 4.0, 41)
     x_m, y_m = ego.x_m + ahead_s * ego.speed_mps, np.full(41, ego.y_m)
-    return Trajectory(observation.time_s + ahead_s, x_m, y_m, np.zeros(41))
+    return observation.time_s + ahead_s, x_m, y_m, np.zeros(41)
+
+
+def odd_plan(observation: Observation) -> Trajectory:
+    return Trajectory(*odd_columns(observation))

@@ -161,7 +161,7 @@ class Endpoint:
     def _refusal(self, response: Any, content: bytes) -> HttpFailure:
         status = int(response.status_code)
         if response.is_redirect:
-            target = urlsplit(response.headers.get("Location", "")).netloc.rpartition("@")[2] or "another path"
+            target = _host_of(response.headers.get("Location", ""))
             message = f"{self.where.url} redirects to {self._told(target)}; it is not followed, give that URL yourself"
             return HttpFailure("refused", message, status=status)
         message = f"{self.where.url} answered HTTP {status}{self._detail(content)}"
@@ -211,6 +211,14 @@ def within(seconds: float, work: Callable[[], T]) -> T:
     raise TimeoutError
 
 
+def _host_of(url: str) -> str:
+    """Where a redirect leads, without a user's name."""
+    try:
+        return urlsplit(url).netloc.rpartition("@")[2] or "another path"
+    except ValueError:
+        return "an address that cannot be read"
+
+
 def _retry_after_s(headers: Mapping[str, str]) -> float | None:
     """Seconds of a Retry-After header, given as seconds or as a date; None without one that can be read."""
     text = headers.get("Retry-After", "").strip()
@@ -218,5 +226,5 @@ def _retry_after_s(headers: Mapping[str, str]) -> float | None:
         return float(text)
     try:
         return max(0.0, (parsedate_to_datetime(text) - datetime.now(UTC)).total_seconds())
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError):
         return None
