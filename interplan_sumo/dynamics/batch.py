@@ -30,7 +30,11 @@ from interplan_sumo.dynamics.lqr import (
 )
 from interplan_sumo.dynamics.rear_axle import rear_axles_of
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
-from interplan_sumo.world.geometry import Floats, wrap_angle
+from interplan_sumo.world.geometry import Floats
+
+_PASSED_ACCELERATION = GRID_S / (GRID_S + ACCELERATION_LAG_S)
+_PASSED_STEERING = GRID_S / (GRID_S + STEERING_LAG_S)
+"""What the lags let pass of a command within a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,28 +104,24 @@ def follow_all(
     speed = np.einsum("nj,ij->ni", forward_m, speed_inverse(count))
     wished = _held(speed, HORIZON_STEPS + np.arange(driven))
     curvature = _curvatures(speed, np.diff(heading, axis=1))
-    x, y, turned, c, s, v = (np.ascontiguousarray(each.T) for each in (ref_x, ref_y, heading, cosine, sine, wished))
-    return _drive(start, _References(x, y, turned, c, s, v, _bends(curvature, driven)), driven, shape)
+    pose, across = np.stack((ref_x.T, ref_y.T, heading.T), axis=1), np.stack((sine.T, cosine.T), axis=1)
+    v = np.ascontiguousarray(wished.T)
+    return _drive(start, _References(pose, across, v, _bends(curvature, driven)), driven, shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _References:
     """What N plans ask for at the rear axle, by step: every row is contiguous."""
 
-    x_m: Floats  # (M + 1, N)
-    y_m: Floats  # (M + 1, N)
-    heading_rad: Floats  # (M + 1, N)
-    cosine: Floats  # (M + 1, N) of the heading
-    sine: Floats  # (M + 1, N)
+    pose: Floats  # (M + 1, 3, N) x, y and heading
+    across: Floats  # (M + 1, 2, N) sine and cosine of the heading: what x and y add to an offset to the left
     speed_mps: Floats  # (K, N) one second ahead
     bend: Floats  # (K, 5, N) as `_bends` has it
 
 
 def _drive(start: EgoState, plans: _References, steps: int, shape: EgoShape) -> SimulatedDrives:
     """Tracker and bicycle, step after step: `lqr.command` and `bicycle.step` on arrays."""
-    ref_x, ref_y, ref_heading, cos_ref, sin_ref = plans.x_m, plans.y_m, plans.heading_rad, plans.cosine, plans.sine
-    wished_mps, bend = plans.speed_mps, plans.bend
-    many = ref_x.shape[1]
+    many = plans.pose.shape[2]
     rows = np.empty((9, steps + 1, many))
     rear = start.rear_axle(shape)
     first = (
@@ -129,51 +129,12 @@ def _drive(start: EgoState, plans: _References, steps: int, shape: EgoShape) -> 
         start.tire_rate_radps, start.yaw_rate_radps, start.yaw_acceleration_radps2,
     )  # fmt: skip
     rows[:, 0] = np.array(first)[:, None]
-    x, y, turned, v, ax, tire = (rows[i, 0].copy() for i in range(6))
+    wished = plans.speed_mps
+    slow = wished <= STOP_SPEED_MPS
+    # speed answers to nothing but the speed that is wished for, so that it comes first and its terms need no loop
+    asked, stopping = _speeds(rows[3], rows[4], wished, slow)
+    _steer(rows, plans, asked, stopping, shape)
     wheelbase = shape.wheelbase_m
-    passed_a = GRID_S / (GRID_S + ACCELERATION_LAG_S)
-    passed_tire = GRID_S / (GRID_S + STEERING_LAG_S)
-    for k in range(steps):
-        off_x, off_y = x - ref_x[k], y - ref_y[k]
-        lateral = off_y * cos_ref[k] - off_x * sin_ref[k]
-        error = wrap_angle(turned - ref_heading[k])
-
-        a = TRACKING_GAIN_PER_S * (wished_mps[k] - v)
-        vv, va, aa = v * v, v * a, a * a
-        # errors after the horizon without steering, and how they answer to a constant steering rate
-        way, once, twice, once_i, twice_i = _PLAIN
-        travelled = way[0] * v + way[1] * a
-        tire_share = tire / wheelbase
-        ahead = bend[k]
-        lateral += travelled * error
-        lateral += tire_share * (once[0] * vv + once[1] * va + once[2] * aa)
-        lateral -= ahead[2] * vv + ahead[3] * va + ahead[4] * aa
-        error = wrap_angle(error + tire_share * travelled - ahead[0] * v - ahead[1] * a)
-        lateral_effect = (twice[0] * vv + twice[1] * va + twice[2] * aa) / wheelbase
-        heading_effect = (once_i * v + twice_i * a) / wheelbase
-        pull = LATERAL_WEIGHT * lateral_effect * lateral + HEADING_WEIGHT * heading_effect * error
-        stiffness = (
-            LATERAL_WEIGHT * lateral_effect * lateral_effect
-            + HEADING_WEIGHT * heading_effect * heading_effect
-            + TIRE_RATE_WEIGHT
-        )
-        rate = -pull / stiffness
-        stopping = (wished_mps[k] <= STOP_SPEED_MPS) & (v <= STOP_SPEED_MPS)
-        if stopping.any():
-            a = np.where(stopping, -STOP_GAIN_PER_S * (v - wished_mps[k]), a)
-            rate = np.where(stopping, 0.0, rate)
-
-        ax = np.minimum(np.maximum(ax + passed_a * (a - ax), -MAX_ACCELERATION_MPS2), MAX_ACCELERATION_MPS2)
-        rate = passed_tire * rate
-        step_m = GRID_S * v
-        x = x + step_m * np.cos(turned)
-        y = y + step_m * np.sin(turned)
-        turned = wrap_angle(turned + step_m * np.tan(tire) / wheelbase)
-        v = v + GRID_S * ax
-        most = np.minimum(MAX_TIRE_ANGLE_RAD, np.arctan2(MAX_ACCELERATION_MPS2 * wheelbase, v * v))
-        tire = np.minimum(np.maximum(tire + GRID_S * rate, -most), most)
-        after = rows[:, k + 1]
-        after[0], after[1], after[2], after[3], after[4], after[5], after[6] = x, y, turned, v, ax, tire, rate
     rows[7, 1:] = rows[3, 1:] * np.tan(rows[5, 1:]) / wheelbase
     rows[8, 1:] = (rows[7, 1:] - rows[7, :-1]) / GRID_S
     ahead_m = shape.rear_axle_to_center_m
@@ -183,6 +144,128 @@ def _drive(start: EgoState, plans: _References, steps: int, shape: EgoShape) -> 
     columns[0, :, 0], columns[1, :, 0] = start.x_m, start.y_m
     columns.setflags(write=False)
     return SimulatedDrives(np.round(start.time_s + GRID_S * np.arange(steps + 1, dtype=np.float64), 6), *columns)
+
+
+def _speeds(
+    speed_mps: Floats, acceleration_mps2: Floats, wished_mps: Floats, slow: NDArray[np.bool_]
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Fills speeds and accelerations (K + 1, N) from their first rows on, towards wished speeds (K, N).
+
+    `slow` (K, N) is where so little is wished for that a slow ego stops.
+    Returns, (K, N) each, the accelerations that the tracker asks for where it does not stop, and where it does.
+    """
+    asked, stopping = np.empty_like(wished_mps), np.zeros_like(slow)
+    # an array where a number would do: numpy takes longer for a number than for fifteen of them
+    gain, passed, most, step_s, still = (
+        np.full(wished_mps.shape[1], value)
+        for value in (TRACKING_GAIN_PER_S, _PASSED_ACCELERATION, MAX_ACCELERATION_MPS2, GRID_S, STOP_SPEED_MPS)
+    )
+    least, change = -most, np.empty_like(gain)
+    may_stop = slow.any(axis=1).tolist()
+    v, ax = speed_mps[0], acceleration_mps2[0]
+    for k, (wished, a, after, ax_after) in enumerate(
+        zip(wished_mps, asked, speed_mps[1:], acceleration_mps2[1:], strict=True)
+    ):
+        np.subtract(wished, v, a)
+        np.multiply(gain, a, a)
+        used = a
+        if may_stop[k]:
+            stops = np.logical_and(slow[k], np.less_equal(v, still), stopping[k])
+            used = np.where(stops, -STOP_GAIN_PER_S * (v - wished), a)
+        np.subtract(used, ax, change)
+        np.multiply(passed, change, change)
+        np.add(ax, change, change)
+        np.maximum(change, least, out=change)
+        ax = np.minimum(change, most, out=ax_after)
+        np.multiply(step_s, ax, change)
+        v = np.add(v, change, after)
+    return asked, stopping
+
+
+def _steer(rows: Floats, plans: _References, asked_mps2: Floats, stopping: NDArray[np.bool_], shape: EgoShape) -> None:
+    """Fills x, y, heading, tyre angle and its rate, rows (9, K + 1, N) that hold the speeds already."""
+    steps, many = asked_mps2.shape
+    wheelbase = shape.wheelbase_m
+    v, a = rows[3, :-1], asked_mps2
+    vv, va, aa = v * v, v * a, a * a
+    # errors after the horizon without steering, and how they answer to a constant steering rate
+    way, once, twice, once_i, twice_i = _PLAIN
+    travelled = way[0] * v + way[1] * a
+    drift = once[0] * vv + once[1] * va + once[2] * aa
+    bend = plans.bend
+    bent = bend[:, 2] * vv + bend[:, 3] * va + bend[:, 4] * aa
+    turn, turn_more = bend[:, 0] * v, bend[:, 1] * a
+    lateral_effect = (twice[0] * vv + twice[1] * va + twice[2] * aa) / wheelbase
+    heading_effect = (once_i * v + twice_i * a) / wheelbase
+    lateral_pull, heading_pull = LATERAL_WEIGHT * lateral_effect, HEADING_WEIGHT * heading_effect
+    stiffness = lateral_pull * lateral_effect + heading_pull * heading_effect + TIRE_RATE_WEIGHT
+    step_m = GRID_S * v
+    after = rows[3, 1:]
+    most = np.minimum(MAX_TIRE_ANGLE_RAD, np.arctan2(MAX_ACCELERATION_MPS2 * wheelbase, after * after))
+    stops = stopping.any(axis=1).tolist()
+
+    base, passed, step_s, half, full = (
+        np.full(many, value) for value in (wheelbase, _PASSED_STEERING, GRID_S, np.pi, 2.0 * np.pi)
+    )
+    add, subtract, multiply, divide, remainder = np.add, np.subtract, np.multiply, np.divide, np.remainder
+    # x, y and heading together
+    poses, off, moves = np.empty((steps + 1, 3, many)), np.empty((3, many)), np.empty((3, many))
+    poses[0] = rows[:3, 0]
+    off_xy, turned_by = off[:2], off[2]
+    (cosine, sine, tangent), errors, shares = moves, np.empty((2, many)), np.empty((2, many))
+    off_x, off_y = off_xy
+    lateral, error = errors
+    share, part = np.empty((2, many))
+    pose, tyre = poses[0], rows[5, 0]
+    turned = pose[2]
+    by_step = zip(
+        plans.pose, plans.across, travelled, np.stack((drift, travelled), axis=1), np.stack((bent, turn), axis=1),
+        turn_more, np.stack((lateral_pull, heading_pull), axis=1), -stiffness, stops, stopping, step_m, most, -most,
+        poses[1:], rows[5, 1:], rows[6, 1:], strict=False,
+    )  # fmt: skip
+    for (
+        reference, across, way_m, answers, bends, turns_more, pulls, soft, any_stops, which_stop, moved_m, left_stop,
+        right_stop, next_pose, next_tyre, rate,
+    ) in by_step:  # fmt: skip
+        # how far the ego is off, and what becomes of it within the horizon
+        subtract(pose, reference, off)
+        multiply(off_xy, across, off_xy)
+        subtract(off_y, off_x, lateral)
+        add(turned_by, half, error)
+        remainder(error, full, error)
+        subtract(error, half, error)
+        multiply(way_m, error, part)
+        add(lateral, part, lateral)
+        divide(tyre, base, share)
+        multiply(share, answers, shares)
+        add(errors, shares, errors)
+        subtract(errors, bends, errors)
+        subtract(error, turns_more, error)
+        add(error, half, error)
+        remainder(error, full, error)
+        subtract(error, half, error)
+        multiply(pulls, errors, errors)
+        add(lateral, error, part)
+        divide(part, soft, rate)
+        if any_stops:
+            rate[which_stop] = 0.0
+        multiply(passed, rate, rate)
+
+        np.cos(turned, cosine)
+        np.sin(turned, sine)
+        np.tan(tyre, tangent)
+        multiply(moved_m, moves, moves)
+        divide(tangent, base, tangent)
+        pose = add(pose, moves, next_pose)
+        turned = pose[2]
+        add(turned, half, turned)
+        remainder(turned, full, turned)
+        subtract(turned, half, turned)
+        multiply(step_s, rate, part)
+        add(tyre, part, part)
+        np.maximum(part, right_stop, out=part)
+        tyre = np.minimum(part, left_stop, out=next_tyre)
+    rows[:3] = poses.transpose(1, 0, 2)
 
 
 def _held(profile: Floats, at: NDArray[np.intp]) -> Floats:
@@ -196,19 +279,23 @@ def _curvatures(speed_mps: Floats, turn_rad: Floats) -> Floats:
     if not turn_rad.any():
         return np.zeros_like(turn_rad)
     travelled = np.ascontiguousarray((GRID_S * speed_mps).T)
-    own_square, own_pull = travelled * travelled, travelled * turn_rad.T
+    steps, many = travelled.shape
+    # of each step, what it adds itself: to the square of the way, and to the way times the turn
+    own = np.stack((travelled * travelled, travelled * turn_rad.T), axis=1)
     pivot, right = np.empty_like(travelled), np.empty_like(travelled)
-    coming = coming_right = np.zeros(len(speed_mps))
-    for i in range(len(travelled) - 1, 0, -1):
-        own = own_square[i] + coming
-        pivot[i] = own + link
-        right[i] = own_pull[i] + coming_right
-        share = link / pivot[i]
-        coming, coming_right = share * own, share * right[i]
+    links, share, coming = np.full(many, link), np.empty(many), np.zeros((2, many))
+    for i in range(steps - 1, 0, -1):
+        summed = np.add(own[i], coming, coming)
+        right[i] = summed[1]
+        np.add(summed[0], links, pivot[i])
+        np.divide(links, pivot[i], share)
+        np.multiply(share, summed, coming)
     curvature = np.empty_like(travelled)
-    curvature[0] = (own_pull[0] + coming_right) / (own_square[0] + coming + INITIAL_CURVATURE_PENALTY)
-    for i in range(1, len(travelled)):
-        curvature[i] = (right[i] + link * curvature[i - 1]) / pivot[i]
+    curvature[0] = (own[0, 1] + coming[1]) / (own[0, 0] + coming[0] + INITIAL_CURVATURE_PENALTY)
+    for before, after, pulled, divisor in zip(curvature, curvature[1:], right[1:], pivot[1:], strict=False):
+        np.multiply(links, before, after)
+        np.add(pulled, after, after)
+        np.divide(after, divisor, after)
     return np.ascontiguousarray(curvature.T)
 
 

@@ -42,6 +42,12 @@ def test_answers_are_those_of_the_polygons(roads: Roads, route: tuple[str, ...],
         check(roads, route, ground, np.array(x_m), np.array(y_m))
 
 
+def test_where_many_boundaries_cross_answers_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("interplan_planners.common.ground.MOST_CROSSING", 1)
+    x_m, y_m = np.random.default_rng(5).uniform(-15.0, 15.0, (2, 300))
+    check(CROSSING, ROUTE, Ground(CROSSING, lanes_of_route(CROSSING, ROUTE)), x_m, y_m)
+
+
 def test_the_window_follows_the_points_and_need_not_hold_them_all() -> None:
     far = 1.5 * WINDOW_CELLS * CELL_M
     ground = Ground(SLANTED, ["11"])

@@ -12,8 +12,8 @@ from worlds import cars, ego, observation, pedestrians, straight_road, together
 from interplan_planners.common.forecast import STEP_S, constant_velocity, nearest
 from interplan_planners.common.neighbours import moved, queue_on, stands_for_good
 from interplan_planners.common.neighbours import together as joined
-from interplan_planners.common.occupancy import occupancy
-from interplan_planners.common.paths import DrivingPath
+from interplan_planners.common.occupancy import Strip, occupancies, occupancy
+from interplan_planners.common.paths import DrivingPath, shifted
 from interplan_sumo.planner import Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from tests.planners.staging_planners import crowd, polygons_at, wavy_line
@@ -58,6 +58,29 @@ def test_the_nearest_of_each_class_are_kept() -> None:
     assert (kept.kind == ActorKind.VEHICLE).sum() == 50
     assert (kept.kind == ActorKind.PEDESTRIAN).sum() == 25
     assert kept.x_m[kept.kind == ActorKind.VEHICLE].max() == 149.0
+
+
+@settings(max_examples=8)
+@given(seed=st.integers(0, 2**31))
+def test_many_strips_at_once_hold_who_each_of_them_holds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    forecast = crowd(rng, 30, LINE)
+    long = rng.random(30) < 0.3
+    forecast = replace(forecast, length_m=np.where(long, 12.0, forecast.length_m))
+    strips = [
+        Strip(DrivingPath(shifted(LINE, left_m)), half_width_m, (start_m, start_m + reach_m), ignore)
+        for left_m, half_width_m, start_m, reach_m, ignore in (
+            (0.0, 1.2, 20.0, 90.0, None),
+            (2.5, 0.8, 0.0, 20.0, rng.random(30) < 0.5),
+            (-1.0, 1.2, 60.0, 300.0, None),
+            (0.0, 1.9, -5.0, 3.0, None),
+        )
+    ]
+    for strip, found in zip(strips, occupancies(strips, forecast), strict=True):
+        alone = occupancy(strip.path, strip.half_width_m, forecast, strip.between_m, strip.ignore)
+        assert found.rows.tolist() == alone.rows.tolist()
+        for name in ("near_m", "far_m", "center_m", "speed_mps"):
+            assert np.array_equal(getattr(found, name), getattr(alone, name), equal_nan=True)
 
 
 @settings(max_examples=8)

@@ -2,12 +2,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from worlds import cars, straight_road
 
 from interplan_planners.common.forecast import constant_velocity
-from interplan_planners.common.idm_policy import IdmDriver, idm_accelerations_mps2, idm_step
+from interplan_planners.common.idm_policy import IdmDriver, IdmLaw, idm_step
 from interplan_planners.common.occupancy import StripOccupancy, occupancy
 from interplan_planners.common.paths import DrivingPath
 from interplan_planners.common.rollout import ProposalPath, RolloutClock, RolloutStart, roll_out
@@ -38,9 +38,29 @@ def rolled(
 @given(speed=st.floats(0.0, 30.0), target=st.floats(0.5, 30.0), gap=st.floats(-5.0, 200.0), lead=st.floats(-20.0, 30.0))
 def test_accelerations_of_many_are_those_of_one(speed: float, target: float, gap: float, lead: float) -> None:
     driver = IdmDriver(target, 1.0, 1.5, 1.5, 3.0, 10.0)
-    many = idm_accelerations_mps2(DRIVER, np.array([speed]), np.array([target]), np.array([gap]), np.array([lead]))
+    given = (speed, target, gap, lead)
+    many = IdmLaw.many(DRIVER, 2).acceleration_mps2(*(np.full(2, number) for number in given))
+    assert many.tolist() == [IdmLaw.one(DRIVER).acceleration_mps2(*given)] * 2  # to the last bit
     _, after = idm_step(driver, speed, gap, lead, 0.1)
     assert max(0.0, speed + 0.1 * float(many[0])) == pytest.approx(after, abs=1e-9)
+
+
+@given(seed=st.integers(0, 2**31))
+@settings(max_examples=20)
+def test_one_proposal_alone_drives_as_it_does_among_others(seed: int) -> None:
+    """A single one is rolled out without numpy; equal to the last bit."""
+    rng = np.random.default_rng(seed)
+    others = [
+        (float(s), 0.0, float(v)) for s, v in zip(rng.uniform(0.0, 120.0, 4), rng.uniform(0.0, 9.0, 4), strict=True)
+    ]
+    limit = rng.uniform(2.0, 15.0, 200)
+    track = ProposalPath(300.0, on_lane(*others), ((float(rng.uniform(30.0, 250.0)), 290.0),), limit)
+    targets = rng.uniform(3.0, 15.0, (2, STEPS))
+    most = np.where(np.arange(STEPS) < 9, rng.normal(), np.inf)
+    speed_mps = float(rng.uniform(-0.5, 14.0))
+    both, alone = (rolled(track, speed_mps, each, most_mps2=most) for each in (targets, targets[:1]))
+    assert (both[0][0] == alone[0][0]).all()
+    assert (both[1][0] == alone[1][0]).all()
 
 
 def test_without_a_lead_each_reaches_its_target_speed() -> None:

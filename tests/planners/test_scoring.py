@@ -106,8 +106,9 @@ def test_too_short_a_drive_is_comfortable() -> None:
 def test_places_of_a_drive_that_leaves_its_lane_and_the_road() -> None:
     drives = drives_along(LANE.line, ego(20.0, 0.0, 10.0), [10.0] * 3, [0.0, -1.75, 3.0], 60)
     where = places(drives, GROUND)
-    assert where.straddles[:, 0].tolist() == [False, False, False]
-    assert where.straddles[:, -1].tolist() == [False, True, False]
+    begins = np.arange(len(drives)) * drives.x_m.shape[1]
+    assert where.straddles(begins).tolist() == [False, False, False]
+    assert where.straddles(begins + drives.x_m.shape[1] - 1).tolist() == [False, True, False]
     assert where.off_road[:, -1].tolist() == [False, False, True]
     assert where.off_route[:, -1].tolist() == [False, False, True]
 
@@ -116,7 +117,7 @@ def test_the_rear_axle_decides_what_is_in_an_intersection() -> None:
     drives = straight_drives(10.0, x_m=195.0)
     where = places(drives, GROUND)
     axle_m = drives.x_m[0] - PACIFICA.rear_axle_to_center_m
-    assert (where.in_intersection[0] == ((axle_m > 200.0) & (axle_m < 215.0))).all()
+    assert (where.in_intersection(np.arange(axle_m.size)) == ((axle_m > 200.0) & (axle_m < 215.0))).all()
 
 
 def test_without_anything_around_the_farthest_drive_is_best() -> None:

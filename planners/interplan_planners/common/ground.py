@@ -22,22 +22,38 @@ from interplan_sumo.world.roads import Roads
 CELL_M = 0.5
 WINDOW_CELLS = 512
 """The cells in use form a square of this many by this many, which moves with the points."""
+MOST_CROSSING = 40
+"""Where more boundaries cross one cell its points are tested against all polygons around them."""
 _UNKNOWN = np.iinfo(np.int32).min
+_CROWDED = _UNKNOWN + 1
 
 
 @dataclass(frozen=True, eq=False)
 class Under:
     """What lies under points of some shape."""
 
-    drivable: NDArray[np.bool_]
-    """Inside a lane, a connector, a roadblock or nuPlan's drivable area."""
-    on_route: NDArray[np.bool_]
-    """Inside a lane or connector of the route."""
-    on_lane: NDArray[np.bool_]
-    """Inside any lane or connector."""
-    in_intersection: NDArray[np.bool_]
     sets: Ints
     """Index of the set of areas; equal where all the same areas lie under two points."""
+    facts: NDArray[np.bool_]  # (4, S) by set: drivable, on route, on lane, in intersection
+
+    @property
+    def drivable(self) -> NDArray[np.bool_]:
+        """Inside a lane, a connector, a roadblock or nuPlan's drivable area."""
+        return self.facts[0][self.sets]
+
+    @property
+    def on_route(self) -> NDArray[np.bool_]:
+        """Inside a lane or connector of the route."""
+        return self.facts[1][self.sets]
+
+    @property
+    def on_lane(self) -> NDArray[np.bool_]:
+        """Inside any lane or connector."""
+        return self.facts[2][self.sets]
+
+    @property
+    def in_intersection(self) -> NDArray[np.bool_]:
+        return self.facts[3][self.sets]
 
 
 class Ground:
@@ -58,18 +74,18 @@ class Ground:
         on_route = frozenset(route_lanes)
         self._is_route = np.array([lane.id in on_route for lane in lanes] + [False] * (count - len(lanes)), dtype=bool)
         self._sets: dict[frozenset[int], int] = {}
-        self._facts = np.zeros((0, 4), dtype=np.bool_)  # by set: drivable, on route, on lane, in intersection
+        self._facts = np.zeros((4, 0), dtype=np.bool_)
         self._lanes_of: list[frozenset[int]] = []
-        self._mixtures: list[Ints] = []  # candidates of the cells that boundaries cross
+        self._mixtures = _Mixtures()
+        self._found: dict[int, int] = {}
+        """Sets of points in cells that boundaries cross, by mixture and by which of its areas hold the point."""
         self._one_lane: dict[tuple[int, ...], bool] = {}
         self._cells = np.full((WINDOW_CELLS, WINDOW_CELLS), _UNKNOWN, dtype=np.int32)
         self._corner: Ints | None = None
 
     def under(self, x_m: Floats, y_m: Floats) -> Under:
         """What lies under points of any shape, map frame. On an edge counts as outside."""
-        sets = self._sets_under(np.ravel(x_m), np.ravel(y_m)).reshape(np.shape(x_m))
-        facts = self._facts[sets]
-        return Under(facts[..., 0], facts[..., 1], facts[..., 2], facts[..., 3], sets)
+        return Under(self._sets_under(np.ravel(x_m), np.ravel(y_m)).reshape(np.shape(x_m)), self._facts)
 
     def straddles(self, corners: Ints) -> NDArray[np.bool_]:
         """(M,) whether boxes lie in several lanes and in none entirely, from the sets under their corners (M, 4)."""
@@ -94,8 +110,8 @@ class Ground:
         column, row = np.floor(x_m / CELL_M).astype(np.int64), np.floor(y_m / CELL_M).astype(np.int64)
         low = np.array((column.min(), row.min()))
         high = np.array((column.max(), row.max()))
-        if (high - low >= WINDOW_CELLS).any():  # spread too far for the window: ask the polygons themselves
-            return self._tested(x_m, y_m, [np.arange(len(self._polygons))], [slice(0, x_m.size)])
+        if (high - low >= WINDOW_CELLS).any():  # spread too far for the window
+            return self._asked(x_m, y_m)
         if self._corner is None or (low < self._corner).any() or (high >= self._corner + WINDOW_CELLS).any():
             self._corner = (low + high - WINDOW_CELLS) // 2
             self._cells.fill(_UNKNOWN)
@@ -109,52 +125,68 @@ class Ground:
             found[unknown] = self._cells[row[unknown], column[unknown]]
         mixed = np.flatnonzero(found < 0)
         if mixed.size:
-            mixed = mixed[np.argsort(found[mixed], kind="stable")]
-            kinds, starts = np.unique(found[mixed], return_index=True)
-            candidates = [self._mixtures[-1 - kind] for kind in kinds.tolist()]
-            pieces = [slice(a, b) for a, b in pairwise([*starts.tolist(), mixed.size])]
-            found[mixed] = self._tested(x_m[mixed], y_m[mixed], candidates, pieces)
+            crowded = mixed[found[mixed] == _CROWDED]
+            if crowded.size:
+                found[crowded] = self._asked(x_m[crowded], y_m[crowded])
+                mixed = mixed[found[mixed] < 0]
+        if mixed.size:
+            found[mixed] = self._tested(x_m[mixed], y_m[mixed], -1 - found[mixed])
         return found
 
     def _explored(self, cells: Ints, corner: Ints) -> Ints:
-        """What holds in each of the cells: the index of a set, or -1 - the index of a mixture."""
+        """What holds in each of the cells: the index of a set, -1 - the index of a mixture, or `_CROWDED`."""
         left = (cells % WINDOW_CELLS + corner[0]) * CELL_M
         bottom = (cells // WINDOW_CELLS + corner[1]) * CELL_M
         boxes = np.asarray(shapely.box(left, bottom, left + CELL_M, bottom + CELL_M))
-        cell, polygon = self._tree.query(boxes, predicate="intersects")
+        # not the tree's own predicate, which prepares the boxes: the polygons are prepared already
+        cell, polygon = self._tree.query(boxes)
+        touching = shapely.intersects(self._polygons[polygon], boxes[cell])
+        cell, polygon = cell[touching], polygon[touching]
         order = np.lexsort((polygon, cell))
         cell, polygon = cell[order], polygon[order]
         whole = shapely.contains_properly(self._polygons[polygon], boxes[cell])
         result = np.empty(len(cells), dtype=np.int64)
         starts = np.searchsorted(cell, np.arange(len(cells) + 1)).tolist()
         members, covered = polygon.tolist(), whole.tolist()
-        mixtures = {tuple(m.tolist()): i for i, m in enumerate(self._mixtures)}
         for i, (first, last) in enumerate(pairwise(starts)):
-            here = members[first:last]
-            if all(covered[first:last]):
-                result[i] = self._set(frozenset(here))
-                continue
-            index = mixtures.setdefault(tuple(here), len(self._mixtures))
-            if index == len(self._mixtures):
-                self._mixtures.append(np.array(here, dtype=np.int64))
-            result[i] = -1 - index
+            full = frozenset(
+                p for p, all_of_it in zip(members[first:last], covered[first:last], strict=True) if all_of_it
+            )
+            if len(full) == last - first:
+                result[i] = self._set(full)
+            else:
+                crossing = tuple(p for p in members[first:last] if p not in full)
+                result[i] = -1 - self._mixtures.index(full, crossing) if len(crossing) <= MOST_CROSSING else _CROWDED
         return result
 
-    def _tested(self, x_m: Floats, y_m: Floats, candidates: list[Ints], pieces: list[slice]) -> Ints:
-        """Sets under points (M,), each piece of them tested against its own candidates."""
-        areas = np.unique(np.concatenate(candidates))
-        inside = np.zeros((len(x_m), len(areas)), dtype=np.bool_)
-        asked: dict[int, list[Ints]] = {}
-        points = np.arange(len(x_m))
-        for members, piece in zip(candidates, pieces, strict=True):
-            for column in np.searchsorted(areas, members).tolist():
-                asked.setdefault(column, []).append(points[piece])
-        for column, lists in asked.items():
-            rows = np.concatenate(lists)
-            inside[rows, column] = shapely.contains_xy(self._polygons[areas[column]], x_m[rows], y_m[rows])
-        patterns, inverse = np.unique(np.packbits(inside, axis=1), axis=0, return_inverse=True)
-        members = np.unpackbits(patterns, axis=1, count=len(areas)).astype(np.bool_)
-        return np.array([self._set(frozenset(areas[row].tolist())) for row in members])[inverse.ravel()]
+    def _tested(self, x_m: Floats, y_m: Floats, mixture: Ints) -> Ints:
+        """Sets under points (M,) in cells of mixtures (M,): only areas whose boundaries cross the cell are tested."""
+        first, count, areas = self._mixtures.columns
+        counts = count[mixture]
+        ends = np.cumsum(counts)
+        point = np.repeat(np.arange(len(mixture)), counts)
+        place = np.arange(len(point)) - (ends - counts)[point]
+        area = areas[first[mixture][point] + place]
+        inside = shapely.contains_xy(self._polygons[area], x_m[point], y_m[point])
+        bits = np.bitwise_or.reduceat(inside.astype(np.int64) << place, ends - counts)
+        keys: list[int] = (bits | mixture << MOST_CROSSING).tolist()
+        known = self._found
+        try:
+            return np.array([known[key] for key in keys], dtype=np.int64)
+        except KeyError:
+            for key in {*keys} - known.keys():
+                full, crossing = self._mixtures.kinds[key >> MOST_CROSSING]
+                known[key] = self._set(full.union(p for i, p in enumerate(crossing) if key >> i & 1))
+            return np.array([known[key] for key in keys], dtype=np.int64)
+
+    def _asked(self, x_m: Floats, y_m: Floats) -> Ints:
+        """Sets under points (M,), each of them tested against all polygons around it."""
+        point, area = self._tree.query(shapely.points(x_m, y_m))
+        inside = shapely.contains_xy(self._polygons[area], x_m[point], y_m[point])
+        areas: list[set[int]] = [set() for _ in range(len(x_m))]
+        for i, j in zip(point[inside].tolist(), area[inside].tolist(), strict=True):
+            areas[i].add(j)
+        return np.array([self._set(frozenset(each)) for each in areas], dtype=np.int64)
 
     def _set(self, areas: frozenset[int]) -> int:
         """The index of a set of areas, a new one if it has not been met."""
@@ -164,6 +196,32 @@ class Ground:
             rows = np.array(sorted(areas), dtype=np.int64)
             lane, crossing = self._is_lane[rows], self._is_crossing[rows]
             facts = (len(rows) > 0, bool(self._is_route[rows].any()), bool(lane.any()), bool(crossing.any()))
-            self._facts = np.concatenate((self._facts, np.array([facts], dtype=np.bool_)))
+            self._facts = np.column_stack((self._facts, np.array(facts, dtype=np.bool_)))
             self._lanes_of.append(frozenset(rows[lane].tolist()))
         return index
+
+
+class _Mixtures:
+    """What may hold in a cell that boundaries cross: areas that cover it, and those whose boundaries cross it."""
+
+    def __init__(self) -> None:
+        self.kinds: list[tuple[frozenset[int], tuple[int, ...]]] = []
+        self._index: dict[tuple[frozenset[int], tuple[int, ...]], int] = {}
+        self._columns: tuple[Ints, Ints, Ints] | None = None
+
+    def index(self, full: frozenset[int], crossing: tuple[int, ...]) -> int:
+        """The number of a mixture, a new one if it has not been met."""
+        found = self._index.setdefault((full, crossing), len(self.kinds))
+        if found == len(self.kinds):
+            self.kinds.append((full, crossing))
+            self._columns = None
+        return found
+
+    @property
+    def columns(self) -> tuple[Ints, Ints, Ints]:
+        """Where the crossing areas of each begin, how many there are, and all of them in one row."""
+        if self._columns is None:
+            count = np.array([len(crossing) for _, crossing in self.kinds])
+            areas = np.array([area for _, crossing in self.kinds for area in crossing])
+            self._columns = np.cumsum(count) - count, count, areas
+        return self._columns

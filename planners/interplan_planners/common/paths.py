@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
+from itertools import accumulate, pairwise
 from math import tan
 
 import numpy as np
@@ -55,59 +57,129 @@ class DrivingPath:
         """`line` should have vertices about 1 m apart, as centre lines have."""
         self.line = line
         points = line.points
-        self._coarse_at: Ints = frozen(np.unique(np.append(np.arange(0, len(points), _STRIDE), len(points) - 1)), int)
-        self._coarse = points[self._coarse_at]
-        self._length = np.diff(line.arc_m)
-        unit = (points[1:] - points[:-1]) / self._length[:, None]
-        self.unit: Floats = np.ascontiguousarray(unit.T)
-        """(2, S) directions of the segments."""
+        length = np.diff(line.arc_m)
+        unit = (points[1:] - points[:-1]) / length[:, None]
         starts = (np.ascontiguousarray(points[:-1, i]) for i in (0, 1))
-        self._columns = (*starts, *self.unit, self._length, line.arc_m)
-        gap_m = np.diff(line.arc_m[self._coarse_at])
-        self.coarse_m = float(gap_m.max())
+        self.segments: tuple[Floats, ...] = (*starts, *np.ascontiguousarray(unit.T), length, line.arc_m[:-1])
+        """x and y of the start, x and y of the direction, length, arc length at the start; (S,) each."""
+        self.coarse_at: Ints = frozen(np.unique(np.append(np.arange(0, len(points), _STRIDE), len(points) - 1)), int)
+        """Every fourth vertex."""
+        self.coarse_arc_m: Floats = line.arc_m[self.coarse_at]
+        self.coarse_m = float(np.diff(self.coarse_arc_m).max())
         """Largest distance between the vertices that are looked at first."""
-        self.fine_m = float(np.median(self._length))
+        self.fine_m = float(np.median(length))
         """Usual length of a segment."""
 
     @property
     def length_m(self) -> float:
         return self.line.length_m
 
-    def nearest_vertices(self, x_m: Floats, y_m: Floats, between_m: tuple[float, float]) -> tuple[Ints, Floats]:
-        """For points (M,): the nearest of every fourth vertex within a stretch, as an index, and its distance."""
-        arc = self.line.arc_m[self._coarse_at]
-        first = max(int(arc.searchsorted(between_m[0])) - 1, 0)
-        last = max(min(int(arc.searchsorted(between_m[1])) + 1, len(arc)), first + 1)
-        at = self._coarse[first:last]
-        off_x, off_y = x_m[:, None] - at[:, 0], y_m[:, None] - at[:, 1]
-        distance2 = off_x * off_x + off_y * off_y
-        best = distance2.argmin(axis=1)
-        return self._coarse_at[first + best], np.sqrt(distance2[np.arange(len(best)), best])
-
-    def project_near(self, x_m: Floats, y_m: Floats, segments: Ints, span: int = _SPAN) -> tuple[Floats, Floats, Ints]:
-        """Arc length, lateral offset (left positive) and segment, (M, ...) each, of points (M, ...).
-
-        Looks at `span` segments on either side of given segments (M,).
-        """
-        last = len(self._length) - 1
-        rows = np.minimum(np.maximum(segments[:, None] + np.arange(-span, span + 1), 0), last)
-        shape = (len(rows),) + (1,) * (x_m.ndim - 1) + (rows.shape[1],)
-        start_x, start_y, unit_x, unit_y, length = (column[rows].reshape(shape) for column in self._columns[:5])
-        rel_x, rel_y = x_m[..., None] - start_x, y_m[..., None] - start_y
-        along = np.minimum(np.maximum(rel_x * unit_x + rel_y * unit_y, 0.0), length)
-        off_x, off_y = rel_x - along * unit_x, rel_y - along * unit_y
-        distance2 = off_x * off_x + off_y * off_y
-        best = distance2.argmin(axis=-1)
-        at = np.arange(best.size) * rows.shape[1] + best.ravel()
-        segment = np.minimum(np.maximum(segments.reshape(shape[:-1]) - span + best, 0), last)
-        along, off_x, off_y, distance2 = (a.ravel()[at].reshape(best.shape) for a in (along, off_x, off_y, distance2))
-        side = self._columns[2][segment] * off_y - self._columns[3][segment] * off_x
-        return self._columns[5][segment] + along, np.copysign(np.sqrt(distance2), side), segment
+    @cached_property
+    def bundle(self) -> PathBundle:
+        """This path alone."""
+        return PathBundle((self,))
 
     def project(self, x_m: Floats, y_m: Floats, between_m: tuple[float, float] | None = None) -> tuple[Floats, Floats]:
         """Arc length (M,) and lateral offset (M,), left positive, of points (M,); `between_m` narrows the search."""
-        vertices, _ = self.nearest_vertices(x_m, y_m, between_m or (0.0, self.length_m))
-        return self.project_near(x_m, y_m, vertices)[:2]
+        bundle, of = self.bundle, np.zeros(len(x_m), dtype=np.int64)
+        vertices, _ = bundle.nearest_vertices(of, x_m, y_m, [between_m or (0.0, self.length_m)])
+        return bundle.project_near(of, x_m, y_m, vertices)[:2]
+
+
+class PathBundle:
+    """Several paths on which points are projected at once, each on its own one.
+
+    Segments are counted through all paths; between two paths one number is left
+    out, so that the same numbers stand for vertices.
+    """
+
+    def __init__(self, paths: Sequence[DrivingPath]) -> None:
+        self.paths = tuple(paths)
+        counts = np.array([len(path.line.points) for path in paths])
+        self.first: Ints = np.cumsum(counts) - counts
+        """(P,) where the vertices of each begin, and its segments."""
+        self._last = self.first + counts - 2
+        if len(paths) == 1:
+            self._columns = paths[0].segments
+            coarse, self._coarse_at = paths[0].line.points[paths[0].coarse_at], paths[0].coarse_at
+        else:
+            gap = np.zeros(1)
+            columns = zip(*(path.segments for path in paths), strict=True)
+            self._columns = tuple(np.concatenate([p for part in each for p in (part, gap)]) for each in columns)
+            coarse = np.concatenate([path.line.points[path.coarse_at] for path in paths])
+            self._coarse_at = np.concatenate([path.coarse_at + k for path, k in zip(paths, self.first, strict=True)])
+        self._coarse_x, self._coarse_y = np.ascontiguousarray(coarse.T)
+        self._coarse_first: list[int] = [0, *accumulate(len(path.coarse_at) for path in paths)]
+        self.coarse_m: Floats = np.array([path.coarse_m for path in paths])
+        self.fine_m: Floats = np.array([path.fine_m for path in paths])
+
+    def nearest_vertices(
+        self, of: Ints, x_m: Floats, y_m: Floats, between_m: Sequence[tuple[float, float]]
+    ) -> tuple[Ints, Floats]:
+        """For points (M,): the nearest of every fourth vertex of path `of` (M,), which increases, and its distance.
+
+        Each path is looked at within a stretch of its own.
+        """
+        nearest, away_m = np.empty(len(of), dtype=np.int64), np.empty(len(of))
+        pieces = of.searchsorted(np.arange(len(self.paths) + 1)).tolist()
+        # path after path: picking each point's own vertices would take longer than the sums
+        for p, ((a, b), stretch_m) in enumerate(zip(pairwise(pieces), between_m, strict=True)):
+            if a == b:
+                continue
+            first, last = self._window(p, stretch_m)
+            off_x = x_m[a:b, None] - self._coarse_x[first:last]
+            off_y = y_m[a:b, None] - self._coarse_y[first:last]
+            off_x *= off_x
+            off_y *= off_y
+            off_x += off_y
+            best = off_x.argmin(axis=1)
+            np.take(self._coarse_at, first + best, out=nearest[a:b])
+            np.sqrt(off_x.ravel()[best + (last - first) * np.arange(b - a)], away_m[a:b])
+        return nearest, away_m
+
+    def _window(self, p: int, between_m: tuple[float, float]) -> tuple[int, int]:
+        """Which of every fourth vertex of a path lie in a stretch: the first of them, and the one after the last."""
+        arc_m = self.paths[p].coarse_arc_m
+        first = max(int(arc_m.searchsorted(between_m[0])) - 1, 0)
+        last = max(min(int(arc_m.searchsorted(between_m[1])) + 1, len(arc_m)), first + 1)
+        return self._coarse_first[p] + first, self._coarse_first[p] + last
+
+    def directions(self, segments: Ints) -> tuple[Floats, Floats]:
+        """Cosine and sine of the headings of segments."""
+        return self._columns[2][segments], self._columns[3][segments]
+
+    def project_near(
+        self, of: Ints, x_m: Floats, y_m: Floats, segments: Ints, spans: Ints | int = _SPAN
+    ) -> tuple[Floats, Floats, Ints]:
+        """Arc length, lateral offset (left positive) and segment, (..., M) each, of points (..., M) on paths (M,).
+
+        Looks at `spans`, one for all or (P,) by path, segments on either side of given ones (M,).
+        """
+        low, high = self.first[of], self._last[of]
+        if isinstance(spans, int):
+            span = spans
+        else:
+            span, own = int(spans.max()), spans[of]
+            low, high = np.maximum(low, segments - own), np.minimum(high, segments + own)
+        # segments come first and points last, so that numpy has long rows to work on
+        rows = np.minimum(np.maximum(segments + np.arange(-span, span + 1)[:, None], low), high)
+        shape = (len(rows),) + (1,) * (x_m.ndim - 1) + (len(of),)
+        start_x, start_y, unit_x, unit_y, length = (column[rows].reshape(shape) for column in self._columns[:5])
+        off_x, off_y = x_m - start_x, y_m - start_y
+        along, part = off_x * unit_x, off_y * unit_y
+        along += part
+        np.maximum(along, 0.0, out=along)
+        np.minimum(along, length, out=along)
+        off_x -= np.multiply(along, unit_x, part)
+        off_y -= np.multiply(along, unit_y, part)
+        distance2 = off_x * off_x
+        distance2 += np.multiply(off_y, off_y, part)
+        best = distance2.argmin(axis=0)
+        at = best.ravel() * best.size + np.arange(best.size)
+        segment = rows.ravel()[best * len(of) + np.arange(len(of))]
+        along, off_x, off_y, distance2 = (a.ravel()[at].reshape(best.shape) for a in (along, off_x, off_y, distance2))
+        side = self._columns[2][segment] * off_y - self._columns[3][segment] * off_x
+        return self._columns[5][segment] + along, np.copysign(np.sqrt(distance2), side), segment
 
 
 def center_poses(
@@ -119,8 +191,11 @@ def center_poses(
         rows = np.flatnonzero(path_of == i)
         if not rows.size:
             continue
-        poses = path.line.poses_at(progress_m[rows].ravel()).reshape(len(rows), -1, 3)
-        x_m[rows], y_m[rows], heading_rad[rows] = poses[..., 0], poses[..., 1], poses[..., 2]
+        line = path.line
+        at = np.minimum(np.maximum(progress_m[rows], 0.0), line.length_m)
+        x_m[rows] = np.interp(at, line.arc_m, line.points[:, 0])
+        y_m[rows] = np.interp(at, line.arc_m, line.points[:, 1])
+        heading_rad[rows] = np.interp(at, line.arc_m, line.vertex_heading_rad)
     ahead_m = shape.rear_axle_to_center_m
     return x_m + ahead_m * np.cos(heading_rad), y_m + ahead_m * np.sin(heading_rad), heading_rad
 

@@ -12,7 +12,7 @@ from interplan_planners.common.contacts import touched_now
 from interplan_planners.common.forecast import STEP_S, Forecast, constant_velocity, nearest
 from interplan_planners.common.ground import Ground
 from interplan_planners.common.idm_policy import IdmDriver
-from interplan_planners.common.occupancy import occupancy
+from interplan_planners.common.occupancy import Strip, occupancies
 from interplan_planners.common.option_checks import more_than_0
 from interplan_planners.common.paths import DrivingPath, braking_plan, center_poses, rear_axle_plan
 from interplan_planners.common.red_lights import RedLights
@@ -131,10 +131,7 @@ class PdmMotion:
         targets_mps = np.tile(corridor.limit_mps * np.array(settings.speed_fractions), len(paths))
         closed = corridor.red_lights.closed(observation.signals, ego, shape)
         traffic = _Traffic(forecast, ignore, corridor.red_lights, closed, float(targets_mps.max()) * settings.horizon_s)
-        tracks = [
-            self._track(path, arc_m, traffic, (0.0, settings.proposal_horizon_s))
-            for path, arc_m in zip(paths, starts_m.tolist(), strict=True)
-        ]
+        tracks = self._tracks(paths, starts_m, traffic, (0.0, settings.proposal_horizon_s))
         start = RolloutStart(path_of, starts_m[path_of], ego.speed_mps)
         rolled = self._roll_out(tracks, start, targets_mps, settings.proposal_horizon_s)
         drives = follow_all(ego, *center_poses(paths, path_of, rolled.progress_m, shape), shape=shape)
@@ -159,12 +156,22 @@ class PdmMotion:
         x_m, y_m, _ = center_poses(paths, rows, starts_m[:, None], self._shape)
         return np.hypot(x_m[:, 0] - ego.x_m, y_m[:, 0] - ego.y_m)
 
-    def _track(self, path: DrivingPath, start_m: float, traffic: _Traffic, span_s: tuple[float, float]) -> ProposalPath:
-        """One of the paths and all that may lead on it within a span of time from now."""
+    def _tracks(
+        self, paths: Sequence[DrivingPath], starts_m: Floats, traffic: _Traffic, span_s: tuple[float, float]
+    ) -> list[ProposalPath]:
+        """Paths from arc lengths (P,) on, and all that may lead on them within a span of time from now."""
         half_width_m = self._shape.width_m / 2
-        stretch = (start_m - half_width_m, start_m + traffic.reach_m + half_width_m)  # square caps, as published
-        occupied = occupancy(path, half_width_m, traffic.forecast.between(*span_s), stretch, traffic.ignore)
-        return ProposalPath(path.length_m, occupied, traffic.red_lights.on_path(path, traffic.closed))
+        strips = [
+            # square caps, as published
+            Strip(
+                path, half_width_m, (start_m - half_width_m, start_m + traffic.reach_m + half_width_m), traffic.ignore
+            )
+            for path, start_m in zip(paths, starts_m.tolist(), strict=True)
+        ]
+        return [
+            ProposalPath(path.length_m, occupied, traffic.red_lights.on_path(path, traffic.closed))
+            for path, occupied in zip(paths, occupancies(strips, traffic.forecast.between(*span_s)), strict=True)
+        ]
 
     def _roll_out(
         self, tracks: list[ProposalPath], start: RolloutStart, targets_mps: Floats, duration_s: float
@@ -187,9 +194,9 @@ class PdmMotion:
         settings = self._settings
         if settings.horizon_s > settings.proposal_horizon_s:
             span_s = (settings.proposal_horizon_s, settings.horizon_s)
-            track = self._track(path, float(progress_m[0]), traffic, span_s)
+            tracks = self._tracks([path], progress_m[:1], traffic, span_s)
             start = RolloutStart(np.zeros(1, dtype=np.int64), progress_m[-1:], speed_mps[-1])
-            more = self._roll_out([track], start, target_mps, settings.horizon_s - settings.proposal_horizon_s)
+            more = self._roll_out(tracks, start, target_mps, settings.horizon_s - settings.proposal_horizon_s)
             progress_m = np.concatenate((progress_m, more.progress_m[0, 1:]))
             speed_mps = np.concatenate((speed_mps, more.speed_mps[0, 1:]))
         time_s = ego.time_s + GRID_S * np.arange(len(progress_m))

@@ -8,9 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from interplan_planners.common.idm_policy import IdmDriver, idm_accelerations_mps2
+from interplan_planners.common.idm_policy import IdmDriver, IdmLaw
 from interplan_planners.common.occupancy import StripOccupancy
 from interplan_sumo.world.geometry import Floats, Ints
+
+_AT_THE_END = 1e300
+"""Farther than all, but a number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,40 +72,119 @@ def roll_out(
     standing lead, half a car's length early. `most_mps2`, (T,) or (N, T), caps
     the accelerations.
     """
-    (front_m, rear_m), track_of, count = bumpers_m, start.track_of, len(start.track_of)
-    instants, step_s, steps = clock.instants, clock.step_s, len(clock.instants) - 1
-    near, center, lead_speed = _tables(tracks)
-    limits = _limits(tracks)
+    target = np.asarray(target_mps, dtype=np.float64)
+    (front_m, rear_m), track_of = bumpers_m, start.track_of
     end_m = np.array([track.length_m for track in tracks])[track_of] - 0.5 * (front_m + rear_m)
+    run = _Run(tracks, start, end_m, front_m, target, driver, clock, most_mps2)
+    return _one(run) if len(track_of) == 1 else _many(run)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Run:
+    """What a roll-out is made of."""
+
+    tracks: Sequence[ProposalPath]
+    start: RolloutStart
+    end_m: Floats
+    """(N,) the lead that stands for the end of the path; a gap to it is measured from the middle of the car, any other
+    from its front bumper."""
+    front_m: float
+    target_mps: Floats
+    driver: IdmDriver
+    clock: RolloutClock
+    most_mps2: Floats | None
+
+
+def _many(run: _Run) -> Rollout:
+    """All proposals at once, step after step."""
+    start, clock, track_of, target = run.start, run.clock, run.start.track_of, run.target_mps
+    steps, count = len(clock.instants) - 1, len(track_of)
+    limits = _limits(run.tracks)
+    leads = _Leads(run.tracks, track_of, run.end_m, run.front_m)
+    law = IdmLaw.many(run.driver, count)
     progress = np.array(start.progress_m, dtype=np.float64)
     speed = np.maximum(np.broadcast_to(start.speed_mps, (count,)), 0.0)
-    target = np.asarray(target_mps, dtype=np.float64)
     columns = (progress_m_at, speed_at) = np.empty((steps + 1, count)), np.empty((steps + 1, count))
     progress_m_at[0], speed_at[0] = progress, speed
-    rows = np.arange(count)
-    lead_m, lead_mps = end_m, np.zeros(count)
+    step_s, nothing, wanted = np.full(count, clock.step_s), np.zeros(count), target
+    lead_m, lead_mps = run.end_m, nothing
+    instants = clock.instants.tolist()
     for k in range(1, steps + 1):
-        if (k - 1) % clock.lead_every == 0 or k == 1:
-            k_lead = instants[k]
-            ahead = center[track_of, k_lead] > progress[:, None]
-            reach = np.where(ahead, near[track_of, k_lead], np.inf)
-            first = reach.argmin(axis=1)
-            nearest = reach[rows, first]
-            led = np.isfinite(nearest)
-            # a gap to the end of the path is measured from the middle of the car, any other from its front bumper
-            lead_m = np.where(led, nearest - front_m, end_m)
-            lead_mps = np.where(led, lead_speed[track_of, k_lead][rows, first], 0.0)
-        wanted = target if target.ndim == 1 else target[:, k - 1]
+        if (k - 1) % clock.lead_every == 0:
+            lead_m, lead_mps = leads.ahead_of(progress, instants[k])
+        if target.ndim > 1:
+            wanted = target[:, k - 1]
+        within = wanted
         if limits is not None:
             metre = np.minimum(progress.astype(np.int64), limits.shape[1] - 1)
-            wanted = np.minimum(wanted, limits[track_of, metre])
-        acceleration = idm_accelerations_mps2(driver, speed, wanted, lead_m - progress, lead_mps)
-        if most_mps2 is not None:
-            acceleration = np.minimum(acceleration, most_mps2[..., k - 1])
-        progress = progress + step_s * speed
-        speed = np.maximum(speed + step_s * acceleration, 0.0)
-        progress_m_at[k], speed_at[k] = progress, speed
+            within = np.minimum(wanted, limits[track_of, metre])
+        acceleration = law.acceleration_mps2(speed, within, lead_m - progress, lead_mps)
+        if run.most_mps2 is not None:
+            acceleration = np.minimum(acceleration, run.most_mps2[..., k - 1])
+        progress = np.add(progress, step_s * speed, progress_m_at[k])
+        speed = np.maximum(speed + step_s * acceleration, nothing, out=speed_at[k])
     return Rollout(*(np.ascontiguousarray(column.T) for column in columns))
+
+
+def _one(run: _Run) -> Rollout:
+    """One proposal, without numpy: what `_many` does, to the last bit."""
+    clock, front_m, step_s = run.clock, run.front_m, run.clock.step_s
+    track = run.tracks[int(run.start.track_of[0])]
+    steps = len(clock.instants) - 1
+    near, center, lead_speed = (table[0].tolist() for table in _tables([track]))
+    limit = None if track.limit_mps is None else track.limit_mps.tolist()
+    targets = run.target_mps.ravel().tolist() if run.target_mps.ndim > 1 else run.target_mps.tolist() * steps
+    most = [np.inf] * steps if run.most_mps2 is None else run.most_mps2.ravel().tolist()
+    law = IdmLaw.one(run.driver)
+    (progress,), (end_m,) = run.start.progress_m.tolist(), run.end_m.tolist()
+    speed = max(float(np.broadcast_to(run.start.speed_mps, (1,))[0]), 0.0)
+    progress_m, speed_mps = [progress], [speed]
+    lead_m, lead_mps = end_m, 0.0
+    for k, instant in enumerate(clock.instants.tolist()[1:]):
+        if k % clock.lead_every == 0:
+            first, nearest = -1, np.inf
+            for j, (reach_m, center_m) in enumerate(zip(near[instant], center[instant], strict=True)):
+                if center_m > progress and reach_m < nearest:
+                    first, nearest = j, reach_m
+            lead_m, lead_mps = (end_m, 0.0) if first < 0 else (nearest - front_m, lead_speed[instant][first])
+        wanted = targets[k]
+        if limit is not None:
+            wanted = min(wanted, limit[min(int(progress), len(limit) - 1)])
+        acceleration = min(law.acceleration_mps2(speed, wanted, lead_m - progress, lead_mps), most[k])
+        progress, speed = progress + step_s * speed, max(speed + step_s * acceleration, 0.0)
+        progress_m.append(progress)
+        speed_mps.append(speed)
+    return Rollout(np.array([progress_m]), np.array([speed_mps]))
+
+
+class _Leads:
+    """Who is ahead on the tracks of N proposals; the end of the track stands behind them all."""
+
+    def __init__(self, tracks: Sequence[ProposalPath], track_of: Ints, end_m: Floats, front_m: float) -> None:
+        near, center, speed = _tables(tracks)
+        instants, most = near.shape[1:]
+        self._anybody: list[bool] = np.isfinite(near).any(axis=(0, 2)).tolist()
+        """By instant."""
+        self._end_m, self._standing = end_m, np.zeros(len(track_of))
+        # an instant is one piece of memory, with the end of the track as its last column
+        shape = (instants, len(track_of), most + 1)
+        self._near, self._center = np.full(shape, _AT_THE_END), np.full(shape, np.inf)
+        self._stop_m, self._speed = np.empty(shape), np.zeros(shape)
+        self._near[..., :most] = near.transpose(1, 0, 2)[:, track_of]
+        self._center[..., :most] = center.transpose(1, 0, 2)[:, track_of]
+        self._speed[..., :most] = speed.transpose(1, 0, 2)[:, track_of]
+        np.subtract(self._near, front_m, self._stop_m)
+        self._stop_m[..., most] = end_m
+        self._rows = (most + 1) * np.arange(len(track_of))
+        self._nobody = np.full(shape[1:], np.inf)
+
+    def ahead_of(self, progress_m: Floats, instant: int) -> tuple[Floats, Floats]:
+        """(N,) where each has to stop for whoever is nearest ahead of an arc length, and how fast that one is."""
+        if not self._anybody[instant]:
+            return self._end_m, self._standing
+        ahead = self._center[instant] > progress_m[:, None]
+        first = self._rows + np.where(ahead, self._near[instant], self._nobody).argmin(axis=1)
+        return self._stop_m[instant].ravel()[first], self._speed[instant].ravel()[first]
 
 
 def _limits(tracks: Sequence[ProposalPath]) -> Floats | None:

@@ -62,16 +62,28 @@ class Scores:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where the ego is at each state of N drives; (N, T) each."""
+    """Where the ego is at each state of N drives."""
 
-    straddles: NDArray[np.bool_]
-    """In several lanes and in none entirely."""
     off_road: NDArray[np.bool_]
-    """With a corner off the drivable area."""
+    """(N, T) with a corner off the drivable area."""
     off_route: NDArray[np.bool_]
-    """With its centre on no lane of the route."""
-    in_intersection: NDArray[np.bool_]
-    """With its rear axle."""
+    """(N, T) with its centre on no lane of the route."""
+    _corners: Ints  # (N T, 4) sets under the corners
+    _drives: SimulatedDrives
+    _ground: Ground
+    _shape: EgoShape
+
+    def straddles(self, pose: Ints) -> NDArray[np.bool_]:
+        """(C,) whether it is in several lanes and in none entirely, at some of the states, counted through all."""
+        return self._ground.straddles(self._corners[pose])
+
+    def in_intersection(self, pose: Ints) -> NDArray[np.bool_]:
+        """(C,) whether its rear axle is in an intersection, at some of the states."""
+        heading = self._drives.heading_rad.ravel()[pose]
+        behind_m = self._shape.rear_axle_to_center_m
+        x_m = self._drives.x_m.ravel()[pose] - behind_m * np.cos(heading)
+        y_m = self._drives.y_m.ravel()[pose] - behind_m * np.sin(heading)
+        return self._ground.under(x_m, y_m).in_intersection
 
 
 def score(
@@ -94,8 +106,9 @@ def score(
     looked = drives if every == 1 else drives.thinned(every)
     where = places(looked, ground, shape)
     ahead_s = looked.time_s - looked.time_s[0]
-    fault_score, collision_s = _collisions(looked, ahead_s, forecast, where, shape, ignore)
-    danger_s = _dangers(looked, ahead_s, forecast, where, shape, ignore)
+    touched = _touched(looked, ahead_s, forecast, shape, ignore)
+    fault_score, collision_s = _collisions(looked, ahead_s, forecast, where, shape, touched)
+    danger_s = _dangers(looked, ahead_s, forecast, where, shape, touched)
     drivable = np.where(where.off_road.any(axis=1), 0.0, 1.0)
     direction = _direction(looked, where)
     ends_x, ends_y = drives.x_m[:, (0, -1)].ravel(), drives.y_m[:, (0, -1)].ravel()
@@ -115,22 +128,21 @@ def score(
 
 def places(drives: SimulatedDrives, ground: Ground, shape: EgoShape = PACIFICA) -> Places:
     """Where the ego is at each state of each drive."""
-    cos, sin = np.cos(drives.heading_rad), np.sin(drives.heading_rad)
-    # front left, rear left, rear right, front right, centre, rear axle
-    along = np.array((1.0, -1.0, -1.0, 1.0, 0.0, 0.0)) * shape.length_m / 2
-    along[5] = -shape.rear_axle_to_center_m
-    across = np.array((1.0, 1.0, -1.0, -1.0, 0.0, 0.0)) * shape.width_m / 2
-    under = ground.under(
-        drives.x_m[..., None] + cos[..., None] * along - sin[..., None] * across,
-        drives.y_m[..., None] + sin[..., None] * along + cos[..., None] * across,
-    )
-    straddles = ground.straddles(under.sets[..., :4].reshape(-1, 4)).reshape(drives.x_m.shape)
-    return Places(
-        straddles,
-        np.asarray(~under.drivable[..., :4].all(axis=-1)),
-        ~under.on_route[..., 4],
-        under.in_intersection[..., 5],
-    )
+    cos, sin = np.cos(drives.heading_rad).ravel(), np.sin(drives.heading_rad).ravel()
+    half_length_m, half_width_m = shape.length_m / 2, shape.width_m / 2
+    x_m, y_m = drives.x_m.ravel(), drives.y_m.ravel()
+    # front left, rear left, rear right, front right, centre
+    at_x, at_y = np.empty((5, cos.size)), np.empty((5, cos.size))
+    for i, (along, across) in enumerate(((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))):
+        along_m, across_m = along * half_length_m, across * half_width_m
+        at_x[i] = x_m + cos * along_m - sin * across_m
+        at_y[i] = y_m + sin * along_m + cos * across_m
+    at_x[4], at_y[4] = x_m, y_m
+    under = ground.under(at_x, at_y)
+    shape_2, (drivable, on_route, *_) = drives.x_m.shape, under.facts
+    off_road = ~drivable[under.sets[:4]].all(axis=0).reshape(shape_2)
+    off_route = ~on_route[under.sets[4]].reshape(shape_2)
+    return Places(np.asarray(off_road), np.asarray(off_route), under.sets[:4].T, drives, ground, shape)
 
 
 def _first(found: Contacts, states: int, actors: int) -> Contacts:
@@ -139,19 +151,39 @@ def _first(found: Contacts, states: int, actors: int) -> Contacts:
     return Contacts(found.pose[first], found.actor[first])
 
 
+def _touched(
+    drives: SimulatedDrives,
+    ahead_s: Floats,
+    forecast: Forecast,
+    shape: EgoShape,
+    ignore: NDArray[np.bool_] | None,
+) -> Contacts:
+    """Contacts of the ego if it goes straight on from each state for each of `LOOK_AHEAD_S`: a pose each."""
+    look = np.array(LOOK_AHEAD_S)
+    shape_3 = (*drives.x_m.shape, len(look))
+    way_m = np.abs(drives.vx_mps)[..., None] * look
+    x_m = drives.x_m[..., None] + way_m * np.cos(drives.heading_rad)[..., None]
+    y_m = drives.y_m[..., None] + way_m * np.sin(drives.heading_rad)[..., None]
+    times_s = (ahead_s[:, None] + look).ravel()
+    return contacts(
+        x_m.reshape(len(drives), -1), y_m.reshape(len(drives), -1),
+        np.broadcast_to(drives.heading_rad[..., None], shape_3).reshape(len(drives), -1),
+        times_s, forecast, shape, ignore,
+    )  # fmt: skip
+
+
 def _collisions(
     drives: SimulatedDrives,
     ahead_s: Floats,
     forecast: Forecast,
     where: Places,
     shape: EgoShape,
-    ignore: NDArray[np.bool_] | None,
+    touched: Contacts,
 ) -> tuple[Floats, Floats]:
     """(N,) score and time of the first at-fault collision. Only the first contact with an actor is judged."""
-    states = len(ahead_s)
-    hit = _first(
-        contacts(drives.x_m, drives.y_m, drives.heading_rad, ahead_s, forecast, shape, ignore), states, len(forecast)
-    )
+    states, steps = len(ahead_s), len(LOOK_AHEAD_S)
+    now = touched.pose % steps == 0  # looks nowhere ahead
+    hit = _first(Contacts(touched.pose[now] // steps, touched.actor[now]), states, len(forecast))
     drive, state = np.divmod(hit.pose, states)
     other_x, other_y, bearing_cos = _bearing(
         drives, hit.pose, hit.actor, forecast.instant(ahead_s)[state], forecast, shape
@@ -162,7 +194,7 @@ def _collisions(
     stopped = ~is_agent | (np.abs(forecast.speed_mps[hit.actor, other_instant]) <= STANDING_MPS)
     behind = bearing_cos < BEHIND_COS
     front = _front_touches(drives, hit.pose, hit.actor, other_x, other_y, other_instant, forecast, shape)
-    loose = (where.straddles | where.off_road).ravel()[hit.pose]
+    loose = where.straddles(hit.pose) | where.off_road.ravel()[hit.pose]
     at_fault = ego_moves & (stopped | (~behind & (front | loose)))
     fault_score, collision_s = np.ones(len(drives)), np.full(len(drives), np.inf)
     np.minimum.at(fault_score, drive[at_fault], np.where(is_agent[at_fault], 0.0, STATIC_COLLISION_SCORE))
@@ -176,7 +208,7 @@ def _dangers(
     forecast: Forecast,
     where: Places,
     shape: EgoShape,
-    ignore: NDArray[np.bool_] | None,
+    touched: Contacts,
 ) -> Floats:
     """(N,) time at which the ego, going straight on for up to 0.9 s, would first touch what it must not.
 
@@ -186,23 +218,12 @@ def _dangers(
     where the actor will be at the contact, which blames the ego for whoever
     comes from behind.
     """
-    look = np.array(LOOK_AHEAD_S)
     states, steps = len(ahead_s), len(LOOK_AHEAD_S)
-    shape_3 = (len(drives), states, steps)
-    way_m = np.abs(drives.vx_mps)[..., None] * look
-    x_m = drives.x_m[..., None] + way_m * np.cos(drives.heading_rad)[..., None]
-    y_m = drives.y_m[..., None] + way_m * np.sin(drives.heading_rad)[..., None]
-    times_s = (ahead_s[:, None] + look).ravel()
-    found = contacts(
-        x_m.reshape(len(drives), -1), y_m.reshape(len(drives), -1),
-        np.broadcast_to(drives.heading_rad[..., None], shape_3).reshape(len(drives), -1),
-        times_s, forecast, shape, ignore,
-    )  # fmt: skip
-    moving = np.abs(drives.vx_mps).ravel()[found.pose // steps] >= STANDING_EGO_MPS
-    hit = _first(Contacts(found.pose[moving], found.actor[moving]), states * steps, len(forecast))
+    moving = np.abs(drives.vx_mps).ravel()[touched.pose // steps] >= STANDING_EGO_MPS
+    hit = _first(Contacts(touched.pose[moving], touched.actor[moving]), states * steps, len(forecast))
     pose = hit.pose // steps
     _, _, bearing_cos = _bearing(drives, pose, hit.actor, forecast.instant(ahead_s)[pose % states], forecast, shape)
-    loose = (where.straddles | where.off_road | where.in_intersection).ravel()[pose]
+    loose = where.straddles(pose) | where.off_road.ravel()[pose] | where.in_intersection(pose)
     counts = (bearing_cos > AHEAD_COS) | (loose & (bearing_cos >= BEHIND_COS))
     drive, state = np.divmod(pose[counts], states)
     danger_s = np.full(len(drives), np.inf)
