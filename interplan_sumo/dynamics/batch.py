@@ -161,7 +161,7 @@ def _speeds(
         for value in (TRACKING_GAIN_PER_S, _PASSED_ACCELERATION, MAX_ACCELERATION_MPS2, GRID_S, STOP_SPEED_MPS)
     )
     least, change = -most, np.empty_like(gain)
-    may_stop = slow.any(axis=1).tolist()
+    may_stop: list[bool] = np.logical_or.reduce(slow, axis=1).tolist()
     v, ax = speed_mps[0], acceleration_mps2[0]
     for k, (wished, a, after, ax_after) in enumerate(
         zip(wished_mps, asked, speed_mps[1:], acceleration_mps2[1:], strict=True)
@@ -202,7 +202,7 @@ def _steer(rows: Floats, plans: _References, asked_mps2: Floats, stopping: NDArr
     step_m = GRID_S * v
     after = rows[3, 1:]
     most = np.minimum(MAX_TIRE_ANGLE_RAD, np.arctan2(MAX_ACCELERATION_MPS2 * wheelbase, after * after))
-    stops = stopping.any(axis=1).tolist()
+    stops: list[bool] = np.logical_or.reduce(stopping, axis=1).tolist()
 
     base, passed, step_s, half, full = (
         np.full(many, value) for value in (wheelbase, _PASSED_STEERING, GRID_S, np.pi, 2.0 * np.pi)

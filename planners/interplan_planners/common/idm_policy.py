@@ -82,9 +82,19 @@ class IdmLaw(Generic[Number]):
     @staticmethod
     def many(driver: IdmDriver, count: int) -> IdmLaw[Floats]:
         """For `count` cars; everything is (N,)."""
-        numbers = (np.full(count, number) for number in _numbers(driver))
+        gap_m, headway_s, softness, most, least, one = (np.full(count, number) for number in _numbers(driver))
         exponents = np.full(count, driver.exponent)
-        return IdmLaw(*numbers, lambda ratios: np.power(ratios, exponents), np.maximum, np.minimum)
+        return IdmLaw(
+            gap_m,
+            headway_s,
+            softness,
+            most,
+            least,
+            one,
+            lambda ratios: np.power(ratios, exponents),
+            np.maximum,
+            np.minimum,
+        )
 
     @staticmethod
     def one(driver: IdmDriver) -> IdmLaw[float]:

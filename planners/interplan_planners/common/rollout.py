@@ -163,7 +163,7 @@ class _Leads:
     def __init__(self, tracks: Sequence[ProposalPath], track_of: Ints, end_m: Floats, front_m: float) -> None:
         near, center, speed = _tables(tracks)
         instants, most = near.shape[1:]
-        self._anybody: list[bool] = np.isfinite(near).any(axis=(0, 2)).tolist()
+        self._anybody: list[bool] = np.logical_or.reduce(np.isfinite(near), axis=(0, 2)).tolist()
         """By instant."""
         self._end_m, self._standing = end_m, np.zeros(len(track_of))
         # an instant is one piece of memory, with the end of the track as its last column
