@@ -65,6 +65,7 @@ class _Leader:
     """The next one ahead of an agent."""
 
     name: str
+    """Empty: somebody who stands there and is no vehicle of SUMO's."""
     net_m: float
     """The gap to it beyond the agent's least one."""
     speeds_mps: list[float]
