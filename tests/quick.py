@@ -12,12 +12,16 @@ from interplan_sumo.maps.store import maps
 
 def few(cases: Iterable[Any], quick: int) -> list[Any]:
     """Cases for `parametrize`, all but the first so many marked as slow."""
-    return [case if number < quick else slow(case) for number, case in enumerate(cases)]
+    return [_case(case) if number < quick else slow(case) for number, case in enumerate(cases)]
 
 
 def slow(case: Any) -> Any:
     """A case of `parametrize`, marked as slow."""
-    return pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.slow)
+    return _case(case, marks=pytest.mark.slow)
+
+
+def _case(case: Any, **how: Any) -> Any:
+    return pytest.param(*(case if isinstance(case, tuple) else (case,)), **how)
 
 
 DISTRICTS = few(sorted(maps(), key=lambda name: (name not in ("back_bay", "queenstown"), name)), 2)

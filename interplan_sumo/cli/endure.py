@@ -49,12 +49,8 @@ def endure(
     map_: Annotated[
         str, typer.Option("--map", help="A shipped map, or the folder of one.", metavar="M", autocompletion=map_names)
     ],
-    km: Annotated[
-        float, typer.Option(help="Kilometres to drive; with --until-half-width the most of them.", metavar="K")
-    ],
-    density: Annotated[
-        float, typer.Option(help="Vehicles, as a fraction of those at which the district is full.", metavar="D")
-    ] = 0.5,
+    km: Annotated[float, typer.Option(help="Kilometres to drive, at most.", metavar="K")],
+    density: Annotated[float, typer.Option(help="Vehicles, in fractions of a full district's.", metavar="D")] = 0.5,
     behaviour: Annotated[
         str | None, typer.Option(help="Drivers: a vehicle-type file of routes/. Default: mixed.", metavar="B")
     ] = None,
@@ -63,17 +59,15 @@ def endure(
         typer.Option(help="Probability of a rare event per opportunity and second. Default: 0.0003.", metavar="RATE"),
     ] = None,
     seed: Annotated[int, typer.Option(help="Another one has other starts and other traffic.")] = 0,
-    naive_share: Annotated[
-        float, typer.Option(help="Of the segments, in which rare events are as rare as they are; at least 0.2.")
-    ] = 0.5,
+    naive_share: Annotated[float, typer.Option(help="Of the segments: rare events as rare as they are.")] = 0.5,
     until_half_width: Annotated[
         float | None,
-        typer.Option(help="Stop once a rate is known as well as this; 0.3 is +-30 %.", metavar="SHARE"),
+        typer.Option(help="Stop once a rate is known to +-30 %, with 0.3.", metavar="SHARE"),
     ] = None,
     of: Annotated[
         str,
         typer.Option(
-            help="What is to be known, and what the strata are of; such as near_miss.",
+            help="The rate to be known, such as near_miss.",
             metavar="MEASURE",
             autocompletion=measure_names,
         ),
