@@ -77,7 +77,7 @@ ELSEWHERE = {"be killed once"}
 SHORT = PlannerLimits(load_s=30.0)
 """Of nobody who takes long."""
 SAID = {
-    "raise in report": "{'error': 'report() raised ValueError: nothing to say (hostile_planners.py:52 in report)'}",
+    "raise in report": "{'error': 'report() raised ValueError: nothing to say (hostile_planners.py:",
     "report a number": "{'error': 'report() gave a int'}",
     "report a surrogate": "report() raised UnicodeEncodeError",
     "report what is no number": "{'loss': nan, 'queries': -1}",
