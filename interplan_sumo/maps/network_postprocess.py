@@ -36,6 +36,7 @@ def finish(plan: NetworkPlan, root: Element) -> NetworkIds:
     narrow = narrow_streets(plan)
     _add_opposites(plan, root, narrow)
     _mark_narrow(root, narrow)
+    _let_queue(root)
     _strip(plan, root)
     return NetworkIds(
         origin_m=plan.origin_m,
@@ -150,6 +151,16 @@ def _mark_narrow(root: Element, narrow: Mapping[str, str]) -> None:
         mean_m = (float(text_of(lane, "length")) + float(text_of(oncoming, "length"))) / 2
         for each in (lane, oncoming):
             each.set("length", f"{mean_m:.3f}")
+
+
+def _let_queue(root: Element) -> None:
+    """Who has the right of way without a light need not keep the junction clear.
+
+    SUMO's cars would stop before it for a last car beyond that touches its brakes, however fast that drives.
+    """
+    for connection in root.iterfind("connection"):
+        if connection.get("state") == "M" and connection.get("tl") is None:
+            connection.set("keepClear", "0")
 
 
 def _add_opposites(plan: NetworkPlan, root: Element, narrow: Container[str]) -> None:

@@ -167,6 +167,19 @@ def test_signs_and_else_the_major_road_tell_who_goes_first(
     assert next(j.get("type") for j in root.iterfind("junction") if j.get("id") == "I900") == type_
 
 
+def test_who_has_the_right_of_way_without_a_light_need_not_keep_the_junction_clear(tmp_path: Path) -> None:
+    """SUMO's cars stop before a junction as soon as the last one beyond brakes; who yields, or has a light, does."""
+    lit = document(converted(world("grid"), tmp_path / "lit"))
+    signed = document(converted(crossing(limits=FAST), tmp_path / "signed"))
+    found = {
+        (each.get("state") == "M" and each.get("tl") is None, each.get("keepClear", "1") == "1")
+        for root in (lit, signed)
+        for each in root.iterfind("connection")
+        if not each.attrib["from"].startswith(":")
+    }
+    assert found == {(True, False), (False, True)}
+
+
 def test_paths_that_brush_past_each_other_are_told_to_sumo(tmp_path: Path) -> None:
     groups = {
         "1": [straight((-60, 0), (-10, 0))], "2": [straight((10, 0), (60, 0))],
