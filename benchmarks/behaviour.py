@@ -29,7 +29,7 @@ from interplan_sumo.maps.store import maps
 from interplan_sumo.resources import routes_root
 from interplan_sumo.simulation.standard_situations import SITUATIONS, Answer, answer
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes, read_vehicle_types, vehicle_type_file
-from tests.simulation.fuzz_cases import MODELS
+from tests.simulation.fuzz_drivers import MODELS
 from tests.simulation.merges import Merge, Outcome, Site, SiteKind, measured, sites
 
 KINDS: tuple[SiteKind, ...] = ("straight", "curved", "connector")

@@ -14,7 +14,7 @@ from interplan_sumo.scenario.jaywalking import PedestrianWalk
 from interplan_sumo.scenario.kinds import OBSTACLES
 from interplan_sumo.scenario.scenario import LanePosition
 from interplan_sumo.world.actors import ActorKind
-from interplan_sumo.world.geometry import Floats, Pose
+from interplan_sumo.world.geometry import Floats, Pose, box_corners
 from interplan_sumo.world.roads import Roads
 
 DOOR_M: Final = 0.9
@@ -168,6 +168,4 @@ def is_lit(roads: Roads, lane: str) -> bool:
 
 
 def _corners(pose: Pose, size_m: tuple[float, float]) -> Floats:
-    from interplan_sumo.world.geometry import box_corners
-
     return box_corners(pose.x_m, pose.y_m, pose.heading_rad, *size_m).reshape(4, 2)

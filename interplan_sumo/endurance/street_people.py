@@ -14,8 +14,8 @@ import shapely
 
 from interplan_sumo.endurance.kerbside import Thing
 from interplan_sumo.scenario.jaywalking import PedestrianWalk
-from interplan_sumo.simulation.lane_polygons import Ring, hull
-from interplan_sumo.simulation.pedestrians import FORESEEN_STEP_S, FORESIGHT_S, covered
+from interplan_sumo.simulation.lane_polygons import hull
+from interplan_sumo.simulation.pedestrians import WayAhead, covered, way_ahead
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoShape, EgoState
 
@@ -129,15 +129,9 @@ class StreetPeople:
         ids = tuple(row[0] for row in rows)
         return Actors(ids, kinds, x, y, heading, length, width, speed * np.cos(heading), speed * np.sin(heading))
 
-    def foreseen(self, origin_m: tuple[float, float]) -> list[Ring]:
-        """What those under way cover from now to `FORESIGHT_S` later, in SUMO's frame."""
-        areas: list[Ring] = []
-        for each in self._there:
-            if each.walks:
-                upto_s = min(each.time_s + FORESIGHT_S, each.walk.duration_s) + FORESEEN_STEP_S
-                ahead_s = np.minimum(np.arange(each.time_s, upto_s, FORESEEN_STEP_S), each.walk.duration_s)
-                areas.append(hull(covered(each.walk, ahead_s, origin_m)))
-        return areas
+    def foreseen(self, origin_m: tuple[float, float]) -> list[WayAhead]:
+        """Where those under way will be."""
+        return [way_ahead(each.walk, each.time_s, origin_m) for each in self._there if each.walks]
 
     def standing(self, origin_m: tuple[float, float]) -> dict[str, shapely.Polygon]:
         """The boxes of what stands, and of those who wait or have arrived, by place. In SUMO's frame."""

@@ -169,6 +169,7 @@ def _people(to: Approach, draws: Draws, *, hidden: bool) -> list[Person]:
         if i == 0 and draws.happens("cyclist", CYCLIST_SHARE):
             speed_mps = draws.uniform("cycle_mps", CYCLES_MPS)
             people.append(Person(speed_mps, far=far, cyclist=True))
+            ahead_m += draws.uniform("people_apart_m", APART_M)
             continue
         slant_m = 0.0 if hidden or draws.happens("walks_straight", 0.6) else draws.uniform("slant_m", SLANT_M, 1)
         if slant_m:

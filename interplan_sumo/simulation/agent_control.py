@@ -46,8 +46,8 @@ WANTED_LESS_MPS = 1e-3
 """SUMO wanted less than it was told if by more than this: below that it is rounding."""
 NEW_STEPS = 25
 """Who has just come, and who is beside it, keeps its lane for so long: neither expects the other to change."""
-STRATEGIC = "laneChangeModel.lcStrategic"
-"""SUMO's cars slow down where they must change lane soon, also while they may not; with -1 they do not."""
+BRAKING_FOR_LANES = {"laneChangeModel.lcStrategic": "-1", "laneChangeModel.lcCooperativeSpeed": "0"}
+"""With these SUMO's cars brake neither for lane changes of their own, also while they may not, nor for others'."""
 CUT_IN_WITHIN_M = 60.0
 """Farther ahead nobody cuts in."""
 
@@ -110,7 +110,7 @@ class AgentControl:
         self._relaxing: set[str] = set()
         self._relaxation = HeadwayRelaxation(drivers, _set_tau, DT_S)
         self._keeping_steps: dict[str, int] = {}
-        self._strategic: dict[str, str] = {}  # of those that have just come: what they have once they may change lane
+        self._later: dict[str, dict[str, str]] = {}  # of those that have just come: what they have once they may change
         self.keeping_lane: frozenset[str] = frozenset()
         """Agents that must not change lane."""
         self.models = DriverModels(self._follow_speed_mps, self._chance.of, self._relaxation.cut_in, DT_S)
@@ -128,8 +128,9 @@ class AgentControl:
             model = self._drivers[name].car_following_model
             if model not in COLLISION_FREE_MODELS:
                 self._overseen.add(name)
-            self._strategic[name] = sumo.vehicle.getParameter(name, STRATEGIC)
-            sumo.vehicle.setParameter(name, STRATEGIC, "-1")
+            self._later[name] = {key: sumo.vehicle.getParameter(name, key) for key in BRAKING_FOR_LANES}
+            for key, value in BRAKING_FOR_LANES.items():
+                sumo.vehicle.setParameter(name, key, value)
         self.keep_lanes_a_while(names)
 
     def keep_lanes_a_while(self, names: Collection[str]) -> None:
@@ -140,7 +141,7 @@ class AgentControl:
     def forget(self, name: str) -> None:
         """The agent has left."""
         self._keeping_steps.pop(name, None)
-        self._strategic.pop(name, None)
+        self._later.pop(name, None)
         self._told.pop(name, None)
         self._late -= {name}
         self._running -= {name}
@@ -156,8 +157,9 @@ class AgentControl:
             old = {name for name, steps in self._keeping_steps.items() if steps <= 1}
             self._keeping_steps = {name: steps - 1 for name, steps in self._keeping_steps.items() if steps > 1}
             with Commanding("letting agents change lane"):
-                for name in sorted(old & self._strategic.keys()):
-                    sumo.vehicle.setParameter(name, STRATEGIC, self._strategic.pop(name))
+                for name in sorted(old & self._later.keys()):
+                    for key, value in self._later.pop(name).items():
+                        sumo.vehicle.setParameter(name, key, value)
             self.keep_lanes(self.keeping_lane - old)
 
     def relax(self, agents: AgentSnapshot) -> None:
@@ -198,7 +200,7 @@ class AgentControl:
     def _follow_speed_mps(self, name: str, speed_mps: float, gap_m: float, leader_mps: float, leader: str) -> float:
         """What SUMO's model of an agent wants behind a leader that it does not see; SUMO counts gaps beyond minGap."""
         net_m = gap_m - self._drivers[name].min_gap_m
-        decel_mps2 = sumo.vehicle.getApparentDecel(leader) if leader else LEADER_DECEL_MPS2
+        decel_mps2 = apparent_decel_mps2(leader)
         return float(sumo.vehicle.getFollowSpeed(name, speed_mps, net_m, leader_mps, decel_mps2, leader))
 
     def _held_back(
@@ -307,6 +309,11 @@ class AgentControl:
             for name in sorted(self.keeping_lane - wanted):
                 sumo.vehicle.setLaneChangeMode(name, LANE_CHANGE_DEFAULT)
         self.keeping_lane = wanted
+
+
+def apparent_decel_mps2(name: str) -> float:
+    """How hard a driver takes the one ahead to brake; without a name that is the ego, or what stands."""
+    return float(sumo.vehicle.getApparentDecel(name)) if name else LEADER_DECEL_MPS2
 
 
 def _leader(name: str) -> Leader:

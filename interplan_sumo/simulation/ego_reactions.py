@@ -18,11 +18,14 @@ from interplan_sumo.simulation.ego_locator import EgoLocator
 from interplan_sumo.simulation.lane_chains import corridor
 from interplan_sumo.simulation.lane_change_overhang import LaneChangeOverhang
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
-from interplan_sumo.simulation.lane_polygons import Ring
+from interplan_sumo.simulation.lane_polygons import ego_ring
 from interplan_sumo.simulation.long_vehicles import LongVehicles
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
+from interplan_sumo.simulation.pedestrians import WayAhead
 from interplan_sumo.simulation.reactions import (
+    COMING,
+    NOTICEABLE_MPS2,
     Agent,
     DriverModels,
     EgoOnNetwork,
@@ -34,9 +37,6 @@ from interplan_sumo.simulation.reactions import (
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats
-
-NOTICEABLE_MPS2 = 0.05
-"""The ego does not concern an agent that it makes brake by less than this: half of what counts as a reaction."""
 
 FREEZE_RADIUS_M = 40.0
 """Agents this near to an ego that straddles two lanes keep their lane, unless their type says `interplan.swerve`."""
@@ -120,13 +120,13 @@ class EgoReactions:
         self,
         ego: EgoState,
         anchor: Anchor | None,
-        walking: Sequence[Ring],
+        walking: Sequence[WayAhead],
         standing: Mapping[str, shapely.Polygon],
         agents: AgentSnapshot,
     ) -> AgentCommands:
         """What everyone does about the ego at `ego`, which SUMO sees at `anchor`, and about pedestrians.
 
-        `walking` are the areas that walking pedestrians will cover, `standing`
+        `walking` is where walking pedestrians will be, `standing`
         the boxes of those that stand, by name and place; in SUMO's frame.
         """
         if len(self._drivers) != self._known_drivers:
@@ -149,7 +149,10 @@ class EgoReactions:
             self._decide(self._skipped, {}, (), agents, near, anchor)  # for what the agents remember of it
             self._skipped = None
         for_ego, for_others = self._decide(on_network, ahead, obstructions, agents, near, anchor)
-        for row in self._overhang.faces_somebody(agents, self._models.dt_s):
+        facing = agents.displaced and self._overhang.faces_somebody(
+            agents, ego_ring(ego, self._shape, self._origin), self._models.dt_s
+        )
+        for row in facing:
             name = agents.names[row]
             slowest_mps = float(agents.speed_mps[row]) - self._drivers[name].emergency_decel_mps2 * self._models.dt_s
             for_others[name] = reactions.no_faster(for_others.get(name), max(0.0, slowest_mps))
@@ -199,12 +202,12 @@ class EgoReactions:
 
     def _obstructions(
         self,
-        walking: Sequence[Ring],
+        walking: Sequence[WayAhead],
         standing: Mapping[str, shapely.Polygon],
         turning: Sequence[int],
         agents: AgentSnapshot,
     ) -> list[tuple[str, Mapping[str, LaneCoverage]]]:
-        """What besides the ego is in agents' way: pedestrians, nameless, and of the `turning` what overhangs a lane."""
+        """What besides the ego is in agents' way, as `yield_to` takes it: people, and `turning` cars that overhang."""
         found: list[tuple[str, Mapping[str, LaneCoverage]]] = []
         for place, box in standing.items():
             if place not in self._standing:
@@ -214,7 +217,9 @@ class EgoReactions:
                 }
             if self._standing[place]:  # the kerb is in nobody's way
                 found.append(("", self._standing[place]))
-        found += [("", self._locator.coverage_of(area, (0.0, 0.0))) for area in walking]
+        for way in walking:
+            found.append(("", self._locator.coverage_of(way.soon, (0.0, 0.0))))
+            found.append((COMING, self._locator.coverage_of(way.later, (0.0, 0.0))))
         if turning:
             lanes = [lane for lane, _ in self._corridors_of(agents, [agents.names[row] for row in turning])]
             found += self._overhang.coverage(turning, lanes, agents)
@@ -247,6 +252,7 @@ class EgoReactions:
         if overlaps:  # whom the ego hides concerns them, however far away it is itself
             corridors = zip(agents.names, self._corridors_of(agents, agents.names), strict=True)
             known.update([name for name, (_, corridor) in corridors if self._overlap_lane in corridor])
+            on_network = on_network._replace(out_of_order=True)
         rows = {*near, *(agents.rows[name] for name in known)}
         concerned = self._concerned(agents, sorted(rows), lanes, known)
         for_ego = reactions.decide(concerned, on_network, ahead, self._memory, self._models, at_start=self._at_start)

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf
 
-from interplan_sumo.simulation.lane_chains import way_ahead
+from interplan_sumo.simulation.agent_control import apparent_decel_mps2
+from interplan_sumo.simulation.lane_chains import limits_and_turns, way_ahead
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
-from interplan_sumo.simulation.start_speed import ERRING_MODEL, LINE_M, hardest_mps2, safe, turns_mps
+from interplan_sumo.simulation.start_speed import ERRING_MODEL, LINE_M, hardest_mps2, safe, speeds_ahead_mps
 from interplan_sumo.simulation.sumo import DT_S, finite, sumo
 from interplan_sumo.simulation.vehicle_types import VehicleType
 
@@ -27,7 +28,7 @@ CALM_MODELS = frozenset({"IDM", "IDMM", "EIDM", "Krauss", "KraussPS", "KraussX"}
 TWITCHY_MPS2, LEADER_BRAKES_MPS2 = 1.0, (0.5, 1.0, 2.0)
 MOST_CLOSING_MPS = {"ACC": 2.4, "CACC": 1.5}
 """Models that brake in proportion to the difference in speed, however far away the next one ahead is."""
-MOST_ABOVE = 1.1
+MOST_ABOVE = 1.02
 """Drivers that err brake up to twice as hard as others for their own desired speed; this is times that speed."""
 ASKED_AT_ITS_SPEED = "Wiedemann"
 """This model answers for the speed that its car has, whatever other speed it is asked about."""
@@ -40,6 +41,8 @@ CLOSINGS = (0, 7, 14, 19)
 """Steps at which somebody may come who has the right of way."""
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
 """Of a start speed; the first is taken that its model holds."""
+CREEPS = 0.25
+"""Who has to start with less of its speed stands in others' way, or they in its."""
 FOES_M = 80.0
 """So far ahead are junctions of which it has to know who is in them."""
 CREEPING_MPS = 0.3
@@ -52,10 +55,8 @@ SLOWS_MPS2 = 0.5
 """Before that takes as much it does not."""
 MAY_QUEUE, QUEUES_MPS2 = 0.75, 0.5
 """Who is slower than this share of one's own speed, or brakes so hard, may be about to queue."""
-STANDS_MPS2 = 4.5
-"""How hard what stands may brake for all that a driver's model knows: SUMO's default for cars."""
-_HAS_PRIORITY, _STATE = 1, 5
-"""In what `getNextLinks` answers of each link."""
+COMING_MPS = 0.1
+"""Who moves sideways faster than that changes lane."""
 _MINE_M, _OTHERS_M = 1, 2
 """In what `getJunctionFoes` answers of each: how far both are from where their ways meet."""
 
@@ -72,8 +73,8 @@ class _Leader:
     """Now and in the next steps."""
     gap_m: float = inf
     """The gap itself to one that drives in the same lane."""
-    crosses: bool = False
-    """Whether it crosses the way in the next junction: nobody minds it who stops before that."""
+    crosses_m: float = 0.0
+    """How far ahead it crosses the way, if it does: nobody minds it who stops before that."""
 
     def braking(self, rate_mps2: float) -> _Leader:
         """The same one if it brakes all the while."""
@@ -131,7 +132,7 @@ class FirstSeconds:
     def settle(self, names: Collection[str]) -> set[str]:
         """Lower the speeds of agents that have come with this step, as far as needed.
 
-        Those are returned that even from a stand would brake hard, before a light that is about to switch, say.
+        Those are returned that would have to creep, or even then brake hard: before a light about to switch, say.
         """
         foreseen: dict[str, _Foreseen] = {}
         waiting = tuple(self._waiting())
@@ -147,22 +148,19 @@ class FirstSeconds:
             if first is None or first[0] not in names or first[0] in found:
                 continue
             leader = _Leader(first[0], first[1], [vehicle.getSpeed(first[0])])
-            if not self._speeds(behind, vehicle.getSpeed(behind), (leader,), _line(behind), ())[1]:
+            if not self._comes_through(behind, vehicle.getSpeed(behind), (leader,), _line(behind)):
                 found.add(first[0])
         return found
 
-    def _speeds(
-        self, name: str, now_mps: float, leaders: Sequence[_Leader], line: _Line | None, slower: _Slower
-    ) -> tuple[list[float], bool]:
-        """An agent's speeds from now on, if it drives at one now; whether they are mild, whenever its line closes."""
+    def _comes_through(self, name: str, now_mps: float, leaders: Sequence[_Leader], line: _Line | None) -> bool:
+        """Whether an agent that drives at a speed now does not brake hard, whenever its line closes."""
         closings = line.closings if line is not None else (0,)
-        found = [self._driven(name, now_mps, leaders, line, each) for each in closings]
-        mild = all(
-            self._is_mild(name, speeds, leaders, line, each) for speeds, each in zip(found, closings, strict=True)
+        if now_mps > 0.0 and not all(safe(now_mps, each.gap_m, each.speeds_mps[0]) for each in leaders):
+            return False
+        return all(
+            self._is_mild(name, self._driven(name, now_mps, leaders, line, each), leaders, line, each)
+            for each in closings
         )
-        holds = all(safe(now_mps, each.gap_m, each.speeds_mps[0]) for each in leaders)
-        foreseen = self._driven(name, now_mps, leaders, line, closings[0], slower) if slower else found[0]
-        return foreseen, mild and (holds or now_mps == 0.0)
 
     def _is_mild(
         self, name: str, speeds_mps: list[float], leaders: Sequence[_Leader], line: _Line | None, closes: int
@@ -188,14 +186,12 @@ class FirstSeconds:
             return foreseen[name].speeds_mps
         now_mps = max(0.0, sumo.vehicle.getSpeed(name))
         foreseen[name] = _Foreseen([now_mps] * (STEPS + 1))  # in a ring everybody is ahead of everybody
-        leaders = self._leaders(name, asked, foreseen, waiting)
-        slower, line = self._slower(name), _line(name)
-        found, mild = self._speeds(name, now_mps, leaders, line, slower)
-        if name in asked:
-            errs = self._drivers[name].car_following_model == ERRING_MODEL
-            found, mild = self._mildest(name, now_mps, leaders, slower, [_may_be_kept_clear(name)] * errs + [line])
-            if found[0] < now_mps:
-                sumo.vehicle.setPreviousSpeed(name, finite("a start speed", found[0]), 0.0)
+        leaders, line = self._leaders(name, asked, foreseen, waiting), _line(name)
+        start_mps, mild = self._start_mps(name, now_mps, leaders, line) if name in asked else (now_mps, True)
+        closes = line.closings[0] if line is not None else 0
+        found = self._driven(name, start_mps, leaders, line, closes, self._slower(name))
+        if start_mps < now_mps:
+            sumo.vehicle.setPreviousSpeed(name, finite("a start speed", start_mps), 0.0)
         if self._drivers[name].car_following_model == ERRING_MODEL:
             found = [max(0.0, min(each, found[0] - ERRS_BY * (found[0] - each))) for each in found]
         if name not in asked:
@@ -203,54 +199,75 @@ class FirstSeconds:
         foreseen[name] = _Foreseen(found, mild)
         return found
 
-    def _mildest(
-        self, name: str, now_mps: float, leaders: Sequence[_Leader], slower: _Slower, lines: Sequence[_Line | None]
-    ) -> tuple[list[float], bool]:
-        """The highest share of its speed that is mild whichever of the `lines` there is, else whenever the last is."""
-        found, chosen = list[float](), None
-        for share in SHARES:
-            found, mild = self._speeds(name, now_mps * share, leaders, lines[-1], slower)
-            if mild:
-                chosen = chosen or found
-                if all(self._speeds(name, now_mps * share, leaders, each, slower)[1] for each in lines[:-1]):
-                    return found, True
-        return chosen or found, chosen is not None
+    def _start_mps(
+        self, name: str, now_mps: float, leaders: Sequence[_Leader], line: _Line | None
+    ) -> tuple[float, bool]:
+        """The highest share of its speed with which it comes through, and whether that is no creeping.
+
+        Who errs comes through, too, if the next junction has to be kept clear, where any share allows that.
+        """
+        errs = self._drivers[name].car_following_model == ERRING_MODEL
+        besides = (_may_be_kept_clear(name),) if errs else ()
+        chosen: float | None = None
+        for speed_mps in (now_mps * share for share in SHARES):
+            if self._comes_through(name, speed_mps, leaders, line):
+                chosen = speed_mps if chosen is None else chosen
+                if all(self._comes_through(name, speed_mps, leaders, each) for each in besides):
+                    chosen = speed_mps
+                    break
+        return (0.0, False) if chosen is None else (chosen, chosen >= CREEPS * now_mps)
 
     def _slower(self, name: str) -> _Slower:
         """Where lanes with lower limits begin ahead, or turns, and how fast the agent drives there."""
-        driver, vehicle = self._drivers[name], sumo.vehicle
+        vehicle = sumo.vehicle
         lane = vehicle.getLaneID(name)
         if lane.startswith(":"):
             return ()
         here_m, route = vehicle.getLanePosition(name), vehicle.getRoute(name)[vehicle.getRouteIndex(name) :]
         way = way_ahead(self._network, lane, tuple(route), here_m + SLOWS_M)
-        limits = [(part.start_m - here_m, part.lane.limit_mps * driver.speed_factor) for part in way[1:]]
-        turns = turns_mps(driver, [(part.end_m - here_m, part.link.direction) for part in way if part.link is not None])
-        return tuple(each for each in (*limits, *turns) if each[0] <= SLOWS_M)
+        ahead = speeds_ahead_mps(self._drivers[name], *limits_and_turns(way, here_m))
+        return tuple(each for each in ahead if each[0] <= SLOWS_M)
 
     def _leaders(
         self, name: str, asked: Collection[str], foreseen: dict[str, _Foreseen], waiting: Sequence[LaneBlockage]
     ) -> list[_Leader]:
         """The next one ahead, and whoever crosses its way in the next junction: SUMO's cars keep behind those, too."""
-        found: dict[str, tuple[float, float, bool]] = {}
+        found: dict[str, tuple[float, float, float]] = {}
         least_m = self._drivers[name].min_gap_m
         for foe in sumo.vehicle.getJunctionFoes(name, FOES_M):
             other = foe[0]
             if other != self._besides and other in self._drivers and _in_junction_soon(other):
-                found[other] = foe[_MINE_M] - foe[_OTHERS_M] - self._drivers[other].length_m - least_m, inf, True
+                net_m = foe[_MINE_M] - foe[_OTHERS_M] - self._drivers[other].length_m - least_m
+                found[other] = net_m, inf, foe[_MINE_M]
         first = sumo.vehicle.getLeader(name, AHEAD_M)
-        if first is not None and first[0] and first[0] != self._besides:
-            found[first[0]] = first[1], first[1] + least_m, False
+        in_lane = [(first[0], first[1])] if first is not None and first[0] else []
+        for other, net_m in in_lane + self._coming_in(name):
+            if other != self._besides:
+                found[other] = net_m, net_m + least_m, 0.0
         lane, here_m = sumo.vehicle.getLaneID(name), sumo.vehicle.getLanePosition(name)
         people_m = [each.start_m - here_m for each in waiting if each.lane == lane and each.start_m > here_m]
         people = [_Leader("", min(people_m) - least_m, [0.0], min(people_m))] if people_m else []
         return people + [
             _Leader(
                 other, net_m, self._foresee(other, asked, foreseen, waiting) if other in self._drivers else [0.0],
-                gap_m, crosses,
+                gap_m, crosses_m,
             )  # an obstacle has no driver
-            for other, (net_m, gap_m, crosses) in found.items()
+            for other, (net_m, gap_m, crosses_m) in found.items()
         ]  # fmt: skip
+
+    def _coming_in(self, name: str) -> list[tuple[str, float]]:
+        """Who is ahead in the lanes beside an agent and moves towards its own, with net gaps."""
+        vehicle, lane = sumo.vehicle, self._network.lanes[sumo.vehicle.getLaneID(name)]
+        front_m, least_m = vehicle.getLanePosition(name), self._drivers[name].min_gap_m
+        found: list[tuple[str, float]] = []
+        for beside, towards in ((lane.index + 1, -1.0), (lane.index - 1, 1.0)):
+            if (side := f"{lane.edge}_{beside}") not in self._network.lanes:
+                continue
+            for other in sumo.lane.getLastStepVehicleIDs(side):
+                ahead_m = vehicle.getLanePosition(other) - front_m
+                if ahead_m > 0.0 and vehicle.getLateralSpeed(other) * towards > COMING_MPS:
+                    found.append((other, ahead_m - vehicle.getLength(other) - least_m))
+        return found
 
     def _driven(
         self, name: str, speed_mps: float, leaders: Sequence[_Leader], line: _Line | None, closes: int,
@@ -263,8 +280,8 @@ class FirstSeconds:
         driver, vehicle = self._drivers[name], sumo.vehicle
         found, way_m = [speed_mps], 0.0
         light_m = line.away_m if line is not None and line.light else inf
-        met = [each for each in leaders if each.net_m <= light_m and not (each.crosses and light_m < inf)]
-        ahead = [(each, vehicle.getApparentDecel(each.name) if each.name else STANDS_MPS2) for each in met]
+        met = [each for each in leaders if max(each.net_m, each.crosses_m) <= light_m]
+        ahead = [(each, apparent_decel_mps2(each.name)) for each in met]
         led_m = [0.0] * len(ahead)
         has_mps = vehicle.getSpeed(name) if driver.car_following_model == ASKED_AT_ITS_SPEED else None
         for k in range(STEPS):
@@ -321,17 +338,22 @@ def _braking_on(speeds_mps: list[float], ax_mps2: float) -> list[float]:
 
 def _line(name: str) -> _Line | None:
     """The next line that a car must stop at, or may have to."""
-    vehicle = sumo.vehicle
-    links = vehicle.getNextLinks(name)
-    if links and not links[0][_HAS_PRIORITY]:
-        away_m = sumo.lane.getLength(vehicle.getLaneID(name)) - vehicle.getLanePosition(name)
-        light = links[0][_STATE] in "ryu"
-        return _Line(away_m - LINE_M, (0,) if light else CLOSINGS, light=light)
-    for light, _, away_m, state in vehicle.getNextTLS(name):
+    vehicle, found = sumo.vehicle, list[_Line]()
+    away_m = sumo.lane.getLength(vehicle.getLaneID(name)) - vehicle.getLanePosition(name)
+    for lane, has_priority, _, _, _, state, _, way_m in vehicle.getNextLinks(name):
+        if away_m > AHEAD_M:
+            break
+        if not has_priority:
+            light = state in "ryu"
+            found.append(_Line(away_m - LINE_M, (0,) if light else CLOSINGS, light=light))
+            break
+        away_m += way_m + sumo.lane.getLength(lane)
+    for light, _, light_m, state in vehicle.getNextTLS(name):
         switches_s = sumo.trafficlight.getNextSwitch(light) - sumo.simulation.getTime()
-        if state != "G" or switches_s <= STEPS * DT_S:
-            return _Line(away_m - LINE_M, (0 if state != "G" else round(switches_s / DT_S),), light=True)
-    return None
+        if light_m <= AHEAD_M and state == "G" and switches_s <= STEPS * DT_S:
+            found.append(_Line(light_m - LINE_M, (round(switches_s / DT_S),), light=True))
+            break
+    return min(found, key=lambda line: line.away_m, default=None)
 
 
 def _in_junction_soon(name: str) -> bool:

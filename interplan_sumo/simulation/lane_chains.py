@@ -110,6 +110,17 @@ def way_ahead(network: SumoNetwork, lane: str, route: tuple[str, ...], reach_m: 
     return found
 
 
+def limits_and_turns(
+    way: Sequence[ChainedLane], from_m: float
+) -> tuple[list[tuple[float, float]], list[tuple[float, str]]]:
+    """How far from a place on a way each lane after the first begins, and its limit; each junction, and its direction.
+
+    Directions are SUMO's letters.
+    """
+    limits = [(part.start_m - from_m, part.lane.limit_mps) for part in way[1:]]
+    return limits, [(part.end_m - from_m, part.link.direction) for part in way if part.link is not None]
+
+
 def _slowest_mps(network: SumoNetwork, way: NetworkLink) -> float:
     return min((network.lanes[inner].limit_mps for inner in way.via), default=network.lanes[way.to_lane].limit_mps)
 

@@ -18,6 +18,7 @@ import shapely
 from interplan_sumo.simulation.agent_kinematics import bodies
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
+from interplan_sumo.simulation.lane_polygons import Ring
 from interplan_sumo.simulation.long_vehicles import LONG_M
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.reactions import LaneCoverage
@@ -96,25 +97,27 @@ class LaneChangeOverhang:
             coverage[name] = LaneCoverage(0.0, start_m, end_m, speed_mps * cos(heading_rad - along_rad))
         return coverage
 
-    def faces_somebody(self, snapshot: AgentSnapshot, dt_s: float) -> list[int]:
-        """Rows of cars shown elsewhere than where SUMO has them that must brake for whom they stand behind there."""
-        return [row for row in sorted(snapshot.displaced) if self._faces_somebody(row, snapshot, dt_s)]
+    def faces_somebody(self, snapshot: AgentSnapshot, ego: Ring, dt_s: float) -> list[int]:
+        """Rows of cars shown elsewhere than where SUMO has them that must brake for whom they stand behind there.
 
-    def _faces_somebody(self, row: int, snapshot: AgentSnapshot, dt_s: float) -> bool:
+        `ego` are the corners of its box, in SUMO's frame.
+        """
+        box = shapely.Polygon(ego)
+        return [row for row in sorted(snapshot.displaced) if self._faces_somebody(row, snapshot, box, dt_s)]
+
+    def _faces_somebody(self, row: int, snapshot: AgentSnapshot, ego: shapely.Polygon, dt_s: float) -> bool:
         me, heading, speed = self._drivers[snapshot.names[row]], snapshot.heading_rad[row], snapshot.speed_mps[row]
         reach_m = TOUCH_M + float(speed) * dt_s + float(speed) ** 2 / (2.0 * me.emergency_decel_mps2)
         cosine, sine = np.cos(heading), np.sin(heading)
         dx, dy = snapshot.front_x - snapshot.front_x[row], snapshot.front_y - snapshot.front_y[row]
         ahead_m = dx * cosine + dy * sine
         rows = np.flatnonzero((ahead_m > 0.0) & (np.hypot(dx, dy) < reach_m + me.width_m + LONGEST_M))
-        if not len(rows):
-            return False
         x, y = float(snapshot.front_x[row]), float(snapshot.front_y[row])
         (way,) = bodies(np.array([[x + reach_m * cosine, y + reach_m * sine, heading]]), reach_m, me.width_m)
         others = [self._drivers[snapshot.names[i]] for i in rows.tolist()]
         poses = np.stack((snapshot.front_x[rows], snapshot.front_y[rows], snapshot.heading_rad[rows]), axis=1)
         boxes = bodies(poses, [each.length_m for each in others], [each.width_m for each in others])
-        return bool(shapely.intersects(way, boxes).any())
+        return bool(shapely.intersects(way, [ego, *boxes]).any())
 
     def forget(self, name: str) -> None:
         """The agent has left."""

@@ -13,11 +13,17 @@ _TOUCH_M2 = 1e-6  # smaller areas are rounding
 
 
 def lanes_overlapped(
-    network: SumoNetwork, box: shapely.Polygon, besides: Container[str] = frozenset(), *, in_junctions: bool = False
+    network: SumoNetwork,
+    box: shapely.Polygon,
+    besides: Container[str] = frozenset(),
+    *,
+    in_junctions: bool = False,
+    to_the_edge: bool = False,
 ) -> dict[str, tuple[float, float]]:
     """Lanes whose footprint a box in SUMO's frame reaches into, `besides` and, usually, those in junctions left out.
 
-    With SUMO's lane positions from where to where; sorted by place in the network file.
+    With SUMO's lane positions from where to where; sorted by place in the network file. `to_the_edge` takes the whole
+    width of the lanes for their footprints.
     """
     pieces, tree = network.pieces
     found: dict[str, tuple[float, float]] = {}
@@ -26,7 +32,7 @@ def lanes_overlapped(
         lane = piece.lane
         if (lane.internal and not in_junctions) or lane.id in besides:
             continue
-        part = shapely.intersection(network.footprints[int(hit)], box)
+        part = shapely.intersection(piece.polygon if to_the_edge else network.footprints[int(hit)], box)
         if shapely.area(part) < _TOUCH_M2:
             continue
         arcs, _ = piece.line.project(shapely.get_coordinates(part))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from interplan_sumo.scenario.scenario import SMALLEST_GAP_M
 from interplan_sumo.simulation.idm import acceleration_mps2
-from interplan_sumo.simulation.lane_chains import ChainedLane
+from interplan_sumo.simulation.lane_chains import ChainedLane, limits_and_turns
 from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.start_speed import StartAhead, hardest_mps2, safe
@@ -119,8 +119,7 @@ class LaneOccupancy:
     def ahead_of(self, way: Sequence[ChainedLane], front_m: float, opens: Callable[[NetworkLink], bool]) -> StartAhead:
         """What a vehicle has before it that starts on the first lane of a way; `opens` tells which links are open."""
         line_m = next((part.end_m - front_m for part in way if part.link is not None and not opens(part.link)), None)
-        slower = [(part.start_m - front_m, part.lane.limit_mps) for part in way[1:]]
-        turns = [(part.end_m - front_m, part.link.direction) for part in way if part.link is not None]
+        slower, turns = limits_and_turns(way, front_m)
         leaders = self.leaders(way[0].lane.id, front_m, HOLD_AHEAD_M)
         return StartAhead(way[0].lane.limit_mps, line_m, slower, turns, self.leader(way, front_m), leaders)
 

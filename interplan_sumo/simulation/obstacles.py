@@ -22,6 +22,8 @@ STOP_LINE_M = 1.0
 """Of a lane that leads to an obstacle inside a junction so much is blocked."""
 SWING_OUT_M = 6.0
 """Cars queue this far before an obstacle: a lane change from rest needs the room to swing out."""
+TAPER_M = 20.0
+"""What stands at the edge of a lane, and no farther than that before where it is blocked, closes it, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,14 +89,23 @@ def blocked_by(
     """The stretches of normal lanes that areas in SUMO's frame block, from so far before them on, and those `besides`.
 
     Sorted by lane and position. An area blocks a lane if a car on its centre
-    line would touch it; one that only reaches into the lane's edge is passed.
+    line would touch it; one that only reaches into the lane's edge is passed,
+    unless the lane is blocked soon after: a taper begins there, and whoever
+    leaves the lane beside it would sweep over it.
     """
     found: dict[str, list[tuple[float, float]]] = {}
+    edges: list[tuple[float, float, str]] = []
     for each in besides:
         found.setdefault(each.lane, []).append((each.start_m, each.end_m))
     for area in areas:
-        for lane_id, (start_m, end_m) in lanes_overlapped(network, area).items():
+        in_the_way = lanes_overlapped(network, area)
+        for lane_id, (start_m, end_m) in in_the_way.items():
             found.setdefault(lane_id, []).append((max(0.0, start_m - before_m), end_m))
+        for lane_id, (start_m, end_m) in lanes_overlapped(network, area, in_the_way, to_the_edge=True).items():
+            edges.append((start_m, end_m, lane_id))
+    for start_m, end_m, lane_id in sorted(edges, reverse=True):  # the nearest to what is blocked first
+        if any(0.0 < begins_m + before_m - end_m < TAPER_M for begins_m, _ in found.get(lane_id, ())):
+            found[lane_id].append((max(0.0, start_m - before_m), end_m))
     return tuple(LaneBlockage(lane, *span) for lane in sorted(found) for span in _merged(found[lane]))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import shapely
@@ -17,8 +17,19 @@ from interplan_sumo.world.roads import Roads
 
 FORESIGHT_S = 3.0
 """Background traffic foresees for so long where a walking pedestrian will be."""
+SOON_S = 1.0
+"""For who will be in its lane within this time background traffic brakes, even if it can no longer stop before."""
 FORESEEN_STEP_S = 0.5
 """It looks at places this far apart in time."""
+
+
+class WayAhead(NamedTuple):
+    """What a walking pedestrian covers from now on, in SUMO's frame."""
+
+    soon: Ring
+    """Within `SOON_S`."""
+    later: Ring
+    """Within `FORESIGHT_S`."""
 
 
 class People(Protocol):
@@ -36,8 +47,8 @@ class People(Protocol):
         """Everyone as actors with their true velocities, rows sorted by id."""
         ...
 
-    def foreseen(self, origin_m: tuple[float, float]) -> list[Ring]:
-        """What those who walk cover from now to `FORESIGHT_S` later, in SUMO's frame."""
+    def foreseen(self, origin_m: tuple[float, float]) -> list[WayAhead]:
+        """Where those who walk will be."""
         ...
 
     def standing(self, origin_m: tuple[float, float]) -> dict[str, shapely.Polygon]:
@@ -86,18 +97,13 @@ class Crowd:
         vx, vy = speed * np.cos(heading), speed * np.sin(heading)
         return Actors(self.ids, self._kinds, x, y, heading, length, width, vx, vy)
 
-    def foreseen(self, origin_m: tuple[float, float]) -> list[Ring]:
-        """What walking pedestrians cover from now to `FORESIGHT_S` later, in SUMO's frame.
-
-        Those who stand midway are not at rest: they will go on.
-        """
-        areas: list[Ring] = []
-        for each, walked in zip(self._walks, self._walked_s, strict=True):
-            if walked is None or walked >= each.duration_s:
-                continue
-            ahead_s = np.arange(walked, min(walked + FORESIGHT_S, each.duration_s) + FORESEEN_STEP_S, FORESEEN_STEP_S)
-            areas.append(hull(covered(each, np.minimum(ahead_s, each.duration_s), origin_m)))
-        return areas
+    def foreseen(self, origin_m: tuple[float, float]) -> list[WayAhead]:
+        """Where walking pedestrians will be. Those who stand midway are not at rest: they will go on."""
+        return [
+            way_ahead(each, walked, origin_m)
+            for each, walked in zip(self._walks, self._walked_s, strict=True)
+            if walked is not None and walked < each.duration_s
+        ]
 
     def ways(self, origin_m: tuple[float, float]) -> list[shapely.Polygon]:
         """What everyone covers on its whole way, part by part, in SUMO's frame."""
@@ -120,6 +126,17 @@ class Crowd:
                 self._boxes[place] = shapely.Polygon(actors.corners[i] - origin_m)
             found[place] = self._boxes[place]
         return found
+
+
+def way_ahead(each: PedestrianWalk, walked_s: float, origin_m: tuple[float, float]) -> WayAhead:
+    """The way ahead of a pedestrian that has walked for so long."""
+
+    def swept(ahead_s: float) -> Ring:
+        upto_s = min(walked_s + ahead_s, each.duration_s) + FORESEEN_STEP_S
+        times_s = np.minimum(np.arange(walked_s, upto_s, FORESEEN_STEP_S), each.duration_s)
+        return hull(covered(each, times_s, origin_m))
+
+    return WayAhead(swept(SOON_S), swept(FORESIGHT_S))
 
 
 def covered(each: PedestrianWalk, walked_s: Floats, origin_m: tuple[float, float]) -> list[tuple[float, float]]:

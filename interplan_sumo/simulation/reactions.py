@@ -17,7 +17,7 @@ nothing while the ego's whole box is behind that. From this follows a mode:
 | no | yes | IGNORE_EGO: SUMO is told to overlook the ego |
 | out of courtesy | either | IGNORE_EGO, and no harder than the gap needs |
 | yes | yes, driving the agent's way | SUMO, which follows the ego |
-| yes | no, or oncoming, backing, crossing | OVERRIDE_SPEED: what the agent's own car-following model wants |
+| yes | no, or out of order, oncoming, backing, crossing | OVERRIDE_SPEED: what its own car-following model wants |
 
 Nothing here knows SUMO: arrays and names in, decisions out. The small values
 are tuples, not data classes: a step makes dozens of them.
@@ -47,6 +47,10 @@ CLOSEST_M = 0.5
 
 Not where the standstill gap is less anyway."""
 STANDING_MPS = 0.5
+NOTICEABLE_MPS2 = 0.05
+"""Nobody minds what makes it brake by less than this: half of what counts as a reaction."""
+COMING = "coming"
+"""In place of a name: somebody on foot who will cross a lane, but not just yet."""
 CONTACT_SHARE = 0.5
 """An ego with more of its box than this in the lane, beside the front of an agent that reacts to it, touches it."""
 _LEAST_MPS = 1e-6
@@ -102,6 +106,8 @@ class EgoOnNetwork(NamedTuple):
     """How hard it brakes."""
     in_junction: bool = False
     """Whether SUMO sees it inside a junction, where it concerns agents on other lanes as well."""
+    out_of_order: bool = False
+    """Whether SUMO has passed it through others on the anchor lane, and so may have it behind who is behind it."""
 
 
 class Agent(NamedTuple):
@@ -208,8 +214,8 @@ def decide(
 
 
 def _leads_on(ego: EgoOnNetwork, leader_mps: float) -> bool:
-    """Whether the ego, this fast along the agent's lane, drives the way that SUMO's proxy does."""
-    return leader_mps >= LEAST_ALIGNMENT * ego.speed_mps and ego.speed_mps >= 0.0
+    """Whether the ego, this fast along the agent's lane, is SUMO's leader there, and drives the way that it does."""
+    return leader_mps >= LEAST_ALIGNMENT * ego.speed_mps and ego.speed_mps >= 0.0 and not ego.out_of_order
 
 
 def _courteously(
@@ -340,16 +346,16 @@ def yield_to(
 ) -> dict[str, ReactionDecision]:
     """`decisions` with the speeds lowered that agents need to follow, or stop before, what is in their corridor.
 
-    `obstructions` are, by SUMO lane, names and coverage of pedestrians (nameless)
-    and of other agents' bodies; an agent's own body does not concern it. Everyone
-    yields to them, whatever the type.
+    `obstructions` are, by SUMO lane, names and coverage of pedestrians (nameless, or
+    `COMING`) and of other agents' bodies; an agent's own body does not concern it.
+    Everyone yields to them, whatever the type. Who can no longer stop before somebody
+    that is only coming drives on, and is gone by then.
     """
     decided = dict(decisions)
     for agent in agents:
-        wanted = [drivers.next_speed_mps(agent, *leader) for leader in _leaders(agent, obstructions)]
-        if not wanted:
-            continue
-        decided[agent.id] = no_faster(decided.get(agent.id), min(wanted))
+        wanted = [drivers.next_speed_mps(agent, *leader) for leader in _leaders(agent, obstructions, drivers.dt_s)]
+        if wanted and min(wanted) < drivers.next_speed_mps(agent, inf, 0.0) - NOTICEABLE_MPS2 * drivers.dt_s:
+            decided[agent.id] = no_faster(decided.get(agent.id), min(wanted))
     return decided
 
 
@@ -363,19 +369,25 @@ def no_faster(before: ReactionDecision | None, most_mps: float) -> ReactionDecis
 
 
 def _leaders(
-    agent: Agent, obstructions: Mapping[str, Sequence[tuple[str, LaneCoverage]]]
+    agent: Agent, obstructions: Mapping[str, Sequence[tuple[str, LaneCoverage]]], dt_s: float
 ) -> set[tuple[float, float, str]]:
     """Gap, speed, not below 0, and name of everything in the corridor that is not behind the front bumper.
 
-    Who stands waits for pedestrians beside it, too: they walk on, whoever is in their way.
+    People have no name. Who stands waits for those beside it, too: they walk on, whoever is in their way.
     """
-    beside_m = agent.position_m - (agent.driver.length_m if agent.speed_mps < STANDING_MPS else 0.0)
+    stands = agent.speed_mps < STANDING_MPS
+    beside_m = agent.position_m - (agent.driver.length_m if stands else 0.0)
+    stops_m = agent.speed_mps * (dt_s + agent.speed_mps / (2.0 * agent.driver.emergency_decel_mps2))
     found: set[tuple[float, float, str]] = set()
     for lane, parts in obstructions.items():
         start_m = agent.corridor.get(lane)
         if start_m is None:
             continue
         for other, part in parts:
-            if other != agent.id and start_m + part.end_m > (agent.position_m if other else beside_m):
-                found.add((start_m + part.start_m - agent.position_m, max(0.0, part.speed_mps), other))
+            on_foot = other in ("", COMING)
+            if other == agent.id or start_m + part.end_m <= (beside_m if on_foot else agent.position_m):
+                continue
+            gap_m = start_m + part.start_m - agent.position_m
+            if other != COMING or stands or gap_m >= stops_m:
+                found.add((gap_m, max(0.0, part.speed_mps), "" if on_foot else other))
     return found

@@ -69,8 +69,7 @@ def start_speed_mps(
         room_m = max(0.0, ahead.line_m - LINE_M)
         allowed.append(sqrt(2.0 * STOPPING_MPS2 * room_m))
         meets.append(partial(_stops_mildly, free, limit_mps, room_m))
-    slower = [(room_m, lower_mps * driver.speed_factor) for room_m, lower_mps in ahead.slower if lower_mps < limit_mps]
-    for room_m, lower_mps in (*slower, *turns_mps(driver, ahead.turns)):
+    for room_m, lower_mps in speeds_ahead_mps(driver, ahead.slower, ahead.turns):
         if lower_mps < limit_mps * driver.speed_factor:
             allowed.append(sqrt(lower_mps**2 + 2.0 * STOPPING_MPS2 * max(0.0, room_m)))
             meets.append(partial(_slows_mildly, free, limit_mps, max(0.0, room_m), lower_mps))
@@ -93,11 +92,13 @@ def start_speed_mps(
     return largest_speed_mps(allowed, [*meets, *([in_equilibrium] if settled else []), brakes_mildly, holds])
 
 
-def turns_mps(driver: VehicleType, turns: Sequence[tuple[float, str]]) -> list[tuple[float, float]]:
-    """How fast a driver that errs turns at most: where each junction begins, and the speed. Others drive at limits."""
-    if driver.car_following_model != ERRING_MODEL:
-        return []
-    return [(room_m, TURNS_MPS[way] * driver.speed_factor) for room_m, way in turns if way in TURNS_MPS]
+def speeds_ahead_mps(
+    driver: VehicleType, limits: Sequence[tuple[float, float]], turns: Sequence[tuple[float, str]]
+) -> list[tuple[float, float]]:
+    """How fast a driver drives at most on lanes with such limits and, if it errs, in turns, and from where on."""
+    errs = driver.car_following_model == ERRING_MODEL
+    in_turns = [(room_m, TURNS_MPS[way]) for room_m, way in turns if way in TURNS_MPS] if errs else []
+    return [(room_m, mps * driver.speed_factor) for room_m, mps in (*limits, *in_turns)]
 
 
 def _stops_mildly(free: VehicleType, limit_mps: float, room_m: float, speed_mps: float) -> bool:

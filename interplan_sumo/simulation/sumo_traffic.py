@@ -16,19 +16,19 @@ import shapely
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.simulation.agent_control import AgentControl
 from interplan_sumo.simulation.agent_registry import AgentRegistry, AgentSnapshot
-from interplan_sumo.simulation.ego_proxy import EGO, NO_LANE_CHANGE, EgoProxy
+from interplan_sumo.simulation.ego_proxy import EGO, EgoProxy
 from interplan_sumo.simulation.ego_reactions import FREEZE_RADIUS_M, EgoReactions
 from interplan_sumo.simulation.first_seconds import FirstSeconds
 from interplan_sumo.simulation.flow import Inflow, OnTheRoad
-from interplan_sumo.simulation.lane_polygons import Ring
 from interplan_sumo.simulation.lane_posts import LanePosts
 from interplan_sumo.simulation.late_for_light import LateForLight
 from interplan_sumo.simulation.lights import Lights, LoggedLights
 from interplan_sumo.simulation.network import SOON_S, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage, blocked_by
-from interplan_sumo.simulation.pedestrians import People
+from interplan_sumo.simulation.pedestrians import People, WayAhead
 from interplan_sumo.simulation.slow_vehicles import ELEMENTS as SLOW
 from interplan_sumo.simulation.spawning import Spawn
+from interplan_sumo.simulation.staging import block_lanes, switch_lights
 from interplan_sumo.simulation.sumo import DT_S, Commanding, close_simulation, getters, open_simulation, sumo
 from interplan_sumo.simulation.traffic import EgoPresence, TrafficState
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
@@ -138,8 +138,8 @@ class SumoTraffic:
             self._without_ego = WithoutEgo(network, ids.origin_m, self._agents, setup.blocked, self._choice_of)
             for token, each in zip(setup.tokens, setup.spawns, strict=True):
                 self._add(token, each)
-            self._block(setup.blocked)
-            self._switch(setup.shown)
+            block_lanes(network, setup.blocked)
+            switch_lights(setup.shown)
             if setup.presence is EgoPresence.DRIVES:
                 self._proxy = EgoProxy(network, ids.origin_m, setup.shape, setup.ego_route, setup.ego)
             self.advance()
@@ -178,31 +178,6 @@ class SumoTraffic:
                 self._speeding[name] = each.speed_mps
         self._agents.add(name, token, driver, each.route)
         self._entering[name] = each
-
-    def _block(self, blocked: tuple[LaneBlockage, ...]) -> None:
-        """Stopped proxies where obstacles block a lane; only SUMO's own cars see them."""
-        for i, each in enumerate(blocked):
-            name, lane = f"obstacle{i}", self._network.lanes[each.lane]
-            length_m = max(0.5, each.end_m - each.start_m)
-            front_m = round(min(max(each.end_m, length_m), lane.length_m) - 0.005, 2)
-            with Commanding(f"blocking lane {each.lane} at {each.start_m:.1f} m"):
-                sumo.vehicletype.copy("DEFAULT_VEHTYPE", name)
-                sumo.vehicletype.setLength(name, length_m)
-                sumo.route.add(name, (lane.edge,))
-                sumo.vehicle.add(
-                    name, name, name, departLane=str(lane.index), departPos=f"{front_m:.2f}", departSpeed="0"
-                )
-                sumo.vehicle.setStop(name, lane.edge, front_m, lane.index, 1e6)
-                sumo.vehicle.setLaneChangeMode(name, NO_LANE_CHANGE)
-
-    def _switch(self, shown: Mapping[str, str]) -> None:
-        """Let lights begin with the phases of their programs that have some states."""
-        lights = sumo.trafficlight
-        with Commanding("switching lights"):
-            for light, state in shown.items():
-                now = lights.getProgram(light)
-                (program,) = (each for each in lights.getAllProgramLogics(light) if each.programID == now)
-                lights.setPhase(light, [phase.state for phase in program.phases].index(state))
 
     def _as_loaded(self, driver: VehicleType) -> VehicleType:
         """The type with the numbers that SUMO uses, its class defaults included."""
@@ -249,7 +224,7 @@ class SumoTraffic:
         if self._plain:
             self._control.keep_lanes(frozenset())
             return
-        walking: Sequence[Ring] = ()
+        walking: Sequence[WayAhead] = ()
         standing: Mapping[str, shapely.Polygon] = {}
         if self._crowd is not None:
             self._crowd.notice(ego, self._shape)

@@ -15,7 +15,7 @@ from math import hypot, inf
 
 import numpy as np
 
-from interplan_sumo.simulation.agent_control import LEADER_DECEL_MPS2
+from interplan_sumo.simulation.agent_control import LEADER_DECEL_MPS2, apparent_decel_mps2
 from interplan_sumo.simulation.agent_registry import AgentRegistry
 from interplan_sumo.simulation.ego_proxy import EGO
 from interplan_sumo.simulation.lane_chains import corridor
@@ -153,7 +153,7 @@ class WithoutEgo:
             other, gap_m = leader
             other_mps = max(0.0, before.speeds_mps.get(other, 0.0))
             gap_m += moved_m - (max(0.0, vehicle.getSpeed(other)) if other else 0.0) * DT_S - driver.min_gap_m
-            brakes_mps2 = vehicle.getApparentDecel(other) if other else LEADER_DECEL_MPS2
+            brakes_mps2 = apparent_decel_mps2(other)
             wanted.append(vehicle.getFollowSpeed(name, old_mps, gap_m, other_mps, brakes_mps2, other))
         stops_m = [away_m for _, _, away_m, state in vehicle.getNextTLS(name) if state not in "Gg"]
         links = vehicle.getNextLinks(name)

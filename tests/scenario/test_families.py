@@ -189,6 +189,14 @@ def test_an_overtake_begins_where_the_own_side_has_no_room_and_ends_where_the_ro
         overtake.blocked("overtake/x", narrow(), parked(3.5), {})
 
 
+def test_a_cyclist_and_those_who_come_along_do_not_ride_and_walk_in_one_line() -> None:
+    draws = Draws(np.random.default_rng(0), {"cyclist": 0.0, "people": 0.99})
+    people = jaywalker._people(narrow(), draws, hidden=False)  # pyright: ignore[reportPrivateUsage]
+    assert [each.cyclist for each in people] == [True, *(False for _ in people[1:])]
+    assert len(people) > 1
+    assert min(b.ahead_m - a.ahead_m for a, b in pairwise(people)) >= min(jaywalker.APART_M)
+
+
 def test_a_jaywalker_too_slow_to_start_behind_the_kerb_is_refused_with_the_least_speed() -> None:
     roads, to = load_roads("back_bay"), narrow()
     wide = replace(to, site=replace(to.site, right_edge_m=5.0))

@@ -23,6 +23,8 @@ from interplan_sumo.tiny_worlds import cars
 
 NETWORK = two_way_road()
 CAR = VehicleType("car", length_m=4.6, width_m=1.85)
+FAR_AWAY = ((900.0, 0.0), (905.0, 0.0), (905.0, 2.0), (900.0, 2.0))
+"""An ego in nobody's way."""
 
 
 @pytest.mark.parametrize(("left_m", "in_the_way"), [(HALF_FOOTPRINT_M + 0.01, False), (HALF_FOOTPRINT_M - 0.01, True)])
@@ -101,7 +103,16 @@ def test_a_car_that_is_elsewhere_than_where_sumo_has_it_waits_for_whom_it_stands
         names=("a", "b"), front_x=np.array([100.0, x_m + 0.06]), front_y=LANE_Y[1] + np.array([0.0, aside_m]),
         heading_rad=np.zeros(2), speed_mps=np.array([1.0, 0.0]), displaced=frozenset([0] if displaced else []),
     )  # fmt: skip
-    found = LaneChangeOverhang(NETWORK, {"a": CAR, "b": CAR}).faces_somebody(both, 0.1)
+    found = LaneChangeOverhang(NETWORK, {"a": CAR, "b": CAR}).faces_somebody(both, FAR_AWAY, 0.1)
+    assert found == ([0] if waits else [])
+
+
+@pytest.mark.parametrize(("gap_m", "waits"), [(0.2, True), (0.4, False)])
+def test_a_car_that_is_elsewhere_than_where_sumo_has_it_waits_for_the_ego_too(gap_m: float, waits: bool) -> None:
+    alone = driving(0.0, 0.0, 1.0)._replace(front_x=np.array([100.0]), displaced=frozenset([0]))
+    rear_m, beside_m = 100.0 + gap_m, LANE_Y[1] + 0.5
+    ego = ((rear_m, beside_m), (rear_m + 5.0, beside_m), (rear_m + 5.0, beside_m + 2.0), (rear_m, beside_m + 2.0))
+    found = LaneChangeOverhang(NETWORK, {"a": CAR}).faces_somebody(alone, ego, 0.1)
     assert found == ([0] if waits else [])
 
 
@@ -114,6 +125,18 @@ def test_stretches_that_two_obstacles_block_are_one_where_no_car_fits_between(
     standing = replace(standing, length_m=np.array([10.0, 0.9]))
     found = [(each.start_m, each.end_m) for each in blockages(NETWORK, standing, (0.0, 0.0))]
     assert found == [pytest.approx(span) for span in spans]
+
+
+@pytest.mark.parametrize(("before_m", "starts_m"), [(12.0, 81.75), (25.0, 93.75)])
+def test_what_stands_on_the_edge_of_a_lane_that_is_closed_soon_after_closes_it_too(
+    before_m: float, starts_m: float
+) -> None:
+    """The first cone of a taper: whoever leaves the lane beside it would sweep over it."""
+    edge_y = (LANE_Y[0] + LANE_Y[1]) / 2.0
+    standing = cars((100.0, LANE_Y[0]), (100.0 - before_m, edge_y), length_m=0.5, width_m=0.5)
+    found = blockages(NETWORK, standing, (0.0, 0.0))
+    assert {each.lane for each in found} == {"e0_0"}
+    assert min(each.start_m for each in found) == pytest.approx(starts_m)
 
 
 def test_where_something_stands_inside_a_junction_the_lanes_that_lead_there_are_blocked_at_their_ends() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import libsumo
 import numpy as np
 import pytest
+import shapely
 
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.suite import find_scenario
@@ -15,8 +16,9 @@ from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
 from interplan_sumo.world.ego import PACIFICA, EgoState
-from tests.networks import LANE_Y, agent, ego_at, stepped, traffic, types
-from tests.simulation.fuzz_cases import MODELS
+from interplan_sumo.world.geometry import box_polygons
+from tests.networks import LANE_Y, WESTWARD_Y, agent, ego_at, stepped, traffic, types
+from tests.simulation.fuzz_drivers import MODELS
 from tests.simulation.merges import Merge, measured, sites
 from tests.simulation.traffic_invariants import Body, Drive, Frame, violations
 
@@ -101,10 +103,49 @@ def test_whom_the_ego_has_passed_through_is_seen_by_those_far_behind_it_too() ->
     with traffic(drivers, both, ego(0)) as run:
         for each in stepped(run, ego, 200):
             assert len(each) == 2
-            libsumo.vehicle.setSpeed("a0", 0.0)
+            libsumo.vehicle.setMaxSpeed("a0", 0.001)
             libsumo.vehicle.setLaneChangeMode("a0", 0)
             libsumo.vehicle.setLaneChangeMode("a1", 0)
         assert 140.0 < libsumo.vehicle.getLanePosition("a1") < 150.0 - 4.6
+
+
+def overtaking(step: int) -> EgoState:
+    """Past an agent at 6 m/s on the oncoming lane, back in before it, then to a stop."""
+    x_m, mps = 60.0 + 1.2 * step, 12.0
+    if x_m > 165.0:
+        braking_s = min(3.0, (x_m - 165.0) / 12.0)
+        x_m, mps = 165.0 + 12.0 * braking_s - 2.0 * braking_s**2, 12.0 - 4.0 * braking_s
+    y_m = float(np.interp(x_m, (60.0, 75.0, 140.0, 160.0), (LANE_Y[2], WESTWARD_Y, WESTWARD_Y, LANE_Y[2])))
+    return ego_at(x_m, y_m, mps)
+
+
+@pytest.mark.parametrize("behaviour", ["conservative", "assertive", "measured_city"])
+def test_an_ego_that_has_overtaken_and_stops_is_not_driven_into(behaviour: str) -> None:
+    """SUMO, which had it in the agent's own lane all the while, still has it behind the agent."""
+    drivers, front_m = types(behaviour), 0.0
+    with traffic(drivers, (agent(drivers, "e0_2", 90.0, 6.0),), overtaking(0)) as run:
+        for each in stepped(run, overtaking, 350):
+            libsumo.vehicle.setLaneChangeMode("a0", 0)
+            libsumo.vehicle.setMaxSpeed("a0", 6.0)
+            front_m = float(each.x_m[0] + each.length_m[0] / 2.0)
+        stands_m = overtaking(400).x_m - PACIFICA.length_m / 2.0
+        assert stands_m - 12.0 < front_m < stands_m - 0.5
+
+
+@pytest.mark.parametrize("gap_m", [0.5, 1.0, 2.0])
+def test_who_changes_lane_right_behind_a_standing_ego_does_not_touch_it(gap_m: float) -> None:
+    drivers, ego = types("conservative"), ego_at(150.0, LANE_Y[1], 0.0)
+    front_m = ego.x_m - PACIFICA.length_m / 2.0 - gap_m
+    stands = shapely.box(
+        *(ego.x_m - PACIFICA.length_m / 2.0, ego.y_m - PACIFICA.width_m / 2.0),
+        *(ego.x_m + PACIFICA.length_m / 2.0, ego.y_m + PACIFICA.width_m / 2.0),
+    )
+    with traffic(drivers, (agent(drivers, "e0_1", front_m, 0.0),), ego) as run:
+        for step, each in enumerate(stepped(run, lambda _: ego, 150)):
+            if step == 40:
+                libsumo.vehicle.changeLane("a0", 2, 10.0)
+            (box,) = box_polygons(each.x_m, each.y_m, each.heading_rad, each.length_m, each.width_m)
+            assert not box.intersects(stands)
 
 
 def followed(of: VehicleTypes, y_m: float) -> Array:

@@ -17,6 +17,7 @@ from interplan_sumo.simulation.lane_chains import corridor
 from interplan_sumo.simulation.lane_polygons import ClipArea, Ring
 from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
 from interplan_sumo.simulation.reactions import (
+    COMING,
     Agent,
     DriverModels,
     EgoOnNetwork,
@@ -205,6 +206,11 @@ def test_sumo_follows_an_ego_that_drives_along_the_lane_and_not_one_that_crosses
     assert decision(follower(0.0), ahead_at(10.0 * share)).mode is mode
 
 
+def test_sumo_is_not_left_to_follow_an_ego_that_it_may_have_behind_the_agent() -> None:
+    passed = ahead_at(10.0)._replace(out_of_order=True)
+    assert decision(follower(0.0), passed).mode is Mode.OVERRIDE_SPEED
+
+
 @pytest.mark.parametrize(("front_m", "mode"), [(55.5, Mode.IGNORE_EGO), (55.3, Mode.SUMO)])
 def test_sumo_overlooks_an_ego_beside_the_agent_and_one_wholly_behind_it_needs_no_word(
     front_m: float, mode: Mode
@@ -222,6 +228,26 @@ def test_of_two_cars_ahead_the_one_counts_for_which_idm_brakes_harder(standing_g
     standing = ("c", LaneCoverage(0.0, 60.0 + standing_gap_m, 125.0, 0.0))
     told = reactions.yield_to([agent], {"e0_1": [fast, standing]}, {}, drivers())["a"]
     assert told.speed_mps == pytest.approx(speed_mps, abs=2e-3)
+
+
+@pytest.mark.parametrize(("gap_m", "told"), [(400.0, False), (60.0, True)])
+def test_who_hardly_minds_what_is_ahead_is_told_nothing(gap_m: float, told: bool) -> None:
+    """A speed that is told is one to drive at: it would overrule a light that SUMO brakes for."""
+    far = ("b", LaneCoverage(0.0, 60.0 + gap_m, 65.0 + gap_m, 0.0))
+    assert bool(reactions.yield_to([follower(0.0)], {"e0_1": [far]}, {}, drivers())) is told
+
+
+@pytest.mark.parametrize(
+    ("name", "gap_m", "speed_mps", "brakes"),
+    [("", 4.0, 10.0, True), (COMING, 4.0, 10.0, False), (COMING, 7.0, 10.0, True), (COMING, -2.0, 0.0, True)],
+)
+def test_who_can_no_longer_stop_before_somebody_that_is_only_coming_drives_on(
+    name: str, gap_m: float, speed_mps: float, brakes: bool
+) -> None:
+    """From 10 m/s it takes 6.6 m to stop at 9 m/s2; who stands waits for those beside it."""
+    agent = follower(0.0)._replace(speed_mps=speed_mps)
+    way = (name, LaneCoverage(0.0, 60.0 + gap_m, 61.0 + gap_m, 0.0))
+    assert bool(reactions.yield_to([agent], {"e0_1": [way]}, {}, drivers())) is brakes
 
 
 @pytest.mark.parametrize(("speed_mps", "waits"), [(0.4, True), (0.6, False)])

@@ -12,6 +12,7 @@ from tests.simulation.traffic_invariants import (
     Body,
     Drive,
     comings_and_goings,
+    drives_into_the_ego,
     violations,
 )
 from tests.simulation.twin_invariants import reactions_to_what_is_behind, same, spawn_braking
@@ -82,6 +83,23 @@ def test_two_bodies_are_never_in_one_place(gap_m: float, found: set[str]) -> Non
     assert kinds(drive(8.0, 8.0, gap_m=gap_m)) == found
 
 
+@pytest.mark.parametrize(
+    ("stands_since", "aside_m", "found"), [(0, 0.0, ["a"]), (0, 1.5, []), (25, 0.0, [])]
+)  # the last one is seen too late
+def test_nobody_drives_into_an_ego_that_has_stood_in_its_way(
+    stands_since: int, aside_m: float, found: list[str]
+) -> None:
+    many = 60
+    speed = np.full((many, 1), 5.0)
+    x = 0.5 * np.arange(many)[:, None].astype(float)
+    ego = np.tile((30.0, aside_m, 0.0, 5.0, 2.0), (many, 1))
+    ego[: stands_since + 1, 0] -= 0.1 * np.arange(stands_since, -1, -1)
+    meeting = Drive(
+        ("a",), x, np.zeros_like(x), np.zeros_like(x), speed, speed, np.full(1, 4.6), np.full(1, 1.85), ego
+    )  # fmt: skip
+    assert [each.agent for each in drives_into_the_ego(meeting, BODIES)] == found
+
+
 def test_what_was_placed_overlapping_may_stay_so_but_no_agent_may_drive_into_it() -> None:
     crashed = drive(8.0, 0.0, 0.0, gap_m=2.0)
     found = violations(crashed, {"a": BODIES["a"]}, standing=frozenset("bc"))
@@ -139,6 +157,12 @@ def test_braking_for_an_ego_behind_is_found_by_the_run_without_it(ego_x_m: float
     assert [each.agent for each in reactions_to_what_is_behind(with_ego, without, BODIES)] == found
 
 
+def test_who_gives_way_to_an_ego_in_the_lane_that_it_wants_may_brake_for_it() -> None:
+    with_ego, without = drive(slowing(3.0), ego_x_m=-2.0), drive(20.0, ego_x_m=-2.0)
+    (found,) = reactions_to_what_is_behind(with_ego, without, BODIES)
+    assert list(reactions_to_what_is_behind(with_ego, without, BODIES, {(found.frame - 1, "a")})) == []
+
+
 def test_who_brakes_because_another_does_does_not_react_to_the_ego() -> None:
     with_ego, without = drive(slowing(9.0, 5), slowing(3.0, 12), ego_x_m=-35.0), drive(20.0, 20.0, ego_x_m=-35.0)
     assert [each.agent for each in reactions_to_what_is_behind(with_ego, without, BODIES)] == ["a"]
@@ -147,6 +171,12 @@ def test_who_brakes_because_another_does_does_not_react_to_the_ego() -> None:
 @pytest.mark.parametrize(("rate", "begins", "found"), [(3.2, 0, 1), (2.9, 0, 0), (3.2, 22, 0)])
 def test_hard_braking_right_after_the_start_is_the_spawns_fault(rate: float, begins: int, found: int) -> None:
     assert len(list(spawn_braking(drive(slowing(rate, begins)), BODIES))) == found
+
+
+@pytest.mark.parametrize(("leader_mps2", "found"), [(5.0, ["a"]), (3.2, ["a", "b"])])
+def test_who_brakes_because_the_one_ahead_brakes_as_hard_has_started_well(leader_mps2: float, found: list[str]) -> None:
+    both = drive(slowing(leader_mps2, 2), slowing(4.0, 3))
+    assert [each.agent for each in spawn_braking(both, BODIES)] == found
 
 
 def test_who_brakes_for_somebody_who_is_there_in_one_run_only_does_not_react_to_the_ego() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import cos, sin
 
 import pytest
 
@@ -102,7 +103,10 @@ def test_who_is_forced_to_brake_does_not_in_a_twin_without_the_ego(wish: Driver)
 
 
 def test_who_brakes_for_others_is_not_laid_to_the_ego():
-    off_the_road = [replace(each, y_m=each.y_m + 80.0) for each in rude(SCENE, lambda _t, _a: Wish())]
+    off_the_road = [
+        replace(each, x_m=each.x_m - 500.0 * sin(each.heading_rad), y_m=each.y_m + 500.0 * cos(each.heading_rad))
+        for each in rude(SCENE, lambda _t, _a: Wish())
+    ]
     found = brakings(SCENE, off_the_road, 1.0)
     assert found
     assert [each for each in found if each.without_ego_mps2 is not None] == []

@@ -40,6 +40,11 @@ STRETCH = 0.15
 MAP_END_M = 30.0
 """A vehicle that goes this near to where a road ends, or comes where one begins, does so with the map."""
 STANDING_MPS = 0.5
+STILL = 1e-6
+"""In metres and radians per step: less is no motion."""
+SEES_S = 4.0
+"""Whoever has stood in a lane for so long is seen by everybody in it, whatever its type."""
+IN_THE_WAY_M, ALIGNED_RAD = 1.2, 0.5
 ERRORS, EIDM_ERROR = 4.0, 0.04
 """Standard deviations of an EIDM driver's error, nobody errs by more; and its `sigmaerror` where a type says none."""
 
@@ -144,6 +149,7 @@ def violations(
     """All violations of one drive but those that need a twin. `bodies` are the agents, by id."""
     found = [*braking_and_pushing(drive, bodies), *slips(drive, bodies), *turns(drive, bodies), *jumps(drive, bodies)]
     found += overlaps(drive, standing, walking, bodies)
+    found += drives_into_the_ego(drive, bodies)
     found += comings_and_goings(drive, bodies, map_begins, map_ends)
     numbers = (drive.x_m, drive.y_m, drive.heading_rad, drive.speed_mps)
     for k, i in np.argwhere(drive.there & ~np.all([np.isfinite(each) for each in numbers], axis=0)):
@@ -279,6 +285,41 @@ def _set_out_too_late(drive: Drive, walker: int, car: int, k: int, bodies: Mappi
             break
     mps = float(drive.speed_mps[began, car])
     return gone_m < mps * DT_S + mps * mps / (2.0 * body.emergency_decel_mps2)
+
+
+def drives_into_the_ego(drive: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
+    """Agents that touch an ego that has stood in their way for long enough to see it and stop."""
+    moved = np.concatenate(([True], np.abs(np.diff(drive.ego[:, :3], axis=0)).max(axis=1) > STILL))
+    since = np.maximum.accumulate(np.where(moved, np.arange(len(moved)), 0))
+    for i, name in enumerate(drive.ids):
+        if name not in bodies:
+            continue
+        reach = float(np.hypot(drive.length_m[i] + drive.ego[0, 3], drive.width_m[i] + drive.ego[0, 4])) / 2.0
+        near = np.hypot(drive.x_m[:, i] - drive.ego[:, 0], drive.y_m[:, i] - drive.ego[:, 1]) < reach
+        touches = np.array([bool(each) and _touches_ego(drive, k, i) for k, each in enumerate(near)], dtype=bool)
+        for first, _ in _spells(touches):
+            seen = int(since[first]) + round(SEES_S / DT_S)
+            mps = drive.speed_mps[seen, i] if seen < first else np.nan
+            if not (np.isfinite(mps) and _is_in_the_way(drive, seen, i) and _is_in_the_way(drive, first - 1, i)):
+                continue
+            went = np.hypot(np.diff(drive.x_m[seen : first + 1, i]), np.diff(drive.y_m[seen : first + 1, i])).sum()
+            if went > mps * DT_S + mps**2 / (2.0 * bodies[name].emergency_decel_mps2):
+                detail = f"at {drive.speed_mps[first - 1, i]:.1f} m/s, the ego stands since frame {int(since[first])}"
+                yield Violation("drives_into_ego", first, name, float(drive.speed_mps[first - 1, i]), detail)
+
+
+def _touches_ego(drive: Drive, k: int, i: int) -> bool:
+    x, y, heading, length, width = (drive.ego[k, j : j + 1] for j in range(5))
+    ego = corners_of(x, y, heading, np.stack((length, width), axis=1))
+    return float(_depth_m(drive.corners(k, [i]), ego)[0]) > OVERLAP_M
+
+
+def _is_in_the_way(drive: Drive, k: int, i: int) -> bool:
+    """Whether the ego's middle is straight ahead of an agent, and points its way."""
+    dx, dy = drive.ego[k, 0] - drive.x_m[k, i], drive.ego[k, 1] - drive.y_m[k, i]
+    along, across = np.cos(drive.heading_rad[k, i]), np.sin(drive.heading_rad[k, i])
+    aligned = abs(_wrapped(drive.ego[k, 2] - drive.heading_rad[k, i])) < ALIGNED_RAD
+    return bool(aligned and dx * along + dy * across > 0.0 and abs(dy * along - dx * across) < IN_THE_WAY_M)
 
 
 def _overlap(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -20,11 +20,16 @@ CONTAGION_M = 150.0
 
 Cross traffic of 25 m/s that is 6 s away from a junction is.
 """
+BESIDE_M = 2.0
+"""Who is less than that to the side of an agent's axis is in its lane."""
 SPAWN_S, SPAWN_BRAKING_MPS2 = 2.0, 3.0
 
 
 def spawn_braking(without_ego: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
-    """Agents that brake hard as soon as they are there, in the twin run, where no ego can be the reason."""
+    """Agents that brake hard as soon as they are there, in the twin run, where no ego can be the reason.
+
+    Who does so because one ahead has just braked as hard is not to blame, nor is its start.
+    """
     change = np.diff(without_ego.sumo_mps, axis=0) / DT_S
     for i, name in enumerate(without_ego.ids):
         if name not in bodies:
@@ -33,15 +38,30 @@ def spawn_braking(without_ego: Drive, bodies: Mapping[str, Body]) -> Iterator[Vi
         early = change[begins : begins + round(SPAWN_S / DT_S), i]
         if np.isfinite(early).any() and np.nanmin(early) < -SPAWN_BRAKING_MPS2 - TOLERANCE_MPS2:
             k = begins + int(np.nanargmin(early))
+            if _one_ahead_braked_as_hard(without_ego, change, k, i):
+                continue
             yield Violation("spawn_braking", k + 1, name, float(-change[k, i]), f"there since frame {begins}")
 
 
-def reactions_to_what_is_behind(drive: Drive, twin: Drive, bodies: Mapping[str, Body]) -> Iterator[Violation]:
+def _one_ahead_braked_as_hard(drive: Drive, change: Array, k: int, i: int) -> bool:
+    """Whether one straight ahead of agent `i` braked as hard, at frame `k` or just before; `change` is in m/s2."""
+    dx, dy = drive.x_m[k] - drive.x_m[k, i], drive.y_m[k] - drive.y_m[k, i]
+    along, across = np.cos(drive.heading_rad[k, i]), np.sin(drive.heading_rad[k, i])
+    ahead = dx * along + dy * across
+    leads = (ahead > 0.0) & (ahead < CONTAGION_M) & (np.abs(dy * along - dx * across) < BESIDE_M)
+    before = np.nan_to_num(change[max(0, k - SUDDEN_FRAMES) : k + 1]).min(axis=0)
+    return bool((before[leads] <= change[k, i]).any())
+
+
+def reactions_to_what_is_behind(
+    drive: Drive, twin: Drive, bodies: Mapping[str, Body], giving_way: Collection[tuple[int, str]] = ()
+) -> Iterator[Violation]:
     """Agents that brake for an ego that is wholly behind their front bumpers, by comparison with the run without it.
 
     Looked for where an agent first drives otherwise than in the twin run while
     nobody near it did before: then nothing but the ego can be the reason. Who
-    stands and lets the ego go first at a junction does not brake.
+    stands and lets the ego go first at a junction does not brake; who wants the
+    ego's lane and gives way to it, by frame and agent in `giving_way`, may.
     """
     ids = sorted({*drive.ids, *twin.ids})
     last = min(len(drive.x_m), len(twin.x_m))
@@ -62,7 +82,7 @@ def reactions_to_what_is_behind(drive: Drive, twin: Drive, bodies: Mapping[str, 
         k = int(first[i])
         if k == 0 or k >= last or alone[k, i] or name not in bodies:
             continue
-        if not min(slower[k, i], braked[k, i]) > REACTION_MPS2 * DT_S:
+        if not min(slower[k, i], braked[k, i]) > REACTION_MPS2 * DT_S or (k - 1, name) in giving_way:
             continue
         x, y = mine[0][k, i], mine[1][k, i]
         near = np.minimum(*(np.nan_to_num(np.hypot(px[k] - x, py[k] - y), nan=np.inf) for px, py, *_ in (mine, other)))
