@@ -6,7 +6,6 @@ from dataclasses import dataclass, fields
 from math import pi
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from interplan_sumo.dynamics.bicycle import (
@@ -95,9 +94,10 @@ def follow_all(
     if count < 1 or not 0 <= driven <= count:
         raise ValueError(f"plans of {count} steps cannot be followed for {driven} steps")
 
-    turns = np.rint(np.diff(heading_rad, axis=1) / (2.0 * pi))
-    heading = heading_rad.copy()
-    heading[:, 1:] -= 2.0 * pi * np.cumsum(turns, axis=1)
+    heading, turns = heading_rad, np.rint(np.diff(heading_rad, axis=1) / (2.0 * pi))
+    if turns.any():
+        heading = heading_rad.copy()
+        heading[:, 1:] -= 2.0 * pi * np.cumsum(turns, axis=1)
     ref_x, ref_y = rear_axles_of(x_m, y_m, heading, shape)
     cosine, sine = np.cos(heading), np.sin(heading)
     forward_m = np.diff(ref_x, axis=1) * cosine[:, :-1] + np.diff(ref_y, axis=1) * sine[:, :-1]
@@ -269,8 +269,8 @@ def _steer(rows: Floats, plans: _References, asked_mps2: Floats, stopping: NDArr
 
 
 def _held(profile: Floats, at: NDArray[np.intp]) -> Floats:
-    """Columns of (N, M) profiles at indices (K,), the last one beyond the end."""
-    return profile[:, np.minimum(at, profile.shape[1] - 1)]
+    """Columns of (N, M) profiles at indices of any shape, the last one beyond the end."""
+    return profile.take(np.minimum(at, profile.shape[1] - 1), axis=1)
 
 
 def _curvatures(speed_mps: Floats, turn_rad: Floats) -> Floats:
@@ -322,6 +322,5 @@ _PLAIN = (_SUMS[:2], _SUMS[2:], _RAMP_SUMS[2:], _RAMP_SUMS[0], _RAMP_SUMS[1])
 
 def _bends(curvature_per_m: Floats, steps: int) -> Floats:
     """(steps, 5, N) the sums above, each step weighted with the plan's curvature there."""
-    padded = np.concatenate((curvature_per_m, np.repeat(curvature_per_m[:, -1:], HORIZON_STEPS, axis=1)), axis=1)
-    windows = sliding_window_view(padded, HORIZON_STEPS, axis=1)[:, :steps]
+    windows = _held(curvature_per_m, np.arange(steps)[:, None] + np.arange(HORIZON_STEPS))
     return np.einsum("nkj,wj->kwn", windows, _STEP_WEIGHTS)

@@ -76,6 +76,7 @@ def test_a_merge_arrives_on_the_other_lane_and_stays_there() -> None:
     assert planner.decisions[-1].behaviour is Behaviour.FOLLOW
 
 
+@pytest.mark.slow
 def test_a_merge_that_is_called_off_goes_back() -> None:
     def rule(scene: DecisionScene, options: tuple[Behaviour, ...]) -> Behaviour:
         return Behaviour.MERGE_LEFT if scene.time_s < 0.5 and Behaviour.MERGE_LEFT in options else options[0]
@@ -90,6 +91,7 @@ def test_waiting_brings_the_car_to_a_stand() -> None:
     assert states[-1].vx_mps < 0.3
 
 
+@pytest.mark.slow
 def test_what_leaves_room_is_passed_and_the_lane_taken_up_again() -> None:
     aside = cars((130.0, -1.75), width_m=1.5)  # 1 m into a lane of 3.5 m beside an open verge
     start = ego(80.0, 0.0, 8.0)

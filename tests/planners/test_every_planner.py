@@ -20,12 +20,19 @@ from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.signals import Signals
 from tests.planners.staging_planners import driven
 
-PLANNERS = ("foresight", "idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed")
-DRIVERS = ("foresight", "idm", "idm_mobil", "pdm_closed")
+PLANNERS = ("foresight", "foresight?budget=fast", "idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed")
+DRIVERS = ("foresight", "foresight?budget=fast", "idm", "idm_mobil", "pdm_closed")
 LEARNED = ("dtpp", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
 """May drive badly, but must plan."""
 NEEDS_ONNX = pytest.mark.skipif(find_spec("onnxruntime") is None, reason="needs onnxruntime: the extra [learned]")
-ALL = (*PLANNERS, *(pytest.param(name, marks=NEEDS_ONNX) for name in LEARNED))
+ALL = (
+    *PLANNERS,
+    *(
+        pytest.param(name, marks=(NEEDS_ONNX, *([] if name == "urban_driver" else [pytest.mark.slow])))
+        for name in LEARNED
+    ),
+)
+"""Of the learned ones one in a hurry."""
 ROAD = mission(straight_road(lanes=1, length_m=300.0, limit_mps=13.9, cuts_m=((120.0, 135.0),)), ("11", "21", "31"))
 ROADS = straight_road(lanes=3, length_m=300.0, limit_mps=13.9, cuts_m=((120.0, 135.0),))
 WIDE = mission(ROADS, ("12", "22", "32"))

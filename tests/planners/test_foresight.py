@@ -12,12 +12,14 @@ from hypothesis import strategies as st
 from worlds import cars, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road, together
 
 from interplan_planners.foresight import ForesightPlanner
-from interplan_sumo.planner import Mission, Past
+from interplan_sumo.errors import InputError
+from interplan_sumo.planner import Mission, Past, load_planner
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.roads import DrivingSide, Roads
 from interplan_sumo.world.signals import Signals
 from tests.planners.staging_planners import driven, moved
+from tests.quick import few
 from tests.worlds import unmoved
 
 WIDTH_M = 3.5
@@ -68,6 +70,7 @@ def test_it_changes_to_the_goal_lane_on_a_free_road_and_tells_what_was_weighed()
     assert states[-1].y_m == pytest.approx(-2 * WIDTH_M, abs=0.3)
 
 
+@pytest.mark.slow
 def test_it_gets_in_behind_a_car_beside_it() -> None:
     """The cars drive at the limit and never let it in; behind them there is room."""
     beside = cars((21.0, -WIDTH_M, 12.0), (36.0, -WIDTH_M, 12.0), (51.0, -WIDTH_M, 12.0))
@@ -76,6 +79,7 @@ def test_it_gets_in_behind_a_car_beside_it() -> None:
     assert states[-1].x_m < 21.0 + 18.0 * 12.0 - PACIFICA.length_m
 
 
+@pytest.mark.slow
 def test_it_does_not_cut_in_before_a_faster_car() -> None:
     """A car comes from behind on the goal lane; the change waits until it is past."""
     fast = cars((5.0, -WIDTH_M, 12.0))
@@ -92,7 +96,7 @@ def test_it_stays_where_it_is_while_the_goal_lane_is_full() -> None:
     assert max(abs(state.y_m) for state in states) < 0.7
 
 
-@pytest.mark.parametrize("driving_side", ["right", "left"])
+@pytest.mark.parametrize("driving_side", few(["right", "left"], 1))
 def test_it_passes_a_parked_car_and_comes_back(driving_side: DrivingSide) -> None:
     """On the own side of a two-way road: the centre does not leave the lane."""
     sign = 1.0 if driving_side == "right" else -1.0
@@ -105,6 +109,7 @@ def test_it_passes_a_parked_car_and_comes_back(driving_side: DrivingSide) -> Non
     assert 0.4 < max(sign * (state.y_m - middle_m) for state in states) < WIDTH_M / 2
 
 
+@pytest.mark.slow
 def test_it_waits_for_an_oncoming_car_before_it_uses_its_lane() -> None:
     task = mission(two_way(), ("1",), goal_arc_m=250.0)
     oncoming = cars((170.0 - 312.0, WIDTH_M / 2, 10.0, np.pi), prefix="oncoming")
@@ -140,6 +145,7 @@ def test_it_waits_behind_a_car_that_waits_at_a_light() -> None:
     assert max(abs(state.y_m + WIDTH_M / 2) for state in states) < 0.3
 
 
+@pytest.mark.slow
 def test_it_leaves_a_lane_that_cones_close_and_returns_for_the_goal() -> None:
     cones = cars(
         *((90.0 + 3.0 * i, -1.2 + 0.4 * i) for i in range(6)), kind=ActorKind.TRAFFIC_CONE, length_m=0.5, width_m=0.5
@@ -150,6 +156,7 @@ def test_it_leaves_a_lane_that_cones_close_and_returns_for_the_goal() -> None:
     assert states[-1].y_m == pytest.approx(0.0, abs=0.5)
 
 
+@pytest.mark.slow
 def test_it_lets_somebody_cross_and_goes_on() -> None:
     def crossing(time_s: float) -> Actors:
         y = min(-6.0 + 1.4 * time_s, 8.0)
@@ -160,6 +167,7 @@ def test_it_lets_somebody_cross_and_goes_on() -> None:
     assert states[-1].x_m > 100.0
 
 
+@pytest.mark.slow
 def test_it_is_slow_where_a_bus_hides_people() -> None:
     bus = cars((80.0, -WIDTH_M, 0.0), length_m=12.0, width_m=2.55)
     speeds = {round(s.x_m): s.vx_mps for s in drive(mission(TWO, ("11",)), ego(30.0, 0.0, 11.0), bus, seconds=11.0)}
@@ -194,5 +202,5 @@ def test_a_mirrored_world_gives_a_mirrored_plan(seed: int, speed: float, left_m:
 
 @pytest.mark.parametrize("option", ["replan_s", "fallback_limit_mps", "change_time_s", "horizon_s"])
 def test_options_that_cannot_be_are_refused(option: str) -> None:
-    with pytest.raises(ValueError, match=option):
-        ForesightPlanner(**{option: 0.0})
+    with pytest.raises(InputError, match=option):
+        load_planner(f"foresight?{option}=0")

@@ -35,10 +35,12 @@ def comfortable(drives: SimulatedDrives, center_ahead_m: float = 0.0) -> NDArray
     if count < 4:
         return np.ones(len(drives), dtype=np.bool_)
     smooth, jerk, rate, acceleration = (_filter(count, *what) for what in ((8, 2, 0), (15, 2, 1), (5, 2, 1), (5, 3, 2)))
-    heading = np.unwrap(drives.heading_rad, axis=1)
+    heading = drives.heading_rad
+    if (np.abs(np.diff(heading, axis=1)) >= np.pi).any():
+        heading = np.unwrap(heading, axis=1)
     leak = center_ahead_m * (drives.yaw_rate_radps**2 + drives.yaw_acceleration_radps2) if center_ahead_m else 0.0
-    lengthwise = _through(smooth, drives.ax_mps2 + leak)
-    magnitude = _through(smooth, np.abs(drives.ax_mps2))
+    along = np.concatenate((drives.ax_mps2 + leak, np.abs(drives.ax_mps2)))
+    lengthwise, magnitude = _through(smooth, along).reshape(2, len(drives), count)
     return np.asarray(
         ((lengthwise > MIN_ACCELERATION_MPS2) & (lengthwise < MAX_ACCELERATION_MPS2)).all(axis=1)
         & (np.abs(_through(jerk, magnitude)) < MAX_JERK_MPS3).all(axis=1)

@@ -53,13 +53,13 @@ class Forecast:
     @cached_property
     def stands(self) -> NDArray[np.bool_]:
         """(A,) whether an actor is where it was at every instant."""
-        same_place = (self.x_m == self.x_m[:, :1]).all(axis=1) & (self.y_m == self.y_m[:, :1]).all(axis=1)
-        return same_place & (self.heading_rad == self.heading_rad[:, :1]).all(axis=1)
+        same_place = (self.x_m == self.x_m[:, :1]) & (self.y_m == self.y_m[:, :1])
+        return np.asarray((same_place & (self.heading_rad == self.heading_rad[:, :1])).all(axis=1))
 
     def instant(self, ahead_s: ArrayLike) -> Ints:
         """Index of the instant that holds at times from now."""
         k = np.floor(np.asarray(ahead_s, dtype=np.float64) / self.step_s + 1e-6).astype(np.int64)
-        return np.clip(k, 0, self.instants - 1)
+        return np.minimum(np.maximum(k, 0), self.instants - 1)
 
     def between(self, start_s: float, end_s: float) -> Forecast:
         """The part between two times from now, which then begins at `start_s`."""
@@ -82,13 +82,13 @@ class Forecast:
 
 def nearest(actors: Actors, x_m: float, y_m: float) -> Actors:
     """The actors that PDM considers around a point: the nearest of each class, up to its numbers."""
-    if len(actors) <= min(*MOST_OF_A_KIND.values(), MOST_STATIC):
+    groups = [(actors.kind == kind, most) for kind, most in MOST_OF_A_KIND.items()]
+    groups.append((actors.kind > ActorKind.BICYCLE, MOST_STATIC))
+    if all(np.count_nonzero(members) <= most for members, most in groups):
         return actors
     away = np.hypot(actors.x_m - x_m, actors.y_m - y_m)
     keep = np.zeros(len(actors), dtype=np.bool_)
-    static = actors.kind > ActorKind.BICYCLE
-    groups = [(actors.kind == kind, most) for kind, most in MOST_OF_A_KIND.items()]
-    for members, most in (*groups, (static, MOST_STATIC)):
+    for members, most in groups:
         rows = np.flatnonzero(members)
         keep[rows[np.argsort(away[rows], kind="stable")[:most]]] = True
     return actors.only(keep)

@@ -66,13 +66,12 @@ def occupancies(strips: Sequence[Strip], forecast: Forecast) -> list[StripOccupa
     half_width_m = np.array([strip.half_width_m for strip in strips])
     between_m = [strip.between_m for strip in strips]
     standing, count = forecast.stands, len(forecast)
-    looked = np.zeros((len(strips), *forecast.x_m.shape), dtype=np.bool_)
-    looked[:, :, 0] = _ever_near(bundle, half_width_m, forecast, between_m)
+    ever = _ever_near(bundle, half_width_m, forecast, between_m)
     for p, strip in enumerate(strips):
         if strip.ignore is not None:
-            looked[p, strip.ignore, 0] = False
-    looked[:, ~standing] = looked[:, ~standing, :1]
-    of, actor, instant = np.nonzero(looked)
+            ever[p, strip.ignore] = False
+    # who stands is looked at once
+    of, actor, instant = np.nonzero(ever[..., None] & (~standing[:, None] | (np.arange(forecast.instants) == 0)))
     vertices, away_m = bundle.nearest_vertices(
         of, forecast.x_m[actor, instant], forecast.y_m[actor, instant], between_m
     )
@@ -97,8 +96,11 @@ def occupancies(strips: Sequence[Strip], forecast: Forecast) -> list[StripOccupa
     start_m, end_m = np.array(between_m).T
     inside = np.flatnonzero((near <= far) & (far > start_m[of]) & (near < end_m[of]))
     of, instant, center = of[inside], instant[inside], center[inside]
-    known, place = np.unique(of * count + actor[inside], return_inverse=True)
-    rows = known % count if count else known
+    pair = of * count + actor[inside]  # increases
+    first = np.ones(len(pair), dtype=np.bool_)
+    np.not_equal(pair[1:], pair[:-1], out=first[1:])
+    known, place = pair[first], np.cumsum(first) - 1
+    rows = actor[inside][first]
     by_path = np.searchsorted(of, np.arange(len(strips) + 1)).tolist()
     lane_heading = np.concatenate(
         [
@@ -175,7 +177,7 @@ def _stretches(
 
 def _clipped(s_m: Floats, d_m: Floats, half_width_m: Floats) -> tuple[Floats, Floats]:
     """Least and largest arc length (M,) of polygons (P, M) in path coordinates within strips (M,); else inf, -inf."""
-    following = np.roll(np.arange(len(s_m)), -1)
+    following = np.arange(1, len(s_m) + 1) % len(s_m)
     ds, dd = s_m[following] - s_m, d_m[following] - d_m
     dd[np.abs(dd) < 1e-9] = 1e-9
     one, other = (-half_width_m - d_m) / dd, (half_width_m - d_m) / dd

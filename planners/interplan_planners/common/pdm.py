@@ -119,10 +119,6 @@ class PdmMotion:
         settings, ego, shape = self._settings, observation.ego, self._shape
         paths, axle = corridor.paths, ego.rear_axle(shape)
         starts_m = np.array([path.line.project_point(axle.x_m, axle.y_m)[0] for path in paths])
-        far_off = self._jumps_m(ego, paths, starts_m) > FARTHEST_FROM_PATH_M
-        if far_off.all():
-            return braking_plan(ego, settings.driver.max_deceleration_mps2, settings.horizon_s, GRID_S), None
-
         forecast = constant_velocity(
             nearest(observation.actors, ego.x_m, ego.y_m), settings.horizon_s + LOOK_AHEAD_S[-1]
         )
@@ -134,10 +130,15 @@ class PdmMotion:
         tracks = self._tracks(paths, starts_m, traffic, (0.0, settings.proposal_horizon_s))
         start = RolloutStart(path_of, starts_m[path_of], ego.speed_mps)
         rolled = self._roll_out(tracks, start, targets_mps, settings.proposal_horizon_s)
-        drives = follow_all(ego, *center_poses(paths, path_of, rolled.progress_m, shape), shape=shape)
+        x_m, y_m, heading_rad = center_poses(paths, path_of, rolled.progress_m, shape)
+        far_off = np.hypot(x_m[:, 0] - ego.x_m, y_m[:, 0] - ego.y_m) > FARTHEST_FROM_PATH_M
+        if far_off.all():
+            return braking_plan(ego, settings.driver.max_deceleration_mps2, settings.horizon_s, GRID_S), None
+
+        drives = follow_all(ego, x_m, y_m, heading_rad, shape=shape)
         scores = score(drives, forecast, corridor.ground, corridor.center, shape, ignore=ignore)
         value = scores.total + np.where(path_of == 0, settings.first_path_bonus, 0.0) * (scores.total > 0.0)
-        best = int(np.where(far_off[path_of], -1.0, value).argmax())
+        best = int(np.where(far_off, -1.0, value).argmax())
         braking = (
             float(scores.collision_s[best]) <= settings.emergency_within_s
             and abs(ego.speed_mps) <= settings.emergency_speed_mps
@@ -149,12 +150,6 @@ class PdmMotion:
         path = paths[int(path_of[best])]
         progress_m, speed_mps = rolled.progress_m[best], rolled.speed_mps[best]
         return self._extended(ego, path, progress_m, speed_mps, targets_mps[best : best + 1], traffic), decision
-
-    def _jumps_m(self, ego: EgoState, paths: Sequence[DrivingPath], starts_m: Floats) -> Floats:
-        """(P,) how far from the ego's centre each path would put it, with the rear axle at arc lengths (P,)."""
-        rows = np.arange(len(paths))
-        x_m, y_m, _ = center_poses(paths, rows, starts_m[:, None], self._shape)
-        return np.hypot(x_m[:, 0] - ego.x_m, y_m[:, 0] - ego.y_m)
 
     def _tracks(
         self, paths: Sequence[DrivingPath], starts_m: Floats, traffic: _Traffic, span_s: tuple[float, float]

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from interplan_planners.common.idm_policy import IdmDriver, IdmLaw
 from interplan_planners.common.occupancy import StripOccupancy
+from interplan_planners.common.ragged import stacked
 from interplan_sumo.world.geometry import Floats, Ints
 
 _AT_THE_END = 1e300
@@ -190,22 +191,20 @@ class _Leads:
 def _limits(tracks: Sequence[ProposalPath]) -> Floats | None:
     """(P, S) speed limits for each metre of the tracks, None if no track has any."""
     columns = [track.limit_mps if track.limit_mps is not None else np.array([np.inf]) for track in tracks]
-    longest = max(len(column) for column in columns)
-    if longest == 1 and not any(np.isfinite(column[0]) for column in columns):
-        return None
-    return np.stack([np.pad(column, (0, longest - len(column)), mode="edge") for column in columns])
+    limits = stacked(columns)
+    return None if limits.shape[1] == 1 and not np.isfinite(limits).any() else limits
 
 
 def _tables(tracks: Sequence[ProposalPath]) -> tuple[Floats, Floats, Floats]:
-    """Near ends, centres and speeds (P, K + 1, B) of all that is on the tracks; inf, -inf and 0 where there is less."""
+    """Near ends, centres and speeds (P, K + 1, B) of all that is on the tracks; inf, nan and 0 where there is less."""
     most = max(len(track.occupied.rows) + len(track.standing_m) for track in tracks)
     instants = tracks[0].occupied.near_m.shape[1]
     shape = (len(tracks), instants, max(most, 1))
-    near, center, speed = np.full(shape, np.inf), np.full(shape, -np.inf), np.zeros(shape)
+    near, center, speed = np.full(shape, np.inf), np.full(shape, np.nan), np.zeros(shape)
     for p, track in enumerate(tracks):
         count = len(track.occupied.rows)
         near[p, :, :count] = track.occupied.near_m.T
-        center[p, :, :count] = np.nan_to_num(track.occupied.center_m.T, nan=-np.inf)
+        center[p, :, :count] = track.occupied.center_m.T
         speed[p, :, :count] = track.occupied.speed_mps.T
         for j, (start_m, end_m) in enumerate(track.standing_m, start=count):
             near[p, :, j], center[p, :, j] = start_m, 0.5 * (start_m + end_m)

@@ -185,12 +185,10 @@ def _collisions(
     now = touched.pose % steps == 0  # looks nowhere ahead
     hit = _first(Contacts(touched.pose[now] // steps, touched.actor[now]), states, len(forecast))
     drive, state = np.divmod(hit.pose, states)
-    other_x, other_y, bearing_cos = _bearing(
-        drives, hit.pose, hit.actor, forecast.instant(ahead_s)[state], forecast, shape
-    )
+    other_instant = forecast.instant(ahead_s)[state]
+    other_x, other_y, bearing_cos = _bearing(drives, hit.pose, hit.actor, other_instant, forecast, shape)
     ego_moves = np.abs(drives.vx_mps.ravel()[hit.pose]) > STANDING_MPS
     is_agent = forecast.is_agent[hit.actor]
-    other_instant = forecast.instant(ahead_s)[state]
     stopped = ~is_agent | (np.abs(forecast.speed_mps[hit.actor, other_instant]) <= STANDING_MPS)
     behind = bearing_cos < BEHIND_COS
     front = _front_touches(drives, hit.pose, hit.actor, other_x, other_y, other_instant, forecast, shape)

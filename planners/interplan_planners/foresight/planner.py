@@ -17,6 +17,7 @@ from interplan_planners.foresight.candidate_paths import RUN_IN_M, Base, Candida
 from interplan_planners.foresight.caution import cautious_limits, red_stops, soonest_stop_m, waiting_m
 from interplan_planners.foresight.checking import CHECKED_S, TRACKED_AHEAD_S, checked_costs, finer
 from interplan_planners.foresight.costs import speed_costs
+from interplan_planners.foresight.foreseen import KEPT_S, Budget, Foreseen
 from interplan_planners.foresight.manoeuvres import ManoeuvreOption, Manoeuvres
 from interplan_planners.foresight.merging import leads_beside, prospects, wished_changes
 from interplan_planners.foresight.prediction import MOVING_MPS, STEP_S, Prediction
@@ -91,8 +92,12 @@ class ForesightPlanner:
         replan_s: float = 0.2,
         fallback_limit_mps: float = 13.0,
         change_time_s: float = 3.6,
+        budget: Budget = "normal",
     ) -> None:
-        """`fallback_limit_mps` holds where the map knows no limit; a lane change takes `change_time_s` at speed."""
+        """`fallback_limit_mps` holds where the map knows no limit; a lane change takes `change_time_s` at speed.
+
+        On the budget `fast` a plan is kept for longer while the world is as it was foreseen.
+        """
         more_than_0(replan_s=replan_s, fallback_limit_mps=fallback_limit_mps, change_time_s=change_time_s)
         shortest_s = CHECKED_S + TRACKED_AHEAD_S
         if not horizon_s >= shortest_s:
@@ -101,6 +106,7 @@ class ForesightPlanner:
         self.replan_s = replan_s
         self.fallback_limit_mps = fallback_limit_mps
         self.change_time_s = change_time_s
+        self.budget: Budget = budget
         self.decision: ForesightDecision | None = None
 
     def start(self, mission: Mission) -> None:
@@ -110,15 +116,28 @@ class ForesightPlanner:
         self._manoeuvres: Manoeuvres | None = None
         self._candidate: CandidatePath | None = None
         self._plan: Trajectory | None = None
-        self._planned_s = -inf
+        self._foreseen: Foreseen | None = None
+        self._looked_s = -inf
+        self._kept_rounds = 0
         self._waited_s = 0.0
         self.decision = None
 
     def plan(self, observation: Observation) -> Trajectory:
-        due = observation.time_s - self._planned_s >= self.replan_s - 1e-6
-        if self._plan is None or due or _strayed_m(self._plan, observation.ego) > FARTHEST_FROM_PLAN_M:
-            self._plan = self._planned(observation)
-            self._planned_s = observation.time_s
+        if self._plan is None or _strayed_m(self._plan, observation.ego) > FARTHEST_FROM_PLAN_M:
+            return self._anew(observation)
+        if observation.time_s - self._looked_s < self.replan_s - 1e-6:
+            return self._plan
+        if self._foreseen is None or not self._foreseen.still(observation):
+            return self._anew(observation)
+        self._kept_rounds += 1
+        self._looked_s = observation.time_s
+        return self._plan
+
+    def _anew(self, observation: Observation) -> Trajectory:
+        """A new plan."""
+        self._foreseen = None
+        self._plan = self._planned(observation)
+        self._looked_s, self._kept_rounds = observation.time_s, 0
         return self._plan
 
     # --- one round of planning -----------------------------------------------------------------
@@ -197,14 +216,19 @@ class ForesightPlanner:
         arc_m = finer(drafts.arc_m[best : best + 1], drafts.speed_mps[best : best + 1])[0]
         ahead_s = GRID_S * np.arange(len(arc_m))
         speed_mps = np.interp(ahead_s, STEP_S * np.arange(drafts.arc_m.shape[1]), drafts.speed_mps[best])
-        return rear_axle_plan(candidate.path.line, ego.time_s + ahead_s, arc_m, speed_mps, shape)
+        plan = rear_axle_plan(candidate.path.line, ego.time_s + ahead_s, arc_m, speed_mps, shape)
+        free_s, busy_s = KEPT_S[self.budget]
+        ends = base.room_m - base_m < ARRIVED_M + free_s * scene.speed_mps
+        busy = ends or blocked is not None or bool(wished) or candidate.kind != "keep"
+        self._foreseen = Foreseen(scene.seen, scene.traffic.forecast, plan, busy_s if busy else free_s)
+        return plan
 
     def _impatience(self, scene: PlanningScene, blocked: StandingGroup | None) -> float:
         """0 to 1: how long the ego has been waiting before what blocks its way."""
         if blocked is None:
             self._waited_s = 0.0
         elif scene.speed_mps < WAITING_MPS:
-            self._waited_s += self.replan_s
+            self._waited_s += (1 + self._kept_rounds) * self.replan_s
         return min(self._waited_s / PATIENCE_S, 1.0)
 
     # --- who is in the way ---------------------------------------------------------------------

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from interplan_planners.common.forecast import Forecast
 from interplan_planners.common.paths import centerline
+from interplan_planners.common.ragged import stacked
 from interplan_sumo.planner import Observation
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import EgoShape
@@ -239,9 +240,7 @@ class Prediction:
                     lead[place] = place_of.get(j, count)
                     lead_mps[place] = ego.speed_mps if j == EGO else float(speed_mps[j])
                     break
-        longest = max(len(bend) for bend in bends)
-        bend_mps = np.stack([np.pad(bend, (0, longest - len(bend)), mode="edge") for bend in bends])
-        return _Queue(gap_m, lead, lead_mps, limit_mps, bend_mps)
+        return _Queue(gap_m, lead, lead_mps, limit_mps, stacked(bends))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

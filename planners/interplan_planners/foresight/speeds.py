@@ -9,6 +9,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from interplan_planners.common.ragged import stacked
 from interplan_planners.foresight.prediction import STEP_S
 from interplan_planners.foresight.st_obstacles import Stage
 from interplan_sumo.world.ego import EgoShape
@@ -88,8 +89,7 @@ def drafted(
     caps = tuple(cap for _, _, cap in combined)
     steps = stages[0].near_m.shape[1] - 1
     ahead, waited = _Ahead.of(stages), _Waited.of(stages, of, yields, leads, steps)
-    longest = max(len(s.limit_mps) for s in stages)
-    limits = np.stack([np.pad(s.limit_mps, (0, longest - len(s.limit_mps)), mode="edge") for s in stages])
+    limits = stacked([stage.limit_mps for stage in stages])
 
     hard = np.array([cap is EMERGENCY for cap in caps])
     cap_mps2 = np.array([cap.most_mps2 for cap in caps])
@@ -104,7 +104,7 @@ def drafted(
     arc, speed, accelerations = (np.empty((count, len(of))) for count in (steps + 1, steps + 1, steps))
     arc[0], speed[0] = s, v
     for k in range(steps):
-        limit = limits[of, np.minimum(s.astype(np.int64), longest - 1)]
+        limit = limits[of, np.minimum(s.astype(np.int64), limits.shape[1] - 1)]
         free = np.minimum((v / np.maximum(limit, 0.3)) ** 4, 3.5)
         wish = np.minimum(ACCELERATION_MPS2 * (1.0 - free), ahead.behind(of, k, s, v, shape.front_m))
         if waited.any:
