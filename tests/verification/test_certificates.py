@@ -80,6 +80,7 @@ def test_a_scenario_that_cannot_be_solved_has_no_certificate_but_a_reason() -> N
     assert "obstacle" in "; ".join(verdict.problems)
 
 
+@pytest.mark.slow
 def test_a_scenario_that_is_not_sound_at_its_start_gets_no_certificate_and_keeps_none(proof: Certificate) -> None:
     fast = replace(nudge(), start_speed_mps=40.0)
     verdict = certify(fast)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -28,7 +29,12 @@ from tests.commands import ran
 
 MAP = load_roads("hazelwood")
 OPTIONS = HardOptions("overtake", ("idm", "foresight"), 4, Seed(3, "hard-3-"))
-SPACE = SceneSpace([MAP], "overtake", 3)
+
+
+@cache
+def space() -> SceneSpace:
+    """Two seconds that only those who search should wait."""
+    return SceneSpace([MAP], "overtake", 3)
 
 
 def judged(candidates: Sequence[HardCandidate]) -> Iterator[tuple[HardCandidate, HardVerdict]]:
@@ -45,7 +51,7 @@ def judged(candidates: Sequence[HardCandidate]) -> Iterator[tuple[HardCandidate,
 
 
 def found(options: HardOptions = OPTIONS) -> HardSearch:
-    search = HardSearch({MAP.name: MAP}, options, SPACE)
+    search = HardSearch({MAP.name: MAP}, options, space())
     search.run(judged)
     return search
 
@@ -133,7 +139,7 @@ def test_who_solves_half_of_the_scenes_must_fail_in_the_rest_and_drives_first() 
             scores = {"idm": 0.0, "foresight": 0.0 if "foresight" in each.must_fail else 1.0}
             yield each, msgspec.structs.replace(verdict, scores=scores)
 
-    again = HardSearch({MAP.name: MAP}, OPTIONS, SPACE)
+    again = HardSearch({MAP.name: MAP}, OPTIONS, space())
     again.run(solved_where_it_may_be)
     assert again.complete
     assert sum("foresight" in scene.verdict.solved_by for scene in again.taken) == 2
