@@ -301,6 +301,7 @@ def test_quiet_says_nothing_on_stderr(capsys: pytest.CaptureFixture[str], folder
     assert "straight_ahead" in out
 
 
+@pytest.mark.slow
 def test_doctor_finds_everything_in_order(capsys: pytest.CaptureFixture[str]) -> None:
     found = said(capsys, "doctor", "--json")
     assert found["ok"] is True

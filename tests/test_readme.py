@@ -55,6 +55,10 @@ def test_the_eight_commands_go_on_from_one_another(tmp_path: Path) -> None:
     assert len(commands) == 8
     for name, *arguments in commands:
         assert name == "interplan-sumo"
+        if (
+            arguments[0] == "run"
+        ):  # two scenes, one of them that of the replay, show as much as all that `make smoke` drives
+            arguments += ["--scenarios", "overtake/0", "--scenarios", "nudge/0"]
         done = subprocess.run(
             [sys.executable, "-m", "interplan_sumo", *arguments],
             cwd=tmp_path, capture_output=True, text=True, check=False,

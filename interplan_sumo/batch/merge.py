@@ -18,10 +18,10 @@ from interplan_sumo.batch.run_folder import (
     OWN_SCENARIOS,
     RunFolder,
     StoredRun,
-    benchmark_difference,
     read_run,
     trace_place,
 )
+from interplan_sumo.batch.same_benchmark import benchmark_difference
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types
 from interplan_sumo.batch.verified import keep_verified, verified_rows
 from interplan_sumo.errors import RunFolderError, clean_line

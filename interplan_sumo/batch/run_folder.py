@@ -28,9 +28,9 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Self
 
-from msgspec import json, structs, to_builtins
+from msgspec import json, structs
 
 from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.folder_lock import FolderLock
@@ -57,6 +57,7 @@ from interplan_sumo.batch.results import (
     storable,
     write_lines,
 )
+from interplan_sumo.batch.same_benchmark import benchmark_difference
 from interplan_sumo.errors import InputError, RunFolderError
 from interplan_sumo.maps.store import MapFiles, copy_map
 from interplan_sumo.metrics.profile import Profile, keep_profile
@@ -66,8 +67,6 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.files import PART, replacing
 
 MANIFEST = "manifest.json"
-BENCHMARK: Final = ("suite", "suite_hash", "profile", "overrides", "versions", "traffic_version")
-"""What all rows of a folder share, by its name in the manifest."""
 OWN_SCENARIOS = "scenarios.yaml"
 TRAFFIC = "traffic"
 """Holds a vehicle-type file; so it does beside the run folders of a sweep."""
@@ -135,7 +134,7 @@ class RunFolder:
     """A run folder open for writing; use as a context manager. One process at a time: others are refused."""
 
     def __init__(self, path: Path, wanted: Manifest, redo: Container[str] = ()) -> None:
-        """What BENCHMARK names must agree with what the folder holds; the requests are added to it.
+        """What `same_benchmark.BENCHMARK` names must agree with what the folder holds; the requests are added to it.
 
         So must the planners, but for those to `redo`: their rows are taken away. Raises RunFolderError:
         in use, unwritable, foreign, or of another benchmark or planner (naming the difference).
@@ -347,33 +346,6 @@ def _refuse_planner(path: Path, name: str, then: PlannerRecord, now: PlannerReco
         f"{path} holds drives of planner {name!r} from before {files[0] if files else 'its options'}{more} changed; "
         f"--redo {name!r} drives them again, another --out keeps both"
     )
-
-
-def benchmark_of(manifest: Manifest) -> tuple[str, ...]:
-    """What all rows of a folder share, to hold against that of others."""
-    return tuple(json.encode(getattr(manifest, name)).decode() for name in BENCHMARK)
-
-
-def benchmark_difference(held: Manifest, wanted: Manifest) -> tuple[str, str, str] | None:
-    """What makes two manifests of different benchmarks: its name, and what each says; None for one benchmark."""
-    for name in BENCHMARK:
-        if (found := _difference(name, *(to_builtins(getattr(each, name)) for each in (held, wanted)))) is not None:
-            return found
-    return None
-
-
-def _difference(name: str, held: Any, wanted: Any) -> tuple[str, str, str] | None:
-    if held == wanted:
-        return None
-    if isinstance(held, dict) and isinstance(wanted, dict):
-        for key in {**held, **wanted}:
-            if held.get(key) != wanted.get(key):
-                return _difference(f"{name} {key}", held.get(key, "none"), wanted.get(key, "none"))
-    return name, _said(held), _said(wanted)
-
-
-def _said(value: Any) -> str:
-    return "none" if value in (None, {}, "none") else value if isinstance(value, str) else json.encode(value).decode()
 
 
 def _read_manifest(path: Path) -> Manifest | None:

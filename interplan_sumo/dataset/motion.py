@@ -12,6 +12,7 @@ from interplan_sumo.features.schema import STEP_S
 from interplan_sumo.metrics.comfort import BOUNDS
 from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.geometry import Floats, Ints, wrap_angle
+from interplan_sumo.world.savitzky_golay import savitzky_golay
 from interplan_sumo.world.trace import EgoTrack
 
 SMOOTHED_FRAMES: Final = 15
@@ -37,9 +38,7 @@ def smoothed(places: Floats) -> Floats:
     """(F, 2) places without the kinks that no car drives; as they are where there are fewer than 1.5 s."""
     if len(places) < SMOOTHED_FRAMES:
         return places
-    from scipy.signal import savgol_filter  # half a second that only those who read recordings should wait
-
-    return np.asarray(savgol_filter(places, SMOOTHED_FRAMES, SMOOTHED_ORDER, axis=0))
+    return np.stack([savitzky_golay(column, SMOOTHED_FRAMES, SMOOTHED_ORDER) for column in places.T], axis=1)
 
 
 def rolled(places: Floats, heading_rad: float, shape: EgoShape) -> Floats:

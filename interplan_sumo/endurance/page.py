@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 
 from interplan_sumo.endurance.drawings import MAP_WIDE, event_maps, planner_colours, rate_drawings, width_drawing
@@ -17,7 +16,7 @@ from interplan_sumo.endurance.formats import (
 from interplan_sumo.endurance.rate_sample import MEASURES
 from interplan_sumo.endurance.report import EnduranceReport
 from interplan_sumo.report.page.curves import HIGH, LEFT, WIDE
-from interplan_sumo.report.page.html import html
+from interplan_sumo.report.page.html import html, style_of
 from interplan_sumo.world.files import writing
 
 
@@ -41,12 +40,10 @@ def write_endurance_report(
 
 def endurance_page(report: EnduranceReport, command: str = "") -> str:
     """The report as HTML."""
-    part = files("interplan_sumo.report.page")
-    names = ("page.css", "realism.css", "curves.css")
     told = [each for each in report.rates.planners if each.measures]
     return html(
         "endurance.html.j2",
-        style="".join(part.joinpath(name).read_text(encoding="utf-8") for name in names),
+        style=style_of("page.css", "realism.css", "curves.css"),
         script="",
         measure=MEASURES[report.measure],
         colours=planner_colours(report),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.savitzky_golay import savitzky_golay
 from interplan_sumo.world.trace import EgoTrack
 
 FEWEST_FRAMES = 4
@@ -43,22 +44,16 @@ def comfort_signals(ego: EgoTrack, rear_axle_to_center_m: float, step_s: float) 
 def smoothed(values: Floats) -> Floats:
     """nuPlan's smoothing of an acceleration; its even window shifts the signal by half a sample."""
     window = min(ACCELERATION_WINDOW, len(values))
-    return np.round(_savitzky_golay(values, window, ACCELERATION_ORDER), DECIMALS)
+    return np.round(savitzky_golay(values, window, ACCELERATION_ORDER), DECIMALS)
 
 
 def derivative(values: Floats, step_s: float, window: int, order: int, times: int = 1) -> Floats:
     """nuPlan's derivative of a signal with equal steps; windows longer than the signal shrink to it."""
     shrunk = min(window, len(values))
-    return np.round(_savitzky_golay(values, shrunk, order, deriv=times, delta=step_s), DECIMALS)
+    return np.round(savitzky_golay(values, shrunk, order, times, step_s), DECIMALS)
 
 
 def unwrapped(angle_rad: Floats) -> Floats:
     """Angles without jumps: each step is brought to the nearest of its equals modulo a turn."""
     turns = np.round(np.diff(angle_rad, prepend=angle_rad[:1]) / (2.0 * np.pi))
     return angle_rad - 2.0 * np.pi * np.cumsum(turns)
-
-
-def _savitzky_golay(values: Floats, window: int, order: int, deriv: int = 0, delta: float = 1.0) -> Floats:
-    from scipy.signal import savgol_filter  # half a second that only those who score should wait
-
-    return np.asarray(savgol_filter(values, window, order, deriv=deriv, delta=delta), dtype=np.float64)

@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 from scipy.special import ndtri
-from scipy.stats import qmc
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.realism.car_following import PARAMETERS
@@ -65,6 +64,8 @@ class DriverPopulation:
             raise InputError(f"{count} drivers are asked for, expected {FEWEST} to {MOST_DRAWN}")
         if not -LARGEST_SHIFT <= shift <= LARGEST_SHIFT:
             raise InputError(f"the shift is {shift:g}, expected {-LARGEST_SHIFT} to {LARGEST_SHIFT} quantiles")
+        from scipy.stats import qmc  # half a second that only those who draw drivers should wait
+
         sobol = qmc.Sobol(len(QUALITIES), scramble=True, rng=np.random.default_rng(SEED))
         shares = sobol.random_base2(int(np.ceil(np.log2(count))))[:count]
         scores = ndtri(shares.clip(1e-6, 1.0 - 1e-6))

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs
 
 from interplan_sumo.realism.tracks import Track
 from interplan_sumo.world.geometry import Floats, frozen, wrap_angle
+from interplan_sumo.world.savitzky_golay import weights
 
 WINDOW_S: Final = 1.5
 """Of the Savitzky-Golay filter, order 2. Half of it is dropped at both ends, where it has but one side."""
@@ -125,7 +125,7 @@ def _inside(values: Floats, half: int, step_s: float, derivative: int) -> Floats
 def _weights(half: int, derivative: int, step_s: float) -> Floats:
     """(2 half + 1, 2 half + 1) row k: what the values of a window weigh in the parabola through them at its place k."""
     window = 2 * half + 1
-    rows = [savgol_coeffs(window, 2, derivative, delta=step_s, pos=place, use="dot") for place in range(window)]
+    rows = [weights(window, 2, derivative, place, step_s) for place in range(window)]
     return frozen(rows)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +13,7 @@ from interplan_sumo.realism.distances import Sample
 from interplan_sumo.realism.features import FEATURES, TrafficFeature
 from interplan_sumo.realism.formats import COLUMNS, ROW_COLUMNS, feature_cells, report_notes, row_figures, row_title
 from interplan_sumo.realism.likelihood import Bins
-from interplan_sumo.report.page.html import html
+from interplan_sumo.report.page.html import html, style_of
 from interplan_sumo.world.files import writing
 from interplan_sumo.world.geometry import Floats
 
@@ -64,11 +63,9 @@ def write_realism_page(report: RealismReport, path: Path, command: str) -> None:
 def realism_page(report: RealismReport, command: str) -> str:
     """The report as HTML."""
     shown = [each for each in FEATURES if len(report.recorded.together[each.key])]
-    part = files("interplan_sumo.report.page")
-    style = "".join(part.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", "realism.css"))
     return html(
         "realism.html.j2",
-        style=style,
+        style=style_of("page.css", "realism.css"),
         script="",
         drawings=[_drawing(each, report) for each in shown],
         lines=[(number, row_title(row)) for number, row in enumerate(drawn_rows(report))],

@@ -54,6 +54,11 @@ class AtlasScene:
         return self.score >= SOLVED_SCORE
 
 
+def nearness(places: Floats, at: Floats | float) -> Floats:
+    """How much scenes at some places of an axis say of another one: 1 at its place, less with the distance."""
+    return np.exp(-0.5 * ((places - at) / REACH) ** 2)
+
+
 @dataclass(frozen=True, slots=True)
 class AtlasAxis:
     """A parameter along which scenes lie, 0 to 1."""
@@ -76,7 +81,7 @@ class AtlasAxis:
             words = np.array([value or "" for value in values])
             return (words[:, None] == words[None, :]).astype(np.float64)
         places = np.array([np.nan if value is None else self.place(value) for value in values])
-        found = np.exp(-0.5 * ((places[:, None] - places[None, :]) / REACH) ** 2)
+        found = nearness(places[:, None], places)
         lacking = np.isnan(places)
         return np.where(lacking[:, None] | lacking[None, :], (lacking[:, None] & lacking[None, :]) * 1.0, found)
 

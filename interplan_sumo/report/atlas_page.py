@@ -6,7 +6,6 @@ import shlex
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from statistics import median
 from typing import Final
@@ -15,9 +14,9 @@ from urllib.parse import quote
 import numpy as np
 
 from interplan_sumo.batch.run_folder import slug
-from interplan_sumo.report.atlas import REACH, Atlas, AtlasAxis, AtlasScene, value_text
+from interplan_sumo.report.atlas import Atlas, AtlasAxis, AtlasScene, nearness, value_text
 from interplan_sumo.report.page.drives import band, replays_folder, shown
-from interplan_sumo.report.page.html import html
+from interplan_sumo.report.page.html import html, style_of
 from interplan_sumo.verification.hard_folder import TRIED
 from interplan_sumo.world.files import writing
 from interplan_sumo.world.geometry import Floats
@@ -85,13 +84,11 @@ def write_atlas_page(atlas: Atlas, path: Path, command: str) -> None:
 
 def atlas_page(atlas: Atlas, command: str = "", path: Path | None = None) -> str:
     """The atlas as HTML; replays that lie beside `path`, where the page will be, are linked."""
-    part = files("interplan_sumo.report.page")
-    names = ("page.css", "atlas.css")
     drawn = atlas_map(atlas)
     links = {scene.id: scene_link(atlas, scene, path) for scene in atlas.scenes}
     return html(
         "atlas.html.j2",
-        style="".join(part.joinpath(name).read_text(encoding="utf-8") for name in names),
+        style=style_of("page.css", "atlas.css"),
         script="",
         atlas=atlas,
         map=drawn,
@@ -203,7 +200,7 @@ def _nearness(axis: AtlasAxis, scenes: Sequence[AtlasScene]) -> list[Floats]:
     if axis.options:
         return [np.array([value == option for value in values], dtype=np.float64) for option in axis.options]
     places = np.array([axis.place(value) for value in values])
-    return [np.exp(-0.5 * ((places - (number + 0.5) / CELLS) / REACH) ** 2) for number in range(CELLS)]
+    return [nearness(places, (number + 0.5) / CELLS) for number in range(CELLS)]
 
 
 def axis_ticks(axis: AtlasAxis) -> list[tuple[float, str]]:

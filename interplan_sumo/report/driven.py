@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.records import JobKey, Row, keys_of
-from interplan_sumo.batch.run_folder import StoredRun, benchmark_of
+from interplan_sumo.batch.run_folder import StoredRun
+from interplan_sumo.batch.same_benchmark import benchmark_of
 from interplan_sumo.batch.verified import verified_rows
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.families import find_family

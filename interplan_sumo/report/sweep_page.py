@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
@@ -22,7 +21,7 @@ from interplan_sumo.report.page.curves import (
     line_through,
     place_along,
 )
-from interplan_sumo.report.page.html import html
+from interplan_sumo.report.page.html import html, style_of
 from interplan_sumo.report.sweep_formats import change_text, mean_text, sweep_columns, sweep_notes, sweep_rows
 from interplan_sumo.report.sweep_lines import SweepLine, reference_setting
 from interplan_sumo.report.sweep_plot import SCALE, along_axis, drawn_measures, ordered_values
@@ -46,12 +45,10 @@ def write_sweep_page(parameters: Sequence[Parameter], lines: Sequence[SweepLine]
 
 def sweep_page(parameters: Sequence[Parameter], lines: Sequence[SweepLine], command: str) -> str:
     """A sweep as HTML."""
-    part = files("interplan_sumo.report.page")
-    names = ("page.css", "realism.css", "curves.css")
     planners = list(dict.fromkeys(line.planner for line in lines))
     return html(
         "sweep.html.j2",
-        style="".join(part.joinpath(name).read_text(encoding="utf-8") for name in names),
+        style=style_of("page.css", "realism.css", "curves.css"),
         script="",
         keys=[parameter.key for parameter in parameters],
         colours={name: number % COLOURS for number, name in enumerate(planners)},

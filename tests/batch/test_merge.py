@@ -53,6 +53,7 @@ def joined(place: Path) -> StoredRun:
     return merge([place / "2", place / "1"], place / "merged")
 
 
+@pytest.mark.slow
 def test_merged_shards_are_the_run_that_one_machine_makes(home: Path, shards: Path) -> None:
     whole, made = read_run(home / "whole"), joined(shards)
     assert len(read_run(shards / "1").rows) == len(read_run(shards / "2").rows) == 3

@@ -226,6 +226,7 @@ def test_of_what_decides_nothing_no_more_is_kept_than_of_what_does_in_each_split
     assert len(balanced(examples, 0.0)) == 2
 
 
+@pytest.mark.slow
 def test_the_file_depends_on_the_scenes_alone_and_what_is_done_is_not_done_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

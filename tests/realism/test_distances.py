@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from samples import SAMPLES, each_once
-from scipy.stats import ks_2samp, wasserstein_distance
 
 from interplan_sumo.realism.distances import Sample, kolmogorov_smirnov, wasserstein
 
@@ -45,6 +44,8 @@ def test_a_shift_is_the_wasserstein_distance_and_samples_that_do_not_meet_are_1_
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of its p-values
 @given(SAMPLES, SAMPLES)
 def test_distances_are_scipys(one: Sample, other: Sample) -> None:
+    from scipy.stats import ks_2samp, wasserstein_distance  # half a second that only this test should wait
+
     expected = wasserstein_distance(one.values, other.values, one.weights, other.weights)
     assert wasserstein(one, other) == pytest.approx(expected, abs=1e-9)
     alone, also = Sample(one.values, np.arange(len(one))), Sample(other.values, np.arange(len(other)))

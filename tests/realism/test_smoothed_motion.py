@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import savgol_filter
 from tracking import DT_S, moved, steady, track
 
 from interplan_sumo.realism import motion
@@ -61,6 +60,8 @@ def test_missing_boxes_are_filled_along_a_line() -> None:
 
 @pytest.mark.parametrize("rows", [5, 9, 15, 80])
 def test_the_filter_is_scipys(rows: int) -> None:
+    from scipy.signal import savgol_filter  # half a second that only this test should wait
+
     values = np.random.default_rng(0).normal(size=rows)
     half = min(7, (rows - 1) // 2)
     for order in (1, 2):

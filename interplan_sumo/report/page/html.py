@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from base64 import b64encode
 from functools import cache
+from importlib.resources import files
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -21,6 +22,11 @@ def html(template: str, *, style: str, script: str, connects: bool = False, **fi
         policy += "; connect-src 'self'"
     parts = {"policy": Markup(policy), "style": Markup(style), "script": Markup(script)}
     return _templates().get_template(template).render(**parts, **fields)
+
+
+def style_of(*names: str) -> str:
+    """Style sheets of this package, one after the other."""
+    return "".join(files(__package__ or "").joinpath(name).read_text(encoding="utf-8") for name in names)
 
 
 @cache
