@@ -12,9 +12,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf
 
+import shapely
+
 from interplan_sumo.simulation.agent_control import apparent_decel_mps2
 from interplan_sumo.simulation.lane_chains import limits_and_turns, way_ahead
-from interplan_sumo.simulation.network import SumoNetwork
+from interplan_sumo.simulation.network import NetworkLane, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.start_speed import ERRING_MODEL, LINE_M, hardest_mps2, safe, speeds_ahead_mps
 from interplan_sumo.simulation.sumo import DT_S, finite, sumo
@@ -57,6 +59,8 @@ MAY_QUEUE, QUEUES_MPS2 = 0.75, 0.5
 """Who is slower than this share of one's own speed, or brakes so hard, may be about to queue."""
 COMING_MPS = 0.1
 """Who moves sideways faster than that changes lane."""
+MEETS_M = 0.1
+"""Lines as near as that meet: some of those that end in one lane do so but nearly."""
 _MINE_M, _OTHERS_M = 1, 2
 """In what `getJunctionFoes` answers of each: how far both are from where their ways meet."""
 
@@ -234,11 +238,10 @@ class FirstSeconds:
         """The next one ahead, and whoever crosses its way in the next junction: SUMO's cars keep behind those, too."""
         found: dict[str, tuple[float, float, float]] = {}
         least_m = self._drivers[name].min_gap_m
-        for foe in sumo.vehicle.getJunctionFoes(name, FOES_M):
-            other = foe[0]
+        near = [(foe[0], foe[_MINE_M], foe[_OTHERS_M]) for foe in sumo.vehicle.getJunctionFoes(name, FOES_M)]
+        for other, mine_m, others_m in self._in_junctions_ahead(name) + near:
             if other != self._besides and other in self._drivers and _in_junction_soon(other):
-                net_m = foe[_MINE_M] - foe[_OTHERS_M] - self._drivers[other].length_m - least_m
-                found[other] = net_m, inf, foe[_MINE_M]
+                found[other] = mine_m - others_m - self._drivers[other].length_m - least_m, inf, mine_m
         first = sumo.vehicle.getLeader(name, AHEAD_M)
         in_lane = [(first[0], first[1])] if first is not None and first[0] else []
         for other, net_m in in_lane + self._coming_in(name):
@@ -254,6 +257,27 @@ class FirstSeconds:
             )  # an obstacle has no driver
             for other, (net_m, gap_m, crosses_m) in found.items()
         ]  # fmt: skip
+
+    def _in_junctions_ahead(self, name: str) -> list[tuple[str, float, float]]:
+        """Who is on a way that crosses the agent's, and how far both are from there.
+
+        Where roads have several lanes `getJunctionFoes` leaves out some of them.
+        """
+        vehicle, lane = sumo.vehicle, sumo.vehicle.getLaneID(name)
+        if lane.startswith(":"):
+            return []
+        here_m, route = vehicle.getLanePosition(name), vehicle.getRoute(name)[vehicle.getRouteIndex(name) :]
+        found: list[tuple[str, float, float]] = []
+        for part in way_ahead(self._network, lane, tuple(route), here_m + FOES_M):
+            if not part.lane.internal or part.start_m - here_m > FOES_M:
+                continue
+            for foe in sumo.lane.getInternalFoes(part.lane.id):
+                meeting = _meeting(part.lane, self._network.lanes[foe])
+                for other in sumo.lane.getLastStepVehicleIDs(foe) if meeting is not None else ():
+                    others_m = meeting[1] - vehicle.getLanePosition(other)
+                    if others_m + vehicle.getLength(other) > 0.0:
+                        found.append((other, part.start_m + meeting[0] - here_m, others_m))
+        return found
 
     def _coming_in(self, name: str) -> list[tuple[str, float]]:
         """Who is ahead in the lanes beside an agent and moves towards its own, with net gaps."""
@@ -354,6 +378,16 @@ def _line(name: str) -> _Line | None:
             found.append(_Line(light_m - LINE_M, (round(switches_s / DT_S),), light=True))
             break
     return min(found, key=lambda line: line.away_m, default=None)
+
+
+def _meeting(one: NetworkLane, other: NetworkLane) -> tuple[float, float] | None:
+    """Where the centre lines of two lanes meet: positions along both. None if they do not."""
+    lines = one.line.linestring, other.line.linestring
+    nearest = shapely.shortest_line(*lines)
+    if nearest.length > MEETS_M:
+        return None
+    first_m, second_m = (line.project(shapely.get_point(nearest, k)) for k, line in enumerate(lines))
+    return one.position_of(first_m), other.position_of(second_m)
 
 
 def _in_junction_soon(name: str) -> bool:

@@ -19,7 +19,7 @@ from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation.agent_control import BRAKING_FOR_LANES, NEW_STEPS
 from interplan_sumo.simulation.first_seconds import _Leader, _Line, _line
 from interplan_sumo.simulation.lane_chains import continued_route
-from interplan_sumo.simulation.network import NetworkLink, read_network
+from interplan_sumo.simulation.network import NetworkLink, plain_ids, read_network
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.setup import open_sumo_traffic
 from interplan_sumo.simulation.spawning import Spawn
@@ -28,6 +28,7 @@ from interplan_sumo.simulation.sumo import sumo
 from interplan_sumo.simulation.sumo_traffic import SumoTraffic, TrafficSetup
 from interplan_sumo.simulation.traffic import EgoPresence
 from interplan_sumo.simulation.vehicle_types import VehicleTypes, read_vehicle_types, vehicle_type_file
+from tests.maps.sumo_nets import crossroads
 
 MODELS = ("IDM", "Krauss", "KraussOrig1", "PWagner2009", "EIDM", "ACC", "CACC", "W99", "Wiedemann", "IDMM")
 NOBODY = ego_at(1400.0, -1.75)
@@ -151,6 +152,31 @@ def test_who_comes_while_somebody_crosses_its_way_starts_slower() -> None:
 
     assert comes_mps(beside_m=60.0) == pytest.approx(10.0)
     assert comes_mps(beside_m=1.0) < 9.5
+
+
+@pytest.mark.parametrize(("after_steps", "slower"), [(40, True), (0, False)])
+def test_so_it_does_where_sumo_does_not_tell_of_the_other(after_steps: int, slower: bool, tmp_path: Path) -> None:
+    """At wide junctions of roads with several lanes `getJunctionFoes` leaves some out; those not in it yet yield."""
+    network = read_network(crossroads(tmp_path, "priority", "--default.junctions.radius", "25", lanes=2))
+    behaviour = types("conservative")
+
+    def start(route: tuple[str, str], lane: int, before_m: float, speed_mps: float) -> Spawn:
+        here = network.lanes[f"{route[0]}_{lane}"]
+        return Spawn(here.id, here.length_m - before_m, speed_mps, behaviour.members[0], route)
+
+    setup = TrafficSetup(
+        network, plain_ids(network), behaviour, NOBODY, (), presence=EgoPresence.ABSENT,
+        spawns=(start(("sc", "cw"), 0, 1.0, 0.0),), tokens=("a",),
+    )  # fmt: skip
+    with SumoTraffic(setup) as run:
+        for _ in range(after_steps):
+            sumo.vehicle.setSpeed("a0", 2.0)
+            run.react(NOBODY)
+            run.advance()
+        run._add("b", start(("wc", "ce"), 1, 22.0, 10.0))
+        run.advance()
+        assert sumo.vehicle.getJunctionFoes("a1", 80.0) == () or not slower
+        assert (sumo.vehicle.getSpeed("a1") < 9.5) is slower
 
 
 @pytest.mark.parametrize(("gap_m", "slower"), [(9.6, True), (12.0, False)])
