@@ -24,7 +24,8 @@ from interplan_sumo.batch.jobs import own_maps
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
-from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives, rescore
+from interplan_sumo.batch.score_job import rescore
+from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import copy_map, load_roads
 from interplan_sumo.metrics.metric import informative_metrics

@@ -58,7 +58,8 @@ def told(error: BaseException) -> str:
 def _places(error: BaseException) -> str:
     """The last lines outside of libraries and of this package; of libraries if there are no others."""
     every = StackSummary.extract(walk_tb(error.__traceback__), lookup_lines=False)
-    frames = [frame for frame in every if not frame.filename.startswith("<frozen")]
+    made = ("<frozen", "<string>")  # of importlib, of dataclasses: no lines that anybody wrote
+    frames = [frame for frame in every if not frame.filename.startswith(made)]
     own = [frame for frame in frames if not frame.filename.startswith(_libraries())][-MOST_PLACES:]
     if not own and not isinstance(error, (SyntaxError, ImportError)):  # who raises these is nobody's own code
         own = frames[-1:]

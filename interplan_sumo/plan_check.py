@@ -55,7 +55,7 @@ def check_type(plan: object) -> Trajectory:
     hint = " (did plan() forget to return it?)" if plan is None else ""
     raise PlannerError(
         f"the plan is of type {type(plan).__name__}{hint}; "
-        "return a Trajectory(time_s, x_m, y_m, heading_rad) from interplan_sumo.world.trajectory"
+        "return a Trajectory(time_s, x_m, y_m, heading_rad) from interplan_sumo"
     )
 
 

@@ -142,6 +142,7 @@ def find_planner(spec: str) -> None:
     if not colon:
         PLANNERS.point(name)
         return
+    _refuse_file(module, rest)
     try:
         found = importlib.util.find_spec(module) is not None
     except (ImportError, ValueError):
@@ -197,15 +198,26 @@ def _factory(name: str) -> Any:
         module_name, _, attribute = name.partition(":")
         if ":" in attribute or module_name == EXEC:
             return SCHEMES[module_name].factory(attribute)
+        _refuse_file(module_name, attribute)
         try:
             module = importlib.import_module(module_name)
         except (Exception, SystemExit) as error:
             raise PlannerLoadError(f"planner {name!r}: cannot import {module_name!r}: {told(error)}") from error
         if not hasattr(module, attribute):
-            classes = [each for each, value in vars(module).items() if isinstance(value, type)]
-            raise UnknownNameError(f"class of module {module_name!r}", attribute, classes)
+            classes = {each: value for each, value in vars(module).items() if isinstance(value, type)}
+            planners = [each for each, value in classes.items() if callable(getattr(value, "plan", None))]
+            raise UnknownNameError(f"class of module {module_name!r}", attribute, planners or classes)
         return getattr(module, attribute)
     return PLANNERS[name]
+
+
+def _refuse_file(module: str, attribute: str) -> None:
+    """PlannerLoadError if a file is named where a module should be."""
+    if module.endswith(".py"):
+        dotted = module.removesuffix(".py").removeprefix("./").replace("/", ".")
+        raise PlannerLoadError(
+            f"planner '{module}:{attribute}' names a file; name its module: {dotted.lstrip('.')}:{attribute}"
+        )
 
 
 def _paper(make: Any) -> str | None:

@@ -15,6 +15,7 @@ import pytest
 import interplan_sumo.testing as suite
 from interplan_planners.idm import IdmPlanner
 from interplan_planners.straight_ahead import StraightAhead
+from interplan_sumo.errors import told
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.testing import ConformanceFinding, assert_planner_conforms, check_planner
 from interplan_sumo.world.geometry import Floats
@@ -145,6 +146,12 @@ def test_an_exception_is_told_with_the_line_of_the_planner() -> None:
     line = stumble.__code__.co_firstlineno + 1
     assert finding.message.endswith(f'(test_check_planner.py:{line}, in stumble: return json.loads("{{"))')
     assert len(finding.worlds) == 10
+
+
+def test_lines_that_nobody_wrote_are_not_told() -> None:
+    with pytest.raises(ValueError, match="not finite") as raised:  # in the constructor that dataclasses make
+        Trajectory(np.arange(2.0), np.full(2, np.nan), np.zeros(2), np.zeros(2))
+    assert re.fullmatch(r"ValueError: [^<]* \(test_check_planner\.py:\d+ in \w+\)", told(raised.value))
 
 
 def test_an_exception_in_start_is_told() -> None:

@@ -233,7 +233,7 @@ def test_score_names_a_damaged_trace_scores_the_rest_and_ends_with_3(
     shutil.copytree(folder, place)
     trace = next(place.glob("traces/*/idm-*/seed0/ego.parquet"))
     trace.write_bytes(trace.read_bytes()[:-100])
-    code, out, err = ran(capsys, "score", place, "--json")
+    code, out, err = ran(capsys, "score", place, "--quiet", "--json")
     assert code == 3
     assert err.count("\n") == 1
     assert str(trace) in err

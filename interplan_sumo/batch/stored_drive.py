@@ -1,21 +1,19 @@
-"""Stored drives: a row of a run folder with all that its score came from, and so scored again without simulating."""
+"""Stored drives: a row of a run folder with all that its score came from."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from msgspec import structs
-
 from interplan_sumo.batch.custom_references import own_expert
 from interplan_sumo.batch.overrides import Overrides
-from interplan_sumo.batch.records import JobKey, Row, ScoreRecord
+from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import OWN_SCENARIOS, StoredRun
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.metrics.profile import Profile, find_profile, stored_profile
+from interplan_sumo.metrics.profile import Profile, stored_profile
 from interplan_sumo.metrics.score import ScoreSheet, score
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
@@ -123,24 +121,3 @@ def own_scenarios(run: StoredRun) -> dict[str, Scenario]:
     """The scenarios of a run by id, if they belong to no suite; nothing for a run of a suite."""
     path = run.path / OWN_SCENARIOS
     return {scenario.id: scenario for scenario in read_scenarios(path)} if path.is_file() else {}
-
-
-def rescore(
-    run: StoredRun, profile: str, watch: Callable[[int, int], None] | None = None
-) -> tuple[StoredRun, list[str]]:
-    """The run under another profile, and what stood in the way of the rows that it now lacks.
-
-    A planner's fault stays a zero. `watch` is told how many rows are done, of how many.
-    """
-    used = find_profile(profile)
-    drives = StoredDrives(run)
-    rows: dict[JobKey, Row] = {}
-    problems: list[str] = []
-    for number, (key, row) in enumerate(run.rows.items(), start=1):
-        try:
-            rows[key] = row if row.fault else row.rescored(ScoreRecord.of(drives.read(row).sheet(used)))
-        except InputError as error:
-            problems.append(str(error))
-        if watch is not None:
-            watch(number, len(run.rows))
-    return StoredRun(run.path, structs.replace(run.manifest, profile=used.name), rows), problems

@@ -44,7 +44,7 @@ EXAMPLES: Final[Mapping[str, tuple[str, ...]]] = {
     "scenarios export": ("scenarios export nudge/0 mine.yaml",),
     "scenarios validate": ("scenarios validate mine.yaml",),
     "scenarios render": ("scenarios render nudge/0 nudge.png", "scenarios render smoke==1 smoke.png"),
-    "scenarios freeze": ("scenarios freeze --suite mine==1",),
+    "scenarios freeze": ("scenarios freeze", "scenarios freeze --suite mine==1"),
     "scenarios certify": ("scenarios certify --suite interplan==1 --check",),
     "scenarios generate": ("scenarios generate --map strip --family nudge --count 5 --out data/nudge",),
     "scenarios harden": (

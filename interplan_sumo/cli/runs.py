@@ -19,6 +19,7 @@ from interplan_sumo.cli.options import (
     INCOMPLETE,
     JsonOption,
     QuietOption,
+    WorkersOption,
     run_folder,
     say_what_cannot_act,
     say_what_is_out_of_reach,
@@ -158,13 +159,15 @@ def score(
         str | None, typer.Option(help="interplan-strict, interplan-paper, interplan-code, nuplan, or a FILE.yaml.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Write the rows, as in results.jsonl.", metavar="FILE")] = None,
+    workers: WorkersOption = None,
+    quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
     """Score stored traces again, under any profile, without simulating."""
     from interplan_sumo.batch.results import write_rows
     from interplan_sumo.metrics.profile import DEFAULT_PROFILE
 
-    scored = _rescored(folder, profile or DEFAULT_PROFILE)
+    scored = _rescored(folder, profile or DEFAULT_PROFILE, workers, quiet=quiet)
     if out is not None:
         write_rows(out, scored.rows.values())
     return _report([scored], "json" if as_json else "text")
@@ -179,6 +182,7 @@ def compare(
     planner_a: Annotated[str | None, typer.Option(help="Which planner of DIR_A, if not all common ones.")] = None,
     planner_b: Annotated[str | None, typer.Option(help="Which planner of DIR_B.")] = None,
     profile: Annotated[str | None, typer.Option(help="Score both again under this profile first.")] = None,
+    workers: WorkersOption = None,
     as_json: JsonOption = False,
 ) -> int:
     """Two runs paired on equal scenario and seed, B against A: who is better, by how much, and what changed most.
@@ -188,18 +192,19 @@ def compare(
     from interplan_sumo.batch.run_folder import read_run
     from interplan_sumo.report.compare import compare_runs
 
-    run_a, run_b = (read_run(f) if profile is None else _rescored(f, profile) for f in (folder_a, folder_b))
+    run_a, run_b = (read_run(f) if profile is None else _rescored(f, profile, workers) for f in (folder_a, folder_b))
     found = compare_runs(run_a, run_b, planner_a, planner_b)
     print_comparison(found, as_json=as_json)
     return DONE if found.complete else INCOMPLETE
 
 
-def _rescored(folder: Path, profile: str) -> StoredRun:
+def _rescored(folder: Path, profile: str, workers: int | None, *, quiet: bool = False) -> StoredRun:
     """A stored run under another profile; what could not be scored is said on stderr."""
     from interplan_sumo.batch.run_folder import read_run
-    from interplan_sumo.batch.stored_drive import rescore
+    from interplan_sumo.batch.score_job import rescore
 
-    scored, problems = rescore(read_run(folder), profile)
+    with progress(quiet=quiet) as watch:
+        scored, problems = rescore(read_run(folder), profile, watch, workers=workers)
     for problem in problems:
         print(f"not scored: {problem}", file=sys.stderr)
     return scored

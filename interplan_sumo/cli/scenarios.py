@@ -137,14 +137,16 @@ def render_scenario(
 @scenarios_app.command("freeze")
 def freeze_suite(
     suite: Annotated[
-        str, typer.Option(help="NAME==VERSION of a suite that is not released yet.", autocompletion=suite_names)
-    ],
+        str | None,
+        typer.Option(help="NAME==VERSION of one that is not released yet. Default: all.", autocompletion=suite_names),
+    ] = None,
 ) -> None:
-    """Write the lock of a suite anew. For maintainers: it says what the scenarios are; certify them afterwards."""
-    from interplan_sumo.scenario.suite import find_suite
+    """Write the locks of suites anew. For maintainers: it says what the scenarios are, and who solves them."""
+    from interplan_sumo.scenario.suite import find_suite, suites
     from interplan_sumo.verification.lock import write_lock
 
-    print(write_lock(find_suite(suite)))
+    for each in suites() if suite is None else [suite]:
+        print(write_lock(find_suite(each)))
 
 
 def _named(what: str) -> tuple[Scenario, ...]:

@@ -184,17 +184,17 @@ def _write_derived(search: SuiteSearch, folder: Path) -> list[Path]:
     suite, size = beginnings(search.suite)[0]
     made: list[Path] = []
     for key, many in PER_FAMILY.items():
-        chosen: list[str] = []
+        chosen: list[tuple[Scenario, Certificate]] = []
         for families in groups(suite):
             for family in families:
                 mine = [(s, c) for s, c in search.scenes(size) if s.family == family]
                 mine.sort(key=lambda each: not each[1].summary.solved_by)  # stable: the open ones last
-                picked = mine[: many * (size // many) : size // many] if many > 1 else mine[:1]
-                chosen += [scenario.id for scenario, _ in picked]
+                chosen += mine[: many * (size // many) : size // many] if many > 1 else mine[:1]
         there = folder / key.replace("==", "-")
         with writing(there, OTHER_FOLDER):
             there.mkdir(parents=True, exist_ok=True)
-            _write_selection(there / SELECTION, suite, chosen)
+            _write_selection(there / SELECTION, suite, [scenario.id for scenario, _ in chosen])
+            certificates.write_certificates(there / certificates.FILE, [certificate for _, certificate in chosen])
         made.append(there)
     return made
 

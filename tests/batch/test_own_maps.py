@@ -13,7 +13,7 @@ from interplan_sumo.batch.jobs import ScenarioSource, own_maps
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
-from interplan_sumo.batch.stored_drive import rescore
+from interplan_sumo.batch.score_job import rescore
 from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, MapError, RunFolderError
 from interplan_sumo.maps.store import find_map, load_roads

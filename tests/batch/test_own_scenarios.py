@@ -13,7 +13,7 @@ from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import AppliedOverrides
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun
-from interplan_sumo.batch.stored_drive import rescore
+from interplan_sumo.batch.score_job import rescore
 from interplan_sumo.errors import InputError, RunFolderError, ScenarioError, UnknownNameError
 from interplan_sumo.report.table import make_table
 from interplan_sumo.scenario.files import write_scenarios

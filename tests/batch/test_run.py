@@ -17,7 +17,7 @@ from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import AppliedOverrides
 from interplan_sumo.batch.run import check_inputs, run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
-from interplan_sumo.batch.stored_drive import rescore
+from interplan_sumo.batch.score_job import rescore
 from interplan_sumo.batch.trace_difference import difference
 from interplan_sumo.batch.verify import RowSample, verify
 from interplan_sumo.errors import InputError, MapError, RunFolderError, UnknownNameError, VehicleTypeError
@@ -171,10 +171,14 @@ def test_a_worse_perception_is_another_drive_whoever_does_it_and_comes_again(tmp
     assert rescore(here, "interplan-strict")[1][0].endswith("delete its line in results.jsonl and repeat the run")
 
 
-def test_scoring_again_gives_the_same_scores_without_simulating(official: StoredRun) -> None:
-    again, problems = rescore(official, "interplan-strict")
+@pytest.mark.parametrize("workers", [0, 1])
+def test_scoring_again_gives_the_same_scores_without_simulating_whoever_does_it(
+    workers: int, official: StoredRun
+) -> None:
+    again, problems = rescore(official, "interplan-strict", workers=workers)
     assert problems == []
     assert hashes(again) == hashes(official)
+    assert [*again.rows] == [*official.rows]
 
 
 def test_another_profile_has_its_own_terms(official: StoredRun) -> None:

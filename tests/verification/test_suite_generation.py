@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+import yaml
 from worlds import cars, drive
 
 from interplan_sumo.batch.suite_job import verdicts
@@ -169,9 +170,10 @@ def test_suites_are_written_as_the_package_reads_them(small: SuiteSearch, tmp_pa
         rows = {row["id"]: row for row in csv.DictReader(file)}
     assert set(rows) == set(stored)
     assert all(float(row["m to the goal"]) > 50.0 and row["solved by"] == "foresight" for row in rows.values())
-    chosen = (tmp_path / "smoke-1" / "selection.yaml").read_text(encoding="utf-8")
-    assert chosen.count("- ") == 8
-    assert (tmp_path / "llm-1" / "selection.yaml").read_text(encoding="utf-8").count("- ") == 24
+    for name, many in (("smoke-1", 8), ("llm-1", 24)):
+        chosen = yaml.safe_load((tmp_path / name / "selection.yaml").read_text(encoding="utf-8"))["scenarios"]
+        assert len(chosen) == many
+        assert set(certificates.read_summaries(tmp_path / name / certificates.FILE)) == {*chosen}
 
 
 @pytest.mark.slow
