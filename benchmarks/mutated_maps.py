@@ -126,7 +126,9 @@ def main() -> None:
                 if used.kind != "valid" or used.cpu_s > _BASE_CPU_S:
                     files.remove(base)
                     print(f"no base: {base.name}, {used.kind} in {used.cpu_s:.1f} s")
-        formats = sorted(options.format or found)
+        formats = [format for format in sorted(options.format or found) if found[format]]
+        if not formats:
+            sys.exit("no file is quick enough on this machine to be a base; its cores are busy, or slow")
         for seed in range(options.first, options.first + options.count):
             format, rng = formats[seed % len(formats)], np.random.default_rng(seed)
             base = found[format][int(rng.integers(len(found[format])))]
