@@ -167,4 +167,4 @@ def report_notes(report: RealismReport) -> list[str]:
 
 
 def _figure(value: float | None, digits: int = 2) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
+    return "-" if value is None else f"{value:z.{digits}f}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, floor
 from pathlib import Path
 from typing import Final
 
@@ -23,7 +24,7 @@ MOST_LINES: Final = 6
 """More would hide one another: runs first, then baselines."""
 FINER: Final = 3
 """So many bars of a drawing to a bin of the likelihood."""
-TICKS: Final = 4
+MOST_TICKS: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +120,6 @@ def _drawing(feature: TrafficFeature, report: RealismReport) -> DistributionDraw
         for row in rows
         if len(row.features[feature.key].simulated)
     )
-    numbers = np.linspace(bins.low, bins.high, TICKS + 1)
     return DistributionDrawing(
         title=f"{feature.title} ({feature.unit})",
         recorded=f"M0 {HIGH:g}{_steps(of_recorded, top)}V{HIGH:g}Z",
@@ -129,10 +129,18 @@ def _drawing(feature: TrafficFeature, report: RealismReport) -> DistributionDraw
             if each.any()
         ),
         ticks=tuple(
-            (WIDE * number / TICKS, f"{value:g}") for number, value in enumerate(np.round(numbers, 3).tolist())
+            (round(WIDE * (value - bins.low) / (bins.high - bins.low), 1), f"{value:g}")
+            for value in _round_numbers(bins.low, bins.high)
         ),
         about=f"medians: recorded {recorded.quantile(0.5):.2f}, {said or 'nothing simulated'}",
     )
+
+
+def _round_numbers(low: float, high: float) -> list[float]:
+    """The multiples of the smallest round step between two numbers, at most MOST_TICKS of them."""
+    steps = [round_one * 10.0**power for power in range(-3, 4) for round_one in (1.0, 2.0, 5.0)]
+    step = next(each for each in steps if (high - low) / each < MOST_TICKS)
+    return [step * number for number in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
 
 
 def _shares(sample: Sample, bins: Bins) -> Floats:
