@@ -272,8 +272,9 @@ class FirstSeconds:
             if not part.lane.internal or part.start_m - here_m > FOES_M:
                 continue
             for foe in sumo.lane.getInternalFoes(part.lane.id):
-                meeting = _meeting(part.lane, self._network.lanes[foe])
-                for other in sumo.lane.getLastStepVehicleIDs(foe) if meeting is not None else ():
+                if (meeting := _meeting(part.lane, self._network.lanes[foe])) is None:
+                    continue
+                for other in sumo.lane.getLastStepVehicleIDs(foe):
                     others_m = meeting[1] - vehicle.getLanePosition(other)
                     if others_m + vehicle.getLength(other) > 0.0:
                         found.append((other, part.start_m + meeting[0] - here_m, others_m))
