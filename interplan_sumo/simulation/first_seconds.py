@@ -15,7 +15,7 @@ from math import inf
 import shapely
 
 from interplan_sumo.simulation.agent_control import apparent_decel_mps2
-from interplan_sumo.simulation.lane_chains import limits_and_turns, way_ahead
+from interplan_sumo.simulation.lane_chains import ChainedLane, limits_and_turns, way_ahead
 from interplan_sumo.simulation.network import NetworkLane, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.start_speed import ERRING_MODEL, LINE_M, hardest_mps2, safe, speeds_ahead_mps
@@ -223,14 +223,17 @@ class FirstSeconds:
 
     def _slower(self, name: str) -> _Slower:
         """Where lanes with lower limits begin ahead, or turns, and how fast the agent drives there."""
-        vehicle = sumo.vehicle
-        lane = vehicle.getLaneID(name)
-        if lane.startswith(":"):
-            return ()
-        here_m, route = vehicle.getLanePosition(name), vehicle.getRoute(name)[vehicle.getRouteIndex(name) :]
-        way = way_ahead(self._network, lane, tuple(route), here_m + SLOWS_M)
-        ahead = speeds_ahead_mps(self._drivers[name], *limits_and_turns(way, here_m))
+        way, here_m = self._way(name, SLOWS_M)
+        ahead = speeds_ahead_mps(self._drivers[name], *limits_and_turns(way, here_m)) if way else ()
         return tuple(each for each in ahead if each[0] <= SLOWS_M)
+
+    def _way(self, name: str, reach_m: float) -> tuple[list[ChainedLane], float]:
+        """The lanes up to so far ahead, and how far along the first one an agent is; none for who is in a junction."""
+        vehicle, lane = sumo.vehicle, sumo.vehicle.getLaneID(name)
+        if lane.startswith(":"):
+            return [], 0.0
+        here_m, route = vehicle.getLanePosition(name), vehicle.getRoute(name)[vehicle.getRouteIndex(name) :]
+        return way_ahead(self._network, lane, tuple(route), here_m + reach_m), here_m
 
     def _leaders(
         self, name: str, asked: Collection[str], foreseen: dict[str, _Foreseen], waiting: Sequence[LaneBlockage]
@@ -263,12 +266,9 @@ class FirstSeconds:
 
         Where roads have several lanes `getJunctionFoes` leaves out some of them.
         """
-        vehicle, lane = sumo.vehicle, sumo.vehicle.getLaneID(name)
-        if lane.startswith(":"):
-            return []
-        here_m, route = vehicle.getLanePosition(name), vehicle.getRoute(name)[vehicle.getRouteIndex(name) :]
+        vehicle, (way, here_m) = sumo.vehicle, self._way(name, FOES_M)
         found: list[tuple[str, float, float]] = []
-        for part in way_ahead(self._network, lane, tuple(route), here_m + FOES_M):
+        for part in way:
             if not part.lane.internal or part.start_m - here_m > FOES_M:
                 continue
             for foe in sumo.lane.getInternalFoes(part.lane.id):
