@@ -38,6 +38,7 @@ from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trajectory import Trajectory
 
 Severity = Literal["error", "warning", "note"]
+Call = Literal["start", "plan"]
 
 SLOW_PLAN_S = 1.0
 """nuPlan's budget for one step."""
@@ -75,12 +76,15 @@ def assert_planner_conforms(planner: Planner | str, *, steps: int = 40) -> None:
         raise AssertionError("the planner does not conform:\n" + "\n".join(f"  {finding}" for finding in errors))
 
 
-def check_planner(planner: Planner | str, *, steps: int = 40) -> list[ConformanceFinding]:
+def check_planner(
+    planner: Planner | str, *, steps: int = 40, on_call: Callable[[Call], None] | None = None
+) -> list[ConformanceFinding]:
     """Everything found, errors first; a conforming planner has no finding of severity "error".
 
     `planner` is an instance, or a name as `run --planner` takes it. `steps` of
     0.1 s are driven on every world. Calls longer than 10 s are cut off where
-    the platform has alarms and this is the main thread.
+    the platform has alarms and this is the main thread. `on_call` is told of
+    each call of the planner before it is made.
     """
     if isinstance(planner, str):
         try:
@@ -96,12 +100,13 @@ def check_planner(planner: Planner | str, *, steps: int = 40) -> list[Conformanc
             ConformanceFinding("error", "methods", f"{planner.__name__} is a class; give an instance or 'module:Class'")
         ]
 
-    drives = {world.name: _drive(planner, world, steps) for world in check_worlds()}
+    tell = on_call or (lambda _call: None)
+    drives = {world.name: _drive(planner, world, steps, tell) for world in check_worlds()}
     findings = [finding for drive in drives.values() for finding in drive.findings]
     for world in check_worlds():
         first = drives[world.name]
         if world.name in _REPEATED and not first.failed:
-            findings += _differences(first, _drive(planner, world, steps))
+            findings += _differences(first, _drive(planner, world, steps, tell))
     findings += _habits(list(drives.values()))
     order = ("error", "warning", "note")
     return sorted(_merged(findings), key=lambda finding: order.index(finding.severity))
@@ -133,10 +138,11 @@ class _OverrunError(BaseException):
     """A call took too long; not an Exception, so that a planner does not swallow it by accident."""
 
 
-def _drive(planner: Planner, world: CheckWorld, steps: int) -> _Drive:
+def _drive(planner: Planner, world: CheckWorld, steps: int, tell: Callable[[Call], None]) -> _Drive:
     drive = _Drive(world, [], [], [], [])
     mission = world.mission
     roads_before = _roads_print(mission.roads)
+    tell("start")
     if _called(drive, "start", lambda: planner.start(mission)) is _FAILED:
         return drive
     ego = world.ego
@@ -144,6 +150,7 @@ def _drive(planner: Planner, world: CheckWorld, steps: int) -> _Drive:
         observation = world.observation(ego, drive.egos)
         before = _observation_print(observation)
         began_s = time.perf_counter()
+        tell("plan")
         plan = _called(drive, "plan", lambda observation=observation: planner.plan(observation))
         drive.wall_s.append(time.perf_counter() - began_s)
         if plan is _FAILED:

@@ -58,7 +58,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "planner_process": BASE | LAYER_0 | PLANNER,
     "testing": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"_check_worlds"},
     "verification": BASE | LAYER_0 | LAYER_1 | LAYER_2,
-    "batch": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification"},
+    "batch": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"verification", "testing"},
     "report": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "verification", "statistics"},
     "realism": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch", "report"},
     "doctor": BASE | LAYER_0 | LAYER_1 | LAYER_2 | {"batch"},

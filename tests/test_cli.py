@@ -96,6 +96,46 @@ def test_planners_check_tells_a_conforming_planner_from_a_failing_one(capsys: py
     assert "Did you mean 'straight_ahead'?" in err
 
 
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("", "exited with code 0 inside plan()"),
+        ("?method=start", "exited with code 0 inside start()"),
+        (f"?number={signal.SIGABRT.value}", "was killed by SIGABRT inside plan()"),
+    ],
+    ids=["exit", "exit-in-start", "signal"],
+)
+def test_planners_check_tells_a_planner_that_ends_its_process_what_it_did(
+    capsys: pytest.CaptureFixture[str], options: str, said: str
+) -> None:
+    planner = f"tests.batch.rude_planners:Leaves{options}"
+    code, out, _ = ran(capsys, "planners", "check", planner)
+    assert code == 2
+    assert out.splitlines() == [
+        f"error: process: its process {said}; a planner returns a plan or raises an error",
+        f"{planner} does not conform: 1 error",
+    ]
+
+
+def test_planners_check_tells_a_planner_that_ends_its_process_while_it_is_built(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    planner = "tests.batch.rude_planners:Leaves?method=__init__"
+    code, out, err = ran(capsys, "planners", "check", planner)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"error: planner '{planner}' could not be built: its process exited with code 0")
+    assert len(err.splitlines()) == 1
+
+
+def test_planners_check_passes_on_what_a_planner_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = ran(capsys, "planners", "check", "tests.batch.rude_planners:Chatters")
+    assert code == 0
+    assert "conforms" in out
+    assert "xxx" in err
+    assert "xxx" not in out
+    assert "plan leaves" in ran(capsys, "planners", "check", "tests.batch.rude_planners:Leaves")[2]
+
+
 def test_maps_check_passes_for_a_shipped_map_and_fails_for_a_foreign_network(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

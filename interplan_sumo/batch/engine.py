@@ -112,7 +112,7 @@ def _settle(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | 
             return None
         fault = _blame(report.ending)
     if fault is None:
-        return Outcome(task, answer.value, None, wall_s)
+        return Outcome(task, answer.value, None, wall_s, printed=report.printed)
     if worker in pool.workers:
         pool.stop(worker)  # after a fault nobody knows what state a process is in
     if answer.killed_from_outside and state.again(task, state.outside_kills, OUTSIDE_KILLS_FORGIVEN):

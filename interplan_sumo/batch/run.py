@@ -203,7 +203,7 @@ def row_of_outcome(
         trace=answer.trace,
         planner_report=answer.planner_report,
         traceback=outcome.traceback,
-        printed=outcome.printed,
+        printed=outcome.printed if fault else "",
     )
 
 

@@ -46,7 +46,7 @@ class Outcome:
     traceback: str = ""
     """Of a fault of ours."""
     printed: str = ""
-    """The end of what its process printed, if it ended in a fault."""
+    """The end of what its process printed."""
 
 
 Publish = Callable[[str], None]
@@ -64,9 +64,9 @@ class KilledFromOutsideError(Exception):
 
 # --- phases ------------------------------------------------------------------------------------
 
-PHASES = ("idle", "load", "setup", "plan", "simulate", "record", "score", "store")
-"""`load` builds the planner; `setup`, `plan`, `simulate` and `record` are the episode's; `idle` is between jobs."""
-PLANNER_PHASES = frozenset({"load", "plan"})
+PHASES = ("idle", "load", "setup", "start", "plan", "simulate", "record", "score", "store")
+"""`load` builds the planner; `setup` to `record` are the episode's; `idle` is between jobs."""
+PLANNER_PHASES = frozenset({"load", "start", "plan"})
 """A planner is asked here, or runs: what goes wrong in them is its fault."""
 
 

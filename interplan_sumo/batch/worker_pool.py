@@ -70,7 +70,7 @@ class Report:
     """Nothing said if it ended."""
     ending: Ending | None = None
     printed: str = ""
-    """The end of what it printed, if it failed."""
+    """The end of what it printed."""
 
 
 class WorkerPool(Protocol):
@@ -214,7 +214,7 @@ class ProcessPool:
         try:
             if own.line.poll():
                 answer = decode(own.line.recv_bytes(MOST_BYTES), WorkerAnswer)
-                return Report(worker, answer, printed=_end_of(own.output) if answer.fault else "")
+                return Report(worker, answer, printed=_end_of(own.output))
         except (EOFError, OSError, RecordError):
             broken = True
         if not broken and own.process.is_alive():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from typing import Annotated
 
@@ -31,16 +30,15 @@ def check_planner(
     """The conformance suite on one planner: what would be a fault in a run, and what is likely a mistake."""
     from dataclasses import asdict
 
-    from interplan_sumo import testing
-    from interplan_sumo.planner import load_planner
+    from interplan_sumo.batch.check_job import checked_planner
 
-    with contextlib.redirect_stdout(sys.stderr):  # what the planner prints
-        findings = testing.check_planner(load_planner(name))
-    errors = sum(finding.severity == "error" for finding in findings)
+    checked = checked_planner(name)
+    sys.stderr.write(checked.printed)
+    errors = sum(finding.severity == "error" for finding in checked.findings)
     if as_json:
-        print_json({"planner": name, "ok": not errors, "findings": [asdict(finding) for finding in findings]})
+        print_json({"planner": name, "ok": not errors, "findings": [asdict(finding) for finding in checked.findings]})
     else:
-        for finding in findings:
+        for finding in checked.findings:
             print(finding)
         print(f"{name} conforms" if not errors else f"{name} does not conform: {errors} error{'s' * (errors > 1)}")
     return BAD_INPUT if errors else DONE

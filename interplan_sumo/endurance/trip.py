@@ -202,7 +202,7 @@ def _drive(
     connectors = tuple(name for name, each in loop.roads.connectors.items() if each.roadblock_id in blocks)
     lit = tuple(name for name in connectors if loop.roads.connectors[name].has_traffic_light)
     watch = _Watch(loop.roads, loop.shape, lit)
-    on_phase("plan")
+    on_phase("start")
     seat.start(mission)
     step = 0
     while loop.begin_frame():

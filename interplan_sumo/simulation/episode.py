@@ -37,7 +37,7 @@ from interplan_sumo.world.trajectory import Trajectory
 DT_S = 0.1
 
 FaultClass = Literal["planner", "traffic"]
-Phase = Literal["setup", "plan", "simulate", "record"]
+Phase = Literal["setup", "start", "plan", "simulate", "record"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +183,7 @@ def _run(loop: Loop, seat: PlannerSeat, on_phase: Callable[[Phase], None]) -> No
         on_phase("plan")
 
     mission = loop.open()
-    on_phase("plan")
+    on_phase("start")
     seat.start(mission)
     while loop.begin_frame():
         on_phase("plan")
