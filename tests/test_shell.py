@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import shlex
 from collections.abc import Iterator
 from contextlib import redirect_stdout
@@ -17,7 +18,7 @@ from interplan_sumo.cli.examples import EXAMPLES
 from interplan_sumo.scenario.suite import suites
 from tests.commands import ran
 
-SCREEN = (100, 54)
+SCREEN = (80, 50)
 """Columns and rows."""
 
 
@@ -38,6 +39,7 @@ def test_the_help_of_every_command_fits_a_screen_and_ends_with_examples(
         assert (code, err) == (0, "")
         assert f"interplan-sumo {path}".strip() in out
         assert out.count("\n") <= SCREEN[1], path
+        assert not re.search(r"<[a-z]+|\.\.\.[]}]", out), f"{path}: a type of Python, or dots twice"
         assert f"interplan-sumo {EXAMPLES[path][0]}"[:60] in out
 
 

@@ -45,14 +45,14 @@ class RunOptions:
     planners: tuple[str, ...] = field(
         default=(),
         metadata=_about(
-            "A registered name, module:Class, name?option=value&..., or exec:COMMAND. Default: the recommended one.",
+            "A name, module:Class, name?option=value&... or exec:COMMAND. Default: the recommended one.",
             flag="--planner",
             metavar="P",
             completes="planner_names",
         ),
     )
     out: Path | None = field(
-        default=None, metadata=_about("The run folder; the same command on it goes on.", metavar="DIR")
+        default=None, metadata=_about("The run folder; the same command resumes it.", metavar="DIR")
     )
     suite: str | None = field(
         default=None, metadata=_about("NAME==VERSION.", metavar="SUITE", completes="suite_names", scene=True)
@@ -60,7 +60,7 @@ class RunOptions:
     scenarios: tuple[str, ...] = field(
         default=(),
         metadata=_about(
-            "Only ids that match, such as 'nudge/*'; or a FILE.yaml.",
+            "Ids, such as 'nudge/*', or a FILE.yaml.",
             metavar="GLOB",
             completes="scenario_ids",
             scene=True,
@@ -68,20 +68,18 @@ class RunOptions:
     )
     seeds: int = field(
         default=1,
-        metadata=_about(
-            "Seeds 0 to N-1; seed 0 is the certified one.", metavar="N", least=1, most=MOST_SEEDS, scene=True
-        ),
+        metadata=_about("0 to N-1; 0 is certified.", metavar="N", least=1, most=MOST_SEEDS, scene=True),
     )
     workers: int | str | None = field(
         default=None,
         metadata=_about(
-            "Processes; 0 runs in this one. Default: all cores. ray[:ADDRESS] takes the CPUs of a Ray cluster.",
-            metavar="N|ray[:ADDRESS]",
+            "Processes; 0 runs in this one; ray[:ADDRESS] takes a Ray cluster. Default: all cores.",
+            metavar="N|ray",
         ),
     )
     traffic: Path | None = field(
         default=None,
-        metadata=_about("A vehicle-type file instead of the scenarios' own.", metavar="FILE.xml", scene=True),
+        metadata=_about("Vehicle types instead of the scenarios'.", metavar="FILE.xml", scene=True),
     )
     density: str | None = field(
         default=None,
@@ -92,13 +90,13 @@ class RunOptions:
     limit: int | None = field(default=None, metadata=_about("At most so many scenarios.", metavar="N", least=1))
     shard: str | None = field(
         default=None,
-        metadata=_about("The I-th of N equal parts, into a folder of its own; `merge` joins them.", metavar="I/N"),
+        metadata=_about("The I-th of N parts; `merge` joins them.", metavar="I/N"),
     )
     profile: str | None = field(
         default=None,
         metadata=_about(
-            "What makes the score: interplan-strict (default), -paper, -code, nuplan, or a FILE.yaml.",
-            metavar="NAME|FILE.yaml",
+            "Of the score: interplan-strict (default), -paper, -code, nuplan, or a FILE.yaml.",
+            metavar="NAME",
             completes="profile_names",
             scene=True,
         ),
@@ -109,23 +107,19 @@ class RunOptions:
     )
     redo: tuple[str, ...] = field(
         default=(),
-        metadata=_about("Drive this planner's rows of the folder again.", metavar="PLANNER", completes="planner_names"),
+        metadata=_about("Drive the rows of this planner again.", metavar="P", completes="planner_names"),
     )
     plan_limit_s: float = field(
         default=10.0,
-        metadata=_about(
-            "Seconds that one plan() call may take; 0 for no limit.", flag="--plan-limit", metavar="S", least=0
-        ),
+        metadata=_about("Seconds of a plan(); 0 for no limit.", flag="--plan-limit", metavar="S", least=0),
     )
     job_limit_s: float = field(
         default=3600.0,
-        metadata=_about("Seconds that one drive may take; 0 for no limit.", flag="--job-limit", metavar="S", least=0),
+        metadata=_about("Seconds of a drive; 0 for no limit.", flag="--job-limit", metavar="S", least=0),
     )
     memory_gb: float = field(
         default=8.0,
-        metadata=_about(
-            "Memory that a worker, and its planner, may allocate (Linux); 0 for no limit.", metavar="GB", least=0
-        ),
+        metadata=_about("Memory of a worker, and of its planner (Linux); 0 for no limit.", metavar="GB", least=0),
     )
 
     def __post_init__(self) -> None:

@@ -197,7 +197,7 @@ def interplan_sumo(
 
 @app.command()
 def doctor(as_json: JsonOption = False) -> int:
-    """Versions, native libraries, data files, and a two-second self-test."""
+    """Versions, native libraries, data files, a two-second self-test."""
     from dataclasses import asdict
 
     from interplan_sumo.doctor import examine

@@ -31,7 +31,7 @@ def drive(
     scenario: Annotated[
         list[str],
         typer.Argument(
-            help="What to drive: ids, such as nudge/0, globs, or a FILE.yaml.", metavar="SCENARIO...",
+            help="What to drive: ids, such as nudge/0, globs, or a FILE.yaml.", metavar="SCENARIO",
             autocompletion=scenario_ids,
         ),
     ],

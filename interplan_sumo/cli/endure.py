@@ -40,34 +40,35 @@ SAY_S = 10.0
 
 @takes_run_options(
     "planners", "out", "workers", "traffic", "in_process", "plan_limit_s", "memory_gb",
-    out="The folder of the kilometres; the same command on it goes on.",
-    traffic="A vehicle-type file instead of the behaviour's.",
+    planners="As run --planner takes it. Default: the recommended one.",
+    out="The folder; the same command resumes it.",
+    in_process="The planner in the worker's process.",
+    memory_gb="Of a worker (Linux); 0 for no limit.",
+    traffic="Vehicle types in place of --behaviour.",
 )  # fmt: skip
 def endure(
     context: typer.Context,
     options: RunOptions,
     map_: Annotated[
-        str, typer.Option("--map", help="A shipped map, or the folder of one.", metavar="M", autocompletion=map_names)
+        str, typer.Option("--map", help="A shipped map, or a folder.", metavar="MAP", autocompletion=map_names)
     ],
-    km: Annotated[float, typer.Option(help="Kilometres to drive, at most.", metavar="K")],
-    density: Annotated[float, typer.Option(help="Vehicles, in fractions of a full district's.", metavar="D")] = 0.5,
-    behaviour: Annotated[
-        str | None, typer.Option(help="Drivers: a vehicle-type file of routes/. Default: mixed.", metavar="B")
-    ] = None,
+    km: Annotated[float, typer.Option(help="To drive, at most; with more it goes farther.", metavar="KM")],
+    density: Annotated[float, typer.Option(help="Of traffic; 1 is a full district.", metavar="SHARE")] = 0.5,
+    behaviour: Annotated[str | None, typer.Option(help="A file of routes/. Default: mixed.", metavar="NAME")] = None,
     rare: Annotated[
         float | None,
-        typer.Option(help="Probability of a rare event per opportunity and second. Default: 0.0003.", metavar="RATE"),
+        typer.Option(help="Of an event, per opportunity and second. Default: 0.0003.", metavar="RATE"),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Another one has other starts and other traffic.")] = 0,
-    naive_share: Annotated[float, typer.Option(help="Of the segments: rare events as rare as they are.")] = 0.5,
+    seed: Annotated[int, typer.Option(help="Of starts and traffic.")] = 0,
+    naive_share: Annotated[float, typer.Option(help="Segments with events as rare as they are.")] = 0.5,
     until_half_width: Annotated[
         float | None,
-        typer.Option(help="Stop once a rate is known to +-30 %, with 0.3.", metavar="SHARE"),
+        typer.Option(help="0.3: stop once a rate is known to 30 %.", metavar="SHARE"),
     ] = None,
     of: Annotated[
         str,
         typer.Option(
-            help="The rate to be known, such as near_miss.",
+            help="That rate.",
             metavar="MEASURE",
             autocompletion=measure_names,
         ),
@@ -75,10 +76,7 @@ def endure(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
-    """Drive kilometres instead of scenes: collisions and other failures per 1000 km, with intervals.
-
-    The same command on the same folder goes on where it was stopped; with more --km it goes farther.
-    """
+    """Drive kilometres instead of scenes: collisions and other failures per 1000 km, with intervals."""
     take_one_thread()
     from interplan_sumo.endurance.kilometres import EndureOptions, drive_kilometres
     from interplan_sumo.endurance.rate_sample import measure_named

@@ -6,6 +6,10 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
+import typer
+
+from interplan_sumo.cli.help_lines import shorten
+
 PROGRAM: Final = "interplan-sumo"
 EXAMPLES: Final[Mapping[str, tuple[str, ...]]] = {
     "": ("run --suite smoke==1 --planner idm --out runs/first", "report runs/first --why", "planners check idm"),
@@ -20,7 +24,7 @@ EXAMPLES: Final[Mapping[str, tuple[str, ...]]] = {
     "sweep": ("sweep --planner idm --param density=low,high --suite smoke==1 --out runs/sweep",),
     "endure": (
         "endure --planner idm --map strip --km 10 --out runs/kilometres",
-        "endure --planner mine:Best --map one_north --km 500 --density 0.75 --behaviour assertive --out runs/dense",
+        "endure --planner mine:Best --map strip --km 500 --density 0.75",
     ),
     "rates": (
         "rates runs/kilometres --html rates.html",
@@ -76,7 +80,7 @@ EXAMPLES: Final[Mapping[str, tuple[str, ...]]] = {
 
 FIRST: Final = ("run", "report", "replay", "compare", "planners", "scenarios", "maps", "doctor")
 """What is listed before the rest."""
-LINE: Final = 74
+LINE: Final = 62
 """Characters of a command's line in a list."""
 
 
@@ -85,6 +89,9 @@ def explain(command: Any, path: str = "") -> None:
     for name, each in getattr(command, "commands", {}).items():
         explain(each, f"{path} {name}".strip())
         each.short_help = _beginning(each.help or "")
+    command.help = _paragraphs(command.help or "")
+    for parameter in (*command.params, command.get_help_option(typer.Context(command))):
+        shorten(parameter)
     shown = EXAMPLES.get(path, ())
     if shown:
         lines = (f"  {PROGRAM} {example}".replace("[", r"\[") for example in shown)
@@ -94,7 +101,12 @@ def explain(command: Any, path: str = "") -> None:
         command.commands = {name: command.commands[name] for name in names}
 
 
+def _paragraphs(text: str) -> str:
+    """Without the line ends of the source."""
+    return "\n\n".join(" ".join(each.split()) for each in text.split("\n\n"))
+
+
 def _beginning(text: str) -> str:
     """The first sentence in one line, or its first clause."""
-    sentence = text.partition("\n\n")[0].replace("\n", " ").partition(". ")[0].rstrip(".")
-    return sentence if len(sentence) <= LINE else re.split("[:,]", sentence, maxsplit=1)[0]
+    sentence = re.split("(?<=[.?]) ", text.partition("\n\n")[0], maxsplit=1)[0].rstrip(".")
+    return sentence if len(sentence) <= LINE else re.split(" ?[:,;(]", sentence, maxsplit=1)[0]

@@ -35,7 +35,7 @@ def generate(
             help="Of a suite: a file whose content is the seed; the certificates go beside it, not to the scenarios."
         ),
     ] = None,
-    certify: Annotated[bool, typer.Option(help="Look for a drive that passes each.")] = True,
+    no_certify: Annotated[bool, typer.Option("--no-certify", help="Look for no drive that passes each.")] = False,
     workers: WorkersOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what the folder holds.")] = False,
     as_json: JsonOption = False,
@@ -47,14 +47,16 @@ def generate(
     all scenes of the benchmark, certified all of them; the same command goes on where it was stopped.
     """
     if suite is not None:
-        if family is not None or not certify:
+        if family is not None or no_certify:
             raise InputError("--suite makes all families and certifies each scene; leave out --family, --no-certify")
         return _suite(suite, out, map or [], seed, secret_seed, workers, as_json=as_json)
     if map is None or len(map) > 1 or family is None:
         raise InputError("give one --map and a --family, or a --suite, such as --suite interplan==1")
     if secret_seed is not None:
         raise InputError("--secret-seed is for a --suite; give --seed")
-    return _on_map(map[0], family, out, count, seed, workers, certify=certify, overwrite=overwrite, as_json=as_json)
+    return _on_map(
+        map[0], family, out, count, seed, workers, certify=not no_certify, overwrite=overwrite, as_json=as_json
+    )
 
 
 def _on_map(

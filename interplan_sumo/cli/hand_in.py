@@ -60,7 +60,7 @@ def submit(
     scenarios="The FILE.yaml of a suite that does not ship, as of a hidden split.",
 )
 def judge(
-    bundles: Annotated[list[Path], typer.Argument(help="Bundles, as submit writes them.", metavar="BUNDLE...")],
+    bundles: Annotated[list[Path], typer.Argument(help="Bundles, as submit writes them.", metavar="BUNDLE")],
     options: RunOptions,
     out: Annotated[
         Path, typer.Option(help="Each is made a judged run folder in here.", metavar="DIR")
@@ -108,7 +108,7 @@ def judge(
 
 
 def leaderboard(
-    folders: Annotated[list[Path], typer.Argument(help="Judged run folders, or folders of them.", metavar="DIR...")],
+    folders: Annotated[list[Path], typer.Argument(help="Judged run folders, or folders of them.", metavar="DIR")],
     html: Annotated[Path | None, typer.Option(help="Write one self-contained page.", metavar="FILE")] = None,
     replays: Annotated[
         str, typer.Option(help="Beside the page, replays of these drives; N are the worst.", metavar="all|lost|none|N")

@@ -49,8 +49,8 @@ def harden(
     workers: Annotated[
         str | None,
         typer.Option(
-            help="Processes; 0 works in this one. Default: all cores. ray[:ADDRESS] takes the CPUs of a Ray cluster.",
-            metavar="N|ray[:ADDRESS]",
+            help="Processes; 0 works in this one; ray[:ADDRESS] takes a Ray cluster. Default: all cores.",
+            metavar="N|ray",
         ),
     ] = None,
     quiet: QuietOption = False,

@@ -99,7 +99,9 @@ def export_chats(
     each: Annotated[int, typer.Option(help="Moments of each scenario at most, 1 s apart or more.")] = 1,
     seed: Annotated[int, typer.Option(help="Of the choice among scenarios, drives and moments.")] = 0,
     min_score: Annotated[float, typer.Option(help="Only drives with at least this score, 0 to 1.")] = 0.9,
-    centerline: Annotated[bool, typer.Option(help="Tell the own lane's line, as llm_waypoints does.")] = True,
+    no_centerline: Annotated[
+        bool, typer.Option("--no-centerline", help="Do not tell the own lane's line; llm_waypoints does.")
+    ] = False,
     hold_out: Annotated[
         bool, typer.Option("--hold-out", help="Say in each line what it is for: one scenario in ten is held out.")
     ] = False,
@@ -115,9 +117,10 @@ def export_chats(
 
     request = ChatRequest(
         file=out, runs=tuple(runs), count=count, each=each, seed=seed, choice=DriveSelection(min_score),
-        hold_out=hold_out, benchmark=allow_benchmark, form={"planner": "llm_waypoints", "centerline": centerline},
+        hold_out=hold_out, benchmark=allow_benchmark,
+        form={"planner": "llm_waypoints", "centerline": not no_centerline},
     )  # fmt: skip
-    teller = _shelf("waypoints.planner").LlmWaypointsPlanner("scripted:nothing is asked", centerline=centerline)
+    teller = _shelf("waypoints.planner").LlmWaypointsPlanner("scripted:nothing is asked", centerline=not no_centerline)
     card = write_chats(request, teller, None if quiet else _say)
     print_json({"path": str(out), **card}) if as_json else _print_card(out, card)
     return DONE

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def rates(
     context: typer.Context,
     folders: Annotated[
-        list[Path], typer.Argument(help="Folders of endure.", metavar="DIR...", autocompletion=endure_folders)
+        list[Path], typer.Argument(help="Folders of endure.", metavar="DIR", autocompletion=endure_folders)
     ],
     of: Annotated[
         str,

@@ -36,14 +36,14 @@ def realism(
         typer.Argument(
             help="Run folders, traces, fcd output of SUMO (.xml, .xml.gz), or vehicle-type files (or names of shipped "
             "ones), whose drivers are simulated on shipped city networks.",
-            metavar="RUN...",
+            metavar="RUN",
         ),
     ],
     against: Annotated[
         list[Path],
         typer.Option(
             help="Recordings, or folders of them: any format that scenarios import knows, or plain tracks.",
-            metavar="RECORDING...",
+            metavar="RECORDING",
         ),
     ],
     types: Annotated[

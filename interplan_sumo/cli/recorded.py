@@ -30,9 +30,9 @@ def import_recorded(
     ],
     map: Annotated[
         str,
-        typer.Option(help="The map that belongs to it, as `maps import` made it; for nuPlan the folder of its maps."),
+        typer.Option(help="Its map, as `maps import` made it; for nuPlan the folder of its maps."),
     ],
-    out: Annotated[Path, typer.Option(help="The folder for scenarios, their map, certificates and reports.")],
+    out: Annotated[Path, typer.Option(help="For scenarios, map, certificates and reports.")],
     format: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Default: told by its content.", autocompletion=starting(format_names)),
@@ -40,12 +40,12 @@ def import_recorded(
     at: Annotated[list[float] | None, typer.Option(help="Seconds into the recording; may be repeated.")] = None,
     token: Annotated[list[str] | None, typer.Option(help="nuPlan: lidar_pc tokens at which scenes begin.")] = None,
     tag: Annotated[list[str] | None, typer.Option(help="nuPlan: scenario types at which scenes begin.")] = None,
-    count: Annotated[int | None, typer.Option(help="nuPlan: at most so many scenes of each type. Default: 1.")] = None,
+    count: Annotated[int | None, typer.Option(help="nuPlan: most scenes of each type. Default: 1.")] = None,
     logs: Annotated[list[Path] | None, typer.Option(help="interPlan: nuPlan's .db files, or folders of them.")] = None,
     ego: Annotated[str | None, typer.Option(help="Whose place the ego takes. Default: the car that measured.")] = None,
     agents: Annotated[
         Literal["sumo", "replayed", "both"] | None,
-        typer.Option(help="Who moves the others: SUMO, or their tracks. Default: both."),
+        typer.Option(help="sumo, replayed (as recorded) or both (default) move the others."),
     ] = None,
     goal: Annotated[
         float | None,
@@ -54,7 +54,7 @@ def import_recorded(
     duration: Annotated[
         float | None, typer.Option(help="Seconds. Default: the rest of the recording; 30 where SUMO moves the others.")
     ] = None,
-    certify: Annotated[bool, typer.Option(help="Look for a drive that passes each.")] = True,
+    no_certify: Annotated[bool, typer.Option("--no-certify", help="Look for no drive that passes each.")] = False,
     workers: WorkersOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what the folder holds.")] = False,
     as_json: JsonOption = False,
@@ -76,15 +76,15 @@ def import_recorded(
     made = import_scenes(source, map, out, options, format, overwrite=overwrite)
     scenes = made.scenes
     scenarios = [each.scenario for each in scenes]
-    passed = write_scenes(out, scenes, proved(scenarios, workers) if certify else ())
+    passed = write_scenes(out, scenes, () if no_certify else proved(scenarios, workers))
     entries = [_entry(each) for each in scenes]
     if as_json:
-        said = {"folder": str(out), "scenarios": entries, "certified": passed if certify else None}
+        said = {"folder": str(out), "scenarios": entries, "certified": None if no_certify else passed}
         not_made = [{"id": id_, "reason": reason} for id_, reason in made.not_made]
         print_json(said | {"notes": list(made.notes), "not_made": not_made})
     else:
         _print(entries, made)
-        print(f"{counted(len(scenes), 'scenario')}{f', {passed} certified' if certify else ''}: {out}")
+        print(f"{counted(len(scenes), 'scenario')}{'' if no_certify else f', {passed} certified'}: {out}")
     return DONE
 
 

@@ -92,7 +92,7 @@ def _refuse_planners_that_never_drove(table: ResultsTable) -> None:
 def merge(
     context: typer.Context,
     folders: Annotated[
-        list[Path], typer.Argument(help="The folders of all shards.", metavar="DIR...", autocompletion=run_folders)
+        list[Path], typer.Argument(help="The folders of all shards.", metavar="DIR", autocompletion=run_folders)
     ],
     out: Annotated[Path, typer.Option(help="The run folder; the same command on it goes on.")],
     quiet: QuietOption = False,
@@ -114,7 +114,7 @@ def merge(
 
 @app.command()
 def report(
-    folders: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="DIR...", autocompletion=run_folders)],
+    folders: Annotated[list[Path], typer.Argument(help="Run folders.", metavar="DIR", autocompletion=run_folders)],
     as_json: JsonOption = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print the table as CSV.")] = False,
     as_markdown: Annotated[bool, typer.Option("--markdown", help="Print the table as Markdown.")] = False,

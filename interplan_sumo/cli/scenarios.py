@@ -87,7 +87,7 @@ def export_scenario(
 
 @scenarios_app.command("validate")
 def validate_scenarios(
-    files: Annotated[list[Path] | None, typer.Argument(help="Scenario files.", metavar="FILE.yaml...")] = None,
+    files: Annotated[list[Path] | None, typer.Argument(help="Scenario files.", metavar="FILE.yaml")] = None,
     suite: Annotated[
         str | None, typer.Option(help="NAME==VERSION: the scenarios of a suite.", autocompletion=suite_names)
     ] = None,

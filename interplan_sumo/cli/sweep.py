@@ -37,19 +37,16 @@ def sweep(
     param: Annotated[
         list[str] | None,
         typer.Option(
-            help="KEY=V1,V2,...: track (plain, noisy, late, dense, bold), density, behaviour, perception, a vType "
-            "attribute or interplan.* parameter, or TYPE.KEY for one vType. Several make every combination.",
-            metavar="KEY=V1,V2,...",
+            help="track (plain, noisy, late, dense, bold), density, behaviour, perception, a vType attribute or "
+            "interplan.* parameter, TYPE.KEY for one vType. Several make every combination.",
+            metavar="KEY=V1,...",
             autocompletion=sweep_parameters,
         ),
     ] = None,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
-    """How scores depend on traffic and perception: a run per combination, then a table, sweep.csv, a page and a plot.
-
-    Repeat the command to resume.
-    """
+    """How scores depend on traffic and perception: a run per combination, then a table, sweep.csv, page and plot."""
     take_one_thread()
     from interplan_sumo.batch.backend import one_connection
     from interplan_sumo.batch.sweep import Parameter, plan_sweep
