@@ -4,14 +4,16 @@ SUMO moves the middle of a car's front bumper and draws the body back from it to
 where it believes the rear to be; while a car changes lane that body slips
 sideways, and beside a junction its angle jumps by up to 90 degrees and back.
 Here the front is SUMO's, and the body is trailed by it: the rear axle rolls the
-way it points, but for a small slip that lets it stay near SUMO's angle.
+way it points, but for a small slip that lets it stay near SUMO's angle. A bus or
+a lorry steers far behind its bumper: there the front axle goes where SUMO's front
+went, the bumper swings out, and the rear cuts in less.
 A lane change that is cut short by a jump to the middle of the next lane slides.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from math import atan, atan2, degrees, exp, hypot, pi, tan
+from collections.abc import Mapping, Sequence
+from math import atan, atan2, cos, degrees, exp, hypot, pi, sin, tan
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +22,10 @@ from interplan_sumo.world.geometry import Floats, box_polygons, wrap_angle
 
 REAR_AXLE = 0.78
 """How far behind the front bumper the rear axle is, as a share of the length: nuPlan's Pacifica."""
+LONG_M = 6.5
+"""Longer vehicles steer at their front axle."""
+FRONT_AXLE = 0.2
+"""Of those, behind the front bumper, as a share of the length: 2.7 m of a city bus of 12 m, 1.4 m of a lorry of 8 m."""
 LARGEST_SLIP_RAD = 0.13
 """Between the way that the rear axle goes and the way that it points; decisions.md allows 10 degrees."""
 STRETCH = 1.2
@@ -28,6 +34,8 @@ LEAST = 0.5
 """On the inner lane they go slower; a step that is shorter still is a jump back, from one edge to the next."""
 STEEPEST = 1.0
 """Way to the side per way ahead of a front bumper, at full lock; who stands stands still, whatever SUMO slides."""
+STEEPEST_LONG = 0.8
+"""The same of the front axle of a long vehicle, whose wheels are nearer to one another: 39 degrees."""
 NEARLY = 0.2
 """As a share of the step: a front this near to where its speed would take it straight on needs no holding."""
 DISPLACED_M = 0.1
@@ -61,6 +69,10 @@ class AgentKinematics:
         """By SUMO's angle since the step before, not wrapped, of the rows where that is more than `STRAIGHT_RAD`."""
         self.displaced: frozenset[int] = frozenset()
         """Rows of cars that are shown elsewhere than where SUMO has them, which slid sideways without driving."""
+        self._steered_m: Floats = np.zeros((0, 2))
+        """(N, 2) what is steered: the middle of the front bumper, of long ones that of the front axle."""
+        self._trails: list[list[tuple[float, float]]] = []
+        """Where SUMO's fronts have been of late, the latest last; of long ones only."""
         self._new: list[int] = []
 
     def move(self, front_m: ArrayLike, angle_deg: ArrayLike, speed_mps: ArrayLike, length_m: Floats) -> None:
@@ -72,59 +84,101 @@ class AgentKinematics:
         heading = (pi / 2.0 - np.radians(angle_deg) + pi) % (2.0 * pi) - pi
         turns: dict[int, float] = {}
         self.turned_rad, self.displaced = turns, frozenset()
+        long = np.flatnonzero(length_m > LONG_M).tolist()
+        steered = self._steered(front, heading, FRONT_AXLE * length_m, long)
         if self._new:
             rows, self._new = self._new, []
             came = np.stack((np.cos(heading[rows]), np.sin(heading[rows])), axis=1) * speed[rows, None]
-            self.front_m[rows], self.heading_rad[rows] = front[rows] - self._dt_s * came, heading[rows]
+            self._steered_m[rows], self.heading_rad[rows] = steered[rows] - self._dt_s * came, heading[rows]
             self.cosine, self.sine = np.cos(self.heading_rad), np.sin(self.heading_rad)
-        if len(front) and len(self.front_m):
-            went = front - self.front_m
+        if len(front):
+            went = steered - self._steered_m
             along_m = went[:, 0] * self.cosine + went[:, 1] * self.sine
             left_m = went[:, 1] * self.cosine - went[:, 0] * self.sine
             step_m, aside_m = self._dt_s * speed, np.abs(left_m)
             if np.count_nonzero(np.abs(along_m - step_m) + aside_m > NEARLY * step_m):
-                odd = (along_m < LEAST * step_m) | (aside_m > STEEPEST * along_m)
+                steepest = np.where(length_m > LONG_M, STEEPEST_LONG, STEEPEST)
+                odd = (along_m < LEAST * step_m) | (aside_m > steepest * along_m)
                 odd |= np.hypot(along_m, left_m) > _farthest_m(step_m)
-                self._hold(front, along_m, left_m, step_m, odd.nonzero()[0])
+                self._hold(steered, along_m, left_m, step_m, steepest, odd.nonzero()[0])
             turned = heading - self.heading_rad
             for row in ((np.abs(turned) > STRAIGHT_RAD) | (aside_m > STRAIGHT_M)).nonzero()[0].tolist():
                 before, wanted = float(self.heading_rad[row]), float(heading[row])
-                axle_m = REAR_AXLE * float(length_m[row])
+                axle_m = (REAR_AXLE - FRONT_AXLE if row in long else REAR_AXLE) * float(length_m[row])
                 if abs(wanted - before) > STRAIGHT_RAD:
                     turns[row] = wanted - before
                 heading[row] = _trailed(before, wanted, float(along_m[row]), float(left_m[row]), axle_m)
-        self.front_m, self.heading_rad, self.speed_mps = front, heading, speed
+        self.heading_rad, self.speed_mps = heading, speed
         self.cosine, self.sine = np.cos(heading), np.sin(heading)
+        self.front_m = self._steered_m = steered
+        if long:
+            swung = FRONT_AXLE * length_m[long, None]
+            self.front_m = steered.copy()
+            self.front_m[long] += swung * np.stack((self.cosine[long], self.sine[long]), axis=1)
 
-    def _hold(self, front: Floats, along_m: Floats, left_m: Floats, step_m: Floats, rows: NDArray[np.intp]) -> None:
-        """Hold the motion of the fronts in `rows` to what a car can do, in place."""
+    def _steered(self, front: Floats, heading_rad: Floats, behind_m: Floats, rows: list[int]) -> Floats:
+        """(N, 2) SUMO's fronts, but for those in `rows`: they go where SUMO's fronts were `behind_m` before."""
+        steered = front.copy() if rows else front
+        for row in rows:
+            x, y = front[row].tolist()
+            trail, reach_m = self._trails[row], float(behind_m[row])
+            if not trail:
+                trail.append((x - reach_m * cos(heading_rad[row]), y - reach_m * sin(heading_rad[row])))
+            if trail[-1] != (x, y):
+                trail.append((x, y))
+            steered[row], first = _behind(trail, reach_m)
+            del trail[:first]
+        return steered
+
+    def _hold(
+        self, steered: Floats, along_m: Floats, left_m: Floats, step_m: Floats, steepest: Floats, rows: NDArray[np.intp]
+    ) -> None:
+        """Hold the motion of what is steered in `rows` to what a car can do, in place."""
         if not len(rows):
             return
         along = np.maximum(along_m[rows], LEAST * step_m[rows])
-        left = np.clip(left_m[rows], -STEEPEST * along, STEEPEST * along)
+        left = np.clip(left_m[rows], -steepest[rows] * along, steepest[rows] * along)
         shrunk = np.minimum(1.0, _farthest_m(step_m[rows]) / np.maximum(np.hypot(along, left), 1e-9))
         along_m[rows], left_m[rows] = along, left = along * shrunk, left * shrunk
         cosine, sine = self.cosine[rows], self.sine[rows]
-        shown = self.front_m[rows] + np.stack((along * cosine - left * sine, along * sine + left * cosine), axis=1)
-        off_m = np.hypot(*(front[rows] - shown).T)
-        front[rows] = shown
+        shown = self._steered_m[rows] + np.stack((along * cosine - left * sine, along * sine + left * cosine), axis=1)
+        off_m = np.hypot(*(steered[rows] - shown).T)
+        steered[rows] = shown
         self.displaced = frozenset(rows[off_m > DISPLACED_M].tolist())
 
     def insert(self, rows: list[int]) -> None:
         """Make room for agents that have entered, at these rows of the new order; they begin where SUMO says next."""
         old = [row for row in range(len(self.front_m) + len(rows)) if row not in set(rows)]
-        front, heading, speed = self.front_m, self.heading_rad, self.speed_mps
+        front, steered, heading, speed = self.front_m, self._steered_m, self.heading_rad, self.speed_mps
         many = len(old) + len(rows)
-        self.front_m, self.heading_rad, self.speed_mps = np.zeros((many, 2)), np.zeros(many), np.zeros(many)
-        self.front_m[old], self.heading_rad[old], self.speed_mps[old] = front, heading, speed
+        self.front_m, self._steered_m = np.zeros((many, 2)), np.zeros((many, 2))
+        self.heading_rad, self.speed_mps = np.zeros(many), np.zeros(many)
+        self.front_m[old], self._steered_m[old] = front, steered
+        self.heading_rad[old], self.speed_mps[old] = heading, speed
+        for row in rows:
+            self._trails.insert(row, [])
         self._new = rows
 
     def keep(self, stays: list[bool]) -> None:
         """Drop the rows of agents that have left."""
         rows = np.flatnonzero(stays)
-        self.front_m, self.heading_rad = self.front_m[rows], self.heading_rad[rows]
+        self.front_m, self._steered_m = self.front_m[rows], self._steered_m[rows]
+        self.heading_rad, self._trails = self.heading_rad[rows], [self._trails[row] for row in rows.tolist()]
         self.speed_mps = self.speed_mps[rows]
         self.cosine, self.sine = self.cosine[rows], self.sine[rows]
+
+
+def _behind(trail: Sequence[tuple[float, float]], reach_m: float) -> tuple[tuple[float, float], int]:
+    """The point `reach_m` before the end of a trail, measured along it, or its first; and the place before that."""
+    left_m = reach_m
+    for k in range(len(trail) - 1, 0, -1):
+        (x0, y0), (x1, y1) = trail[k - 1], trail[k]
+        step_m = hypot(x1 - x0, y1 - y0)
+        if step_m >= left_m > 0.0:
+            share = left_m / step_m
+            return (x1 + share * (x0 - x1), y1 + share * (y0 - y1)), k - 1
+        left_m -= step_m
+    return trail[0], 0
 
 
 def _farthest_m(step_m: Floats) -> Floats:

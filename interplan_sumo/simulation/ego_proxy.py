@@ -69,10 +69,11 @@ class EgoProxy:
         anchor = find_anchor(self._network, front, heading_rad, self.anchor, self._route)
         if anchor is not None and not touches_road(self._network, ego, self._shape, self._origin, anchor):
             anchor = None  # off the road no agent reacts to the ego, so SUMO must not see it either
+        hidden = anchor is None or self._is_out_of_order()
         self.anchor = anchor
         with Commanding("moveToXY of the ego to ({:.2f}, {:.2f})", ego.x_m, ego.y_m):
             sumo.vehicle.setSpeed(EGO, max(0.0, speed_mps))
-            if anchor is None:
+            if anchor is None or hidden:
                 sumo.vehicle.moveToXY(EGO, "", -1, *self._network.nowhere, 0.0, ANYWHERE)
                 self._off_route = True
                 return
@@ -81,6 +82,22 @@ class EgoProxy:
             keep = KEEP_ROUTE if anchor.on_route and self._is_on_route() else ANYWHERE
             self._off_route = keep is ANYWHERE
             sumo.vehicle.moveToXY(EGO, lane.edge, lane.index, anchor.x_m, anchor.y_m, angle_deg, keep)
+
+    def _is_out_of_order(self) -> bool:
+        """Whether it has passed somebody in its lane, or the other way round.
+
+        SUMO does not notice: whoever follows goes on taking the ego for its leader, and drives into the one between.
+        Taken off the road for a step it is put back in its place.
+        """
+        if self.anchor is None:
+            return False
+        with Commanding("looking who is beside the ego"):
+            names = sumo.lane.getLastStepVehicleIDs(self.anchor.lane)
+            if EGO not in names:
+                return False
+            at = names.index(EGO)
+            near_m = [sumo.vehicle.getLanePosition(name) for name in names[max(0, at - 1) : at + 2]]
+        return near_m != sorted(near_m)
 
     def _is_on_route(self) -> bool:
         """Whether it has its route; wherever it is put beside it, SUMO gives it another."""

@@ -87,7 +87,6 @@ class EgoReactions:
         self._commanded: set[str] = set()  # agents that are not left to SUMO
         self._overhang = LaneChangeOverhang(network, registry.drivers)
         self._long = LongVehicles(network, registry.drivers, shape, origin_m)
-        self._overlap_lane: str | None = None
         self._standing: dict[str, dict[str, LaneCoverage]] = {}
         self._skipped: EgoOnNetwork | None = None
         self._at_start = True
@@ -134,11 +133,12 @@ class EgoReactions:
         on_network, ahead = self._locator.locate(ego, anchor, self._anticipations_s, courteous=self._courteous)
         turning = self._overhang.candidates(agents)
         obstructions = self._obstructions(walking, standing, turning, agents)
-        waiting = self._long.waiting(agents, ego)
+        waiting = self._long.waiting(agents, ego, self._corridors_of)
         others = bool(obstructions or turning or waiting or self._commanded or self._at_start)
         keep_lane = self._beside.agents(agents)
         alone = on_network.alone and ego.speed_mps >= 0.0 and not others and not on_network.approached
-        if alone and not self._proxy_overlaps(agents, anchor):
+        hides_on = anchor.lane if anchor is not None and self._proxy_overlaps(agents, anchor) else None
+        if alone and hides_on is None:
             self._skipped = on_network  # everyone behind follows the ego, as SUMO does by itself
             return AgentCommands({}, keep_lane, {}, {})
         dx = agents.front_x - (ego.x_m - self._origin[0])
@@ -146,9 +146,9 @@ class EgoReactions:
         away_m2 = dx * dx + dy * dy
         near = self._within_reach(agents, ego, away_m2)
         if self._skipped is not None:
-            self._decide(self._skipped, {}, (), agents, near, anchor)  # for what the agents remember of it
+            self._decide(self._skipped, {}, (), agents, near, hides_on)  # for what the agents remember of it
             self._skipped = None
-        for_ego, for_others = self._decide(on_network, ahead, obstructions, agents, near, anchor)
+        for_ego, for_others = self._decide(on_network, ahead, obstructions, agents, near, hides_on)
         facing = agents.displaced and self._overhang.faces_somebody(
             agents, ego_ring(ego, self._shape, self._origin), self._models.dt_s
         )
@@ -175,8 +175,8 @@ class EgoReactions:
                 del self._memory[name]
         if on_network.straddles:
             keep_lane |= self._keeping_lane(agents, away_m2)
-        if self._overlap_lane is not None:
-            keep_lane |= self._beside_overlap(agents, self._overlap_lane)
+        if hides_on is not None:
+            keep_lane |= self._beside_overlap(agents, hides_on)
         return AgentCommands(decisions, keep_lane, _speeds_mps(for_ego), _speeds_mps(for_others))
 
     def _get_to_know_drivers(self) -> None:
@@ -192,7 +192,7 @@ class EgoReactions:
         return frozenset([name for name in beside if not self._drivers[name].swerve])
 
     def _beside_overlap(self, agents: AgentSnapshot, lane: str) -> frozenset[str]:
-        """Agents on the road where the ego has passed through others on a lane.
+        """Agents on the road where the ego stands in others on a lane.
 
         SUMO takes what it hides for room, and puts who is hidden and changes lane behind those that it is ahead of.
         """
@@ -232,11 +232,11 @@ class EgoReactions:
         obstructions: Sequence[tuple[str, Mapping[str, LaneCoverage]]],
         agents: AgentSnapshot,
         near: Sequence[int],
-        anchor: Anchor | None,
+        hides_on: str | None,
     ) -> tuple[dict[str, ReactionDecision], dict[str, ReactionDecision]]:
         """What each agent that the ego or one of `obstructions` may concern does about it: about the ego, about others.
 
-        `near` are the rows of agents that the ego may concern.
+        `near` are the rows of agents that the ego may concern; on the lane `hides_on` it stands in others.
         """
         coverages = (on_network.coverage, on_network.approached, *ahead.values())
         lanes = {lane for coverage in coverages for lane in coverage}
@@ -248,10 +248,9 @@ class EgoReactions:
             names = [agents.names[row] for row in self._within_reach_of(agents, obstructions)]
             corridors = zip(names, self._corridors_of(agents, names), strict=True)
             known.update([name for name, (_, corridor) in corridors if not met.isdisjoint(corridor)])
-        overlaps = self._proxy_overlaps(agents, anchor)
-        if overlaps:  # whom the ego hides concerns them, however far away it is itself
+        if hides_on is not None:  # whom the ego hides concerns them, however far away it is itself
             corridors = zip(agents.names, self._corridors_of(agents, agents.names), strict=True)
-            known.update([name for name, (_, corridor) in corridors if self._overlap_lane in corridor])
+            known.update([name for name, (_, corridor) in corridors if hides_on in corridor])
             on_network = on_network._replace(out_of_order=True)
         rows = {*near, *(agents.rows[name] for name in known)}
         concerned = self._concerned(agents, sorted(rows), lanes, known)
@@ -264,7 +263,7 @@ class EgoReactions:
                     on_lanes.setdefault(lane, []).append((name, part))
             for_others = reactions.yield_to(concerned, on_lanes, {}, self._models)
         overlooking = [
-            each for each in concerned if overlaps or (each.id in for_ego and for_ego[each.id].mode is Mode.IGNORE_EGO)
+            each for each in concerned if hides_on or (each.id in for_ego and for_ego[each.id].mode is Mode.IGNORE_EGO)
         ]
         if overlooking:
             for_others = reactions.yield_to(overlooking, self._ahead(overlooking, agents), for_others, self._models)
@@ -290,21 +289,8 @@ class EgoReactions:
             found.setdefault(each.lane, []).append(("", LaneCoverage(0.0, each.start_m, each.end_m, 0.0)))
         return found
 
-    def _proxy_overlaps(self, agents: AgentSnapshot, anchor: Anchor | None) -> bool:
-        """Whether SUMO's ego, a car at the anchor, stands in an agent or in an obstacle, or has on this lane.
-
-        SUMO keeps the order of the cars on a lane: a car that the ego has passed
-        through stays hidden behind it until the ego gets to another lane.
-        """
-        if anchor is None or anchor.lane != self._overlap_lane:
-            self._overlap_lane = None
-        if anchor is None:
-            return False
-        if self._overlap_lane is None and self._proxy_touches_anything(agents, anchor):
-            self._overlap_lane = anchor.lane
-        return self._overlap_lane is not None
-
-    def _proxy_touches_anything(self, agents: AgentSnapshot, anchor: Anchor) -> bool:
+    def _proxy_overlaps(self, agents: AgentSnapshot, anchor: Anchor) -> bool:
+        """Whether SUMO's ego, a car at the anchor, stands in an agent or in an obstacle."""
         length_m = self._shape.length_m
         rear_m = anchor.position_m - length_m
         for each in self._blocked:

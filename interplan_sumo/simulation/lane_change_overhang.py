@@ -15,11 +15,10 @@ from math import cos, pi, sin
 import numpy as np
 import shapely
 
-from interplan_sumo.simulation.agent_kinematics import bodies
+from interplan_sumo.simulation.agent_kinematics import LONG_M, bodies
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.lane_footprint import lanes_overlapped
 from interplan_sumo.simulation.lane_polygons import Ring
-from interplan_sumo.simulation.long_vehicles import LONG_M
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.reactions import LaneCoverage
 from interplan_sumo.simulation.vehicle_types import VehicleType

@@ -6,30 +6,36 @@ far into the lane on the inside of a turn, where for SUMO there is room for othe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import atan2, cos, hypot, sin
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
-from interplan_sumo.simulation.agent_kinematics import REAR_AXLE, bodies, rolled_rad
+from interplan_sumo.simulation.agent_kinematics import FRONT_AXLE, LONG_M, REAR_AXLE, bodies, rolled_rad
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
-from interplan_sumo.simulation.lane_polygons import ego_ring
 from interplan_sumo.simulation.network import SumoNetwork
+from interplan_sumo.simulation.plain_polyline import PlainPolyline
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import EgoShape, EgoState
-from interplan_sumo.world.geometry import wrap_angle
+from interplan_sumo.world.geometry import Floats, wrap_angle
 
-LONG_M = 6.5
-"""Shorter ones stay in their lanes."""
 TURNING_RAD = 0.08
 """A body turned this far from its lane is in a turn, or soon will be."""
 AHEAD_M = 3.0
-"""A turn is seen this far ahead of the front bumper."""
+"""A turn is seen at least this far ahead of the front bumper."""
 CLEAR_M = 0.5
 """How much farther than it needs to stop a vehicle looks."""
 STEP_M = 0.5
 """Between the places at which a body is worked out."""
+SLOWEST_MPS = 1.0
+"""Who stands is taken to set out with this speed."""
+REACH_M = 20.0
+"""Nobody farther than this from the swept area is met."""
+
+Corridors = Callable[[AgentSnapshot, Sequence[str]], list[tuple[str, dict[str, float]]]]
+"""The lane that each of these agents is on, and the lanes that it will drive on with the distance to their starts."""
 
 
 class LongVehicles:
@@ -46,61 +52,113 @@ class LongVehicles:
         self._names: Sequence[str] = ()
         self._rows: list[int] = []
 
-    def waiting(self, snapshot: AgentSnapshot, ego: EgoState) -> list[int]:
+    def waiting(self, snapshot: AgentSnapshot, ego: EgoState, corridors: Corridors) -> list[int]:
         """Rows of the long vehicles that must brake now to touch nobody."""
         if self._names is not snapshot.names:
             self._names = snapshot.names
             self._rows = [row for row, name in enumerate(self._names) if self._drivers[name].length_m > LONG_M]
         if not self._rows:
             return []
-        ego_box = shapely.Polygon(ego_ring(ego, self._shape, self._origin))
         found: dict[int, set[int]] = {}
-        names = [self._names[row] for row in self._rows]
-        places = zip(self._rows, snapshot.lanes(names), snapshot.positions_m(names), strict=True)
-        for row, lane, position_m in places:
-            sweep = self._sweep(snapshot, row, lane, position_m) if lane else None
+        for row, way in zip(self._rows, self._ways(snapshot, self._rows, corridors), strict=True):
+            sweep = self._sweep(snapshot, row, way) if way is not None else None
             if sweep is None:
                 continue
-            met = self._met(snapshot, row, sweep, ego_box)
+            met = self._met(snapshot, row, sweep, ego, corridors)
             met -= {other for other, waits_for in found.items() if row in waits_for}  # one of two goes first
             if met:
                 found[row] = met
         return list(found)
 
-    def _sweep(self, snapshot: AgentSnapshot, row: int, lane: str, position_m: float) -> shapely.Geometry | None:
-        """What the body will sweep until the vehicle can stand; None where it is in no turn."""
+    def _ways(self, snapshot: AgentSnapshot, rows: Sequence[int], corridors: Corridors) -> list[_Way | None]:
+        """Where SUMO's fronts will be; None for an agent that is nowhere."""
+        names = [self._names[row] for row in rows]
+        found: list[_Way | None] = []
+        for (lane, ahead), at_m in zip(corridors(snapshot, names), snapshot.positions_m(names), strict=True):
+            lines = [(start_m, self._network.lanes[name].plain_line) for name, start_m in ahead.items()]
+            found.append(_Way(lines, self._network.lanes[lane].arc_of(at_m)) if lane else None)
+        return found
+
+    def _sweep(self, snapshot: AgentSnapshot, row: int, way: _Way) -> Floats | None:
+        """(M, 3) where the front bumper will be every half a metre until it can stand; None where it is in no turn."""
         driver, speed_mps = self._drivers[snapshot.names[row]], float(snapshot.speed_mps[row])
-        line, arc_m = self._network.lanes[lane].plain_line, self._network.lanes[lane].arc_of(position_m)
         heading = float(snapshot.heading_rad[row])
-        if max(abs(wrap_angle(line.heading_at(arc_m + ahead) - heading)) for ahead in (0.0, AHEAD_M)) < TURNING_RAD:
-            return None
         way_m = CLEAR_M + speed_mps**2 / (2.0 * driver.decel_mps2) + 0.1 * speed_mps
-        x, y = float(snapshot.front_x[row]), float(snapshot.front_y[row])
+        if not way.turns(heading, max(AHEAD_M, way_m)):
+            return None
+        swung_m, axle_m = FRONT_AXLE * driver.length_m, (REAR_AXLE - FRONT_AXLE) * driver.length_m
+        x = float(snapshot.front_x[row]) - swung_m * cos(heading)
+        y = float(snapshot.front_y[row]) - swung_m * sin(heading)
+        path = way.poses(np.arange(0.0, max(AHEAD_M, way_m) + STEP_M, STEP_M))[:, :2]
         poses: list[tuple[float, float, float]] = []
-        for gone_m in np.arange(STEP_M, way_m + STEP_M, STEP_M).tolist():
-            there = line.pose_at(min(arc_m + gone_m, line.length_m))
-            beyond_m = max(0.0, arc_m + gone_m - line.length_m)
-            next_x = there.x_m + beyond_m * cos(there.heading_rad)
-            next_y = there.y_m + beyond_m * sin(there.heading_rad)
+        for next_x, next_y in _resampled(np.concatenate(([(x, y)], path)), way_m):
             went_m = hypot(next_x - x, next_y - y)
             off = atan2(next_y - y, next_x - x) - heading
-            heading = rolled_rad(heading, went_m * cos(off), went_m * sin(off), REAR_AXLE * driver.length_m)
+            heading = rolled_rad(heading, went_m * cos(off), went_m * sin(off), axle_m)
             x, y = next_x, next_y
-            poses.append((x, y, heading))
-        return shapely.union_all(bodies(np.array(poses), driver.length_m, driver.width_m))
+            poses.append((x + swung_m * cos(heading), y + swung_m * sin(heading), heading))
+        return np.array(poses)
 
-    def _met(self, snapshot: AgentSnapshot, row: int, sweep: shapely.Geometry, ego_box: shapely.Polygon) -> set[int]:
-        """Rows of those that the swept area touches and the body does not yet; -1 for the ego."""
-        x0, y0, x1, y1 = shapely.bounds(sweep)
-        reach_m = hypot(x1 - x0, y1 - y0) / 2.0 + 20.0
-        away_m = np.hypot(snapshot.front_x - (x0 + x1) / 2.0, snapshot.front_y - (y0 + y1) / 2.0)
-        rows = [other for other in np.flatnonzero(away_m < reach_m).tolist() if other != row]
-        drivers = [self._drivers[snapshot.names[other]] for other in rows]
-        poses = np.stack((snapshot.front_x[rows], snapshot.front_y[rows], snapshot.heading_rad[rows]), axis=1)
-        boxes = bodies(poses, [each.length_m for each in drivers], [each.width_m for each in drivers])
-        rows, others = [*rows, -1], [*boxes, ego_box]
-        me = self._drivers[snapshot.names[row]]
+    def _met(self, snapshot: AgentSnapshot, row: int, sweep: Floats, ego: EgoState, corridors: Corridors) -> set[int]:
+        """Rows of those that the body will touch and does not yet, if all go on as they do; -1 for the ego."""
+        x, y = sweep[len(sweep) // 2, :2]
+        me, speed_mps = self._drivers[snapshot.names[row]], float(snapshot.speed_mps[row])
+        at_s: Floats = STEP_M * np.arange(len(sweep) + 1, dtype=np.float64) / max(speed_mps, SLOWEST_MPS)
         here = np.array([[snapshot.front_x[row], snapshot.front_y[row], snapshot.heading_rad[row]]])
-        (body,) = bodies(here, me.length_m, me.width_m)
-        touched = shapely.intersects(sweep, others) & ~shapely.intersects(body, others)
-        return {other for other, touches in zip(rows, touched.tolist(), strict=True) if touches}
+        mine = bodies(np.concatenate((here, sweep)), me.length_m, me.width_m)
+        reach_m = STEP_M * len(sweep) / 2.0 + REACH_M
+        away_m = np.hypot(snapshot.front_x - x, snapshot.front_y - y) - snapshot.speed_mps * at_s[-1]
+        rows = [other for other in np.flatnonzero(away_m < reach_m).tolist() if other != row]
+        found: set[int] = set()
+        for other, way in zip(rows, self._ways(snapshot, rows, corridors), strict=True):
+            driver = self._drivers[snapshot.names[other]]
+            poses = np.array([[snapshot.front_x[other], snapshot.front_y[other], snapshot.heading_rad[other]]])
+            if way is not None and snapshot.speed_mps[other] > 0.0:
+                going = way.poses(at_s * float(snapshot.speed_mps[other]))
+                poses = poses + going - going[0]
+            if _meet(mine, bodies(poses, driver.length_m, driver.width_m)):
+                found.add(other)
+        ego_pose = np.array([[ego.x_m - self._origin[0], ego.y_m - self._origin[1], ego.heading_rad]])
+        front_m = ego.speed_mps * at_s + self._shape.length_m / 2.0
+        along = np.array([[cos(ego.heading_rad), sin(ego.heading_rad), 0.0]])
+        if _meet(mine, bodies(ego_pose + front_m[:, None] * along, self._shape.length_m, self._shape.width_m)):
+            found.add(-1)
+        return found
+
+
+class _Way:
+    """Lanes one after the other, from a place on the first of them on."""
+
+    def __init__(self, lines: list[tuple[float, PlainPolyline]], arc_m: float) -> None:
+        """`lines` come with the distances to their starts, `arc_m` is where on the first of them it begins."""
+        self._lines = lines
+        self._arc_m = arc_m
+
+    def turns(self, heading_rad: float, way_m: float) -> bool:
+        """Whether it leaves a heading within so many metres."""
+        near = [line for start_m, line in self._lines if start_m < self._arc_m + way_m]
+        return any(abs(wrap_angle(rad - heading_rad)) >= TURNING_RAD for line in near for rad in line.heading_rad)
+
+    def poses(self, along_m: Floats) -> Floats:
+        """(M, 3) x, y, heading at (M,) distances; behind its end it goes straight on."""
+        found: list[tuple[float, float, float]] = []
+        for at_m in (self._arc_m + along_m).tolist():
+            start_m, line = next((each for each in reversed(self._lines) if each[0] <= at_m), self._lines[0])
+            there = line.pose_at(at_m - start_m)
+            beyond_m, heading = max(0.0, at_m - start_m - line.length_m), there.heading_rad
+            found.append((there.x_m + beyond_m * cos(heading), there.y_m + beyond_m * sin(heading), heading))
+        return np.array(found)
+
+
+def _meet(mine: NDArray[np.object_], theirs: NDArray[np.object_]) -> bool:
+    """Whether two touch at one of the times after the first, and not at the first; one box is one that stands."""
+    touched = shapely.intersects(mine, theirs)
+    return bool(touched[1:].any() and not touched[0])
+
+
+def _resampled(path: Floats, way_m: float) -> list[tuple[float, float]]:
+    """Points every half a metre along a path of (N, 2) points, from the first one after its start on until `way_m`."""
+    along_m = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))))
+    at_m = np.arange(STEP_M, way_m + STEP_M, STEP_M)
+    x_m, y_m = (np.interp(at_m, along_m, column) for column in path.T)
+    return list(zip(x_m.tolist(), y_m.tolist(), strict=True))

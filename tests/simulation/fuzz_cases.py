@@ -37,12 +37,12 @@ from tests.simulation.traffic_invariants import Array, Body, Drive, Frame, Viola
 
 RANDOM_BRAKING = "PWagner2009"
 """Ends its braking by chance, and SUMO's chance falls otherwise where there is an ego: no twin tells a reaction."""
-BRAKE_ANYWAY = (RANDOM_BRAKING, "ACC", "CACC")
+BRAKE_ANYWAY = (RANDOM_BRAKING, "ACC", "CACC", "Wiedemann")
 """Models whose hard braking is no bad start: they brake so more often once they have driven a while.
 
 In plain SUMO, without an ego, with a `decel` of 2 m/s2, braking above 3 m/s2 begins so many times in 100 agent-seconds:
 PWagner2009 0.28 in the first two seconds, 3.0 later on (of 16,943 s); ACC 0.10 and 0.40 (15,145 s); CACC 0 and 2.5
-(15,633 s). IDM never, and 0.03.
+(15,633 s); Wiedemann, of our own starts, 0.013 (of 7,452 s) and 0.165. IDM never, and 0.03.
 """
 OUR_OWN = ("spawn_braking", "appears", "leaves")
 """Where vehicles start, come and go is ours to say, also where plain SUMO drives them."""

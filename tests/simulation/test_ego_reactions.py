@@ -8,7 +8,7 @@ from pathlib import Path
 import libsumo
 import numpy as np
 import pytest
-from networks import LANE_Y, WESTWARD_Y, agent, ego_at, traffic, two_way_road, types
+from networks import LANE_Y, WESTWARD_Y, agent, ego_at, stepped, traffic, two_way_road, types
 
 from interplan_sumo.simulation.agent_control import NEW_STEPS
 from interplan_sumo.simulation.agent_registry import AgentRegistry
@@ -21,6 +21,8 @@ from interplan_sumo.world.ego import PACIFICA, EgoState
 
 KEEPS_LANE = 0
 """SUMO's mode of a car that changes lane for no reason."""
+PASSED = 25
+"""The step at which an ego of 20 m/s whose centre was at 90 m is ahead of a car of 8 m/s that was at 120 m."""
 BOUNDARY_Y = (LANE_Y[0] + LANE_Y[1]) / 2.0
 
 
@@ -84,20 +86,27 @@ def test_the_ego_stands_in_a_car_as_long_as_their_boxes_share_a_stretch_of_the_l
     assert Lane1((80.0, LANE_Y[1]), (front_x, LANE_Y[1])).decide().decisions["a0"].mode is mode
 
 
-def test_once_passed_through_a_car_stays_hidden_until_the_ego_has_another_lane() -> None:
-    road = Lane1((80.0, LANE_Y[1]), (101.0, LANE_Y[1]))
-    assert road.decide().decisions["a0"].mode is Mode.OVERRIDE_SPEED
-    road.registry.kinematics.front_m = np.array([[80.0, LANE_Y[1]], [120.0, LANE_Y[1]]])
-    assert road.decide().decisions["a0"].mode is Mode.OVERRIDE_SPEED
-
-
-def test_who_is_hidden_by_the_ego_keeps_its_lane() -> None:
+def test_who_is_beside_a_car_that_the_ego_stands_in_keeps_its_lane() -> None:
     """SUMO would put it behind cars on the other lane that it is ahead of, and drive those through it."""
     assert "a1" not in Lane1((80.0, LANE_Y[1]), (120.0, LANE_Y[1])).decide().keep_lane
-    road = Lane1((80.0, LANE_Y[1]), (101.0, LANE_Y[1]))
-    road.decide()
-    road.registry.kinematics.front_m = np.array([[80.0, LANE_Y[1]], [120.0, LANE_Y[1]]])
-    assert "a1" in road.decide().keep_lane
+    assert "a1" in Lane1((80.0, LANE_Y[1]), (101.0, LANE_Y[1])).decide().keep_lane
+
+
+@pytest.mark.parametrize("aside_m", [0.0, 1.5])
+def test_a_car_that_the_ego_has_passed_in_its_lane_is_followed_again(aside_m: float) -> None:
+    """SUMO keeps the order of the cars on a lane, whoever passes whom: for it the follower's leader would be the ego."""
+    cars = types("conservative")
+    ego = ego_at(90.0, LANE_Y[1] + aside_m, 20.0)
+
+    def drive(step: int) -> EgoState:
+        return ego_at(90.0 + 2.0 * step, ego.y_m, 20.0)
+
+    spawns = (agent(cars, "e0_1", 80.0, 8.0), agent(cars, "e0_1", 120.0, 8.0))
+    with traffic(cars, spawns, ego) as run:
+        for step, _ in enumerate(stepped(run, drive, 60)):
+            leader, _ = (step > 0 and libsumo.vehicle.getLeader("a0", 200.0)) or ("ego", 0.0)
+            assert leader == ("ego" if step < PASSED else "a1") or PASSED <= step <= PASSED + 2
+        assert libsumo.lane.getLastStepVehicleIDs("e0_1") == ("a0", "a1", "ego")
 
 
 def test_an_assertive_agent_follows_an_ego_that_starts_in_its_lane_and_not_one_that_slides_in() -> None:

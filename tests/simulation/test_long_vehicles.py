@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.long_vehicles import LongVehicles
@@ -41,18 +42,22 @@ def in_the_turn(driver: VehicleType, angle_rad: float, turned_rad: float) -> tup
 
 
 def waiting(
-    places: Sequence[Place], positions_m: Sequence[float], ego: EgoState = FAR, speed_mps: float = 2.0
+    places: Sequence[Place], positions_m: Sequence[float], ego: EgoState = FAR, speed_mps: ArrayLike = 2.0
 ) -> list[int]:
     names = tuple(f"a{i}" for i in range(len(places)))
     x, y, heading = np.array([place[1:] for place in places]).T
     at = dict(zip(names, positions_m, strict=True))
     rows = {name: row for row, name in enumerate(names)}
     now = AgentSnapshot(
-        names, rows, x, y, heading, np.full(len(names), speed_mps), {}, frozenset(),
+        names, rows, x, y, heading, np.broadcast_to(np.asarray(speed_mps, dtype=np.float64), x.shape), {}, frozenset(),
         lambda asked: ["l_0" for _ in asked], lambda asked: [at[name] for name in asked], lambda _: (),
     )  # fmt: skip
+
+    def corridors(_: AgentSnapshot, asked: Sequence[str]) -> list[tuple[str, dict[str, float]]]:
+        return [("l_0", {"l_0": 0.0}) for _ in asked]
+
     drivers = {name: place[0] for name, place in zip(names, places, strict=True)}
-    return LongVehicles(turn(), drivers, PACIFICA, (0.0, 0.0)).waiting(now, ego)
+    return LongVehicles(turn(), drivers, PACIFICA, (0.0, 0.0)).waiting(now, ego, corridors)
 
 
 INSIDE: Place = (CAR, 24.0, 4.0, 0.2)
@@ -69,10 +74,10 @@ def test_a_bus_waits_for_a_car_on_the_inside_of_the_turn_where_a_car_goes_on(
 
 def test_it_waits_for_the_ego_as_well_and_while_it_stands() -> None:
     place, position_m = in_the_turn(BUS, 0.6, 0.4)
-    inside = EgoState(0.0, 21.5, 3.75, 0.2)
+    inside = EgoState(0.0, 21.5, 3.5, 0.2)
     assert waiting([place], [position_m]) == []
     assert waiting([place], [position_m], inside) == [0]
-    nearer: Place = (CAR, 24.0, 3.8, 0.2)
+    nearer: Place = (CAR, 31.0, 4.8, 0.2)
     assert waiting([place, INSIDE], [position_m, 0.0], speed_mps=0.0) == []  # for half a metre it could go on
     assert waiting([place, nearer], [position_m, 0.0], speed_mps=0.0) == [0]
 
@@ -89,3 +94,24 @@ def test_of_two_that_wait_for_one_another_one_goes_first() -> None:
     place, position_m = in_the_turn(BUS, 0.6, 0.4)
     beside: Place = (BUS, place[1] - 2.4, place[2] + 2.8, place[3])
     assert len(waiting([place, beside], [position_m, position_m])) <= 1
+
+
+def on_the_bend(driver: VehicleType, position_m: float, left_m: float, turned_rad: float = 0.0) -> Place:
+    """A vehicle so far beside the middle of the lane, its body `turned_rad` less than the lane there."""
+    there = turn().lanes["l_0"].plain_line.pose_at(position_m)
+    x, y = there.x_m - left_m * np.sin(there.heading_rad), there.y_m + left_m * np.cos(there.heading_rad)
+    return driver, float(x), float(y), there.heading_rad - turned_rad
+
+
+@pytest.mark.parametrize(("behind_m", "left_m", "waits"), [(6.0, 3.0, [0]), (14.0, 3.0, []), (6.0, 5.0, [])])
+def test_it_foresees_that_a_car_beside_it_comes_along_on_the_inside(
+    behind_m: float, left_m: float, waits: list[int]
+) -> None:
+    bus, beside = on_the_bend(BUS, 22.0, 0.0, 0.1), on_the_bend(CAR, 22.0 - behind_m, left_m)
+    assert waiting([bus, beside], [22.0, 22.0 - behind_m], speed_mps=6.0) == waits
+
+
+@pytest.mark.parametrize(("ahead_mps", "waits"), [(6.0, []), (0.0, [0])])
+def test_it_follows_a_car_ahead_and_brakes_for_one_that_stands_there(ahead_mps: float, waits: list[int]) -> None:
+    bus, ahead = on_the_bend(BUS, 22.0, 0.0, 0.1), on_the_bend(CAR, 32.0, 0.0)
+    assert waiting([bus, ahead], [22.0, 32.0], speed_mps=(6.0, ahead_mps)) == waits
