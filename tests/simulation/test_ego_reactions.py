@@ -94,7 +94,7 @@ def test_who_is_beside_a_car_that_the_ego_stands_in_keeps_its_lane() -> None:
 
 @pytest.mark.parametrize("aside_m", [0.0, 1.5])
 def test_a_car_that_the_ego_has_passed_in_its_lane_is_followed_again(aside_m: float) -> None:
-    """SUMO keeps the order of the cars on a lane, whoever passes whom: for it the follower's leader would be the ego."""
+    """SUMO keeps the order of the cars on a lane, whoever passes whom: for it the follower's leader would be it."""
     cars = types("conservative")
     ego = ego_at(90.0, LANE_Y[1] + aside_m, 20.0)
 
