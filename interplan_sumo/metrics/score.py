@@ -15,7 +15,7 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import EgoTrack, Trace
 
-SCORING_VERSION: Final = 2
+SCORING_VERSION: Final = 3
 """Goes up with any change that can change a score."""
 
 

@@ -60,10 +60,13 @@ def _reason(facts: Facts, per_frame: Floats, per_row: Floats) -> str:
     return f"{what} {who}; the ego was {ego_doing(facts, frame)}"
 
 
-def row_times_s(facts: Facts) -> Floats:
-    """(R,) time to collision with each row of the actor table, infinite where it does not count or not come."""
+def row_times_s(facts: Facts, among: NDArray[np.bool_] | None = None) -> Floats:
+    """(R,) time to collision with each row of the actor table, infinite where it does not count or not come.
+
+    With a mask (R,) only the rows `among` it are looked at.
+    """
     times = np.full(len(facts.trace.actors), np.inf)
-    rows = np.flatnonzero(counted(facts))
+    rows = np.flatnonzero(counted(facts) if among is None else counted(facts) & among)
     if len(rows):
         # along the heading even of a vehicle that reverses, as nuPlan does
         straight_on = _along(facts.trace.actors.heading_rad[rows], facts.actor_speed_mps[rows])

@@ -138,7 +138,8 @@ def judged(score: float = 1.0, family: str = "nudge", near: NearestApproach | No
 
 
 def sheet(score: float, **broken: float) -> ScoreSheet:
-    gates = ("no_collision", "drivable_area", "red_lights", "forced_braking", "speeding", "task_done")
+    safety = ("no_collision", "drivable_area", "red_lights", "forced_braking", "endangered_people", "speeding")
+    gates = (*safety, "task_done")
     weights = ("progress", "time_to_collision", "courtesy", "speed_limit", "comfort")
     metrics = {name: MetricResult(broken.get(name, 1.0)) for name in (*gates, *weights)}
     return ScoreSheet(score, "interplan-strict", 1, metrics, gates, dict.fromkeys(weights, 1.0))
@@ -163,8 +164,11 @@ def test_who_does_not_reach_the_goal_line_proves_nothing_but_in_ordinary_scenes_
 
 @pytest.mark.parametrize(
     "name",
-    ["no_collision", "drivable_area", "red_lights", "forced_braking", "task_done", "time_to_collision", "courtesy"],
-)
+    [
+        "no_collision", "drivable_area", "red_lights", "forced_braking", "endangered_people", "task_done",
+        "time_to_collision", "courtesy",
+    ],
+)  # fmt: skip
 def test_every_gate_time_to_collision_and_courtesy_are_asked_for(name: str) -> None:
     summary = Summary(nudge().id, nudge().hash(), 0.95, 150.0, 150.0, True, "0" * 64)
     (problem,) = shortcomings(nudge(), sheet(0.95, **{name: 0.5}), summary, NearestApproach())

@@ -152,7 +152,10 @@ LEGEND: Final = {
     "ordinary": "mean score over ordinary driving",
     "interplan": "mean score over all scenes of this run: the figure to compare",
     "done_share": "drives of 100 that did what the scene asks for: passed the obstacle, reached the goal lane in time",
-    "unsafe_share": "drives of 100 that lost a gate of safety: a collision at fault, off the road, hard braking forced",
+    "unsafe_share": (
+        "drives of 100 that lost a gate of safety: a collision at fault, off the road, hard braking forced, "
+        "people endangered"
+    ),
     "paper_score": "the same drives by the paper's rules, which ask for less than the strict ones",
     "driv": "lane-change drives of 100 that stayed on the road",
     "goal": "lane-change drives of 100 that ended in the goal lane",
