@@ -3,6 +3,8 @@
 const FARTHEST_BEHIND = 1.5; // frames that the picture may lag before it jumps
 const LAYERS_SHOWN = { plan: true, trail: true, route: true, lights: true };
 const USUAL_HEIGHT_M = 85; // of the map on the screen
+const NARROW_PX = 640; // the dash leaves no room beside it for the scale
+const DASH_PX = 52;
 const ZOOMS = { "+": 1.25, "=": 1.25, "-": 1 / 1.25 };
 
 class Wheel {
@@ -96,7 +98,7 @@ class Wheel {
       context, ratio, other: null, matrix: camera.matrix(camera.centreFor(pose, height), width, height, ratio),
       scale: camera.scale, layers: LAYERS_SHOWN, colour: this.look.planner(0), selected: null,
     });
-    drawScaleBar(context, this.look, camera.scale, width, height, ratio);
+    drawScaleBar(context, this.look, camera.scale, width, height - (width < NARROW_PX ? DASH_PX : 0), ratio);
     this.fillHud();
   }
 

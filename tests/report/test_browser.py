@@ -153,6 +153,8 @@ def test_the_report_fits_every_screen_and_is_short_while_it_is_folded(report: Pa
     for size in (USUAL, NARROW, (768, 1024), (2560, 1440)):
         report.set_viewport_size(sized(size))
         assert report.evaluate("document.documentElement.scrollHeight") < 4 * size[1]
+        narrow = size[0] < 900  # the line of titles, which has the colours, is gone there
+        assert report.locator(".spread td .swatch").first.is_visible() == narrow
         report.evaluate("document.querySelectorAll('details').forEach((box) => { box.open = true; })")
         assert report.evaluate("document.documentElement.scrollWidth") <= size[0]
         assert report.evaluate(f"{cut}.length") == 0

@@ -145,7 +145,13 @@ def test_a_scene_has_its_drawing_where_it_is_as_it_was_driven() -> None:
 def test_scores_are_counted_by_band() -> None:
     rows = [drive(f"nudge/{n}", score) for n, score in enumerate((0.0, 0.2, 0.5, 0.9, 1.0, 1.0))]
     (spread,) = re.findall(r'<table class="spread">.*?</table>', page(make_table([stored(*rows)])), re.DOTALL)
-    assert re.findall(r'<td class="n" data-title="[^"]+">(\d+)</td>', spread) == ["1", "1", "1", "1", "2"]
+    assert re.findall(r'<td class="n" data-title="[^"]+"><i class="[^"]+"></i>(\d+)</td>', spread) == [
+        "1",
+        "1",
+        "1",
+        "1",
+        "2",
+    ]
 
 
 def test_how_the_run_was_made_is_told() -> None:

@@ -73,6 +73,10 @@ def test_keys_and_a_gamepad_drive_and_the_score_is_shown(browser: Browser, serve
     assert page.inner_text("#time") == shown
     assert page.locator("#map").screenshot() != before
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    about, menu = page.locator("#about").bounding_box(), page.locator("#menu").bounding_box()
+    assert about
+    assert menu
+    assert about["x"] + about["width"] <= menu["x"]
     page.keyboard.up("ArrowUp")
     page.keyboard.press("p")
     wait_for(page, "driving")
