@@ -40,9 +40,9 @@ def calibrate_drivers(
     from interplan_sumo.realism.tracks import open_recordings
     from interplan_sumo.realism.vehicle_type_writer import write_vehicle_types
     from interplan_sumo.report.printing import console, print_json
+    from interplan_sumo.world.files import check_place
 
-    if not out.parent.is_dir() or out.is_dir():
-        raise InputError(f"cannot write {out}: {'it is a folder' if out.is_dir() else 'there is no such folder'}")
+    check_place(out, "give another file as --out")
     options = CalibrationOptions(road, _limits(limit or []), drivers, shift, date, source, as_fitted)  # type: ignore[arg-type]
     found = calibrate(open_recordings(recordings), options, lambda line: print(line, file=sys.stderr))
     write_vehicle_types(out, found.text())

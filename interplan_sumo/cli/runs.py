@@ -166,7 +166,10 @@ def score(
     """Score stored traces again, under any profile, without simulating."""
     from interplan_sumo.batch.results import write_rows
     from interplan_sumo.metrics.profile import DEFAULT_PROFILE
+    from interplan_sumo.world.files import check_place
 
+    if out is not None:
+        check_place(out, "give another file as --out")
     scored = _rescored(folder, profile or DEFAULT_PROFILE, workers, quiet=quiet)
     if out is not None:
         write_rows(out, scored.rows.values())

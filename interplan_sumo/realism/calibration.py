@@ -15,7 +15,7 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.realism.as_seen import ROUNDS, SeenPopulation, as_seen
 from interplan_sumo.realism.car_following import PARAMETERS, spacing_rmse_m
 from interplan_sumo.realism.driver_fit import DriverFit
-from interplan_sumo.realism.driver_population import QUALITIES, DriverPopulation
+from interplan_sumo.realism.driver_population import QUALITIES, DriverPopulation, check_drawn
 from interplan_sumo.realism.features import BY_KEY, FeatureSamples, feature_samples
 from interplan_sumo.realism.held_out import HeldOut, fitted, held_out
 from interplan_sumo.realism.observed_drivers import ObservedDrivers, observed_drivers
@@ -43,7 +43,7 @@ NAMES: Final[dict[str, str]] = dict(
 
 @dataclass(frozen=True, slots=True)
 class CalibrationOptions:
-    """What a user may say beside the recordings."""
+    """What a user may say beside the recordings. InputError for what cannot be."""
 
     road: Road = "city"
     """Whose published drivers fill in what the recordings do not tell."""
@@ -59,6 +59,14 @@ class CalibrationOptions:
     """Whose they are, and under which licence."""
     as_fitted: bool = False
     """Whether the drivers of a city stay as they were fitted, whatever is seen of them in plain traffic."""
+
+    def __post_init__(self) -> None:
+        if self.road not in PRIORS:
+            raise InputError(f"the road is {self.road!r}, expected {' or '.join(PRIORS)}")
+        for place, limit_mps in (self.limits_mps or {}).items():
+            if not 1.0 < limit_mps < 60.0:
+                raise InputError(f"the limit of {place} is {limit_mps:g} m/s, expected 1 to 60")
+        check_drawn(self.count, self.shift)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,20 +124,14 @@ def calibrate(
 def calibrated(
     recordings: Sequence[RecordedTraffic], options: CalibrationOptions, say: Callable[[str], None] = lambda _: None
 ) -> Calibration:
-    """Fit drivers to recordings, nothing held out; InputError if there is too little, or an option cannot be.
+    """Fit drivers to recordings, nothing held out; InputError if there is too little.
 
     `say` is told what takes long; TrafficError if SUMO fails.
     """
-    if options.road not in PRIORS:
-        raise InputError(f"the road is {options.road!r}, expected {' or '.join(PRIORS)}")
-    for place, limit_mps in (options.limits_mps or {}).items():
-        if not 1.0 < limit_mps < 60.0:
-            raise InputError(f"the limit of {place} is {limit_mps:g} m/s, expected 1 to 60")
     prior = PRIORS[options.road]
     drivers = observed_drivers(recordings, options.limits_mps)
     fit = fitted(drivers, prior)
     population = DriverPopulation.of(fit)
-    population.drawn(options.count, options.shift)  # a fault in an option is told before the long part
     found = Calibration(
         options, tuple(recordings), drivers, fit, SeenPopulation(population, {}, {}, {}), HeldOut((), {})
     )

@@ -60,10 +60,7 @@ class DriverPopulation:
         With a `shift` every driver becomes more cautious (bolder below 0): the
         one in the middle is then as cautious as who was at quantile 0.5 + shift.
         """
-        if not FEWEST <= count <= MOST_DRAWN:
-            raise InputError(f"{count} drivers are asked for, expected {FEWEST} to {MOST_DRAWN}")
-        if not -LARGEST_SHIFT <= shift <= LARGEST_SHIFT:
-            raise InputError(f"the shift is {shift:g}, expected {-LARGEST_SHIFT} to {LARGEST_SHIFT} quantiles")
+        check_drawn(count, shift)
         from scipy.stats import qmc  # half a second that only those who draw drivers should wait
 
         sobol = qmc.Sobol(len(QUALITIES), scramble=True, rng=np.random.default_rng(SEED))
@@ -72,3 +69,11 @@ class DriverPopulation:
         logs = self.mean + scores @ np.linalg.cholesky(self.covariance).T
         logs += ndtri(0.5 + shift) * CAUTION * np.sqrt(np.diag(self.covariance))
         return np.exp(logs).clip(*BOUNDS.T)
+
+
+def check_drawn(count: int, shift: float) -> None:
+    """InputError for a number of drivers, or a shift, with which none can be drawn."""
+    if not FEWEST <= count <= MOST_DRAWN:
+        raise InputError(f"{count} drivers are asked for, expected {FEWEST} to {MOST_DRAWN}")
+    if not -LARGEST_SHIFT <= shift <= LARGEST_SHIFT:
+        raise InputError(f"the shift is {shift:g}, expected {-LARGEST_SHIFT} to {LARGEST_SHIFT} quantiles")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any, Final
 
@@ -69,6 +70,8 @@ class Seating:
         """InputError for a scenario that is not there, a rate that cannot be, or a drive that cannot be taken over."""
         if not 0.1 <= rate <= 2.0:
             raise InputError(f"--speed {rate:g} is not from 0.1 to 2; 1 is real time, 0.5 slow motion")
+        if out.exists() and not out.is_dir():
+            raise InputError(f"cannot write the run folder {out}: it is a file; give another one as --out")
         if not options.scenarios:
             raise InputError("name what to drive: interplan-sumo drive nudge/0, or 'nudge/*' for one after the other")
         if start is None:
@@ -224,7 +227,7 @@ def _handover(stored: StoredRun, scenario_id: str, start: StoredStart) -> Handov
     (drive,) = StoredDrives(stored).of(scenario_id, 0, () if start.planner is None else (start.planner,))
     decided_s = deciding_moment(drive).time_s if start.at_s is None else 0.0
     at_s = max(0.0, decided_s - EARLIER_S) if start.at_s is None else start.at_s
-    frame = round(at_s / DT_S)
+    frame = round(at_s / DT_S) if isfinite(at_s) else -1
     if not 0 <= frame < len(drive.trace.plans):
         raise InputError(
             f"--at {at_s:g} s lies outside the drive of {drive.row.planner} on {scenario_id}, "

@@ -49,6 +49,14 @@ def writing(what: object, way_out: str = "", kind: type[InputError] = InputError
         raise kind(f"cannot write {what}: {error.strerror or error}{hint}") from None
 
 
+def check_place(path: Path, way_out: str) -> None:
+    """InputError if no file can be written at `path` for want of a folder, before long work whose result goes there."""
+    if path.is_dir():
+        raise InputError(f"cannot write {path}: it is a folder; {way_out}")
+    if not path.parent.is_dir():
+        raise InputError(f"cannot write {path}: there is no such folder; {way_out}")
+
+
 def file_hash(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal."""
     with path.open("rb") as file:
