@@ -252,6 +252,7 @@ def test_the_page_has_a_curve_for_each_planner_with_its_fall_and_names_are_text(
     text = sweep_page([parameter], lines, "interplan-sumo sweep")
     assert "<b>mine" not in text
     assert text.count("&lt;b&gt;mine") > 3
+    assert text.count("<small>[") > 4  # intervals stand below their figures: a line fits a screen
     (panel,) = change_panels([parameter], lines)
     assert [(curve.name, len(curve.marks)) for curve in panel.planners] == [("idm", 2), ("<b>mine", 2)]
     assert [text for _, text in panel.upwards] == ["-40", "-20", "0"]
