@@ -235,6 +235,10 @@ def _farthest_m(points: Floats, line: Floats, pieces: int) -> float:
     return float(off_m.max())
 
 
+FRONTWARD, LEFTWARD = np.array((1.0, -1.0, -1.0, 1.0)), np.array((1.0, 1.0, -1.0, -1.0))
+"""Of the corners of a box: front left, rear left, rear right, front right."""
+
+
 def box_corners(
     x_m: ArrayLike, y_m: ArrayLike, heading_rad: ArrayLike, length_m: ArrayLike, width_m: ArrayLike
 ) -> Floats:
@@ -243,15 +247,13 @@ def box_corners(
     Order: front left, rear left, rear right, front right (nuPlan's order).
     """
     x, y, heading, length, width = (
-        np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (x_m, y_m, heading_rad, length_m, width_m)
+        np.atleast_1d(np.asarray(v, dtype=np.float64))[:, None] for v in (x_m, y_m, heading_rad, length_m, width_m)
     )
     cos, sin = np.cos(heading), np.sin(heading)
-    forward_x, forward_y = cos * length / 2, sin * length / 2
-    left_x, left_y = -sin * width / 2, cos * width / 2
-    signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    corners_x = [x + f * forward_x + s * left_x for f, s in signs]
-    corners_y = [y + f * forward_y + s * left_y for f, s in signs]
-    return np.stack((np.stack(corners_x, axis=1), np.stack(corners_y, axis=1)), axis=2)
+    corners = np.empty((*np.broadcast_shapes(x.shape, y.shape, heading.shape, length.shape, width.shape)[:1], 4, 2))
+    corners[..., 0] = x + FRONTWARD * (cos * length / 2) + LEFTWARD * (-sin * width / 2)
+    corners[..., 1] = y + FRONTWARD * (sin * length / 2) + LEFTWARD * (cos * width / 2)
+    return corners
 
 
 def box_polygons(
