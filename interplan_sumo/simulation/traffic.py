@@ -11,7 +11,7 @@ from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.signals import Signals
 
-TRAFFIC_VERSION: Final = 2
+TRAFFIC_VERSION: Final = 3
 """Goes up with every change that can change a trace; drives of different versions are not compared."""
 
 
