@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 DATA ?= data/ordinary
 
-.PHONY: help setup check test test-all nightly golden mutants smoke benchmark docs dist data train tune-llm clean
+.PHONY: help setup check test test-all nightly golden mutants smoke benchmark tables docs dist data train tune-llm clean
 
 help:
 	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
@@ -24,6 +24,7 @@ help:
 	@echo "make check       lint, format and types"
 	@echo "make golden      only the comparison with nuPlan's own values"
 	@echo "make mutants     200 small wrong changes to the code: does a test notice each? (a quarter of an hour on two cores)"
+	@echo "make tables      the tables of README and docs anew from the stored drives; RUN=folder stores those of a run first"
 	@echo "make docs        the documentation as a site, in build/site; refuses links that lead nowhere"
 	@echo "make dist        wheel and sdist below dist/, installed in a fresh environment: what it weighs, and a scored drive"
 	@echo "make smoke       one scenario per family, in a minute"
@@ -80,6 +81,9 @@ benchmark: $(VENV)/.installed
 $(VENV)/.installed-docs: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --editable ".[docs,gym]"
 	@touch $@
+
+tables: setup
+	$(BIN)/python -m tools.tables $(if $(RUN),--take $(RUN))
 
 docs: $(VENV)/.installed-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet

@@ -1,0 +1,177 @@
+"""The tables of README and docs, from stored drives: `python -m tools.tables [--take RUN]`, or `make tables`.
+
+A table stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and is what the drives in docs/results give;
+nobody types its figures. `--take` puts the drives of a run folder there first, without traces and without the details
+that no table needs: `interplan-sumo report docs/results/interplan-1` reads them like any other run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from interplan_sumo.batch.records import Row
+from interplan_sumo.batch.run_folder import StoredRun, read_run
+from interplan_sumo.report.paper_comparison import CELLS, COUNTERPARTS, agreement, published_figure, published_rows
+from interplan_sumo.report.table import PAPER_PROFILE, Cell, Line, ResultsTable, make_table
+
+ROOT: Final = Path(__file__).resolve().parent.parent
+RESULTS: Final = ROOT / "docs/results/interplan-1"
+FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
+NAMES: Final[Mapping[str, str]] = {
+    "foresight": "`foresight` (ours)", "gameformer": "`gameformer`, learned", "dtpp": "`dtpp`, learned",
+    "idm_mobil?published=true": "`idm_mobil`, with the bugs of the published one",
+}  # fmt: skip
+SHORT: Final = ("foresight", "idm_mobil", "pdm_closed", "gameformer", "idm", "idm_mobil?published=true", "dtpp")
+"""Whom README shows: one of each kind."""
+KEPT: Final = ("goal",)
+"""Of a metric's details: whether the drive ended in the goal lane."""
+TABLE: Final = re.compile(r"<!-- table: ([a-z_]+) -->\n.*?<!-- end of table -->\n", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Drives:
+    """The stored drives, judged by the profile that they were driven for, and by the paper's."""
+
+    run: StoredRun
+
+    @cached_property
+    def strict(self) -> ResultsTable:
+        return make_table([self.run])
+
+    @cached_property
+    def by_paper(self) -> ResultsTable:
+        rows = {key: _judged_by_paper(self.run.rows[key]) for key in self.run.keys}
+        manifest = msgspec.structs.replace(self.run.manifest, profile=PAPER_PROFILE)
+        return make_table([StoredRun(self.run.path, manifest, rows)])
+
+
+def _judged_by_paper(row: Row) -> Row:
+    return row if row.fault else msgspec.structs.replace(row, score=row.beside[PAPER_PROFILE])
+
+
+def short(drives: Drives) -> list[str]:
+    """Scores of a few planners, for README."""
+    lines = ["planner | interPlan | " + " | ".join(_titles(drives.strict)), "---|" * 9 + "---"]
+    for line in _sorted(drives.strict):
+        if line.planner in SHORT:
+            name = NAMES.get(line.planner, f"`{line.planner}`")
+            lines.append(" | ".join((name, *(_text(line.cells[key]) for key in ("interplan", *FAMILIES)))))
+    return lines
+
+
+def planners(drives: Drives) -> list[str]:
+    """All planners, with intervals, shares and the paper's score."""
+    titles = ("planner", "interPlan", "done %", "unsafe %", "by paper", *_titles(drives.strict))
+    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    for line in _sorted(drives.strict):
+        low, high = line.cells["interplan"].interval or (0.0, 100.0)
+        total = f"{_text(line.cells['interplan'])} [{low:.0f}, {high:.0f}]"
+        rest = ("done_share", "unsafe_share", "paper_score", *FAMILIES)
+        lines.append(" | ".join((f"`{line.planner}`", total, *(_text(line.cells[key]) for key in rest))))
+    return lines
+
+
+def paper(drives: Drives) -> list[str]:
+    """Ours by the paper's profile, and the published figures of the same methods in brackets."""
+    published = {COUNTERPARTS[str(row["planner"])]: row for row in published_rows() if row["planner"] in COUNTERPARTS}
+    titles = (f"by `{PAPER_PROFILE}`, ours (published)", "total", *_titles(drives.by_paper))
+    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    for line in _sorted(drives.by_paper):
+        if line.planner in published:
+            row = published[line.planner]
+            cells = (f"{_text(line.cells[key])} ({published_figure(row, key)})" for key in ("interplan", *CELLS))
+            lines.append(" | ".join((f"`{line.planner}`", *cells)))
+    return lines
+
+
+def near_paper(drives: Drives) -> list[str]:
+    """How near that is, in a sentence."""
+    near = agreement(drives.by_paper)
+    assert near is not None
+    return [near.sentence()]
+
+
+TABLES: Final[Mapping[str, Callable[[Drives], list[str]]]] = {
+    "short": short, "planners": planners, "paper": paper, "near_paper": near_paper,
+}  # fmt: skip
+PAGES: Final = ("README.md", "docs/benchmark.md")
+
+
+def _titles(table: ResultsTable) -> list[str]:
+    titles = {column.key: column.title for column in table.columns}
+    return [titles[key] for key in FAMILIES]
+
+
+def _sorted(table: ResultsTable) -> list[Line]:
+    return sorted(table.lines, key=lambda line: -(line.cells["interplan"].value or 0.0))
+
+
+def _text(cell: Cell) -> str:
+    return "-" if cell.value is None else f"{cell.value:.0f}"
+
+
+def written(page: str, drives: Drives) -> str:
+    """The text of a page with its tables made anew."""
+
+    def made(found: re.Match[str]) -> str:
+        name = found[1]
+        lines = TABLES[name](drives)
+        body = [f"| {line} |" if " | " in line else f"|{line}|" for line in lines] if len(lines) > 1 else lines
+        return "\n".join((f"<!-- table: {name} -->", *body, "<!-- end of table -->", ""))
+
+    return TABLE.sub(made, page)
+
+
+def take(folder: Path, results: Path = RESULTS) -> None:
+    """Keep the drives of a run folder, by planner and scene, as small as tables need them."""
+    run = read_run(folder)
+    if run.missing:
+        raise SystemExit(f"{folder} has no score for {len(run.missing)} of its drives; complete it first")
+    about = msgspec.json.decode((folder / "manifest.json").read_bytes())
+    about["command"] = [*_without(about["command"], "--out", "--workers")]
+    for planner in about["planners"].values():
+        planner["files"] = {}
+    results.mkdir(parents=True, exist_ok=True)
+    (results / "manifest.json").write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=1) + b"\n")
+    with (results / "results.jsonl").open("wb") as file:
+        for key in sorted(run.keys):
+            file.write(msgspec.json.encode(_small(msgspec.to_builtins(run.rows[key]))) + b"\n")
+
+
+def _small(row: dict[str, Any]) -> dict[str, Any]:
+    for metric in row["metrics"].values():
+        metric["detail"] = {name: metric["detail"][name] for name in KEPT if name in metric["detail"]}
+    row.pop("planner_report", None)
+    return row | {"trace": None, "versions": {}, "times_s": {}}
+
+
+def _without(command: Iterable[str], *flags: str) -> Iterable[str]:
+    words = iter(command)
+    for word in words:
+        if word in flags:
+            next(words, None)
+        else:
+            yield word
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--take", type=Path, metavar="RUN", help="a run folder whose drives are to be stored first")
+    given = parser.parse_args()
+    if given.take is not None:
+        take(given.take)
+    drives = Drives(read_run(RESULTS))
+    for page in PAGES:
+        (ROOT / page).write_text(written((ROOT / page).read_text(encoding="utf-8"), drives), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
