@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +12,9 @@ from interplan_sumo.cli.certify import proved
 from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, WorkersOption
 from interplan_sumo.errors import InputError, counted
 from interplan_sumo.report.printing import print_json
+
+if TYPE_CHECKING:
+    from interplan_sumo.scenario.suite import Suite
 
 
 def generate(
@@ -99,7 +102,8 @@ def _suite(
 
     size_of(suite)
     roads = [load_roads(find_map(name).name) for name in map_names or maps()]
-    search = SuiteSearch(suite, roads, Seed(seed) if secret is None else Seed.secret(secret_of(secret)))
+    begun = None if secret is not None or map_names else _beginning(suite)
+    search = SuiteSearch(suite, roads, Seed(seed) if secret is None else Seed.secret(secret_of(secret)), begun)
 
     def tell(candidate: Candidate, verdict: Verdict) -> None:
         found = "taken" if verdict.taken else f"{verdict.stage}: {verdict.scenario}: {verdict.reason}"
@@ -125,6 +129,15 @@ def _suite(
         if missing:
             print(f"nothing found for {', '.join(missing)}; {out / 'rejected.csv'} says why, another --seed may do")
     return INCOMPLETE if missing else DONE
+
+
+def _beginning(suite: str) -> Suite | None:
+    """The released suite that a larger one begins with."""
+    from interplan_sumo.scenario.suite import find_suite, suites
+    from interplan_sumo.verification.suite_slots import beginnings
+
+    released = [key for key, _ in beginnings(suite) if key != suite and key in suites()]
+    return find_suite(released[-1]) if released else None
 
 
 def secret_of(path: Path) -> bytes:

@@ -49,6 +49,11 @@ def changes_asked(scenario: Scenario, roads: Roads) -> int:
     return lane_changes_needed(roads, scenario.route, scenario.goal.lane).get(scenario.start.lane, 0)
 
 
+def block_of(scenario: Scenario, roads: Roads) -> str:
+    """Map and roadblock where a scene happens."""
+    return scenario.site(roads).partition("@")[0]
+
+
 class Streams:
     """All places of all maps, family by family, in an order that a seed decides."""
 
@@ -103,7 +108,7 @@ class Streams:
             if drawn is None:
                 break
             roads, first = self._roads[map_name], drawn[0]
-            block = first.site(roads).partition("@")[0]
+            block = block_of(first, roads)
             if block in taken or (many and changes_asked(first, roads) < MANY_CHANGES):
                 continue
             if problems := light_problems(first, roads) or green_too_soon(first, roads):

@@ -2,8 +2,8 @@
 
 In a round each slot that is still empty tries one candidate; all of them at the
 same time, so that what comes out does not depend on how many work on it. The
-slots of the smaller suite are filled before those of the larger one begin:
-equal seeds make the one the beginning of the other.
+slots of a smaller suite are filled before those of the larger one begin, unless
+it is released: then the larger one begins with it as it is.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.route import goal_arc_m, start_arc_m
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import SCENARIOS, SELECTION
+from interplan_sumo.scenario.suite import SCENARIOS, SELECTION, Suite
 from interplan_sumo.verification.generation import OTHER_FOLDER, write_rows
-from interplan_sumo.verification.suite_candidates import Candidate, Streams, changes_asked
+from interplan_sumo.verification.suite_candidates import Candidate, Streams, block_of, changes_asked
 from interplan_sumo.verification.suite_judging import Verdict
 from interplan_sumo.verification.suite_slots import ORDINARY, Seed, Slot, beginnings, groups, size_of, slots
 from interplan_sumo.world.files import writing
@@ -60,19 +60,31 @@ class SuiteSearch:
     suite: str
     maps: Sequence[Roads]
     seed: Seed
+    begun: Suite | None = None
+    """A released suite that this one begins with: its places are taken, its scenes are not looked for."""
     filled: dict[Slot, Filled] = field(default_factory=dict[Slot, Filled])
     failed: list[tuple[Candidate, Verdict]] = field(default_factory=list[tuple[Candidate, Verdict]])
     _streams: Streams = field(init=False, repr=False)
+    _begun: set[str] = field(init=False, repr=False)
+    """The roadblocks of the scenes that it begins with."""
 
     def __post_init__(self) -> None:
         self._streams = Streams(self.maps, self.seed)
+        roads = {each.name: each for each in self.maps}
+        scenes = () if self.begun is None else self.begun.scenarios
+        self._begun = {block_of(scene, roads[scene.map]) for scene in scenes if scene.map in roads}
 
     def run(self, judge: Judge, tell: Tell = lambda _candidate, _verdict: None) -> None:
         """Fill all slots for which there is a candidate that passes."""
-        first = 0
-        for _, size in beginnings(self.suite):
+        for _, first, size in self.parts:
             self._fill(slots(self.suite, size, first), judge, tell)
-            first = size
+
+    @property
+    def parts(self) -> list[tuple[str, int, int]]:
+        """The suites that are made: each with the numbers of its scenes of a family, first and end."""
+        ends = [(key, size) for key, size in beginnings(self.suite) if self.begun is None or key != self.begun.key]
+        first = 0 if self.begun is None else size_of(self.begun.key)
+        return [(key, start, end) for (key, end), start in zip(ends, (first, *(end for _, end in ends)), strict=False)]
 
     def _fill(self, wanted: list[Slot], judge: Judge, tell: Tell) -> None:
         empty = list(wanted)
@@ -82,7 +94,7 @@ class SuiteSearch:
             for slot in sorted(empty, key=lambda slot: -len(slot.families)):  # who shares a place finds fewest
                 others = (*held, *trying)
                 taken = {each.block for each in others if not slot.is_ordinary or each.slot.families == slot.families}
-                found = self._streams.next(slot, attempt, taken)
+                found = self._streams.next(slot, attempt, taken | self._begun)
                 if found is not None:
                     trying.append(found)
             if not trying:
@@ -104,7 +116,9 @@ class SuiteSearch:
     @property
     def missing(self) -> list[Slot]:
         """The slots that nothing fills."""
-        return [slot for slot in slots(self.suite, size_of(self.suite)) if slot not in self.filled]
+        return [
+            slot for _, first, size in self.parts for slot in slots(self.suite, size, first) if slot not in self.filled
+        ]
 
     def scenes(self, size: int, first: int = 0) -> list[tuple[Scenario, Certificate]]:
         """The scenes with numbers from `first` to before `size`, family by family."""
@@ -152,9 +166,10 @@ def write_suites(search: SuiteSearch, folder: Path, *, kept_back: Path | None = 
     InputError if anything cannot be written.
     """
     made: list[Path] = []
-    first, smaller = 0, ""
+    before = [] if search.begun is None else [scenario.id for scenario in search.begun.scenarios]
+    smaller = "" if search.begun is None else search.begun.key
     secret: list[Certificate] = []
-    for key, size in beginnings(search.suite):
+    for key, first, size in search.parts:
         there = folder / key.replace("==", "-")
         scenes = search.scenes(size, first)
         with writing(there, OTHER_FOLDER):
@@ -166,13 +181,14 @@ def write_suites(search: SuiteSearch, folder: Path, *, kept_back: Path | None = 
             else:
                 secret += proved
             if smaller:
-                _write_selection(there / SELECTION, smaller, [s.id for s, _ in search.scenes(first)])
+                _write_selection(there / SELECTION, smaller, before)
         made.append(there)
-        first, smaller = size, key
+        before += [scenario.id for scenario, _ in scenes]
+        smaller = key
     if kept_back is not None:
         with writing(kept_back, "give another file as --secret-seed"):
             certificates.write_certificates(kept_back, secret)
-    elif search.suite not in ORDINARY:
+    elif search.begun is None and search.suite not in ORDINARY:
         made += _write_derived(search, folder)
     write_rows(folder / REJECTED, ("stage", "family", "scene or lane", "place", "reason"), search.rejections())
     _write_scenes(search, folder)

@@ -19,11 +19,11 @@ from interplan_sumo.batch.suite_job import verdicts
 from interplan_sumo.cli import main
 from interplan_sumo.families import names
 from interplan_sumo.families.generate import Search
-from interplan_sumo.maps.store import load_roads
+from interplan_sumo.maps.store import load_roads, maps
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import read_scenarios
-from interplan_sumo.scenario.suite import expert, find_scenario
+from interplan_sumo.scenario.suite import expert, find_scenario, find_suite
 from interplan_sumo.verification.light_windows import (
     DELAYS_S,
     TIME_SHARE,
@@ -31,7 +31,7 @@ from interplan_sumo.verification.light_windows import (
     light_problems,
     time_to_goal_s,
 )
-from interplan_sumo.verification.suite_candidates import Candidate, changes_asked
+from interplan_sumo.verification.suite_candidates import Candidate, block_of, changes_asked
 from interplan_sumo.verification.suite_generation import SuiteSearch, counts, write_suites
 from interplan_sumo.verification.suite_judging import Verdict
 from interplan_sumo.verification.suite_slots import Seed, Slot, groups, slots
@@ -174,6 +174,24 @@ def test_suites_are_written_as_the_package_reads_them(small: SuiteSearch, tmp_pa
         chosen = yaml.safe_load((tmp_path / name / "selection.yaml").read_text(encoding="utf-8"))["scenarios"]
         assert len(chosen) == many
         assert set(certificates.read_summaries(tmp_path / name / certificates.FILE)) == {*chosen}
+
+
+@pytest.mark.slow
+def test_a_larger_suite_begins_with_the_released_one_and_takes_none_of_its_roadblocks(tmp_path: Path) -> None:
+    begun = find_suite("interplan==1")
+    search = SuiteSearch("interplan-large==1", [load_roads(name) for name in maps()], Seed(3), begun)
+    assert search.parts == [("interplan-large==1", 10, 40)]
+    twelve = slots("interplan-large==1", 12, 10)
+    search._fill(twelve, lambda candidates: [(each, proof(each)) for each in candidates], lambda *_: None)
+    assert set(search.filled) == set(twelve)
+    taken = {block_of(scene, load_roads(scene.map)) for scene in begun.scenarios}
+    assert taken.isdisjoint(each.candidate.block for each in search.filled.values())
+    (there,) = write_suites(search, tmp_path)
+    chosen = yaml.safe_load((there / "selection.yaml").read_text(encoding="utf-8"))
+    assert chosen == {"suite": "interplan==1", "scenarios": [scene.id for scene in begun.scenarios]}
+    ids = [scene.id for scene in read_scenarios(there / "scenarios.yaml")]
+    assert len(ids) == 16
+    assert set(ids).isdisjoint(chosen["scenarios"])
 
 
 @pytest.mark.slow
