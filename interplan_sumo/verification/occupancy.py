@@ -27,6 +27,7 @@ ALONGSIDE_M: Final = 0.5
 """Boxes that overlap by less than this along the way follow one another."""
 STOP_M: Final = 0.5
 """The ego stops this far before a red light."""
+ROUNDING_M: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +87,8 @@ class PathOccupancy:
         at = np.clip(at, 0, len(corridor.arc_m) - 1)
         self._lefts_m = [path.left_m[at] for path in paths]
         self._slopes = [held_back(np.gradient(path.left_m, GRID_M))[at] for path in paths]
+        self._lefts_between_m = [_between(left_m) for left_m in self._lefts_m]
+        self._steepest = [_between(np.abs(slope))[1] for slope in self._slopes]
         stops = {lane: corridor.unrolled(corridor.roads[lane].centerline.points[:1])[0][0] for lane in problem.red}
         self._lights = [
             [(float(stops[lane]), problem.red[lane]) for lane in path.lane_path.lanes if lane in stops]
@@ -176,10 +179,13 @@ class PathOccupancy:
         end_m = grid.arc_m + CELL_M * grid.cells
         with np.errstate(invalid="ignore"):
             there = (others.near_m[:, now] < end_m + FAR_M) & (others.far_m[:, now] > grid.arc_m - FAR_M)
+        rows = np.flatnonzero(((counted & follows) | (~follows & ~self._far_aside(path, now))) & there)
         taken = np.zeros((grid.levels, grid.cells), dtype=np.bool_)
-        for row in np.flatnonzero((counted | ~follows) & there).tolist():
+        for row, begin, end in zip(rows.tolist(), *self._within_reach(rows, now), strict=True):
+            here = slice(begin, end)
+            if begin >= end:
+                continue
             other = self._other(row, now)
-            here = self._within_reach(other)
             if not follows[row]:
                 here = self._beside(path, here, other)
             if here.start < here.stop:
@@ -198,15 +204,28 @@ class PathOccupancy:
             room_m=FEET_M if others.walks[row] else BESIDE_M,
         )
 
-    def _within_reach(self, other: _Other) -> slice:
-        """The cells where even the fastest ego may be too near to somebody."""
-        margins, grid = self._margins, self._grid
-        closing_mps = max(0.0, self._fastest_mps - other.along_mps)
-        begin_m = other.near_m - HALF_LENGTH_M - margins.front_m - margins.front_s * closing_mps
+    def _within_reach(self, rows: Ints, now: int) -> tuple[list[int], list[int]]:
+        """Where the cells begin and end, (K,) each, where even the fastest ego may be too near to somebody."""
+        others, margins, grid = self._others, self._margins, self._grid
+        along_mps = others.along_mps[rows, now]
+        closing_mps = np.maximum(0.0, self._fastest_mps - along_mps)
+        begin_m = others.near_m[rows, now] - HALF_LENGTH_M - margins.front_m - margins.front_s * closing_mps
         rear_s = margins.rear_s + margins.rear_headway_s
-        end_m = other.far_m + HALF_LENGTH_M + margins.rear_m + rear_s * max(0.0, other.along_mps)
+        end_m = others.far_m[rows, now] + HALF_LENGTH_M + margins.rear_m + rear_s * np.maximum(0.0, along_mps)
         first, last = np.ceil((begin_m - grid.arc_m) / CELL_M), np.floor((end_m - grid.arc_m) / CELL_M)
-        return slice(int(np.clip(first, 0, grid.cells)), int(np.clip(last + 1, 0, grid.cells)))
+        begin, end = (np.clip(each, 0, grid.cells).astype(np.int64).tolist() for each in (first, last + 1))
+        return begin, end
+
+    def _far_aside(self, path: int, now: int) -> NDArray[np.bool_]:
+        """(N,) who is so far beside all of a path that `_beside` finds no cell."""
+        others = self._others
+        right_m, left_m = others.right_m[:, now], others.left_m[:, now]
+        half_m = HALF_WIDTH_M + (left_m - right_m) / 2.0 + np.where(others.walks, FEET_M, BESIDE_M)
+        aside_mps = self._steepest[path] * self._fastest_mps + np.abs(others.across_mps[:, now])
+        lowest_m, highest_m = self._lefts_between_m[path]
+        middle_m = (right_m + left_m) / 2.0
+        offset_m = np.maximum(lowest_m - middle_m, middle_m - highest_m)
+        return offset_m > half_m + self._margins.front_s * aside_mps + ROUNDING_M
 
     def _beside(self, path: int, here: slice, other: _Other) -> slice:
         """Those of the cells from which the ego may come to be where somebody is who does not drive its way."""
@@ -242,3 +261,9 @@ class PathOccupancy:
         cease_beside = np.where(straight, np.where(inside, np.inf, -np.inf), np.maximum(one, two))
         first = np.maximum(np.maximum(begin, begin_beside), 0.0)
         return first <= np.minimum(np.minimum(cease, cease_beside), margins.front_s)
+
+
+def _between(values: Floats) -> tuple[float, float]:
+    """The least and the greatest of those that exist; infinite where there are none."""
+    exists = np.isfinite(values)
+    return float(values.min(where=exists, initial=np.inf)), float(values.max(where=exists, initial=-np.inf))

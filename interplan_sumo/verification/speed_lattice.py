@@ -10,9 +10,10 @@ near count.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from interplan_sumo.verification.corridor import GRID_M
@@ -28,6 +29,8 @@ from interplan_sumo.verification.planning_problem import (
     TimeGate,
 )
 from interplan_sumo.world.geometry import Floats, Ints
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 # In one step a speed of n levels and an acceleration of k levels lead 2 n + k cells on.
 ACCELERATIONS: Final = (0, 1, -1, 2, -2, 3, -3, -4, -5, -6, -7)
@@ -69,19 +72,27 @@ def cheapest_profile(
     return _Lattice(problem, start, margins, pace, gate).solved()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Move:
-    """One acceleration on one path: where each speed and place (V, S) is reached from."""
+class _Shifted(Generic[Scalar]):
+    """A table (V, S) read at places that move on evenly with level and cell, without a copy.
 
-    k: int
-    """Levels per step."""
-    at: Ints
-    """Flat index of the source; one beyond the last where there is none."""
-    source: Ints
-    """Its cell."""
-    halfway: Ints
-    """Flat index half a second before the end."""
-    cost: Floats  # (V, 1)
+    `filling` is what lies around the table; None goes on with what is at its edges.
+    """
+
+    def __init__(self, table: NDArray[Scalar], filling: float | None = None) -> None:
+        self._levels = len(table)
+        self._left = 2 * self._levels + HARDEST
+        around = ((HARDEST, HARDEST), (self._left, HARDEST))
+        if filling is None:
+            self._padded = np.pad(table, around, mode="edge")
+        else:
+            self._padded = np.pad(table, around, constant_values=filling)
+
+    def at(self, slower: int, cells_per_level: int, nearer: int, cells: slice) -> NDArray[Scalar]:
+        """(V, K) entry (v - slower, s + nearer - cells_per_level v) for all levels v and the cells s."""
+        first = self._padded[HARDEST - slower :, self._left + nearer + cells.start :]
+        level_bytes, cell_bytes = self._padded.strides
+        strides = (level_bytes - cells_per_level * cell_bytes, cell_bytes)
+        return as_strided(first, (self._levels, cells.stop - cells.start), strides, writeable=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,17 +165,8 @@ class _Lattice:
         self._costs: dict[tuple[int, int], Floats] = {}
         self._codes: dict[tuple[int, int], NDArray[np.int32]] = {}
         self._changes: list[tuple[int, int, int]] = []  # from which path, seconds, levels per step
-        self._moves = [self._move(k) for k in ACCELERATIONS]
-
-    def _move(self, k: int) -> _Move:
-        rows, cols = np.arange(self._levels)[:, None], np.arange(self._cells)
-        level, cell = rows - k, cols - (2 * rows - k)
-        real = (level >= 0) & (level < self._levels) & (cell >= 0) & (cell < self._cells)
-        source = np.clip(cell, 0, self._cells - 1).astype(np.int64)
-        at = np.where(real, level * self._cells + source, self._levels * self._cells).astype(np.int64)
-        middle = np.clip(cols - (4 * rows - k + 2) // 4, 0, None)  # 1/8 of (3 v + speed before) m back
-        halfway = np.clip(rows - k // 2, 0, self._levels - 1) * self._cells + middle
-        return _Move(k, at, source, halfway.astype(np.int64), self._cost(rows - k / 2.0, k))
+        rows = np.arange(self._levels)[:, None]
+        self._push_costs = [self._cost(rows - k / 2.0, k) for k in ACCELERATIONS]  # (V, 1) each
 
     def _cost(self, mean_level: NDArray[np.floating[Any]], k: int) -> Floats:
         """Of a second at a mean speed and an acceleration."""
@@ -244,31 +246,45 @@ class _Lattice:
             return
         before = self._start.frame + step * STEP_FRAMES
         end = min(int(reached[-1]) + 2 * self._levels + 1, self._cells)
-        padded = np.concatenate((cost.ravel(), [np.inf]))
-        costs, codes = (table[:, :end] for table in self._tables(step + 1, path))
-        allowed = (self._open[path] & ~self._taken(path, before, before + STEP_FRAMES))[:, :end]
+        cells = slice(int(reached[0]), end)  # nobody goes back
+        costs, codes = (table[:, cells] for table in self._tables(step + 1, path))
+        allowed = (self._open[path] & ~self._taken(path, before, before + STEP_FRAMES))[:, cells]
+        cols = np.arange(cells.start, end)
         if self._gate is not None:
-            beyond = np.arange(end) >= self._behind_gate
+            beyond = cols >= self._behind_gate
             allowed &= ~beyond if step < self._gate.step else beyond
-        halfway = (self._open[path] & ~self._taken(path, before, before + STEP_FRAMES // 2)).ravel()
-        queue = self._occupancy.queue(path, before, before + STEP_FRAMES)
-        walls, rows, cols = self._walls[path], np.arange(self._levels)[:, None], np.arange(end)
+        source = _Shifted(cost, np.inf)
+        halfway = _Shifted(self._open[path] & ~self._taken(path, before, before + STEP_FRAMES // 2))
+        walls = self._walls[path]
+        walls_before = _Shifted(np.broadcast_to(walls[:-1], cost.shape))
+        farthest = self._farthest_from(path, before)
         hardest = HARDEST
         if step == 0:
             hardest = max(self._pace.first_push, LATER_PUSH if before > 0 else 0)
-        for code, move in enumerate(self._moves):
-            if abs(move.k) > hardest:
+        for code, k in enumerate(ACCELERATIONS):
+            if abs(k) > hardest:
                 continue
-            source = move.source[:, :end]
-            total = padded[move.at[:, :end]] + (move.cost + ASIDE_COST * self._aside[path])
-            possible = allowed & halfway[move.halfway[:, :end]] & (walls[cols + 1] == walls[source])
-            if queue is not None:
-                passed = queue.passed[source] + rows * queue.last_cell.shape[1]
-                possible &= cols <= queue.last_cell.ravel()[passed]
-                total += NEAR_COST * (cols > queue.last_comfortable_cell.ravel()[passed])
+            total = source.at(k, 2, k, cells) + (self._push_costs[code] + ASIDE_COST * self._aside[path])
+            # Half a second before, one was an eighth of (3 v + speed before) back.
+            possible = allowed & halfway.at(k // 2, 1, -((2 - k) // 4), cells)
+            possible &= walls[cols + 1] == walls_before.at(0, 2, k, cells)
+            if farthest is not None:
+                last, comfortable = (each.at(0, 2, k, cells) for each in farthest)
+                possible &= cols <= last
+                total += NEAR_COST * (cols > comfortable)
             better = possible & (total < costs)
             np.copyto(costs, total, where=better)
             np.copyto(codes, code, where=better)
+
+    def _farthest_from(self, path: int, before: int) -> tuple[_Shifted[np.int64], _Shifted[np.int64]] | None:
+        """To which cells a queue lets one come in a step, at each speed then and from each cell (V, S).
+
+        As far as one may at all, and with comfortable room; None where nobody is ahead.
+        """
+        queue = self._occupancy.queue(path, before, before + STEP_FRAMES)
+        if queue is None:
+            return None
+        return _Shifted(queue.last_cell[:, queue.passed]), _Shifted(queue.last_comfortable_cell[:, queue.passed])
 
     def _taken(self, path: int, before: int, after: int) -> NDArray[np.bool_]:
         """(V, S) taken by those of whom the queue does not tell, and in a swerve by anybody."""
