@@ -353,7 +353,9 @@ def yield_to(
     """
     decided = dict(decisions)
     for agent in agents:
-        wanted = [drivers.next_speed_mps(agent, *leader) for leader in _leaders(agent, obstructions, drivers.dt_s)]
+        wanted = [
+            drivers.next_speed_mps(agent, *leader) for leader in sorted(_leaders(agent, obstructions, drivers.dt_s))
+        ]
         if wanted and min(wanted) < drivers.next_speed_mps(agent, inf, 0.0) - NOTICEABLE_MPS2 * drivers.dt_s:
             decided[agent.id] = no_faster(decided.get(agent.id), min(wanted))
     return decided

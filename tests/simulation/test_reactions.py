@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -228,6 +229,19 @@ def test_of_two_cars_ahead_the_one_counts_for_which_idm_brakes_harder(standing_g
     standing = ("c", LaneCoverage(0.0, 60.0 + standing_gap_m, 125.0, 0.0))
     told = reactions.yield_to([agent], {"e0_1": [fast, standing]}, {}, drivers())["a"]
     assert told.speed_mps == pytest.approx(speed_mps, abs=2e-3)
+
+
+def test_a_model_is_asked_about_the_nearest_first_for_some_remember_what_they_were_asked() -> None:
+    """Else the drive would hang on the order of a set, which is another one in every process."""
+    asked: list[str] = []
+
+    def follow(name: str, speed_mps: float, gap_m: float, leader_mps: float, leader: str) -> float:
+        asked.append(leader)
+        return idm_mps(name, speed_mps, gap_m, leader_mps, leader)
+
+    ahead = [(name, LaneCoverage(0.0, 70.0 + 10.0 * i, 75.0 + 10.0 * i, 0.0)) for i, name in enumerate("hgfedcb")]
+    reactions.yield_to([follower(0.0)], {"e0_1": ahead[::-1]}, {}, replace(drivers(), follow=follow))
+    assert asked == [*"hgfedcb", ""]
 
 
 @pytest.mark.parametrize(("gap_m", "told"), [(400.0, False), (60.0, True)])
