@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.actors import Actors
-from interplan_sumo.world.geometry import Floats, Ints, box_corners
+from interplan_sumo.world.geometry import FRONTWARD, LEFTWARD, Floats, Ints
 from interplan_sumo.world.roads import Roads
 
+AHEAD, LEFT = (np.append(0.0, signs)[:, None] for signs in (FRONTWARD, LEFTWARD))
+"""(5, 1) of the centre and the corners of a box."""
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes that hide: numbers of one, or columns (K, 1) of many, centres relative to the eye, map axes."""
+    """Boxes that hide: numbers of one, or (K,) of many, centres relative to the eye, map axes."""
 
     x_m: Floats | float
     y_m: Floats | float
@@ -23,14 +28,24 @@ class Boxes:
     length_m: Floats | float
     width_m: Floats | float
 
+    @cached_property
+    def _turn(self) -> tuple[Any, Any]:
+        """Cosine and sine of the headings."""
+        return np.cos(self.heading_rad), np.sin(self.heading_rad)
+
+    @cached_property
+    def _eye(self) -> tuple[Any, Any]:
+        """Where the eye lies as seen from the boxes: ahead and to the left."""
+        cosine, sine = self._turn
+        return -self.x_m * cosine - self.y_m * sine, self.x_m * sine - self.y_m * cosine
+
     def cut(self, to_x: Floats, to_y: Floats) -> NDArray[np.bool_]:
-        """(K, P) whether the straight lines from the eye to points (K, P) pass through the box, not just along it.
+        """(P, K) whether the straight lines from the eye to points (P, K) pass through the box, not just along it.
 
         They do unless an axis of the box, or that across the line, keeps them apart.
         """
-        cosine, sine = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        (cosine, sine), (eye_x, eye_y) = self._turn, self._eye
         half_x, half_y = self.length_m / 2.0, self.width_m / 2.0
-        eye_x, eye_y = -self.x_m * cosine - self.y_m * sine, self.x_m * sine - self.y_m * cosine
         run_x, run_y = (to_x * cosine + to_y * sine) / 2.0, (to_y * cosine - to_x * sine) / 2.0  # halves, box's axes
         wide_x, wide_y = np.abs(run_x), np.abs(run_y)
         cut = np.abs(eye_x + run_x) < half_x + wide_x
@@ -39,10 +54,9 @@ class Boxes:
         return np.asarray(cut)
 
     def holds_eye(self) -> NDArray[np.bool_]:
-        """(K, 1) whether the eye lies in the box."""
-        cosine, sine = np.cos(self.heading_rad), np.sin(self.heading_rad)
-        ahead_m, left_m = self.x_m * cosine + self.y_m * sine, self.y_m * cosine - self.x_m * sine
-        return np.asarray((np.abs(ahead_m) < self.length_m / 2.0) & (np.abs(left_m) < self.width_m / 2.0))
+        """(K,) whether the eye lies in the box."""
+        eye_x, eye_y = self._eye
+        return np.asarray((np.abs(eye_x) < self.length_m / 2.0) & (np.abs(eye_y) < self.width_m / 2.0))
 
 
 def named_occluder(scenario: Scenario, roads: Roads) -> Boxes | None:
@@ -77,16 +91,22 @@ def hidden(actors: Actors, rows: Ints, hiding: Ints, eye: tuple[float, float]) -
     along_m = box_x * ahead_x + box_y * ahead_y
     near = np.abs(box_y * ahead_x - box_x * ahead_y) < reach_m  # circles around both: most pairs end here
     near &= (along_m > -reach_m) & (along_m < away_m + reach_m) & (hiding[:, None] != rows)
-    which, whom = np.nonzero(near)
+    which, whom = near.nonzero()
     if not len(which):
         return np.zeros(len(rows), dtype=np.bool_)
     columns = (x_m, y_m, actors.heading_rad, actors.length_m, actors.width_m)
-    boxes = Boxes(*(column[hiding[which], None] for column in columns))
-    points = np.empty((len(rows), 5, 2))
-    points[:, 0, 0], points[:, 0, 1] = to_x, to_y
-    points[:, 1:] = box_corners(to_x, to_y, *(column[rows] for column in columns[2:]))
-    cut = boxes.cut(points[whom, :, 0], points[whom, :, 1]) & ~boxes.holds_eye()
-    shut = np.zeros((len(rows), 5), dtype=np.bool_)
-    of_pair, of_point = np.nonzero(cut)
-    shut[whom[of_pair], of_point] = True
-    return np.logical_and.reduce(shut, axis=1)
+    boxes = Boxes(*(column[hiding[which]] for column in columns))
+    points_x, points_y = _points(*(column[rows] for column in columns))
+    cut = boxes.cut(points_x[:, whom], points_y[:, whom]) & ~boxes.holds_eye()
+    shut = np.zeros(points_x.shape, dtype=np.bool_)
+    of_point, of_pair = cut.nonzero()
+    shut[of_point, whom[of_pair]] = True
+    return np.logical_and.reduce(shut, axis=0)
+
+
+def _points(x_m: Floats, y_m: Floats, heading_rad: Floats, length_m: Floats, width_m: Floats) -> tuple[Floats, Floats]:
+    """(5, N) x and y of the centres and the corners of boxes."""
+    cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+    points_x = x_m + AHEAD * (cosine * length_m / 2) + LEFT * (-sine * width_m / 2)
+    points_y = y_m + AHEAD * (sine * length_m / 2) + LEFT * (cosine * width_m / 2)
+    return points_x, points_y

@@ -51,6 +51,7 @@ class Perception:
         self._frame = 0
         self._ids: tuple[str, ...] = ()
         self._tall: Ints = np.zeros(0, dtype=np.int64)
+        self._hides_within_m = 0.0
 
     def first(self, ego: EgoState, actors: Actors) -> tuple[tuple[Actors, ...], Actors]:
         """What the planner was told in the frames before the first, and what it is told in that.
@@ -79,9 +80,11 @@ class Perception:
 
     def _rows_in_sight(self, eye: tuple[float, float], actors: Actors) -> Ints:
         dx, dy = actors.x_m - eye[0], actors.y_m - eye[1]
-        rows = (dx * dx + dy * dy <= SENSOR_RANGE_M * SENSOR_RANGE_M).nonzero()[0]
+        away_m2 = dx * dx + dy * dy
+        rows = (away_m2 <= SENSOR_RANGE_M * SENSOR_RANGE_M).nonzero()[0]
         if self._is_occluded:
-            return rows[~hidden(actors, rows, self._tall_rows(actors), eye)]
+            tall = self._tall_rows(actors)
+            return rows[~hidden(actors, rows, tall[away_m2[tall] <= self._hides_within_m**2], eye)]
         if self._named is None:
             return rows
         people = rows[actors.kind[rows] == ActorKind.PEDESTRIAN]
@@ -95,6 +98,8 @@ class Perception:
             self._ids = actors.ids
             people = (actors.kind == ActorKind.PEDESTRIAN) | (actors.kind == ActorKind.BICYCLE)
             self._tall = np.flatnonzero((height_m >= TALL_M) & ~people)  # one sees past people, however tall
+            largest_m = float(np.hypot(actors.length_m, actors.width_m).max(initial=0.0))
+            self._hides_within_m = SENSOR_RANGE_M + largest_m  # halves of the box that hides and of the one hidden
         return self._tall
 
     def _measured(self, frame: int, ids: tuple[str, ...], near: Actors, rows: Ints, eye: tuple[float, float]) -> Actors:

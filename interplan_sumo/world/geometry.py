@@ -250,7 +250,7 @@ def box_corners(
         np.atleast_1d(np.asarray(v, dtype=np.float64))[:, None] for v in (x_m, y_m, heading_rad, length_m, width_m)
     )
     cos, sin = np.cos(heading), np.sin(heading)
-    corners = np.empty((*np.broadcast_shapes(x.shape, y.shape, heading.shape, length.shape, width.shape)[:1], 4, 2))
+    corners = np.empty((np.broadcast(x, y, heading, length, width).size, 4, 2))
     corners[..., 0] = x + FRONTWARD * (cos * length / 2) + LEFTWARD * (-sin * width / 2)
     corners[..., 1] = y + FRONTWARD * (sin * length / 2) + LEFTWARD * (cos * width / 2)
     return corners
