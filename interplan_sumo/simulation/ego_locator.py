@@ -55,10 +55,7 @@ def lane_coverage(
     for piece in near:
         line, covered_m2 = piece.plain_line, 0.0
         first, last = inf, -inf
-        for part in piece.convex_parts:
-            covered = area.on(part)
-            if not covered:
-                continue
+        for part, covered in area.on(piece.convex_parts):
             covered_m2 += abs(area_m2(covered))
             for x, y in covered:
                 arc_m = line.arc_on(part.segment, x, y) if part.segment is not None else line.project(x, y)[0]

@@ -6,7 +6,7 @@ calls into a geometry library cost many times the arithmetic.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from math import cos, floor, hypot, inf, sin
@@ -117,12 +117,15 @@ class ClipArea(NamedTuple):
         radius_m = hypot(high_x - low_x, high_y - low_y) / 2.0
         return cls(ring, low_x, low_y, high_x, high_y, (low_x + high_x) / 2.0, (low_y + high_y) / 2.0, radius_m)
 
-    def on(self, part: ConvexPart) -> Ring:
-        """What of it lies on a part of a lane; empty if they share no more than an edge."""
-        if self.low_x > part.high_x or self.high_x < part.low_x or self.low_y > part.high_y or self.high_y < part.low_y:
-            return ()
-        x, y, radius_m = self.x_m, self.y_m, self.radius_m
-        return clipped(self.ring, [side for side in part.sides if side[0] * x + side[1] * y + side[2] < radius_m])
+    def on(self, parts: Iterable[ConvexPart]) -> Iterator[tuple[ConvexPart, Ring]]:
+        """The parts of a lane on which some of it lies, and what; they share more than an edge."""
+        ring, low_x, low_y, high_x, high_y, x, y, radius_m = self
+        for part in parts:
+            if low_x > part.high_x or high_x < part.low_x or low_y > part.high_y or high_y < part.low_y:
+                continue
+            covered = clipped(ring, [each for each in part.sides if each[0] * x + each[1] * y + each[2] < radius_m])
+            if covered:
+                yield part, covered
 
 
 def area_m2(ring: Ring) -> float:
@@ -207,22 +210,28 @@ class RectangleIndex:
 
     def within(self, low_x: float, low_y: float, high_x: float, high_y: float) -> list[int]:
         """Numbers of the things whose rectangles meet this one, in order."""
-        block = _block(low_x, low_y, high_x, high_y)
-        candidates = self._blocks.get(block)
-        if candidates is None:
+        together = self._together(_block(low_x, low_y, high_x, high_y))
+        return [each for a, b, c, d, each in together if a <= high_x and c >= low_x and b <= high_y and d >= low_y]
+
+    def _together(self, block: tuple[int, int, int, int]) -> list[tuple[float, float, float, float, int]]:
+        """Rectangles and numbers of what is in the cells of a block, in order."""
+        found = self._blocks.get(block)
+        if found is None:
             first_column, first_row, last_column, last_row = block
             cells = product(range(first_column, last_column + 1), range(first_row, last_row + 1))
             numbers = sorted({each for cell in cells for each in self._cells.get(cell, ())})
-            candidates = self._blocks[block] = [(*self._rectangles[each], each) for each in numbers]
-        return [each for a, b, c, d, each in candidates if a <= high_x and c >= low_x and b <= high_y and d >= low_y]
+            found = self._blocks[block] = [(*self._rectangles[each], each) for each in numbers]
+        return found
 
     def around(self, x_m: float, y_m: float, reach_m: float) -> list[tuple[float, int]]:
         """Distances from a point to the rectangles within reach, and whose they are, nearest first."""
+        low_x, low_y, high_x, high_y = x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m
         found: list[tuple[float, int]] = []
-        for each in self.within(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m):
-            low_x, low_y, high_x, high_y = self._rectangles[each]
-            away_m = hypot(max(low_x - x_m, 0.0, x_m - high_x), max(low_y - y_m, 0.0, y_m - high_y))
-            found.append((away_m, each))
+        for a, b, c, d, each in self._together(_block(low_x, low_y, high_x, high_y)):
+            if a <= high_x and c >= low_x and b <= high_y and d >= low_y:
+                aside_m = a - x_m if x_m < a else x_m - c if x_m > c else 0.0
+                above_m = b - y_m if y_m < b else y_m - d if y_m > d else 0.0
+                found.append((hypot(aside_m, above_m), each))
         return sorted(found)
 
 

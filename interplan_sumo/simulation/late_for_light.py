@@ -45,12 +45,13 @@ class LateForLight:
         near: set[str] = set()
         late: set[str] = set()
         with Commanding("looking for agents that are late for a light"):
-            for name, speed_mps in zip(snapshot.names, snapshot.speed_mps.tolist(), strict=True):
-                if speed_mps <= 0.0 or not (self._due or name in self._near):
+            for name in snapshot.names if self._due else self._near & snapshot.rows.keys():
+                speed_mps, driver = float(snapshot.speed_mps[snapshot.rows[name]]), self._drivers[name]
+                lights = sumo.vehicle.getNextTLS(name) if speed_mps > 0.0 else ()
+                if not lights:
                     continue
-                away_m = next((each[2] for each in sumo.vehicle.getNextTLS(name)), None)
-                driver = self._drivers[name]
-                if away_m is None or away_m > NEAR_M + SETTLED * speed_mps * speed_mps / (2.0 * driver.decel_mps2):
+                away_m = lights[0][2]
+                if away_m > NEAR_M + SETTLED * speed_mps * speed_mps / (2.0 * driver.decel_mps2):
                     continue
                 near.add(name)
                 if stopping_m(speed_mps, driver.emergency_decel_mps2) > away_m:

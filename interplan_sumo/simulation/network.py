@@ -195,7 +195,7 @@ class SumoNetwork:
     def touches_lane(self, box: Ring) -> bool:
         """Whether a box in SUMO's frame reaches into any lane."""
         area = ClipArea.of(box)
-        return any(len(area.on(part)) > 0 for piece in self.pieces_near(area) for part in piece.convex_parts)
+        return any(True for piece in self.pieces_near(area) for _ in area.on(piece.convex_parts))
 
     @cached_property
     def incoming(self) -> Mapping[str, tuple[NetworkLink, ...]]:
