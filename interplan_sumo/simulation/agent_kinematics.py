@@ -189,8 +189,8 @@ def _farthest_m(step_m: Floats) -> Floats:
 def bodies(front_poses: Floats, length_m: ArrayLike, width_m: ArrayLike) -> NDArray[np.object_]:
     """(N,) boxes of cars whose front bumpers are at (N, 3) x, y, heading; lengths and widths (N,) or of all."""
     x, y, heading = front_poses.T
-    length, width = (np.broadcast_to(np.asarray(size, np.float64), x.shape) for size in (length_m, width_m))
-    return box_polygons(x - length / 2.0 * np.cos(heading), y - length / 2.0 * np.sin(heading), heading, length, width)
+    half_m = np.asarray(length_m, dtype=np.float64) / 2.0
+    return box_polygons(x - half_m * np.cos(heading), y - half_m * np.sin(heading), heading, length_m, width_m)
 
 
 def rolled_rad(heading_rad: float, along_m: float, left_m: float, axle_m: float) -> float:

@@ -17,8 +17,8 @@ import shapely
 
 from interplan_sumo.simulation.agent_kinematics import LONG_M, bodies
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
-from interplan_sumo.simulation.lane_footprint import lanes_overlapped
-from interplan_sumo.simulation.lane_polygons import Ring
+from interplan_sumo.simulation.lane_footprint import keeps_clear, lanes_overlapped
+from interplan_sumo.simulation.lane_polygons import Ring, body_ring
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.reactions import LaneCoverage
 from interplan_sumo.simulation.vehicle_types import VehicleType
@@ -66,9 +66,13 @@ class LaneChangeOverhang:
             if lane and self._is_inside(lane, driver, front_x, front_y, heading):
                 self._candidates.discard(name)
                 continue
-            (box,) = bodies(np.array([[front_x, front_y, heading]]), driver.length_m, driver.width_m)
             long = driver.length_m > LONG_M  # in a turn its rear is not where SUMO has it, in its own lane either
             own = self._network.continuations(lane) if lane and not long else frozenset[str]()
+            corners = body_ring(front_x, front_y, heading, driver.length_m, driver.width_m)
+            if keeps_clear(self._network, corners, own, in_junctions=long):
+                self._candidates.discard(name)
+                continue
+            (box,) = bodies(np.array([[front_x, front_y, heading]]), driver.length_m, driver.width_m)
             spans = lanes_overlapped(self._network, box, own, in_junctions=long)
             if not spans:
                 self._candidates.discard(name)

@@ -7,9 +7,22 @@ from collections.abc import Container
 import numpy as np
 import shapely
 
-from interplan_sumo.simulation.network import SumoNetwork
+from interplan_sumo.simulation.lane_polygons import ClipArea, Ring
+from interplan_sumo.simulation.network import HALF_FOOTPRINT_M, SumoNetwork
 
 _TOUCH_M2 = 1e-6  # smaller areas are rounding
+_CLEAR_M = HALF_FOOTPRINT_M + 0.05
+"""So far from its line no footprint reaches: GEOS is off by a hundredth of the width at most."""
+
+
+def keeps_clear(network: SumoNetwork, box: Ring, besides: Container[str], *, in_junctions: bool) -> bool:
+    """Whether `lanes_overlapped` surely finds nothing: the quick way for most boxes, by distances alone."""
+    return all(
+        (piece.lane.internal and not in_junctions)
+        or piece.lane.id in besides
+        or piece.plain_line.keeps_off(box, _CLEAR_M)
+        for piece in network.pieces_near(ClipArea.of(box))
+    )
 
 
 def lanes_overlapped(

@@ -76,6 +76,19 @@ def ego_ring(ego: EgoState, shape: EgoShape, origin_m: tuple[float, float]) -> R
     )
 
 
+def body_ring(front_x: float, front_y: float, heading_rad: float, length_m: float, width_m: float) -> Ring:
+    """The corners of a car by the middle of its front bumper, in the same order."""
+    cosine, sine = cos(heading_rad), sin(heading_rad)
+    left_x, left_y = -sine * width_m / 2.0, cosine * width_m / 2.0
+    rear_x, rear_y = front_x - cosine * length_m, front_y - sine * length_m
+    return (
+        (front_x + left_x, front_y + left_y),
+        (rear_x + left_x, rear_y + left_y),
+        (rear_x - left_x, rear_y - left_y),
+        (front_x - left_x, front_y - left_y),
+    )
+
+
 def clipped(area: Ring, sides: Sequence[tuple[float, float, float]]) -> Ring:
     """The part of a convex area on the inner side of all `sides`; empty if they share no more than an edge."""
     for a, b, c in sides:

@@ -7,6 +7,7 @@ more than they save. Results equal those of `Polyline` to the bit.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from math import copysign, cos, hypot, inf, sin
 
 from interplan_sumo.world.geometry import Polyline, Pose, wrap_angle
@@ -52,6 +53,20 @@ class PlainPolyline:
                 found = (arc + along, off_x, off_y, ux * off_y - uy * off_x)
         arc_m, off_x, off_y, side = found
         return arc_m, copysign(hypot(off_x, off_y), side)
+
+    def keeps_off(self, box: Sequence[tuple[float, float]], away_m: float) -> bool:
+        """Whether the corners of a box show that none of it is as near as this: they lie on one side of each segment.
+
+        Where it is False the box may still be farther away.
+        """
+        for x, y, ux, uy, length, _ in self._segments:
+            left_m = [ux * (y_m - y) - uy * (x_m - x) for x_m, y_m in box]
+            if min(left_m) > away_m or max(left_m) < -away_m:
+                continue
+            along_m = [ux * (x_m - x) + uy * (y_m - y) for x_m, y_m in box]
+            if min(along_m) <= length + away_m and max(along_m) >= -away_m:
+                return False
+        return True
 
     def _rows(self, start_m: float, end_m: float) -> slice:
         """The segments that reach into a stretch; at least one."""

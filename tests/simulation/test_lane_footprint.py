@@ -12,10 +12,12 @@ from networks import LANE_Y, two_way_road
 
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map, load_roads
+from interplan_sumo.simulation.agent_kinematics import bodies
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.blockage_neighbours import BlockageNeighbours
 from interplan_sumo.simulation.lane_change_overhang import LaneChangeOverhang
-from interplan_sumo.simulation.lane_footprint import lanes_overlapped
+from interplan_sumo.simulation.lane_footprint import keeps_clear, lanes_overlapped
+from interplan_sumo.simulation.lane_polygons import body_ring
 from interplan_sumo.simulation.network import HALF_FOOTPRINT_M, read_network
 from interplan_sumo.simulation.obstacles import LaneBlockage, blockages
 from interplan_sumo.simulation.vehicle_types import VehicleType
@@ -40,6 +42,25 @@ def test_lanes_that_are_left_out_are_not_reached() -> None:
     box = shapely.box(100.0, LANE_Y[0], 102.0, LANE_Y[1])
     assert set(lanes_overlapped(NETWORK, box)) == {"e0_0", "e0_1"}
     assert set(lanes_overlapped(NETWORK, box, besides={"e0_0"})) == {"e0_1"}
+
+
+@pytest.mark.parametrize("in_junctions", [False, True])
+def test_a_box_that_keeps_clear_overlaps_no_lane_and_most_that_overlap_none_keep_clear(in_junctions: bool) -> None:
+    network, rng = read_network(find_map("hazelwood").network), np.random.default_rng(7)
+    lanes, free, clear = list(network.lanes.values()), 0, 0
+    for number in rng.integers(len(lanes), size=1000):
+        lane = lanes[number]
+        there = lane.plain_line.pose_at(rng.uniform(0.0, lane.line.length_m))
+        x, y = there.x_m + rng.normal(0.0, 2.0), there.y_m + rng.normal(0.0, 2.0)
+        heading, own = there.heading_rad + rng.normal(0.0, 0.3), network.continuations(lane.id)
+        ring = body_ring(x, y, heading, 4.6, 1.85)
+        (box,) = bodies(np.array([[x, y, heading]]), 4.6, 1.85)
+        assert np.array(ring) == pytest.approx(shapely.get_coordinates(box)[:4])
+        found = lanes_overlapped(network, box, own, in_junctions=in_junctions)
+        is_clear = keeps_clear(network, ring, own, in_junctions=in_junctions)
+        assert not (found and is_clear)
+        free, clear = free + (not found), clear + is_clear
+    assert clear > 0.9 * free > 100
 
 
 def driving(yaw_rad: float, turned_rad: float, speed_mps: float) -> AgentSnapshot:
