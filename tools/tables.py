@@ -1,8 +1,9 @@
 """The tables of README and docs, from stored drives: `python -m tools.tables [--take RUN]`, or `make tables`.
 
 A table stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and is what the drives in docs/results give;
-nobody types its figures. `--take` puts the drives of a run folder there first, without traces and without the details
-that no table needs: `interplan-sumo report docs/results/interplan-1` reads them like any other run.
+nobody types its figures. `--take` puts the drives of a run folder there first, each suite in a folder of its own, without
+traces and without the details that no table needs: `interplan-sumo report docs/results/interplan-1` reads them like any
+other run.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from interplan_sumo.report.paper_comparison import CELLS, COUNTERPARTS, agreemen
 from interplan_sumo.report.table import PAPER_PROFILE, Cell, Line, ResultsTable, make_table
 
 ROOT: Final = Path(__file__).resolve().parent.parent
-RESULTS: Final = ROOT / "docs/results/interplan-1"
+RESULTS: Final = ROOT / "docs/results"
 FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
 NAMES: Final[Mapping[str, str]] = {
     "foresight": "`foresight` (ours)", "gameformer": "`gameformer`, learned", "dtpp": "`dtpp`, learned",
@@ -128,10 +129,39 @@ def _by_family(line: Line) -> list[list[float]]:
     return list(scores.values())
 
 
-TABLES: Final[Mapping[str, Callable[[Drives], list[str]]]] = {
-    "short": short, "planners": planners, "paper": paper, "near_paper": near_paper,
-}  # fmt: skip
+def detectable(drives: Drives) -> list[str]:
+    """How large a difference between two planners the table would find."""
+    standing = drives.strict.standing
+    least = standing.detectable[standing.column]
+    scenes = drives.strict.lines[0].scenarios
+    return [
+        f"The least difference between two planners that {scenes} scenes can detect (80 % power) is {least.middle:.0f} "
+        f"points, of some pairs {least.least:.0f}, of others {least.greatest:.0f}."
+    ]
+
+
+SMALL, LARGE = "interplan==1", "interplan-large==1"
+TABLES: Final[Mapping[str, tuple[str, Callable[[Drives], list[str]]]]] = {
+    "short": (SMALL, short),
+    "planners": (SMALL, planners),
+    "detectable": (SMALL, detectable),
+    "paper": (SMALL, paper),
+    "near_paper": (SMALL, near_paper),
+    "large": (LARGE, planners),
+    "large_detectable": (LARGE, detectable),
+}
+"""What each is made of: the drives of which suite, and how."""
 PAGES: Final = ("README.md", "docs/benchmark.md")
+
+
+def folder_of(suite: str) -> Path:
+    """Where the drives of a suite are kept."""
+    return RESULTS / suite.replace("==", "-")
+
+
+def stored() -> dict[str, Drives]:
+    """The kept drives by suite."""
+    return {suite: Drives(read_run(folder_of(suite))) for suite in (SMALL, LARGE)}
 
 
 def _titles(table: ResultsTable) -> list[str]:
@@ -147,21 +177,23 @@ def _text(cell: Cell) -> str:
     return "-" if cell.value is None else f"{cell.value:.0f}"
 
 
-def written(page: str, drives: Drives) -> str:
+def written(page: str, drives: Mapping[str, Drives]) -> str:
     """The text of a page with its tables made anew."""
 
     def made(found: re.Match[str]) -> str:
         name = found[1]
-        lines = TABLES[name](drives)
+        suite, of = TABLES[name]
+        lines = of(drives[suite])
         body = [f"| {line} |" if " | " in line else f"|{line}|" for line in lines] if len(lines) > 1 else lines
         return "\n".join((f"<!-- table: {name} -->", *body, "<!-- end of table -->", ""))
 
     return TABLE.sub(made, page)
 
 
-def take(folder: Path, results: Path = RESULTS) -> None:
+def take(folder: Path) -> None:
     """Keep the drives of a run folder, by planner and scene, as small as tables need them."""
     run = read_run(folder)
+    results = folder_of(run.manifest.suite)
     if run.missing:
         raise SystemExit(f"{folder} has no score for {len(run.missing)} of its drives; complete it first")
     about = msgspec.json.decode((folder / "manifest.json").read_bytes())
@@ -200,7 +232,7 @@ def main() -> None:
     given = parser.parse_args()
     if given.take is not None:
         take(given.take)
-    drives = Drives(read_run(RESULTS))
+    drives = stored()
     for page in PAGES:
         (ROOT / page).write_text(written((ROOT / page).read_text(encoding="utf-8"), drives), encoding="utf-8")
 

@@ -82,17 +82,21 @@ def proved(
 
 
 def _source(suite: str | None, files: Sequence[str]) -> tuple[tuple[Scenario, ...], Path]:
-    """All scenarios of the suite or the file, and where their certificates lie."""
+    """All scenarios of the suite or the file, and where their certificates lie.
+
+    Of a suite that goes on from another one its own: the others' lie there.
+    """
     from interplan_sumo.scenario import certificates
     from interplan_sumo.scenario.files import read_scenarios
-    from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
+    from interplan_sumo.scenario.suite import DEFAULT_SUITE, SCENARIOS, find_suite
 
     if files:
         if suite is not None or len(files) > 1:
             raise InputError(f"{files[0]} and {suite or files[1]} are two sources of scenarios; give one of them")
         return read_scenarios(files[0]), Path(files[0]).parent / certificates.FILE
     found = find_suite(suite or DEFAULT_SUITE)
-    return found.scenarios, found.folder / certificates.FILE
+    own = found.folder / SCENARIOS
+    return read_scenarios(own) if own.is_file() else found.scenarios, found.folder / certificates.FILE
 
 
 def _line(proof: Proof) -> str:

@@ -132,12 +132,12 @@ def _suite(
 
 
 def _beginning(suite: str) -> Suite | None:
-    """The released suite that a larger one begins with."""
+    """What there is of a suite, else the released one that it begins with; the smallest of all is made anew."""
     from interplan_sumo.scenario.suite import find_suite, suites
     from interplan_sumo.verification.suite_slots import beginnings
 
-    released = [key for key, _ in beginnings(suite) if key != suite and key in suites()]
-    return find_suite(released[-1]) if released else None
+    there = [key for key, _ in beginnings(suite) if key in suites()]
+    return find_suite(there[-1]) if there and len(beginnings(suite)) > 1 else None
 
 
 def secret_of(path: Path) -> bytes:

@@ -3,7 +3,8 @@
 In a round each slot that is still empty tries one candidate; all of them at the
 same time, so that what comes out does not depend on how many work on it. The
 slots of a smaller suite are filled before those of the larger one begin, unless
-it is released: then the larger one begins with it as it is.
+it is released: then the larger one begins with it as it is, and goes on from
+what there is of itself.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.route import goal_arc_m, start_arc_m
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import SCENARIOS, SELECTION, Suite
+from interplan_sumo.scenario.suite import SCENARIOS, SELECTION, Suite, certificate_of, expert, find_scenario
 from interplan_sumo.verification.generation import OTHER_FOLDER, write_rows
 from interplan_sumo.verification.suite_candidates import Candidate, Streams, block_of, changes_asked
 from interplan_sumo.verification.suite_judging import Verdict
@@ -61,30 +62,31 @@ class SuiteSearch:
     maps: Sequence[Roads]
     seed: Seed
     begun: Suite | None = None
-    """A released suite that this one begins with: its places are taken, its scenes are not looked for."""
+    """A released suite that this one begins with, or what there is of it: its slots are filled, its places taken."""
     filled: dict[Slot, Filled] = field(default_factory=dict[Slot, Filled])
     failed: list[tuple[Candidate, Verdict]] = field(default_factory=list[tuple[Candidate, Verdict]])
     _streams: Streams = field(init=False, repr=False)
-    _begun: set[str] = field(init=False, repr=False)
-    """The roadblocks of the scenes that it begins with."""
+    _begun: set[Slot] = field(init=False, repr=False)
+    """The slots that are filled from the beginning, and where:"""
+    _taken: set[str] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._streams = Streams(self.maps, self.seed)
         roads = {each.name: each for each in self.maps}
-        scenes = () if self.begun is None else self.begun.scenarios
-        self._begun = {block_of(scene, roads[scene.map]) for scene in scenes if scene.map in roads}
+        there = {} if self.begun is None else {scene.id: scene for scene in self.begun.scenarios}
+        self._taken = {block_of(scene, roads[scene.map]) for scene in there.values()}
+        self._begun = {
+            slot
+            for slot in slots(self.suite, size_of(self.suite))
+            if {self.seed.id(family, slot.number) for family in slot.families} <= there.keys()
+        }
 
     def run(self, judge: Judge, tell: Tell = lambda _candidate, _verdict: None) -> None:
         """Fill all slots for which there is a candidate that passes."""
-        for _, first, size in self.parts:
-            self._fill(slots(self.suite, size, first), judge, tell)
-
-    @property
-    def parts(self) -> list[tuple[str, int, int]]:
-        """The suites that are made: each with the numbers of its scenes of a family, first and end."""
-        ends = [(key, size) for key, size in beginnings(self.suite) if self.begun is None or key != self.begun.key]
-        first = 0 if self.begun is None else size_of(self.begun.key)
-        return [(key, start, end) for (key, end), start in zip(ends, (first, *(end for _, end in ends)), strict=False)]
+        first = 0
+        for _, size in beginnings(self.suite):
+            self._fill([slot for slot in slots(self.suite, size, first) if slot not in self._begun], judge, tell)
+            first = size
 
     def _fill(self, wanted: list[Slot], judge: Judge, tell: Tell) -> None:
         empty = list(wanted)
@@ -94,7 +96,7 @@ class SuiteSearch:
             for slot in sorted(empty, key=lambda slot: -len(slot.families)):  # who shares a place finds fewest
                 others = (*held, *trying)
                 taken = {each.block for each in others if not slot.is_ordinary or each.slot.families == slot.families}
-                found = self._streams.next(slot, attempt, taken | self._begun)
+                found = self._streams.next(slot, attempt, taken | self._taken)
                 if found is not None:
                     trying.append(found)
             if not trying:
@@ -116,20 +118,21 @@ class SuiteSearch:
     @property
     def missing(self) -> list[Slot]:
         """The slots that nothing fills."""
-        return [
-            slot for _, first, size in self.parts for slot in slots(self.suite, size, first) if slot not in self.filled
-        ]
+        every = slots(self.suite, size_of(self.suite))
+        return [slot for slot in every if slot not in self.filled and slot not in self._begun]
 
     def scenes(self, size: int, first: int = 0) -> list[tuple[Scenario, Certificate]]:
-        """The scenes with numbers from `first` to before `size`, family by family."""
+        """The scenes with numbers from `first` to before `size`, family by family, those of the beginning, too."""
         found: list[tuple[Scenario, Certificate]] = []
         for families in groups(self.suite):
-            for row in range(len(families)):
+            for row, family in enumerate(families):
                 for number in range(first, size):
-                    each = self.filled.get(Slot(families, number))
-                    if each is not None:
-                        proved = Certificate.of(each.verdict.certificates[row])
-                        found.append((each.candidate.scenarios[row], proved))
+                    slot = Slot(families, number)
+                    if slot in self._begun:
+                        found.append(_released(self.seed.id(family, number)))
+                    elif slot in self.filled:
+                        each = self.filled[slot]
+                        found.append((each.candidate.scenarios[row], Certificate.of(each.verdict.certificates[row])))
         return found
 
     def rejections(self) -> list[tuple[str, str, str, str, str]]:
@@ -144,6 +147,14 @@ class SuiteSearch:
             ("place", family, each.lane, f"{each.at_m:.0f} m", each.reason) for family, each in self._streams.unsuitable
         ]
         return rows
+
+
+def _released(scenario_id: str) -> tuple[Scenario, Certificate]:
+    """A scene of a released suite with its certificate."""
+    scenario = find_scenario(scenario_id)
+    summary = certificate_of(scenario_id, scenario.hash())
+    assert summary is not None, f"{scenario_id} is released without a certificate"
+    return scenario, Certificate(summary, expert(scenario))
 
 
 def counts(rows: Iterable[tuple[str, str, str, str, str]]) -> list[tuple[int, str, str]]:
@@ -166,10 +177,9 @@ def write_suites(search: SuiteSearch, folder: Path, *, kept_back: Path | None = 
     InputError if anything cannot be written.
     """
     made: list[Path] = []
-    before = [] if search.begun is None else [scenario.id for scenario in search.begun.scenarios]
-    smaller = "" if search.begun is None else search.begun.key
+    first, smaller = 0, ""
     secret: list[Certificate] = []
-    for key, first, size in search.parts:
+    for key, size in beginnings(search.suite):
         there = folder / key.replace("==", "-")
         scenes = search.scenes(size, first)
         with writing(there, OTHER_FOLDER):
@@ -181,10 +191,9 @@ def write_suites(search: SuiteSearch, folder: Path, *, kept_back: Path | None = 
             else:
                 secret += proved
             if smaller:
-                _write_selection(there / SELECTION, smaller, before)
+                _write_selection(there / SELECTION, smaller, [s.id for s, _ in search.scenes(first)])
         made.append(there)
-        before += [scenario.id for scenario, _ in scenes]
-        smaller = key
+        first, smaller = size, key
     if kept_back is not None:
         with writing(kept_back, "give another file as --secret-seed"):
             certificates.write_certificates(kept_back, secret)

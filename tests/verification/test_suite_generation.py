@@ -180,13 +180,16 @@ def test_suites_are_written_as_the_package_reads_them(small: SuiteSearch, tmp_pa
 def test_a_larger_suite_begins_with_the_released_one_and_takes_none_of_its_roadblocks(tmp_path: Path) -> None:
     begun = find_suite("interplan==1")
     search = SuiteSearch("interplan-large==1", [load_roads(name) for name in maps()], Seed(3), begun)
-    assert search.parts == [("interplan-large==1", 10, 40)]
     twelve = slots("interplan-large==1", 12, 10)
+    assert set(search.missing) == {*slots("interplan-large==1", 40, 10)}
     search._fill(twelve, lambda candidates: [(each, proof(each)) for each in candidates], lambda *_: None)
     assert set(search.filled) == set(twelve)
     taken = {block_of(scene, load_roads(scene.map)) for scene in begun.scenarios}
     assert taken.isdisjoint(each.candidate.block for each in search.filled.values())
-    (there,) = write_suites(search, tmp_path)
+    assert [scene for scene, _ in search.scenes(10)] == [*begun.scenarios]
+    folders = {folder.name: folder for folder in write_suites(search, tmp_path)}
+    there = folders["interplan-large-1"]
+    assert (folders["interplan-1"] / "scenarios.yaml").read_bytes() == (begun.folder / "scenarios.yaml").read_bytes()
     chosen = yaml.safe_load((there / "selection.yaml").read_text(encoding="utf-8"))
     assert chosen == {"suite": "interplan==1", "scenarios": [scene.id for scene in begun.scenarios]}
     ids = [scene.id for scene in read_scenarios(there / "scenarios.yaml")]
