@@ -1,8 +1,8 @@
 """The tables of README and docs, from stored drives: `python -m tools.tables [--take RUN]`, or `make tables`.
 
 A table stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and is what the drives in docs/results give;
-nobody types its figures. `--take` puts the drives of a run folder there first, each suite in a folder of its own, without
-traces and without the details that no table needs: `interplan-sumo report docs/results/interplan-1` reads them like any
+nobody types its figures. `--take` puts the drives of a run folder there first, each suite in a folder of its own, and
+without traces and details that no table needs: `interplan-sumo report docs/results/interplan-1` reads them like any
 other run.
 """
 
