@@ -121,6 +121,7 @@ def main() -> None:
     with TemporaryDirectory() as temporary:
         found = bases(Path(temporary, "bases"), options.real)
         for format, files in found.items():
+            _tried(files[0], format, Path(temporary, "warm", format))  # loads the modules, for all children
             for base in list(files):
                 used = outcome(base, format, Path(temporary, "made"))
                 if used.kind != "valid" or used.cpu_s > _BASE_CPU_S:

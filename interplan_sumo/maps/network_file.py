@@ -20,6 +20,8 @@ from interplan_sumo.world.xml_file import elements
 
 LANE_WIDTH_M = 3.2
 """SUMO's default, where a file gives no width."""
+WIDEST_M = 100.0
+"""No lane is as wide; a wrong digit makes it so, and what lies on such a lane takes minutes."""
 _NO_POINTS: Floats = np.zeros((0, 2))
 _DRIVEN = frozenset(("normal", "connector"))
 _CONDITIONS = frozenset(("condition", "assignment", "function"))
@@ -283,8 +285,8 @@ def _lane(file: NetworkFile, edge: str, element: Element, internal: bool) -> Fil
 def _width(file: NetworkFile, id_: str, element: Element) -> float:
     text = element.get("width")
     width_m = LANE_WIDTH_M if text is None else _number(file.path, f"lane {id_[:40]!r}: width", text)
-    if not 0.0 < width_m < 100.0:
-        raise file.fault(f"lane {id_[:40]!r}: width is {width_m:g} m, expected more than 0 and less than 100")
+    if not 0.0 < width_m < WIDEST_M:
+        raise file.fault(f"lane {id_[:40]!r}: width is {width_m:g} m, expected more than 0 and less than {WIDEST_M:g}")
     return width_m
 
 

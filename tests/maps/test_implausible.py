@@ -34,6 +34,17 @@ def test_a_lane_with_a_spike_of_a_kilometre_is_refused_and_a_shorter_one_or_a_ha
         assert plausible(world({"a": kept}))[0].lanes == {"a": kept}
 
 
+def test_a_lane_as_wide_as_a_field_is_refused_and_a_street_that_widens_to_a_square_is_not() -> None:
+    def widening(by_m: float) -> SourceLane:
+        street = straight("a", 0.0, 60.0)
+        left = street.left[[0, -1]]
+        return replace(street, left=left + np.array([(0.0, 0.0), (0.0, by_m)]))
+
+    with pytest.raises(MapError, match="tiny: lane a is 202 m wide; look at its boundaries"):
+        build(world({"a": widening(397.0)}))
+    build(world({"a": widening(27.0)}))
+
+
 def test_a_lane_whose_boundaries_run_against_each_other_is_left_out() -> None:
     """Its middle is one point; what lies beside it and behind it stays."""
     source = road_of_two()

@@ -147,9 +147,10 @@ def test_without_internal_lanes_lanes_follow_directly(tmp_path: Path) -> None:
     ("way", "successors", "reasons"),
     [
         (lane(":j_0_0", "50,0 50,0"), ("b_0",), {}),
+        (lane(":j_0_0", "50,0 50.01,0"), ("b_0",), {}),
         (lane(":j_0_0", "50,0 60,0", allow="bus"), (), {"way through a junction closed to cars": 1}),
     ],
-    ids=["without length", "closed to cars"],
+    ids=["without length", "of a centimetre", "closed to cars"],
 )
 def test_a_way_without_length_is_a_direct_link_and_one_that_cars_may_not_take_is_none(
     way: str, successors: tuple[str, ...], reasons: dict[str, int], tmp_path: Path

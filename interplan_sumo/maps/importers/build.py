@@ -18,6 +18,7 @@ from interplan_sumo.maps.importers.cross_sections import CrossSections
 from interplan_sumo.maps.importers.drop_invalid import drop_invalid
 from interplan_sumo.maps.importers.implausible import plausible
 from interplan_sumo.maps.importers.lane_segments import JOINT_M, lane_segments, links
+from interplan_sumo.maps.importers.lines import SHORTEST_M
 from interplan_sumo.maps.importers.record import LaneOrigin
 from interplan_sumo.maps.importers.sections import SourceStretch, sections
 from interplan_sumo.maps.importers.shared_ground import divided
@@ -31,7 +32,6 @@ BLOCKS_BEFORE_WAYS = 1_000_000
 LANES_PER_BLOCK = 100
 """Lane and connector ids are those of their block times this, plus the place in it."""
 _STRAIGHT_RAD, _U_TURN_RAD = np.radians(30.0), np.radians(150.0)
-_SHORTEST_M = 0.05  # a lane or connector without length has no direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ class _Drawing:
     def draw_connectors(self) -> None:
         between: dict[tuple[str, str], list[ConnectorPath]] = defaultdict(list)
         for path in connector_paths(self.ground):
-            if path.cross_sections.length_m < _SHORTEST_M:
+            if path.cross_sections.length_m < SHORTEST_M:
                 continue
             ends = (self.lanes[self.id_of[node]].roadblock_id for node in (path.start, path.end))
             between[next(ends), next(ends)].append(path)

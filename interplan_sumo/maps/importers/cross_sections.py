@@ -67,6 +67,11 @@ class CrossSections:
         """(K, n, 2) the middle of each lane."""
         return (self.across[:, :-1] + self.across[:, 1:]) / 2.0
 
+    @property
+    def widths_m(self) -> Floats:
+        """(K, n) of each lane."""
+        return np.hypot(*np.moveaxis(np.diff(self.across, axis=1), -1, 0))
+
     @cached_property
     def arcs_m(self) -> Floats:
         """(K, n) distance along the middle of each lane."""
@@ -119,7 +124,7 @@ class CrossSections:
 
     def uncrossed(self) -> CrossSections:
         """Those of one lane, at even width around its middle where its boundaries change sides or turn back."""
-        (width_m,) = np.median(np.hypot(*np.moveaxis(np.diff(self.across, axis=1), -1, 0)), axis=0).tolist()
+        (width_m,) = np.median(self.widths_m, axis=0).tolist()
         ring = np.concatenate((self.across[:, 1], self.across[::-1, 0])) - self.across[0, 0]
         x, y = ring.T
         signed_m2 = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2.0

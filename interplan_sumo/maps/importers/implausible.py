@@ -9,6 +9,7 @@ import numpy as np
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.cross_sections import CrossSections
+from interplan_sumo.maps.importers.lines import SHORTEST_M
 from interplan_sumo.maps.importers.source import SourceLane, SourceMap
 from interplan_sumo.world.geometry import Floats
 
@@ -19,7 +20,6 @@ LONGEST_M = 100_000.0
 SPIKE_M = 1000.0
 """Out and straight back by this is a wrong coordinate; a lane that lies on itself for so long takes minutes."""
 _STRAIGHT_BACK_COS = -0.9
-_NO_LENGTH_M = 0.05
 
 
 def plausible(source: SourceMap) -> tuple[SourceMap, tuple[str, ...]]:
@@ -54,9 +54,9 @@ def _spike_m(steps: Floats, steps_m: Floats) -> float:
 
 def _is_flat(lane: SourceLane) -> bool:
     ends = (lane.left[[0, -1]] + lane.right[[0, -1]]) / 2.0
-    if np.hypot(*(ends[1] - ends[0])) > _NO_LENGTH_M:  # so is nearly every lane
+    if np.hypot(*(ends[1] - ends[0])) > SHORTEST_M:  # so is nearly every lane
         return False
-    return CrossSections.of([lane.left, lane.right]).length_m < _NO_LENGTH_M
+    return CrossSections.of([lane.left, lane.right]).length_m < SHORTEST_M
 
 
 def _without(lanes: Mapping[str, SourceLane], gone: frozenset[str]) -> dict[str, SourceLane]:

@@ -13,7 +13,8 @@ _LONGEST_MITRE = 4.0
 """A mitre may be so many times as long as the offset; sharper corners are cut off."""
 _SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)
 """Inside a turn that is tighter than the lane is wide, the boundary comes nearer to the middle."""
-_SHORTEST_M = 0.05
+SHORTEST_M = 0.05
+"""What is shorter has no direction: what leads to such a lane leads to what follows it."""
 
 
 def along(points: Floats) -> Floats:
@@ -23,9 +24,14 @@ def along(points: Floats) -> Floats:
     return points[np.concatenate(([True], np.hypot(*np.diff(points, axis=0).T) > _SAME_M))]
 
 
+def length_m(points: Floats) -> float:
+    """How long a line (N, 2) is."""
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
 def mean_length_m(left: Floats, right: Floats) -> float:
     """How long a lane between two boundaries (N, 2) is: as long as they are in the mean."""
-    return float(sum(np.hypot(*np.diff(line, axis=0).T).sum() for line in (left, right))) / 2.0
+    return (length_m(left) + length_m(right)) / 2.0
 
 
 def ring(points: Floats) -> shapely.Polygon | None:
@@ -85,6 +91,6 @@ def _without_folds(middle: Floats, left_m: float) -> Floats | None:
     if not isinstance(curve, shapely.LineString) or curve.is_empty:
         return None
     points = along(shapely.get_coordinates(curve))
-    if len(points) < 2 or curve.length < _SHORTEST_M or np.hypot(*(points[[0, -1]] - ends).T).max() > abs(left_m) / 2.0:
+    if len(points) < 2 or curve.length < SHORTEST_M or np.hypot(*(points[[0, -1]] - ends).T).max() > abs(left_m) / 2.0:
         return None
     return points

@@ -10,8 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.cross_sections import WELDED_M, CrossSections
 from interplan_sumo.maps.importers.source import SourceLane, SourceMap
+from interplan_sumo.maps.network_file import WIDEST_M
 from interplan_sumo.world.geometry import hausdorff_m
 
 ADJOINING_M = WELDED_M
@@ -69,7 +71,7 @@ class LaneSection:
 
 
 def sections(source: SourceMap) -> tuple[LaneSection, ...]:
-    """All lanes of the map in sections, in the order of the file."""
+    """All lanes of the map in sections, in the order of the file; MapError names one that is as wide as a field."""
     rows = _rows(source.lanes)
     row_of = {lane: row for row in rows for lane in row}
     ahead = {row: following for row in rows if (following := _continuation(source.lanes, row, row_of)) is not None}
@@ -83,7 +85,7 @@ def sections(source: SourceMap) -> tuple[LaneSection, ...]:
         while (following := ahead.get(chain[-1])) is not None and following != chain[0]:
             chain.append(following)
         placed.update(chain)
-        found.append(_section(source.lanes, chain))
+        found.append(_section(source, chain))
     return tuple(found)
 
 
@@ -151,12 +153,16 @@ def _meet(here: SourceLane, there: SourceLane) -> bool:
     return all(float(np.hypot(*(a[-1] - b[0]))) <= ADJOINING_M for a, b in ends)
 
 
-def _section(lanes: Mapping[str, SourceLane], chain: Iterable[Row]) -> LaneSection:
+def _section(source: SourceMap, chain: Iterable[Row]) -> LaneSection:
+    lanes = source.lanes
     rows = tuple(chain)
     cross_sections: CrossSections | None = None
     seams_m = [0.0]
     for row in rows:
         segment = CrossSections.of([lanes[row[0]].left, *(lanes[lane].right for lane in row)])
+        for lane, width_m in zip(row, np.median(segment.widths_m, axis=0).tolist(), strict=True):
+            if width_m >= WIDEST_M:
+                raise MapError(f"{source.name}: lane {lane} is {width_m:.0f} m wide; look at its boundaries")
         cross_sections = segment if cross_sections is None else cross_sections.joined(segment)
         seams_m.append(cross_sections.length_m)
     assert cross_sections is not None

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.errors import MapError
-from interplan_sumo.maps.importers.lines import ring
+from interplan_sumo.maps.importers.lines import SHORTEST_M, ring
 from interplan_sumo.maps.importers.opendrive.areas import is_crosswalk, is_parking, outlines_of
 from interplan_sumo.maps.importers.opendrive.controls import Controls, controls_of, cuts_of
 from interplan_sumo.maps.importers.opendrive.elements import UnusableRoadError, XodrFile, XodrRoad, XodrSignal
@@ -18,7 +18,7 @@ from interplan_sumo.maps.importers.opendrive.file import read_file
 from interplan_sumo.maps.importers.opendrive.lane_types import is_ground, is_parking_lane, is_walkway
 from interplan_sumo.maps.importers.opendrive.links import Joints, Sides, joints_of
 from interplan_sumo.maps.importers.opendrive.right_of_way import junctions_of, signals_of
-from interplan_sumo.maps.importers.opendrive.stretches import SHORTEST_M, DrawnStretch, SideStretch, side_stretches
+from interplan_sumo.maps.importers.opendrive.stretches import DrawnStretch, SideStretch, side_stretches
 from interplan_sumo.maps.importers.opendrive.travel import Network, TravelLane, network_of
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap, SourceStopLine
 from interplan_sumo.world.frame import STAND_IN, Frame, utm_frame

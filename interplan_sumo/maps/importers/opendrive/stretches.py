@@ -17,8 +17,6 @@ CHORD_M = 0.01
 """No edge of a lane lies further than this from the line that is drawn for it."""
 NARROWEST_M = 1.8
 """Where a lane that opens or ends is narrower, no car uses it; netconvert's bound, too."""
-SHORTEST_M = 0.05
-"""Lanes shorter than this are skipped: what leads to them leads to what follows them."""
 _LONGEST_STEP_M, _SHORTEST_STEP_M = 20.0, 0.02
 _MOST_POINTS = 20_000
 _THIRDS = (1.0 / 3.0, 2.0 / 3.0)

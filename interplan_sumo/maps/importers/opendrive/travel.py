@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from interplan_sumo.maps.importers.lines import SHORTEST_M
 from interplan_sumo.maps.importers.opendrive.lane_types import TWO_WAY
 from interplan_sumo.maps.importers.opendrive.links import Joints, LaneEnd, Sides
-from interplan_sumo.maps.importers.opendrive.stretches import NARROWEST_M, SHORTEST_M, DrawnStretch, SideStretch
+from interplan_sumo.maps.importers.opendrive.stretches import NARROWEST_M, DrawnStretch, SideStretch
 from interplan_sumo.world.geometry import Floats
 
 BACK = ":back"

@@ -17,10 +17,10 @@ from defusedxml.sax import parseString
 from pyproj.exceptions import ProjError
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.maps.importers.lines import SHORTEST_M
 from interplan_sumo.maps.importers.source import SourceCount
 
 _ROADS = ("", "normal", "connector")
-_NO_LENGTH_M = 1e-3
 
 
 def count_sumo_network(path: Path) -> SourceCount:
@@ -57,7 +57,7 @@ def _count(net: Any) -> SourceCount:
             end, chain = way.getToLane().getID(), _chain(net, way.getViaLaneID())
             if end in cars and all(map(_for_cars, (way, *chain))):
                 length_m = _length_m(net, [point for part in chain for point in part.getShape()])
-                over = [chain[0].getID()] if length_m > _NO_LENGTH_M else []
+                over = [chain[0].getID()] if length_m >= SHORTEST_M else []
                 lengths.update(dict.fromkeys(over, length_m))
                 links.update(zip((id_, *over), (*over, end), strict=True))
     crossings = sum(edge.getFunction() == "crossing" for edge in net.getEdges())

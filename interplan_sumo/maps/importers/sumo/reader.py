@@ -13,7 +13,7 @@ import shapely
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.cross_sections import polygons_in
-from interplan_sumo.maps.importers.lines import along, beside, ring
+from interplan_sumo.maps.importers.lines import SHORTEST_M, along, beside, length_m, ring
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap
 from interplan_sumo.maps.importers.sumo.controls import junctions_of, light_name, signals_of, without_trains
 from interplan_sumo.maps.network_file import (
@@ -244,7 +244,7 @@ def _through(
                 continue
             shape = np.concatenate([part.shape for part in parts])
             drawn_lane = _drawn_lane(file, frame, replace(parts[0], shape=shape, speed_mps=_lowest(parts)))
-            if drawn_lane is not None:
+            if drawn_lane is not None and length_m(drawn_lane.middle) >= SHORTEST_M:
                 chains[way.via] = drawn_lane
     return chains, frozenset(closed)
 
