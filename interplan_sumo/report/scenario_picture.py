@@ -44,6 +44,8 @@ CELL: Final = (330, 104)
 """Pixels of one scenario on a sheet."""
 CELL_TITLE: Final = 17
 COLUMNS: Final = 10
+LEGEND_ENTRY: Final = (230, 26)
+"""Pixels that one of the words below a sheet may take."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,40 +106,42 @@ def contact_sheet(scenarios: Iterable[Scenario], path: str | PathLike[str]) -> N
     cells = [(family, part) for family, many in rows.items() for part in _pieces(many, COLUMNS)]
     if not cells:
         raise InputError("there are no scenarios to draw")
-    columns = max(len(part) for _, part in cells)
-    width, height = columns * (CELL[0] + GAP) + GAP, len(cells) * (CELL[1] + CELL_TITLE + GAP) + GAP + FOOT
+    staged = {scenario.id: _opened(scenario) for _, part in cells for scenario in part}
+    entries = _sheet_entries(Counter(name for _, traffic in staged.values() for name in traffic.behaviours.values()))
+    width = max(len(part) for _, part in cells) * (CELL[0] + GAP) + GAP
+    beside = min(len(entries), width // LEGEND_ENTRY[0])
+    below = FOOT + LEGEND_ENTRY[1] * (-(-len(entries) // beside) - 1)
+    height = len(cells) * (CELL[1] + CELL_TITLE + GAP) + GAP + below
     figure = _figure(width, height)
-    seen: Counter[str] = Counter()
     for row, (_, part) in enumerate(cells):
         for column, scenario in enumerate(part):
-            roads = load_roads(scenario.map, scenario.maps_beside)
-            traffic = start_traffic(scenario, roads)
-            seen.update(traffic.behaviours.values())
+            roads, traffic = staged[scenario.id]
             colours = drawing.behaviour_colours({*traffic.behaviours.values()})
             left = GAP + column * (CELL[0] + GAP)
             bottom = height - (row + 1) * (CELL[1] + CELL_TITLE + GAP)
             axes = figure.add_axes((left / width, bottom / height, CELL[0] / width, CELL[1] / height))
             _scene(axes, scenario, roads, traffic, colours, _cell_view(scenario, roads))
-            demand = scenario.traffic
-            about = [
-                scenario.map,
-                demand.density,
-                *([f"oncoming {demand.oncoming}"] if demand.oncoming != "none" else ()),
-                *(["open"] if _is_open(scenario) else ()),
-            ]
-            figure.text(
-                left / width, (bottom + CELL[1] + 3) / height, scenario.id, fontsize=8, weight="bold", color=INK
-            )
-            figure.text(
-                (left + CELL[0]) / width,
-                (bottom + CELL[1] + 3) / height,
-                ", ".join(about),
-                fontsize=7,
-                ha="right",
-                color=INK,
-            )
-    _sheet_legend(figure, seen)
+            top = (bottom + CELL[1] + 3) / height
+            figure.text(left / width, top, scenario.id, fontsize=8, weight="bold", color=INK)
+            figure.text((left + CELL[0]) / width, top, _about(scenario), fontsize=7, ha="right", color=INK)
+    figure.legend(handles=entries, loc="lower center", ncols=beside, fontsize=12, frameon=False)
     _save(figure, path)
+
+
+def _opened(scenario: Scenario) -> tuple[Roads, StagedTraffic]:
+    roads = load_roads(scenario.map, scenario.maps_beside)
+    return roads, start_traffic(scenario, roads)
+
+
+def _about(scenario: Scenario) -> str:
+    """The words above a scenario of a sheet, beside its id."""
+    demand = scenario.traffic
+    return ", ".join((
+        *([] if scenario.id.startswith(f"{Path(scenario.map).name}.") else [scenario.map]),
+        demand.density,
+        *([f"oncoming {demand.oncoming}"] if demand.oncoming != "none" else ()),
+        *(["open"] if _is_open(scenario) else ()),
+    ))  # fmt: skip
 
 
 # --- what a view shows ---------------------------------------------------------------------------
@@ -302,11 +306,11 @@ def _legend(
     )  # fmt: skip
 
 
-def _sheet_legend(figure: Figure, seen: Counter[str]) -> None:
+def _sheet_entries(seen: Counter[str]) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    entries: list[Any] = [
+    return [
         Patch(facecolor=drawing.EGO, label="ego"),
         Line2D([], [], color=drawing.ROUTE, linewidth=3, alpha=0.6, label="route"),
         Line2D([], [], color=drawing.GOAL, linewidth=3, marker="*", markersize=11, label="goal"),
@@ -317,7 +321,6 @@ def _sheet_legend(figure: Figure, seen: Counter[str]) -> None:
         Line2D([], [], color=drawing.WORKER, marker="o", linestyle="none", markersize=9, label="person"),
         Line2D([], [], color=drawing.PERSON, marker="o", linestyle=(0, (4.0, 2.0)), label="pedestrian"),
     ]
-    figure.legend(handles=entries, loc="lower center", ncols=len(entries), fontsize=12, frameon=False)
 
 
 def _scale_bar(axes: Axes, view: View) -> None:

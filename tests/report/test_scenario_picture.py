@@ -93,10 +93,18 @@ def test_a_sheet_has_a_row_per_family_and_as_many_columns_as_its_largest(tmp_pat
     contact_sheet([BUSY, CROSSED, other], tmp_path / "sheet.png")
     height, width, _ = pixels(tmp_path / "sheet.png").shape
     assert width == 2 * (picture.CELL[0] + picture.GAP) + picture.GAP
-    assert height == 2 * (picture.CELL[1] + picture.CELL_TITLE + picture.GAP) + picture.GAP + picture.FOOT
+    rows = 2 * (picture.CELL[1] + picture.CELL_TITLE + picture.GAP) + picture.GAP
+    assert height > rows + picture.FOOT  # words that do not fit side by side stand below each other
     bare = replace(CROSSED, obstacles=(), occluder=None, jaywalkers=())
     contact_sheet([replace(bare, id=f"mine/{i}") for i in range(picture.COLUMNS + 1)], tmp_path / "many.png")
-    assert pixels(tmp_path / "many.png").shape[0] == height
+    assert pixels(tmp_path / "many.png").shape[0] == rows + picture.FOOT
+
+
+def test_the_words_below_a_small_sheet_are_not_cut_off(tmp_path: Path) -> None:
+    contact_sheet([BUSY], tmp_path / "sheet.png")
+    below = pixels(tmp_path / "sheet.png")[-picture.FOOT :]
+    assert (below < 128).any()
+    assert (below[:, [0, -1]] == 255).all()
 
 
 def test_nothing_to_draw_and_files_that_cannot_be_written_are_refused_in_one_line(
