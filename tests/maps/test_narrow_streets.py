@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -68,6 +69,14 @@ def test_both_directions_keep_their_lanes_and_centre_lines_on_a_shared_street(ap
     middle = shapely.Point(np.mean(middles, axis=0)).buffer(width_m)
     there, back = (s for s in (each.polygon.intersection(middle).area for each in roads.lanes.values()) if s > 0.1)
     assert there == pytest.approx(back, rel=0.02)
+
+
+def test_streets_of_ten_kilometres_on_the_same_ground_are_parted_soon() -> None:
+    """Time grows with their length: by its square it took 4 s."""
+    there, back = [(0.0, 0.0), (10_000.0, 0.0)], [(10_000.0, 0.5), (0.0, 0.5)]
+    start_s = process_time()
+    assert len(build(world({"a": lane("a", there), "b": lane("b", back)})).roads.lanes) == 2
+    assert process_time() - start_s < 2.0
 
 
 @pytest.mark.parametrize(("apart_m", "bidi"), [(0.0, 2), (1.9, 2), (2.1, 0)])

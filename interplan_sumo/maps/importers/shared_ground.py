@@ -57,7 +57,8 @@ def _between(line: Polyline, other: Polyline) -> tuple[shapely.LineString, float
     poses = line.poses_at(np.linspace(0.0, line.length_m, count))
     places = shapely.points(poses[:, :2])
     foe = other.linestring
-    near = shapely.get_coordinates(shapely.line_interpolate_point(foe, shapely.line_locate_point(foe, places)))
+    shapely.prepare(foe)  # else each place is held against every vertex: minutes for two motorways on the same ground
+    near = shapely.get_coordinates(shapely.shortest_line(foe, places))[::2]
     normal = np.stack((-np.sin(poses[:, 2]), np.cos(poses[:, 2])), axis=1)
     beside_m = ((near - poses[:, :2]) * normal).sum(axis=1)  # across only: beyond its end the other line lies behind
     points: Floats = poses[:, :2] + normal * beside_m[:, None] / 2.0
