@@ -10,6 +10,7 @@ import pytest
 from interplan_sumo.maps.check import check_map
 from interplan_sumo.maps.importers.importing import check_source, import_map
 from interplan_sumo.maps.importers.lanelet2.reader import read_lanelet2
+from interplan_sumo.maps.importers.lines import mean_length_m
 from interplan_sumo.maps.importers.osm.extract import driving_side, read_extract
 from interplan_sumo.maps.importers.osm.left_hand_places import keeps_left
 from interplan_sumo.maps.importers.osm.reader import LICENCE, count_osm, read_osm_extract
@@ -47,6 +48,22 @@ def test_the_map_agrees_with_its_network_and_its_extract_and_carries_the_licence
     kept = read_record(files.folder)
     assert kept is not None
     assert LICENCE in kept.notes
+
+
+def test_a_street_whose_tags_change_beside_a_crossing_is_one_up_to_it(tmp_path: Path) -> None:
+    """Else a street of decimetres is left between the two junctions, and the way through one of them leads back."""
+    text = osm(
+        *(
+            node(id_, x, y)
+            for id_, x, y in ((1, 0, 0), (2, -150, 0), (3, 150, 0), (4, 0, -150), (5, 0, 150), (6, -8, 0))
+        ),
+        way(10, (2, 6), highway="secondary", maxspeed="50"),
+        way(11, (6, 1, 3), highway="secondary", maxspeed="30"),
+        way(12, (4, 1, 5), highway="tertiary"),
+    )
+    streets = [one for one in read_osm_extract(written(tmp_path, text)).lanes.values() if not one.in_intersection]
+    assert len(streets) == 8
+    assert min(mean_length_m(one.left, one.right) for one in streets) > 100.0
 
 
 def test_archives_are_read_too_whatever_their_name(tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ _TYPE_FILES = ("osmNetconvert.typ.xml", "osmNetconvertUrbanDe.typ.xml", "osmNetc
 _OPTIONS = (
     "--keep-edges.by-vclass=passenger",  # footways of their own would cut every street into pieces
     "--geometry.remove",
+    "--geometry.remove.min-length=10",  # where tags change beside a junction: its corners swallow such a street
     "--junctions.join",
     "--junctions.corner-detail=5",
     "--default.junctions.radius=9",  # to the back of sidewalks; SUMO's 4 m draws turns of 3.5 m, too tight for cars
