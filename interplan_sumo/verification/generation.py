@@ -22,6 +22,7 @@ from interplan_sumo.scenario.files import MAPS, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import Rejected
 from interplan_sumo.verification.certificates import Proof
+from interplan_sumo.verification.light_windows import light_problems
 from interplan_sumo.verification.map_bundling import carry_map
 from interplan_sumo.verification.start_checks import start_problems
 from interplan_sumo.world.files import writing
@@ -64,7 +65,11 @@ def generate(roads: Roads, family: str, count: int, seed: int, *, maps_beside: P
     most = max(count * CANDIDATES_PER_SCENARIO, LEAST_CANDIDATES)
     for number, found in enumerate(search, start=1):
         scenario = replace(found, maps_beside=maps_beside)
-        problems = start_problems(scenario, roads, with_traffic=False) or start_problems(scenario, roads)
+        problems = (
+            start_problems(scenario, roads, with_traffic=False)
+            or light_problems(scenario, roads)
+            or start_problems(scenario, roads)
+        )
         if problems:
             search.rejected.append(_unsound(scenario, roads, problems[0]))
         else:

@@ -120,6 +120,17 @@ def test_no_way_is_drawn_over_a_wide_gap(gap_m: float, kept: bool) -> None:
     assert bool(told) != kept
 
 
+def test_a_link_to_a_lane_that_leads_back_from_the_same_place_is_no_way() -> None:
+    """It would lead out and straight back by decimetres."""
+    lanes = linked(
+        [straight("a", 0.0, 50.0), straight("b", 50.0, 0.0), straight("c", 50.0, 100.0)], [("a", "b"), ("a", "c")]
+    )
+    made = build(world(lanes))
+    assert len(made.roads.lanes) == 3
+    (way,) = made.roads.connectors.values()
+    assert way.to_lane_id == lane_from(made.roads, made.origins, "c")
+
+
 def test_a_light_at_the_end_of_a_lane_holds_for_all_that_leave_it() -> None:
     source = junction_with_flags()
     lit = replace(source, lanes={**source.lanes, "in": replace(source.lanes["in"], lights_at_end=("7",))})

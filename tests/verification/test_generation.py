@@ -22,6 +22,7 @@ from interplan_sumo.verification.generation import (
     families_of,
     generate,
 )
+from interplan_sumo.verification.light_windows import light_problems
 from interplan_sumo.verification.start_checks import start_problems
 
 
@@ -37,6 +38,14 @@ def test_generated_scenarios_pass_every_start_check_and_rejected_places_have_rea
     assert all(not start_problems(scenario, roads) for scenario in made.scenarios)
     assert made.rejected
     assert all(each.reason for each in made.rejected)
+
+
+def test_places_where_lights_keep_the_ego_from_its_goal_are_rejected() -> None:
+    roads = load_roads("back_bay")
+    made = generate(roads, "lane_change_ltd", 3, seed=0)
+    assert len(made.scenarios) == 3
+    assert all(not light_problems(scenario, roads) for scenario in made.scenarios)
+    assert any("with its lights" in each.reason for each in made.rejected)
 
 
 @pytest.mark.slow

@@ -18,7 +18,6 @@ from interplan_sumo.maps.importers.cross_sections import CrossSections
 from interplan_sumo.maps.importers.drop_invalid import drop_invalid
 from interplan_sumo.maps.importers.implausible import plausible
 from interplan_sumo.maps.importers.lane_segments import JOINT_M, lane_segments, links
-from interplan_sumo.maps.importers.lines import SHORTEST_M
 from interplan_sumo.maps.importers.record import LaneOrigin
 from interplan_sumo.maps.importers.sections import SourceStretch, sections
 from interplan_sumo.maps.importers.shared_ground import divided
@@ -139,8 +138,6 @@ class _Drawing:
     def draw_connectors(self) -> None:
         between: dict[tuple[str, str], list[ConnectorPath]] = defaultdict(list)
         for path in connector_paths(self.ground):
-            if path.cross_sections.length_m < SHORTEST_M:
-                continue
             ends = (self.lanes[self.id_of[node]].roadblock_id for node in (path.start, path.end))
             between[next(ends), next(ends)].append(path)
             self.used.update(path.parts)

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from interplan_sumo.maps.importers.cross_sections import CrossSections, bridge
+from interplan_sumo.maps.importers.cross_sections import SPACING_M, CrossSections, bridge
 from interplan_sumo.maps.importers.lane_segments import LaneSegment, Links
+from interplan_sumo.maps.importers.lines import SHORTEST_M
 from interplan_sumo.maps.importers.overlaps import OVERLAP_SHARE
 from interplan_sumo.maps.importers.sections import LaneSection
 from interplan_sumo.world.geometry import wrap_angle
@@ -182,7 +183,7 @@ def _paths(ground: SegmentSurfaces, start: SegmentLane) -> Iterator[tuple[tuple[
 def _connector_path(
     ground: SegmentSurfaces, path: Sequence[SegmentLane], torn: dict[tuple[SegmentLane, SegmentLane], float]
 ) -> ConnectorPath | None:
-    """What lies between the first and the last lane of a path; None where the path is torn."""
+    """What lies between the first and the last lane of a path; None where the path is torn or leads nowhere."""
     found: CrossSections | None = None
     drawn_m: list[float] = []
     before = ground.cross_sections(path[0])
@@ -202,5 +203,7 @@ def _connector_path(
     if found is None:  # two lanes that meet, with nothing between: cannot be, joints give each a segment
         return None
     start, end = ground.cross_sections(path[0]).middles[-1, 0], ground.cross_sections(path[-1]).middles[0, 0]
+    if np.hypot(*(end - start)) < SHORTEST_M and found.length_m < SPACING_M:  # on the spot, or out and straight back
+        return None
     whole = found.moved(start - found.middles[0, 0], end - found.middles[-1, 0]).uncrossed()
     return ConnectorPath(path[0], tuple(path[1:-1]), path[-1], whole, tuple(drawn_m))
