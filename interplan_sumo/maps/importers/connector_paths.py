@@ -203,7 +203,7 @@ def _connector_path(
     if found is None:  # two lanes that meet, with nothing between: cannot be, joints give each a segment
         return None
     start, end = ground.cross_sections(path[0]).middles[-1, 0], ground.cross_sections(path[-1]).middles[0, 0]
-    if np.hypot(*(end - start)) < SHORTEST_M and found.length_m < SPACING_M:  # on the spot, or out and straight back
+    if np.hypot(*(end - start)) < SHORTEST_M / 2.0 and found.length_m < SPACING_M:  # out and straight back, or nowhere
         return None
     whole = found.moved(start - found.middles[0, 0], end - found.middles[-1, 0]).uncrossed()
     return ConnectorPath(path[0], tuple(path[1:-1]), path[-1], whole, tuple(drawn_m))

@@ -13,8 +13,8 @@ _LONGEST_MITRE = 4.0
 """A mitre may be so many times as long as the offset; sharper corners are cut off."""
 _SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)
 """Inside a turn that is tighter than the lane is wide, the boundary comes nearer to the middle."""
-SHORTEST_M = 0.05
-"""What is shorter has no direction: what leads to such a lane leads to what follows it."""
+SHORTEST_M = 0.1
+"""What is shorter has no direction, and SUMO has no shorter lanes: what leads to such a one leads to what follows it."""
 
 
 def along(points: Floats) -> Floats:
