@@ -14,7 +14,7 @@ _LONGEST_MITRE = 4.0
 _SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)
 """Inside a turn that is tighter than the lane is wide, the boundary comes nearer to the middle."""
 SHORTEST_M = 0.1
-"""What is shorter has no direction, and SUMO has no shorter lanes: what leads to such a one leads to what follows it."""
+"""SUMO's least length of a lane. What is shorter has no direction: what leads to it leads to what follows it."""
 
 
 def along(points: Floats) -> Floats:
