@@ -38,6 +38,7 @@ from interplan_sumo.world.trace import EgoTrack
 RELEASED = {
     "interplan==1": (80, "0babd01f52b400c03b3dcc3e5ffa22c767a6dbe43734be8900eda1d735e0b8af"),
     "common==1": (56, "18f310b3ceca0576247065e5f14b20e38b9b03c40c61cfdecdb5fad9a0e2a177"),
+    "interplan-large==1": (232, "e833da64bfe0e5a0739b228c2d1527831b8eb205c700879847ee260d81fadbda"),
     "llm==1": (24, "98197429ef6eac00a91e308987ec184f102844735b3ee2c7ccb367005be315b9"),
     "smoke==1": (8, "ffbd0c50cab2a8d077e8fadda8af390df95c7fe6826708223a8d58e4b2ae8c50"),
 }
@@ -116,15 +117,15 @@ def test_official_scenarios_are_sound_before_anybody_moves() -> None:
         assert start_problems(scenario, load_roads(scenario.map), with_traffic=False) == [], scenario.id
 
 
-def test_the_large_suite_begins_with_the_eighty_and_has_forty_scenes_of_each_family_on_many_roads() -> None:
+def test_the_large_suite_begins_with_the_eighty_and_each_place_is_a_road_of_its_own() -> None:
     large = find_suite("interplan-large==1").scenarios
     assert large[:80] == find_suite("interplan==1").scenarios
-    assert Counter(scenario.family for scenario in large) == dict.fromkeys(names(ordinary=False), 40)
+    assert Counter(scenario.family for scenario in large) == dict.fromkeys(names(ordinary=False), 29)
     held = read_lock("interplan-large==1").overview
-    assert len({(entry.map, entry.site.partition("@")[0]) for entry in held}) >= 200
+    assert len({(entry.map, entry.site.partition("@")[0]) for entry in held}) == 6 * 29
     solved = Counter(entry.family for entry in held if entry.solved_by)
-    assert min(solved.values()) >= 32
-    assert solved.total() >= 288
+    assert min(solved.values()) >= 0.75 * 29
+    assert solved.total() >= 0.9 * len(held)
 
 
 def test_smaller_suites_have_the_scenarios_locks_and_experts_of_the_benchmark() -> None:
