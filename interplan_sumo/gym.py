@@ -339,12 +339,15 @@ def _picture(loop: Loop, behaviours: Mapping[str, str]) -> NDArray[np.uint8]:
 def _register() -> None:
     """`Scenario-v0`, and an id for each suite and family."""
     made: dict[str, dict[str, Any]] = {"Scenario": {}}
-    made |= {key.partition("==")[0].capitalize(): {"suite": key} for key in suites()}
-    made |= {
-        "".join(map(str.capitalize, name.split("_"))): {"scenarios": f"{name}/*"} for name in names(ordinary=False)
-    }
+    made |= {_title(key.partition("==")[0]): {"suite": key} for key in suites()}
+    made |= {_title(name): {"scenarios": f"{name}/*"} for name in names(ordinary=False)}
     for name, arguments in made.items():
         gymnasium.register(f"interplan_sumo/{name}-v0", "interplan_sumo.gym:ScenarioEnv", kwargs=arguments)
+
+
+def _title(name: str) -> str:
+    """`LaneChangeHtd` of `lane_change_htd`, `InterplanLarge` of `interplan-large`."""
+    return "".join(word.capitalize() for word in name.replace("-", "_").split("_"))
 
 
 _register()
