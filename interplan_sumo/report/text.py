@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 from rich.table import Table as Grid
 from rich.text import Text
 
 from interplan_sumo.batch.records import Row
+
+LEAST_POINTS: Final = 0.1
+"""Smaller differences of scores are none that anybody means."""
 
 
 def grid(titles: Iterable[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,)) -> Grid:
@@ -55,4 +59,6 @@ def p_text(p_value: float) -> str:
 
 def points_text(difference: float) -> str:
     """A difference of scores; none is larger than 100 points."""
+    if difference < LEAST_POINTS:
+        return f"less than {LEAST_POINTS:g}"
     return "more than 100" if difference > 100.0 else f"{difference:.0f}" if difference >= 1.0 else f"{difference:.1g}"

@@ -11,6 +11,7 @@ from rich.console import Console
 from interplan_sumo.report.paper_comparison import published_rows
 from interplan_sumo.report.table import ResultsTable, make_table
 from interplan_sumo.report.table_formats import as_csv, as_json, as_markdown, as_text
+from interplan_sumo.report.text import points_text
 from tests.report.rows import drive, stored
 
 FAMILY_KEYS = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
@@ -226,3 +227,18 @@ def test_csv_has_the_bounds_beside_each_figure() -> None:
     (row, *_) = csv.DictReader(io.StringIO(as_csv(three())))
     assert float(row["nudge_low"]) < float(row["nudge"]) < float(row["nudge_high"])
     assert row["jaywalker_low"] == ""
+
+
+@pytest.mark.parametrize(
+    ("points", "said"),
+    [
+        (1e-5, "less than 0.1"),
+        (0.099, "less than 0.1"),
+        (0.1, "0.1"),
+        (0.44, "0.4"),
+        (7.4, "7"),
+        (100.1, "more than 100"),
+    ],
+)
+def test_a_difference_of_scores_is_told_as_exactly_as_it_matters(points: float, said: str) -> None:
+    assert points_text(points) == said
