@@ -198,6 +198,18 @@ def test_a_larger_suite_begins_with_the_released_one_and_takes_none_of_its_roadb
 
 
 @pytest.mark.slow
+def test_a_suite_goes_on_from_what_there_is_of_it_and_writes_that_again_byte_for_byte(tmp_path: Path) -> None:
+    there = find_suite("interplan-large==1")
+    search = SuiteSearch(there.key, [load_roads(name) for name in maps()], Seed(1), there)
+    begun = {scene.id for scene in there.scenarios}
+    assert begun.isdisjoint(search.seed.id(family, slot.number) for slot in search.missing for family in slot.families)
+    assert sum(len(slot.families) for slot in search.missing) == 320 - len(begun)
+    folders = {folder.name: folder for folder in write_suites(search, tmp_path)}
+    for name in ("scenarios.yaml", "selection.yaml", certificates.FILE):
+        assert (folders["interplan-large-1"] / name).read_bytes() == (there.folder / name).read_bytes()
+
+
+@pytest.mark.slow
 def test_of_a_secret_seed_the_certificates_lie_elsewhere_and_ids_are_its_own(tmp_path: Path) -> None:
     seed = Seed.secret(b"nobody has ever seen this\n")
     assert seed == Seed.secret(b"nobody has ever seen this")
