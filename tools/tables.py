@@ -24,6 +24,7 @@ from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.report.paper_comparison import CELLS, COUNTERPARTS, agreement, published_figure, published_rows
 from interplan_sumo.report.table import PAPER_PROFILE, Cell, Line, ResultsTable, make_table
+from interplan_sumo.report.text import points_text
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 RESULTS: Final = ROOT / "docs/results"
@@ -132,11 +133,12 @@ def _by_family(line: Line) -> list[list[float]]:
 def detectable(drives: Drives) -> list[str]:
     """How large a difference between two planners the table would find."""
     standing = drives.strict.standing
-    least = standing.detectable[standing.column]
+    found = standing.detectable[standing.column]
+    middle, least, greatest = (points_text(each) for each in (found.middle, found.least, found.greatest))
     scenes = drives.strict.lines[0].scenarios
     return [
-        f"The least difference between two planners that {scenes} scenes can detect (80 % power) is {least.middle:.0f} "
-        f"points, of some pairs {least.least:.0f}, of others {least.greatest:.0f}."
+        f"The least difference between two planners that {scenes} scenes can detect (80 % power) is {middle} points, "
+        f"of some pairs {least}, of others {greatest}."
     ]
 
 

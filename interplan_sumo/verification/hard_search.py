@@ -23,6 +23,7 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import UnsuitableError
 from interplan_sumo.verification.hard_judging import HardCandidate, HardVerdict, quick_problems
 from interplan_sumo.verification.quality_diversity import DiverseSearch
+from interplan_sumo.verification.suite_candidates import block_of
 from interplan_sumo.verification.suite_slots import Seed
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
@@ -184,7 +185,7 @@ class HardSearch:
         return all(each.drawn.apart(drawn) >= APART for each in self.taken)
 
     def _block(self, scenario: Scenario) -> str:
-        return scenario.site(self.maps[scenario.map]).partition("@")[0]
+        return block_of(scenario, self.maps[scenario.map])
 
     def _may_be_taken(self, scene: HardScene) -> bool:
         return self._is_another(scene.drawn) and self._must_fail().isdisjoint(scene.verdict.solved_by)

@@ -153,6 +153,8 @@ class _Lattice:
             for free, path in zip(self._open, paths, strict=True):
                 free[:SLOWEST_OVER, path.over[at]] = False
         self._walls = [_counted(path.closed[at]) for path in paths]
+        shape = (self._levels, self._cells)
+        self._walls_before = [_Shifted(np.broadcast_to(walls[:-1], shape)) for walls in self._walls]
         self._swerving = [path.swerving[at] for path in paths]
         self._parted = {
             (p, q): _counted(~corridor.neighbours(p, q)[at])
@@ -161,7 +163,7 @@ class _Lattice:
             if p != q and corridor.neighbours(p, q)[at].any()
         }
         self._aside = self._lanes_to_goal()
-        self._unreached: Floats = np.full((self._levels, self._cells), np.inf)
+        self._unreached: Floats = np.full(shape, np.inf)
         self._costs: dict[tuple[int, int], Floats] = {}
         self._codes: dict[tuple[int, int], NDArray[np.int32]] = {}
         self._changes: list[tuple[int, int, int]] = []  # from which path, seconds, levels per step
@@ -255,8 +257,7 @@ class _Lattice:
             allowed &= ~beyond if step < self._gate.step else beyond
         source = _Shifted(cost, np.inf)
         halfway = _Shifted(self._open[path] & ~self._taken(path, before, before + STEP_FRAMES // 2))
-        walls = self._walls[path]
-        walls_before = _Shifted(np.broadcast_to(walls[:-1], cost.shape))
+        walls, walls_before = self._walls[path], self._walls_before[path]
         farthest = self._farthest_from(path, before)
         hardest = HARDEST
         if step == 0:
