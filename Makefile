@@ -9,6 +9,8 @@ WORKERS ?= 2
 export OPENBLAS_NUM_THREADS = 1
 # Most modules of the libraries are never imported, a tenth of a gigabyte as bytecode; those that are, are compiled then.
 export PIP_COMPILE = 0
+# What the tests pass with; pip alone takes any version that pyproject.toml allows.
+export PIP_CONSTRAINT = $(CURDIR)/constraints.txt
 # Without bytecode on disk every process of pytest rewrites all tests anew.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -37,11 +39,11 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if (3, 11) <= v < (3, 15) else "error: Python %d.%d found, 3.11 to 3.14 needed; name one: make PYTHON=python3.12 ..." % v[:2])'
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.installed: pyproject.toml | $(BIN)/python
+$(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --editable .
 	@touch $@
 
-$(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
+$(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
 	@touch $@ $(VENV)/.installed
 

@@ -112,9 +112,9 @@ class TunedModel:
         with torch.autocast("cpu", self._dtype, enabled=self._dtype != torch.float32):
             trunk = None
             if shared:
-                trunk = self._body(input_ids=torch.tensor([sequences[0][:shared]]), use_cache=True).past_key_values
+                trunk = self._body(input_ids=torch.tensor([sequences[0][:shared]]), use_cache=True).cache
                 trunk.batch_repeat_interleave(len(rows))
-            states = self._body(input_ids=branches, past_key_values=trunk, use_cache=shared > 0).last_hidden_state
+            states = self._body(input_ids=branches, cache=trunk, use_cache=shared > 0).last_hidden_state
         wanted = [states[at, len(row) - n : len(row)] for at, (row, n) in enumerate(zip(rows, counts, strict=True))]
         return self._head(torch.cat(wanted).float())
 
