@@ -8,7 +8,7 @@ states of a cell are few enough to be kept, and many enough to differ.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import count
@@ -21,6 +21,7 @@ from interplan_sumo.endurance.demand import CityFlow, city_demand, lane_kilometr
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.simulation.flow import draw_arrivals
+from interplan_sumo.simulation.light_cycles import LightCycles
 from interplan_sumo.simulation.local_demand import LocalDemand
 from interplan_sumo.simulation.network import SumoNetwork, read_network
 from interplan_sumo.simulation.spawning import Spawn
@@ -48,8 +49,8 @@ class CityState:
 
     spawns: tuple[Spawn, ...]
     """All but those inside junctions."""
-    shown: Mapping[str, str]
-    """What each light shows."""
+    lights: LightCycles
+    """Each at the beginning of the phase that it is in."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,6 @@ def state_of(traffic: SumoTraffic, network: SumoNetwork) -> CityState:
             position_m, speed_mps = sumo.vehicle.getLanePosition(name), max(0.0, sumo.vehicle.getSpeed(name))
             route = agents.routes[name][at:]
             spawns.append(Spawn(lane, position_m, speed_mps, agents.drivers[name], route, drawn=True))
-        shown = {light: sumo.trafficlight.getRedYellowGreenState(light) for light in network.programs}
-    return CityState(
-        tuple(spawns), {light: state for light, state in shown.items() if state in network.programs[light]}
-    )
+        shown = {light: sumo.trafficlight.getRedYellowGreenState(light) for light in network.lights.phases}
+    known = {light: state for light, state in shown.items() if state in network.lights.states(light)}
+    return CityState(tuple(spawns), network.lights.beginning(known))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from interplan_sumo.scenario.route import route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.lane_chains import ego_sumo_route, way_ahead
 from interplan_sumo.simulation.lane_occupancy import LaneOccupancy, Occupant
+from interplan_sumo.simulation.network import opens_freely
 from interplan_sumo.simulation.setup import opaque_ids, shuffled_ids, start_state
 from interplan_sumo.simulation.spawning import Spawn, settled
 from interplan_sumo.simulation.start_speed import start_speed_mps
@@ -48,7 +50,7 @@ def open_trip(
     occupied = LaneOccupancy(network)
     occupied.add(lane, Occupant(front_m, front_m - shape.length_m, speed_mps))
     # Who stands in a queue stands where SUMO has put it, however short the gap: it is none to be left out.
-    kept = settled(network, [replace(each, drawn=False) for each in spawns], occupied, now.shown)
+    kept = settled(network, [replace(each, drawn=False) for each in spawns], occupied, now.lights)
     spawns = [replace(each, drawn=True) for each in kept]
     scenario = replace(scenario, start_speed_mps=round(speed_mps, 2))
     tokens = opaque_ids(len(spawns), rng)
@@ -56,7 +58,7 @@ def open_trip(
     staging = Staging(TripWay(scenario, roads), network, ids, names, shape)
     setup = TrafficSetup(
         network, ids, city.types, start_state(scenario, roads), ego_route, shape, tuple(spawns), tokens,
-        crowd=staging.people, flow=city.flow(rng, names), shown=now.shown, chance_seed=int(rng.integers(2**32)),
+        crowd=staging.people, flow=city.flow(rng, names), lights=now.lights, chance_seed=int(rng.integers(2**32)),
         acts=staging.most_mps, runs_red=staging.runs_red,
     )  # fmt: skip
     return scenario, SumoTraffic(setup), staging
@@ -82,7 +84,7 @@ def _start_speed_mps(
         rear_m = each.position_m - each.driver.length_m
         occupied.add(each.lane, Occupant(each.position_m, rear_m, each.speed_mps, each.driver))
     way = way_ahead(network, lane, ego_route, front_m + LOOK_AHEAD_M)
-    ahead = occupied.ahead_of(way, front_m, lambda link: network.opens_freely(link, state.shown))
+    ahead = occupied.ahead_of(way, front_m, partial(opens_freely, state.lights))
     return start_speed_mps(VehicleType("ego"), ahead) or 0.0
 
 

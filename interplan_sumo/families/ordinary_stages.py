@@ -39,6 +39,8 @@ DRIVERS: Final = "urban"
 LANE_CHANGE_M: Final = (280.0, 240.0, 200.0, 160.0, 120.0)
 """From the start of a lane change at leisure to its goal line: the longest that a place has room for."""
 GOAL_ROOM_M: Final = 8.0
+LIGHT_TIMES_S: Final = (0, 119)
+"""How long lights have run at first, longer than a cycle takes: they are found at any of its phases."""
 LIGHT_TRAFFIC: Final = TrafficDemand("low", DRIVERS, "low")
 CROSSING: Final = {1: 0.5, 2: 0.35, 3: 0.15}
 """How many walk over a crosswalk together,"""
@@ -85,7 +87,7 @@ def cross(
     if crosswalks and draws.happens("people_at_exit", AT_EXIT_SHARE):
         edges = edges_m(roads, roads.lanes[way.to_lane_id], 1.0)
         people = _walkers(way, crosswalks[-1], edges, draws, from_left=draws.happens("from_left", 0.5))
-    return _scenario(id, roads, course, share, TrafficDemand(_some(draws), DRIVERS, "low"), jaywalkers=people)
+    return _scenario(id, roads, draws, course, share, TrafficDemand(_some(draws), DRIVERS, "low"), jaywalkers=people)
 
 
 def _bends(way: Connector, turn: Turn) -> bool:
@@ -117,14 +119,14 @@ def stand_in_queue(id: str, roads: Roads, way: Connector, draws: Draws) -> Scena
         PlacedVehicle(_ahead_of(roads, course.start, 2.6 + 2.0 + 2.5 + i * 7.5), 0.0)
         for i in range(int((room_m - 2.0) // 7.5))
     ]
-    return _scenario(id, roads, course, 0.0, LIGHT_TRAFFIC, vehicles=cars)
+    return _scenario(id, roads, draws, course, 0.0, LIGHT_TRAFFIC, vehicles=cars)
 
 
 def stop_behind(id: str, roads: Roads, way: Connector, draws: Draws) -> Scenario:
     course = _through(roads, way, draws.uniform("distance_m", (60.0, 90.0), 1), 50.0)
     limit_mps = _limit_mps(roads, course.start)
     lead = PlacedVehicle(_ahead_of(roads, course.start, 2.6 + 2.5 + 0.9 * limit_mps), round(0.6 * limit_mps, 1))
-    return _scenario(id, roads, course, 0.6, LIGHT_TRAFFIC, vehicles=[lead])
+    return _scenario(id, roads, draws, course, 0.6, LIGHT_TRAFFIC, vehicles=[lead])
 
 
 def crosswalk_ahead(roads: Roads, lane_id: str, _at_m: float) -> tuple[Connector, float]:
@@ -142,7 +144,7 @@ def wait_for_pedestrian(id: str, roads: Roads, place: tuple[Connector, float], d
     lane = roads.lanes[way.from_lane_id]
     edges = edges_m(roads, lane, lane.centerline.length_m - 1.0)
     people = _walkers(way, crossing_m, edges, draws, from_left=edges[0] < edges[1])  # from afar they come too late
-    return _scenario(id, roads, course, 0.6, LIGHT_TRAFFIC, jaywalkers=people)
+    return _scenario(id, roads, draws, course, 0.6, LIGHT_TRAFFIC, jaywalkers=people)
 
 
 def _walkers(
@@ -245,21 +247,21 @@ def _beside_m(site: Site) -> float:
 
 
 def drive_past(
-    share: float, traffic: TrafficDemand, id: str, roads: Roads, site: Site, _draws: Draws
+    share: float, traffic: TrafficDemand, id: str, roads: Roads, site: Site, draws: Draws
 ) -> Scenario:  # fmt: skip
     """Drives past a site in traffic."""
-    return _scenario(id, roads, _past(site), share, traffic)
+    return _scenario(id, roads, draws, _past(site), share, traffic)
 
 
 def follow(
-    kind: VehicleKind, gap_s: float, share: float, id: str, roads: Roads, site: Site, _draws: Draws
+    kind: VehicleKind, gap_s: float, share: float, id: str, roads: Roads, site: Site, draws: Draws
 ) -> Scenario:  # fmt: skip
     """Follows a leader of a kind, `gap_s` ahead, at `share` of the limit."""
     speed_mps = round(share * site.limit_mps, 1)
     half_m = {"car": 2.5, "truck": 4.5, "bus": 6.5, "motorcycle": 1.2}[kind]
     place = _ahead_of(roads, site.start, 2.6 + half_m + max(4.0, gap_s * speed_mps))
     lead = PlacedVehicle(place, speed_mps, kind)
-    return _scenario(id, roads, _past(site), share, LIGHT_TRAFFIC, vehicles=[lead])
+    return _scenario(id, roads, draws, _past(site), share, LIGHT_TRAFFIC, vehicles=[lead])
 
 
 def pass_parked(id: str, roads: Roads, site: Site, draws: Draws) -> Scenario:
@@ -271,15 +273,15 @@ def pass_parked(id: str, roads: Roads, site: Site, draws: Draws) -> Scenario:
             beside_m = ahead_m + draws.uniform("bystander_ahead_m", (-2.0, 2.0))
             beside = site.place(beside_m, across_m + draws.uniform("bystander_aside_m", PAVEMENT_M))
             standing.append(Obstacle(beside, "person", draws.uniform("bystander_turned_rad", (-3.0, 3.0))))
-    return _scenario(id, roads, _past(site), 0.8, LIGHT_TRAFFIC, obstacles=standing)
+    return _scenario(id, roads, draws, _past(site), 0.8, LIGHT_TRAFFIC, obstacles=standing)
 
 
-def change_lane(id: str, roads: Roads, site: Site, _draws: Draws) -> Scenario:
+def change_lane(id: str, roads: Roads, site: Site, draws: Draws) -> Scenario:
     index = site.beside_start.index(site.start.lane)
     start = site.beside_start[index - 1 if index else 1]
     arc_m = min(site.start.arc_m, round(roads[start].centerline.length_m - 1.0, 2))
     start = LanePosition(start, arc_m)
-    return _scenario(id, roads, Course(start, site.goal, site.route), 0.7, LIGHT_TRAFFIC)
+    return _scenario(id, roads, draws, Course(start, site.goal, site.route), 0.7, LIGHT_TRAFFIC)
 
 
 # --- through the town --------------------------------------------------------------------------
@@ -306,7 +308,7 @@ def trip_through_town(id: str, roads: Roads, start: LanePosition, draws: Draws) 
     begin_m = roads[here].centerline.length_m - room_m
     goal = _beside(roads, LanePosition(here, round(begin_m + max(left_m, IN_LANE_M), CENTIMETRES)), begin_m, draws)
     course = Course(start, goal, roads.route_through((*chain, goal.lane)))
-    return _scenario(id, roads, course, share, TrafficDemand(_some(draws), DRIVERS, _some(draws)))
+    return _scenario(id, roads, draws, course, share, TrafficDemand(_some(draws), DRIVERS, _some(draws)))
 
 
 def _way_on(roads: Roads, lane_id: str, room_m: float, draws: Draws) -> Connector:
@@ -344,7 +346,7 @@ def _past(site: Site) -> Course:
 
 
 def _scenario(
-    id: str, roads: Roads, course: Course, share: float, traffic: TrafficDemand, *,
+    id: str, roads: Roads, draws: Draws, course: Course, share: float, traffic: TrafficDemand, *,
     vehicles: Sequence[PlacedVehicle] = (), obstacles: Sequence[Obstacle] = (), jaywalkers: Sequence[Jaywalker] = (),
 ) -> Scenario:  # fmt: skip
     return Scenario(
@@ -359,6 +361,7 @@ def _scenario(
         obstacles=tuple(obstacles),
         jaywalkers=tuple(jaywalkers),
         vehicles=tuple(vehicles),
+        light_time_s=float(draws.whole("light_time_s", LIGHT_TIMES_S)),
     )
 
 

@@ -40,7 +40,7 @@ LARGEST_GAP_M: dict[str, float] = {"rare": 900.0, "sparse": 400.0, "low": 100.0,
 uniform from 10 m up to these."""
 SMALLEST_GAP_M = 10.0
 SITE_BIN_M = 10.0
-ADDED_LATER = frozenset({"replayed", "lights", "past", "perception"})
+ADDED_LATER = frozenset({"replayed", "lights", "past", "perception", "light_time_s"})
 """Fields of Scenario that came after suites had been frozen: a scenario without them keeps the hash that it had."""
 
 
@@ -200,6 +200,8 @@ class Scenario:
     """Recorded road users that move whatever the ego does. They are all the traffic there is, then."""
     lights: tuple[LoggedLight, ...] = ()
     """Recorded traffic lights, one entry per connector; lights of the map without any keep SUMO's program."""
+    light_time_s: float = 0.0
+    """How long the programs of the map's lights have run when it starts."""
     perception: str = "full"
     """What the planner sees: `full`, or some of `PERCEPTIONS` joined by `+`."""
     past: EgoPast | None = None
@@ -219,6 +221,8 @@ class Scenario:
             raise ScenarioError(f"{self.id}: {error}") from None
         if not np.isfinite(self.start_speed_mps) or self.start_speed_mps < 0:
             raise ScenarioError(f"{self.id}: start_speed_mps is {self.start_speed_mps}, expected 0 or more")
+        if not np.isfinite(self.light_time_s) or self.light_time_s < 0:
+            raise ScenarioError(f"{self.id}: light_time_s is {self.light_time_s}, expected 0 or more")
         if not self.route:
             raise ScenarioError(f"{self.id}: route is empty, expected the roadblock ids from start to goal")
         for i, obstacle in enumerate(self.obstacles):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from interplan_sumo.errors import TrafficError
 from interplan_sumo.scenario.recorded_parts import LoggedLight
+from interplan_sumo.simulation.light_cycles import LightCycles
 from interplan_sumo.world.signals import Signals, SignalStatus
 
 _STATUS = {"G": SignalStatus.GREEN, "g": SignalStatus.GREEN, "y": SignalStatus.YELLOW, "Y": SignalStatus.YELLOW,
@@ -49,20 +50,19 @@ class Lights:
         return shown
 
     def imposed(
-        self, wanted: Mapping[str, SignalStatus], states: Mapping[str, str], programs: Mapping[str, Iterable[str]]
+        self, wanted: Mapping[str, SignalStatus], states: Mapping[str, str], cycles: LightCycles
     ) -> dict[str, str]:
         """The state strings with `wanted` in them, per light that it concerns; TrafficError for unknown connectors.
 
-        `programs` are the states of each light's own program: a connector that never
-        has priority there must yield under an imposed green, too. A light of
-        unknown status is off: its connectors yield.
+        A connector that never has priority in its light's own cycle must yield under
+        an imposed green, too. A light of unknown status is off: its connectors yield.
         """
         changed: dict[str, str] = {}
         for connector, status in wanted.items():
             if connector not in self._links:
                 raise TrafficError(f"no traffic light controls connector {connector!r}")
             light, index = self._links[connector]
-            letter = _LETTER.get(status) or ("G" if any(state[index] == "G" for state in programs[light]) else "g")
+            letter = _LETTER.get(status) or ("G" if any(state[index] == "G" for state in cycles.states(light)) else "g")
             state = changed.get(light, states[light])
             changed[light] = state[:index] + letter + state[index + 1 :]
         return changed

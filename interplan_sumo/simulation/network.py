@@ -7,10 +7,9 @@ network that ends inside a tag would crash the whole process.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from interplan_sumo.errors import MapError
 from interplan_sumo.maps.network import NetworkIds, SumoPiece
 from interplan_sumo.maps.network_file import FileLane, NetworkFile, read_network_file
 from interplan_sumo.simulation.lane_polygons import ClipArea, ConvexPart, RectangleIndex, Ring, convex_parts_between
+from interplan_sumo.simulation.light_cycles import NO_LIGHTS, LightCycles
 from interplan_sumo.simulation.plain_polyline import PlainPolyline
 from interplan_sumo.world.geometry import Floats, Polyline
 
@@ -34,8 +34,6 @@ HALF_FOOTPRINT_M = 1.15
 NOWHERE_M = 50.0
 MOST_ROUTES = 256
 """So many routes' lanes are kept."""
-SOON_S = 2.5
-"""A light that switches within this time is none to drive towards as if it stayed green."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,10 +151,8 @@ class SumoNetwork:
     """Normal edges: lanes by index."""
     links: Mapping[str, tuple[NetworkLink, ...]]
     """Ways on from each normal lane."""
-    programs: Mapping[str, tuple[str, ...]]
-    """State strings of each traffic light's program, from time 0 on."""
-    first_phase_s: Mapping[str, float] = field(default_factory=dict[str, float])
-    """How long the first of them lasts."""
+    lights: LightCycles = NO_LIGHTS
+    """From time 0 on."""
 
     @cached_property
     def pieces(self) -> tuple[tuple[LanePiece, ...], shapely.STRtree]:
@@ -278,19 +274,10 @@ class SumoNetwork:
     def _lanes_on(self) -> dict[tuple[str, ...], frozenset[str]]:
         return {}
 
-    @cached_property
-    def first_state(self) -> Mapping[str, str]:
-        """State string of each traffic light's program at time 0."""
-        return {light: states[0] for light, states in self.programs.items()}
 
-    def opens_freely(self, link: NetworkLink, shown: Mapping[str, str]) -> bool:
-        """Whether a car may drive through at time 0 without yielding; `shown` are lights that differ from programs."""
-        if link.light is None:
-            return link.major
-        light, index = link.light
-        if light in shown:
-            return shown[light][index] == "G"
-        return self.first_state[light][index] == "G" and self.first_phase_s.get(light, inf) > SOON_S
+def opens_freely(lights: LightCycles, link: NetworkLink) -> bool:
+    """Whether a car may drive through without yielding as these lights begin."""
+    return link.major if link.light is None else lights.stay_green(*link.light)
 
 
 def plain_ids(network: SumoNetwork) -> NetworkIds:
@@ -335,35 +322,13 @@ def _network(file: NetworkFile) -> SumoNetwork:
             if end not in lanes:
                 raise ValueError(f"a connection names lane {end}, which does not exist")
         links[link.from_lane].append(link)
-    programs: dict[str, tuple[str, ...]] = {}
-    first_phase_s: dict[str, float] = {}
-    for program in file.programs:
-        if not program.phases:
-            raise ValueError(f"traffic light {program.id} has no phase")
-        found = _from_time_0(program.phases, program.offset_s)  # of several SUMO runs the last
-        programs[program.id], first_phase_s[program.id] = found
     return SumoNetwork(
         path=file.path,
         lanes=lanes,
         edges={edge: tuple(members) for edge, members in file.edges.items()},
         links={lane: tuple(found) for lane, found in links.items()},
-        programs=programs,
-        first_phase_s=first_phase_s,
+        lights=LightCycles.of(file.programs),
     )
-
-
-def _from_time_0(phases: Sequence[tuple[float, str]], offset_s: float) -> tuple[tuple[str, ...], float]:
-    """The states of a program in the order in which they come, and how long the first one lasts.
-
-    SUMO begins it `offset_s` after time 0.
-    """
-    left_s = -offset_s % sum(duration_s for duration_s, _ in phases)
-    states = [state for _, state in phases]
-    for first, (duration_s, _) in enumerate(phases):
-        if left_s < duration_s:
-            return (*states[first:], *states[:first]), duration_s - left_s
-        left_s -= duration_s
-    return tuple(states), phases[0][0]
 
 
 def _lane(lane: FileLane, line: Floats) -> NetworkLane:

@@ -97,7 +97,7 @@ def open_sumo_traffic(
     setup = TrafficSetup(
         network, ids, types, start_state(scenario, roads), population.ego_route, shape, spawns, names, standing,
         blocked, crowd=crowd, flow=flow, presence=presence,
-        logged=LoggedLights.on(scenario.lights, ids.links) if scenario.lights else None, shown=population.shown,
+        logged=LoggedLights.on(scenario.lights, ids.links) if scenario.lights else None, lights=population.lights,
         chance_seed=int(rng.integers(2**32)),
         heights_m=standing_heights_m(scenario, tokens[: len(scenario.obstacles)]),
     )  # fmt: skip

@@ -7,7 +7,7 @@ them room. At the end all look ahead along their own routes: those that are too 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -27,10 +27,11 @@ from interplan_sumo.simulation.lane_chains import (
 )
 from interplan_sumo.simulation.lane_occupancy import AHEAD_M as LOOK_AHEAD_M
 from interplan_sumo.simulation.lane_occupancy import CAR_LENGTH_M, LaneOccupancy, Occupant
+from interplan_sumo.simulation.light_cycles import LightCycles
 from interplan_sumo.simulation.local_demand import LEAST_ROAD_M, LocalDemand, agent_route, local_demand
-from interplan_sumo.simulation.network import NetworkLane, NetworkLink, SumoNetwork
+from interplan_sumo.simulation.network import NetworkLane, SumoNetwork, opens_freely
 from interplan_sumo.simulation.obstacles import LaneBlockage
-from interplan_sumo.simulation.passed_light import passed_light
+from interplan_sumo.simulation.passed_light import with_passed_light
 from interplan_sumo.simulation.slow_vehicles import slow_vehicle
 from interplan_sumo.simulation.start_speed import LINE_M, StartAhead, hardest_mps2, safe, start_speed_mps
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
@@ -96,8 +97,8 @@ class Population:
     demand: LocalDemand
     ego_route: tuple[str, ...]
     """SUMO edges."""
-    shown: Mapping[str, str]
-    """States of lights that begin otherwise than their programs do."""
+    lights: LightCycles
+    """How they go on from the start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,12 +184,14 @@ def populate(
     lane, fraction = staged.ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
     centre_m = fraction * network.lanes[lane].length_m
     front_m = centre_m + staged.shape.length_m / 2.0
-    shown = passed_light(network, lane, centre_m) if not scenario.lights else {}
+    lights = network.lights.later(scenario.light_time_s)
+    if not scenario.lights:
+        lights = with_passed_light(network, lights, lane, centre_m)
     occupied.add(lane, Occupant(front_m, front_m - staged.shape.length_m, scenario.start_speed_mps))
     if wanted.density != "none" or wanted.oncoming != "none":
         spawns += _on_side_roads(staged, demand, (ego_x - origin[0], ego_y - origin[1]), used, occupied, spawns, rng)
-    spawns = settled(network, spawns, occupied, shown)
-    return Population(tuple(spawns), demand, ego_route, shown)
+    spawns = settled(network, spawns, occupied, lights)
+    return Population(tuple(spawns), demand, ego_route, lights)
 
 
 def _edges(chains: Sequence[_PlannedChain], of: Sequence[str]) -> set[str]:
@@ -358,15 +361,13 @@ def _within(lane: NetworkLane, ego_m: tuple[float, float], reach_m: float) -> tu
     return lane.position_of(float(line.arc_m[near[0]])), lane.position_of(float(line.arc_m[near[-1]]))
 
 
-def settled(
-    network: SumoNetwork, spawns: Sequence[Spawn], occupied: LaneOccupancy, shown: Mapping[str, str]
-) -> list[Spawn]:
+def settled(network: SumoNetwork, spawns: Sequence[Spawn], occupied: LaneOccupancy, lights: LightCycles) -> list[Spawn]:
     """All at speeds that suit what lies ahead on their routes: connectors, lights, junctions, leaders, the ego.
 
     Those placed keep theirs where it suits, even beyond the limit; those drawn are left out if standing is not safe.
     """
-    opens = partial(network.opens_freely, shown=shown)
-    spawns = [_up_to_the_line(network, each, opens) if each.drawn else each for each in spawns]
+    opens = partial(opens_freely, lights)
+    spawns = [_up_to_the_line(network, each, lights) if each.drawn else each for each in spawns]
     ways = [way_ahead(network, each.lane, each.route, each.position_m + LOOK_AHEAD_M) for each in spawns]
     speeds: list[float | None] = [each.speed_mps for each in spawns]
     for _ in range(MOST_LOOKS):
@@ -388,13 +389,13 @@ def settled(
     return [replace(each, speed_mps=mps) for each, mps in zip(spawns, speeds, strict=True) if mps is not None]
 
 
-def _up_to_the_line(network: SumoNetwork, each: Spawn, opens: Callable[[NetworkLink], bool]) -> Spawn:
+def _up_to_the_line(network: SumoNetwork, each: Spawn, lights: LightCycles) -> Spawn:
     """One that starts near the end of its lane, from where it may not drive on, where SUMO's cars stop there."""
     room_m = network.lanes[each.lane].length_m - each.position_m
     (here, *_) = way_ahead(network, each.lane, each.route, 0.0)
-    if not LINE_M < room_m < CREEP_M or here.link is None or opens(here.link):
+    if not LINE_M < room_m < CREEP_M or here.link is None or opens_freely(lights, here.link):
         return each
     light = here.link.light
-    green = light is not None and network.first_state[light[0]][light[1]] == "G"
+    green = light is not None and lights.shown[light[0]][light[1]] == "G"
     line_m = KERB_M if light is None else SWITCHING_LINE_M if green else LINE_M
     return replace(each, position_m=each.position_m + room_m - line_m)

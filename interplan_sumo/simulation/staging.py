@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from interplan_sumo.simulation.ego_proxy import NO_LANE_CHANGE
+from interplan_sumo.simulation.light_cycles import LightCycles
 from interplan_sumo.simulation.network import SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage
 from interplan_sumo.simulation.sumo import Commanding, sumo
@@ -29,11 +30,13 @@ def block_lanes(network: SumoNetwork, blocked: Iterable[LaneBlockage]) -> None:
             sumo.vehicle.setLaneChangeMode(name, NO_LANE_CHANGE)
 
 
-def switch_lights(shown: Mapping[str, str]) -> None:
-    """Let lights begin with the phases of their programs that have some states."""
-    lights = sumo.trafficlight
+def switch_lights(programs: LightCycles, wanted: LightCycles) -> None:
+    """Let lights go on as wanted where their programs begin otherwise."""
     with Commanding("switching lights"):
-        for light, state in shown.items():
-            now = lights.getProgram(light)
-            (program,) = (each for each in lights.getAllProgramLogics(light) if each.programID == now)
-            lights.setPhase(light, [phase.state for phase in program.phases].index(state))
+        for light, phases in wanted.phases.items():
+            if phases == programs.phases[light]:
+                continue
+            first = phases[0]
+            sumo.trafficlight.setPhase(light, first.index)
+            if phases[-1].index == first.index:  # it has begun before
+                sumo.trafficlight.setPhaseDuration(light, first.duration_s)

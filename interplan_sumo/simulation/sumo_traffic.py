@@ -22,8 +22,9 @@ from interplan_sumo.simulation.first_seconds import FirstSeconds
 from interplan_sumo.simulation.flow import Inflow, OnTheRoad
 from interplan_sumo.simulation.lane_posts import LanePosts
 from interplan_sumo.simulation.late_for_light import LateForLight
+from interplan_sumo.simulation.light_cycles import SOON_S, LightCycles
 from interplan_sumo.simulation.lights import Lights, LoggedLights
-from interplan_sumo.simulation.network import SOON_S, NetworkLink, SumoNetwork
+from interplan_sumo.simulation.network import NetworkLink, SumoNetwork
 from interplan_sumo.simulation.obstacles import LaneBlockage, blocked_by
 from interplan_sumo.simulation.pedestrians import People, WayAhead
 from interplan_sumo.simulation.slow_vehicles import ELEMENTS as SLOW
@@ -79,8 +80,8 @@ class TrafficSetup:
     presence: EgoPresence = EgoPresence.DRIVES
     logged: LoggedLights | None = None
     """Lights that show what was recorded."""
-    shown: Mapping[str, str] = field(default_factory=dict[str, str])
-    """States in which lights begin, where those are not the first ones of their programs."""
+    lights: LightCycles | None = None
+    """How lights go on from the start, where that is not from the beginning of their programs."""
     chance_seed: int = 0
     """For what agents decide by chance."""
     heights_m: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -139,7 +140,8 @@ class SumoTraffic:
             for token, each in zip(setup.tokens, setup.spawns, strict=True):
                 self._add(token, each)
             block_lanes(network, setup.blocked)
-            switch_lights(setup.shown)
+            if setup.lights is not None:
+                switch_lights(network.lights, setup.lights)
             if setup.presence is EgoPresence.DRIVES:
                 self._proxy = EgoProxy(network, ids.origin_m, setup.shape, setup.ego_route, setup.ego)
             self.advance()
@@ -249,7 +251,7 @@ class SumoTraffic:
         with Commanding("imposing signals"):
             concerned = {self._ids.links[each][0] for each in wanted if each in self._ids.links}
             states = {light: lights.getRedYellowGreenState(light) for light in concerned}
-            for light, state in self._lights.imposed(wanted, states, self._network.programs).items():
+            for light, state in self._lights.imposed(wanted, states, self._network.lights).items():
                 lights.setRedYellowGreenState(light, state)
         self._signals = None
         self._late_for_light.notice_switch()

@@ -5,23 +5,21 @@ Lights do not depend on who drives, so that this is known before anybody does.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf
 from typing import Final
 
 import numpy as np
 
-from interplan_sumo.maps.store import load_roads
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.maps.store import find_map
 from interplan_sumo.scenario.nominal_drive import nominal_drive, reaches_goal
 from interplan_sumo.scenario.route import route_centerline, route_lanes
-from interplan_sumo.scenario.scenario import Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.episode import DT_S
-from interplan_sumo.simulation.setup import start_state
-from interplan_sumo.verification.replay import replay
+from interplan_sumo.simulation.network import read_network
+from interplan_sumo.simulation.passed_light import with_passed_light
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.roads import Connector, Roads
-from interplan_sumo.world.signals import Signals, SignalStatus
-from interplan_sumo.world.trace import EgoTrack
 
 DELAYS_S: Final = (5.0, 10.0)
 """Who comes to the lights so much later than on an empty road is still in time: nobody fails for a second."""
@@ -55,9 +53,7 @@ def green_too_soon(scenario: Scenario, roads: Roads) -> list[str]:
         lead = scenario.vehicles[0]
         left_m = roads[lead.place.lane].centerline.length_m - lead.place.arc_m
         from_s, to_s = (max(left_m / lead.speed_mps + each_s, 0.0) for each_s in RED_FOR_LEADER_S)
-    shown = _signals(scenario)[int(from_s / DT_S) : int(to_s / DT_S) + 1]
-    states = [dict(zip(now.connector_ids, now.status, strict=True)).get(light.id) for now in shown]
-    if all(state == SignalStatus.RED for state in states):
+    if set(_shown(scenario, light)[int(from_s / DT_S) : int(to_s / DT_S) + 1]) <= set("rus"):
         return []
     return [f"light {light.id} is not red from {from_s:.1f} to {to_s:.1f} s: nobody stops for it"]
 
@@ -84,7 +80,7 @@ def time_to_goal_s(scenario: Scenario, roads: Roads, late_s: float = 0.0) -> flo
         if len(at_line) == 0 or arc_m[0] >= begins_m:
             continue
         arrives_s = late_s + DT_S * int(at_line[0])
-        opens_s = _green_from_s(scenario, connector.id, arrives_s)
+        opens_s = _green_from_s(_shown(scenario, connector), arrives_s)
         if opens_s == inf:
             return inf
         if opens_s > arrives_s:
@@ -92,28 +88,17 @@ def time_to_goal_s(scenario: Scenario, roads: Roads, late_s: float = 0.0) -> flo
     return float(track.time_us[-1]) * 1e-6 + late_s
 
 
-def _green_from_s(scenario: Scenario, connector: str, from_s: float) -> float:
+def _green_from_s(shown: str, from_s: float) -> float:
     """When a light is green first, from a time on."""
-    shown = _signals(scenario)
-    for frame in range(int(from_s / DT_S), len(shown)):
-        now = shown[frame]
-        if connector not in now.connector_ids:
-            return from_s
-        if now.status[now.connector_ids.index(connector)] == SignalStatus.GREEN:
-            return max(from_s, frame * DT_S)
-    return inf
+    return next((max(from_s, i * DT_S) for i in range(int(from_s / DT_S), len(shown)) if shown[i] in "Gg"), inf)
 
 
-_SHOWN: Final[dict[tuple[str, float], tuple[Signals, ...]]] = {}
-
-
-def _signals(scenario: Scenario) -> tuple[Signals, ...]:
-    """What the lights of a map show, step by step; the first time this opens SUMO, with nobody on the roads."""
-    key = (scenario.map, scenario.duration_s)
-    if key not in _SHOWN:
-        roads = load_roads(scenario.map, scenario.maps_beside)
-        nobody = {"traffic": TrafficDemand(), "vehicles": (), "obstacles": (), "jaywalkers": (), "occluder": None}
-        bare = replace(scenario, start_speed_mps=0.0, **nobody)
-        standing = [start_state(bare, roads)] * round(scenario.duration_s / DT_S)
-        _SHOWN[key] = replay(bare, EgoTrack.of(standing)).signals
-    return _SHOWN[key]
+def _shown(scenario: Scenario, connector: Connector) -> str:
+    """SUMO's letter for a connector in each step, where lights of the map switch by their programs alone."""
+    files = find_map(scenario.map, scenario.maps_beside)
+    network, ids = read_network(files.network), NetworkIds.read(files.ids)
+    lane, fraction = ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
+    lights = network.lights.later(scenario.light_time_s)
+    lights = with_passed_light(network, lights, lane, fraction * network.lanes[lane].length_m)
+    light, index = ids.links[connector.id]
+    return "".join(lights.at(light, i * DT_S)[index] for i in range(round(scenario.duration_s / DT_S)))

@@ -64,7 +64,7 @@ def roads_hash(roads: Roads) -> str:
 def network_hash(map_name: str) -> str:
     """Over the SUMO lanes' shapes to the centimetre, lengths and limits, and the lights' first states."""
     network = read_network(find_map(map_name).network)
-    lines = [f"{name} {state}".encode() for name, state in sorted(network.first_state.items())]
+    lines = [f"{name} {state}".encode() for name, state in sorted(network.lights.shown.items())]
     for lane in sorted(network.lanes.values(), key=lambda lane: lane.id):
         lines.append(f"{lane.id} {lane.length_m:.2f} {lane.width_m:.2f} {lane.limit_mps:.2f}".encode())
         lines.append(np.round(lane.line.points * 100.0).astype("<i8").tobytes())

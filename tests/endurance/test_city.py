@@ -25,7 +25,9 @@ def test_an_empty_city_fills_and_stays_filled() -> None:
         assert len(traffic.agents.names) >= 0.9 * CITY.vehicles
         state = state_of(traffic, CITY.network)
     assert 0.6 * CITY.vehicles <= len(state.spawns) <= CITY.vehicles
-    assert state.shown.keys() <= CITY.network.programs.keys()
+    programs = CITY.network.lights
+    assert state.lights.phases.keys() == programs.phases.keys()
+    assert all(set(state.lights.states(light)) == set(programs.states(light)) for light in programs.phases)
     for each in state.spawns:
         assert each.route[0] == CITY.network.lanes[each.lane].edge
         assert not CITY.network.lanes[each.lane].internal

@@ -67,7 +67,7 @@ def test_a_lane_off_the_route_holds_the_anchor_if_it_is_nearer_by_more_than_five
         "on_0": Polyline(np.array([[0.0, apart_m], [99.0, apart_m]])),
     }
     lanes = {name: NetworkLane(name, name[:-2], 0, line, 99.0, 3.5, 13.9, False) for name, line in lines.items()}
-    network = SumoNetwork(Path("none"), lanes, {name[:-2]: (name,) for name in lanes}, dict.fromkeys(lanes, ()), {})
+    network = SumoNetwork(Path("none"), lanes, {name[:-2]: (name,) for name in lanes}, dict.fromkeys(lanes, ()))
     found = find_anchor(network, (50.0, -3.0), 0.0, None, ("on",))
     assert found is not None
     assert found.lane == lane

@@ -37,7 +37,7 @@ def lane(points: np.ndarray, width_m: float, name: str = "l_0") -> NetworkLane:
 
 
 def network(*lanes: NetworkLane) -> SumoNetwork:
-    return SumoNetwork(Path("none"), {each.id: each for each in lanes}, {}, {}, {})
+    return SumoNetwork(Path("none"), {each.id: each for each in lanes}, {}, {})
 
 
 def overlaps(where: SumoNetwork, box: Ring) -> dict[str, tuple[float, float, float]]:
@@ -158,7 +158,7 @@ def test_overlaps_on_the_shipped_maps_are_shapelys(name: str) -> None:
         piece = pieces[int(rng.integers(len(pieces)))]
         area = box_beside(piece.line, rng.uniform(), rng.uniform(-4.0, 4.0), rng.normal(0.0, 0.5))
         near = [pieces[i].lane for i in tree.query(shapely.Polygon(area))]
-        here = SumoNetwork(where.path, {each.id: each for each in near}, {}, {}, {})
+        here = SumoNetwork(where.path, {each.id: each for each in near}, {}, {})
         assert {k: v[0] for k, v in overlaps(where, area).items()} == pytest.approx(
             {k: v[0] for k, v in overlaps(here, area).items()}
         )

@@ -32,7 +32,7 @@ def turn() -> SumoNetwork:
     bend = np.stack((AHEAD_M + RADIUS_M * np.sin(angle), RADIUS_M * (1.0 - np.cos(angle))), axis=1)
     line = Polyline(np.concatenate(([(0.0, 0.0)], bend)))
     lane = NetworkLane("l_0", "l", 0, line, line.length_m, 3.5, 13.9, internal=False)
-    return SumoNetwork(Path("none"), {lane.id: lane}, {}, {}, {})
+    return SumoNetwork(Path("none"), {lane.id: lane}, {}, {})
 
 
 def in_the_turn(driver: VehicleType, angle_rad: float, turned_rad: float) -> tuple[Place, float]:

@@ -181,7 +181,7 @@ def test_where_a_lane_leads_to_several_the_corridor_is_the_one_that_the_agent_me
     choice: tuple[str, ...], taken: str
 ) -> None:
     ways = {**NETWORK.links, "e0_0": tuple(NetworkLink("e0_0", to, (), "s", True, None) for to in ("e1_0", "e1_1"))}
-    forked = SumoNetwork(Path("none"), NETWORK.lanes, NETWORK.edges, ways, {})
+    forked = SumoNetwork(Path("none"), NETWORK.lanes, NETWORK.edges, ways)
     assert list(corridor(forked, "e0_0", EASTWARD, lambda: choice)) == ["e0_0", taken]
 
 
@@ -189,7 +189,7 @@ def test_the_corridor_reaches_150_m_beyond_the_own_lane() -> None:
     lines = [Polyline(np.array([[10.0 * i, 0.0], [10.0 * (i + 1), 0.0]])) for i in range(30)]
     lanes = [NetworkLane(f"e{i}_0", f"e{i}", 0, line, 10.0, 3.5, 13.9, internal=False) for i, line in enumerate(lines)]
     links = {a.id: (NetworkLink(a.id, b.id, (), "s", True, None),) for a, b in pairwise(lanes)}
-    road = SumoNetwork(Path("none"), {each.id: each for each in lanes}, {}, {**links, "e29_0": ()}, {})
+    road = SumoNetwork(Path("none"), {each.id: each for each in lanes}, {}, {**links, "e29_0": ()})
     ahead = corridor(road, "e0_0", tuple(each.edge for each in lanes))
     assert max(ahead.values()) == 150.0  # the lane that begins at 160 m is no longer ahead
 

@@ -59,7 +59,7 @@ def must_yield(network: SumoNetwork, first: NetworkLink, second: NetworkLink) ->
     """Whether `second` must let `first` pass, by sign or while both show green."""
     if first.light is None or second.light is None:
         return first.light is second.light is None and first.major and not second.major
-    states = network.programs[first.light[0]]
+    states = network.lights.states(first.light[0])
     mine, other = first.light[1], second.light[1]
     return any((s[mine], s[other]) == ("G", "g") for s in states) and all(s[other] != "G" for s in states)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -16,7 +15,8 @@ from interplan_sumo.scenario.suite import find_scenario
 from interplan_sumo.simulation import spawning
 from interplan_sumo.simulation.lane_chains import ChainedLane, chain_through, continued_route
 from interplan_sumo.simulation.lane_occupancy import LaneOccupancy, Occupant
-from interplan_sumo.simulation.network import SOON_S, read_network
+from interplan_sumo.simulation.light_cycles import SOON_S
+from interplan_sumo.simulation.network import opens_freely, read_network
 from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.simulation.spawning import SWITCHING_LINE_M, Spawn
 from interplan_sumo.simulation.start_speed import StartAhead, start_speed_mps
@@ -157,15 +157,16 @@ def test_nobody_brakes_hard_because_of_how_it_started(name: str, behaviour: str)
 def test_one_that_starts_at_a_green_light_about_to_switch_has_room_to_stop_again(
     lasts_s: float, before_m: float
 ) -> None:
-    whole = read_network(find_map("one_north").network)
+    network = read_network(find_map("one_north").network)
     link = next(
         link
-        for ways in whole.links.values()
+        for ways in network.links.values()
         for link in ways
-        if link.light is not None and whole.first_state[link.light[0]][link.light[1]] == "G"
+        if link.light is not None and opens_freely(network.lights, link)
     )
-    network = replace(whole, first_phase_s={link.light[0]: lasts_s}) if link.light is not None else whole
+    assert link.light is not None
+    lights = network.lights.later(network.lights.phases[link.light[0]][0].duration_s - lasts_s)
     lane = network.lanes[link.from_lane]
     starts = Spawn(lane.id, lane.length_m - 1.6, 0.0, DRIVER, (lane.edge, network.lanes[link.to_lane].edge))
-    placed = spawning._up_to_the_line(network, starts, partial(network.opens_freely, shown={}))
+    placed = spawning._up_to_the_line(network, starts, lights)
     assert lane.length_m - placed.position_m == pytest.approx(before_m)

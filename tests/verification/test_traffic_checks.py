@@ -141,4 +141,4 @@ def test_the_spawner_knows_the_lights_as_they_are_when_sumo_starts(name: str) ->
         }
     finally:
         libsumo.close()
-    assert shown == dict(network.first_state)
+    assert shown == network.lights.shown
