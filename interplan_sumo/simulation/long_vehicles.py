@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from interplan_sumo.simulation.agent_kinematics import FRONT_AXLE, LONG_M, REAR_AXLE, bodies, rolled_rad
 from interplan_sumo.simulation.agent_registry import AgentSnapshot
 from interplan_sumo.simulation.network import SumoNetwork
-from interplan_sumo.simulation.plain_polyline import PlainPolyline
 from interplan_sumo.simulation.vehicle_types import VehicleType
 from interplan_sumo.world.ego import EgoShape, EgoState
-from interplan_sumo.world.geometry import Floats, wrap_angle
+from interplan_sumo.world.geometry import Floats, Polyline, wrap_angle
 
 TURNING_RAD = 0.08
 """A body turned this far from its lane is in a turn, or soon will be."""
@@ -33,6 +32,8 @@ SLOWEST_MPS = 1.0
 """Who stands is taken to set out with this speed."""
 REACH_M = 20.0
 """Nobody farther than this from the swept area is met."""
+TOUCH_M = 0.01
+"""For the rounding of sums."""
 
 Corridors = Callable[[AgentSnapshot, Sequence[str]], list[tuple[str, dict[str, float]]]]
 """The lane that each of these agents is on, and the lanes that it will drive on with the distance to their starts."""
@@ -51,12 +52,15 @@ class LongVehicles:
         self._origin = origin_m
         self._names: Sequence[str] = ()
         self._rows: list[int] = []
+        self._sizes_m: Floats = np.empty(0)
 
     def waiting(self, snapshot: AgentSnapshot, ego: EgoState, corridors: Corridors) -> list[int]:
         """Rows of the long vehicles that must brake now to touch nobody."""
         if self._names is not snapshot.names:
             self._names = snapshot.names
             self._rows = [row for row, name in enumerate(self._names) if self._drivers[name].length_m > LONG_M]
+            drivers = [self._drivers[name] for name in self._names]
+            self._sizes_m = np.array([driver.length_m + driver.width_m for driver in drivers])
         if not self._rows:
             return []
         found: dict[int, set[int]] = {}
@@ -75,7 +79,7 @@ class LongVehicles:
         names = [self._names[row] for row in rows]
         found: list[_Way | None] = []
         for (lane, ahead), at_m in zip(corridors(snapshot, names), snapshot.positions_m(names), strict=True):
-            lines = [(start_m, self._network.lanes[name].plain_line) for name, start_m in ahead.items()]
+            lines = [(start_m, self._network.lanes[name].line) for name, start_m in ahead.items()]
             found.append(_Way(lines, self._network.lanes[lane].arc_of(at_m)) if lane else None)
         return found
 
@@ -107,8 +111,10 @@ class LongVehicles:
         here = np.array([[snapshot.front_x[row], snapshot.front_y[row], snapshot.heading_rad[row]]])
         mine = bodies(np.concatenate((here, sweep)), me.length_m, me.width_m)
         reach_m = STEP_M * len(sweep) / 2.0 + REACH_M
-        away_m = np.hypot(snapshot.front_x - x, snapshot.front_y - y) - snapshot.speed_mps * at_s[-1]
-        rows = [other for other in np.flatnonzero(away_m < reach_m).tolist() if other != row]
+        driven_m = snapshot.speed_mps * at_s[-1]
+        away_m = np.hypot(snapshot.front_x - x, snapshot.front_y - y) - driven_m
+        within = (away_m < reach_m) & (self._gaps_m(snapshot, mine) < driven_m + TOUCH_M)
+        rows = [other for other in np.flatnonzero(within).tolist() if other != row]
         found: set[int] = set()
         for other, way in zip(rows, self._ways(snapshot, rows, corridors), strict=True):
             driver = self._drivers[snapshot.names[other]]
@@ -125,11 +131,18 @@ class LongVehicles:
             found.add(-1)
         return found
 
+    def _gaps_m(self, snapshot: AgentSnapshot, boxes: NDArray[np.object_]) -> Floats:
+        """(N,) how far from the upright rectangle around some boxes an agent is at least."""
+        low_x, low_y, high_x, high_y = shapely.total_bounds(boxes)
+        off_x = np.maximum(np.maximum(low_x - snapshot.front_x, snapshot.front_x - high_x), 0.0)
+        off_y = np.maximum(np.maximum(low_y - snapshot.front_y, snapshot.front_y - high_y), 0.0)
+        return np.hypot(off_x, off_y) - self._sizes_m
+
 
 class _Way:
     """Lanes one after the other, from a place on the first of them on."""
 
-    def __init__(self, lines: list[tuple[float, PlainPolyline]], arc_m: float) -> None:
+    def __init__(self, lines: list[tuple[float, Polyline]], arc_m: float) -> None:
         """`lines` come with the distances to their starts, `arc_m` is where on the first of them it begins."""
         self._lines = lines
         self._arc_m = arc_m
@@ -137,17 +150,34 @@ class _Way:
     def turns(self, heading_rad: float, way_m: float) -> bool:
         """Whether it leaves a heading within so many metres."""
         near = [line for start_m, line in self._lines if start_m < self._arc_m + way_m]
-        return any(abs(wrap_angle(rad - heading_rad)) >= TURNING_RAD for line in near for rad in line.heading_rad)
+        return any((np.abs(wrap_angle(line.segment_heading_rad - heading_rad)) >= TURNING_RAD).any() for line in near)
 
     def poses(self, along_m: Floats) -> Floats:
         """(M, 3) x, y, heading at (M,) distances; behind its end it goes straight on."""
-        found: list[tuple[float, float, float]] = []
-        for at_m in (self._arc_m + along_m).tolist():
-            start_m, line = next((each for each in reversed(self._lines) if each[0] <= at_m), self._lines[0])
-            there = line.pose_at(at_m - start_m)
-            beyond_m, heading = max(0.0, at_m - start_m - line.length_m), there.heading_rad
-            found.append((there.x_m + beyond_m * cos(heading), there.y_m + beyond_m * sin(heading), heading))
-        return np.array(found)
+        at_m = self._arc_m + along_m
+        starts_m = np.array([start_m for start_m, _ in self._lines])
+        rows = np.maximum(starts_m.searchsorted(at_m, side="right") - 1, 0)
+        found = np.empty((len(at_m), 3))
+        for row, (start_m, line) in enumerate(self._lines):
+            mine = rows == row
+            if mine.any():
+                found[mine] = _poses(line, at_m[mine] - start_m)
+        return found
+
+
+def _poses(line: Polyline, arc_m: Floats) -> Floats:
+    """(M, 3) x, y, heading at (M,) arc lengths; behind the end of the line it goes straight on."""
+    at_m = np.clip(arc_m, 0.0, line.length_m)
+    i = np.clip(line.arc_m.searchsorted(at_m, side="right") - 1, 0, len(line.points) - 2)
+    share = (at_m - line.arc_m[i]) / (line.arc_m[i + 1] - line.arc_m[i])
+    first, last = line.vertex_heading_rad[i], line.vertex_heading_rad[i + 1]
+    heading = wrap_angle(first + share * (last - first))
+    xy = line.points[i] + share[:, None] * (line.points[i + 1] - line.points[i])
+    poses = np.column_stack((xy, heading))
+    for row in np.flatnonzero(arc_m > line.length_m).tolist():
+        beyond_m, rad = arc_m[row] - line.length_m, float(heading[row])
+        poses[row, :2] += (beyond_m * cos(rad), beyond_m * sin(rad))
+    return poses
 
 
 def _meet(mine: NDArray[np.object_], theirs: NDArray[np.object_]) -> bool:
