@@ -44,6 +44,8 @@ CELL: Final = (330, 104)
 """Pixels of one scenario on a sheet."""
 CELL_TITLE: Final = 17
 COLUMNS: Final = 10
+OF_ONE_FAMILY: Final = 4
+"""Columns of a sheet that needs no row for each family."""
 LEGEND_ENTRY: Final = (230, 26)
 """Pixels that one of the words below a sheet may take."""
 
@@ -96,14 +98,15 @@ def render_scenario(scenario: Scenario, roads: Roads, path: str | PathLike[str])
 
 
 def contact_sheet(scenarios: Iterable[Scenario], path: str | PathLike[str]) -> None:
-    """Draw many scenarios small, one row per family, each turned so that the route runs from left to right.
+    """Draw many scenarios small, rows of their own for each family, each turned so that the route runs from left to right.
 
     Raises as `render_scenario` does. Opens SUMO once for each that has traffic.
     """
     rows: dict[str, list[Scenario]] = {}
     for scenario in scenarios:
         rows.setdefault(scenario.family, []).append(scenario)
-    cells = [(family, part) for family, many in rows.items() for part in _pieces(many, COLUMNS)]
+    columns = COLUMNS if len(rows) > 1 else OF_ONE_FAMILY
+    cells = [(family, part) for family, many in rows.items() for part in _pieces(many, columns)]
     if not cells:
         raise InputError("there are no scenarios to draw")
     staged = {scenario.id: _opened(scenario) for _, part in cells for scenario in part}

@@ -96,8 +96,10 @@ def test_a_sheet_has_a_row_per_family_and_as_many_columns_as_its_largest(tmp_pat
     rows = 2 * (picture.CELL[1] + picture.CELL_TITLE + picture.GAP) + picture.GAP
     assert height > rows + picture.FOOT  # words that do not fit side by side stand below each other
     bare = replace(CROSSED, obstacles=(), occluder=None, jaywalkers=())
-    contact_sheet([replace(bare, id=f"mine/{i}") for i in range(picture.COLUMNS + 1)], tmp_path / "many.png")
-    assert pixels(tmp_path / "many.png").shape[0] == rows + picture.FOOT
+    contact_sheet([replace(bare, id=f"mine/{i}") for i in range(picture.OF_ONE_FAMILY + 1)], tmp_path / "many.png")
+    height, width, _ = pixels(tmp_path / "many.png").shape  # of one family: wrapped, no row of all
+    assert width == picture.OF_ONE_FAMILY * (picture.CELL[0] + picture.GAP) + picture.GAP
+    assert rows + picture.FOOT <= height < rows + 2 * picture.FOOT
 
 
 def test_the_words_below_a_small_sheet_are_not_cut_off(tmp_path: Path) -> None:
