@@ -78,7 +78,7 @@ def test_there_is_an_id_for_everything_each_suite_and_each_family() -> None:
     for name in ("Scenario", "Smoke", "Common", "InterplanLarge", "Llm", "LaneChangeHtd"):
         env = gymnasium.make(f"interplan_sumo/{name}-v0")
         sizes[name] = len(env.unwrapped.scenarios)  # type: ignore[attr-defined]
-    assert sizes == {"Scenario": 80, "Smoke": 8, "Common": 56, "InterplanLarge": 320, "Llm": 24, "LaneChangeHtd": 10}
+    assert sizes == {"Scenario": 80, "Smoke": 8, "Common": 140, "InterplanLarge": 320, "Llm": 24, "LaneChangeHtd": 10}
 
 
 def test_equal_seeds_begin_and_go_on_equally_and_others_draw_other_scenes() -> None:

@@ -53,10 +53,14 @@ class Drives:
         return make_table([self.run])
 
     @cached_property
-    def by_paper(self) -> ResultsTable:
+    def judged_by_paper(self) -> StoredRun:
         rows = {key: _judged_by_paper(self.run.rows[key]) for key in self.run.keys}
         manifest = msgspec.structs.replace(self.run.manifest, profile=PAPER_PROFILE)
-        return make_table([StoredRun(self.run.path, manifest, rows)])
+        return StoredRun(self.run.path, manifest, rows)
+
+    @cached_property
+    def by_paper(self) -> ResultsTable:
+        return make_table([self.judged_by_paper])
 
 
 def _judged_by_paper(row: Row) -> Row:
@@ -78,10 +82,8 @@ def planners(drives: Drives) -> list[str]:
     titles = ("planner", "interPlan", "done %", "unsafe %", "by paper", *_titles(drives.strict))
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
     for line in _sorted(drives.strict):
-        low, high = line.cells["interplan"].interval or (0.0, 100.0)
-        total = f"{_text(line.cells['interplan'])} [{low:.0f}, {high:.0f}]"
         rest = ("done_share", "unsafe_share", "paper_score", *FAMILIES)
-        lines.append(" | ".join((f"`{line.planner}`", total, *(_text(line.cells[key]) for key in rest))))
+        lines.append(" | ".join((f"`{line.planner}`", _total(line), *(_text(line.cells[key]) for key in rest))))
     return lines
 
 
@@ -96,6 +98,32 @@ def paper(drives: Drives) -> list[str]:
             cells = (f"{_text(line.cells[key])} ({published_figure(row, key)})" for key in ("interplan", *CELLS))
             lines.append(" | ".join((f"`{line.planner}`", *cells)))
     return lines
+
+
+def ordinary(drives: Drives) -> list[str]:
+    """All planners in ordinary driving: strict, by the paper, and published on Val14."""
+    published = {COUNTERPARTS[str(row["planner"])]: row for row in published_rows() if row["planner"] in COUNTERPARTS}
+    lines = ["planner | strict | done % | unsafe % | by paper | published, Val14", "---|---|---|---|---|---"]
+    for line in _sorted(drives.strict):
+        val14 = published_figure(published[line.planner], "ordinary") if line.planner in published else "-"
+        rest = (*(_text(line.cells[key]) for key in ("done_share", "unsafe_share", "paper_score")), val14)
+        lines.append(" | ".join((f"`{line.planner}`", _total(line), *rest)))
+    return lines
+
+
+def ordinary_order(drives: Drives) -> list[str]:
+    """Whether the planners of both tables come in the same order, in a sentence."""
+    published = {
+        COUNTERPARTS[str(row["planner"])]: row["ordinary"] for row in published_rows() if row["planner"] in COUNTERPARTS
+    }
+    lines = {line.planner: line for line in drives.by_paper.lines}
+    both = [name for name in published if name in lines]
+    ours = rankdata([lines[name].cells["interplan"].value or 0.0 for name in both])
+    theirs = rankdata(np.array([published[name] for name in both], dtype=np.float64))
+    rank = float(np.corrcoef(ours, theirs)[0, 1])
+    return [
+        f"Against the paper's figures for Val14, {len(both)} planners in both: rank correlation {rank:.2f} (Spearman)."
+    ]
 
 
 def near_paper(drives: Drives) -> list[str]:
@@ -142,7 +170,7 @@ def detectable(drives: Drives) -> list[str]:
     ]
 
 
-SMALL, LARGE = "interplan==1", "interplan-large==1"
+SMALL, LARGE, ORDINARY = "interplan==1", "interplan-large==1", "common==1"
 TABLES: Final[Mapping[str, tuple[str, Callable[[Drives], list[str]]]]] = {
     "short": (SMALL, short),
     "planners": (SMALL, planners),
@@ -151,6 +179,8 @@ TABLES: Final[Mapping[str, tuple[str, Callable[[Drives], list[str]]]]] = {
     "near_paper": (SMALL, near_paper),
     "large": (LARGE, planners),
     "large_detectable": (LARGE, detectable),
+    "ordinary": (ORDINARY, ordinary),
+    "ordinary_order": (ORDINARY, ordinary_order),
 }
 """What each is made of: the drives of which suite, and how."""
 PAGES: Final = ("README.md", "docs/benchmark.md")
@@ -163,7 +193,7 @@ def folder_of(suite: str) -> Path:
 
 def stored() -> dict[str, Drives]:
     """The kept drives by suite."""
-    return {suite: Drives(read_run(folder_of(suite))) for suite in (SMALL, LARGE)}
+    return {suite: Drives(read_run(folder_of(suite))) for suite in (SMALL, LARGE, ORDINARY)}
 
 
 def _titles(table: ResultsTable) -> list[str]:
@@ -173,6 +203,11 @@ def _titles(table: ResultsTable) -> list[str]:
 
 def _sorted(table: ResultsTable) -> list[Line]:
     return sorted(table.lines, key=lambda line: -(line.cells["interplan"].value or 0.0))
+
+
+def _total(line: Line) -> str:
+    low, high = line.cells["interplan"].interval or (0.0, 100.0)
+    return f"{_text(line.cells['interplan'])} [{low:.0f}, {high:.0f}]"
 
 
 def _text(cell: Cell) -> str:

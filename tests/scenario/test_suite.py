@@ -37,7 +37,7 @@ from interplan_sumo.world.trace import EgoTrack
 
 RELEASED = {
     "interplan==1": (80, "0babd01f52b400c03b3dcc3e5ffa22c767a6dbe43734be8900eda1d735e0b8af"),
-    "common==1": (56, "18f310b3ceca0576247065e5f14b20e38b9b03c40c61cfdecdb5fad9a0e2a177"),
+    "common==1": (140, "9d25bf926c8a70c8141ca5ce941a6def017c5720f6ffef45ca31148bdb2fb6a4"),
     "interplan-large==1": (320, "26854b319ac14ba798db88b8562d79977d70f010aee88ef6869f193264ad50b7"),
     "llm==1": (24, "98197429ef6eac00a91e308987ec184f102844735b3ee2c7ccb367005be315b9"),
     "smoke==1": (8, "ffbd0c50cab2a8d077e8fadda8af390df95c7fe6826708223a8d58e4b2ae8c50"),
