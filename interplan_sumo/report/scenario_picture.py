@@ -44,6 +44,8 @@ CELL: Final = (330, 104)
 """Pixels of one scenario on a sheet."""
 CELL_TITLE: Final = 17
 COLUMNS: Final = 10
+TITLE_LETTERS: Final = 52
+"""Letters that have room above a scenario of a sheet."""
 OF_ONE_FAMILY: Final = 4
 """Columns of a sheet that needs no row for each family."""
 LEGEND_ENTRY: Final = (230, 26)
@@ -137,14 +139,17 @@ def _opened(scenario: Scenario) -> tuple[Roads, StagedTraffic]:
 
 
 def _about(scenario: Scenario) -> str:
-    """The words above a scenario of a sheet, beside its id."""
+    """The words above a scenario of a sheet, as many as have room beside its id."""
     demand = scenario.traffic
-    return ", ".join((
+    words = [
         *([] if scenario.id.startswith(f"{Path(scenario.map).name}.") else [scenario.map]),
         demand.density,
         *([f"oncoming {demand.oncoming}"] if demand.oncoming != "none" else ()),
-        *(["open"] if _is_open(scenario) else ()),
-    ))  # fmt: skip
+    ]
+    last = ["open"] if _is_open(scenario) else []
+    while words and len(scenario.id) + len(", ".join((*words, *last))) > TITLE_LETTERS:
+        words.pop()
+    return ", ".join((*words, *last))
 
 
 # --- what a view shows ---------------------------------------------------------------------------

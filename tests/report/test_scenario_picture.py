@@ -102,6 +102,16 @@ def test_a_sheet_has_a_row_per_family_and_as_many_columns_as_its_largest(tmp_pat
     assert rows + picture.FOOT <= height < rows + 2 * picture.FOOT
 
 
+def test_above_a_scenario_there_are_as_many_words_as_have_room_beside_its_id() -> None:
+    busy = replace(BUSY, traffic=replace(BUSY.traffic, oncoming="low"))
+    short = picture._about(replace(busy, id="a/0"))
+    assert short == f"{busy.map}, {busy.traffic.density}, oncoming low"
+    room = picture.TITLE_LETTERS - len(short)
+    assert picture._about(replace(busy, id="a" * room)) == short
+    assert picture._about(replace(busy, id="a" * (room + 1))) == f"{busy.map}, {busy.traffic.density}"
+    assert picture._about(replace(busy, id="a" * picture.TITLE_LETTERS)) == ""
+
+
 def test_the_words_below_a_small_sheet_are_not_cut_off(tmp_path: Path) -> None:
     contact_sheet([BUSY], tmp_path / "sheet.png")
     below = pixels(tmp_path / "sheet.png")[-picture.FOOT :]
