@@ -100,7 +100,7 @@ def render_scenario(scenario: Scenario, roads: Roads, path: str | PathLike[str])
 
 
 def contact_sheet(scenarios: Iterable[Scenario], path: str | PathLike[str]) -> None:
-    """Draw many scenarios small, rows of their own for each family, each turned so that the route runs from left to right.
+    """Draw many scenarios small, rows of their own for each family; each route runs from left to right.
 
     Raises as `render_scenario` does. Opens SUMO once for each that has traffic.
     """

@@ -18,6 +18,8 @@ from interplan_sumo.errors import MapError
 _GZIP_MAGIC = b"\x1f\x8b"
 LONGEST_PIECE_BYTES = 2**20
 """What may lie between two "<": the parser reads an unfinished tag anew with each chunk, at a quadratic cost."""
+QUOTED = 60
+"""So many letters of what a damaged file holds are quoted."""
 DEEPEST = 100
 """Elements within elements; no format has more than a dozen, and SUMO's own readers slow down with their square."""
 
@@ -37,7 +39,7 @@ def elements(path: Path, *roots: str) -> Generator[Element]:
             if top is None:
                 if local_name(element.tag) not in roots:
                     expected = " or ".join(f"<{root}>" for root in roots)
-                    name = local_name(element.tag)[:40]
+                    name = local_name(element.tag)[:QUOTED]
                     raise MapError(f"{path}: its root is <{name}>, expected {expected}; give such a file")
                 top = element
                 yield element
@@ -70,7 +72,7 @@ def _damage_named(path: Path) -> Generator[None]:
         what = "declares a document type or entities, which are refused"
         raise MapError(f"{path}: {what}; save it again without them") from error
     except (ParseError, EOFError, zlib.error, gzip.BadGzipFile, UnicodeError, LookupError, ValueError) as error:
-        raise MapError(f"{path}: the file is damaged ({error}); copy or download it again") from error
+        raise MapError(f"{path}: the file is damaged ({str(error)[:QUOTED]}); copy or download it again") from error
     except OSError as error:
         raise MapError(f"{path}: the file cannot be read ({error})") from error
 

@@ -41,6 +41,14 @@ def test_elements_within_elements_are_read_to_a_depth_that_no_format_needs(tmp_p
         list(elements(path, "net"))
 
 
+def test_what_a_damaged_file_holds_does_not_fill_pages(tmp_path: Path) -> None:
+    path = tmp_path / "a.xml"
+    path.write_text(f'<?xml version="1.0" encoding="UTF-{"7" * 5000}"?><net/>')
+    with pytest.raises(MapError, match=r"a\.xml: the file is damaged \(unknown encoding: UTF-7+\); copy") as error:
+        list(elements(path, "net"))
+    assert len(str(error.value)) < len(str(path)) + 150
+
+
 def test_the_root_of_what_has_none_is_none(tmp_path: Path) -> None:
     assert root_of(written(tmp_path, "")) == "net"
     (tmp_path / "a.xml").write_text("<" + "n" * 2 * LONGEST_PIECE_BYTES)
