@@ -186,8 +186,14 @@ def grid_city(plan: GridPlan = GridPlan(), name: str = "grid") -> Roads:
     nodes = [np.array((i, j), dtype=np.float64) for j in range(plan.rows) for i in range(plan.columns)]
     inner, length_m = plan.lanes * WIDTH_M + KERB_M, plan.spacing_m - 2 * (plan.lanes * WIDTH_M + KERB_M)
     outside = -1.0 if plan.side == "right" else 1.0  # the sign of a lateral offset, left positive, towards the kerb
-    edges = [(a, b, nodes[b] - nodes[a]) for a in range(len(nodes)) for b in range(len(nodes))]
-    edges = [(a, b, along) for a, b, along in edges if abs(along).sum() == 1.0]
+    around = (-plan.columns, -1, 1, plan.columns)
+    edges = [
+        (a, a + step, nodes[a + step] - nodes[a])
+        for a in range(len(nodes))
+        for step in around
+        if 0 <= a + step < len(nodes)
+    ]
+    edges = [(a, b, along) for a, b, along in edges if abs(along).sum() == 1.0]  # no end of a row is beside the next
     roadways = [(along, nodes[a] * plan.spacing_m + along * inner) for a, _, along in edges]
     leaving: dict[int, list[tuple[int, Floats]]] = defaultdict(list)
     for k, (node, _, along) in enumerate(edges):
