@@ -17,6 +17,8 @@ from interplan_sumo.world.roads import Area, Connector, Lane, LaneLike, Roadbloc
 
 MAX_OVERLAP_M = 0.01
 """Lanes drawn with separate vertices along a shared curve overlap by millimetres; nobody drives there."""
+MANY_VERTICES, PLAINER_M = 2000, 0.001
+"""Polygons of more are held against each other without those that matter by less."""
 MAX_SPACING_M = 1.5
 """Vertices of a centre line: planners take headings from the nearest one. Written files keep to 1 m."""
 MAX_ID = 2**53
@@ -190,9 +192,19 @@ def overlapping(shapes: NDArray[np.object_]) -> list[tuple[int, int, float]]:
         return []
     one, other = shapely.STRtree(shapes[rows]).query(shapes[rows], predicate="intersects")
     one, other = rows[one[one < other]], rows[other[one < other]]
-    common = shapely.intersection(shapes[one], shapes[other])
+    plain = _plainer(shapes)
+    common = shapely.intersection(plain[one], plain[other])
     around = shapely.length(common)
     # A sliver of length l and width w has the area l w and the perimeter 2 l.
     width = 2.0 * shapely.area(common) / np.where(around > 0.0, around, 1.0)
     found = np.flatnonzero(width > MAX_OVERLAP_M)
     return [(int(one[k]), int(other[k]), float(width[k])) for k in found]
+
+
+def _plainer(shapes: NDArray[np.object_]) -> NDArray[np.object_]:
+    """Polygons without the vertices that long ones hardly need: two lanes of 8 km on the same ground take a second."""
+    many = shapely.get_num_coordinates(shapes) > MANY_VERTICES
+    simpler = shapely.simplify(shapes[many], PLAINER_M)
+    plain = shapes.copy()
+    plain[many] = np.where(shapely.is_valid(simpler), simpler, shapes[many])
+    return plain

@@ -186,7 +186,7 @@ def grid_city(plan: GridPlan = GridPlan(), name: str = "grid") -> Roads:
     nodes = [np.array((i, j), dtype=np.float64) for j in range(plan.rows) for i in range(plan.columns)]
     inner, length_m = plan.lanes * WIDTH_M + KERB_M, plan.spacing_m - 2 * (plan.lanes * WIDTH_M + KERB_M)
     outside = -1.0 if plan.side == "right" else 1.0  # the sign of a lateral offset, left positive, towards the kerb
-    around = (-plan.columns, -1, 1, plan.columns)
+    around = sorted({-plan.columns, -1, 1, plan.columns})
     edges = [
         (a, a + step, nodes[a + step] - nodes[a])
         for a in range(len(nodes))
