@@ -17,11 +17,10 @@ from matplotlib.figure import Figure
 
 from interplan_sumo.families.lane_change import dead_end
 from interplan_sumo.maps.store import load_roads
-from interplan_sumo.scenario.certificates import FILE, read_certificates
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline, start_arc_m
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import lane_width_m
-from interplan_sumo.scenario.suite import find_suite
+from interplan_sumo.scenario.suite import expert, find_suite
 from interplan_sumo.verification.replay import replay
 from interplan_sumo.verification.surrounding_traffic import surrounding_traffic
 from interplan_sumo.world.ego import PACIFICA
@@ -44,12 +43,10 @@ def main() -> None:
     parser.add_argument("suite", help="NAME==VERSION, with certificates")
     parser.add_argument("--out", type=Path, required=True, help="a picture, .png")
     given = parser.parse_args()
-    suite = find_suite(given.suite)
-    certificates = read_certificates(suite.folder / FILE)
     numbers: dict[str, list[float]] = defaultdict(list)
-    for scenario in suite.scenarios:
+    for scenario in find_suite(given.suite).scenarios:
         roads = load_roads(scenario.map, scenario.maps_beside)
-        trace = replay(scenario, certificates[scenario.id].track)
+        trace = replay(scenario, expert(scenario))
         for name, value in (*_of_scene(scenario, roads), *_of_drive(trace)):
             numbers[name].append(value)
     print("| | n | " + " | ".join(f"p{100 * q:.0f}" for q in QUANTILES) + " |")

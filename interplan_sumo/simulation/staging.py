@@ -33,8 +33,9 @@ def block_lanes(network: SumoNetwork, blocked: Iterable[LaneBlockage]) -> None:
 def switch_lights(programs: LightCycles, wanted: LightCycles) -> None:
     """Let lights go on as wanted where their programs begin otherwise."""
     with Commanding("switching lights"):
-        for light, phases in wanted.phases.items():
-            if phases == programs.phases[light]:
+        for light in sumo.trafficlight.getIDList():
+            phases = wanted.phases.get(light, ())
+            if phases == programs.phases.get(light, ()):
                 continue
             first = phases[0]
             sumo.trafficlight.setPhase(light, first.index)
