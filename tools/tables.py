@@ -22,7 +22,14 @@ from scipy.stats import rankdata
 
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
-from interplan_sumo.report.paper_comparison import CELLS, COUNTERPARTS, agreement, published_figure, published_rows
+from interplan_sumo.report.paper_comparison import (
+    CELLS,
+    COUNTERPARTS,
+    PUBLISHED_COLUMNS,
+    agreement,
+    published_figure,
+    published_rows,
+)
 from interplan_sumo.report.table import PAPER_PROFILE, Cell, Line, ResultsTable, make_table
 from interplan_sumo.report.text import points_text
 
@@ -126,6 +133,20 @@ def ordinary_order(drives: Drives) -> list[str]:
     ]
 
 
+def learned(rare: Drives, ordinary: Drives) -> list[str]:
+    """Both suites by the paper's profile, ours above the published row of the same method."""
+    table = make_table([rare.judged_by_paper, ordinary.judged_by_paper])
+    titles = {column.key: column.title for column in table.columns}
+    keys = PUBLISHED_COLUMNS
+    published = {COUNTERPARTS[str(row["planner"])]: row for row in published_rows() if row["planner"] in COUNTERPARTS}
+    lines = [" | ".join(("planner", *(titles[key] for key in keys))), "---|" * len(keys) + "---"]
+    for line in _sorted(table):
+        lines.append(" | ".join((f"`{line.planner}`", *(_text(line.cells[key]) for key in keys))))
+        if row := published.get(line.planner):
+            lines.append(" | ".join((f"{row['planner']} (paper)", *(published_figure(row, key) for key in keys))))
+    return lines
+
+
 def near_paper(drives: Drives) -> list[str]:
     """How near that is, in a sentence."""
     near, published = agreement(drives.by_paper), {str(row["planner"]): row for row in published_rows()}
@@ -171,19 +192,20 @@ def detectable(drives: Drives) -> list[str]:
 
 
 SMALL, LARGE, ORDINARY = "interplan==1", "interplan-large==1", "common==1"
-TABLES: Final[Mapping[str, tuple[str, Callable[[Drives], list[str]]]]] = {
-    "short": (SMALL, short),
-    "planners": (SMALL, planners),
-    "detectable": (SMALL, detectable),
-    "paper": (SMALL, paper),
-    "near_paper": (SMALL, near_paper),
-    "large": (LARGE, planners),
-    "large_detectable": (LARGE, detectable),
-    "ordinary": (ORDINARY, ordinary),
-    "ordinary_order": (ORDINARY, ordinary_order),
+TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = {
+    "short": (short, (SMALL,)),
+    "planners": (planners, (SMALL,)),
+    "detectable": (detectable, (SMALL,)),
+    "paper": (paper, (SMALL,)),
+    "near_paper": (near_paper, (SMALL,)),
+    "large": (planners, (LARGE,)),
+    "large_detectable": (detectable, (LARGE,)),
+    "ordinary": (ordinary, (ORDINARY,)),
+    "ordinary_order": (ordinary_order, (ORDINARY,)),
+    "learned": (learned, (SMALL, ORDINARY)),
 }
-"""What each is made of: the drives of which suite, and how."""
-PAGES: Final = ("README.md", "docs/benchmark.md")
+"""How each is made, and of the drives of which suites."""
+PAGES: Final = ("README.md", "docs/benchmark.md", "docs/learned_planners.md")
 
 
 def folder_of(suite: str) -> Path:
@@ -219,8 +241,8 @@ def written(page: str, drives: Mapping[str, Drives]) -> str:
 
     def made(found: re.Match[str]) -> str:
         name = found[1]
-        suite, of = TABLES[name]
-        lines = of(drives[suite])
+        of, suites = TABLES[name]
+        lines = of(*(drives[suite] for suite in suites))
         body = [f"| {line} |" if " | " in line else f"|{line}|" for line in lines] if len(lines) > 1 else lines
         return "\n".join((f"<!-- table: {name} -->", *body, "<!-- end of table -->", ""))
 

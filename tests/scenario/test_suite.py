@@ -111,12 +111,19 @@ def test_official_scenarios_are_sound_before_anybody_moves() -> None:
 def test_the_large_suite_begins_with_the_eighty_and_each_place_is_a_road_of_its_own() -> None:
     large = find_suite("interplan-large==1").scenarios
     assert large[:80] == find_suite("interplan==1").scenarios
-    assert Counter(scenario.family for scenario in large) == dict.fromkeys(names(ordinary=False), 29)
+    assert Counter(scenario.family for scenario in large) == dict.fromkeys(names(ordinary=False), 40)
     held = read_lock("interplan-large==1").overview
-    assert len({(entry.map, entry.site.partition("@")[0]) for entry in held}) == 6 * 29
+    assert len({(entry.map, entry.site.partition("@")[0]) for entry in held}) == 6 * 40
     solved = Counter(entry.family for entry in held if entry.solved_by)
-    assert min(solved.values()) >= 0.75 * 29
+    assert min(solved.values()) >= 0.8 * 40
     assert solved.total() >= 0.9 * len(held)
+
+
+def test_ordinary_driving_has_ten_scenes_of_each_type_with_lights_anywhere_in_their_cycle() -> None:
+    common = find_suite("common==1").scenarios
+    assert Counter(scenario.family for scenario in common) == dict.fromkeys(names(ordinary=True), 10)
+    assert len({scenario.light_time_s for scenario in common}) > 70
+    assert sum(1 for entry in read_lock("common==1").overview if entry.solved_by) >= 0.9 * len(common)
 
 
 def test_smaller_suites_have_the_scenarios_locks_and_experts_of_the_benchmark() -> None:
