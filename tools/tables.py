@@ -42,6 +42,8 @@ NAMES: Final[Mapping[str, str]] = {
 }  # fmt: skip
 SHORT: Final = ("foresight", "idm_mobil", "pdm_closed", "gameformer", "idm", "idm_mobil?published=true", "dtpp")
 """Whom README shows: one of each kind."""
+DRIVEN: Final = "ordinary"
+"""The column of ordinary driving."""
 GOAL_LANE: Final = "lane_changes"
 KEPT: Final = ("goal",)
 """Of its details: whether the drive ended in the goal lane."""
@@ -96,7 +98,7 @@ def planners(drives: Drives) -> list[str]:
 
 def paper(drives: Drives) -> list[str]:
     """Ours by the paper's profile, and the published figures of the same methods in brackets."""
-    published = {COUNTERPARTS[str(row["planner"])]: row for row in published_rows() if row["planner"] in COUNTERPARTS}
+    published = _published()
     titles = (f"by `{PAPER_PROFILE}`, ours (published)", "total", *_titles(drives.by_paper))
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
     for line in _sorted(drives.by_paper):
@@ -108,29 +110,33 @@ def paper(drives: Drives) -> list[str]:
 
 
 def ordinary(drives: Drives) -> list[str]:
-    """All planners in ordinary driving: strict, by the paper, and published on Val14."""
-    published = {COUNTERPARTS[str(row["planner"])]: row for row in published_rows() if row["planner"] in COUNTERPARTS}
-    lines = ["planner | strict | done % | unsafe % | by paper | published, Val14", "---|---|---|---|---|---"]
-    for line in _sorted(drives.strict):
-        val14 = published_figure(published[line.planner], "ordinary") if line.planner in published else "-"
-        rest = (*(_text(line.cells[key]) for key in ("done_share", "unsafe_share", "paper_score")), val14)
-        lines.append(" | ".join((f"`{line.planner}`", _total(line), *rest)))
+    """All planners in ordinary driving: strict, by the paper, and what the paper has for Val14."""
+    published, by_paper = _published(), {line.planner: line for line in drives.by_paper.lines}
+    lines = ["planner | strict | by paper | published, Val14", "---|---|---|---"]
+    for line in sorted(drives.strict.lines, key=lambda line: -(line.cells[DRIVEN].value or 0.0)):
+        val14 = published_figure(published[line.planner], DRIVEN) if line.planner in published else "-"
+        judged = _text(by_paper[line.planner].cells[DRIVEN])
+        lines.append(" | ".join((f"`{line.planner}`", _total(line, DRIVEN), judged, val14)))
     return lines
 
 
 def ordinary_order(drives: Drives) -> list[str]:
     """Whether the planners of both tables come in the same order, in a sentence."""
-    published = {
-        COUNTERPARTS[str(row["planner"])]: row["ordinary"] for row in published_rows() if row["planner"] in COUNTERPARTS
-    }
-    lines = {line.planner: line for line in drives.by_paper.lines}
+    published, lines = _published(), {line.planner: line for line in drives.by_paper.lines}
     both = [name for name in published if name in lines]
-    ours = rankdata([lines[name].cells["interplan"].value or 0.0 for name in both])
-    theirs = rankdata(np.array([published[name] for name in both], dtype=np.float64))
-    rank = float(np.corrcoef(ours, theirs)[0, 1])
+    ours = np.array([lines[name].cells[DRIVEN].value for name in both], dtype=np.float64)
+    theirs = np.array([published[name][DRIVEN] for name in both], dtype=np.float64)
+    rank = float(np.corrcoef(rankdata(ours), rankdata(theirs))[0, 1])
+    apart = float(np.abs(ours - theirs).mean())
     return [
-        f"Against the paper's figures for Val14, {len(both)} planners in both: rank correlation {rank:.2f} (Spearman)."
+        f"Against the paper's figures for Val14, {len(both)} planners in both: rank correlation {rank:.2f} (Spearman), "
+        f"{apart:.0f} points apart on average."
     ]
+
+
+def _published() -> dict[str, dict[str, str | float | None]]:
+    """The paper's rows by the name of our planner of the same method."""
+    return {COUNTERPARTS[str(row["planner"])]: row for row in published_rows() if row["planner"] in COUNTERPARTS}
 
 
 def learned(rare: Drives, ordinary: Drives) -> list[str]:
@@ -138,7 +144,7 @@ def learned(rare: Drives, ordinary: Drives) -> list[str]:
     table = make_table([rare.judged_by_paper, ordinary.judged_by_paper])
     titles = {column.key: column.title for column in table.columns}
     keys = PUBLISHED_COLUMNS
-    published = {COUNTERPARTS[str(row["planner"])]: row for row in published_rows() if row["planner"] in COUNTERPARTS}
+    published = _published()
     lines = [" | ".join(("planner", *(titles[key] for key in keys))), "---|" * len(keys) + "---"]
     for line in _sorted(table):
         lines.append(" | ".join((f"`{line.planner}`", *(_text(line.cells[key]) for key in keys))))
@@ -227,9 +233,9 @@ def _sorted(table: ResultsTable) -> list[Line]:
     return sorted(table.lines, key=lambda line: -(line.cells["interplan"].value or 0.0))
 
 
-def _total(line: Line) -> str:
-    low, high = line.cells["interplan"].interval or (0.0, 100.0)
-    return f"{_text(line.cells['interplan'])} [{low:.0f}, {high:.0f}]"
+def _total(line: Line, key: str = "interplan") -> str:
+    low, high = line.cells[key].interval or (0.0, 100.0)
+    return f"{_text(line.cells[key])} [{low:.0f}, {high:.0f}]"
 
 
 def _text(cell: Cell) -> str:
