@@ -48,11 +48,11 @@ class LightCycles:
         return self if time_s == 0.0 else replace(self, phases=_all_later(self.phases, time_s))
 
     def beginning(self, states: Mapping[str, str]) -> Self:
-        """With some lights at the beginning of their first phase that has a state."""
+        """With some lights at the beginning of a phase that has a state: of several the first in the program."""
         changed = dict(self.phases)
         for light, state in states.items():
             joined = _joined(self.phases[light])
-            first = next(i for i, phase in enumerate(joined) if phase.state == state)
+            first = min((i for i, phase in enumerate(joined) if phase.state == state), key=lambda i: joined[i].index)
             changed[light] = (*joined[first:], *joined[:first])
         return replace(self, phases=changed)
 
