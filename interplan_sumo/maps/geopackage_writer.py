@@ -30,6 +30,9 @@ from interplan_sumo.world.roads import Connector, Lane, LaneLike, Roadblock, Roa
 GRID_M = 1e-6
 """Coordinates are written as multiples of this, so that reading them back undoes the rounding of longitudes."""
 
+LONGEST_M = 100_000.0
+"""No lane is longer; one that is damaged would fill the memory with a vertex at each metre."""
+
 # Codes of boundary lines in nuPlan's files: dashed between lanes, solid at the edge, none painted on connectors.
 _DASHED, _SOLID, _VIRTUAL = 0, 2, 3
 
@@ -98,6 +101,11 @@ def _rank(id_: str) -> tuple[int, str]:
 
 def _lines(lane: LaneLike) -> dict[str, Polyline]:
     line = lane.centerline
+    if line.length_m > LONGEST_M:
+        long_km, most_km = line.length_m / 1000.0, LONGEST_M / 1000.0
+        raise MapError(
+            f"lane or connector {lane.id} is {long_km:.0f} km long, expected {most_km:.0f} at most; mend the file"
+        )
     if np.diff(line.arc_m).max() > schema.MAX_SPACING_M + 2 * GRID_M:  # both ends of a step lie on the grid
         line = line.resampled(schema.MAX_SPACING_M - 2 * GRID_M)
     lines = {"centerline": line, "left_boundary": lane.left_boundary, "right_boundary": lane.right_boundary}

@@ -204,6 +204,7 @@ def test_written_files_obey_nuplans_rules(city: Roads, file: Path) -> None:
 def test_a_map_that_breaks_a_rule_or_cannot_be_drawn_is_not_written(city: Roads, tmp_path: Path) -> None:
     one, other = list(city.lanes.values())[:2]
     short = Polyline(one.left_boundary.points[0] + [[0.0, 0.0], [1e-7, 0.0]])
+    endless = Polyline(np.concatenate((one.centerline.points, one.centerline.points[-1:] + 2.2e7)))
     for changes, said in (
         (
             {"lanes": dict(city.lanes) | {other.id: replace(other, polygon=one.polygon)}},
@@ -212,6 +213,10 @@ def test_a_map_that_breaks_a_rule_or_cannot_be_drawn_is_not_written(city: Roads,
         (
             {"lanes": dict(city.lanes) | {one.id: replace(one, left_boundary=short)}},
             f"connector {one.id} cannot be written",
+        ),
+        (
+            {"lanes": dict(city.lanes) | {one.id: replace(one, centerline=endless)}},
+            f"connector {one.id} is 31113 km long, expected 100 at most",
         ),
         ({"crs": "EPSG:999999"}, "EPSG:999999"),
     ):
