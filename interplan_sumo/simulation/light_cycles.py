@@ -45,7 +45,9 @@ class LightCycles:
 
     def later(self, time_s: float) -> Self:
         """As they go on after a time."""
-        return self if time_s == 0.0 else replace(self, phases=_all_later(self.phases, time_s))
+        if time_s == 0.0:
+            return self
+        return replace(self, phases={light: _later(phases, time_s) for light, phases in self.phases.items()})
 
     def beginning(self, states: Mapping[str, str]) -> Self:
         """With some lights at the beginning of a phase that has a state: of several the first in the program."""
@@ -104,7 +106,3 @@ def _later(phases: tuple[Phase, ...], time_s: float) -> tuple[Phase, ...]:
 def _rounded(time_s: float) -> float:
     """To SUMO's milliseconds."""
     return round(time_s, 3)
-
-
-def _all_later(phases: Mapping[str, tuple[Phase, ...]], time_s: float) -> dict[str, tuple[Phase, ...]]:
-    return {light: _later(each, time_s) for light, each in phases.items()}
