@@ -18,12 +18,14 @@ from interplan_sumo.report.printing import print_json
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from interplan_sumo.verification.hard_search import HardOptions, HardSearch
+    from interplan_sumo.verification.hard_search import HardSearch
     from interplan_sumo.world.roads import Roads
 
 
 def harden(
-    family: Annotated[str, typer.Option(help="A family, or an ordinary type.")],
+    family: Annotated[
+        list[str], typer.Option(help="A family, an ordinary type, 'all' or 'ordinary'. Repeat for several.")
+    ],
     against: Annotated[
         str, typer.Option(help="The panel: planners that are to do badly, with commas between.", metavar="P,Q,...")
     ],
@@ -35,7 +37,7 @@ def harden(
             autocompletion=map_names,
         ),
     ] = None,
-    count: Annotated[int, typer.Option(help="How many scenes.")] = 10,
+    count: Annotated[int, typer.Option(help="How many scenes; families share them.")] = 10,
     seed: Annotated[int, typer.Option(help="Equal seeds give equal scenes, however many work.")] = 0,
     secret_seed: Annotated[
         Path | None,
@@ -45,7 +47,7 @@ def harden(
     plausibility: Annotated[
         float, typer.Option(help="The share of the family's own scenes that must be no more likely than it.")
     ] = 0.05,
-    budget: Annotated[int, typer.Option(help="Scenes to drive at most.")] = 2000,
+    budget: Annotated[int, typer.Option(help="Scenes to drive at most, of each family.")] = 2000,
     workers: Annotated[
         str | None,
         typer.Option(
@@ -56,7 +58,7 @@ def harden(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
-    """Search the parameters of a family for scenes in which a panel of planners fails, and that can be solved.
+    """Search the parameters of families for scenes in which a panel of planners fails, and that can be solved.
 
     Each scene passes the start checks and has a certificate, and a planner without privileged knowledge solves it:
     one of the panel, or one that it does not have. Exit code 3 if the budget ends before there are as many.
@@ -67,8 +69,9 @@ def harden(
     from interplan_sumo.cli.generate import secret_of
     from interplan_sumo.families import FAMILIES
     from interplan_sumo.planner import find_planner
+    from interplan_sumo.verification.generation import families_of
     from interplan_sumo.verification.hard_folder import CANDIDATES, write_hard
-    from interplan_sumo.verification.hard_search import HardOptions, HardSearch
+    from interplan_sumo.verification.hard_search import HardOptions, HardSearch, shares
     from interplan_sumo.verification.quality_diversity import check_optimiser
     from interplan_sumo.verification.suite_slots import Seed
 
@@ -77,74 +80,94 @@ def harden(
     panel = tuple(name.strip() for name in against.split(",") if name.strip())
     for name in panel:
         find_planner(name)
-    FAMILIES[family]
+    families = list(dict.fromkeys(each for name in family for each in families_of(name)))
+    for each in families:
+        FAMILIES[each]
     given = Seed(seed, f"hard-{seed}-") if secret_seed is None else Seed.secret(secret_of(secret_seed))
-    options = HardOptions(family, panel, count, given, difficulty, plausibility, budget)
-    roads, options = _maps(map or [], out, options)
-    search = HardSearch.of(roads, options)
+    every = [
+        HardOptions(name, panel, share, given, difficulty, plausibility, budget)
+        for name, share in shares(count, families, last_first=secret_seed is not None).items()
+    ]
+    roads, maps_beside = _maps(map or [], out)
+    searches: list[HardSearch] = []
 
     def tell(search: HardSearch) -> None:
         if not quiet:
             print(_line(search), file=sys.stderr, flush=True)
 
-    search.run(lambda candidates: hard_verdicts(candidates, out / CANDIDATES, who), tell)
+    for options in every:
+        search = HardSearch.of(roads, replace(options, maps_beside=maps_beside))
+        search.run(lambda candidates: hard_verdicts(candidates, out / CANDIDATES, who), tell)
+        searches.append(search)
     kept_back = None if secret_seed is None else secret_seed.with_name(f"{secret_seed.name}.certificates.parquet")
-    write_hard(search, out, kept_back=kept_back)
-    _print(search, out, kept_back, as_json=as_json)
-    return DONE if search.complete else INCOMPLETE
+    write_hard(searches, out, kept_back=kept_back)
+    _print(searches, out, kept_back, as_json=as_json)
+    return DONE if all(search.complete for search in searches) else INCOMPLETE
 
 
-def _maps(names: Sequence[str], out: Path, options: HardOptions) -> tuple[list[Roads], HardOptions]:
-    """The roads to search on; maps that are not shipped go into the folder whole, as the scenes are driven there."""
+def _maps(names: Sequence[str], out: Path) -> tuple[list[Roads], Path | None]:
+    """The roads to search on, and where maps that are not shipped lie then: whole, as the scenes are driven there."""
     from interplan_sumo.maps.store import find_map, load_roads, maps
     from interplan_sumo.scenario.files import MAPS
     from interplan_sumo.verification.map_bundling import carry_map, own_maps_root
 
     found: list[Roads] = []
+    beside: Path | None = None
     for name in names or maps():
         files = find_map(name)
         if own_maps_root(files) is not None:
             roads = load_roads(files.folder)
             files = carry_map(files, roads, (), out / MAPS, overwrite=True, whole_lanes=len(roads.lanes))
-            options = replace(options, maps_beside=(out / MAPS).resolve())
+            beside = (out / MAPS).resolve()
         found.append(load_roads(files.folder))
-    return found, options
+    return found, beside
 
 
 def _line(search: HardSearch) -> str:
     """How far the search has come: yield, and what a scene costs."""
     options, many = search.options, len(search.taken)
-    stages = Counter(each.verdict.stage or "hard" for each in search.judged)
-    said = ", ".join(f"{number} {stage}" for stage, number in stages.most_common())
+    said = ", ".join(f"{number} {stage}" for stage, number in _stages([search]).most_common())
     each = f", {search.cpu_s / many:.0f} for each" if many else ""
-    return f"{len(search.judged)} driven ({said}); {many} of {options.count} taken; {search.cpu_s:.0f} CPU s{each}"
+    return (
+        f"{options.family}: {len(search.judged)} driven ({said}); {many} of {options.count} taken; "
+        f"{search.cpu_s:.0f} CPU s{each}"
+    )
 
 
-def _print(search: HardSearch, out: Path, kept_back: Path | None, *, as_json: bool) -> None:
-    taken, options = search.taken, search.options
-    stages = Counter(each.verdict.stage or "hard" for each in search.judged)
+def _stages(searches: Sequence[HardSearch]) -> Counter[str]:
+    """How many of the scenes that were driven failed at which check."""
+    return Counter(each.verdict.stage or "hard" for search in searches for each in search.judged)
+
+
+def _print(searches: Sequence[HardSearch], out: Path, kept_back: Path | None, *, as_json: bool) -> None:
+    stages = _stages(searches)
+    passed_over = sum((search.passed_over for search in searches), Counter[str]())
+    taken = [each for search in searches for each in search.taken]
+    asked = sum(search.options.count for search in searches)
     mean = sum(each.verdict.mean_score for each in taken) / len(taken) if taken else None
+    plausible = sum(search.plausible_share for search in searches) / len(searches)
     if as_json:
         print_json(
             {
                 "folder": str(out),
                 "scenarios": len(taken),
-                "asked": options.count,
-                "driven": len(search.judged),
+                "asked": asked,
+                "driven": stages.total(),
                 "stages": dict(stages),
-                "not_driven": dict(search.passed_over),
-                "plausible_share": round(search.plausible_share, 4),
+                "not_driven": dict(passed_over),
+                "plausible_share": round(plausible, 4),
                 "mean_score": mean,
+                "cpu_s": {search.options.family: round(search.cpu_s) for search in searches},
                 "certificates": str(kept_back) if kept_back else None,
             }
         )
         return
-    for stage, number in [*search.passed_over.most_common(), *stages.most_common()]:
+    for stage, number in [*passed_over.most_common(), *stages.most_common()]:
         print(f"{number:6d}  {stage}")
-    print(f"plausible enough are {search.plausible_share:.0%} of the scenes that found room")
+    print(f"plausible enough are {plausible:.0%} of the scenes that found room")
     hard = "" if mean is None else f", the panel scores {100.0 * mean:.0f} in them"
-    print(f"{len(taken)} of {counted(options.count, 'scenario')}, all certified and solved by somebody{hard}: {out}")
+    print(f"{len(taken)} of {counted(asked, 'scenario')}, all certified and solved by somebody{hard}: {out}")
     if kept_back is not None:
         print(f"their certificates, to be kept back: {kept_back}")
-    if not search.complete:
+    if len(taken) < asked:
         print(f"a larger --budget, another --seed or more maps may do; {out / 'rejected.csv'} says what was tried")

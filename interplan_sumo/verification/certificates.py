@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from interplan_sumo.families import names
@@ -15,11 +15,12 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.setup import start_state
 from interplan_sumo.verification.certificate_search import attempts
 from interplan_sumo.verification.clearances import NearestApproach, nearest_approach
+from interplan_sumo.verification.privileged_rollout import rounded
 from interplan_sumo.verification.reachability import unreachable
 from interplan_sumo.verification.replay import reference_drive, replay, route_distance_m
 from interplan_sumo.verification.solvers import solvers
 from interplan_sumo.verification.start_checks import validate
-from interplan_sumo.world.trace import Trace
+from interplan_sumo.world.trace import EgoTrack, Trace
 
 FLAWLESS = ("time_to_collision", "courtesy")
 """No gates, but no certificate loses a point in them: it comes near nobody, and forces nobody to brake hard."""
@@ -68,19 +69,24 @@ def certify(
     return replace(proof, certificate=replace(best, summary=summary))
 
 
-def passing_drive(scenario: Scenario, most_simulations: int, reference: Trace | None = None) -> Proof:
-    """The best drive of a search, whether or not the start is sound; `reference` is that drive, if it is known."""
+def passing_drive(
+    scenario: Scenario, most_simulations: int, reference: Trace | None = None, known: Sequence[EgoTrack] = ()
+) -> Proof:
+    """The best drive of a search, whether or not the start is sound; `reference` is that drive, if it is known.
+
+    The search begins with drives that are `known`, those of planners for instance.
+    """
     reference = reference or reference_drive(scenario)
     best: Certificate | None = None
     best_faults: list[str] = []
     simulations = 1  # the reference
     passed_after = most_simulations
-    for attempt in attempts(scenario, reference):
+    for track, trace in _tries(scenario, reference, known):
         simulations += 1
-        sheet, summary, nearest = _judged(scenario, attempt.trace, reference)
+        sheet, summary, nearest = _judged(scenario, trace, reference)
         faults = shortcomings(scenario, sheet, summary, nearest)
         if not faults and (best is None or summary.score > best.summary.score):
-            best = Certificate(summary, attempt.track)
+            best = Certificate(summary, track)
             passed_after = min(passed_after, simulations)
         elif faults and (not best_faults or len(faults) < len(best_faults)):
             best_faults = faults
@@ -90,6 +96,14 @@ def passing_drive(scenario: Scenario, most_simulations: int, reference: Trace | 
     if best is not None:
         return Proof(scenario, best, (), simulations)
     return Proof(scenario, None, tuple(best_faults) or ("no drive was found that avoids everybody",), simulations)
+
+
+def _tries(scenario: Scenario, reference: Trace, known: Sequence[EgoTrack]) -> Iterator[tuple[EgoTrack, Trace]]:
+    for track in known:
+        kept = EgoTrack.of([rounded(track.state(frame)) for frame in range(len(track))])
+        yield kept, replay(scenario, kept)
+    for attempt in attempts(scenario, reference):
+        yield attempt.track, attempt.trace
 
 
 def check_certificate(scenario: Scenario, certificate: Certificate | None) -> list[str]:

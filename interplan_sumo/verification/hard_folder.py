@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -37,11 +38,13 @@ SCORES: Final = "scores.csv"
 CANDIDATES: Final = "candidates"
 
 
-def write_hard(search: HardSearch, folder: Path, *, kept_back: Path | None = None) -> None:
-    """Write what a search found; the certificates to `kept_back` if that is given. InputError if it cannot be."""
-    taken = sorted(search.taken, key=lambda scene: scene.id)
+def write_hard(searches: Sequence[HardSearch], folder: Path, *, kept_back: Path | None = None) -> None:
+    """Write what searches against one panel found; certificates to `kept_back` if given. InputError if it cannot be."""
+    panel = searches[0].options.panel
+    taken = [each for search in searches for each in sorted(search.taken, key=lambda scene: scene.id)]
+    judged = [each for search in searches for each in search.judged]
     proved = [Certificate.of(each.verdict.certificate) for each in taken if each.verdict.certificate is not None]
-    tried = [scene for scene in search.judged if scene.verdict.scores]
+    tried = [scene for scene in judged if scene.verdict.scores]
     with writing(folder, OTHER_FOLDER):
         (folder / TRIED).mkdir(parents=True, exist_ok=True)
         write_scenarios([each.drawn.scenario for each in taken], folder / SCENARIOS)
@@ -50,12 +53,11 @@ def write_hard(search: HardSearch, folder: Path, *, kept_back: Path | None = Non
         certificates.write_certificates(kept_back or folder / certificates.FILE, proved)
     for there, scenes in ((folder, taken), (folder / TRIED, tried)):
         write_parameters(there / PARAMETERS, ((each.id, each.drawn.draws) for each in scenes))
-    panel = search.options.panel
     write_rows(folder / TRIED / SCORES, ("scenario_id", *panel), [_scores(scene, panel) for scene in tried])
     names = ("scenario_id", "difficulty", "mean_score", "plausibility", "solved_by", *panel)
     write_rows(folder / HARD, names, [_row(scene, panel) for scene in taken])
     ids = {scene.id for scene in taken}
-    others = [scene for scene in search.judged if scene.id not in ids]
+    others = [scene for scene in judged if scene.id not in ids]
     rows = [(each.verdict.stage or "not needed", each.id, each.verdict.reason) for each in others]
     write_rows(folder / REJECTED, ("stage", "scenario_id", "reason"), rows)
 

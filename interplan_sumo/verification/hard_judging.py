@@ -2,7 +2,8 @@
 
 Planners drive before a certificate is looked for: all of a panel take as long as a search that finds one at once, and
 a search that finds none three times as long. What is easy for most of the panel is told by the first who solve it, and
-those for whom a scene must be hard drive first.
+those for whom a scene must be hard drive first. The drive of somebody who solves it is the first to be tried as a
+certificate.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import msgspec
 from msgspec.structs import replace as replaced
@@ -26,15 +26,12 @@ from interplan_sumo.simulation.episode import drive
 from interplan_sumo.verification.certificates import passing_drive
 from interplan_sumo.verification.light_windows import light_problems
 from interplan_sumo.verification.replay import reference_drive
-from interplan_sumo.verification.solvers import SOLVED_SCORE, solvers
+from interplan_sumo.verification.solvers import SOLVED_SCORE, solvers, solving_drive
 from interplan_sumo.verification.start_checks import start_problems
 from interplan_sumo.verification.suite_judging import ASKED, ASKED_NEXT, MOST_SIMULATIONS, TRIVIAL, avoidable_change
 from interplan_sumo.verification.surrounding_traffic import traffic_shortcomings
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import EgoTrack, Trace
-
-STAGES: Final = ("room", "start", "traffic", "easy", "certificate", "trivial", "open")
-"""At which a scene may fail, in the order in which they are looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +66,8 @@ class HardVerdict(msgspec.Struct, frozen=True):
     """What was found of a scene."""
 
     stage: str
-    """At which check it failed, `fault` for one of the simulator; '' if it is hard and sound."""
+    """At which check it failed: start, traffic, easy, open, certificate, trivial, in this order, or `fault` for one of
+    the simulator; '' if it is hard and sound."""
     reason: str = ""
     scores: dict[str, float] = {}
     """Of those of the panel who drove, in their order; against the certificate once there is one."""
@@ -123,7 +121,11 @@ def _judged(candidate: HardCandidate) -> HardVerdict:
         found = replaced(found, scores={**found.scores, name: _score(trace, roads, fastest, scenario)})
         if easy := candidate.too_easy(found.solved_by):
             return replaced(found, reason=easy)
-    proof = passing_drive(scenario, MOST_SIMULATIONS, reference)
+    solving = {name: trace for name in found.solved_by if (trace := driven[name]) is not None}
+    solving = solving or _another(scenario, fastest, candidate.panel)
+    if not solving:
+        return replaced(found, stage="open", reason="nobody who was asked solves it")
+    proof = passing_drive(scenario, MOST_SIMULATIONS, reference, [trace.ego for trace in solving.values()])
     if proof.certificate is None:
         return replaced(found, stage="certificate", reason="; ".join(proof.problems))
     expert = proof.certificate.track
@@ -134,10 +136,7 @@ def _judged(candidate: HardCandidate) -> HardVerdict:
         return replaced(found, reason=easy)
     if solvers(scenario, expert, (TRIVIAL,)):
         return replaced(found, stage="trivial", reason=f"{TRIVIAL} solves it")
-    solved_by = found.solved_by or _another(scenario, expert, candidate.panel)
-    if not solved_by:
-        return replaced(found, stage="open", reason="nobody who was asked solves it")
-    summary = replace(proof.certificate.summary, solved_by=solved_by)
+    summary = replace(proof.certificate.summary, solved_by=found.solved_by or tuple(solving))
     return replaced(found, stage="", certificate=replace(proof.certificate, summary=summary).record())
 
 
@@ -152,9 +151,9 @@ def _score(trace: Trace | None, roads: Roads, expert: EgoTrack, scenario: Scenar
     return 0.0 if trace is None else round(score(trace, roads, expert, scenario).score, 6)
 
 
-def _another(scenario: Scenario, expert: EgoTrack, panel: Sequence[str]) -> tuple[str, ...]:
-    """The first who solves it of those that suites ask and the panel does not have."""
+def _another(scenario: Scenario, expert: EgoTrack, panel: Sequence[str]) -> dict[str, Trace]:
+    """The first who solves it of those that suites ask and the panel does not have, and how."""
     for name in (*ASKED, *ASKED_NEXT):
-        if name not in panel and (found := solvers(scenario, expert, (name,))):
-            return found
-    return ()
+        if name not in panel and (trace := solving_drive(scenario, expert, name)) is not None:
+            return {name: trace}
+    return {}

@@ -23,6 +23,7 @@ from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import UnsuitableError
 from interplan_sumo.verification.hard_judging import HardCandidate, HardVerdict, quick_problems
 from interplan_sumo.verification.quality_diversity import DiverseSearch
+from interplan_sumo.verification.solvers import SOLVED_SCORE
 from interplan_sumo.verification.suite_candidates import block_of
 from interplan_sumo.verification.suite_slots import Seed
 from interplan_sumo.world.geometry import Floats
@@ -32,8 +33,8 @@ BATCH: Final = (6, 16)
 """Scenes that are judged at once, at least and at most: twice as many as are asked for."""
 APART: Final = 0.12
 """Scenes differ by so much at least in the quantiles of what they draw, on average; two that are drawn, by a third."""
-SOLVED_SHARE: Final = 0.5
-"""Nobody of a panel of several solves more of the scenes that are asked for."""
+MOST_MEAN: Final = 0.5
+"""Nobody of a panel of several gets a higher mean score in the scenes that are asked for."""
 UNFIT: Final = {"start": -1.0, "traffic": -1.0, "fault": -1.0, "certificate": -0.5, "trivial": -0.25, "open": -0.25}
 """What a scene is worth to the search that fails at a stage; others count by how badly the panel does, 0 to 1."""
 
@@ -65,6 +66,15 @@ class HardOptions:
         for name in ("least_difficulty", "least_plausibility"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise InputError(f"{name.replace('_', ' ')} is {getattr(self, name)}, expected 0 to 1")
+
+
+def shares(count: int, families: Sequence[str], *, last_first: bool = False) -> dict[str, int]:
+    """How many scenes each family has; odd ones go to the first, or to the last, so that two such halves even out."""
+    if count < len(families):
+        raise InputError(f"count is {count}, expected {len(families)} or more, one for each family")
+    least, odd = divmod(count, len(families))
+    more = set(families[len(families) - odd :] if last_first else families[:odd])
+    return {family: least + (family in more) for family in families}
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,12 +179,16 @@ class HardSearch:
         return HardCandidate(scenario, self.options.panel, self.options.least_difficulty, must_fail)
 
     def _must_fail(self) -> frozenset[str]:
-        """Those of a panel of several who solve as many of the scenes as they may."""
-        if len(self.options.panel) == 1:
-            return frozenset()
-        solved = Counter(name for each in self.taken for name in each.verdict.solved_by)
-        most = SOLVED_SHARE * self.options.count
-        return frozenset(name for name in self.options.panel if solved[name] + 1 > most)
+        """Those of a panel who would have too much, were they to solve another scene."""
+        return frozenset(name for name, left in self._left_to_score().items() if left < SOLVED_SCORE)
+
+    def _left_to_score(self) -> dict[str, float]:
+        """What each of a panel of several may still get in all, a scene at most 1; nothing binds one alone."""
+        options = self.options
+        if len(options.panel) == 1:
+            return {}
+        got = {name: sum(each.verdict.scores[name] for each in self.taken) for name in options.panel}
+        return {name: MOST_MEAN * options.count - scored for name, scored in got.items()}
 
     def _is_another(self, drawn: ScenePoint) -> bool:
         """Whether a scene lies apart from all that are taken, on a roadblock that has room for another one."""
@@ -188,7 +202,8 @@ class HardSearch:
         return block_of(scenario, self.maps[scenario.map])
 
     def _may_be_taken(self, scene: HardScene) -> bool:
-        return self._is_another(scene.drawn) and self._must_fail().isdisjoint(scene.verdict.solved_by)
+        left = self._left_to_score()
+        return self._is_another(scene.drawn) and all(scene.verdict.scores[name] <= left[name] for name in left)
 
     def _measures(self, draws: Mapping[str, Draw]) -> tuple[float, float]:
         names = (*find_family(self.options.family).telling, *self.space.names[1:], self.space.names[0])

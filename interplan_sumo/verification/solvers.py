@@ -10,7 +10,7 @@ from interplan_sumo.metrics.score import score
 from interplan_sumo.planner import load_planner
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.episode import drive
-from interplan_sumo.world.trace import EgoTrack
+from interplan_sumo.world.trace import EgoTrack, Trace
 
 PANEL: Final = ("idm", "idm_mobil", "pdm_closed", "foresight")
 """Who is asked: rules of every strength, quick enough for every scene."""
@@ -25,12 +25,13 @@ def solvers(scenario: Scenario, expert: EgoTrack, panel: Sequence[str] = PANEL) 
     faults does not solve it. TrafficError if SUMO fails; UnknownNameError or
     PlannerLoadError if there is no such planner.
     """
+    return tuple(name for name in panel if solving_drive(scenario, expert, name) is not None)
+
+
+def solving_drive(scenario: Scenario, expert: EgoTrack, planner: str) -> Trace | None:
+    """The drive of a planner that solves a scenario; None if it does not. Errors as of `solvers`."""
+    episode = drive(scenario, load_planner(planner))
+    if episode.trace is None or episode.fault is not None:
+        return None
     roads = load_roads(scenario.map, scenario.maps_beside)
-    solved: list[str] = []
-    for name in panel:
-        episode = drive(scenario, load_planner(name))
-        if episode.trace is None or episode.fault is not None:
-            continue
-        if score(episode.trace, roads, expert, scenario).score >= SOLVED_SCORE:
-            solved.append(name)
-    return tuple(solved)
+    return episode.trace if score(episode.trace, roads, expert, scenario).score >= SOLVED_SCORE else None

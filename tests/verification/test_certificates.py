@@ -12,11 +12,13 @@ from interplan_sumo.metrics.metric import MetricResult
 from interplan_sumo.metrics.score import ScoreSheet
 from interplan_sumo.scenario.certificates import Certificate, Summary
 from interplan_sumo.scenario.scenario import LanePosition, Obstacle, Scenario
-from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.scenario.suite import expert, find_scenario
 from interplan_sumo.tiny_worlds import cars, pedestrians, straight_road, together
 from interplan_sumo.verification.certificates import certify, check_certificate, passing_drive, shortcomings
 from interplan_sumo.verification.clearances import Clearance, NearestApproach, nearest_approach
+from interplan_sumo.verification.solvers import solving_drive
 from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.world.trace import EgoTrack
 from tests.metrics.staging import drive_at, facts_of
 
 
@@ -65,6 +67,21 @@ def test_a_drive_that_begins_beside_the_middle_of_its_lane_is_found() -> None:
     verdict = certify(replace(scenario, start=replace(scenario.start, left_m=0.45), start_speed_mps=6.0))
     assert verdict.certificate is not None, verdict.problems
     assert verdict.certificate.summary.score == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.slow
+def test_the_drive_of_a_planner_that_solves_it_is_a_certificate_and_a_bad_one_is_not() -> None:
+    scenario = find_scenario("nudge/0")
+    by_planner = solving_drive(scenario, expert(scenario), "idm_mobil")
+    assert by_planner is not None
+    taken = passing_drive(scenario, 2, known=[by_planner.ego])
+    assert taken.certificate is not None
+    assert taken.simulations == 2
+    assert check_certificate(scenario, taken.certificate) == []
+    short = EgoTrack.of([by_planner.ego.state(frame) for frame in range(30)])
+    refused = passing_drive(scenario, 2, known=[short])
+    assert refused.certificate is None
+    assert any("stays short of the goal line" in problem for problem in refused.problems)
 
 
 def wall(scenario: Scenario) -> tuple[Obstacle, ...]:
