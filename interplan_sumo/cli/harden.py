@@ -145,7 +145,6 @@ def _print(searches: Sequence[HardSearch], out: Path, kept_back: Path | None, *,
     taken = [each for search in searches for each in search.taken]
     asked = sum(search.options.count for search in searches)
     mean = sum(each.verdict.mean_score for each in taken) / len(taken) if taken else None
-    plausible = sum(search.plausible_share for search in searches) / len(searches)
     if as_json:
         print_json(
             {
@@ -155,16 +154,25 @@ def _print(searches: Sequence[HardSearch], out: Path, kept_back: Path | None, *,
                 "driven": stages.total(),
                 "stages": dict(stages),
                 "not_driven": dict(passed_over),
-                "plausible_share": round(plausible, 4),
                 "mean_score": mean,
-                "cpu_s": {search.options.family: round(search.cpu_s) for search in searches},
+                "families": {
+                    search.options.family: {
+                        "scenarios": len(search.taken),
+                        "driven": len(search.judged),
+                        "plausible_share": round(search.plausible_share, 4),
+                        "cpu_s": round(search.cpu_s, 1),
+                    }
+                    for search in searches
+                },
                 "certificates": str(kept_back) if kept_back else None,
             }
         )
         return
     for stage, number in [*passed_over.most_common(), *stages.most_common()]:
         print(f"{number:6d}  {stage}")
-    print(f"plausible enough are {plausible:.0%} of the scenes that found room")
+    for search in searches:
+        plausible = f"plausible enough are {search.plausible_share:.0%} of the scenes that found room"
+        print(f"{search.options.family}: {counted(len(search.taken), 'scene')}, {search.cpu_s:.0f} CPU s; {plausible}")
     hard = "" if mean is None else f", the panel scores {100.0 * mean:.0f} in them"
     print(f"{len(taken)} of {counted(asked, 'scenario')}, all certified and solved by somebody{hard}: {out}")
     if kept_back is not None:

@@ -5,12 +5,23 @@ Whatever its program would show, it would also cut the ego off from the traffic 
 
 from __future__ import annotations
 
+from interplan_sumo.maps.network import NetworkIds
+from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.lane_chains import ChainedLane, upstream_of
 from interplan_sumo.simulation.light_cycles import LightCycles
 from interplan_sumo.simulation.network import SumoNetwork
 
 PASSED_M = 100.0
 """So far behind the ego a light can be."""
+
+
+def lights_at_start(network: SumoNetwork, ids: NetworkIds, scenario: Scenario) -> LightCycles:
+    """The lights of a scenario when it begins, as its map has them: what a recording shows comes on top."""
+    lights = network.lights.later(scenario.light_time_s)
+    if scenario.lights:
+        return lights
+    lane, fraction = ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
+    return with_passed_light(network, lights, lane, fraction * network.lanes[lane].length_m)
 
 
 def with_passed_light(network: SumoNetwork, lights: LightCycles, lane: str, position_m: float) -> LightCycles:

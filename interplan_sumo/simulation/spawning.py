@@ -31,7 +31,7 @@ from interplan_sumo.simulation.light_cycles import LightCycles
 from interplan_sumo.simulation.local_demand import LEAST_ROAD_M, LocalDemand, agent_route, local_demand
 from interplan_sumo.simulation.network import NetworkLane, SumoNetwork, opens_freely
 from interplan_sumo.simulation.obstacles import LaneBlockage
-from interplan_sumo.simulation.passed_light import with_passed_light
+from interplan_sumo.simulation.passed_light import lights_at_start
 from interplan_sumo.simulation.slow_vehicles import slow_vehicle
 from interplan_sumo.simulation.start_speed import LINE_M, StartAhead, hardest_mps2, safe, start_speed_mps
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes
@@ -184,9 +184,7 @@ def populate(
     lane, fraction = staged.ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
     centre_m = fraction * network.lanes[lane].length_m
     front_m = centre_m + staged.shape.length_m / 2.0
-    lights = network.lights.later(scenario.light_time_s)
-    if not scenario.lights:
-        lights = with_passed_light(network, lights, lane, centre_m)
+    lights = lights_at_start(network, staged.ids, scenario)
     occupied.add(lane, Occupant(front_m, front_m - staged.shape.length_m, scenario.start_speed_mps))
     if wanted.density != "none" or wanted.oncoming != "none":
         spawns += _on_side_roads(staged, demand, (ego_x - origin[0], ego_y - origin[1]), used, occupied, spawns, rng)

@@ -5,6 +5,7 @@ Lights do not depend on who drives, so that this is known before anybody does.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import inf
 from typing import Final
 
@@ -17,7 +18,7 @@ from interplan_sumo.scenario.route import route_centerline, route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.episode import DT_S
 from interplan_sumo.simulation.network import read_network
-from interplan_sumo.simulation.passed_light import with_passed_light
+from interplan_sumo.simulation.passed_light import lights_at_start
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.roads import Connector, Roads
 
@@ -35,10 +36,10 @@ TIME_SHARE: Final = 0.7
 
 def light_problems(scenario: Scenario, roads: Roads) -> list[str]:
     """Whether lights leave too little time, in one sentence; empty if there is enough."""
-    needed_s = time_to_goal_s(scenario, roads)
-    most_s = TIME_SHARE * scenario.duration_s
+    way = LitWay.of(scenario, roads)
+    needed_s, most_s = way.time_to_goal_s(), TIME_SHARE * scenario.duration_s
     if needed_s <= most_s:
-        missed = [late_s for late_s in DELAYS_S if time_to_goal_s(scenario, roads, late_s) > scenario.duration_s]
+        missed = [late_s for late_s in DELAYS_S if way.time_to_goal_s(late_s) > scenario.duration_s]
         return [f"who is {missed[0]:.0f} s late misses the light and cannot be in time any more"] if missed else []
     return [f"on an empty road the goal line is {needed_s:.0f} s away with its lights, expected {most_s:.0f} s at most"]
 
@@ -64,28 +65,41 @@ def _lights(scenario: Scenario, roads: Roads) -> list[Connector]:
     return [each for each in found if each is not None and each.has_traffic_light]
 
 
-def time_to_goal_s(scenario: Scenario, roads: Roads, late_s: float = 0.0) -> float:
-    """How long the nominal drive takes with the lights of the map; infinite if it does not come there.
+@dataclass(frozen=True, slots=True)
+class LitWay:
+    """The nominal drive to the goal, and what the lights on its way show."""
 
-    `late_s` is how much later than on an empty road one comes to the first light.
-    """
-    track = nominal_drive(roads, scenario)
-    if not reaches_goal(roads, scenario, track):
-        return inf
-    line = route_centerline(roads, scenario)
-    arc_m, _ = line.project(np.stack((track.x_m, track.y_m), axis=1))
-    for connector in _lights(scenario, roads):
-        begins_m = line.project_point(*connector.centerline.points[0].tolist())[0] - PACIFICA.length_m / 2.0
-        at_line = np.flatnonzero(arc_m >= begins_m)
-        if len(at_line) == 0 or arc_m[0] >= begins_m:
-            continue
-        arrives_s = late_s + DT_S * int(at_line[0])
-        opens_s = _green_from_s(_shown(scenario, connector), arrives_s)
-        if opens_s == inf:
-            return inf
-        if opens_s > arrives_s:
-            late_s += opens_s - arrives_s + STOPPED_S
-    return float(track.time_us[-1]) * 1e-6 + late_s
+    drive_s: float
+    """Without any light; infinite if it does not come there."""
+    lights: tuple[tuple[float, str], ...]
+    """When it comes to each, and SUMO's letter for it in each step."""
+
+    @classmethod
+    def of(cls, scenario: Scenario, roads: Roads) -> LitWay:
+        """That of a scenario; only lights ahead of its start count."""
+        track = nominal_drive(roads, scenario)
+        if not reaches_goal(roads, scenario, track):
+            return cls(inf, ())
+        line = route_centerline(roads, scenario)
+        arc_m, _ = line.project(np.stack((track.x_m, track.y_m), axis=1))
+        lights: list[tuple[float, str]] = []
+        for connector in _lights(scenario, roads):
+            begins_m = line.project_point(*connector.centerline.points[0].tolist())[0] - PACIFICA.length_m / 2.0
+            at_line = np.flatnonzero(arc_m >= begins_m)
+            if len(at_line) > 0 and arc_m[0] < begins_m:
+                lights.append((DT_S * int(at_line[0]), _shown(scenario, connector)))
+        return cls(float(track.time_us[-1]) * 1e-6, tuple(lights))
+
+    def time_to_goal_s(self, late_s: float = 0.0) -> float:
+        """How long it takes with the lights, at the first `late_s` later; infinite if it does not come there."""
+        for at_s, shown in self.lights:
+            arrives_s = at_s + late_s
+            opens_s = _green_from_s(shown, arrives_s)
+            if opens_s == inf:
+                return inf
+            if opens_s > arrives_s:
+                late_s += opens_s - arrives_s + STOPPED_S
+        return self.drive_s + late_s
 
 
 def _green_from_s(shown: str, from_s: float) -> float:
@@ -97,8 +111,6 @@ def _shown(scenario: Scenario, connector: Connector) -> str:
     """SUMO's letter for a connector in each step, where lights of the map switch by their programs alone."""
     files = find_map(scenario.map, scenario.maps_beside)
     network, ids = read_network(files.network), NetworkIds.read(files.ids)
-    lane, fraction = ids.sumo_place(scenario.start.lane, scenario.start.arc_m)
-    lights = network.lights.later(scenario.light_time_s)
-    lights = with_passed_light(network, lights, lane, fraction * network.lanes[lane].length_m)
+    lights = lights_at_start(network, ids, scenario)
     light, index = ids.links[connector.id]
     return "".join(lights.at(light, i * DT_S)[index] for i in range(round(scenario.duration_s / DT_S)))

@@ -27,9 +27,9 @@ from interplan_sumo.scenario.suite import expert, find_scenario, find_suite
 from interplan_sumo.verification.light_windows import (
     DELAYS_S,
     TIME_SHARE,
+    LitWay,
     green_too_soon,
     light_problems,
-    time_to_goal_s,
 )
 from interplan_sumo.verification.suite_candidates import Candidate, block_of, changes_asked
 from interplan_sumo.verification.suite_generation import SuiteSearch, counts, write_suites
@@ -252,12 +252,14 @@ def test_who_moves_across_by_45_to_135_degrees_crosses(heading: float, crossing:
 def test_a_scene_whose_lights_leave_too_little_time_is_told_before_anybody_drives() -> None:
     roads = load_roads("back_bay")
     scenes = list(islice(Search(roads, "lane_change_ltd", 0), 24))
-    needed = [time_to_goal_s(scene, roads) for scene in scenes]
+    needed = [LitWay.of(scene, roads).time_to_goal_s() for scene in scenes]
     tight = [scene for scene, needed_s in zip(scenes, needed, strict=True) if needed_s > TIME_SHARE * scene.duration_s]
     assert 0 < len(tight) < len(scenes)
     assert all("s away with its lights" in light_problems(scene, roads)[0] for scene in tight)
     others = [scene for scene in scenes if scene not in tight]
-    late = [scene for scene in others if any(time_to_goal_s(scene, roads, s) > scene.duration_s for s in DELAYS_S)]
+    late = [
+        scene for scene in others if any(LitWay.of(scene, roads).time_to_goal_s(s) > scene.duration_s for s in DELAYS_S)
+    ]
     assert 0 < len(late) < len(others)
     assert all("s late misses the light" in light_problems(scene, roads)[0] for scene in late)
     assert all(light_problems(scene, roads) == [] for scene in others if scene not in late)
