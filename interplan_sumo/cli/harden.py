@@ -172,7 +172,7 @@ def _print(searches: Sequence[HardSearch], out: Path, kept_back: Path | None, *,
         print(f"{number:6d}  {stage}")
     for search in searches:
         plausible = f"plausible enough are {search.plausible_share:.0%} of the scenes that found room"
-        print(f"{search.options.family}: {counted(len(search.taken), 'scene')}, {search.cpu_s:.0f} CPU s; {plausible}")
+        print(f"{search.options.family}: {counted(len(search.taken), 'scene')}; {plausible}")
     hard = "" if mean is None else f", the panel scores {100.0 * mean:.0f} in them"
     print(f"{len(taken)} of {counted(asked, 'scenario')}, all certified and solved by somebody{hard}: {out}")
     if kept_back is not None:
