@@ -41,7 +41,8 @@ def list_scenarios(
         entries = file_entries(place)
     else:
         entries = [certified(each) if as_json else each for each in suite_entries(suite)]
-    hidden = ("hash", "certificate")
+    rated = any(each["difficulty"] is not None for each in entries)
+    hidden = ("hash", "certificate") if rated else ("hash", "certificate", "difficulty")
     print_entries(entries if as_json else list(map(in_words, entries)), as_json=as_json, hide=hidden)
 
 

@@ -4,12 +4,14 @@
     selection.yaml        and those of another suite by their ids; one of the two will do
     lock.json             hashes of everything that makes them what they are, and an overview of them
     certificates.parquet  a drive for each that proves it solvable, which is also its expert
+    hard.csv              of one that was searched to be hard: how many of a panel fail in each, and their scores
 
 They are read, never built: what is registered later changes none of them.
 """
 
 from __future__ import annotations
 
+import csv
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -36,6 +38,7 @@ SUITES_ROOT: Final = Path(str(files("interplan_sumo"))) / "scenario" / "suites"
 SCENARIOS: Final = "scenarios.yaml"
 SELECTION: Final = "selection.yaml"
 LOCK: Final = "lock.json"
+HARD: Final = "hard.csv"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +123,7 @@ def find_suite(key: str) -> Suite:
     return _SUITES[key]
 
 
-class ScenarioOverview(msgspec.Struct, frozen=True):
+class ScenarioOverview(msgspec.Struct, frozen=True, omit_defaults=True):
     """A scenario in a few words, as lists have it: where it is and what its traffic does."""
 
     id: str
@@ -135,6 +138,8 @@ class ScenarioOverview(msgspec.Struct, frozen=True):
     perception: str
     solved_by: tuple[str, ...] | None = None
     """As its certificate says; None without one."""
+    difficulty: float | None = None
+    """The share of a panel of planners that fails in it, of scenes that were searched to be hard."""
 
 
 class MapLock(msgspec.Struct, frozen=True):
@@ -202,8 +207,23 @@ def overview(scenario: Scenario, roads: Roads) -> ScenarioOverview:
     return ScenarioOverview(
         scenario.id, scenario.family, scenario.map, scenario.site(roads), roads.driving_side,
         scenario.traffic.density, scenario.traffic.behaviour, need, scenario.hash(), scenario.perception,
-        None if proved is None else proved.solved_by,
+        None if proved is None else proved.solved_by, _difficulty(scenario.id),
     )  # fmt: skip
+
+
+def _difficulty(scenario_id: str) -> float | None:
+    found = [difficulties(folder_of(key)).get(scenario_id) for key in _SUITES]
+    return next((each for each in found if each is not None), None)
+
+
+@cache
+def difficulties(folder: Path) -> dict[str, float]:
+    """By scenario the share of a panel that fails in it, as a search for hard scenes left it in a folder, if it did."""
+    path = folder / HARD
+    if not path.is_file():
+        return {}
+    with path.open(encoding="utf-8", newline="") as file:
+        return {row["scenario_id"]: float(row["difficulty"]) for row in csv.DictReader(file)}
 
 
 @cache

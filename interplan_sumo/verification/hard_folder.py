@@ -19,6 +19,7 @@ from typing import Final
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import write_scenarios
+from interplan_sumo.scenario.suite import HARD
 from interplan_sumo.verification.generation import (
     OTHER_FOLDER,
     PARAMETERS,
@@ -32,7 +33,6 @@ from interplan_sumo.verification.generation import (
 from interplan_sumo.verification.hard_search import HardScene, HardSearch
 from interplan_sumo.world.files import writing
 
-HARD: Final = "hard.csv"
 TRIED: Final = "tried"
 SCORES: Final = "scores.csv"
 CANDIDATES: Final = "candidates"
