@@ -23,9 +23,7 @@ if TYPE_CHECKING:
 
 
 def harden(
-    family: Annotated[
-        list[str], typer.Option(help="A family, an ordinary type, 'all' or 'ordinary'. Repeat for several.")
-    ],
+    family: Annotated[list[str], typer.Option(help="A family, 'all'; repeatable.")],
     against: Annotated[
         str, typer.Option(help="The panel: planners that are to do badly, with commas between.", metavar="P,Q,...")
     ],
@@ -37,7 +35,7 @@ def harden(
             autocompletion=map_names,
         ),
     ] = None,
-    count: Annotated[int, typer.Option(help="How many scenes; families share them.")] = 10,
+    count: Annotated[int, typer.Option(help="Scenes; families share them.")] = 10,
     seed: Annotated[int, typer.Option(help="Equal seeds give equal scenes, however many work.")] = 0,
     secret_seed: Annotated[
         Path | None,

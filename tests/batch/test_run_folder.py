@@ -283,7 +283,7 @@ def test_a_folder_name_is_readable_and_harmless(text: str, begins: str) -> None:
 def test_two_things_never_share_a_folder(a: str, b: str) -> None:
     assert (slug(a) == slug(b)) == (a == b)
     assert "/" not in slug(a)
-    assert len(slug(a)) <= 69
+    assert len(slug(a)) <= 77
 
 
 def test_the_place_of_a_trace_names_scenario_planner_and_seed() -> None:
