@@ -140,15 +140,13 @@ class HardSearch:
             points = search.ask(self._is_worth_a_look)
             if not points:
                 return
-            must_fail = self._must_fail()
-            asked = [(drawn, likely, self._candidate(drawn.scenario, must_fail)) for drawn, likely in self._waiting]
+            candidate_of = self._candidates()
+            asked = [(drawn, likely, candidate_of(drawn.scenario)) for drawn, likely in self._waiting]
             verdicts = {candidate.scenario.id: found for candidate, found in judge([each[2] for each in asked])}
             scenes = [HardScene(*each, verdicts[each[2].scenario.id]) for each in asked]
             self.judged += scenes
             search.tell(points, [_worth(scene) for scene in scenes], [self._measures(s.drawn.draws) for s in scenes])
-            for scene in sorted(scenes, key=lambda scene: scene.verdict.mean_score):
-                if not scene.verdict.stage and not self.complete and self._may_be_taken(scene):
-                    self.taken.append(scene)
+            self.taken = self._chosen()
             tell(self)
 
     def _is_worth_a_look(self, point: Floats) -> bool:
@@ -164,7 +162,7 @@ class HardSearch:
         likely = self.space.plausibility(drawn.draws)
         if likely < options.least_plausibility:
             return self._passed_over("implausible")
-        if not self._is_another(drawn):
+        if not self._is_another(drawn, self.taken):
             return self._passed_over("too like another")
         if quick_problems(drawn.scenario, self.maps[drawn.scenario.map]):
             return self._passed_over("unsound")
@@ -175,40 +173,57 @@ class HardSearch:
         self.passed_over[reason] += 1
         return False
 
-    def _candidate(self, scenario: Scenario, must_fail: frozenset[str]) -> HardCandidate:
-        return HardCandidate(scenario, self.options.panel, self.options.least_difficulty, must_fail)
+    def _candidates(self) -> Callable[[Scenario], HardCandidate]:
+        """What the next batch is asked: once somebody has its points, only what one of the panel solves is of use, and
+        nothing that is solved by who has its points from such scenes alone."""
+        panel, least = self.options.panel, self.options.least_difficulty
+        must_fail: frozenset[str] = frozenset()
+        if _spent(self._left_to_score(self.taken)):
+            alone = [scene for scene in self.taken if len(scene.verdict.solved_by) <= 1]
+            must_fail = _spent(self._left_to_score(alone))
+            least = max(least, 1.0 - 1.0 / len(panel))
+        return lambda scenario: HardCandidate(scenario, panel, least, must_fail)
 
-    def _must_fail(self) -> frozenset[str]:
-        """Those of a panel who would have too much, were they to solve another scene."""
-        return frozenset(name for name, left in self._left_to_score().items() if left < SOLVED_SCORE)
-
-    def _left_to_score(self) -> dict[str, float]:
+    def _left_to_score(self, taken: Sequence[HardScene]) -> dict[str, float]:
         """What each of a panel of several may still get in all, a scene at most 1; nothing binds one alone."""
         options = self.options
         if len(options.panel) == 1:
             return {}
-        got = {name: sum(each.verdict.scores[name] for each in self.taken) for name in options.panel}
+        got = {name: sum(each.verdict.scores[name] for each in taken) for name in options.panel}
         return {name: MOST_MEAN * options.count - scored for name, scored in got.items()}
 
-    def _is_another(self, drawn: ScenePoint) -> bool:
+    def _chosen(self) -> list[HardScene]:
+        """The hard scenes to take, as many as may be: first those that fewest of the panel solve."""
+        hard = [scene for scene in self.judged if not scene.verdict.stage]
+        chosen: list[HardScene] = []
+        for scene in sorted(hard, key=lambda each: (len(each.verdict.solved_by), each.verdict.mean_score, each.id)):
+            left = self._left_to_score(chosen)
+            if all(scene.verdict.scores[name] <= left[name] for name in left) and self._is_another(scene.drawn, chosen):
+                chosen.append(scene)
+            if len(chosen) == self.options.count:
+                break
+        return chosen
+
+    def _is_another(self, drawn: ScenePoint, taken: Sequence[HardScene]) -> bool:
         """Whether a scene lies apart from all that are taken, on a roadblock that has room for another one."""
         here = self._block(drawn.scenario)
-        on_block = sum(self._block(each.drawn.scenario) == here for each in self.taken)
+        on_block = sum(self._block(each.drawn.scenario) == here for each in taken)
         if on_block >= ceil(self.options.count / self.space.blocks):
             return False
-        return all(each.drawn.apart(drawn) >= APART for each in self.taken)
+        return all(each.drawn.apart(drawn) >= APART for each in taken)
 
     def _block(self, scenario: Scenario) -> str:
         return block_of(scenario, self.maps[scenario.map])
-
-    def _may_be_taken(self, scene: HardScene) -> bool:
-        left = self._left_to_score()
-        return self._is_another(scene.drawn) and all(scene.verdict.scores[name] <= left[name] for name in left)
 
     def _measures(self, draws: Mapping[str, Draw]) -> tuple[float, float]:
         names = (*find_family(self.options.family).telling, *self.space.names[1:], self.space.names[0])
         found = [draws[name].quantile for name in names if name in draws]
         return found[0], found[min(1, len(found) - 1)]
+
+
+def _spent(left_to_score: Mapping[str, float]) -> frozenset[str]:
+    """Who would have too much, were it to solve another scene."""
+    return frozenset(name for name, left in left_to_score.items() if left < SOLVED_SCORE)
 
 
 def _worth(scene: HardScene) -> float:
