@@ -218,12 +218,18 @@ def _difficulty(scenario_id: str) -> float | None:
 
 @cache
 def difficulties(folder: Path) -> dict[str, float]:
-    """By scenario the share of a panel that fails in it, as a search for hard scenes left it in a folder, if it did."""
+    """By scenario the share of a panel that fails in it, as a search for hard scenes left it in a folder, if it did.
+
+    InputError if that is damaged.
+    """
     path = folder / HARD
     if not path.is_file():
         return {}
-    with path.open(encoding="utf-8", newline="") as file:
-        return {row["scenario_id"]: float(row["difficulty"]) for row in csv.DictReader(file)}
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return {row["scenario_id"]: float(row["difficulty"]) for row in csv.DictReader(file)}
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise InputError(f"cannot read {path}: {error!r}; scenarios harden writes it anew") from error
 
 
 @cache

@@ -36,6 +36,8 @@ from interplan_sumo.world.files import writing
 TRIED: Final = "tried"
 SCORES: Final = "scores.csv"
 CANDIDATES: Final = "candidates"
+ABOUT: Final = ("scenario_id", "difficulty", "mean_score", "plausibility", "solved_by")
+"""The columns of hard.csv before the scores of the panel."""
 
 
 def write_hard(searches: Sequence[HardSearch], folder: Path, *, kept_back: Path | None = None) -> None:
@@ -54,8 +56,7 @@ def write_hard(searches: Sequence[HardSearch], folder: Path, *, kept_back: Path 
     for there, scenes in ((folder, taken), (folder / TRIED, tried)):
         write_parameters(there / PARAMETERS, ((each.id, each.drawn.draws) for each in scenes))
     write_rows(folder / TRIED / SCORES, ("scenario_id", *panel), [_scores(scene, panel) for scene in tried])
-    names = ("scenario_id", "difficulty", "mean_score", "plausibility", "solved_by", *panel)
-    write_rows(folder / HARD, names, [_row(scene, panel) for scene in taken])
+    write_rows(folder / HARD, (*ABOUT, *panel), [_row(scene, panel) for scene in taken])
     ids = {scene.id for scene in taken}
     others = [scene for scene in judged if scene.id not in ids]
     rows = [(each.verdict.stage or "not needed", each.id, each.verdict.reason) for each in others]

@@ -16,6 +16,7 @@ from interplan_sumo.batch.hard_job import answer_path
 from interplan_sumo.errors import InputError
 from interplan_sumo.families.scene_space import SceneSpace
 from interplan_sumo.maps.store import load_roads
+from interplan_sumo.report.listings import file_entries
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import read_scenarios
@@ -107,6 +108,18 @@ def test_the_folder_has_the_scenes_their_certificates_difficulty_and_parameters(
     }
     assert all(scores["idm"][row["scenario_id"]] == float(row["idm"]) for row in rows)
     assert len(table(tmp_path / "rejected.csv")) == len(search.judged) - 4
+
+
+def test_a_list_says_how_hard_the_scenes_of_a_folder_are(search: HardSearch, tmp_path: Path) -> None:
+    write_hard([search], tmp_path / "sound")
+    entries = file_entries(tmp_path / "sound")
+    assert {entry["id"]: entry["difficulty"] for entry in entries} == {
+        scene.id: scene.verdict.difficulty for scene in search.taken
+    }
+    write_hard([search], tmp_path / "damaged")
+    (tmp_path / "damaged" / "hard.csv").write_text("scenario_id,difficulty\none,much\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"cannot read .*hard\.csv.*much"):
+        file_entries(tmp_path / "damaged")
 
 
 def test_of_a_secret_seed_the_certificates_lie_elsewhere(tmp_path: Path) -> None:
