@@ -87,7 +87,7 @@ def _fault(_task: Task, fault: Fault) -> HardVerdict:
 def answer_path(folder: Path, candidate: HardCandidate) -> Path:
     """Where a verdict is kept: by all that it depends on but the code of the search."""
     panel = [f"{name} {_source_hash(name)}" for name in candidate.panel]
-    asked = f"{panel} {candidate.most_solved} {sorted(candidate.must_fail)}"
+    asked = f"{panel} {candidate.most_solved} {sorted(candidate.must_fail)} {sorted(candidate.alone)}"
     text = f"{candidate.scenario.hash()} {asked} {SCORING_VERSION} {TRAFFIC_VERSION}"
     return folder / f"{hashlib.sha256(text.encode()).hexdigest()[:24]}.json"
 

@@ -44,6 +44,8 @@ class HardCandidate:
     """The share of the panel that must fail."""
     must_fail: frozenset[str] = frozenset()
     """Those of the panel of whom each must fail, whatever the others do."""
+    alone: frozenset[str] = frozenset()
+    """Those of whom each may solve it only if nobody else of the panel does."""
 
     @property
     def most_solved(self) -> int:
@@ -52,13 +54,15 @@ class HardCandidate:
 
     @property
     def order(self) -> tuple[str, ...]:
-        """The panel as it drives: first those who must fail."""
-        return tuple(sorted(self.panel, key=lambda name: name not in self.must_fail))
+        """The panel as it drives: first those who must fail, then those who may solve it alone."""
+        return tuple(sorted(self.panel, key=lambda name: (name not in self.must_fail, name not in self.alone)))
 
     def too_easy(self, solved_by: Collection[str]) -> str:
         """Why a scene that these solve is too easy; '' if it is not."""
         if spent := [name for name in solved_by if name in self.must_fail]:
             return f"{spent[0]} solves it, and enough others"
+        if len(solved_by) > 1 and (shared := [name for name in solved_by if name in self.alone]):
+            return f"{shared[0]} solves it, and not alone"
         return f"{len(solved_by)} of the panel solve it" if len(solved_by) > self.most_solved else ""
 
 

@@ -174,15 +174,15 @@ class HardSearch:
         return False
 
     def _candidates(self) -> Callable[[Scenario], HardCandidate]:
-        """What the next batch is asked: once somebody has its points, only what one of the panel solves is of use, and
-        nothing that is solved by who has its points from such scenes alone."""
-        panel, least = self.options.panel, self.options.least_difficulty
-        must_fail: frozenset[str] = frozenset()
-        if _spent(self._left_to_score(self.taken)):
-            alone = [scene for scene in self.taken if len(scene.verdict.solved_by) <= 1]
-            must_fail = _spent(self._left_to_score(alone))
-            least = max(least, 1.0 - 1.0 / len(panel))
-        return lambda scenario: HardCandidate(scenario, panel, least, must_fail)
+        """What the next batch is asked: who has its points in what is taken may solve a scene alone, which takes the
+        place of one that others solve, too; who has them from such scenes must fail."""
+        options = self.options
+        spent = _spent(self._left_to_score(self.taken))
+        alone = [scene for scene in self.taken if len(scene.verdict.solved_by) <= 1]
+        must_fail = _spent(self._left_to_score(alone))
+        return lambda scenario: HardCandidate(
+            scenario, options.panel, options.least_difficulty, must_fail, spent - must_fail
+        )
 
     def _left_to_score(self, taken: Sequence[HardScene]) -> dict[str, float]:
         """What each of a panel of several may still get in all, a scene at most 1; nothing binds one alone."""

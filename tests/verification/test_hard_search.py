@@ -175,13 +175,14 @@ def test_scenes_that_one_solves_take_the_place_of_those_that_two_solve() -> None
         first = not asked
         asked.extend(candidates)
         for number, (each, verdict) in enumerate(judged(candidates)):
-            who = panel[1:] if first else [name for name in panel[1:] if name not in each.must_fail][number % 2 :][:1]
+            free = [name for name in panel[1:] if name not in each.must_fail]
+            who = free if first else free[number % 2 :][:1]
             scores = {name: float(name in who) for name in panel}
             yield each, msgspec.structs.replace(verdict, scores=scores)
 
     again = HardSearch({MAP.name: MAP}, replace(OPTIONS, panel=panel, least_difficulty=0.3), space())
     again.run(first_two_then_one)
-    assert (asked[0].most_solved, asked[-1].most_solved) == (2, 1)
+    assert (asked[0].alone, asked[-1].alone | asked[-1].must_fail) == (frozenset(), {"foresight", "pdm_closed"})
     assert again.complete
     assert all(len(scene.verdict.solved_by) <= 1 for scene in again.taken)
     assert all(sum(scene.verdict.scores[name] for scene in again.taken) <= 2.0 for name in panel)
@@ -214,14 +215,18 @@ def test_a_scene_is_too_easy_if_one_who_must_fail_solves_it_or_too_many_do() -> 
     assert candidate.too_easy(("a", "c")) == ""
     assert candidate.too_easy(("b",)) == "b solves it, and enough others"
     assert candidate.too_easy(("a", "c", "d")) == "3 of the panel solve it"
+    shared = replace(candidate, must_fail=frozenset(), alone=frozenset({"c"}))
+    assert (shared.too_easy(("c",)), shared.too_easy(("a", "b"))) == ("", "")
+    assert shared.too_easy(("a", "c")) == "c solves it, and not alone"
 
 
 def test_an_answer_is_kept_for_what_was_asked_and_for_nothing_else(tmp_path: Path) -> None:
     candidate = HardCandidate(find_scenario("nudge/0"), ("idm", "foresight"), 0.5)
     others = [replace(candidate, must_fail=frozenset({name})) for name in candidate.panel]
+    others += [replace(candidate, alone=frozenset({name})) for name in candidate.panel]
     others += [replace(candidate, least_difficulty=1.0), replace(candidate, panel=("idm",))]
     places = [answer_path(tmp_path, each) for each in (candidate, *others)]
-    assert len(set(places)) == 5
+    assert len(set(places)) == 7
     assert answer_path(tmp_path, replace(candidate)) == places[0]
 
 
