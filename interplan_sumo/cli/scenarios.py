@@ -41,8 +41,7 @@ def list_scenarios(
         entries = file_entries(place)
     else:
         entries = [certified(each) if as_json else each for each in suite_entries(suite)]
-    rated = any(each["difficulty"] is not None for each in entries)
-    hidden = ("hash", "certificate") if rated else ("hash", "certificate", "difficulty")
+    hidden = ("hash", "certificate")
     print_entries(entries if as_json else list(map(in_words, entries)), as_json=as_json, hide=hidden)
 
 

@@ -39,17 +39,19 @@ def file_entries(place: Path) -> list[dict[str, Any]]:
     from interplan_sumo.maps.store import load_roads
     from interplan_sumo.scenario import certificates
     from interplan_sumo.scenario.files import read_scenarios
-    from interplan_sumo.scenario.suite import difficulties, overview
+    from interplan_sumo.scenario.suite import overview
     from interplan_sumo.verification.generation import SCENARIOS
+    from interplan_sumo.verification.hard_folder import read_difficulties
 
     file = place / SCENARIOS if place.is_dir() else place
     beside = file.parent / certificates.FILE
     held = certificates.read_summaries(beside) if beside.is_file() else {}
-    hard = difficulties(file.parent)
+    hard = read_difficulties(file.parent)
     found: list[dict[str, Any]] = []
     for scenario in read_scenarios(file):
         entry = structs.asdict(overview(scenario, load_roads(scenario.map, scenario.maps_beside)))
-        entry["difficulty"] = hard.get(scenario.id, entry["difficulty"])
+        if hard:
+            entry["difficulty"] = hard.get(scenario.id)
         proved = held.get(scenario.id)
         if proved is not None and proved.scenario_hash == entry["hash"]:
             found.append(_with_certificate({**entry, "solved_by": proved.solved_by}, proved))

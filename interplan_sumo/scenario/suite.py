@@ -4,14 +4,12 @@
     selection.yaml        and those of another suite by their ids; one of the two will do
     lock.json             hashes of everything that makes them what they are, and an overview of them
     certificates.parquet  a drive for each that proves it solvable, which is also its expert
-    hard.csv              of one that was searched to be hard: how many of a panel fail in each, and their scores
 
 They are read, never built: what is registered later changes none of them.
 """
 
 from __future__ import annotations
 
-import csv
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -38,7 +36,6 @@ SUITES_ROOT: Final = Path(str(files("interplan_sumo"))) / "scenario" / "suites"
 SCENARIOS: Final = "scenarios.yaml"
 SELECTION: Final = "selection.yaml"
 LOCK: Final = "lock.json"
-HARD: Final = "hard.csv"
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +120,7 @@ def find_suite(key: str) -> Suite:
     return _SUITES[key]
 
 
-class ScenarioOverview(msgspec.Struct, frozen=True, omit_defaults=True):
+class ScenarioOverview(msgspec.Struct, frozen=True):
     """A scenario in a few words, as lists have it: where it is and what its traffic does."""
 
     id: str
@@ -138,8 +135,6 @@ class ScenarioOverview(msgspec.Struct, frozen=True, omit_defaults=True):
     perception: str
     solved_by: tuple[str, ...] | None = None
     """As its certificate says; None without one."""
-    difficulty: float | None = None
-    """The share of a panel of planners that fails in it, of scenes that were searched to be hard."""
 
 
 class MapLock(msgspec.Struct, frozen=True):
@@ -207,29 +202,8 @@ def overview(scenario: Scenario, roads: Roads) -> ScenarioOverview:
     return ScenarioOverview(
         scenario.id, scenario.family, scenario.map, scenario.site(roads), roads.driving_side,
         scenario.traffic.density, scenario.traffic.behaviour, need, scenario.hash(), scenario.perception,
-        None if proved is None else proved.solved_by, _difficulty(scenario.id),
+        None if proved is None else proved.solved_by,
     )  # fmt: skip
-
-
-def _difficulty(scenario_id: str) -> float | None:
-    found = [difficulties(folder_of(key)).get(scenario_id) for key in _SUITES]
-    return next((each for each in found if each is not None), None)
-
-
-@cache
-def difficulties(folder: Path) -> dict[str, float]:
-    """By scenario the share of a panel that fails in it, as a search for hard scenes left it in a folder, if it did.
-
-    InputError if that is damaged.
-    """
-    path = folder / HARD
-    if not path.is_file():
-        return {}
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            return {row["scenario_id"]: float(row["difficulty"]) for row in csv.DictReader(file)}
-    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
-        raise InputError(f"cannot read {path}: {error!r}; scenarios harden writes it anew") from error
 
 
 @cache

@@ -19,7 +19,6 @@ from typing import Final
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import write_scenarios
-from interplan_sumo.scenario.suite import HARD
 from interplan_sumo.verification.generation import (
     OTHER_FOLDER,
     PARAMETERS,
@@ -33,6 +32,7 @@ from interplan_sumo.verification.generation import (
 from interplan_sumo.verification.hard_search import HardScene, HardSearch
 from interplan_sumo.world.files import writing
 
+HARD: Final = "hard.csv"
 TRIED: Final = "tried"
 SCORES: Final = "scores.csv"
 CANDIDATES: Final = "candidates"
@@ -75,6 +75,15 @@ def _scores(scene: HardScene, panel: tuple[str, ...]) -> tuple[str, ...]:
     """The id, and what each of the panel got; nothing for those who did not drive."""
     scores = scene.verdict.scores
     return scene.id, *(f"{scores[name]:.4f}" if name in scores else "" for name in panel)
+
+
+def read_difficulties(folder: Path) -> dict[str, float]:
+    """By scene the share of the panel that fails; nothing of a folder without that. InputError if it cannot be read."""
+    path = folder / HARD
+    if not path.is_file():
+        return {}
+    rows = read_rows(path, ("scenario_id", "difficulty"))
+    return {row["scenario_id"]: number_in(row["difficulty"], path) for row in rows}
 
 
 def read_tried_scores(folder: Path) -> dict[str, dict[str, float]]:
