@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import msgspec
 from msgspec.structs import replace as replaced
@@ -28,10 +29,14 @@ from interplan_sumo.verification.light_windows import light_problems
 from interplan_sumo.verification.replay import reference_drive
 from interplan_sumo.verification.solvers import SOLVED_SCORE, solvers, solving_drive
 from interplan_sumo.verification.start_checks import start_problems
-from interplan_sumo.verification.suite_judging import ASKED, ASKED_NEXT, MOST_SIMULATIONS, TRIVIAL, avoidable_change
+from interplan_sumo.verification.suite_judging import MOST_SIMULATIONS, TRIVIAL, avoidable_change
 from interplan_sumo.verification.surrounding_traffic import traffic_shortcomings
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import EgoTrack, Trace
+
+OTHERS: Final = ("foresight", "foresight?horizon_s=6.0", "foresight?change_time_s=3.0")
+"""Who is asked where nobody of the panel solves a scene. Of all that suites ask, the last two solved 18 of the 24 such
+scenes that any of seven solved (with foresight in the panel), for a third of the time; nobody solved 236 others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,8 +161,8 @@ def _score(trace: Trace | None, roads: Roads, expert: EgoTrack, scenario: Scenar
 
 
 def _another(scenario: Scenario, expert: EgoTrack, panel: Sequence[str]) -> dict[str, Trace]:
-    """The first who solves it of those that suites ask and the panel does not have, and how."""
-    for name in (*ASKED, *ASKED_NEXT):
+    """The first who solves it of those who are asked next and the panel does not have, and how."""
+    for name in OTHERS:
         if name not in panel and (trace := solving_drive(scenario, expert, name)) is not None:
             return {name: trace}
     return {}
