@@ -3,12 +3,13 @@
 A table stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and is what the drives in docs/results give;
 nobody types its figures. `--take` puts the drives of a run folder there first, each suite in a folder of its own, and
 without traces and details that no table needs: `interplan-sumo report docs/results/interplan-1` reads them like any
-other run.
+other run. `--take-hidden` keeps the scores in hard scenes that are not shipped, and nothing that tells of the scenes.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from typing import Any, Final
 
 import msgspec
 import numpy as np
-from scipy.stats import rankdata
+from scipy.stats import kendalltau, rankdata
 
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
@@ -35,6 +36,8 @@ from interplan_sumo.report.text import points_text
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 RESULTS: Final = ROOT / "docs/results"
+HIDDEN: Final = RESULTS / "interplan-hard-hidden.csv"
+"""Scores in hard scenes that are kept back."""
 FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
 NAMES: Final[Mapping[str, str]] = {
     "foresight": "`foresight` (ours)", "gameformer": "`gameformer`, learned", "dtpp": "`dtpp`, learned",
@@ -197,7 +200,69 @@ def detectable(drives: Drives) -> list[str]:
     ]
 
 
-SMALL, LARGE, ORDINARY = "interplan==1", "interplan-large==1", "common==1"
+def halves(drives: Drives) -> list[str]:
+    """Scores in the hard scenes that are shipped, and in those that are kept back."""
+    shown, hidden = _both_halves(drives)
+    lines = ["planner | shipped | kept back", "---|---|---"]
+    for name in sorted(shown, key=lambda name: -_mean(shown[name])):
+        lines.append(f"`{name}` | {100.0 * _mean(shown[name]):.0f} | {100.0 * _mean(hidden[name]):.0f}")
+    return lines
+
+
+def halves_order(drives: Drives) -> list[str]:
+    """Whether both halves rank the planners alike, in a sentence."""
+    shown, hidden = _both_halves(drives)
+    both = (_means(shown), _means(hidden))
+    tau = _tau(*both)
+    rng = np.random.default_rng(0)
+    drawn = [_tau(_means(shown, rng), _means(hidden, rng)) for _ in range(DRAWS)]
+    low, high = np.nanquantile(drawn, (0.025, 0.975))
+    scenes = [sum(map(len, next(iter(half.values())).values())) for half in (shown, hidden)]
+    return [
+        f"{scenes[0]} scenes that are shipped and {scenes[1]} that are kept back, found with different seeds, rank "
+        f"{len(shown)} planners alike: Kendall's tau {tau:.2f} (95 % of those with scenes drawn again: {low:.2f} to "
+        f"{high:.2f}); the two scores of a planner are {100.0 * np.abs(both[0] - both[1]).mean():.0f} points apart."
+    ]
+
+
+def _tau(one: np.ndarray, other: np.ndarray) -> float:
+    found: Any = kendalltau(one, other)
+    return float(found.statistic)
+
+
+Half = Mapping[str, Mapping[str, list[float]]]
+"""By planner and family the scores, 0 to 1, of scenes in one order."""
+
+
+def _both_halves(drives: Drives) -> tuple[Half, Half]:
+    """Of who drove both."""
+    shown: dict[str, dict[str, list[float]]] = {}
+    hidden: dict[str, dict[str, list[float]]] = {}
+    for row in (drives.run.rows[key] for key in sorted(drives.run.keys)):
+        shown.setdefault(row.planner, {}).setdefault(row.family, []).append(row.score or 0.0)
+    with HIDDEN.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            hidden.setdefault(row["planner"], {}).setdefault(row["family"], []).append(float(row["score"]))
+    names = sorted(shown.keys() & hidden.keys())
+    return {name: shown[name] for name in names}, {name: hidden[name] for name in names}
+
+
+def _mean(scores: Mapping[str, list[float]]) -> float:
+    return float(np.mean([np.mean(each) for each in scores.values()]))
+
+
+def _means(half: Half, rng: np.random.Generator | None = None) -> np.ndarray:
+    """Of each planner, families alike; with scenes drawn again if there is a generator, the same for all."""
+    families = next(iter(half.values()))
+    rows = {family: np.arange(len(scores)) for family, scores in families.items()}
+    if rng is not None:
+        rows = {family: rng.integers(len(each), size=len(each)) for family, each in rows.items()}
+    return np.array(
+        [np.mean([np.asarray(of[family])[rows[family]].mean() for family in families]) for of in half.values()]
+    )
+
+
+SMALL, LARGE, ORDINARY, HARD = "interplan==1", "interplan-large==1", "common==1", "interplan-hard==1"
 TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = {
     "short": (short, (SMALL,)),
     "planners": (planners, (SMALL,)),
@@ -209,9 +274,13 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "ordinary": (ordinary, (ORDINARY,)),
     "ordinary_order": (ordinary_order, (ORDINARY,)),
     "learned": (learned, (SMALL, ORDINARY)),
+    "hard": (planners, (HARD,)),
+    "hard_detectable": (detectable, (HARD,)),
+    "halves": (halves, (HARD,)),
+    "halves_order": (halves_order, (HARD,)),
 }
 """How each is made, and of the drives of which suites."""
-PAGES: Final = ("README.md", "docs/benchmark.md", "docs/learned_planners.md")
+PAGES: Final = ("README.md", "docs/benchmark.md", "docs/learned_planners.md", "docs/hard_scenes.md")
 
 
 def folder_of(suite: str) -> Path:
@@ -221,7 +290,7 @@ def folder_of(suite: str) -> Path:
 
 def stored() -> dict[str, Drives]:
     """The kept drives by suite."""
-    return {suite: Drives(read_run(folder_of(suite))) for suite in (SMALL, LARGE, ORDINARY)}
+    return {suite: Drives(read_run(folder_of(suite))) for suite in (SMALL, LARGE, ORDINARY, HARD)}
 
 
 def _titles(table: ResultsTable) -> list[str]:
@@ -273,6 +342,18 @@ def take(folder: Path) -> None:
             file.write(msgspec.json.encode(_small(msgspec.to_builtins(run.rows[key]))) + b"\n")
 
 
+def take_hidden(folder: Path) -> None:
+    """Keep the scores of a run of scenes that are not shipped: planner, family and score, in one order."""
+    run = read_run(folder)
+    if run.missing:
+        raise SystemExit(f"{folder} has no score for {len(run.missing)} of its drives; complete it first")
+    rows = sorted((run.rows[key] for key in run.keys), key=lambda row: (row.planner, row.family, row.scenario_id))
+    with HIDDEN.open("w", encoding="utf-8", newline="") as file:
+        written = csv.writer(file, lineterminator="\n")
+        written.writerow(("planner", "family", "score"))
+        written.writerows((row.planner, row.family, f"{row.score or 0.0:.6f}") for row in rows)
+
+
 def _small(row: dict[str, Any]) -> dict[str, Any]:
     judged = {*row["gates"], *row["weights"], GOAL_LANE}
     metrics = {name: metric for name, metric in row["metrics"].items() if name in judged}
@@ -294,9 +375,12 @@ def _without(command: Iterable[str], *flags: str) -> Iterable[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--take", type=Path, metavar="RUN", help="a run folder whose drives are to be stored first")
+    parser.add_argument("--take-hidden", type=Path, metavar="RUN", help="a run of hard scenes that are not shipped")
     given = parser.parse_args()
     if given.take is not None:
         take(given.take)
+    if given.take_hidden is not None:
+        take_hidden(given.take_hidden)
     drives = stored()
     for page in PAGES:
         (ROOT / page).write_text(written((ROOT / page).read_text(encoding="utf-8"), drives), encoding="utf-8")

@@ -11,6 +11,7 @@ from interplan_sumo.errors import UnknownNameError
 from interplan_sumo.metrics.metric import plain
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from interplan_sumo.scenario.certificates import Summary
@@ -22,13 +23,15 @@ def suite_entries(suite: str | None = None) -> list[dict[str, Any]]:
 
     UnknownNameError if there is no such suite.
     """
-    from interplan_sumo.scenario.suite import read_lock, suites
+    from interplan_sumo.scenario.difficulty import read_difficulties
+    from interplan_sumo.scenario.suite import folder_of, read_lock, suites
 
     if suite is not None and suite not in suites():
         raise UnknownNameError("suite", suite, suites())
     keys = suites() if suite is None else (suite,)
-    found = {each.id: each for key in keys for each in read_lock(key).overview}
-    return list(map(structs.asdict, found.values()))
+    found = {each.id: structs.asdict(each) for key in keys for each in read_lock(key).overview}
+    hard = {name: share for key in keys for name, share in read_difficulties(folder_of(key)).items()}
+    return [_with_difficulty(each, hard) for each in found.values()]
 
 
 def file_entries(place: Path) -> list[dict[str, Any]]:
@@ -38,10 +41,10 @@ def file_entries(place: Path) -> list[dict[str, Any]]:
     """
     from interplan_sumo.maps.store import load_roads
     from interplan_sumo.scenario import certificates
+    from interplan_sumo.scenario.difficulty import read_difficulties
     from interplan_sumo.scenario.files import read_scenarios
     from interplan_sumo.scenario.suite import overview
     from interplan_sumo.verification.generation import SCENARIOS
-    from interplan_sumo.verification.hard_folder import read_difficulties
 
     file = place / SCENARIOS if place.is_dir() else place
     beside = file.parent / certificates.FILE
@@ -50,14 +53,18 @@ def file_entries(place: Path) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for scenario in read_scenarios(file):
         entry = structs.asdict(overview(scenario, load_roads(scenario.map, scenario.maps_beside)))
-        if hard:
-            entry["difficulty"] = hard.get(scenario.id)
+        entry = _with_difficulty(entry, hard)
         proved = held.get(scenario.id)
         if proved is not None and proved.scenario_hash == entry["hash"]:
             found.append(_with_certificate({**entry, "solved_by": proved.solved_by}, proved))
         else:
             found.append(certified(entry))
     return found
+
+
+def _with_difficulty(entry: dict[str, Any], hard: Mapping[str, float]) -> dict[str, Any]:
+    """Among hard scenes an entry says how hard it is, or that nobody knows."""
+    return {**entry, "difficulty": hard.get(entry["id"])} if hard else entry
 
 
 def certified(entry: dict[str, Any]) -> dict[str, Any]:

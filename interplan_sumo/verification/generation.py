@@ -5,10 +5,8 @@ A map that is not shipped goes into the folder, too, so that it can be driven an
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite, nan
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -25,14 +23,14 @@ from interplan_sumo.verification.certificates import Proof
 from interplan_sumo.verification.light_windows import light_problems
 from interplan_sumo.verification.map_bundling import carry_map
 from interplan_sumo.verification.start_checks import start_problems
-from interplan_sumo.world.files import writing
+from interplan_sumo.world.csv_tables import number_in, read_table, write_table
+from interplan_sumo.world.files import OTHER_FOLDER, writing
 from interplan_sumo.world.roads import Roads
 
 SCENARIOS: Final = "scenarios.yaml"
 REPORT: Final = "report.csv"
 REJECTED: Final = "rejected.csv"
 PARAMETERS: Final = "parameters.csv"
-OTHER_FOLDER: Final = "give another folder as --out"
 CANDIDATES_PER_SCENARIO: Final = 12
 LEAST_CANDIDATES: Final = 60
 """The search gives up after so many candidates for each scenario that is asked for, and so many in all."""
@@ -112,7 +110,7 @@ def write_generated(
     check_folder(folder, overwrite=overwrite)
     passed = write_proved(folder, scenarios, proofs)
     rows = [(each.family, r.lane, r.at_m, r.reason) for each in made for r in each.rejected]
-    write_rows(folder / REJECTED, ("family", "lane", "at_m", "reason"), rows)
+    write_table(folder / REJECTED, ("family", "lane", "at_m", "reason"), rows)
     return len(scenarios), passed
 
 
@@ -128,7 +126,7 @@ def write_proved(folder: Path, scenarios: Sequence[Scenario], proofs: Iterable[P
         write_scenarios(scenarios, folder / SCENARIOS)
         certificates.write_certificates(folder / certificates.FILE, passed)
     rows = [_report_row(scenario, found.get(scenario.id)) for scenario in scenarios]
-    write_rows(folder / REPORT, ("scenario_id", "certified", "score", "simulations", "reason"), rows)
+    write_table(folder / REPORT, ("scenario_id", "certified", "score", "simulations", "reason"), rows)
     return len(passed)
 
 
@@ -140,18 +138,10 @@ def _report_row(scenario: Scenario, proof: Proof | None) -> tuple[object, ...]:
     return scenario.id, held is not None, score, proof.simulations, "; ".join(proof.problems)
 
 
-def write_rows(path: Path, names: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a table as CSV; InputError if it cannot be written."""
-    with writing(path.parent, OTHER_FOLDER), path.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file)
-        table.writerow(names)
-        table.writerows(rows)
-
-
 def write_parameters(path: Path, scenes: Iterable[tuple[str, Mapping[str, Draw]]]) -> None:
     """Write what was drawn for each scene, by its id, a row for each parameter; InputError if it cannot be written."""
     rows = ((id, name, each.value, f"{each.quantile:.6f}") for id, draws in scenes for name, each in draws.items())
-    write_rows(path, ("scenario_id", "parameter", "value", "quantile"), rows)
+    write_table(path, ("scenario_id", "parameter", "value", "quantile"), rows)
 
 
 class NotedDraw(NamedTuple):
@@ -164,34 +154,10 @@ class NotedDraw(NamedTuple):
 def read_parameters(path: Path) -> dict[str, dict[str, NotedDraw]]:
     """What was drawn for each scene, by id and name; InputError if it cannot be read or is something else."""
     found: dict[str, dict[str, NotedDraw]] = {}
-    for row in read_rows(path, ("scenario_id", "parameter", "value", "quantile")):
+    for row in read_table(path, ("scenario_id", "parameter", "value", "quantile")):
         draw = NotedDraw(row["value"], number_in(row["quantile"], path))
         found.setdefault(row["scenario_id"], {})[row["parameter"]] = draw
     return found
-
-
-def read_rows(path: Path, names: Sequence[str]) -> list[dict[str, str]]:
-    """The rows of a table as `write_rows` wrote it; InputError if it cannot be read or lacks one of these columns."""
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            table = csv.DictReader(file, restval="")
-            missing = [name for name in names if name not in (table.fieldnames or ())]
-            if missing:
-                raise InputError(f"{path} has no column {missing[0]}; it is not what scenarios harden writes")
-            return list(table)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
-
-
-def number_in(text: str, path: Path) -> float:
-    """A finite number of a table; InputError for something else."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = nan
-    if not isfinite(number):
-        raise InputError(f"{path}: {text!r} is no number")
-    return number
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:

@@ -18,21 +18,13 @@ from typing import Final
 
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
+from interplan_sumo.scenario.difficulty import HARD
 from interplan_sumo.scenario.files import write_scenarios
-from interplan_sumo.verification.generation import (
-    OTHER_FOLDER,
-    PARAMETERS,
-    REJECTED,
-    SCENARIOS,
-    number_in,
-    read_rows,
-    write_parameters,
-    write_rows,
-)
+from interplan_sumo.verification.generation import PARAMETERS, REJECTED, SCENARIOS, write_parameters
 from interplan_sumo.verification.hard_search import HardScene, HardSearch
-from interplan_sumo.world.files import writing
+from interplan_sumo.world.csv_tables import number_in, read_table, write_table
+from interplan_sumo.world.files import OTHER_FOLDER, writing
 
-HARD: Final = "hard.csv"
 TRIED: Final = "tried"
 SCORES: Final = "scores.csv"
 CANDIDATES: Final = "candidates"
@@ -55,12 +47,12 @@ def write_hard(searches: Sequence[HardSearch], folder: Path, *, kept_back: Path 
         certificates.write_certificates(kept_back or folder / certificates.FILE, proved)
     for there, scenes in ((folder, taken), (folder / TRIED, tried)):
         write_parameters(there / PARAMETERS, ((each.id, each.drawn.draws) for each in scenes))
-    write_rows(folder / TRIED / SCORES, ("scenario_id", *panel), [_scores(scene, panel) for scene in tried])
-    write_rows(folder / HARD, (*ABOUT, *panel), [_row(scene, panel) for scene in taken])
+    write_table(folder / TRIED / SCORES, ("scenario_id", *panel), [_scores(scene, panel) for scene in tried])
+    write_table(folder / HARD, (*ABOUT, *panel), [_row(scene, panel) for scene in taken])
     ids = {scene.id for scene in taken}
     others = [scene for scene in judged if scene.id not in ids]
     rows = [(each.verdict.stage or "not needed", each.id, each.verdict.reason) for each in others]
-    write_rows(folder / REJECTED, ("stage", "scenario_id", "reason"), rows)
+    write_table(folder / REJECTED, ("stage", "scenario_id", "reason"), rows)
 
 
 def _row(scene: HardScene, panel: tuple[str, ...]) -> tuple[object, ...]:
@@ -77,20 +69,11 @@ def _scores(scene: HardScene, panel: tuple[str, ...]) -> tuple[str, ...]:
     return scene.id, *(f"{scores[name]:.4f}" if name in scores else "" for name in panel)
 
 
-def read_difficulties(folder: Path) -> dict[str, float]:
-    """By scene the share of the panel that fails; nothing of a folder without that. InputError if it cannot be read."""
-    path = folder / HARD
-    if not path.is_file():
-        return {}
-    rows = read_rows(path, ("scenario_id", "difficulty"))
-    return {row["scenario_id"]: number_in(row["difficulty"], path) for row in rows}
-
-
 def read_tried_scores(folder: Path) -> dict[str, dict[str, float]]:
     """By planner, then scene, what a search found; InputError if it cannot be read."""
     path = folder / TRIED / SCORES
     found: dict[str, dict[str, float]] = {}
-    for row in read_rows(path, ("scenario_id",)):
+    for row in read_table(path, ("scenario_id",)):
         for name, score in row.items():
             if name != "scenario_id":
                 held = found.setdefault(name, {})

@@ -14,8 +14,9 @@ from interplan_sumo.scenario.files import MAPS
 from interplan_sumo.scenario.recorded import GOAL_M, Agents, RecordedScene, scene
 from interplan_sumo.scenario.scenario import first_twice
 from interplan_sumo.verification.certificates import Proof
-from interplan_sumo.verification.generation import write_proved, write_rows
+from interplan_sumo.verification.generation import write_proved
 from interplan_sumo.verification.map_bundling import carry_map, own_maps_root
+from interplan_sumo.world.csv_tables import write_table
 from interplan_sumo.world.recording import Recording
 
 LEFT_OUT: Final = "left_out.csv"
@@ -147,5 +148,5 @@ def write_scenes(folder: Path, scenes: Sequence[RecordedScene], proofs: Iterable
     """Write scenarios, certificates, the report and who was left out; how many are certified."""
     passed = write_proved(folder, [each.scenario for each in scenes], proofs)
     rows = [(each.scenario.id, track, reason) for each in scenes for track, reason in each.left_out]
-    write_rows(folder / LEFT_OUT, ("scenario_id", "track", "reason"), rows)
+    write_table(folder / LEFT_OUT, ("scenario_id", "track", "reason"), rows)
     return passed

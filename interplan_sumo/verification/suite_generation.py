@@ -24,11 +24,11 @@ from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.route import goal_arc_m, start_arc_m
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import SCENARIOS, SELECTION, Suite, certificate_of, expert, find_scenario
-from interplan_sumo.verification.generation import OTHER_FOLDER, write_rows
 from interplan_sumo.verification.suite_candidates import Candidate, Streams, block_of, changes_asked
 from interplan_sumo.verification.suite_judging import Verdict
 from interplan_sumo.verification.suite_slots import ORDINARY, Seed, Slot, beginnings, groups, size_of, slots
-from interplan_sumo.world.files import writing
+from interplan_sumo.world.csv_tables import write_table
+from interplan_sumo.world.files import OTHER_FOLDER, writing
 from interplan_sumo.world.roads import Roads
 
 MOST_ATTEMPTS: Final = 40
@@ -199,7 +199,7 @@ def write_suites(search: SuiteSearch, folder: Path, *, kept_back: Path | None = 
             certificates.write_certificates(kept_back, secret)
     elif search.begun is None and search.suite not in ORDINARY:
         made += _write_derived(search, folder)
-    write_rows(folder / REJECTED, ("stage", "family", "scene or lane", "place", "reason"), search.rejections())
+    write_table(folder / REJECTED, ("stage", "family", "scene or lane", "place", "reason"), search.rejections())
     _write_scenes(search, folder)
     return made
 
@@ -248,4 +248,4 @@ def _write_scenes(search: SuiteSearch, folder: Path) -> None:
              "m to the goal", "start m/s", "behaviour", "density",
              "oncoming density", "vehicles within 100 m", "crossing", "oncoming",
              "candidates before", "certificate", "solved by")  # fmt: skip
-    write_rows(folder / SCENES, names, rows)
+    write_table(folder / SCENES, names, rows)

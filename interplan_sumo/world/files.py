@@ -14,6 +14,8 @@ from interplan_sumo.errors import InputError
 
 PART: Final = ".part-"
 """Names of files and folders that are being written begin so; a process that was killed may leave one behind."""
+OTHER_FOLDER: Final = "give another folder as --out"
+"""The way out where a folder cannot be written."""
 
 
 @contextmanager
