@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from math import ceil
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from scipy.optimize import Bounds, LinearConstraint, milp
 
 from interplan_sumo.errors import InputError, ScenarioError
 from interplan_sumo.families import find_family
@@ -193,24 +195,37 @@ class HardSearch:
         return {name: MOST_MEAN * options.count - scored for name, scored in got.items()}
 
     def _chosen(self) -> list[HardScene]:
-        """The hard scenes to take, as many as may be: first those that fewest of the panel solve."""
+        """The most hard scenes that may be taken together; of as many, those that fewest of the panel solve."""
         hard = [scene for scene in self.judged if not scene.verdict.stage]
-        chosen: list[HardScene] = []
-        for scene in sorted(hard, key=lambda each: (len(each.verdict.solved_by), each.verdict.mean_score, each.id)):
-            left = self._left_to_score(chosen)
-            if all(scene.verdict.scores[name] <= left[name] for name in left) and self._is_another(scene.drawn, chosen):
-                chosen.append(scene)
-            if len(chosen) == self.options.count:
-                break
-        return chosen
+        if not hard:
+            return []
+        blocks = [self._block(scene.drawn.scenario) for scene in hard]
+        pairs = [pair for pair in combinations(range(len(hard)), 2) if _alike(*(hard[each].drawn for each in pair))]
+        allowed = [
+            (np.array([scene.verdict.scores[name] for scene in hard]), left)
+            for name, left in self._left_to_score(()).items()
+        ]
+        allowed += [(np.array([here == block for here in blocks]), self._room_on_a_block) for block in set(blocks)]
+        allowed += [(np.isin(np.arange(len(hard)), pair), 1) for pair in pairs]
+        allowed += [(np.ones(len(hard)), self.options.count)]
+        rows, most = zip(*allowed, strict=True)
+        limits: Any = np.array(most, dtype=float)
+        worth = [1000.0 - 10.0 * len(scene.verdict.solved_by) - scene.verdict.mean_score for scene in hard]
+        found: Any = milp(
+            -np.array(worth), integrality=np.ones(len(hard)), bounds=Bounds(0, 1), options={"mip_rel_gap": 0.0},
+            constraints=LinearConstraint(np.array(rows, dtype=float), -np.inf, limits),
+        )  # fmt: skip
+        return [scene for scene, taken in zip(hard, found.x, strict=True) if taken > 0.5]
 
     def _is_another(self, drawn: ScenePoint, taken: Sequence[HardScene]) -> bool:
         """Whether a scene lies apart from all that are taken, on a roadblock that has room for another one."""
         here = self._block(drawn.scenario)
         on_block = sum(self._block(each.drawn.scenario) == here for each in taken)
-        if on_block >= ceil(self.options.count / self.space.blocks):
-            return False
-        return all(each.drawn.apart(drawn) >= APART for each in taken)
+        return on_block < self._room_on_a_block and not any(_alike(each.drawn, drawn) for each in taken)
+
+    @property
+    def _room_on_a_block(self) -> int:
+        return ceil(self.options.count / self.space.blocks)
 
     def _block(self, scenario: Scenario) -> str:
         return block_of(scenario, self.maps[scenario.map])
@@ -219,6 +234,10 @@ class HardSearch:
         names = (*find_family(self.options.family).telling, *self.space.names[1:], self.space.names[0])
         found = [draws[name].quantile for name in names if name in draws]
         return found[0], found[min(1, len(found) - 1)]
+
+
+def _alike(one: ScenePoint, other: ScenePoint) -> bool:
+    return one.apart(other) < APART
 
 
 def _spent(left_to_score: Mapping[str, float]) -> frozenset[str]:
