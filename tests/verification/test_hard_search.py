@@ -188,6 +188,24 @@ def test_scenes_that_one_solves_take_the_place_of_those_that_two_solve() -> None
     assert all(sum(scene.verdict.scores[name] for scene in again.taken) <= 2.0 for name in panel)
 
 
+def test_as_many_scenes_are_taken_as_can_be_even_if_more_solve_them() -> None:
+    panel = ("idm", "foresight", "pdm_closed")
+
+    def points_without_solving_or_one_solves(
+        candidates: Sequence[HardCandidate],
+    ) -> Iterator[tuple[HardCandidate, HardVerdict]]:
+        for number, (each, verdict) in enumerate(judged(candidates)):
+            solves = {name: float(name == panel[number // 2 % 3]) for name in panel}
+            scores = dict.fromkeys(panel, 0.7) if number % 2 else solves
+            yield each, msgspec.structs.replace(verdict, stage="", scores=scores)
+
+    again = HardSearch({MAP.name: MAP}, replace(OPTIONS, panel=panel, most_judged=1), space())
+    again.run(points_without_solving_or_one_solves)
+    solvers = sorted(len(scene.verdict.solved_by) for scene in again.taken)
+    assert solvers == [0, 1, 1, 1]  # two of those that nobody solves would leave no room for any other
+    assert all(sum(scene.verdict.scores[name] for scene in again.taken) <= 2.0 for name in panel)
+
+
 def test_who_has_half_of_the_points_must_fail_in_the_rest_and_drives_first() -> None:
     asked: list[HardCandidate] = []
 
