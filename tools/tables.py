@@ -9,13 +9,12 @@ other run. `--take-hidden` keeps the scores in hard scenes that are not shipped,
 from __future__ import annotations
 
 import argparse
-import csv
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import msgspec
 import numpy as np
@@ -23,6 +22,7 @@ from scipy.stats import kendalltau, rankdata
 
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
+from interplan_sumo.families import names
 from interplan_sumo.report.paper_comparison import (
     CELLS,
     COUNTERPARTS,
@@ -33,6 +33,10 @@ from interplan_sumo.report.paper_comparison import (
 )
 from interplan_sumo.report.table import PAPER_PROFILE, Cell, Line, ResultsTable, make_table
 from interplan_sumo.report.text import points_text
+from interplan_sumo.scenario.suite import find_suite
+from interplan_sumo.verification.hard_folder import read_scores
+from interplan_sumo.verification.solvers import SOLVED_SCORE
+from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 RESULTS: Final = ROOT / "docs/results"
@@ -200,6 +204,19 @@ def detectable(drives: Drives) -> list[str]:
     ]
 
 
+def hard(drives: Drives) -> list[str]:
+    """Scores in the hard scenes that are shipped: of the panel, as the suite has them, and of who drove besides."""
+    shown, panel = _shown(drives), _panel()
+    titles = ("planner", "in the panel", "all", "solves, of 100", *_titles(drives.strict))
+    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    for name in sorted(shown, key=lambda name: -_mean(shown[name])):
+        solved = sum(score >= SOLVED_SCORE for scores in shown[name].values() for score in scores)
+        cells = (f"{100.0 * float(np.mean(scores)):.0f}" for scores in shown[name].values())
+        total = f"{100.0 * _mean(shown[name]):.0f}"
+        lines.append(" | ".join((f"`{name}`", "yes" if name in panel else "no", total, str(solved), *cells)))
+    return lines
+
+
 def halves(drives: Drives) -> list[str]:
     """Scores in the hard scenes that are shipped, and in those that are kept back."""
     shown, hidden = _both_halves(drives)
@@ -213,15 +230,15 @@ def halves_order(drives: Drives) -> list[str]:
     """Whether both halves rank the planners alike, in a sentence."""
     shown, hidden = _both_halves(drives)
     both = (_means(shown), _means(hidden))
-    tau = _tau(*both)
     rng = np.random.default_rng(0)
     drawn = [_tau(_means(shown, rng), _means(hidden, rng)) for _ in range(DRAWS)]
     low, high = np.nanquantile(drawn, (0.025, 0.975))
+    tau, apart = _tau(*both), 100.0 * float(np.abs(both[0] - both[1]).mean())
     scenes = [sum(map(len, next(iter(half.values())).values())) for half in (shown, hidden)]
     return [
         f"{scenes[0]} scenes that are shipped and {scenes[1]} that are kept back, found with different seeds, rank "
         f"{len(shown)} planners alike: Kendall's tau {tau:.2f} (95 % of those with scenes drawn again: {low:.2f} to "
-        f"{high:.2f}); the two scores of a planner are {100.0 * np.abs(both[0] - both[1]).mean():.0f} points apart."
+        f"{high:.2f}); the two scores of a planner are {apart:.0f} points apart."
     ]
 
 
@@ -230,21 +247,34 @@ def _tau(one: np.ndarray, other: np.ndarray) -> float:
     return float(found.statistic)
 
 
-Half = Mapping[str, Mapping[str, list[float]]]
+Half = dict[str, dict[str, list[float]]]
 """By planner and family the scores, 0 to 1, of scenes in one order."""
 
 
+def _panel() -> dict[str, dict[str, float]]:
+    """What those got against whom the hard scenes were searched, by planner and scene."""
+    return read_scores(find_suite(HARD).folder)
+
+
+def _shown(drives: Drives) -> Half:
+    scores = _panel()
+    for row in drives.run.rows.values():
+        scores.setdefault(row.planner, {})[row.scenario_id] = row.score or 0.0
+    found: Half = {name: {family: [] for family in names(ordinary=False)} for name in scores}
+    for scenario in find_suite(HARD).scenarios:
+        for name, by_scene in scores.items():
+            found[name][scenario.family].append(by_scene[scenario.id])
+    return found
+
+
 def _both_halves(drives: Drives) -> tuple[Half, Half]:
-    """Of who drove both."""
-    shown: dict[str, dict[str, list[float]]] = {}
-    hidden: dict[str, dict[str, list[float]]] = {}
-    for row in (drives.run.rows[key] for key in sorted(drives.run.keys)):
-        shown.setdefault(row.planner, {}).setdefault(row.family, []).append(row.score or 0.0)
-    with HIDDEN.open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            hidden.setdefault(row["planner"], {}).setdefault(row["family"], []).append(float(row["score"]))
-    names = sorted(shown.keys() & hidden.keys())
-    return {name: shown[name] for name in names}, {name: hidden[name] for name in names}
+    """Of who drove both, in the families that both have."""
+    shown, hidden = _shown(drives), cast("Half", {})
+    for row in read_table(HIDDEN, ("planner", "family", "score")):
+        hidden.setdefault(row["planner"], {}).setdefault(row["family"], []).append(number_in(row["score"], HIDDEN))
+    both = sorted(shown.keys() & hidden.keys())
+    return ({name: {family: shown[name][family] for family in hidden[name]} for name in both},
+            {name: hidden[name] for name in both})  # fmt: skip
 
 
 def _mean(scores: Mapping[str, list[float]]) -> float:
@@ -253,12 +283,11 @@ def _mean(scores: Mapping[str, list[float]]) -> float:
 
 def _means(half: Half, rng: np.random.Generator | None = None) -> np.ndarray:
     """Of each planner, families alike; with scenes drawn again if there is a generator, the same for all."""
-    families = next(iter(half.values()))
-    rows = {family: np.arange(len(scores)) for family, scores in families.items()}
+    rows = {family: np.arange(len(scores)) for family, scores in next(iter(half.values())).items()}
     if rng is not None:
         rows = {family: rng.integers(len(each), size=len(each)) for family, each in rows.items()}
     return np.array(
-        [np.mean([np.asarray(of[family])[rows[family]].mean() for family in families]) for of in half.values()]
+        [np.mean([np.asarray(of[family])[each].mean() for family, each in rows.items()]) for of in half.values()]
     )
 
 
@@ -274,8 +303,7 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "ordinary": (ordinary, (ORDINARY,)),
     "ordinary_order": (ordinary_order, (ORDINARY,)),
     "learned": (learned, (SMALL, ORDINARY)),
-    "hard": (planners, (HARD,)),
-    "hard_detectable": (detectable, (HARD,)),
+    "hard": (hard, (HARD,)),
     "halves": (halves, (HARD,)),
     "halves_order": (halves_order, (HARD,)),
 }
@@ -342,16 +370,18 @@ def take(folder: Path) -> None:
             file.write(msgspec.json.encode(_small(msgspec.to_builtins(run.rows[key]))) + b"\n")
 
 
-def take_hidden(folder: Path) -> None:
-    """Keep the scores of a run of scenes that are not shipped: planner, family and score, in one order."""
-    run = read_run(folder)
+def take_hidden(run_folder: Path, scenes: Path) -> None:
+    """Keep the scores in hard scenes that are not shipped, of a run and of the panel: planner, family and score."""
+    run = read_run(run_folder)
     if run.missing:
-        raise SystemExit(f"{folder} has no score for {len(run.missing)} of its drives; complete it first")
-    rows = sorted((run.rows[key] for key in run.keys), key=lambda row: (row.planner, row.family, row.scenario_id))
-    with HIDDEN.open("w", encoding="utf-8", newline="") as file:
-        written = csv.writer(file, lineterminator="\n")
-        written.writerow(("planner", "family", "score"))
-        written.writerows((row.planner, row.family, f"{row.score or 0.0:.6f}") for row in rows)
+        raise SystemExit(f"{run_folder} has no score for {len(run.missing)} of its drives; complete it first")
+    families = {row.scenario_id: row.family for row in run.rows.values()}
+    scores = read_scores(scenes)
+    for row in run.rows.values():
+        scores.setdefault(row.planner, {})[row.scenario_id] = row.score or 0.0
+    order = sorted(families, key=lambda scene: (families[scene], scene))
+    rows = [(name, families[scene], f"{scores[name][scene]:.4f}") for name in sorted(scores) for scene in order]
+    write_table(HIDDEN, ("planner", "family", "score"), rows)
 
 
 def _small(row: dict[str, Any]) -> dict[str, Any]:
@@ -375,12 +405,14 @@ def _without(command: Iterable[str], *flags: str) -> Iterable[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--take", type=Path, metavar="RUN", help="a run folder whose drives are to be stored first")
-    parser.add_argument("--take-hidden", type=Path, metavar="RUN", help="a run of hard scenes that are not shipped")
+    parser.add_argument(
+        "--take-hidden", type=Path, nargs=2, metavar=("RUN", "DIR"), help="a run of hard scenes, and what harden wrote"
+    )
     given = parser.parse_args()
     if given.take is not None:
         take(given.take)
     if given.take_hidden is not None:
-        take_hidden(given.take_hidden)
+        take_hidden(*given.take_hidden)
     drives = stored()
     for page in PAGES:
         (ROOT / page).write_text(written((ROOT / page).read_text(encoding="utf-8"), drives), encoding="utf-8")

@@ -69,13 +69,21 @@ def _scores(scene: HardScene, panel: tuple[str, ...]) -> tuple[str, ...]:
     return scene.id, *(f"{scores[name]:.4f}" if name in scores else "" for name in panel)
 
 
+def read_scores(folder: Path) -> dict[str, dict[str, float]]:
+    """By planner of the panel, then scene, what it gets in the scenes of a folder; InputError if it cannot be read."""
+    return _scores_in(folder / HARD, ABOUT)
+
+
 def read_tried_scores(folder: Path) -> dict[str, dict[str, float]]:
-    """By planner, then scene, what a search found; InputError if it cannot be read."""
-    path = folder / TRIED / SCORES
+    """The same in all scenes that a search tried, of those who drove."""
+    return _scores_in(folder / TRIED / SCORES, ABOUT[:1])
+
+
+def _scores_in(path: Path, about: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Every column of a table but those about a scene, by scene."""
     found: dict[str, dict[str, float]] = {}
-    for row in read_table(path, ("scenario_id",)):
-        for name, score in row.items():
-            if name != "scenario_id":
-                held = found.setdefault(name, {})
-                held |= {row["scenario_id"]: number_in(score, path)} if score else {}
+    for row in read_table(path, about):
+        for name in (each for each in row if each not in about):
+            held = found.setdefault(name, {})
+            held |= {row["scenario_id"]: number_in(row[name], path)} if row[name] else {}
     return found

@@ -38,6 +38,14 @@ def test_scenarios_of_a_file_or_folder_are_listed_with_the_certificates_beside_i
     assert changed["certificate"] is None
 
 
+def test_a_suite_of_hard_scenes_says_how_hard_they_are_and_no_other_does() -> None:
+    assert {entry["difficulty"] for entry in suite_entries("interplan-hard==1")} == {0.6, 0.8, 1.0}
+    assert all("difficulty" not in entry for entry in suite_entries("smoke==1"))
+    everything = {entry["id"]: entry["difficulty"] for entry in suite_entries()}
+    assert sum(hard is not None for hard in everything.values()) == 100
+    assert everything["nudge/0"] is None
+
+
 def test_a_list_that_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words, given in (("cannot read", (tmp_path,)), ("two lists", (tmp_path, "--suite", "smoke==1"))):
         code, _, err = ran(capsys, "scenarios", "list", *given)

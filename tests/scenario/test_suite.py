@@ -15,6 +15,7 @@ from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario import suite
 from interplan_sumo.scenario.certificates import FILE, Certificate, Summary, read_certificates, write_certificates
+from interplan_sumo.scenario.difficulty import HARD, read_difficulties
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.route import route_centerline
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
@@ -30,20 +31,24 @@ from interplan_sumo.scenario.suite import (
     suites_with,
 )
 from interplan_sumo.simulation.setup import start_state
+from interplan_sumo.verification.hard_folder import ABOUT
+from interplan_sumo.verification.hard_search import MOST_MEAN, shares
 from interplan_sumo.verification.lock import lock
 from interplan_sumo.verification.reachability import unreachable
 from interplan_sumo.verification.start_checks import start_problems
+from interplan_sumo.world.csv_tables import read_table
 from interplan_sumo.world.trace import EgoTrack
 
 RELEASED = {
     "interplan==1": (80, "0babd01f52b400c03b3dcc3e5ffa22c767a6dbe43734be8900eda1d735e0b8af"),
     "common==1": (140, "9d25bf926c8a70c8141ca5ce941a6def017c5720f6ffef45ca31148bdb2fb6a4"),
+    "interplan-hard==1": (100, "7b8d9849c59b95cf82e861112cd51cb8f4a291b7edbc1bb99307b536c45b0f64"),
     "interplan-large==1": (320, "26854b319ac14ba798db88b8562d79977d70f010aee88ef6869f193264ad50b7"),
     "llm==1": (24, "98197429ef6eac00a91e308987ec184f102844735b3ee2c7ccb367005be315b9"),
     "smoke==1": (8, "ffbd0c50cab2a8d077e8fadda8af390df95c7fe6826708223a8d58e4b2ae8c50"),
 }
 """How many scenarios, and their hash: for ever."""
-WHOLE = ("interplan-large==1", "common==1")
+WHOLE = ("interplan-large==1", "interplan-hard==1", "common==1")
 """The others choose from these."""
 MINE = Scenario("mine/0", "mine", "tiny", LanePosition("11", 20.0), 10.0, LanePosition("11", 200.0), ("1",))
 
@@ -117,6 +122,25 @@ def test_the_large_suite_begins_with_the_eighty_and_each_place_is_a_road_of_its_
     solved = Counter(entry.family for entry in held if entry.solved_by)
     assert min(solved.values()) >= 0.8 * 40
     assert solved.total() >= 0.9 * len(held)
+
+
+def test_hard_scenes_are_solved_by_somebody_and_nobody_of_the_panel_has_half_of_the_points_of_a_family() -> None:
+    hard = find_suite("interplan-hard==1")
+    families = {scenario.id: scenario.family for scenario in hard.scenarios}
+    assert shares(100, names(ordinary=False)) == Counter(families.values())
+    entries = read_lock(hard.key).overview
+    assert all(entry.solved_by for entry in entries)
+    assert len({entry.site.partition("@")[0] for entry in entries}) == 80
+    rows = read_table(hard.folder / HARD, ABOUT)
+    assert [row["scenario_id"] for row in rows] == [entry.id for entry in entries]
+    assert min(read_difficulties(hard.folder).values()) >= 0.5
+    assert min(float(row["plausibility"]) for row in rows) >= 0.05
+    panel = rows[0].keys() - set(ABOUT)
+    assert len(panel) == 5
+    for family, count in Counter(families.values()).items():
+        of_family = [row for row in rows if families[row["scenario_id"]] == family]
+        for name in panel:
+            assert sum(float(row[name]) for row in of_family) <= MOST_MEAN * count + 1e-3, (name, family)
 
 
 def test_ordinary_driving_has_ten_scenes_of_each_type_with_lights_anywhere_in_their_cycle() -> None:

@@ -21,7 +21,7 @@ from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.suite import expert, find_scenario
-from interplan_sumo.verification.hard_folder import read_tried_scores, write_hard
+from interplan_sumo.verification.hard_folder import read_scores, read_tried_scores, write_hard
 from interplan_sumo.verification.hard_judging import HardCandidate, HardVerdict
 from interplan_sumo.verification.hard_search import APART, MOST_MEAN, HardOptions, HardSearch, shares
 from interplan_sumo.verification.quality_diversity import CELLS, DiverseSearch, EliteGrid
@@ -105,6 +105,9 @@ def test_the_folder_has_the_scenes_their_certificates_difficulty_and_parameters(
     scores = read_tried_scores(tmp_path)
     assert {name: set(of) for name, of in scores.items()} == {
         name: {each.id for each in tried} for name in OPTIONS.panel
+    }
+    assert read_scores(tmp_path) == {
+        name: {row["scenario_id"]: float(row[name]) for row in rows} for name in OPTIONS.panel
     }
     assert all(scores["idm"][row["scenario_id"]] == float(row["idm"]) for row in rows)
     assert len(table(tmp_path / "rejected.csv")) == len(search.judged) - 4
