@@ -205,7 +205,9 @@ class HardSearch:
             (np.array([scene.verdict.scores[name] for scene in hard]), left)
             for name, left in self._left_to_score(()).items()
         ]
-        allowed += [(np.array([here == block for here in blocks]), self._room_on_a_block) for block in set(blocks)]
+        allowed += [
+            (np.array([here == block for here in blocks]), self._room_on_a_block) for block in dict.fromkeys(blocks)
+        ]
         allowed += [(np.isin(np.arange(len(hard)), pair), 1) for pair in pairs]
         allowed += [(np.ones(len(hard)), self.options.count)]
         rows, most = zip(*allowed, strict=True)
