@@ -73,12 +73,15 @@ def test_gymnasiums_own_checks_find_nothing() -> None:
 
 def test_there_is_an_id_for_everything_each_suite_and_each_family() -> None:
     ids = {name for name in gymnasium.registry if name.startswith("interplan_sumo/")}
-    assert len(ids) == 1 + 5 + 8
+    assert len(ids) == 1 + 6 + 8
     sizes = {}
-    for name in ("Scenario", "Smoke", "Common", "InterplanLarge", "Llm", "LaneChangeHtd"):
+    for name in ("Scenario", "Smoke", "Common", "InterplanLarge", "InterplanHard", "Llm", "LaneChangeHtd"):
         env = gymnasium.make(f"interplan_sumo/{name}-v0")
         sizes[name] = len(env.unwrapped.scenarios)  # type: ignore[attr-defined]
-    assert sizes == {"Scenario": 80, "Smoke": 8, "Common": 140, "InterplanLarge": 320, "Llm": 24, "LaneChangeHtd": 10}
+    assert sizes == {
+        "Scenario": 80, "Smoke": 8, "Common": 140, "InterplanLarge": 320, "InterplanHard": 100, "Llm": 24,
+        "LaneChangeHtd": 10,
+    }  # fmt: skip
 
 
 def test_equal_seeds_begin_and_go_on_equally_and_others_draw_other_scenes() -> None:
