@@ -14,15 +14,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import msgspec
 import numpy as np
-from scipy.stats import kendalltau, rankdata
+from scipy.stats import rankdata
 
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
-from interplan_sumo.families import names
 from interplan_sumo.report.paper_comparison import (
     CELLS,
     COUNTERPARTS,
@@ -33,15 +32,20 @@ from interplan_sumo.report.paper_comparison import (
 )
 from interplan_sumo.report.table import PAPER_PROFILE, Cell, Line, ResultsTable, make_table
 from interplan_sumo.report.text import points_text
-from interplan_sumo.scenario.suite import find_suite
-from interplan_sumo.verification.hard_folder import read_scores
 from interplan_sumo.verification.solvers import SOLVED_SCORE
-from interplan_sumo.world.csv_tables import number_in, read_table, write_table
+from tools.hard_scores import (
+    HARD,
+    RESULTS,
+    ROOT,
+    both_halves,
+    keep_hidden,
+    mean,
+    means,
+    panel_scores,
+    shown_scores,
+    tau,
+)
 
-ROOT: Final = Path(__file__).resolve().parent.parent
-RESULTS: Final = ROOT / "docs/results"
-HIDDEN: Final = RESULTS / "interplan-hard-hidden.csv"
-"""Scores in hard scenes that are kept back."""
 FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
 NAMES: Final[Mapping[str, str]] = {
     "foresight": "`foresight` (ours)", "gameformer": "`gameformer`, learned", "dtpp": "`dtpp`, learned",
@@ -206,92 +210,43 @@ def detectable(drives: Drives) -> list[str]:
 
 def hard(drives: Drives) -> list[str]:
     """Scores in the hard scenes that are shipped: of the panel, as the suite has them, and of who drove besides."""
-    shown, panel = _shown(drives), _panel()
+    shown, panel = shown_scores(drives.run), panel_scores()
     titles = ("planner", "in the panel", "all", "solves, of 100", *_titles(drives.strict))
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
-    for name in sorted(shown, key=lambda name: -_mean(shown[name])):
+    for name in sorted(shown, key=lambda name: -mean(shown[name])):
         solved = sum(score >= SOLVED_SCORE for scores in shown[name].values() for score in scores)
         cells = (f"{100.0 * float(np.mean(scores)):.0f}" for scores in shown[name].values())
-        total = f"{100.0 * _mean(shown[name]):.0f}"
+        total = f"{100.0 * mean(shown[name]):.0f}"
         lines.append(" | ".join((f"`{name}`", "yes" if name in panel else "no", total, str(solved), *cells)))
     return lines
 
 
 def halves(drives: Drives) -> list[str]:
     """Scores in the hard scenes that are shipped, and in those that are kept back."""
-    shown, hidden = _both_halves(drives)
+    shown, hidden = both_halves(drives.run)
     lines = ["planner | shipped | kept back", "---|---|---"]
-    for name in sorted(shown, key=lambda name: -_mean(shown[name])):
-        lines.append(f"`{name}` | {100.0 * _mean(shown[name]):.0f} | {100.0 * _mean(hidden[name]):.0f}")
+    for name in sorted(shown, key=lambda name: -mean(shown[name])):
+        lines.append(f"`{name}` | {100.0 * mean(shown[name]):.0f} | {100.0 * mean(hidden[name]):.0f}")
     return lines
 
 
 def halves_order(drives: Drives) -> list[str]:
     """Whether both halves rank the planners alike, in a sentence."""
-    shown, hidden = _both_halves(drives)
-    both = (_means(shown), _means(hidden))
+    shown, hidden = both_halves(drives.run)
+    both = (means(shown), means(hidden))
     rng = np.random.default_rng(0)
-    drawn = [_tau(_means(shown, rng), _means(hidden, rng)) for _ in range(DRAWS)]
+    drawn = [tau(means(shown, rng), means(hidden, rng)) for _ in range(DRAWS)]
     low, high = np.nanquantile(drawn, (0.025, 0.975))
-    tau, apart = _tau(*both), 100.0 * float(np.abs(both[0] - both[1]).mean())
+    found, apart = tau(*both), 100.0 * float(np.abs(both[0] - both[1]).mean())
     scenes = [sum(map(len, next(iter(half.values())).values())) for half in (shown, hidden)]
     return [
         f"{scenes[0]} scenes that are shipped and {scenes[1]} that are kept back, found with different seeds, rank "
-        f"{len(shown)} planners alike: Kendall's tau {tau:.2f} (95 % of those with scenes drawn again: {low:.2f} to "
+        f"{len(shown)} planners alike: Kendall's tau {found:.2f} (95 % of those with scenes drawn again: {low:.2f} to "
         f"{high:.2f}); the two scores of a planner are {apart:.0f} points apart."
     ]
 
 
-def _tau(one: np.ndarray, other: np.ndarray) -> float:
-    found: Any = kendalltau(one, other)
-    return float(found.statistic)
-
-
-Half = dict[str, dict[str, list[float]]]
-"""By planner and family the scores, 0 to 1, of scenes in one order."""
-
-
-def _panel() -> dict[str, dict[str, float]]:
-    """What those got against whom the hard scenes were searched, by planner and scene."""
-    return read_scores(find_suite(HARD).folder)
-
-
-def _shown(drives: Drives) -> Half:
-    scores = _panel()
-    for row in drives.run.rows.values():
-        scores.setdefault(row.planner, {})[row.scenario_id] = row.score or 0.0
-    found: Half = {name: {family: [] for family in names(ordinary=False)} for name in scores}
-    for scenario in find_suite(HARD).scenarios:
-        for name, by_scene in scores.items():
-            found[name][scenario.family].append(by_scene[scenario.id])
-    return found
-
-
-def _both_halves(drives: Drives) -> tuple[Half, Half]:
-    """Of who drove both, in the families that both have."""
-    shown, hidden = _shown(drives), cast("Half", {})
-    for row in read_table(HIDDEN, ("planner", "family", "score")):
-        hidden.setdefault(row["planner"], {}).setdefault(row["family"], []).append(number_in(row["score"], HIDDEN))
-    both = sorted(shown.keys() & hidden.keys())
-    return ({name: {family: shown[name][family] for family in hidden[name]} for name in both},
-            {name: hidden[name] for name in both})  # fmt: skip
-
-
-def _mean(scores: Mapping[str, list[float]]) -> float:
-    return float(np.mean([np.mean(each) for each in scores.values()]))
-
-
-def _means(half: Half, rng: np.random.Generator | None = None) -> np.ndarray:
-    """Of each planner, families alike; with scenes drawn again if there is a generator, the same for all."""
-    rows = {family: np.arange(len(scores)) for family, scores in next(iter(half.values())).items()}
-    if rng is not None:
-        rows = {family: rng.integers(len(each), size=len(each)) for family, each in rows.items()}
-    return np.array(
-        [np.mean([np.asarray(of[family])[each].mean() for family, each in rows.items()]) for of in half.values()]
-    )
-
-
-SMALL, LARGE, ORDINARY, HARD = "interplan==1", "interplan-large==1", "common==1", "interplan-hard==1"
+SMALL, LARGE, ORDINARY = "interplan==1", "interplan-large==1", "common==1"
 TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = {
     "short": (short, (SMALL,)),
     "planners": (planners, (SMALL,)),
@@ -352,12 +307,18 @@ def written(page: str, drives: Mapping[str, Drives]) -> str:
     return TABLE.sub(made, page)
 
 
-def take(folder: Path) -> None:
-    """Keep the drives of a run folder, by planner and scene, as small as tables need them."""
+def complete_run(folder: Path) -> StoredRun:
+    """A run whose drives may be kept; ends the program if some of them have no score."""
     run = read_run(folder)
-    results = folder_of(run.manifest.suite)
     if run.missing:
         raise SystemExit(f"{folder} has no score for {len(run.missing)} of its drives; complete it first")
+    return run
+
+
+def take(folder: Path) -> None:
+    """Keep the drives of a run folder, by planner and scene, as small as tables need them."""
+    run = complete_run(folder)
+    results = folder_of(run.manifest.suite)
     about = msgspec.json.decode((folder / "manifest.json").read_bytes())
     about["command"] = [*_without(about["command"], "--out", "--workers")]
     about["platform"] = about["platform"].partition("-")[0]
@@ -368,20 +329,6 @@ def take(folder: Path) -> None:
     with (results / "results.jsonl").open("wb") as file:
         for key in sorted(run.keys):
             file.write(msgspec.json.encode(_small(msgspec.to_builtins(run.rows[key]))) + b"\n")
-
-
-def take_hidden(run_folder: Path, scenes: Path) -> None:
-    """Keep the scores in hard scenes that are not shipped, of a run and of the panel: planner, family and score."""
-    run = read_run(run_folder)
-    if run.missing:
-        raise SystemExit(f"{run_folder} has no score for {len(run.missing)} of its drives; complete it first")
-    families = {row.scenario_id: row.family for row in run.rows.values()}
-    scores = read_scores(scenes)
-    for row in run.rows.values():
-        scores.setdefault(row.planner, {})[row.scenario_id] = row.score or 0.0
-    order = sorted(families, key=lambda scene: (families[scene], scene))
-    rows = [(name, families[scene], f"{scores[name][scene]:.4f}") for name in sorted(scores) for scene in order]
-    write_table(HIDDEN, ("planner", "family", "score"), rows)
 
 
 def _small(row: dict[str, Any]) -> dict[str, Any]:
@@ -412,7 +359,8 @@ def main() -> None:
     if given.take is not None:
         take(given.take)
     if given.take_hidden is not None:
-        take_hidden(*given.take_hidden)
+        scenes_run, scenes = given.take_hidden
+        keep_hidden(complete_run(scenes_run), scenes)
     drives = stored()
     for page in PAGES:
         (ROOT / page).write_text(written((ROOT / page).read_text(encoding="utf-8"), drives), encoding="utf-8")

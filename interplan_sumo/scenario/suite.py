@@ -4,6 +4,7 @@
     selection.yaml        and those of another suite by their ids; one of the two will do
     lock.json             hashes of everything that makes them what they are, and an overview of them
     certificates.parquet  a drive for each that proves it solvable, which is also its expert
+    hard.csv, parameters.csv  of scenes searched to be hard: how hard each is, for whom, and what was drawn for it
 
 They are read, never built: what is registered later changes none of them.
 """

@@ -221,7 +221,7 @@ def test_who_has_half_of_the_points_must_fail_in_the_rest_and_drives_first() -> 
     again = HardSearch({MAP.name: MAP}, OPTIONS, space())
     again.run(solved_where_it_may_be)
     assert again.complete
-    assert sum("foresight" in scene.verdict.solved_by for scene in again.taken) <= 2
+    assert not any("foresight" in scene.verdict.solved_by for scene in again.taken)  # enough are solved by nobody now
     assert (asked[0].must_fail, asked[0].order) == (frozenset(), ("idm", "foresight"))
     assert (asked[-1].must_fail, asked[-1].order) == ({"foresight"}, ("foresight", "idm"))
 

@@ -1,0 +1,87 @@
+"""Scores in the hard scenes that are shipped and in those that are kept back, and how alike both rank planners."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from scipy.stats import kendalltau
+
+from interplan_sumo.batch.run_folder import StoredRun
+from interplan_sumo.families import names
+from interplan_sumo.scenario.suite import find_suite
+from interplan_sumo.verification.hard_folder import read_scores
+from interplan_sumo.world.csv_tables import number_in, read_table, write_table
+
+ROOT: Final = Path(__file__).resolve().parent.parent
+RESULTS: Final = ROOT / "docs/results"
+HIDDEN: Final = RESULTS / "interplan-hard-hidden.csv"
+"""Scores in hard scenes that are kept back: planner, family and score, and nothing that tells of the scenes."""
+HARD: Final = "interplan-hard==1"
+
+Half = dict[str, dict[str, list[float]]]
+"""By planner and family the scores, 0 to 1, of scenes in one order."""
+
+
+def panel_scores() -> dict[str, dict[str, float]]:
+    """What those got against whom the shipped scenes were searched, by planner and scene."""
+    return read_scores(find_suite(HARD).folder)
+
+
+def shown_scores(run: StoredRun) -> Half:
+    """Of the panel and of who drove the shipped scenes besides."""
+    scores = _with_driven(panel_scores(), run)
+    found: Half = {name: {family: [] for family in names(ordinary=False)} for name in scores}
+    for scenario in find_suite(HARD).scenarios:
+        for name, by_scene in scores.items():
+            found[name][scenario.family].append(by_scene[scenario.id])
+    return found
+
+
+def both_halves(run: StoredRun) -> tuple[Half, Half]:
+    """Shipped and kept back, of who drove both, in the families that both have."""
+    shown = shown_scores(run)
+    hidden: Half = {}
+    for row in read_table(HIDDEN, ("planner", "family", "score")):
+        hidden.setdefault(row["planner"], {}).setdefault(row["family"], []).append(number_in(row["score"], HIDDEN))
+    both = sorted(shown.keys() & hidden.keys())
+    common = {name: {family: shown[name][family] for family in hidden[name]} for name in both}
+    return common, {name: hidden[name] for name in both}
+
+
+def keep_hidden(run: StoredRun, scenes: Path) -> None:
+    """Store the scores in scenes that are not shipped, of a run and of the panel that `harden` left in a folder."""
+    families = {row.scenario_id: row.family for row in run.rows.values()}
+    scores = _with_driven(read_scores(scenes), run)
+    order = sorted(families, key=lambda scene: (families[scene], scene))
+    rows = [(name, families[scene], f"{scores[name][scene]:.4f}") for name in sorted(scores) for scene in order]
+    write_table(HIDDEN, ("planner", "family", "score"), rows)
+
+
+def _with_driven(scores: dict[str, dict[str, float]], run: StoredRun) -> dict[str, dict[str, float]]:
+    for row in run.rows.values():
+        scores.setdefault(row.planner, {})[row.scenario_id] = row.score or 0.0
+    return scores
+
+
+def mean(scores: Mapping[str, list[float]]) -> float:
+    """Of one planner, families alike."""
+    return float(np.mean([np.mean(each) for each in scores.values()]))
+
+
+def means(half: Half, rng: np.random.Generator | None = None) -> np.ndarray:
+    """Of each planner, families alike; with scenes drawn again if there is a generator, the same for all."""
+    rows = {family: np.arange(len(scores)) for family, scores in next(iter(half.values())).items()}
+    if rng is not None:
+        rows = {family: rng.integers(len(each), size=len(each)) for family, each in rows.items()}
+    return np.array(
+        [np.mean([np.asarray(of[family])[each].mean() for family, each in rows.items()]) for of in half.values()]
+    )
+
+
+def tau(one: np.ndarray, other: np.ndarray) -> float:
+    """Kendall's, of two scores of the same planners."""
+    found: Any = kendalltau(one, other)
+    return float(found.statistic)
