@@ -31,6 +31,8 @@ class LaneRoute:
     """(S,) for each metre: the lanes' limits, what bends allow, and what it takes to brake in time for both."""
     room_m: float
     """Arc length up to which lane changes for the goal are of use: the goal's, or where the way leaves the route."""
+    arrives: bool
+    """Whether it comes to the last block of the route."""
 
 
 class Ways:
@@ -77,7 +79,7 @@ class Ways:
         arrives = len(lanes) == len(route) - index
         room_m = line.project_point(self._mission.goal.x_m, self._mission.goal.y_m)[0] if arrives else line.length_m
         limits = limits_along(roads, lanes, starts_m, line, self._fallback_limit_mps)
-        return LaneRoute(tuple(lanes), starts_m, DrivingPath(line), limits, room_m)
+        return LaneRoute(tuple(lanes), starts_m, DrivingPath(line), limits, room_m, arrives)
 
 
 def limits_along(roads: Roads, lanes: list[str], starts_m: Floats, line: Polyline, fallback_limit_mps: float) -> Floats:

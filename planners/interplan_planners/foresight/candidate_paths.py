@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan, atan2, cos, exp, hypot, pi, sin, sqrt, tan
+from math import atan, atan2, cos, exp, hypot, inf, pi, sin, sqrt, tan
 from typing import Literal
 
 import numpy as np
@@ -19,7 +19,13 @@ RUN_IN_M = 12.0
 """A base begins this far before its first lane, so that a car that enters it is on it with all of its length."""
 RUN_OUT_M = 120.0
 """And goes on this far beyond its last one, so that a plan does not end where the route does."""
+HELD_M, HELD_PER_CHANGE_M = 8.0, 14.0
+"""Before the end of a lane that leaves the route there should be this much room for a change, and for each one more."""
 SPACING_M = 1.0
+LOCK_MPS = 2.0
+"""How fast the ego is with its wheel at the stop."""
+UNBENT_M = 5.0
+"""Over this distance the tracker straightens a wheel that was turned to the stop."""
 LATERAL_MPS2 = 2.0
 """How much bends are felt at most."""
 BRAKING_MPS2 = 1.3
@@ -36,8 +42,9 @@ SLOW_BEFORE_M = 40.0
 """Who passes something is slow no farther than this before it."""
 BEYOND_M = 240.0
 """How far a candidate goes on after its last piece; it is given up for its base before."""
-TIGHTEST_M = 5.5
-"""No candidate bends more than with this radius."""
+TIGHTEST_M, LOCK_M = 5.5, 4.4
+"""No candidate bends more than with the first radius; one that sets off from a standstill may with the second, that of
+the wheel at its stop (Chrysler Pacifica, 12.1 m from kerb to kerb)."""
 
 Kind = Literal["keep", "change", "pass"]
 
@@ -54,6 +61,10 @@ class Base:
     """(S,) for each metre of the path, what the law allows."""
     room_m: float
     """Arc length up to which lane changes for the goal are of use."""
+    beyond: tuple[tuple[str, float], ...]
+    """Lanes and connectors that the line follows beyond its way, and where each begins on it."""
+    held_m: float
+    """Arc length at which the front waits for a gap, where the way leaves the route; infinite where it does not."""
 
     @property
     def line(self) -> Polyline:
@@ -72,7 +83,8 @@ class Base:
         """Where the lane ends that is at an arc length."""
         place = self.place(arc_m)
         starts = self.way.starts_m
-        return float(starts[place + 1]) + RUN_IN_M if place + 1 < len(starts) else self.line.length_m
+        last_m = self.beyond[0][1] if self.beyond else self.line.length_m - RUN_OUT_M
+        return float(starts[place + 1]) + RUN_IN_M if place + 1 < len(starts) else last_m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,6 +109,8 @@ class CandidatePath:
     """Whether the ego's centre leaves the lanes of its direction."""
     around: tuple[str, ...] = ()
     """Of a pass: what it passes."""
+    late: bool = False
+    """Of a pass: whether the front is beside what it passes before all of the offset is reached."""
     old: Base | None = None
     """Of a change: what it leaves."""
     new: Base | None = None
@@ -105,31 +119,42 @@ class CandidatePath:
     """Arc length of the path from which on all of the ego is in that lane."""
 
 
-def base_of(roads: Roads, way: LaneRoute, index: int, fallback_limit_mps: float) -> Base:
-    """The base of a way that starts on block `index` of the route."""
+def base_of(roads: Roads, way: LaneRoute, index: int, changes: int, fallback_limit_mps: float) -> Base:
+    """The base of a way that starts on block `index` of the route, and ends so many lane changes from its goal."""
     points = way.path.line.points
     heading = float(way.path.line.segment_heading_rad[0])
     before = points[0] - RUN_IN_M * np.array((np.cos(heading), np.sin(heading)))
     run_in = np.linspace(before, points[0], int(RUN_IN_M), endpoint=False)
-    line = Polyline(np.concatenate((run_in, points, _run_out(roads, way.lanes[-1]))))
+    beyond, run_out = _run_out(roads, way.lanes[-1])
+    line = Polyline(np.concatenate((run_in, points, run_out)))
     metres = np.arange(int(line.length_m) + 1, dtype=np.float64)
     by_lane = np.array([lawful_mps(roads, lane_id, fallback_limit_mps) for lane_id in way.lanes])
     at = np.searchsorted(way.starts_m, metres - RUN_IN_M, side="right") - 1
-    return Base(way, index, DrivingPath(line), by_lane[np.clip(at, 0, len(by_lane) - 1)], way.room_m + RUN_IN_M)
+    limit_mps = by_lane[np.clip(at, 0, len(by_lane) - 1)]
+    starts_m = RUN_IN_M + way.path.line.length_m
+    placed = tuple((lane_id, starts_m + after_m) for lane_id, after_m in beyond)
+    room_m = way.room_m + RUN_IN_M
+    held_m = inf if way.arrives else room_m - HELD_M - HELD_PER_CHANGE_M * (max(changes, 1) - 1)
+    return Base(way, index, DrivingPath(line), limit_mps, room_m, placed, held_m)
 
 
-def _run_out(roads: Roads, lane_id: str) -> Floats:
-    """(N, 2) where to go on after the last lane of a way: the straightest way, then straight on."""
+def _run_out(roads: Roads, lane_id: str) -> tuple[list[tuple[str, float]], Floats]:
+    """Where to go on after the last lane of a way: the straightest way, then straight on.
+
+    The lanes and connectors of that way with the distance from the last lane to each, and points (N, 2).
+    """
+    lanes: list[tuple[str, float]] = []
     points: list[Floats] = []
     length_m, here = 0.0, lane_id
     while length_m < RUN_OUT_M and roads.outgoing(here):
         here = straightest(roads, roads.outgoing(here))
+        lanes.append((here, length_m))
         points.append(roads[here].centerline.points)
         length_m += roads[here].centerline.length_m
     last = roads[here].centerline
     heading = float(last.segment_heading_rad[-1])
     ahead = np.arange(1.0, RUN_OUT_M + 1.0)[:, None] * np.array((np.cos(heading), np.sin(heading)))
-    return np.concatenate((*points, last.points[-1] + ahead))
+    return lanes, np.concatenate((*points, last.points[-1] + ahead))
 
 
 def lawful_mps(roads: Roads, lane_id: str, fallback_mps: float) -> float:
@@ -154,6 +179,14 @@ def returned(base: Base, axle: Pose, curvature_per_m: float, length_m: float) ->
     return CandidatePath("keep", base, path, limits, ends[0], ends[1])
 
 
+def unbent(base: Base, axle: Pose, curvature_per_m: float, over_m: float) -> CandidatePath:
+    """Set off slowly with a turned wheel: first to an offset from the line of a base, so as not to cut its bend."""
+    pieces = [(UNBENT_M, over_m), (2.0 * UNBENT_M, 0.0)]
+    at_m, _ = base.line.project_point(axle.x_m, axle.y_m)
+    path, limits, ends = _beside(base, axle, curvature_per_m, pieces, (LOCK_MPS, at_m - DRAWN_M, at_m + 2.5 * UNBENT_M))
+    return CandidatePath("keep", base, path, limits, ends[0], ends[-1])
+
+
 def changed(old: Base, base: Base, axle: Pose, curvature_per_m: float, length_m: float) -> CandidatePath:
     """Change from one base to another over a length, from a pose."""
     path, limits, ends = _beside(base, axle, curvature_per_m, [(length_m, 0.0)])
@@ -175,6 +208,7 @@ class Bypass:
     """Allowed while beside."""
     new: Base | None
     """The lane of the same direction on which one is then."""
+    late: bool = False
 
 
 def passed(base: Base, axle: Pose, curvature_per_m: float, bypass: Bypass) -> CandidatePath | None:
@@ -184,25 +218,27 @@ def passed(base: Base, axle: Pose, curvature_per_m: float, bypass: Bypass) -> Ca
     at_m, left_m = base.line.project_point(drawn.x_m, drawn.y_m)
     wait_m = max(out_m[0] - at_m, 0.0)
     way_m = out_m[1] - at_m - wait_m
-    if way_m < shortest_m(offset_m - left_m):
+    if way_m < shortest_m(offset_m - left_m, LOCK_M):
         return None
     pieces = [(way_m, offset_m), (back_m[0] - out_m[1], offset_m), (back_m[1] - back_m[0], 0.0)]
     if wait_m > 0.5:
         # what is off the line now is brought back meanwhile
         pieces.insert(0, (wait_m, 0.0 if abs(left_m) < 0.3 or wait_m > 8.0 else left_m))
     slow = (bypass.most_mps, max(out_m[1] - 0.7 * way_m, back_m[0] - SLOW_BEFORE_M), back_m[0])
+    if bypass.late:
+        slow = (min(bypass.most_mps, LOCK_MPS), at_m - DRAWN_M, out_m[1])
     path, limits, ends = _beside(base, axle, curvature_per_m, pieces, slow)
     leaves_m = ends[1] if wait_m > 0.5 else ends[0]
     return CandidatePath(
         "pass", base, path, limits, leaves_m, ends[-1], offset_m, (ends[-3], ends[-2]), bypass.oncoming,
-        bypass.around, new=bypass.new, merged_m=leaves_m + IN_LANE * (ends[-3] - leaves_m),
+        bypass.around, bypass.late, new=bypass.new, merged_m=leaves_m + IN_LANE * (ends[-3] - leaves_m),
     )  # fmt: skip
 
 
-def shortest_m(offset_m: float) -> float:
+def shortest_m(offset_m: float, radius_m: float = TIGHTEST_M) -> float:
     """The least length over which a car can move sideways by an offset, from straight ahead to straight ahead."""
     # the largest second derivative of the quintic is 5.77 offsets per squared length
-    return max(sqrt(5.78 * abs(offset_m) * TIGHTEST_M), 4.0)
+    return max(sqrt(5.78 * abs(offset_m) * radius_m), 4.0)
 
 
 def _beside(

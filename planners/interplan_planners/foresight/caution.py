@@ -29,6 +29,10 @@ LEAST_WAITING_GAP_M = 1.5
 WAITING_BRAKING_MPS2 = 2.5
 YELLOW_BRAKING_MPS2 = 3.0
 """At yellow the ego stops if this is enough for it."""
+LATE_M = 2.0
+"""Who is farther than this beyond where it should have waited for a gap drives on."""
+HELD_BRAKING_MPS2, HELD_SPARE_M = 1.8, 8.0
+"""With what the ego brakes to wait there, and what it keeps besides: gaps are easier to reach at speed."""
 PASSED_LINE_M = 1.0
 """Who is farther than this beyond a stop line goes on."""
 LONG_M = 7.0
@@ -50,7 +54,8 @@ def red_stops(scene: PlanningScene, base: Base, at_m: float) -> list[float]:
     front_m = at_m + scene.shape.front_m
     stopping_m = scene.speed_mps**2 / (2.0 * YELLOW_BRAKING_MPS2)
     found: list[float] = []
-    for lane_id, start_m in zip(base.way.lanes, (base.way.starts_m + RUN_IN_M).tolist(), strict=True):
+    way = zip(base.way.lanes, (base.way.starts_m + RUN_IN_M).tolist(), strict=True)
+    for lane_id, start_m in (*way, *base.beyond):
         shows = status.get(lane_id)
         if start_m < front_m - PASSED_LINE_M:
             continue
@@ -62,6 +67,17 @@ def red_stops(scene: PlanningScene, base: Base, at_m: float) -> list[float]:
 def soonest_stop_m(front_m: float, speed_mps: float) -> float:
     """Where a front bumper can be stopped without haste."""
     return front_m + speed_mps * speed_mps / (2.0 * WAITING_BRAKING_MPS2) + 0.2
+
+
+def gap_wait_m(base: Base, front_m: float, move_m: float, speed_mps: float) -> float | None:
+    """Where the front waits for a gap before a lane leaves the route; None while that is far, and if it is too late.
+
+    `move_m` is what is left of a lane change on to that lane, which is finished in any case.
+    """
+    far_m = speed_mps * speed_mps / (2.0 * HELD_BRAKING_MPS2) + HELD_SPARE_M
+    if base.held_m - front_m > far_m or front_m + move_m > base.held_m + LATE_M:
+        return None
+    return max(base.held_m, soonest_stop_m(front_m, speed_mps))
 
 
 def waiting_m(blocked: StandingGroup, front_m: float, speed_mps: float, shape: EgoShape) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from interplan_planners.foresight.drivers import REACTION_S, answers_mps2, minded
 from interplan_planners.foresight.prediction import STEP_S
 from interplan_planners.foresight.speeds import Drafts
 from interplan_planners.foresight.st_obstacles import Stage
@@ -28,13 +29,15 @@ EFFORT = 0.12
 """Per squared acceleration, on average."""
 HARD, HARD_MPS2 = 6.0, 3.9
 """For braking harder than passengers accept."""
-COURTESY = 0.5
-"""Per m/s2 that somebody has to brake for the ego."""
-FORCED, FORCED_MPS2 = 40.0, 2.2
-"""For making somebody brake harder than this."""
+FORCED = 40.0
+"""For making everybody brake hard who could be behind."""
+NOBODY_M = 1e3
+"""So far behind is nobody."""
+ASTRIDE = 15.0
+"""For reaching into a lane and not being in it within the horizon."""
 SHORT, TIGHT, TIGHT_M = 5.0, 30.0, 1.6
-"""Per metre that a gap falls short when the ego is in it; gaps should be `GAP_M` and `GAP_S` of the follower's way.
-And for one that is less than the last, which leaves no time to give up."""
+"""Per metre that the gap ahead falls short when the ego is in the new lane; it should be `GAP_M` and `GAP_S` of the
+ego's way. And for one that is less than the last, which leaves no time to give up."""
 GAP_M, GAP_S = 1.0, 0.3
 TOUCH_M = 0.15
 
@@ -76,7 +79,7 @@ def speed_costs(
             met = (front > near) & (rear < far)
             cost[rows] += np.where(met.any(axis=1), (1.0 - impatience) * UNSEEN, 0.0)
         if stage.follower.any() and stage.candidate.new is not None:
-            cost[rows] += _imposed(stage, front, rear, v, settled)
+            cost[rows] += _answered(stage, s, v, shape) + _short(stage, front, rear, v, settled)
     return cost
 
 
@@ -92,25 +95,35 @@ def _hits(
     return mine & ~(from_behind & settled[:, :, None])
 
 
-def _imposed(stage: Stage, front: Floats, rear: Floats, v: Floats, settled: NDArray[np.bool_]) -> Floats:
-    """(n,) what drivers of the new lane have to do for the ego: at the moment when it is in their lane."""
+def _answered(stage: Stage, s: Floats, v: Floats, shape: EgoShape) -> Floats:
+    """(n,) for those behind who have to brake, a reaction time after the ego comes into their lane, or nearly does."""
+    steps, late = s.shape[1] - 1, round(REACTION_S / STEP_S)
+    lane, rear = np.flatnonzero(stage.follower), s - (shape.length_m - shape.front_m)
+    near_m, over_m = stage.enters_m
+    # who has reached in for longer has been answered already
+    counts = (s[:, -1] >= near_m) & (s[:, 0] - over_m <= REACTION_S * np.maximum(v[:, 0], 0.5))
+    rows, cost = np.arange(len(s)), np.zeros(len(s))
+    for enters_m in (near_m, over_m):
+        inside = s >= enters_m
+        at = np.where(inside.any(axis=1), np.minimum(inside.argmax(axis=1) + late, steps), steps)
+        rear_m, ego_mps = rear[rows, at][:, None], v[rows, at][:, None]
+        far, speed = stage.far_m[lane][:, at].T, np.maximum(stage.speed_mps[lane], 0.0)[:, at].T  # (n, b)
+        behind = np.nan_to_num(stage.center_m[lane][:, at].T, nan=-np.inf) < rear_m + 0.5 * shape.length_m
+        behind &= np.isfinite(far)
+        gap = np.where(behind, rear_m - far, NOBODY_M)
+        answers = answers_mps2(gap, np.where(behind, speed, 0.0), np.broadcast_to(ego_mps, gap.shape))
+        cost = np.maximum(cost, FORCED * minded(answers).max(axis=1, initial=0.0))
+    astride = s[:, -1] < stage.candidate.merged_m
+    return np.where(counts, cost + np.where(astride, ASTRIDE, 0.0), 0.0)
+
+
+def _short(stage: Stage, front: Floats, rear: Floats, v: Floats, settled: NDArray[np.bool_]) -> Floats:
+    """(n,) for a short gap ahead at the moment when all of the ego is in the lane."""
     lane = np.flatnonzero(stage.follower)
-    near, far, speed = stage.near_m[lane], stage.far_m[lane], np.maximum(stage.speed_mps[lane], 0.0)
-    last = settled.shape[1] - 1
-    at = np.where(settled.any(axis=1), settled.argmax(axis=1), last)
+    at = np.where(settled.any(axis=1), settled.argmax(axis=1), settled.shape[1] - 1)
     rows = np.arange(len(at))
     mid = 0.5 * (front + rear)[rows, at]
-    center = np.nan_to_num(stage.center_m[lane][:, at].T, nan=-np.inf)  # (n, b)
-    behind = np.isfinite(center) & (center < mid[:, None])
-    gap = np.where(behind, rear[rows, at][:, None] - far[:, at].T, np.inf)
-    closing = np.maximum(speed[:, at].T - v[rows, at][:, None], 0.0)
-    need = np.where(behind, closing**2 / (2.0 * np.maximum(gap - GAP_M, 0.3)), 0.0)
-    short = np.where(behind, np.maximum(GAP_M + GAP_S * speed[:, at].T - gap, 0.0), 0.0)
-    ahead = np.isfinite(center) & ~behind
-    front_gap = np.where(ahead, near[:, at].T - front[rows, at][:, None], np.inf)
-    front_short = np.maximum(GAP_M + GAP_S * v[rows, at][:, None] - front_gap, 0.0)
-    most = need.max(axis=1, initial=0.0)
-    cost = COURTESY * most + np.where(most > FORCED_MPS2, FORCED, 0.0)
-    tight = (gap.min(axis=1, initial=np.inf) < TIGHT_M) | (front_gap.min(axis=1, initial=np.inf) < TIGHT_M)
-    cost = cost + np.where(tight, TIGHT, 0.0)
-    return cost + SHORT * (short.max(axis=1, initial=0.0) + front_short.max(axis=1, initial=0.0))
+    near, center = stage.near_m[lane][:, at].T, np.nan_to_num(stage.center_m[lane][:, at].T, nan=-np.inf)  # (n, b)
+    gap = np.where(np.isfinite(center) & (center >= mid[:, None]), near - front[rows, at][:, None], np.inf)
+    short = np.maximum(GAP_M + GAP_S * v[rows, at][:, None] - gap, 0.0)
+    return SHORT * short.max(axis=1, initial=0.0) + np.where(gap.min(axis=1, initial=np.inf) < TIGHT_M, TIGHT, 0.0)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import copysign
 
 from interplan_planners.common.ground import Ground
 from interplan_planners.common.lane_routes import Ways
 from interplan_planners.common.route_correction import corrected_route
 from interplan_planners.common.route_search import LaneFinder, lanes_of_route
 from interplan_planners.foresight.candidate_paths import (
+    LOCK_M,
     Base,
     Bypass,
     CandidatePath,
@@ -19,16 +21,17 @@ from interplan_planners.foresight.candidate_paths import (
     passed,
     returned,
     shortest_m,
+    unbent,
 )
 from interplan_planners.foresight.caution import BESIDE_M
 from interplan_planners.foresight.scene import PlanningScene, curvature_per_m
-from interplan_planners.foresight.static_classification import Passage, StandingGroup, blockage
+from interplan_planners.foresight.static_classification import Passage, StandingGroup, blockage, slow_rider
 from interplan_sumo.planner import Mission
 from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import wrap_angle
 
-LOOK_M = 75.0
-"""Things that stand in the way are thought of from this distance on."""
+LOOK_M, RIDER_LOOK_M = 75.0, 35.0
+"""Things that stand in the way are thought of from this distance on, and riders of bicycles from the second."""
 PAST_M = 2.4
 """The drawn point begins to return this far behind what it passes: the rest of the car follows its way."""
 NEW_LANE_M = 0.9
@@ -38,12 +41,17 @@ ON_LINE_M, ON_LINE_RAD = 0.25, 0.05
 OFF_LINE_M, UNCOMMITTED_M = 0.6, 0.7
 """Who keeps a lane farther off its line than the first may come back otherwise; who is nearer than the second may still
 do anything."""
+BENT_MPS, BENT_PER_M, OVER_M = 3.0, 0.08, (0.0, 0.4, 0.8)
+"""Slower than the first and bending more than the second the ego may go on to these offsets on the outer side of its
+line: the tracker, slow to straighten the wheel, would cut the bend."""
 LEAVABLE_M = 1.4
 """A change can be given up while the centre is no farther than this from the old lane's line."""
 RECALLABLE_M = 2.2
 """So can a pass."""
 ALMOST_BESIDE_M = 0.8
 """Nearer than this to the offset of a pass the ego may reach it when it is beside already."""
+SETTING_OFF_MPS, LATER_M = 2.0, 8.0
+"""Slower than the first the ego may steer to the stop, and be at the offset of a pass so much later than is usual."""
 GENTLE = 1.7
 """How much longer the gentler way back is."""
 BEYOND_LANE = 1.5
@@ -100,7 +108,8 @@ class Manoeuvres:
         key = (index, lane_id)
         if key not in self._bases:
             way = self._ways.from_lane(index, lane_id)
-            self._bases[key] = base_of(self._mission.roads, way, index, self._fallback_limit_mps)
+            changes = self._ways.changes_needed.get(way.lanes[-1], 1)
+            self._bases[key] = base_of(self._mission.roads, way, index, changes, self._fallback_limit_mps)
         return self._bases[key]
 
     def kept(self, base: Base) -> CandidatePath:
@@ -147,10 +156,15 @@ class Manoeuvres:
         at_m, left_m = base.line.project_point(scene.axle.x_m, scene.axle.y_m)
         blocked = self._blocked(scene, base, at_m - (shape.length_m - shape.front_m))
         free, worth = self.worth(base, at_m, None), self.worth(base, at_m, blocked)
+        to_pass = blocked or slow_rider(base, at_m + shape.front_m, RIDER_LOOK_M, scene.traffic, shape, self.ground)
         found: list[ManoeuvreOption] = []
         if candidate.kind == "keep":
             found.append(ManoeuvreOption(candidate, worth))
-            if abs(left_m) > OFF_LINE_M:
+            if scene.speed_mps < BENT_MPS and abs(scene.curvature_per_m) > BENT_PER_M:
+                bent = scene.curvature_per_m
+                ways = [unbent(base, scene.axle, bent, copysign(over_m, -bent)) for over_m in OVER_M]
+                found += [ManoeuvreOption(way, worth, -ANEW) for way in ways]
+            elif abs(left_m) > OFF_LINE_M:
                 found += [ManoeuvreOption(self.back_to(base, ego, stretch), worth, -ANEW) for stretch in (1.0, GENTLE)]
         elif candidate.kind == "change":
             found.append(ManoeuvreOption(candidate, free, RESOLVED))
@@ -164,16 +178,19 @@ class Manoeuvres:
             grown = blocked is not None and not set(blocked.ids) <= set(candidate.around)  # there is more to pass
             found.append(ManoeuvreOption(candidate, worth) if grown else ManoeuvreOption(candidate, free, RESOLVED))
             arc_m, _ = candidate.path.line.project_point(scene.axle.x_m, scene.axle.y_m)
-            passing = arc_m > candidate.beside_m[1] - 2.0
+            gone = to_pass is None and arc_m < candidate.beside_m[0]  # what was to be passed has gone on
+            if gone:
+                found[0] = ManoeuvreOption(candidate, free, -AGAINST_TRAFFIC if candidate.oncoming else 0.0)
+            passing = gone or arc_m > candidate.beside_m[1] - 2.0
             if passing or abs(base.line.project_point(ego.x_m, ego.y_m)[1]) < RECALLABLE_M:
                 found.append(ManoeuvreOption(self.back_to(base, ego), worth, 0.0 if passing else -GIVING_UP))
             if passing:
                 found.append(ManoeuvreOption(self.back_to(base, ego, GENTLE), worth))
 
         uncommitted = candidate.kind != "change" and abs(left_m) < UNCOMMITTED_M
-        if blocked is not None and (uncommitted or candidate.kind == "keep" or blocked.ids != candidate.around):
-            for passage in blocked.passages:
-                found += self._passes(scene, base, blocked, passage, at_m, free)
+        if to_pass is not None and (uncommitted or candidate.kind == "keep" or to_pass.ids != candidate.around):
+            for passage in to_pass.passages:
+                found += self._passes(scene, base, to_pass, passage, at_m, free)
         if uncommitted:
             found += self._changes(scene, base, at_m)
         return found, blocked
@@ -226,13 +243,19 @@ class Manoeuvres:
             if length_m >= 1.1 * least_m
         ]
         at_once_m = max(self._change_time_s * speed, 1.8 * least_m)
+        if speed < SETTING_OFF_MPS:
+            # there need not be all of the offset before the front is beside: what is hit is seen on the close look
+            lock_m = 1.02 * shortest_m(passage.offset_m - left_m, LOCK_M)
+            if room_m < lock_m <= room_m + LATER_M:
+                outs.append((at_m, at_m + lock_m))
         if new is not None and at_once_m < room_m - 3.0:
             outs.append((at_m, at_m + at_once_m))  # where others drive beside, the first gap is the best
         way_back_m = max(2.4 * max(min(speed, most_mps), 4.0), 1.3 * least_m)
         found: list[ManoeuvreOption] = []
         for out_m in outs:
-            back_m = (over_m, over_m + way_back_m)
-            bypass = Bypass(passage.offset_m, out_m, back_m, block.ids, passage.oncoming, most_mps, new)
+            back_m = (max(over_m, out_m[1]), max(over_m, out_m[1]) + way_back_m)
+            late = out_m[1] > there_m + 1e-6
+            bypass = Bypass(passage.offset_m, out_m, back_m, block.ids, passage.oncoming, most_mps, new, late)
             candidate = passed(base, scene.axle, scene.curvature_per_m, bypass)
             if candidate is not None:
                 begun = -0.5 * BEGINNING - (AGAINST_TRAFFIC if passage.oncoming else 0.0)

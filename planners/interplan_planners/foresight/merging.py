@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from interplan_planners.common.gaps import GapRules, clearances_needed_m
+from interplan_planners.foresight.drivers import needed_gap_m
 from interplan_planners.foresight.manoeuvres import ManoeuvreOption
 from interplan_planners.foresight.prediction import STEP_S
 from interplan_planners.foresight.speeds import Drafts, Lead
@@ -81,11 +83,12 @@ def gap_times_s(
     front, rear = arc_m + shape.front_m, arc_m - (shape.length_m - shape.front_m)
     middle = 0.5 * (front + rear)
     others = np.maximum(others_mps.T[None], 0.0)
-    before, behind = clearances_needed_m(RULES, speed_mps[:, :, None], others, others)
+    before, _ = clearances_needed_m(RULES, speed_mps[:, :, None], others, others)
+    behind = needed_gap_m(others, speed_mps[:, :, None])
     ahead = center_m.T[None] >= middle[:, :, None]
     gap_ahead, gap_behind = near_m.T[None] - front[:, :, None], rear[:, :, None] - far_m.T[None]
     bad = np.isfinite(near_m).T[None] & np.where(ahead, gap_ahead < before, gap_behind < behind)
-    good = ~bad.any(axis=2)
+    good: NDArray[np.bool_] = ~np.any(bad, axis=2)
     held = good.copy()
     for k in range(1, max(1, round(HELD_S / STEP_S))):
         held[:, : steps - k] &= good[:, k:]

@@ -14,7 +14,7 @@ from interplan_planners.common.occupancy import StripOccupancy
 from interplan_planners.common.option_checks import more_than_0
 from interplan_planners.common.paths import braking_plan, rear_axle_plan
 from interplan_planners.foresight.candidate_paths import RUN_IN_M, Base, CandidatePath
-from interplan_planners.foresight.caution import cautious_limits, red_stops, soonest_stop_m, waiting_m
+from interplan_planners.foresight.caution import cautious_limits, gap_wait_m, red_stops, soonest_stop_m, waiting_m
 from interplan_planners.foresight.checking import CHECKED_S, TRACKED_AHEAD_S, checked_costs, finer
 from interplan_planners.foresight.costs import speed_costs
 from interplan_planners.foresight.foreseen import KEPT_S, Budget, Foreseen
@@ -29,6 +29,7 @@ from interplan_sumo.dynamics.lqr import GRID_S
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import EgoState
+from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
 
 FARTHEST_FROM_PLAN_M = 2.2
@@ -42,8 +43,9 @@ SETTLED_M = 6.0
 """After a candidate has come back to its base the rest of the car comes back as well."""
 PATIENCE_S, WAITING_MPS = 4.0, 1.5
 """How long the ego waits before something for somebody who might come, and what is waiting."""
-RESTLESS_PER_S, MOST_RESTLESS = 0.5, 6.0
-"""What it is worth to pass something, in points of progress, the longer the ego has waited: no wait is for ever."""
+RESTLESS_PER_S, MOST_RESTLESS, RESTED_M = 0.5, 6.0, 5.0
+"""What it is worth to pass something, in points of progress, the longer the ego has waited: no wait is for ever. All of
+it counts if the ego comes as far as the last."""
 ARRIVED_M = 2.0
 """Who is farther than this beyond the goal, or beyond the end of its way along the route, stops."""
 TAIL_M = 1.4
@@ -154,7 +156,7 @@ class ForesightPlanner:
         # a plan is kept until the next round and should still reach as far then
         traffic = self._prediction.traffic(observation, shape, self.horizon_s + self.replan_s)
         scene = PlanningScene(
-            observation, shape, traffic, self._stillness.for_good(observation, traffic, self._prediction)
+            observation, shape, traffic, *self._stillness.found(observation, traffic, self._prediction)
         )
         options, blocked = self._manoeuvres.options(scene, candidate)
         # where the ego stands across its lane not every candidate can begin at it
@@ -200,9 +202,7 @@ class ForesightPlanner:
         drafts = drafted(stages, ego.speed_mps, ego.ax_mps2, shape, leads)
         impatience = self._impatience(scene, blocked)
         cost = speed_costs(stages, drafts, shape, lawful_mps, impatience)
-        restless = min(RESTLESS_PER_S * self._waited_s, MOST_RESTLESS)
-        bonus = [option.bonus + (restless if option.candidate.kind == "pass" else 0.0) for option in options]
-        cost -= np.array(bonus)[drafts.stage_of]
+        cost -= self._worth(options, drafts)
         cost -= np.where(drafts.stage_of == 0, GOING_ON, 0.0) + prospects(drafts, stages, wished, shape)
 
         chosen = _chosen(cost, drafts)
@@ -222,6 +222,20 @@ class ForesightPlanner:
         busy = ends or blocked is not None or bool(wished) or candidate.kind != "keep"
         self._foreseen = Foreseen(scene.seen, scene.traffic.forecast, plan, busy_s if busy else free_s)
         return plan
+
+    def _worth(self, options: Sequence[ManoeuvreOption], drafts: Drafts) -> Floats:
+        """(N,) what the options are worth, in points of progress: a change if it is done within the horizon."""
+        of, end_m = drafts.stage_of, drafts.arc_m[:, -1]
+        worth, begun, merged_m = np.array([(o.worth, o.begun, o.candidate.merged_m) for o in options]).T
+        kind = np.array([option.candidate.kind for option in options])[of]
+        left = worth[0] if options[0].candidate.old is None else worth.min()
+        done = (kind != "change") | (end_m >= merged_m[of])
+        restless = min(RESTLESS_PER_S * self._waited_s, MOST_RESTLESS) * np.minimum(
+            (end_m - drafts.arc_m[:, 0]) / RESTED_M, 1.0
+        )
+        return (
+            np.where(done, worth[of], np.minimum(worth[of], left)) + begun[of] + np.where(kind == "pass", restless, 0.0)
+        )
 
     def _impatience(self, scene: PlanningScene, blocked: StandingGroup | None) -> float:
         """0 to 1: how long the ego has been waiting before what blocks its way."""
@@ -258,10 +272,14 @@ class ForesightPlanner:
                     beside_of[id(candidate.new)] = occupied_base(candidate.new, scene.traffic, shape, stretch)
                 beside = moved(beside_of[id(candidate.new)], arc_m - new_m)
             stops_m = red_stops(scene, candidate.base, at_m)
+            front_m, move_m = at_m + shape.front_m, max(candidate.merged_m - arc_m, 0.0)
+            held_m = gap_wait_m(candidate.base, front_m, move_m, scene.speed_mps)
+            if held_m is not None:
+                stops_m.append(held_m)
             if at_m > candidate.base.room_m + ARRIVED_M:
-                stops_m.append(soonest_stop_m(at_m + shape.front_m, scene.speed_mps))
+                stops_m.append(soonest_stop_m(front_m, scene.speed_mps))
             if candidate.kind == "keep" and blocked is not None and candidate.base is blocked.base:
-                stops_m.append(waiting_m(blocked, at_m + shape.front_m, scene.speed_mps, shape))
+                stops_m.append(waiting_m(blocked, front_m, scene.speed_mps, shape))
             limit_mps = cautious_limits(candidate, arc_m, scene)
             stops_m = [stop_m + arc_m - at_m for stop_m in stops_m]
             found.append(staged(candidate, arc_m, limit_mps, stops_m, scene, tail, reach_m, beside))

@@ -206,7 +206,8 @@ class Prediction:
         for row, lane in enumerate(lane_of):
             if lane is not None and abs(left_m[row]) < IN_LANE_M:
                 on.setdefault(lane, []).append((float(arc_m[row]), row))
-        for polygon in self._tree.query(shapely.Point(ego.x_m, ego.y_m), predicate="within").tolist():
+        # whoever reaches into a lane is noticed there
+        for polygon in self._tree.query(ego.polygon(shape), predicate="intersects").tolist():
             lane = self._ids[polygon]
             line = self._roads[lane].centerline
             s_m, _ = line.project_point(ego.x_m, ego.y_m)

@@ -24,6 +24,8 @@ class PlanningScene:
     traffic: PredictedTraffic
     stays: NDArray[np.bool_]
     """(A,) who is taken to stay where it is."""
+    doubtful: NDArray[np.bool_]
+    """(A,) of whom that cannot be told yet."""
 
     @property
     def ego(self) -> EgoState:

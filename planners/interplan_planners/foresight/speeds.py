@@ -10,14 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_planners.common.ragged import stacked
-from interplan_planners.foresight.prediction import STEP_S
+from interplan_planners.foresight.prediction import MOVING_MPS, STEP_S
 from interplan_planners.foresight.st_obstacles import Stage
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import Floats, Ints
 
 # How the ego drives: brisker than the background, within what passengers accept (nuPlan's comfort).
-ACCELERATION_MPS2, BRAKING_MPS2, HEADWAY_S, MIN_GAP_M = 1.9, 1.8, 1.25, 2.0
-MERGE_HEADWAY_S = 0.6
+ACCELERATION_MPS2, BRAKING_MPS2, HEADWAY_S, MIN_GAP_M = 1.9, 1.8, 1.25, 4.0
+DOUBTFUL_GAP_M = 9.0
+"""Kept behind those of whom it cannot be told whether they will go on: enough to pull out."""
+MERGE_GAP_M, MERGE_HEADWAY_S = 1.5, 0.4
+"""Kept behind those of another lane whom the ego gets behind: the rest of the gap is for whoever follows."""
 STOP_GAP_M = 1.0
 """Kept to stop lines and to where others cross."""
 SOFTNESS_MPS2 = 2.0 * sqrt(ACCELERATION_MPS2 * BRAKING_MPS2)
@@ -49,6 +52,8 @@ CAPS = (NO_CAP, Cap(0.0, 2.4), Cap(-1.0, 2.0), Cap(-1.9, 3.0), Cap(-2.2, 2.0), C
 YIELD_CAPS = (NO_CAP, Cap(-1.0, 1.6))
 WAIT_CAPS = tuple(Cap(-1.0, wait_s) for wait_s in (0.8, 1.4, 2.6, 3.4, 4.2))
 """Besides, for an ego that stands before it leaves its lane: when to set off."""
+GENTLE_CAPS = (Cap(0.8, 3.0),)
+"""Besides, for a slow ego: the tracker cuts bends in which it sets off briskly."""
 EMERGENCY = Cap(-EMERGENCY_MPS2, 8.0)
 SLOW_MPS = 2.0
 
@@ -125,7 +130,8 @@ def _combined(
     """Every stage with all ways to yield and all caps that go with them."""
     for i, stage in enumerate(stages):
         waits = speed_mps < SLOW_MPS and stage.candidate.kind != "keep"
-        for cap in (*CAPS, *(WAIT_CAPS if waits else ())):
+        slow = speed_mps < SLOW_MPS
+        for cap in (*CAPS, *(GENTLE_CAPS if slow else ()), *(WAIT_CAPS if waits else ())):
             yield i, (), cap
         many = len(stage.yield_near_m)
         options = {tuple(range(m)) for m in range(1, many + 1)} | {(m,) for m in range(many)}
@@ -162,6 +168,8 @@ class _Ahead:
             center[p, :, :count] = np.where(stage.leads, stage.center_m, -np.inf).T
             speed[p, :, :count] = np.where(stage.leads, np.maximum(stage.speed_mps, 0.0), 0.0).T
             merges = stage.follower | (stage.candidate.kind == "change")
+            least_m = np.where(merges & (stage.speed_mps.max(axis=1, initial=0.0) > MOVING_MPS), MERGE_GAP_M, MIN_GAP_M)
+            gap[p, :count] = np.where(stage.doubtful, DOUBTFUL_GAP_M, least_m)
             headway[p, :count] = np.where(merges, MERGE_HEADWAY_S, HEADWAY_S)
             for j, stop_m in enumerate(stage.stops_m, start=count):
                 near[p, :, j], center[p, :, j], gap[p, j] = stop_m, np.inf, STOP_GAP_M
@@ -206,7 +214,7 @@ class _Waited:
                 else:
                     near[n, :, place], speed[n, :, place] = stage.yield_near_m[j], stage.yield_speed_mps[j]
                 if beside >= 0 or stage.yield_merges[j]:
-                    gap[n, place], headway[n, place] = MIN_GAP_M, MERGE_HEADWAY_S
+                    gap[n, place], headway[n, place] = MERGE_GAP_M, MERGE_HEADWAY_S
         return cls(near, speed, gap, headway, any(yields))
 
     def behind(self, k: int, s: Floats, v: Floats, front_m: float) -> Floats:

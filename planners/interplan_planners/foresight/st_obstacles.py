@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ ALONG_COS = 0.6
 ONCOMING_MPS = 1.0
 BEHIND_M = 45.0
 """Whoever is farther behind in a lane that the ego changes to does not matter."""
+ENTRY_STEP_M, NEAR_BORDER_M = 0.25, 0.25
+"""How finely it is asked where the ego comes into a lane; and who is so near to its border may be in it for others."""
 RELEASE_S = 0.2
 """Kept after somebody has left the candidate before the ego goes on."""
 MOST_CONTENDERS = 5
@@ -58,8 +61,11 @@ class Stage:
     center_m: Floats  # (B, K + 1)
     speed_mps: Floats  # (B, K + 1) along the candidate
     leads: NDArray[np.bool_]  # (B, K + 1) who is followed when ahead
+    doubtful: NDArray[np.bool_]  # (B,) who stands and may stay, or go on
     strip: NDArray[np.bool_]  # (B,) who is in the strip that the ego sweeps: can be hit
     follower: NDArray[np.bool_]  # (B,) who comes along the lane that the ego changes to
+    enters_m: tuple[float, float]
+    """Arc lengths from which on the ego is near the border of that lane, and reaches over it; infinite if never."""
     unseen: tuple[Floats, Floats] | None
     """Near and far ends (K + 1,) of those who may come towards the ego from where it cannot see."""
     yield_near_m: Floats  # (C, K + 1) contenders: where the ego would wait for them, inf once they are past
@@ -129,11 +135,29 @@ def staged(
     nobody = [np.zeros((0, present.shape[1]))]
     return Stage(
         candidate, arc_m, limit_mps, tuple(stops_m), on.near_m, on.far_m, on.center_m, on.speed_mps,
-        present & (along | still)[:, None], strip, along & ~strip, unseen,
+        present & (along | still)[:, None], scene.doubtful[on.rows], strip, along & ~strip,
+        _enters_m(candidate, arc_m, shape), unseen,
         np.concatenate([contender.near_m[None] for contender in found] or nobody),
         np.concatenate([contender.speed_mps[None] for contender in found] or nobody),
         np.array([contender.merges for contender in found], dtype=np.bool_),
     )  # fmt: skip
+
+
+def _enters_m(candidate: CandidatePath, arc_m: float, shape: EgoShape) -> tuple[float, float]:
+    """Where the rear axle is on a candidate when a corner of the ego's front comes to the border of the new lane."""
+    new, old = candidate.new, candidate.old or candidate.base
+    if new is None or new is old:
+        return inf, inf
+    arcs = np.arange(arc_m, max(candidate.merged_m, arc_m) + ENTRY_STEP_M, ENTRY_STEP_M)
+    poses = candidate.path.line.poses_at(arcs)
+    cos_h, sin_h, half_m = np.cos(poses[:, 2]), np.sin(poses[:, 2]), 0.5 * shape.width_m
+    x_m, y_m = poses[:, 0] + shape.front_m * cos_h, poses[:, 1] + shape.front_m * sin_h
+    sides = [new.path.project(x_m - side * sin_h, y_m + side * cos_h)[1] for side in (-half_m, half_m)]
+    away_m = np.minimum(np.abs(sides[0]), np.abs(sides[1]))
+    here = old.line.pose_at(old.line.project_point(float(x_m[0]), float(y_m[0]))[0])
+    border_m = 0.5 * abs(new.line.project_point(here.x_m, here.y_m)[1])
+    near, over = away_m < border_m + NEAR_BORDER_M, away_m < border_m
+    return float(arcs[near.argmax()]) if near.any() else inf, float(arcs[over.argmax()]) if over.any() else inf
 
 
 def _occupied(
@@ -148,11 +172,13 @@ def _occupied(
     actors, half_m = traffic.actors, 0.5 * shape.width_m
     stretch = (arc_m - 8.0, arc_m + reach_m)
     walking = (actors.kind == ActorKind.PEDESTRIAN) & (actors.speed_mps > MOVING_MPS)
-    on = occupancy(candidate.path, half_m + SIDE_MARGIN_M, traffic.forecast, stretch, ignore=tail | walking)
+    # the strip is the rear axle's way; what the front passes before that is off it, the close look judges
+    out = tail | np.isin(actors.ids, candidate.around) if candidate.late else tail
+    on = occupancy(candidate.path, half_m + SIDE_MARGIN_M, traffic.forecast, stretch, ignore=out | walking)
     if not walking.any():
         return on
     return together(
-        on, occupancy(candidate.path, half_m + PEDESTRIAN_MARGIN_M, traffic.forecast, stretch, ignore=tail | ~walking)
+        on, occupancy(candidate.path, half_m + PEDESTRIAN_MARGIN_M, traffic.forecast, stretch, ignore=out | ~walking)
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from math import inf
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from interplan_planners.common.ground import Ground
 from interplan_planners.common.neighbours import STANDING_MPS, stands_for_good
 from interplan_planners.foresight.candidate_paths import Base
-from interplan_planners.foresight.prediction import PredictedTraffic, Prediction
+from interplan_planners.foresight.prediction import MOVING_MPS, PredictedTraffic, Prediction
 from interplan_sumo.planner import Observation
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import EgoShape
@@ -38,6 +39,8 @@ EDGE_M = 0.1
 CONTACT_M = 0.15
 """What comes nearer than this to the ego's side blocks its way."""
 PROBE_M, PROBES = 0.15, 80
+RIDER_SIDE_M, FASTER_MPS = 0.5, 2.5
+"""Kept besides to who rides a bicycle; and how much slower than allowed it is who is passed."""
 
 
 class Stillness:
@@ -46,22 +49,37 @@ class Stillness:
     def __init__(self) -> None:
         self._since_s: dict[str, float] = {}
 
-    def for_good(
+    def found(
         self, observation: Observation, traffic: PredictedTraffic, prediction: Prediction
-    ) -> NDArray[np.bool_]:
-        """(A,) whether an actor is taken to stay where it is: standing for 2 s, and no reason to wait in sight."""
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """(A,) whether an actor is taken to stay where it is: standing for 2 s, and no reason to wait in sight.
+
+        And (A,) whether that cannot be told: there may be a reason, but no red light.
+        """
         actors = observation.actors
         standing = [actors.ids[row] for row in np.flatnonzero(actors.speed_mps < STANDING_MPS).tolist()]
         self._since_s = {name: self._since_s.get(name, observation.time_s) for name in standing}
         stands = stands_for_good(observation)
         vehicles = np.flatnonzero(stands & (actors.kind == ActorKind.VEHICLE)).tolist()
+        doubtful = np.zeros(len(actors), dtype=np.bool_)
         if not vehicles:
-            return stands
+            return stands, doubtful
         patient = {row for row in vehicles if observation.time_s - self._since_s[actors.ids[row]] < PATIENCE_S}
         reasons = _Reasons(observation, traffic, prediction, stands, patient)
         for row in vehicles:
-            stands[row] = not reasons.waits(row)
-        return stands
+            reason = reasons.of(row)
+            stands[row], doubtful[row] = reason is Reason.NONE, reason is Reason.PERHAPS
+        return stands, doubtful
+
+
+class Reason(Enum):
+    """Why somebody who stands may be waiting."""
+
+    NONE = "none"
+    PERHAPS = "perhaps"
+    """A junction, or somebody ahead who moves or may be waiting."""
+    LIGHT = "light"
+    """Its own red light, or that of whom it queues behind."""
 
 
 class _Reasons:
@@ -84,33 +102,33 @@ class _Reasons:
         self._halted = observation.signals.with_status(SignalStatus.RED) | observation.signals.with_status(
             SignalStatus.YELLOW
         )
-        self._waits: dict[int, bool] = {}
+        self._known: dict[int, Reason] = {}
         self._on: dict[str, list[tuple[float, int]]] = {}
         for row, lane in enumerate(traffic.lane_of):
             if lane is not None:
                 self._on.setdefault(lane, []).append((float(traffic.arc_m[row]), row))
 
-    def waits(self, row: int) -> bool:
-        """Whether a standing vehicle has a reason to wait: a light, a junction, or one ahead that waits or moves."""
+    def of(self, row: int) -> Reason:
+        """The reason of a standing vehicle."""
         behind: list[int] = []
-        while row not in self._waits:
-            self._waits[row] = False  # until more is known; ends a ring of cars that wait for one another
+        while row not in self._known:
+            self._known[row] = Reason.NONE  # until more is known; ends a ring of cars that wait for one another
             reason = self._reason(row)
-            if not isinstance(reason, bool):
+            if not isinstance(reason, Reason):
                 behind.append(row)
                 row = reason
                 continue
-            self._waits[row] = reason
+            self._known[row] = reason
         for follower in behind:
-            self._waits[follower] = self._waits[row]
-        return self._waits[behind[0] if behind else row]
+            self._known[follower] = self._known[row]
+        return self._known[behind[0] if behind else row]
 
-    def _reason(self, row: int) -> bool | int:
-        """Whether it has a reason, or who ahead of it decides that."""
+    def _reason(self, row: int) -> Reason | int:
+        """Its reason, or who ahead of it decides that."""
         lane = self._traffic.lane_of[row]
         aside = abs(self._traffic.turned_rad[row]) > ASKEW_RAD or abs(self._traffic.left_m[row]) > ASIDE_M
         if lane is None or aside:
-            return False
+            return Reason.NONE
         chain = self._prediction.chain(lane)
         at_m = float(self._traffic.arc_m[row])
         before = lane
@@ -118,16 +136,16 @@ class _Reasons:
             if start_m - at_m > LIGHT_M:
                 break
             if link != lane and link in self._halted:
-                return True
+                return Reason.LIGHT
             ahead = [(start_m + s, j) for s, j in self._on.get(link, ()) if start_m + s > at_m + 0.5 and j != row]
             if ahead and row in self._patient:
                 there_m, j = min(ahead)
                 if there_m - at_m - 0.5 * float(self._length_m[row] + self._length_m[j]) < QUEUE_GAP_M:
-                    return j if self._stands[j] else True
+                    return j if self._stands[j] else Reason.PERHAPS
             if row in self._patient and start_m - at_m < JUNCTION_M and self._prediction.crosses(before, link):
-                return True
+                return Reason.PERHAPS
             before = link
-        return False
+        return Reason.NONE
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +219,39 @@ def blockage(
     passages = _passages(members, beside, low_d, high_d, half_m, _edges(base, start_m, end_m, ground))
     ids = tuple(sorted(actors.ids[rows[i]] for i in members))
     return StandingGroup(base, ids, start_m, end_m, passages)
+
+
+def slow_rider(
+    base: Base, front_m: float, look_m: float, traffic: PredictedTraffic, shape: EgoShape, ground: Ground
+) -> StandingGroup | None:
+    """The next one ahead who rides a bicycle along a base, slower than one drives there; where it will be passed.
+
+    `front_m` is where the ego's front is; it looks so far.
+    """
+    actors, half_m = traffic.actors, 0.5 * shape.width_m
+    rows = np.flatnonzero((actors.kind == ActorKind.BICYCLE) & (actors.speed_mps > MOVING_MPS))
+    if not rows.size:
+        return None
+    corners = actors.corners[rows]
+    s, d = base.path.project(corners[..., 0].ravel(), corners[..., 1].ravel())
+    s, d = s.reshape(-1, 4), d.reshape(-1, 4)
+    along = np.abs(traffic.turned_rad[rows]) < ASKEW_RAD
+    in_way = (d.min(axis=1) < half_m + RIDER_SIDE_M) & (d.max(axis=1) > -half_m - RIDER_SIDE_M)
+    ahead = along & in_way & (s.max(axis=1) > front_m - shape.length_m) & (s.min(axis=1) < front_m + look_m)
+    if not ahead.any():
+        return None
+    row = int(np.flatnonzero(ahead)[np.argmin(s.min(axis=1)[ahead])])
+    rider_mps = float(actors.speed_mps[rows[row]])
+    faster_mps = float(base.limit_mps[min(int(front_m), len(base.limit_mps) - 1)]) - rider_mps
+    if faster_mps < FASTER_MPS:
+        return None
+    low_s, high_s = float(s[row].min()), float(s[row].max())
+    until_s = max(low_s - front_m, 0.0) / faster_mps, (high_s - front_m + shape.length_m) / faster_mps
+    start_m, end_m = low_s + rider_mps * until_s[0], high_s + rider_mps * max(until_s[1], 0.0)
+    side = d[row : row + 1]
+    low_d, high_d = side.min(axis=1) - RIDER_SIDE_M, side.max(axis=1) + RIDER_SIDE_M
+    passages = _passages([0], np.ones(1, dtype=np.bool_), low_d, high_d, half_m, _edges(base, start_m, end_m, ground))
+    return StandingGroup(base, (actors.ids[rows[row]],), start_m, end_m, passages)
 
 
 def _passages(

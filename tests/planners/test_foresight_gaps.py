@@ -1,0 +1,174 @@
+"""How the foresight planner gets into another lane, waits for a gap, and gets going again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, signals, straight_road, together
+
+from interplan_planners.foresight import ForesightPlanner
+from interplan_planners.foresight.drivers import answers_mps2, minded, needed_gap_m
+from interplan_planners.foresight.prediction import Prediction
+from interplan_sumo.planner import Mission
+from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.signals import Signals
+from tests.planners.staging_planners import driven
+
+WIDTH_M = 3.5
+FRONT_M = PACIFICA.length_m / 2
+END_M = 200.0
+
+
+def forking() -> Roads:
+    """Two lanes, of which the right one, "12", leads elsewhere behind `END_M`: the route goes on from "11"."""
+    roads = straight_road(lanes=2, length_m=400.0, limit_mps=10.0, cuts_m=((END_M, END_M + 12.0),))
+    blocks = dict(roads.roadblocks)
+    away = replace(blocks["2"], id="29", lane_ids=("22",), to_id="39")
+    blocks |= {"2": replace(blocks["2"], lane_ids=("21",)), "3": replace(blocks["3"], lane_ids=("31",)), "29": away}
+    blocks["39"] = replace(blocks["3"], id="39", lane_ids=("32",))
+    connector = replace(roads.connectors["22"], roadblock_id="29")
+    lane = replace(roads.lanes["32"], roadblock_id="39", index=0)
+    return replace(
+        roads, roadblocks=blocks, connectors={**roads.connectors, "22": connector}, lanes={**roads.lanes, "32": lane}
+    )
+
+
+FORK = forking()
+TASK = mission(FORK, ("11", "21", "31"), goal_arc_m=150.0)
+
+
+def drive(
+    task: Mission, start: EgoState, actors: Actors | None = None, lights: Signals | None = None, seconds: float = 10.0
+) -> list[EgoState]:
+    planner = ForesightPlanner()
+    planner.start(task)
+    return driven(planner, start, round(10 * seconds), actors, lights)
+
+
+# --- who is behind ---------------------------------------------------------------------------------
+
+speeds = st.floats(0.5, 20.0)
+
+
+@given(gap_m=st.floats(0.5, 80.0), more_m=st.floats(0.1, 20.0), speed=speeds, ego_mps=speeds)
+def test_nobody_brakes_harder_for_a_larger_gap_or_a_faster_ego(
+    gap_m: float, more_m: float, speed: float, ego_mps: float
+) -> None:
+    here = answers_mps2(np.array(gap_m), np.array(speed), np.array(ego_mps))
+    assert (answers_mps2(np.array(gap_m + more_m), np.array(speed), np.array(ego_mps)) <= here + 1e-9).all()
+    assert (answers_mps2(np.array(gap_m), np.array(speed), np.array(ego_mps + 1.0)) <= here + 1e-9).all()
+
+
+@given(speed=speeds, slower_mps=st.floats(0.0, 20.0))
+def test_at_the_gap_that_is_needed_few_have_to_brake_hard_and_at_a_third_of_it_most_do(
+    speed: float, slower_mps: float
+) -> None:
+    ego_mps = np.array(max(speed - slower_mps, 0.5))
+    needed = needed_gap_m(np.array(speed), ego_mps)
+    assert minded(answers_mps2(needed, np.array(speed), ego_mps)) < 0.25
+    assert minded(answers_mps2(needed / 3.0, np.array(speed), ego_mps)) > 0.5
+
+
+@pytest.mark.parametrize(("braking_mps2", "share"), [(3.0, 0.0), (4.0, 0.125), (5.0, 0.25), (5.01, 1.0)])
+def test_hard_braking_is_minded_four_times_as_much_as_braking_that_is_just_not_hard(
+    braking_mps2: float, share: float
+) -> None:
+    assert minded(np.full(7, braking_mps2)) == pytest.approx(share)
+
+
+def test_who_comes_from_behind_is_expected_to_brake_for_a_corner_of_the_ego_in_its_lane() -> None:
+    roads = straight_road(lanes=2, length_m=400.0, limit_mps=12.0)
+    behind = cars((30.0, -WIDTH_M, 10.0))
+
+    def speed_then_mps(left_m: float) -> float:
+        traffic = Prediction(roads).traffic(observation(ego(60.0, left_m, 2.0), behind), PACIFICA, 4.0)
+        return float(traffic.forecast.speed_mps[0, -1])
+
+    assert speed_then_mps(-1.2) < 5.0 < speed_then_mps(0.0)
+
+
+# --- the end of a lane -----------------------------------------------------------------------------
+
+
+def test_it_waits_for_a_gap_before_its_lane_leaves_the_route() -> None:
+    row = cars(*((x, 0.0, 8.0) for x in np.arange(-60.0, 260.0, 9.0).tolist()))
+    states = drive(TASK, ego_on(FORK, "12", 120.0, 9.0), row, seconds=14.0)
+    assert states[-1].vx_mps < 0.3
+    assert END_M - 14.0 < states[-1].x_m + FRONT_M < END_M
+    assert max(abs(state.y_m + WIDTH_M) for state in states) < 0.7
+
+
+def test_it_changes_before_its_lane_leaves_the_route_if_there_is_room() -> None:
+    states = drive(TASK, ego_on(FORK, "12", 120.0, 9.0), seconds=12.0)
+    assert states[-1].y_m == pytest.approx(0.0, abs=0.4)
+    assert states[-1].x_m > END_M
+
+
+@pytest.mark.parametrize("red", [True, False])
+def test_who_missed_its_lane_stops_at_the_red_light_of_the_one_that_it_is_on(red: bool) -> None:
+    row = cars(*((x, 0.0, 8.0) for x in np.arange(-120.0, 300.0, 9.0).tolist()))
+    lights = signals(red=("22",)) if red else signals(green=("22",))
+    states = drive(TASK, ego_on(FORK, "12", END_M - FRONT_M - 0.8, 0.0), row, lights, seconds=10.0)
+    assert (states[-1].x_m + FRONT_M < END_M + 0.1) == red
+
+
+# --- getting going ---------------------------------------------------------------------------------
+
+CROSSING = junction(arm_m=100.0)
+
+
+@pytest.mark.parametrize(("lights", "least_m", "most_m"), [(signals(red=("13",)), 3.0, 6.0), (None, 6.5, 11.0)])
+def test_behind_who_may_have_broken_down_it_keeps_room_to_pull_out(
+    lights: Signals | None, least_m: float, most_m: float
+) -> None:
+    waiting = cars((-16.0, -WIDTH_M / 2))
+    states = drive(mission(CROSSING, ("1", "13", "7")), ego_on(CROSSING, "1", 40.0, 9.0), waiting, lights, 11.0)
+    assert least_m < -16.0 - 2.4 - FRONT_M - states[-1].x_m < most_m
+
+
+@pytest.mark.slow
+def test_it_pulls_out_from_seven_metres_behind_a_parked_car() -> None:
+    roads = junction(arm_m=300.0, limit_mps=10.0)
+    parked = cars((90.0 - 312.0, -WIDTH_M / 2 - 0.3))
+    start = ego_on(roads, "1", 90.0 - 2.4 - 7.0 - FRONT_M, 0.0)
+    states = drive(mission(roads, ("1",), goal_arc_m=200.0), start, parked, seconds=20.0)
+    assert states[-1].x_m > 96.0 - 312.0
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_who_stands_in_a_bend_with_its_wheel_turned_sets_off_without_cutting_it(turn: float) -> None:
+    roads = curved_road(radius_m=7.0, angle_rad=turn * 0.8, run_in_m=40.0)
+    stopped = replace(ego_on(roads, "11", 44.5), tire_angle_rad=turn * 0.5)
+    states = drive(mission(roads, ("11",)), stopped, seconds=9.0)
+    road = shapely.union_all([lane.polygon for lane in roads.lanes.values()]).buffer(0.3)
+    assert all(road.covers(state.polygon(PACIFICA)) for state in states if state.x_m > 42.0)
+    assert np.hypot(states[-1].x_m - stopped.x_m, states[-1].y_m - stopped.y_m) > 12.0
+    assert abs(states[-1].heading_rad - turn * 0.8) < pi / 8
+
+
+@pytest.mark.slow
+def test_it_keeps_its_lane_when_what_it_waited_to_pass_goes_on() -> None:
+    """It has begun to pull out behind the last oncoming cars when the one before it sets off."""
+    roads = junction(arm_m=300.0, limit_mps=10.0)
+    middle_m = -WIDTH_M / 2
+
+    def others(time_s: float) -> Actors:
+        gone_s = max(0.0, time_s - 6.0)
+        gone_m = 0.75 * min(gone_s, 6.0) ** 2 + 9.0 * max(gone_s - 6.0, 0.0)
+        ahead = cars((90.0 - 312.0 + gone_m, middle_m, min(1.5 * gone_s, 9.0)))
+        places = [(x_m - 312.0 - 10.0 * time_s, -middle_m, 10.0, pi) for x_m in np.arange(70.0, 151.0, 16.0).tolist()]
+        return together(ahead, cars(*places, prefix="oncoming"))
+
+    planner = ForesightPlanner()
+    planner.start(mission(roads, ("1",), goal_arc_m=250.0))
+    states = driven(planner, ego_on(roads, "1", 52.0, 4.0), 160, others)
+    assert max(abs(state.y_m - middle_m) for state in states) < 1.0
+    assert states[-1].x_m > 100.0 - 312.0
