@@ -82,8 +82,10 @@ class ForesightPlanner:
     best are driven with tracker and bicycle and judged by the benchmark's own
     terms; the cheapest is driven.
 
-    Who has not moved for 2 s and has no reason to wait is taken to stay. Before
-    the oncoming lane is used, somebody is assumed to come from the end of sight.
+    Who has not moved for 2 s and has no reason to wait is taken to stay; who may
+    have one is given room, and who rides a bicycle is passed like what stands. What
+    a gap is worth is asked of measured drivers. Before the oncoming lane is
+    used, somebody is assumed to come from the end of sight.
     Where a long vehicle stands beside the way the ego is slow enough to stop for
     somebody who steps out before it.
     """
