@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from shutil import copytree
+
+import msgspec
 import pytest
 
+import tools.kilometres
+from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.scenario.suite import find_suite
-from tools.tables import PAGES, ROOT, TABLE, TABLES, Drives, stored, written
+from tools import tables
+from tools.hard_scores import HARD
+from tools.kilometres import KEPT, keep_kilometres
+from tools.tables import PAGES, ROOT, TABLE, TABLES, Drives, folder_of, stored, written
 
 
 @pytest.fixture(scope="module")
@@ -36,3 +45,41 @@ def test_the_stored_drives_are_all_of_the_suites_as_they_are(drives: dict[str, D
         assert all(
             line.scenarios == len(suite.scenarios) and line.official and not line.faults for line in held.strict.lines
         )
+
+
+def test_a_planner_that_drives_anew_takes_the_place_of_what_it_drove_and_of_nobody_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held, fresh = tmp_path / "interplan-hard-1", tmp_path / "run"
+    copytree(folder_of(HARD), held)
+    copytree(held, fresh)
+    monkeypatch.setattr(tables, "RESULTS", tmp_path)
+    before = {key: row.score for key, row in read_run(held).rows.items()}
+    manifest = msgspec.json.decode((fresh / "manifest.json").read_bytes())
+    manifest["planners"] = {"idm": manifest["planners"]["idm"]}
+    manifest["requests"] = [request | {"planners": ["idm"]} for request in manifest["requests"]]
+    (fresh / "manifest.json").write_bytes(msgspec.json.encode(manifest))
+    rows = [msgspec.json.decode(line) for line in (fresh / "results.jsonl").read_bytes().splitlines()]
+    again = [row | {"score": 0.125} for row in rows if row["planner"] == "idm"]
+    (fresh / "results.jsonl").write_bytes(b"".join(msgspec.json.encode(row) + b"\n" for row in again))
+
+    tables.take(fresh)
+    after = read_run(held)
+    assert {key: row.score for key, row in after.rows.items()} == {
+        key: 0.125 if "idm" in key else score for key, score in before.items()
+    }
+    assert not after.missing
+
+    manifest["versions"]["sumo"] = "1.0.0"
+    (fresh / "manifest.json").write_bytes(msgspec.json.encode(manifest))
+    with pytest.raises(SystemExit, match="versions"):
+        tables.take(fresh)
+
+
+def test_kilometres_that_are_kept_already_are_kept_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = tmp_path / "endure"
+    copytree(KEPT, kept)
+    monkeypatch.setattr(tools.kilometres, "KEPT", kept)
+    keep_kilometres([KEPT])
+    for name in ("endure.json", "segments.jsonl"):
+        assert (kept / name).read_bytes() == (KEPT / name).read_bytes()

@@ -31,8 +31,11 @@ def panel_scores() -> dict[str, dict[str, float]]:
 
 
 def shown_scores(run: StoredRun) -> Half:
-    """Of the panel and of who drove the shipped scenes besides."""
-    scores = _with_driven(panel_scores(), run)
+    """Of who drove the shipped scenes, and of those of the panel who have not driven them again since."""
+    return _by_family(panel_scores() | _driven(run))
+
+
+def _by_family(scores: Mapping[str, Mapping[str, float]]) -> Half:
     found: Half = {name: {family: [] for family in names(ordinary=False)} for name in scores}
     for scenario in find_suite(HARD).scenarios:
         for name, by_scene in scores.items():
@@ -41,8 +44,8 @@ def shown_scores(run: StoredRun) -> Half:
 
 
 def both_halves(run: StoredRun) -> tuple[Half, Half]:
-    """Shipped and kept back, of who drove both, in the families that both have."""
-    shown = shown_scores(run)
+    """Shipped and kept back, of who drove both, in the families that both have; the panel's from when it searched."""
+    shown = _by_family(_driven(run) | panel_scores())
     hidden: Half = {}
     for row in read_table(HIDDEN, ("planner", "family", "score")):
         hidden.setdefault(row["planner"], {}).setdefault(row["family"], []).append(number_in(row["score"], HIDDEN))
@@ -54,13 +57,15 @@ def both_halves(run: StoredRun) -> tuple[Half, Half]:
 def keep_hidden(run: StoredRun, scenes: Path) -> None:
     """Store the scores in scenes that are not shipped, of a run and of the panel that `harden` left in a folder."""
     families = {row.scenario_id: row.family for row in run.rows.values()}
-    scores = _with_driven(read_scores(scenes), run)
+    scores = _driven(run) | read_scores(scenes)
     order = sorted(families, key=lambda scene: (families[scene], scene))
     rows = [(name, families[scene], f"{scores[name][scene]:.4f}") for name in sorted(scores) for scene in order]
     write_table(HIDDEN, ("planner", "family", "score"), rows)
 
 
-def _with_driven(scores: dict[str, dict[str, float]], run: StoredRun) -> dict[str, dict[str, float]]:
+def _driven(run: StoredRun) -> dict[str, dict[str, float]]:
+    """What a run has, by planner and scene."""
+    scores: dict[str, dict[str, float]] = {}
     for row in run.rows.values():
         scores.setdefault(row.planner, {})[row.scenario_id] = row.score or 0.0
     return scores

@@ -1,16 +1,17 @@
 """The tables of README and docs, from stored drives: `python -m tools.tables [--take RUN]`, or `make tables`.
 
 A table stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and is what the drives in docs/results give;
-nobody types its figures. `--take` puts the drives of a run folder there first, each suite in a folder of its own, and
-without traces and details that no table needs: `interplan-sumo report docs/results/interplan-1` reads them like any
-other run. `--take-hidden` keeps the scores in hard scenes that are not shipped, and nothing that tells of the scenes.
+nobody types its figures. `--take` puts the drives of a run folder there first, each suite in a folder of its own, in
+place of what the same planners drove before, and without traces and details that no table needs:
+`interplan-sumo report docs/results/interplan-1` reads them like any other run. `--take-hidden` keeps the scores in hard
+scenes that are not shipped, and nothing that tells of the scenes. `--take-kilometres` keeps the segments of `endure`.
 """
 
 from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -45,6 +46,7 @@ from tools.hard_scores import (
     shown_scores,
     tau,
 )
+from tools.kilometres import keep_kilometres, kilometres, kilometres_braking, kilometres_collisions
 
 FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
 NAMES: Final[Mapping[str, str]] = {
@@ -261,9 +263,18 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "hard": (hard, (HARD,)),
     "halves": (halves, (HARD,)),
     "halves_order": (halves_order, (HARD,)),
+    "kilometres": (kilometres, ()),
+    "kilometres_collisions": (kilometres_collisions, ()),
+    "kilometres_braking": (kilometres_braking, ()),
 }
-"""How each is made, and of the drives of which suites."""
-PAGES: Final = ("README.md", "docs/benchmark.md", "docs/learned_planners.md", "docs/hard_scenes.md")
+"""How each is made, and of the drives of which suites; without one, of the kilometres that are kept."""
+PAGES: Final = (
+    "README.md",
+    "docs/benchmark.md",
+    "docs/learned_planners.md",
+    "docs/hard_scenes.md",
+    "docs/endurance.md",
+)
 
 
 def folder_of(suite: str) -> Path:
@@ -316,19 +327,34 @@ def complete_run(folder: Path) -> StoredRun:
 
 
 def take(folder: Path) -> None:
-    """Keep the drives of a run folder, by planner and scene, as small as tables need them."""
+    """Keep the drives of a run folder, by planner and scene, as small as tables need them, beside those of others."""
     run = complete_run(folder)
     results = folder_of(run.manifest.suite)
     about = msgspec.json.decode((folder / "manifest.json").read_bytes())
-    about["command"] = [*_without(about["command"], "--out", "--workers")]
-    about["platform"] = about["platform"].partition("-")[0]
     for planner in about["planners"].values():
         planner["files"] = {}
+    rows = {key: _small(msgspec.to_builtins(run.rows[key])) for key in run.keys}
+    if (results / "manifest.json").is_file():
+        rows |= {key: msgspec.to_builtins(row) for key, row in read_run(results).rows.items() if key not in rows}
+        about = _beside(msgspec.json.decode((results / "manifest.json").read_bytes()), about)
+    about["command"] = ["interplan-sumo", "run", "--suite", run.manifest.suite]
+    about["command"] += [word for name in about["planners"] for word in ("--planner", name)]
+    about["platform"] = about["platform"].partition("-")[0]
     results.mkdir(parents=True, exist_ok=True)
     (results / "manifest.json").write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=1) + b"\n")
     with (results / "results.jsonl").open("wb") as file:
-        for key in sorted(run.keys):
-            file.write(msgspec.json.encode(_small(msgspec.to_builtins(run.rows[key]))) + b"\n")
+        for key in sorted(rows):
+            file.write(msgspec.json.encode(rows[key]) + b"\n")
+
+
+def _beside(held: dict[str, Any], fresh: dict[str, Any]) -> dict[str, Any]:
+    """The manifest of what is held with fresh planners in it; ends the program if both cannot stand side by side."""
+    for name in ("suite_hash", "profile", "versions", "traffic_version", "plan_limit_s"):
+        if held[name] != fresh[name]:
+            raise SystemExit(f"the drives that are held have {name} {held[name]}, these {fresh[name]}: drive all anew")
+    planners = held["planners"] | fresh["planners"]
+    requests = [request | {"planners": [*planners]} for request in fresh["requests"]]
+    return held | {"planners": planners, "requests": requests, "created": fresh["created"]}
 
 
 def _small(row: dict[str, Any]) -> dict[str, Any]:
@@ -340,20 +366,18 @@ def _small(row: dict[str, Any]) -> dict[str, Any]:
     return row | {"metrics": metrics, "trace": None, "versions": {}, "times_s": {}}
 
 
-def _without(command: Iterable[str], *flags: str) -> Iterable[str]:
-    words = iter(command)
-    for word in words:
-        if word in flags:
-            next(words, None)
-        else:
-            yield word
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--take", type=Path, metavar="RUN", help="a run folder whose drives are to be stored first")
     parser.add_argument(
         "--take-hidden", type=Path, nargs=2, metavar=("RUN", "DIR"), help="a run of hard scenes, and what harden wrote"
+    )
+    parser.add_argument(
+        "--take-kilometres",
+        type=Path,
+        nargs="+",
+        metavar="DIR",
+        help="folders of endure to be stored",
     )
     given = parser.parse_args()
     if given.take is not None:
@@ -361,6 +385,8 @@ def main() -> None:
     if given.take_hidden is not None:
         scenes_run, scenes = given.take_hidden
         keep_hidden(complete_run(scenes_run), scenes)
+    if given.take_kilometres is not None:
+        keep_kilometres(given.take_kilometres)
     drives = stored()
     for page in PAGES:
         (ROOT / page).write_text(written((ROOT / page).read_text(encoding="utf-8"), drives), encoding="utf-8")

@@ -1,0 +1,62 @@
+"""Kilometres: the segments that `endure` drove, as they are kept, and the tables that they give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from interplan_sumo.batch.records import decode, encode
+from interplan_sumo.endurance.formats import FigureTable, rates_table, regression_tables
+from interplan_sumo.endurance.gathered import read_kilometres
+from interplan_sumo.endurance.kilometres import ABOUT, SEGMENTS, AboutEndure
+from interplan_sumo.endurance.rate_sample import MeasureKey
+from interplan_sumo.endurance.report import EnduranceReport, endurance_report
+from tools.hard_scores import RESULTS
+
+KEPT: Final = RESULTS / "endure"
+"""A folder that `rates` takes, and from a copy of which `endure` goes on; without the kept events."""
+
+
+def keep_kilometres(folders: Iterable[Path]) -> None:
+    """Put the segments of folders of `endure` beside those that are kept; InputError if they are of other code."""
+    every = [*([KEPT] if (KEPT / ABOUT).is_file() else ()), *folders]
+    segments = read_kilometres(every)
+    abouts = [decode((folder / ABOUT).read_bytes(), AboutEndure) for folder in every]
+    about = msgspec.structs.replace(
+        abouts[-1],
+        maps={name: value for each in abouts for name, value in each.maps.items()},
+        drivers={name: value for each in abouts for name, value in each.drivers.items()},
+        planners={name: value for each in abouts for name, value in each.planners.items()},
+    )
+    KEPT.mkdir(parents=True, exist_ok=True)
+    (KEPT / ABOUT).write_bytes(msgspec.json.format(encode(about), indent=1) + b"\n")
+    order = sorted(segments, key=lambda each: (each.planner, each.cell, each.seed, each.index))
+    (KEPT / SEGMENTS).write_bytes(b"".join(encode(each) + b"\n" for each in order))
+
+
+@lru_cache
+def _report(measure: MeasureKey) -> EnduranceReport:
+    return endurance_report(read_kilometres([KEPT]), measure=measure)
+
+
+def kilometres() -> list[str]:
+    """What each planner did per 1000 km."""
+    return _lines(rates_table(_report("at_fault_collision")))
+
+
+def kilometres_collisions() -> list[str]:
+    """What at-fault collisions depend on."""
+    return _lines(regression_tables(_report("at_fault_collision"))[0])
+
+
+def kilometres_braking() -> list[str]:
+    """What hard braking that the ego caused depends on."""
+    return _lines(regression_tables(_report("hard_braking"))[0])
+
+
+def _lines(table: FigureTable) -> list[str]:
+    return [" | ".join(table.columns), "---|" * (len(table.columns) - 1) + "---", *map(" | ".join, table.rows)]
