@@ -16,7 +16,7 @@ from interplan_planners.foresight import ForesightPlanner
 from interplan_planners.foresight.drivers import answers_mps2, minded, needed_gap_m
 from interplan_planners.foresight.prediction import Prediction
 from interplan_sumo.planner import Mission
-from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
@@ -172,3 +172,13 @@ def test_it_keeps_its_lane_when_what_it_waited_to_pass_goes_on() -> None:
     states = driven(planner, ego_on(roads, "1", 52.0, 4.0), 160, others)
     assert max(abs(state.y_m - middle_m) for state in states) < 1.0
     assert states[-1].x_m > 100.0 - 312.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rider_mps", "passes"), [(4.0, True), (9.5, False)])
+def test_who_rides_a_bicycle_is_passed_if_slow(rider_mps: float, passes: bool) -> None:
+    roads = straight_road(lanes=2, length_m=500.0, limit_mps=11.0)
+    rider = cars((60.0, -WIDTH_M - 0.9, rider_mps), kind=ActorKind.BICYCLE, length_m=1.8, width_m=0.7)
+    states = drive(mission(roads, ("12",)), ego(30.0, -WIDTH_M, 9.0), rider, seconds=18.0)
+    assert (states[-1].x_m > 60.0 + 18.0 * rider_mps + 8.0) == passes
+    assert states[-1].y_m == pytest.approx(-WIDTH_M, abs=0.5)
