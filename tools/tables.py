@@ -211,15 +211,15 @@ def detectable(drives: Drives) -> list[str]:
 
 
 def hard(drives: Drives) -> list[str]:
-    """Scores in the hard scenes that are shipped: of the panel, as the suite has them, and of who drove besides."""
+    """Scores in the hard scenes that are shipped: of the panel, as the suite has them, and of who drove since."""
     shown, panel = shown_scores(drives.run), panel_scores()
     titles = ("planner", "in the panel", "all", "solves, of 100", *_titles(drives.strict))
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
     for name in sorted(shown, key=lambda name: -mean(shown[name])):
         solved = sum(score >= SOLVED_SCORE for scores in shown[name].values() for score in scores)
         cells = (f"{100.0 * float(np.mean(scores)):.0f}" for scores in shown[name].values())
-        total = f"{100.0 * mean(shown[name]):.0f}"
-        lines.append(" | ".join((f"`{name}`", "yes" if name in panel else "no", total, str(solved), *cells)))
+        member = "no" if name not in panel else "an earlier one" if name in drives.run.planners else "yes"
+        lines.append(" | ".join((f"`{name}`", member, f"{100.0 * mean(shown[name]):.0f}", str(solved), *cells)))
     return lines
 
 
