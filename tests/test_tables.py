@@ -11,10 +11,11 @@ import pytest
 import tools.kilometres
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.scenario.suite import find_suite
-from tools import tables
+from tools import kept_drives
 from tools.hard_scores import HARD
+from tools.kept_drives import folder_of, take
 from tools.kilometres import KEPT, keep_kilometres
-from tools.tables import PAGES, ROOT, TABLE, TABLES, Drives, folder_of, stored, written
+from tools.tables import PAGES, ROOT, TABLE, TABLES, Drives, stored, written
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +54,7 @@ def test_a_planner_that_drives_anew_takes_the_place_of_what_it_drove_and_of_nobo
     held, fresh = tmp_path / "interplan-hard-1", tmp_path / "run"
     copytree(folder_of(HARD), held)
     copytree(held, fresh)
-    monkeypatch.setattr(tables, "RESULTS", tmp_path)
+    monkeypatch.setattr(kept_drives, "RESULTS", tmp_path)
     before = {key: row.score for key, row in read_run(held).rows.items()}
     manifest = msgspec.json.decode((fresh / "manifest.json").read_bytes())
     manifest["planners"] = {"idm": manifest["planners"]["idm"]}
@@ -63,7 +64,7 @@ def test_a_planner_that_drives_anew_takes_the_place_of_what_it_drove_and_of_nobo
     again = [row | {"score": 0.125} for row in rows if row["planner"] == "idm"]
     (fresh / "results.jsonl").write_bytes(b"".join(msgspec.json.encode(row) + b"\n" for row in again))
 
-    tables.take(fresh)
+    take(fresh)
     after = read_run(held)
     assert {key: row.score for key, row in after.rows.items()} == {
         key: 0.125 if "idm" in key else score for key, score in before.items()
@@ -73,7 +74,7 @@ def test_a_planner_that_drives_anew_takes_the_place_of_what_it_drove_and_of_nobo
     manifest["versions"]["sumo"] = "1.0.0"
     (fresh / "manifest.json").write_bytes(msgspec.json.encode(manifest))
     with pytest.raises(SystemExit, match="versions"):
-        tables.take(fresh)
+        take(fresh)
 
 
 def test_kilometres_that_are_kept_already_are_kept_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -36,7 +36,6 @@ from interplan_sumo.report.text import points_text
 from interplan_sumo.verification.solvers import SOLVED_SCORE
 from tools.hard_scores import (
     HARD,
-    RESULTS,
     ROOT,
     both_halves,
     keep_hidden,
@@ -46,6 +45,7 @@ from tools.hard_scores import (
     shown_scores,
     tau,
 )
+from tools.kept_drives import complete_run, folder_of, take
 from tools.kilometres import keep_kilometres, kilometres, kilometres_braking, kilometres_collisions
 
 FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
@@ -57,9 +57,6 @@ SHORT: Final = ("foresight", "idm_mobil", "pdm_closed", "gameformer", "idm", "id
 """Whom README shows: one of each kind."""
 DRIVEN: Final = "ordinary"
 """The column of ordinary driving."""
-GOAL_LANE: Final = "lane_changes"
-KEPT: Final = ("goal",)
-"""Of its details: whether the drive ended in the goal lane."""
 DRAWS: Final = 2000
 TABLE: Final = re.compile(r"<!-- table: ([a-z_]+) -->\n.*?<!-- end of table -->\n", re.DOTALL)
 
@@ -277,11 +274,6 @@ PAGES: Final = (
 )
 
 
-def folder_of(suite: str) -> Path:
-    """Where the drives of a suite are kept."""
-    return RESULTS / suite.replace("==", "-")
-
-
 def stored() -> dict[str, Drives]:
     """The kept drives by suite."""
     return {suite: Drives(read_run(folder_of(suite))) for suite in (SMALL, LARGE, ORDINARY, HARD)}
@@ -316,54 +308,6 @@ def written(page: str, drives: Mapping[str, Drives]) -> str:
         return "\n".join((f"<!-- table: {name} -->", *body, "<!-- end of table -->", ""))
 
     return TABLE.sub(made, page)
-
-
-def complete_run(folder: Path) -> StoredRun:
-    """A run whose drives may be kept; ends the program if some of them have no score."""
-    run = read_run(folder)
-    if run.missing:
-        raise SystemExit(f"{folder} has no score for {len(run.missing)} of its drives; complete it first")
-    return run
-
-
-def take(folder: Path) -> None:
-    """Keep the drives of a run folder, by planner and scene, as small as tables need them, beside those of others."""
-    run = complete_run(folder)
-    results = folder_of(run.manifest.suite)
-    about = msgspec.json.decode((folder / "manifest.json").read_bytes())
-    for planner in about["planners"].values():
-        planner["files"] = {}
-    rows = {key: _small(msgspec.to_builtins(run.rows[key])) for key in run.keys}
-    if (results / "manifest.json").is_file():
-        rows |= {key: msgspec.to_builtins(row) for key, row in read_run(results).rows.items() if key not in rows}
-        about = _beside(msgspec.json.decode((results / "manifest.json").read_bytes()), about)
-    about["command"] = ["interplan-sumo", "run", "--suite", run.manifest.suite]
-    about["command"] += [word for name in about["planners"] for word in ("--planner", name)]
-    about["platform"] = about["platform"].partition("-")[0]
-    results.mkdir(parents=True, exist_ok=True)
-    (results / "manifest.json").write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=1) + b"\n")
-    with (results / "results.jsonl").open("wb") as file:
-        for key in sorted(rows):
-            file.write(msgspec.json.encode(rows[key]) + b"\n")
-
-
-def _beside(held: dict[str, Any], fresh: dict[str, Any]) -> dict[str, Any]:
-    """The manifest of what is held with fresh planners in it; ends the program if both cannot stand side by side."""
-    for name in ("suite_hash", "profile", "versions", "traffic_version", "plan_limit_s"):
-        if held[name] != fresh[name]:
-            raise SystemExit(f"the drives that are held have {name} {held[name]}, these {fresh[name]}: drive all anew")
-    planners = held["planners"] | fresh["planners"]
-    requests = [request | {"planners": [*planners]} for request in fresh["requests"]]
-    return held | {"planners": planners, "requests": requests, "created": fresh["created"]}
-
-
-def _small(row: dict[str, Any]) -> dict[str, Any]:
-    judged = {*row["gates"], *row["weights"], GOAL_LANE}
-    metrics = {name: metric for name, metric in row["metrics"].items() if name in judged}
-    for metric in metrics.values():
-        metric["detail"] = {name: metric["detail"][name] for name in KEPT if name in metric["detail"]}
-    row.pop("planner_report", None)
-    return row | {"metrics": metrics, "trace": None, "versions": {}, "times_s": {}}
 
 
 def main() -> None:
