@@ -6,10 +6,10 @@ gaps and accelerations spread as those of measured drivers are. Each kind of dri
 
 from __future__ import annotations
 
+from statistics import NormalDist
 from typing import Final
 
 import numpy as np
-from scipy.special import ndtri
 
 from interplan_sumo.world.geometry import Floats
 
@@ -24,8 +24,9 @@ _GAP_SHARES, _ACCELERATION_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9), (1 / 6, 1 / 2, 5 
 
 def _spread(median: float, p95: float, shares: tuple[float, ...]) -> Floats:
     """Quantiles of a lognormal distribution."""
-    sigma = np.log(p95 / median) / ndtri(0.95)
-    return median * np.exp(sigma * ndtri(np.array(shares)))
+    normal = NormalDist()
+    sigma = np.log(p95 / median) / normal.inv_cdf(0.95)
+    return median * np.exp(sigma * np.array([normal.inv_cdf(share) for share in shares]))
 
 
 # median and 95th percentile of 251 drivers in six places (routes/measured_city.xml)
