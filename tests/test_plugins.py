@@ -145,7 +145,7 @@ def test_the_metric_is_in_the_rows_of_its_profile(stranger: Stranger, run_of_its
 
 def test_what_the_metric_takes_away_stands_in_the_reasons_the_page_and_the_replay(stranger: Stranger) -> None:
     stranger(
-        "run --planner foresight --suite smoke==1 --scenarios construction/* --profile courteous --quiet "
+        "run --planner idm_mobil --suite smoke==1 --scenarios construction/* --profile courteous --quiet "
         "--out runs/people"
     )
     assert "passed somebody fast" in stranger("report runs/people --why --details")
