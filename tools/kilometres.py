@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
@@ -10,6 +11,7 @@ from typing import Final
 import msgspec
 
 from interplan_sumo.batch.records import decode, encode
+from interplan_sumo.endurance.cell_regression import cell_regression
 from interplan_sumo.endurance.formats import FigureTable, rates_table, regression_tables
 from interplan_sumo.endurance.gathered import read_kilometres
 from interplan_sumo.endurance.kilometres import ABOUT, SEGMENTS, AboutEndure
@@ -39,23 +41,29 @@ def keep_kilometres(folders: Iterable[Path]) -> None:
 
 
 @lru_cache
-def _report(measure: MeasureKey) -> EnduranceReport:
-    return endurance_report(read_kilometres([KEPT]), measure=measure)
+def _report() -> EnduranceReport:
+    return endurance_report(read_kilometres([KEPT]))
 
 
 def kilometres() -> list[str]:
     """What each planner did per 1000 km."""
-    return _lines(rates_table(_report("at_fault_collision")))
+    return _lines(rates_table(_report()))
 
 
 def kilometres_collisions() -> list[str]:
     """What at-fault collisions depend on."""
-    return _lines(regression_tables(_report("at_fault_collision"))[0])
+    return _depends("at_fault_collision")
 
 
 def kilometres_braking() -> list[str]:
     """What hard braking that the ego caused depends on."""
-    return _lines(regression_tables(_report("hard_braking"))[0])
+    return _depends("hard_braking")
+
+
+def _depends(measure: MeasureKey) -> list[str]:
+    report = _report()
+    of_measure = replace(report, measure=measure, regression=cell_regression(report.rates.cells, measure))
+    return _lines(regression_tables(of_measure)[0])
 
 
 def _lines(table: FigureTable) -> list[str]:

@@ -174,6 +174,22 @@ def test_it_keeps_its_lane_when_what_it_waited_to_pass_goes_on() -> None:
     assert states[-1].x_m > 100.0 - 312.0
 
 
+def test_it_gives_up_a_pass_on_the_oncoming_lane_when_what_it_was_to_pass_is_gone() -> None:
+    roads = junction(arm_m=300.0, limit_mps=10.0)
+    middle_m = -WIDTH_M / 2
+
+    def farthest_m(gone_s: float) -> float:
+        def parked(time_s: float) -> Actors:
+            return cars((90.0 - 312.0 + (150.0 if time_s > gone_s else 0.0), middle_m))
+
+        planner = ForesightPlanner()
+        planner.start(mission(roads, ("1",), goal_arc_m=250.0))
+        states = driven(planner, ego_on(roads, "1", 45.0, 9.0), 70, parked)
+        return max(state.y_m - middle_m for state in states)
+
+    assert farthest_m(2.2) < 2.2 < 2.8 < farthest_m(60.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("rider_mps", "passes"), [(4.0, True), (9.5, False)])
 def test_who_rides_a_bicycle_is_passed_if_slow(rider_mps: float, passes: bool) -> None:
