@@ -13,6 +13,7 @@ from interplan_planners.common.neighbours import moved
 from interplan_planners.common.occupancy import StripOccupancy
 from interplan_planners.common.option_checks import more_than_0
 from interplan_planners.common.paths import braking_plan, rear_axle_plan
+from interplan_planners.common.steadied import steadied
 from interplan_planners.foresight.candidate_paths import RUN_IN_M, Base, CandidatePath
 from interplan_planners.foresight.caution import cautious_limits, gap_wait_m, red_stops, soonest_stop_m, waiting_m
 from interplan_planners.foresight.checking import CHECKED_S, TRACKED_AHEAD_S, checked_costs, finer
@@ -139,6 +140,7 @@ class ForesightPlanner:
 
     def _anew(self, observation: Observation) -> Trajectory:
         """A new plan."""
+        observation = steadied(observation)
         self._foreseen = None
         self._plan = self._planned(observation)
         self._looked_s, self._kept_rounds = observation.time_s, 0
