@@ -89,10 +89,11 @@ def _hits(
     """(n, K + 1, B) whether the ego's stretch of the candidate meets another's."""
     mine = (front[:, :, None] + ahead_m > stage.near_m.T) & (rear[:, :, None] - back_m < stage.far_m.T)
     mine &= stage.strip
-    # who comes from behind, once the ego is in the lane, keeps its distance itself
+    # who comes from behind, once the ego is in the lane, keeps its distance itself; forecasts drive it through the ego
     mid = 0.5 * (front + rear)
     from_behind = (stage.speed_mps.T > 0.5) & (np.nan_to_num(stage.center_m.T, nan=-np.inf) < mid[:, :, None])
-    return mine & ~(from_behind & settled[:, :, None])
+    from_behind &= settled[:, :, None]
+    return mine & ~from_behind & ~np.logical_or.accumulate(from_behind & stage.leads.T, axis=1)
 
 
 def _answered(stage: Stage, s: Floats, v: Floats, shape: EgoShape) -> Floats:

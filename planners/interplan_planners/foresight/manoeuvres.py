@@ -191,7 +191,7 @@ class Manoeuvres:
         if to_pass is not None and (uncommitted or candidate.kind == "keep" or to_pass.ids != candidate.around):
             for passage in to_pass.passages:
                 found += self._passes(scene, base, to_pass, passage, at_m, free)
-        if uncommitted:
+        if uncommitted or candidate.kind == "keep":  # what was given up may be begun again on the way back
             found += self._changes(scene, base, at_m)
         return found, blocked
 
