@@ -202,7 +202,7 @@ class Manoeuvres:
         """Changes to the neighbours of the lane that the ego is on."""
         shape, axle = scene.shape, scene.axle
         index, lane_id = base.lane_at(at_m + shape.rear_axle_to_center_m)
-        longest_m = (base.lane_end_m(at_m) - at_m) * BEYOND_LANE
+        longest_m = (base.lane_end_m(at_m + shape.rear_axle_to_center_m) - at_m) * BEYOND_LANE
         found: list[ManoeuvreOption] = []
         for neighbour, _ in self._ways.beside(lane_id):
             there = self.base(index, neighbour.id)

@@ -174,8 +174,11 @@ class ForesightPlanner:
             return manoeuvres.here(ego)
         axle = ego.rear_axle(self._mission.shape)
         arc_m, _ = candidate.path.line.project_point(axle.x_m, axle.y_m)
-        done = candidate.settles_m > 0.0 and arc_m > candidate.settles_m + SETTLED_M
-        return manoeuvres.kept(candidate.base) if done else candidate
+        if candidate.settles_m > 0.0 and arc_m > candidate.settles_m + SETTLED_M:
+            return manoeuvres.kept(candidate.base)
+        if candidate.kind == "change" and arc_m > candidate.merged_m and ego.speed_mps < WAITING_MPS:
+            return manoeuvres.back_to(candidate.base, ego)  # where it may have to wait for the next change
+        return candidate
 
     def _off_m(self, candidate: CandidatePath, ego: EgoState) -> float:
         """How far the centre is from where a plan along a candidate begins: the rear axle on it, turned as it is."""
