@@ -104,15 +104,19 @@ def _answered(stage: Stage, s: Floats, v: Floats, shape: EgoShape) -> Floats:
     # who has reached in for longer has been answered already
     counts = (s[:, -1] >= near_m) & (s[:, 0] - over_m <= REACTION_S * np.maximum(v[:, 0], 0.5))
     rows, cost = np.arange(len(s)), np.zeros(len(s))
+    far_m, others_mps = stage.far_m[lane], np.maximum(stage.speed_mps[lane], 0.0)
     for enters_m in (near_m, over_m):
         inside = s >= enters_m
         at = np.where(inside.any(axis=1), np.minimum(inside.argmax(axis=1) + late, steps), steps)
         rear_m, ego_mps = rear[rows, at][:, None], v[rows, at][:, None]
-        far, speed = stage.far_m[lane][:, at].T, np.maximum(stage.speed_mps[lane], 0.0)[:, at].T  # (n, b)
+        far, speed = far_m[:, at].T, others_mps[:, at].T  # (n, b)
         behind = np.nan_to_num(stage.center_m[lane][:, at].T, nan=-np.inf) < rear_m + 0.5 * shape.length_m
-        behind &= np.isfinite(far)
+        behind &= np.isfinite(far) & np.isfinite(far_m[:, 0])
+        # what those who accelerate have gained until then
+        faster = np.where(behind, np.maximum(speed - others_mps[:, 0], 0.0), 0.0)
+        farther = np.where(behind, far - far_m[:, 0] - others_mps[:, 0] * (STEP_S * at)[:, None], 0.0)
         gap = np.where(behind, rear_m - far, NOBODY_M)
-        answers = answers_mps2(gap, np.where(behind, speed, 0.0), np.broadcast_to(ego_mps, gap.shape))
+        answers = answers_mps2(gap, np.where(behind, speed, 0.0), ego_mps, faster, np.maximum(farther, 0.0))
         cost = np.maximum(cost, FORCED * minded(answers).max(axis=1, initial=0.0))
     astride = s[:, -1] < stage.candidate.merged_m
     return np.where(counts, cost + np.where(astride, ASTRIDE, 0.0), 0.0)

@@ -37,12 +37,18 @@ HEADWAY_S: Final = 0.44
 COMFORT_MPS2: Final = 1.5
 
 
-def answers_mps2(gap_m: Floats, speed_mps: Floats, ego_mps: Floats) -> Floats:
+def answers_mps2(
+    gap_m: Floats, speed_mps: Floats, ego_mps: Floats, faster_mps: Floats | float = 0.0, farther_m: Floats | float = 0.0
+) -> Floats:
     """(..., T) how hard each kind of driver brakes, this far behind the ego; below 0 where it accelerates.
 
-    Its headway is the one that it is left with, if that is shorter than its own: people relax after a cut-in.
+    `faster_mps` and `farther_m` are what each 1 m/s2 of its acceleration has gained a driver by then; gap and speed are
+    those of one with 1 m/s2. Its headway is the one that it is left with, if that is shorter than its own: people relax
+    after a cut-in.
     """
-    gap_m, speed_mps = np.maximum(gap_m, 0.3)[..., None], np.maximum(speed_mps, 0.0)[..., None]
+    more_mps2 = ACCELERATION_MPS2 - 1.0
+    gap_m = np.maximum(gap_m[..., None] - np.asarray(farther_m)[..., None] * more_mps2, 0.3)
+    speed_mps = np.maximum(speed_mps[..., None] + np.asarray(faster_mps)[..., None] * more_mps2, 0.0)
     headway_m = np.minimum(np.maximum(gap_m - STANDSTILL_GAP_M, 0.2 * speed_mps), HEADWAY_S * speed_mps)
     closing_m = speed_mps * (speed_mps - ego_mps[..., None]) / (2.0 * np.sqrt(ACCELERATION_MPS2 * COMFORT_MPS2))
     wanted_m = STANDSTILL_GAP_M + np.maximum(headway_m + closing_m, 0.0)
