@@ -55,11 +55,13 @@ class Ego:
 
 def clearances_needed_m(rules: GapRules, speed_mps: Any, ahead_mps: Any, behind_mps: Any) -> tuple[Any, Any]:
     """What must be free before and behind cars, so that nobody brakes harder than the rules say; floats or arrays."""
+    return gap_ahead_m(rules, speed_mps, ahead_mps), gap_ahead_m(rules, behind_mps, speed_mps)
+
+
+def gap_ahead_m(rules: GapRules, speed_mps: Any, ahead_mps: Any) -> Any:
+    """What must be free between cars and those ahead of them; floats or arrays."""
     closing = np.maximum(speed_mps - ahead_mps, 0.0)
-    pressed = np.maximum(behind_mps - speed_mps, 0.0)
-    before = rules.min_gap_m + rules.headway_s * speed_mps + closing**2 / (2.0 * rules.braking_mps2)
-    behind = rules.min_gap_m + rules.headway_s * behind_mps + pressed**2 / (2.0 * rules.braking_mps2)
-    return before, behind
+    return rules.min_gap_m + rules.headway_s * speed_mps + closing**2 / (2.0 * rules.braking_mps2)
 
 
 def best_gap(

@@ -209,6 +209,7 @@ class Bypass:
     new: Base | None
     """The lane of the same direction on which one is then."""
     late: bool = False
+    """Whether the offset is reached beside it only: setting off from behind it, with the wheel at the stop."""
 
 
 def passed(base: Base, axle: Pose, curvature_per_m: float, bypass: Bypass) -> CandidatePath | None:

@@ -12,7 +12,7 @@ from interplan_planners.foresight.prediction import STEP_S
 from interplan_planners.foresight.speeds import Drafts
 from interplan_planners.foresight.st_obstacles import Stage
 from interplan_sumo.world.ego import EgoShape
-from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.geometry import Floats, Ints
 
 PROGRESS = 10.0
 """Points for the distance that the limit allows."""
@@ -31,6 +31,8 @@ HARD, HARD_MPS2 = 6.0, 3.9
 """For braking harder than passengers accept."""
 FORCED = 40.0
 """For making everybody brake hard who could be behind."""
+SOON_S = 2.0
+"""So long it matters that some drivers accelerate harder than others."""
 NOBODY_M = 1e3
 """So far behind is nobody."""
 ASTRIDE = 15.0
@@ -98,28 +100,39 @@ def _hits(
 
 def _answered(stage: Stage, s: Floats, v: Floats, shape: EgoShape) -> Floats:
     """(n,) for those behind who have to brake, a reaction time after the ego comes into their lane, or nearly does."""
-    steps, late = s.shape[1] - 1, round(REACTION_S / STEP_S)
-    lane, rear = np.flatnonzero(stage.follower), s - (shape.length_m - shape.front_m)
+    last, late = s.shape[1] - 1, round(REACTION_S / STEP_S)
     near_m, over_m = stage.enters_m
     # who has reached in for longer has been answered already
     counts = (s[:, -1] >= near_m) & (s[:, 0] - over_m <= REACTION_S * np.maximum(v[:, 0], 0.5))
     rows, cost = np.arange(len(s)), np.zeros(len(s))
-    far_m, others_mps = stage.far_m[lane], np.maximum(stage.speed_mps[lane], 0.0)
     for enters_m in (near_m, over_m):
         inside = s >= enters_m
-        at = np.where(inside.any(axis=1), np.minimum(inside.argmax(axis=1) + late, steps), steps)
-        rear_m, ego_mps = rear[rows, at][:, None], v[rows, at][:, None]
-        far, speed = far_m[:, at].T, others_mps[:, at].T  # (n, b)
-        behind = np.nan_to_num(stage.center_m[lane][:, at].T, nan=-np.inf) < rear_m + 0.5 * shape.length_m
-        behind &= np.isfinite(far) & np.isfinite(far_m[:, 0])
-        # what those who accelerate have gained until then
-        faster = np.where(behind, np.maximum(speed - others_mps[:, 0], 0.0), 0.0)
-        farther = np.where(behind, far - far_m[:, 0] - others_mps[:, 0] * (STEP_S * at)[:, None], 0.0)
-        gap = np.where(behind, rear_m - far, NOBODY_M)
-        answers = answers_mps2(gap, np.where(behind, speed, 0.0), ego_mps, faster, np.maximum(farther, 0.0))
+        at = np.where(inside.any(axis=1), np.minimum(inside.argmax(axis=1) + late, last), last)
+        rear_m = s[rows, at] - (shape.length_m - shape.front_m)
+        answers = _answers_mps2(stage, at, rear_m, v[rows, at], shape.length_m)
         cost = np.maximum(cost, FORCED * minded(answers).max(axis=1, initial=0.0))
     astride = s[:, -1] < stage.candidate.merged_m
     return np.where(counts, cost + np.where(astride, ASTRIDE, 0.0), 0.0)
+
+
+def _answers_mps2(stage: Stage, at: Ints, rear_m: Floats, ego_mps: Floats, length_m: float) -> Floats:
+    """(n, b, T) how hard each kind of driver brakes where each of the stage's followers is at instants `at` (n,).
+
+    `rear_m` and `ego_mps` (n,) are the ego's then.
+    """
+    lane = np.flatnonzero(stage.follower)
+    known = np.isfinite(stage.far_m[lane])
+    far_m, mps = np.where(known, stage.far_m[lane], 0.0), np.maximum(stage.speed_mps[lane], 0.0)
+    center_m = np.nan_to_num(stage.center_m[lane], nan=-np.inf)
+    behind = (center_m[:, at].T < rear_m[:, None] + 0.5 * length_m) & known[:, at].T
+    # what those who accelerate have gained until then; of what comes later more will be known
+    soon = np.minimum(at, round(SOON_S / STEP_S))
+    seen = behind & known[:, 0] & known[:, soon].T
+    faster_mps = np.where(seen, np.maximum(mps[:, soon].T - mps[:, 0], 0.0), 0.0)
+    farther_m = np.where(seen, far_m[:, soon].T - far_m[:, 0] - mps[:, 0] * (STEP_S * soon)[:, None], 0.0)
+    gap_m = np.where(behind, rear_m[:, None] - far_m[:, at].T, NOBODY_M)
+    speed_mps = np.where(behind, mps[:, at].T, 0.0)
+    return answers_mps2(gap_m, speed_mps, ego_mps[:, None], faster_mps, np.maximum(farther_m, 0.0))
 
 
 def _short(stage: Stage, front: Floats, rear: Floats, v: Floats, settled: NDArray[np.bool_]) -> Floats:

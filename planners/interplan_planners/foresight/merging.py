@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_planners.common.gaps import GapRules, clearances_needed_m
+from interplan_planners.common.gaps import GapRules, gap_ahead_m
 from interplan_planners.foresight.drivers import needed_gap_m
 from interplan_planners.foresight.manoeuvres import ManoeuvreOption
 from interplan_planners.foresight.prediction import STEP_S
@@ -83,7 +83,7 @@ def gap_times_s(
     front, rear = arc_m + shape.front_m, arc_m - (shape.length_m - shape.front_m)
     middle = 0.5 * (front + rear)
     others = np.maximum(others_mps.T[None], 0.0)
-    before, _ = clearances_needed_m(RULES, speed_mps[:, :, None], others, others)
+    before = gap_ahead_m(RULES, speed_mps[:, :, None], others)
     behind = needed_gap_m(others, speed_mps[:, :, None])
     ahead = center_m.T[None] >= middle[:, :, None]
     gap_ahead, gap_behind = near_m.T[None] - front[:, :, None], rear[:, :, None] - far_m.T[None]
