@@ -124,7 +124,7 @@ def _answers_mps2(stage: Stage, at: Ints, rear_m: Floats, ego_mps: Floats, lengt
     known = np.isfinite(stage.far_m[lane])
     far_m, mps = np.where(known, stage.far_m[lane], 0.0), np.maximum(stage.speed_mps[lane], 0.0)
     center_m = np.nan_to_num(stage.center_m[lane], nan=-np.inf)
-    behind = (center_m[:, at].T < rear_m[:, None] + 0.5 * length_m) & known[:, at].T
+    behind = (rear_m[:, None] + 0.5 * length_m > center_m[:, at].T) & known[:, at].T
     # what those who accelerate have gained until then; of what comes later more will be known
     soon = np.minimum(at, round(SOON_S / STEP_S))
     seen = behind & known[:, 0] & known[:, soon].T
