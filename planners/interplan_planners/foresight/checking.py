@@ -30,7 +30,7 @@ OFF_ROAD, OFF_ROAD_FADES_S = 60.0, 4.0
 UNCOMFORTABLE = 5.0
 STANDING_MPS, STANDING_SHARE = 0.3, 0.5
 """Who stands when it is hit leaves it to the other to brake: that counts less."""
-OVER_EDGE_M = 0.2
+OVER_EDGE_M = 0.24
 """How far a corner may reach over the edge of the road; nuPlan tolerates 0.3 m."""
 MOVING_LONGER_M, MOVING_WIDER_M, STANDING_LARGER_M = 0.5, 0.3, 0.1
 """What is added to boxes, for forecasts are never right."""
