@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import pi
+from math import inf, pi
 
 import numpy as np
 import pytest
@@ -13,9 +13,14 @@ from hypothesis import strategies as st
 from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, signals, straight_road, together
 
 from interplan_planners.foresight import ForesightPlanner
-from interplan_planners.foresight.drivers import answers_mps2, minded, needed_gap_m
-from interplan_planners.foresight.prediction import Prediction
-from interplan_sumo.planner import Mission
+from interplan_planners.foresight.costs import speed_costs
+from interplan_planners.foresight.drivers import ACCELERATION_MPS2, answers_mps2, minded, needed_gap_m
+from interplan_planners.foresight.manoeuvres import Manoeuvres
+from interplan_planners.foresight.prediction import STEP_S, Prediction
+from interplan_planners.foresight.scene import PlanningScene
+from interplan_planners.foresight.speeds import NO_CAP, Drafts
+from interplan_planners.foresight.st_obstacles import Stage
+from interplan_sumo.planner import Mission, Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.roads import Roads
@@ -198,3 +203,107 @@ def test_who_rides_a_bicycle_is_passed_if_slow(rider_mps: float, passes: bool) -
     states = drive(mission(roads, ("12",)), ego(30.0, -WIDTH_M, 9.0), rider, seconds=18.0)
     assert (states[-1].x_m > 60.0 + 18.0 * rider_mps + 8.0) == passes
     assert states[-1].y_m == pytest.approx(-WIDTH_M, abs=0.5)
+
+
+# --- a lane change under way -----------------------------------------------------------------------
+
+
+def options_of(task: Mission, start: EgoState, actors: Actors | None = None) -> str:
+    """What the planner looks at closely in its first round, in words."""
+    planner = ForesightPlanner()
+    planner.start(task)
+    planner.plan(observation(start, actors, past=Past((start,) * 20, (actors or Actors.none(),) * 20)))
+    assert planner.decision is not None
+    return "; ".join(name for name, _ in planner.decision.options)
+
+
+def test_who_is_between_two_lanes_may_go_on_to_the_one_that_it_needs() -> None:
+    between = ego(120.0, -WIDTH_M + 1.2, 9.0)
+    assert "change, to 11" in options_of(TASK, between)
+
+
+@pytest.mark.parametrize(("arc_m", "may"), [(0.9, True), (-0.1, False)])
+def test_who_stands_with_its_rear_in_the_junction_may_change_lanes_once_its_middle_is_in_the_lane(
+    arc_m: float, may: bool
+) -> None:
+    roads = straight_road(lanes=2, length_m=END_M + 42.0, limit_mps=10.0, cuts_m=((END_M, END_M + 12.0),))
+    start, now = ego_on(roads, "12", 150.0, 5.0), ego(END_M + 12.0 + arc_m, -WIDTH_M)
+    manoeuvres = Manoeuvres(mission(roads, ("11", "21", "31"), goal_arc_m=29.0), start, 13.0, 3.6)
+    seen, nobody = observation(now), np.zeros(0, np.bool_)
+    scene = PlanningScene(seen, PACIFICA, Prediction(roads).traffic(seen, PACIFICA, 8.0), nobody, nobody)
+    options, _ = manoeuvres.options(scene, manoeuvres.here(start))
+    assert ("change" in [option.candidate.kind for option in options]) == may
+
+
+def test_who_stood_in_the_lane_that_it_changed_to_changes_on_when_there_is_a_gap() -> None:
+    """From the third lane to the second before the end, where it waits: the first is full for twelve seconds."""
+    roads = straight_road(lanes=3, length_m=400.0, limit_mps=10.0, cuts_m=((END_M, END_M + 12.0),))
+    blocks, lanes, connectors = dict(roads.roadblocks), dict(roads.lanes), dict(roads.connectors)
+    blocks |= {"2": replace(blocks["2"], lane_ids=("21",)), "3": replace(blocks["3"], lane_ids=("31",))}
+    for n in ("2", "3"):
+        blocks[f"2{n}"] = replace(roads.roadblocks["2"], id=f"2{n}", lane_ids=(f"2{n}",), to_id=f"3{n}")
+        blocks[f"3{n}"] = replace(roads.roadblocks["3"], id=f"3{n}", lane_ids=(f"3{n}",))
+        connectors[f"2{n}"] = replace(connectors[f"2{n}"], roadblock_id=f"2{n}")
+        lanes[f"3{n}"] = replace(lanes[f"3{n}"], roadblock_id=f"3{n}", index=0)
+    roads = replace(roads, roadblocks=blocks, lanes=lanes, connectors=connectors)
+
+    def full(time_s: float) -> Actors:
+        if time_s > 12.0:
+            return Actors.none()
+        return cars(*((x + 8.0 * time_s, 0.0, 8.0) for x in np.arange(-120.0, 260.0, 9.0).tolist()))
+
+    planner = ForesightPlanner()
+    planner.start(mission(roads, ("11", "21", "31"), goal_arc_m=150.0))
+    states = driven(planner, ego_on(roads, "13", END_M - 62.0, 8.0), 260, full)
+    waited = min(states, key=lambda state: abs(state.time_s - 12.0))
+    assert waited.speed_mps < 1.0
+    assert waited.y_m == pytest.approx(-WIDTH_M, abs=1.0)
+    assert states[-1].y_m == pytest.approx(0.0, abs=0.5)
+    assert states[-1].x_m > END_M
+
+
+def test_who_is_forecast_through_the_ego_from_behind_is_not_hit_but_who_is_ahead_is() -> None:
+    steps = 41
+    time_s = STEP_S * np.arange(steps)
+    manoeuvres = Manoeuvres(TASK, ego_on(FORK, "11", 60.0, 6.0), 13.0, 3.6)
+    candidate = manoeuvres.here(ego_on(FORK, "11", 60.0, 6.0))
+    s, v = (100.0 + 6.0 * time_s)[None], np.full((1, steps), 6.0)
+    drafts = Drafts(np.zeros(1, np.int64), ((),), (NO_CAP,), np.zeros(1, np.bool_), s, v, np.zeros((1, steps - 1)))
+
+    def cost(center_m: float, mps: float) -> float:
+        center = (center_m + mps * time_s)[None]
+        yes, no, nobody = np.ones(1, np.bool_), np.zeros(1, np.bool_), np.zeros((0, steps))
+        stage = Stage(
+            candidate, 100.0, np.full(400, 10.0), (), center - 2.4, center + 2.4, center, np.full((1, steps), mps),
+            np.ones((1, steps), np.bool_), no, yes, no, (inf, inf), None, nobody, nobody, np.zeros(0, np.bool_),
+        )  # fmt: skip
+        return float(speed_costs([stage], drafts, PACIFICA, 10.0, 0.0)[0])
+
+    alone = cost(-400.0, 6.0)
+    assert cost(60.0, 6.0) == cost(60.0, 13.0) == alone
+    assert cost(115.0, 1.0) > alone + 30.0
+
+
+@given(gap_m=st.floats(3.0, 60.0), speed=speeds, ego_mps=speeds, gained_mps=st.floats(0.0, 4.0))
+def test_the_more_a_driver_has_gained_the_harder_brake_those_who_like_to_accelerate(
+    gap_m: float, speed: float, ego_mps: float, gained_mps: float
+) -> None:
+    plain = answers_mps2(np.array(gap_m), np.array(speed), np.array(ego_mps))
+    gained = answers_mps2(
+        np.array(gap_m), np.array(speed), np.array(ego_mps), np.array(gained_mps), np.array(gained_mps)
+    )
+    sprightly = ACCELERATION_MPS2 > 1.0
+    assert (gained[sprightly] >= plain[sprightly] - 1e-9).all()
+    assert (gained[~sprightly] <= plain[~sprightly] + 1e-9).all()
+
+
+@pytest.mark.parametrize(("limit_mps", "goes"), [(8.0, True), (16.0, False)])
+def test_it_does_not_go_over_in_front_of_who_is_as_slow_as_it_is_but_may_speed_up(limit_mps: float, goes: bool) -> None:
+    roads = straight_road(lanes=2, length_m=500.0, limit_mps=limit_mps)
+    start, beside = ego_on(roads, "12", 100.0, 8.0), cars((100.0 - 2.4 - FRONT_M - 8.5, 0.0, 8.0))
+    planner = ForesightPlanner()
+    planner.start(mission(roads, ("11",), goal_arc_m=250.0))
+    planner.plan(observation(start, beside, past=Past((start,) * 20, (beside,) * 20)))
+    assert planner.decision is not None
+    cost_of = {kind: min(c for n, c in planner.decision.options if n.startswith(kind)) for kind in ("change", "keep")}
+    assert (cost_of["change"] < cost_of["keep"] + 2.0) == goes, planner.decision
