@@ -15,6 +15,8 @@ OURS: Final = "interplan_sumo"
 GOAL_LANE: Final = "lane_changes"
 KEPT: Final = ("goal",)
 """Of its details: whether the drive ended in the goal lane."""
+COUNTED: Final = ("queries", "fallbacks")
+"""Of what a planner reports: how often it asked a language model, and how often in vain."""
 
 
 def folder_of(suite: str) -> Path:
@@ -72,5 +74,7 @@ def _small(row: dict[str, Any]) -> dict[str, Any]:
     metrics = {name: metric for name, metric in row["metrics"].items() if name in judged}
     for metric in metrics.values():
         metric["detail"] = {name: metric["detail"][name] for name in KEPT if name in metric["detail"]}
-    row.pop("planner_report", None)
-    return row | {"metrics": metrics, "trace": None, "versions": {}, "times_s": {}}
+    report = row.pop("planner_report", None) or {}
+    asked = {name: report[name] for name in COUNTED if report.get(name) is not None}
+    small = row | {"metrics": metrics, "trace": None, "versions": {}, "times_s": {}}
+    return small | ({"planner_report": asked} if asked else {})

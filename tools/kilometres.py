@@ -16,6 +16,7 @@ from interplan_sumo.endurance.formats import FigureTable, rates_table, regressio
 from interplan_sumo.endurance.gathered import read_kilometres
 from interplan_sumo.endurance.kilometres import ABOUT, SEGMENTS, AboutEndure
 from interplan_sumo.endurance.rate_sample import MeasureKey
+from interplan_sumo.endurance.rates import RateEstimate
 from interplan_sumo.endurance.report import EnduranceReport, endurance_report
 from tools.hard_scores import RESULTS
 
@@ -58,6 +59,11 @@ def kilometres_collisions() -> list[str]:
 def kilometres_braking() -> list[str]:
     """What hard braking that the ego caused depends on."""
     return _depends("hard_braking")
+
+
+def rates(measure: MeasureKey) -> dict[str, RateEstimate]:
+    """How often that happened per 1000 km, by planner."""
+    return {each.planner: each.measures[measure].total for each in _report().rates.planners if each.measures}
 
 
 def _depends(measure: MeasureKey) -> list[str]:

@@ -23,6 +23,8 @@ from scipy.stats import rankdata
 
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
+from interplan_sumo.endurance.formats import rate_text
+from interplan_sumo.planner import split_spec
 from interplan_sumo.report.paper_comparison import (
     CELLS,
     COUNTERPARTS,
@@ -46,7 +48,7 @@ from tools.hard_scores import (
     tau,
 )
 from tools.kept_drives import complete_run, folder_of, take
-from tools.kilometres import keep_kilometres, kilometres, kilometres_braking, kilometres_collisions
+from tools.kilometres import keep_kilometres, kilometres, kilometres_braking, kilometres_collisions, rates
 
 FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
 NAMES: Final[Mapping[str, str]] = {
@@ -55,6 +57,14 @@ NAMES: Final[Mapping[str, str]] = {
 }  # fmt: skip
 SHORT: Final = ("foresight", "idm_mobil", "pdm_closed", "gameformer", "idm", "idm_mobil?published=true", "dtpp")
 """Whom README shows: one of each kind."""
+CHOOSERS: Final[Mapping[str, str]] = {
+    "random": "a coin, `model=random`", "rules": "a few rules, `model=rules`",
+    "embedded+tuned:hybrid": "the small model tuned for it, `model=embedded+tuned:hybrid`, not zero-shot",
+    "embedded": "the same model untuned, `model=embedded`, zero-shot",
+}  # fmt: skip
+"""Who chooses in `llm_hybrid`, by its option `model`."""
+HYBRID: Final = "llm_hybrid"
+NOBODY: Final = "pdm_closed"
 DRIVEN: Final = "ordinary"
 """The column of ordinary driving."""
 DRAWS: Final = 2000
@@ -103,6 +113,25 @@ def planners(drives: Drives) -> list[str]:
     for line in _sorted(drives.strict):
         rest = ("done_share", "unsafe_share", "paper_score", *FAMILIES)
         lines.append(" | ".join((f"`{line.planner}`", _total(line), *(_text(line.cells[key]) for key in rest))))
+    return lines
+
+
+def choosers(drives: Drives) -> list[str]:
+    """Whoever chooses what PDM drives: language models, and what stands in for one."""
+    titles = ("who chooses", "interPlan", "done %", "unsafe %", *_titles(drives.strict), "asked", "in vain")
+    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    for line in _ranked(drives.strict):
+        name, options = split_spec(line.planner)
+        if name == HYBRID:
+            given = dict(option.split("=", 1) for option in options.split("&"))
+            who = CHOOSERS[given["model"]] + (", told its last decisions, `memory=true`" if "memory" in given else "")
+        elif line.planner == NOBODY:
+            who = f"nobody: `{NOBODY}`"
+        else:
+            continue
+        counts = (str(line.questions), str(line.unanswered)) if name == HYBRID else ("-", "-")
+        cells = (_text(line.cells[key]) for key in ("done_share", "unsafe_share", *FAMILIES))
+        lines.append(" | ".join((who, _total(line), *cells, *counts)))
     return lines
 
 
@@ -187,6 +216,22 @@ def near_paper(drives: Drives) -> list[str]:
     ]
 
 
+def kilometres_suites(rare: Drives, ordinary: Drives) -> list[str]:
+    """What planners do in kilometres beside what they do in scenes, who hits most first."""
+    collisions, braking = rates("at_fault_collision"), rates("hard_braking")
+    lines = [
+        "planner | at-fault collisions | hard braking caused | rare: score | unsafe % | ordinary: score",
+        "---|" * 5 + "---",
+    ]
+    scenes = {line.planner: line.cells for line in rare.strict.lines}
+    everyday = {line.planner: line.cells for line in ordinary.strict.lines}
+    for name in sorted(collisions, key=lambda name: -collisions[name].per_1000_km):
+        told = (rate_text(collisions[name]), rate_text(braking[name]))
+        cells = (scenes[name]["interplan"], scenes[name]["unsafe_share"], everyday[name][DRIVEN])
+        lines.append(" | ".join((f"`{name}`", *told, *map(_text, cells))))
+    return lines
+
+
 def _by_family(line: Line) -> list[list[float]]:
     """Scores of a planner, 0 to 100, by type and scene."""
     scores: dict[str, list[float]] = {}
@@ -257,10 +302,12 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "ordinary": (ordinary, (ORDINARY,)),
     "ordinary_order": (ordinary_order, (ORDINARY,)),
     "learned": (learned, (SMALL, ORDINARY)),
+    "choosers": (choosers, (SMALL,)),
     "hard": (hard, (HARD,)),
     "halves": (halves, (HARD,)),
     "halves_order": (halves_order, (HARD,)),
     "kilometres": (kilometres, ()),
+    "kilometres_suites": (kilometres_suites, (SMALL, ORDINARY)),
     "kilometres_collisions": (kilometres_collisions, ()),
     "kilometres_braking": (kilometres_braking, ()),
 }
@@ -269,6 +316,7 @@ PAGES: Final = (
     "README.md",
     "docs/benchmark.md",
     "docs/learned_planners.md",
+    "docs/language_models.md",
     "docs/hard_scenes.md",
     "docs/endurance.md",
 )
@@ -285,6 +333,11 @@ def _titles(table: ResultsTable) -> list[str]:
 
 
 def _sorted(table: ResultsTable) -> list[Line]:
+    """All but those that ask a language model, which have a table of their own."""
+    return [line for line in _ranked(table) if split_spec(line.planner)[0] != HYBRID]
+
+
+def _ranked(table: ResultsTable) -> list[Line]:
     return sorted(table.lines, key=lambda line: -(line.cells["interplan"].value or 0.0))
 
 
