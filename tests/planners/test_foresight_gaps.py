@@ -23,6 +23,7 @@ from interplan_planners.foresight.st_obstacles import Stage
 from interplan_sumo.planner import Mission, Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
 from tests.planners.staging_planners import driven
@@ -264,14 +265,14 @@ def test_who_stood_in_the_lane_that_it_changed_to_changes_on_when_there_is_a_gap
 
 def test_who_is_forecast_through_the_ego_from_behind_is_not_hit_but_who_is_ahead_is() -> None:
     steps = 41
-    time_s = STEP_S * np.arange(steps)
+    time_s: Floats = STEP_S * np.arange(steps, dtype=np.float64)
     manoeuvres = Manoeuvres(TASK, ego_on(FORK, "11", 60.0, 6.0), 13.0, 3.6)
     candidate = manoeuvres.here(ego_on(FORK, "11", 60.0, 6.0))
     s, v = (100.0 + 6.0 * time_s)[None], np.full((1, steps), 6.0)
     drafts = Drafts(np.zeros(1, np.int64), ((),), (NO_CAP,), np.zeros(1, np.bool_), s, v, np.zeros((1, steps - 1)))
 
     def cost(center_m: float, mps: float) -> float:
-        center = (center_m + mps * time_s)[None]
+        center: Floats = (center_m + mps * time_s)[None]
         yes, no, nobody = np.ones(1, np.bool_), np.zeros(1, np.bool_), np.zeros((0, steps))
         stage = Stage(
             candidate, 100.0, np.full(400, 10.0), (), center - 2.4, center + 2.4, center, np.full((1, steps), mps),
