@@ -78,13 +78,19 @@ class Drives:
     run: StoredRun
 
     @cached_property
+    def unaided(self) -> StoredRun:
+        """Of those that ask no language model; the others have a table of their own."""
+        planners = tuple(name for name in self.run.planners if split_spec(name)[0] != HYBRID)
+        return self.run.narrowed(msgspec.structs.replace(self.run.manifest.requests[0], planners=planners))
+
+    @cached_property
     def strict(self) -> ResultsTable:
-        return make_table([self.run])
+        return make_table([self.unaided])
 
     @cached_property
     def judged_by_paper(self) -> StoredRun:
-        rows = {key: _judged_by_paper(self.run.rows[key]) for key in self.run.keys}
-        manifest = msgspec.structs.replace(self.run.manifest, profile=PAPER_PROFILE)
+        rows = {key: _judged_by_paper(self.unaided.rows[key]) for key in self.unaided.keys}
+        manifest = msgspec.structs.replace(self.unaided.manifest, profile=PAPER_PROFILE)
         return StoredRun(self.run.path, manifest, rows)
 
     @cached_property
@@ -118,9 +124,10 @@ def planners(drives: Drives) -> list[str]:
 
 def choosers(drives: Drives) -> list[str]:
     """Whoever chooses what PDM drives: language models, and what stands in for one."""
-    titles = ("who chooses", "interPlan", "done %", "unsafe %", *_titles(drives.strict), "asked", "in vain")
+    table = make_table([drives.run])
+    titles = ("who chooses", "interPlan", "done %", "unsafe %", *_titles(table), "asked", "in vain")
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
-    for line in _ranked(drives.strict):
+    for line in _sorted(table):
         name, options = split_spec(line.planner)
         if name == HYBRID:
             given = dict(option.split("=", 1) for option in options.split("&"))
@@ -333,11 +340,6 @@ def _titles(table: ResultsTable) -> list[str]:
 
 
 def _sorted(table: ResultsTable) -> list[Line]:
-    """All but those that ask a language model, which have a table of their own."""
-    return [line for line in _ranked(table) if split_spec(line.planner)[0] != HYBRID]
-
-
-def _ranked(table: ResultsTable) -> list[Line]:
     return sorted(table.lines, key=lambda line: -(line.cells["interplan"].value or 0.0))
 
 
