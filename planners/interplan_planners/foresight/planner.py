@@ -49,6 +49,8 @@ RESTLESS_PER_S, MOST_RESTLESS, RESTED_M = 0.5, 6.0, 5.0
 it counts if the ego comes as far as the last."""
 ARRIVED_M = 2.0
 """Who is farther than this beyond the goal, or beyond the end of its way along the route, stops."""
+SETS_IN_S = 0.7
+"""A drive begins that gently."""
 TAIL_M = 1.4
 """Who is no farther than this from the line of the ego's lane follows the ego."""
 
@@ -125,6 +127,7 @@ class ForesightPlanner:
         self._looked_s = -inf
         self._kept_rounds = 0
         self._waited_s = 0.0
+        self._began_s = 0.0
         self.decision = None
 
     def plan(self, observation: Observation) -> Trajectory:
@@ -152,6 +155,7 @@ class ForesightPlanner:
         ego, shape = observation.ego, self._mission.shape
         if self._manoeuvres is None:
             self._manoeuvres = Manoeuvres(self._mission, ego, self.fallback_limit_mps, self.change_time_s)
+            self._began_s = observation.time_s
         candidate = self._current(self._manoeuvres, ego)
         self._candidate = candidate
         if self._off_m(candidate, ego) > FARTHEST_FROM_PLAN_M:
@@ -206,7 +210,8 @@ class ForesightPlanner:
         stages = self._stages(scene, [option.candidate for option in options], base_m, reach_m, blocked)
         wished = wished_changes(options)
         leads = leads_beside(stages, wished)
-        drafts = drafted(stages, ego.speed_mps, ego.ax_mps2, shape, leads)
+        sets_in = scene.seen.time_s - self._began_s < SETS_IN_S
+        drafts = drafted(stages, ego.speed_mps, ego.ax_mps2, shape, leads, sets_in=sets_in)
         impatience = self._impatience(scene, blocked)
         cost = speed_costs(stages, drafts, shape, lawful_mps, impatience)
         cost -= self._worth(options, drafts)

@@ -32,6 +32,8 @@ FALL_BACK_MPS, CATCH_UP_MPS, CLOSE_UP_PER_S, SPEED_GAIN_PER_S = 3.0, 6.0, 0.35, 
 JERK_UP_MPS3, JERK_DOWN_MPS3, JERK_FIRM_MPS3 = 2.5, 2.3, 4.0
 FIRM_MPS2 = -2.0
 """Caps harder than this set in with the larger jerk."""
+SETS_IN_MPS3 = 1.0
+"""Either way while a drive begins: a tracker without a past sets in with about twice the jerk that is asked of it."""
 RELAXED_MPS2 = 1.0
 """Nobody is braked for harder than what the closing speed needs and this on top: a gap that has become short, as after
 a lane change, is widened gently (after Kesting, Treiber and Helbing, 2010)."""
@@ -81,12 +83,19 @@ class Drafts:
 
 
 def drafted(
-    stages: Sequence[Stage], speed_mps: float, acceleration_mps2: float, shape: EgoShape, leads: Sequence[Lead]
+    stages: Sequence[Stage],
+    speed_mps: float,
+    acceleration_mps2: float,
+    shape: EgoShape,
+    leads: Sequence[Lead],
+    *,
+    sets_in: bool,
 ) -> Drafts:
     """All ways to drive the stages, from a speed and an acceleration.
 
     `leads` are those behind whom the ego may get while it drives the first
-    stage; emergency braking is thought of on that one only.
+    stage; emergency braking is thought of on that one only. `sets_in` says
+    that the drive has just begun: only emergency braking is sudden then.
     """
     combined = list(_combined(stages, speed_mps, leads))
     of = np.array([stage for stage, _, _ in combined])
@@ -101,8 +110,9 @@ def drafted(
     cap_steps = np.array([round(cap.for_s / STEP_S) for cap in caps])
     floor = np.where(hard, -EMERGENCY_MPS2, -COMFORT_BRAKING_MPS2)
     firmly = np.where(cap_mps2 <= FIRM_MPS2, JERK_FIRM_MPS3, JERK_DOWN_MPS3)
-    # speed must not fall faster than this; where it is urgent, at once
-    sudden = np.where(hard, np.inf, firmly * STEP_S)
+    # acceleration must not fall faster than this; where it is urgent, at once
+    sudden = np.where(hard, np.inf, (SETS_IN_MPS3 if sets_in else firmly) * STEP_S)
+    brisk = (SETS_IN_MPS3 if sets_in else JERK_UP_MPS3) * STEP_S
     s = np.array([stage.arc_m for stage in stages])[of]
     v = np.full(len(of), max(speed_mps, 0.0))
     a = np.full(len(of), acceleration_mps2)
@@ -115,7 +125,7 @@ def drafted(
         if waited.any:
             wish = np.minimum(wish, waited.behind(k, s, v, shape.front_m))
         wish = np.maximum(np.where(k < cap_steps, np.minimum(wish, cap_mps2), wish), floor)
-        a = np.minimum(np.maximum(wish, a - sudden), a + JERK_UP_MPS3 * STEP_S)
+        a = np.minimum(np.maximum(wish, a - sudden), a + brisk)
         a = np.where((v <= 0.01) & (a < 0.0), 0.0, a)
         after = np.maximum(v + STEP_S * a, 0.0)
         s = s + 0.5 * STEP_S * (v + after)

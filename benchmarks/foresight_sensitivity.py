@@ -1,0 +1,288 @@
+"""How much does `foresight` owe to its constants? python -m benchmarks.foresight_sensitivity FOLDER... --out DIR
+
+    interplan-sumo scenarios generate --map strip --family all --count 4 --seed 100000 --out scenes/strip
+
+FOLDER has scenes on training seeds, from 100,000 on, made like that; those near a scene of a suite are left out. Every
+number that a constant of the planner's modules is made of is a factor. In each drive a third of them is a fifth larger,
+a third a fifth smaller, drawn anew for each scene and pair; the second drive of a pair is the first one's mirror image.
+Half the difference within a pair then has no scene in it and no effect but the linear ones, all of which are told from
+all pairs at once (a foldover design: Box, Hunter and Hunter, Statistics for Experimenters, 2005, 6). What the mean of
+a pair lacks to the drive as it is comes from the squares: what a factor costs either way.
+
+Of some hundred effects the largest is large by chance. How far the true ones spread is what the estimates' variance has
+beyond that of their errors, and each is drawn towards zero by as much as that says (empirical Bayes: Efron and Morris,
+JASA 70, 1975). The same command goes on where it was stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from zlib import crc32
+
+import numpy as np
+import pandas as pd
+
+import interplan_planners.foresight
+import interplan_sumo
+from interplan_sumo.maps.store import load_roads
+from interplan_sumo.planner import Mission, Observation
+from interplan_sumo.scenario import certificates
+from interplan_sumo.scenario.files import read_scenarios, write_scenarios
+from interplan_sumo.scenario.scenario import Scenario
+from interplan_sumo.world.geometry import Floats, Pose
+from interplan_sumo.world.trajectory import Trajectory
+from tools.tune_llm.scenes import near_official
+
+BY = 0.2
+PACKAGE = interplan_planners.foresight.__name__
+SHOWN = 12
+CONFIDENCE_Z = 1.96
+
+
+# --- the factors ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Source:
+    """A module of the planner as text, and its factors: where in it each number of a constant stands."""
+
+    module: ModuleType
+    tree: ast.Module
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, name: str) -> Source:
+        module = importlib.import_module(name)
+        tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
+        counts: dict[str, int] = {}
+        names: list[str] = []
+        for constant, _ in _numbers(tree):
+            counts[constant] = counts.get(constant, 0) + 1
+            names.append(f"{name.rpartition('.')[2]}.{constant}[{counts[constant]}]")
+        return cls(module, tree, tuple(names))
+
+    def run(self, factors: Sequence[float]) -> None:
+        """Make the module anew, with each number multiplied."""
+        numbers = [number for _, number in _numbers(self.tree)]
+        before = [number.value for number in numbers]
+        for number, factor in zip(numbers, factors, strict=True):
+            number.value = float(number.value) * factor  # type: ignore[arg-type]
+        try:
+            exec(compile(self.tree, str(self.module.__file__), "exec"), self.module.__dict__)
+        finally:
+            for number, value in zip(numbers, before, strict=True):
+                number.value = value
+
+
+def _numbers(tree: ast.Module) -> Iterator[tuple[str, ast.Constant]]:
+    """Every number with a point in it, but zero, of what is assigned to a name in capitals; whole ones are counts."""
+    for statement in tree.body:
+        for name, assigned in _assigned(statement):
+            if name.lstrip("_").isupper() and name not in FIXED:
+                for node in ast.walk(assigned):
+                    if isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value:
+                        yield name, node
+
+
+def _assigned(statement: ast.stmt) -> Iterator[tuple[str, ast.expr]]:
+    if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and statement.value is not None:
+        yield statement.target.id, statement.value
+    if not isinstance(statement, ast.Assign):
+        return
+    target, value = statement.targets[0], statement.value
+    if isinstance(target, ast.Name):
+        yield target.id, value
+    elif isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+        yield from (
+            (name.id, each) for name, each in zip(target.elts, value.elts, strict=True) if isinstance(name, ast.Name)
+        )
+
+
+FIXED = frozenset({"STEP_S", "PAST_STEP_S", "SPACING_M", "EMERGENCY_MPS2", "CHECKED_S", "TRACKED_AHEAD_S", "FREE"})
+"""Grids that arrays are laid out by, and what stands for no bound at all."""
+
+
+def sources() -> tuple[Source, ...]:
+    """The planner's modules, each after those that it needs."""
+    folder = Path(str(interplan_planners.foresight.__file__)).parent
+    ordered: list[str] = []
+
+    def add(name: str) -> None:
+        if name in ordered:
+            return
+        tree = ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(f"{PACKAGE}."):
+                add(str(node.module).rpartition(".")[2])
+        ordered.append(name)
+
+    for path in sorted(folder.glob("[a-z]*.py")):
+        add(path.stem)
+    return tuple(Source.of(f"{PACKAGE}.{name}") for name in ordered)
+
+
+def factor_names() -> tuple[str, ...]:
+    return tuple(name for source in sources() for name in source.names)
+
+
+def levels(route: tuple[str, ...], goal: Pose, pair: int, count: int) -> Floats:
+    """(F,) -1, 0 or 1 of each factor in the first drive of a scene's pair."""
+    place = f"{' '.join(route)} {goal.x_m:.2f} {goal.y_m:.2f}"
+    return np.random.default_rng([crc32(place.encode()), pair]).integers(-1, 2, count).astype(float)
+
+
+class Perturbed:
+    """`foresight` with constants that are off; with `pair` -1 as it is."""
+
+    def __init__(self, pair: int = -1, mirrored: bool = False) -> None:
+        self.pair, self.sign = pair, -1.0 if mirrored else 1.0
+        self.sources = sources()
+
+    def start(self, mission: Mission) -> None:
+        count = sum(len(source.names) for source in self.sources)
+        drawn = np.zeros(count) if self.pair < 0 else levels(mission.route, mission.goal, self.pair, count)
+        left = iter((1.0 + self.sign * BY * drawn).tolist())
+        for source in self.sources:
+            source.run([next(left) for _ in source.names])
+        self._planner = importlib.import_module(f"{PACKAGE}.planner").ForesightPlanner()
+        self._planner.start(mission)
+
+    def plan(self, observation: Observation) -> Trajectory:
+        return self._planner.plan(observation)
+
+
+# --- what came of it -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Effects:
+    """What factors do to the mean score, in points; (F,) each."""
+
+    linear: Floats
+    """Of a fifth more; of a fifth less the negative."""
+    linear_error: Floats
+    square: Floats
+    """Of a fifth more or less."""
+    square_error: Floats
+
+    @classmethod
+    def of(cls, scores: Floats, levels_of: Floats, as_it_is: Floats) -> Effects:
+        """From `scores` (P, 2) of pairs, the levels (P, F) of their first drives, and the score (P,) of the scene."""
+        linear, linear_error = _fitted(levels_of, (scores[:, 0] - scores[:, 1]) / 2.0)
+        square, square_error = _fitted(levels_of**2, scores.mean(axis=1) - as_it_is)
+        return cls(linear, linear_error, square, square_error)
+
+    def worst(self) -> Floats:
+        """(F,) what each costs at most, to one side or the other, as far as the data tell; not above 0."""
+        return np.minimum(
+            _drawn_in(self.square, self.square_error) - np.abs(_drawn_in(self.linear, self.linear_error)), 0
+        )
+
+
+def _fitted(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Least squares without a constant: coefficients and standard errors."""
+    inverse = np.linalg.pinv(x.T @ x)
+    found = inverse @ x.T @ y
+    left = y - x @ found
+    variance = float(left @ left) / max(len(y) - x.shape[1], 1)
+    return found, np.sqrt(variance * np.diag(inverse))
+
+
+def spread(estimates: Floats, errors: Floats) -> float:
+    """The standard deviation of true effects about 0."""
+    return float(np.sqrt(max(np.mean(estimates**2 - errors**2), 0.0)))
+
+
+def _drawn_in(estimates: Floats, errors: Floats) -> Floats:
+    variance = spread(estimates, errors) ** 2
+    return estimates * variance / (variance + errors**2)
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """Scores of pairs: (P, 2), their first drives' levels (P, F), and the scene's score as it is (P,), in points."""
+
+    scores: Floats
+    drawn: Floats
+    as_it_is: Floats
+
+    @classmethod
+    def of(cls, scenes: Sequence[Scenario], rows: pd.DataFrame, pairs: int, count: int) -> Answers:
+        points = rows.pivot_table(index="scenario_id", columns="planner", values="score") * 100.0
+        scores, drawn, as_it_is = [], [], []
+        for scene in scenes:
+            roads = load_roads(scene.map, scene.maps_beside)
+            for pair in range(pairs):
+                scores.append([points.loc[scene.id, _planner(pair, mirrored)] for mirrored in (False, True)])
+                drawn.append(levels(scene.route, scene.goal.pose(roads), pair, count))
+                as_it_is.append(points.loc[scene.id, _planner(-1, False)])
+        return cls(np.array(scores), np.array(drawn), np.array(as_it_is))
+
+
+def _planner(pair: int, mirrored: bool) -> str:
+    return f"benchmarks.foresight_sensitivity:Perturbed?pair={pair}&mirrored={str(mirrored).lower()}"
+
+
+def driven(folders: Sequence[Path], out: Path, pairs: int, workers: int | None) -> tuple[list[Scenario], pd.DataFrame]:
+    """The scenes of the folders that are away from all suites, driven."""
+    found: list[Scenario] = []
+    rows: list[pd.DataFrame] = []
+    planners = [_planner(-1, False), *(_planner(k, mirrored) for k in range(pairs) for mirrored in (False, True))]
+    for folder in folders:
+        scenes = [scene for scene in read_scenarios(folder / "scenarios.yaml") if near_official(scene) is None]
+        here = out / folder.name
+        here.mkdir(parents=True, exist_ok=True)
+        write_scenarios(scenes, here / "scenarios.yaml")
+        shutil.copyfile(folder / certificates.FILE, here / certificates.FILE)
+        rows.append(interplan_sumo.run(planners, scenarios=here / "scenarios.yaml", out=here / "run", workers=workers))
+        found += scenes
+    return found, pd.concat(rows)
+
+
+def told(factors: Sequence[str], answers: Answers) -> str:
+    """What the constants do, in Markdown."""
+    effects = Effects.of(answers.scores, answers.drawn, answers.as_it_is)
+    more = _drawn_in(effects.linear, effects.linear_error)
+    either = _drawn_in(effects.square, effects.square_error)
+    spreads = spread(effects.linear, effects.linear_error), spread(effects.square, effects.square_error)
+    lines = [
+        f"{len(factors)} numbers, {2 * len(answers.scores)} drives; as it is {answers.as_it_is.mean():.1f} points, "
+        f"with two thirds of them off at once {answers.scores.mean():.1f}.",
+        f"Errors of a linear effect {np.median(effects.linear_error):.2f}, of a square "
+        f"{np.median(effects.square_error):.2f}; true effects spread by {spreads[0]:.2f} and {spreads[1]:.2f}. The "
+        f"worst costs {-effects.worst().min():.1f}.",
+        "",
+        "| constant | a fifth more | as estimated | a fifth less | either way, as estimated |",
+        "|---|---|---|---|---|",
+    ]
+    for k in np.argsort(-np.abs(more), kind="stable")[:SHOWN].tolist():
+        lines.append(
+            f"| `{factors[k]}` | {more[k] + either[k]:+.1f} | {effects.linear[k]:+.1f} +- "
+            f"{CONFIDENCE_Z * effects.linear_error[k]:.1f} | {either[k] - more[k]:+.1f} | {effects.square[k]:+.1f} +- "
+            f"{CONFIDENCE_Z * effects.square_error[k]:.1f} |"
+        )
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Drive, and print what the constants do."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folders", type=Path, nargs="+", help="with scenarios.yaml and certificates.parquet")
+    parser.add_argument("--pairs", type=int, default=4, help="of drives of each scene")
+    parser.add_argument("--workers", type=int, default=None)
+    parser.add_argument("--out", type=Path, required=True, help="a folder for the runs")
+    given = parser.parse_args()
+    factors = factor_names()
+    scenes, rows = driven(given.folders, given.out, given.pairs, given.workers)
+    print(told(factors, Answers.of(scenes, rows, given.pairs, len(factors))))
+
+
+if __name__ == "__main__":
+    main()
