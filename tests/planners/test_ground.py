@@ -42,6 +42,20 @@ def test_answers_are_those_of_the_polygons(roads: Roads, route: tuple[str, ...],
         check(roads, route, ground, np.array(x_m), np.array(y_m))
 
 
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "away_m"),
+    [(50.0, 1.75, 0.0), (50.0, 2.05, 0.3), (-0.3, 0.0, 0.3), (-0.3, 2.15, 0.5), (50.0, 0.0, 0.0)],
+    ids=["on the edge", "beside", "before", "off the corner", "on the road"],
+)
+def test_how_far_a_point_is_off_the_road_is_a_distance_whatever_the_direction(
+    x_m: float, y_m: float, away_m: float
+) -> None:
+    ground, at = Ground(straight_road(length_m=100.0), ["11"]), (np.array((x_m,)), np.array((y_m,)))
+    assert not ground.farther(*at, away_m + 0.01)[0]
+    assert away_m == 0.0 or ground.farther(*at, away_m - 0.01)[0]
+    assert ground.farther(np.zeros(0), np.zeros(0), 0.3).shape == (0,)
+
+
 def test_where_many_boundaries_cross_answers_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("interplan_planners.common.ground.MOST_CROSSING", 1)
     x_m, y_m = np.random.default_rng(5).uniform(-15.0, 15.0, (2, 300))

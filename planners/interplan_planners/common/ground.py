@@ -87,6 +87,13 @@ class Ground:
         """What lies under points of any shape, map frame. On an edge counts as outside."""
         return Under(self._sets_under(np.ravel(x_m), np.ravel(y_m)).reshape(np.shape(x_m)), self._facts)
 
+    def farther(self, x_m: Floats, y_m: Floats, than_m: float) -> NDArray[np.bool_]:
+        """(M,) whether points (M,) are farther than this from all that is drivable."""
+        near, _ = self._tree.query(shapely.points(x_m, y_m), predicate="dwithin", distance=than_m)
+        far = np.ones(len(x_m), dtype=np.bool_)
+        far[near] = False
+        return far
+
     def straddles(self, corners: Ints) -> NDArray[np.bool_]:
         """(M,) whether boxes lie in several lanes and in none entirely, from the sets under their corners (M, 4)."""
         # four indices of at most 16 bits make one number, so that equal rows are found quickly

@@ -128,21 +128,32 @@ def score(
 
 def places(drives: SimulatedDrives, ground: Ground, shape: EgoShape = PACIFICA) -> Places:
     """Where the ego is at each state of each drive."""
-    cos, sin = np.cos(drives.heading_rad).ravel(), np.sin(drives.heading_rad).ravel()
-    half_length_m, half_width_m = shape.length_m / 2, shape.width_m / 2
-    x_m, y_m = drives.x_m.ravel(), drives.y_m.ravel()
-    # front left, rear left, rear right, front right, centre
-    at_x, at_y = np.empty((5, cos.size)), np.empty((5, cos.size))
-    for i, (along, across) in enumerate(((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))):
-        along_m, across_m = along * half_length_m, across * half_width_m
-        at_x[i] = x_m + cos * along_m - sin * across_m
-        at_y[i] = y_m + sin * along_m + cos * across_m
-    at_x[4], at_y[4] = x_m, y_m
-    under = ground.under(at_x, at_y)
+    under = ground.under(*_corners_and_center(drives, shape))
     shape_2, (drivable, on_route, *_) = drives.x_m.shape, under.facts
     off_road = ~drivable[under.sets[:4]].all(axis=0).reshape(shape_2)
     off_route = ~on_route[under.sets[4]].reshape(shape_2)
     return Places(np.asarray(off_road), np.asarray(off_route), under.sets[:4].T, drives, ground, shape)
+
+
+def farther_off_road(drives: SimulatedDrives, ground: Ground, shape: EgoShape, over_edge_m: float) -> NDArray[np.bool_]:
+    """(N, T) whether a corner is farther than `over_edge_m` from the drivable area."""
+    x_m, y_m = (points[:4] for points in _corners_and_center(drives, shape))
+    off = ~ground.under(x_m, y_m).drivable
+    off[off] = ground.farther(x_m[off], y_m[off], over_edge_m)
+    return off.any(axis=0).reshape(drives.x_m.shape)
+
+
+def _corners_and_center(drives: SimulatedDrives, shape: EgoShape) -> tuple[Floats, Floats]:
+    """(5, N T) x and y of front left, rear left, rear right, front right corner and centre at each state."""
+    cos, sin = np.cos(drives.heading_rad).ravel(), np.sin(drives.heading_rad).ravel()
+    x_m, y_m = drives.x_m.ravel(), drives.y_m.ravel()
+    at_x, at_y = np.empty((5, cos.size)), np.empty((5, cos.size))
+    for i, (along, across) in enumerate(((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))):
+        along_m, across_m = along * shape.length_m / 2, across * shape.width_m / 2
+        at_x[i] = x_m + cos * along_m - sin * across_m
+        at_y[i] = y_m + sin * along_m + cos * across_m
+    at_x[4], at_y[4] = x_m, y_m
+    return at_x, at_y
 
 
 def _first(found: Contacts, states: int, actors: int) -> Contacts:

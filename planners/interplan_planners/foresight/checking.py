@@ -10,7 +10,7 @@ import numpy as np
 from interplan_planners.common.forecast import Forecast
 from interplan_planners.common.ground import Ground
 from interplan_planners.common.paths import center_poses
-from interplan_planners.common.scoring import places, score
+from interplan_planners.common.scoring import farther_off_road, score
 from interplan_planners.foresight.costs import HIT, HIT_FADES_S
 from interplan_planners.foresight.prediction import STEP_S
 from interplan_planners.foresight.scene import PlanningScene
@@ -30,7 +30,7 @@ OFF_ROAD, OFF_ROAD_FADES_S = 60.0, 4.0
 UNCOMFORTABLE = 5.0
 STANDING_MPS, STANDING_SHARE = 0.3, 0.5
 """Who stands when it is hit leaves it to the other to brake: that counts less."""
-OVER_EDGE_M = 0.24
+OVER_EDGE_M = 0.26
 """How far a corner may reach over the edge of the road; nuPlan tolerates 0.3 m."""
 MOVING_LONGER_M, MOVING_WIDER_M, STANDING_LARGER_M = 0.5, 0.3, 0.1
 """What is added to boxes, for forecasts are never right."""
@@ -48,8 +48,7 @@ def checked_costs(
     paths = [stage.candidate.path for stage in stages]
     drives = follow_all(scene.ego, *center_poses(paths, of, arc_m, shape), states - 1, shape)
     scores = score(drives, _wider(scene.traffic.forecast), ground, paths[0], shape)
-    slim = replace(shape, length_m=shape.length_m - 2.0 * OVER_EDGE_M, width_m=shape.width_m - 2.0 * OVER_EDGE_M)
-    off_road = places(drives, ground, slim).off_road
+    off_road = farther_off_road(drives, ground, shape, OVER_EDGE_M)
     # where the goal's road ends nobody needs to know what comes after it
     off_road &= arc_m[:, :states] < np.array([_goal_m(stages[p]) for p in of.tolist()])[:, None]
     off_road_s = np.where(off_road.any(axis=1), GRID_S * off_road.argmax(axis=1), np.inf)

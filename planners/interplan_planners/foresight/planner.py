@@ -37,7 +37,9 @@ FARTHEST_FROM_PLAN_M = 2.2
 """Beyond this the ego has lost its path; a plan along it would be a teleport."""
 LOST_BRAKING_MPS2 = 3.0
 MOST_CHECKED, MOST_OF_A_COURSE = 7, 2
-"""How many drafts get a close look, and how many of them may be of one candidate."""
+"""How many drafts get a close look, and how many of one candidate before those of others have had theirs."""
+ALIKE_M = 0.2
+"""Drafts of one candidate that get no farther apart are the same: one of them is looked at."""
 GOING_ON = 0.5
 """What it is worth to go on with the present candidate, in points of progress."""
 SETTLED_M = 6.0
@@ -315,18 +317,23 @@ def _tail(scene: PlanningScene, base: Base, base_m: float) -> NDArray[np.bool_]:
 
 
 def _chosen(cost: np.ndarray, drafts: Drafts) -> list[int]:
-    """The drafts to look at closely: the cheapest, not too many of one candidate, and the emergency brake."""
+    """The drafts to look at closely: the cheapest that differ, at first few of a candidate, and the emergency brake."""
     chosen: list[int] = []
-    taken: dict[int, int] = {}
-    for n in np.argsort(cost, kind="stable").tolist():
-        stage = int(drafts.stage_of[n])
-        if taken.get(stage, 0) < MOST_OF_A_COURSE:
-            chosen.append(n)
-            taken[stage] = taken.get(stage, 0) + 1
-        if len(chosen) == MOST_CHECKED:
-            break
+    cheapest = np.argsort(cost, kind="stable").tolist()
+    for most in (MOST_OF_A_COURSE, MOST_CHECKED):
+        for n in cheapest:
+            of_it = [m for m in chosen if drafts.stage_of[m] == drafts.stage_of[n]]
+            if len(of_it) < most and not any(_apart_m(drafts, n, m) < ALIKE_M for m in of_it):
+                chosen.append(n)
+            if len(chosen) == MOST_CHECKED:
+                break
     hard = int(np.flatnonzero(drafts.urgent)[0])
     return chosen if hard in chosen else [*chosen, hard]
+
+
+def _apart_m(drafts: Drafts, n: int, m: int) -> float:
+    """How far two drafts of one candidate get from one another."""
+    return float(np.abs(drafts.arc_m[n] - drafts.arc_m[m]).max())
 
 
 def _name(options: Sequence[ManoeuvreOption], drafts: Drafts, n: int) -> str:
