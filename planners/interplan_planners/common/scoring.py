@@ -140,7 +140,7 @@ def farther_off_road(drives: SimulatedDrives, ground: Ground, shape: EgoShape, o
     x_m, y_m = (points[:4] for points in _corners_and_center(drives, shape))
     off = ~ground.under(x_m, y_m).drivable
     off[off] = ground.farther(x_m[off], y_m[off], over_edge_m)
-    return off.any(axis=0).reshape(drives.x_m.shape)
+    return np.asarray(off.any(axis=0)).reshape(drives.x_m.shape)
 
 
 def _corners_and_center(drives: SimulatedDrives, shape: EgoShape) -> tuple[Floats, Floats]:
