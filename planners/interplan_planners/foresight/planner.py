@@ -316,24 +316,20 @@ def _tail(scene: PlanningScene, base: Base, base_m: float) -> NDArray[np.bool_]:
     return moves & own & (np.abs(d) < TAIL_M) & (s < base_m - 1.0)
 
 
-def _chosen(cost: np.ndarray, drafts: Drafts) -> list[int]:
+def _chosen(cost: Floats, drafts: Drafts) -> list[int]:
     """The drafts to look at closely: the cheapest that differ, at first few of a candidate, and the emergency brake."""
+    of, left = drafts.stage_of, np.ones(len(cost), dtype=np.bool_)
+    taken = np.zeros(int(of.max()) + 1, dtype=np.int64)
     chosen: list[int] = []
-    cheapest = np.argsort(cost, kind="stable").tolist()
     for most in (MOST_OF_A_COURSE, MOST_CHECKED):
-        for n in cheapest:
-            of_it = [m for m in chosen if drafts.stage_of[m] == drafts.stage_of[n]]
-            if len(of_it) < most and not any(_apart_m(drafts, n, m) < ALIKE_M for m in of_it):
-                chosen.append(n)
-            if len(chosen) == MOST_CHECKED:
-                break
+        while len(chosen) < MOST_CHECKED and (free := left & (taken[of] < most)).any():
+            best = int(np.where(free, cost, inf).argmin())
+            chosen.append(best)
+            taken[of[best]] += 1
+            mates = np.flatnonzero(of == of[best])
+            left[mates[np.abs(drafts.arc_m[mates] - drafts.arc_m[best]).max(axis=1) < ALIKE_M]] = False
     hard = int(np.flatnonzero(drafts.urgent)[0])
     return chosen if hard in chosen else [*chosen, hard]
-
-
-def _apart_m(drafts: Drafts, n: int, m: int) -> float:
-    """How far two drafts of one candidate get from one another."""
-    return float(np.abs(drafts.arc_m[n] - drafts.arc_m[m]).max())
 
 
 def _name(options: Sequence[ManoeuvreOption], drafts: Drafts, n: int) -> str:
