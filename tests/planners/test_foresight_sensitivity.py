@@ -1,14 +1,29 @@
 """What the constants of foresight do: the factors that are found, and effects that are known beforehand."""
 
-import importlib
+from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
+import pytest
+from worlds import ego, mission, observation, straight_road
 
-from benchmarks.foresight_sensitivity import PACKAGE, Effects, factor_names, levels, sources, spread
+from benchmarks.foresight_sensitivity import Effects, Source, factor_names, levels, sources, spread
 from interplan_sumo.world.geometry import Pose
 
 
-def test_every_number_of_a_constant_is_a_factor_once():
+@pytest.fixture
+def modules() -> Iterator[dict[str, Source]]:
+    """The planner's modules by name; they are afterwards what they were, classes included."""
+    found = {source.module.__name__.rpartition(".")[2]: source for source in sources()}
+    before = {name: dict(vars(source.module)) for name, source in found.items()}
+    yield found
+    for name, source in found.items():
+        vars(source.module).clear()
+        vars(source.module).update(before[name])
+
+
+def test_every_number_of_a_constant_is_a_factor_once() -> None:
     names = factor_names()
     assert len(set(names)) == len(names)
     assert {"speeds.HEADWAY_S[1]", "costs.HIT[1]", "costs.HIT_FADES_S[1]", "merging.RULES[3]"} <= set(names)
@@ -16,32 +31,37 @@ def test_every_number_of_a_constant_is_a_factor_once():
     assert not any("MOST_CHECKED" in name for name in names)  # a count
 
 
-def test_a_factor_is_in_force_wherever_its_constant_is_used():
-    found = {source.module.__name__.rpartition(".")[2]: source for source in sources()}
-    prediction, obstacles = found["prediction"], found["st_obstacles"]
+def test_a_factor_is_in_force_wherever_its_constant_is_used(modules: dict[str, Source]) -> None:
+    prediction, obstacles = modules["prediction"], modules["st_obstacles"]
     as_it_is = obstacles.module.MOVING_MPS
-    try:
-        prediction.run([1.2 if name == "prediction.MOVING_MPS[1]" else 1.0 for name in prediction.names])
-        obstacles.run([1.0] * len(obstacles.names))
-        assert 1.2 * as_it_is == obstacles.module.MOVING_MPS
-    finally:
-        for source in sources():
-            source.run([1.0] * len(source.names))
-    assert as_it_is == importlib.import_module(f"{PACKAGE}.st_obstacles").MOVING_MPS
+    prediction.run([1.2 if name == "prediction.MOVING_MPS[1]" else 1.0 for name in prediction.names])
+    obstacles.run([1.0] * len(obstacles.names))
+    assert pytest.approx(1.2 * as_it_is) == obstacles.module.MOVING_MPS
+    prediction.run([1.0] * len(prediction.names))
+    assert as_it_is == prediction.module.MOVING_MPS
 
 
-def test_modules_come_after_those_that_they_need():
+def test_modules_come_after_those_that_they_need() -> None:
     order = [source.module.__name__.rpartition(".")[2] for source in sources()]
     assert order.index("prediction") < order.index("st_obstacles") < order.index("speeds") < order.index("planner")
 
 
-def test_levels_are_those_of_a_scene_and_a_pair():
-    here, there = Pose(1.0, 2.0, 0.0), Pose(1.0, 3.0, 0.0)
-    drawn = levels(("a",), here, 0, 999)
-    assert np.array_equal(drawn, levels(("a",), here, 0, 999))
-    assert not np.array_equal(drawn, levels(("a",), there, 0, 999))
-    assert not np.array_equal(drawn, levels(("a",), here, 1, 999))
-    assert [round(3 * float(np.mean(drawn == level))) for level in (-1, 0, 1)] == [1, 1, 1]
+def test_levels_are_those_of_a_scene_a_pair_and_a_factor() -> None:
+    here, there, names = Pose(1.0, 2.0, 0.0), Pose(1.0, 3.0, 0.0), [f"a.B[{k}]" for k in range(999)]
+    drawn = levels(("a",), here, 0, names)
+    assert np.array_equal(drawn[100:], levels(("a",), here, 0, names[100:]))
+    assert not np.array_equal(drawn, levels(("a",), there, 0, names))
+    assert not np.array_equal(drawn, levels(("a",), here, 1, names))
+    assert [round(3 * float(np.mean(drawn == level)), 0) for level in (-1, 0, 1)] == [1, 1, 1]
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.2])
+def test_whatever_is_drawn_the_modules_can_be_made(modules: dict[str, Source], factor: float) -> None:
+    for source in modules.values():
+        source.run([factor] * len(source.names))
+    planner = modules["planner"].module.ForesightPlanner()
+    planner.start(mission(straight_road(), ("11",)))
+    assert planner.plan(observation(ego(20.0, 0.0, 9.0))).x_m[-1] > 40.0
 
 
 def _made_up(linear: np.ndarray, square: np.ndarray, pairs: int = 1200, noise: float = 15.0) -> Effects:
@@ -53,7 +73,7 @@ def _made_up(linear: np.ndarray, square: np.ndarray, pairs: int = 1200, noise: f
     return Effects.of(scores, x, scene)
 
 
-def test_effects_that_are_known_are_found_whatever_the_scenes_are_worth():
+def test_effects_that_are_known_are_found_whatever_the_scenes_are_worth() -> None:
     linear, square = np.zeros(60), np.zeros(60)
     linear[3], linear[7], square[9] = 4.0, -3.0, -6.0
     found = _made_up(linear, square)
@@ -63,7 +83,7 @@ def test_effects_that_are_known_are_found_whatever_the_scenes_are_worth():
     assert found.worst()[3] < -2.0  # a fifth less costs it
 
 
-def test_where_nothing_matters_the_largest_estimate_is_taken_for_chance():
+def test_where_nothing_matters_the_largest_estimate_is_taken_for_chance() -> None:
     found = _made_up(np.zeros(60), np.zeros(60))
     assert np.abs(found.linear).max() > 0.8
     assert spread(found.linear, found.linear_error) < 0.35
