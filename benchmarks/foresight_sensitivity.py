@@ -7,7 +7,7 @@ number that a constant of the planner's modules is made of is a factor. In each 
 a third a fifth smaller, drawn anew for each scene and pair; the second drive of a pair is the first one's mirror image.
 Half the difference within a pair then has no scene in it and no effect but the linear ones, all of which are told from
 all pairs at once (a foldover design: Box, Hunter and Hunter, Statistics for Experimenters, 2005, 6). What the mean of
-a pair lacks to the drive as it is comes from the squares: what a factor costs either way.
+all pairs lacks to the drives as they are is what they cost together, either way.
 
 Of some hundred effects the largest is large by chance. How far the true ones spread is what the estimates' variance has
 beyond that of their errors, and each is drawn towards zero by as much as that says (empirical Bayes: Efron and Morris,
@@ -28,6 +28,7 @@ from types import ModuleType
 
 import numpy as np
 import pandas as pd
+from scipy.stats import chi2
 
 import interplan_planners.foresight
 import interplan_sumo
@@ -42,7 +43,7 @@ from tools.tune_llm.scenes import near_official
 
 BY = 0.2
 PACKAGE = interplan_planners.foresight.__name__
-SHOWN = 12
+SHOWN = 5
 CONFIDENCE_Z = 1.96
 
 
@@ -168,48 +169,27 @@ class Perturbed:
 # --- what came of it -----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class Effects:
-    """What factors do to the mean score, in points; (F,) each."""
+def effects(scores: Floats, drawn: Floats) -> tuple[Floats, Floats]:
+    """(F,) what a fifth more of each factor does to the mean score, and the standard errors; a fifth less the contrary.
 
-    linear: Floats
-    """Of a fifth more; of a fifth less the negative."""
-    linear_error: Floats
-    square: Floats
-    """Of a fifth more or less."""
-    square_error: Floats
-
-    @classmethod
-    def of(cls, scores: Floats, levels_of: Floats, as_it_is: Floats) -> Effects:
-        """From `scores` (P, 2) of pairs, the levels (P, F) of their first drives, and the score (P,) of the scene."""
-        linear, linear_error = _fitted(levels_of, (scores[:, 0] - scores[:, 1]) / 2.0)
-        square, square_error = _fitted(levels_of**2, scores.mean(axis=1) - as_it_is)
-        return cls(linear, linear_error, square, square_error)
-
-    def worst(self) -> Floats:
-        """(F,) what each costs at most, to one side or the other, as far as the data tell; not above 0."""
-        return np.minimum(
-            _drawn_in(self.square, self.square_error) - np.abs(_drawn_in(self.linear, self.linear_error)), 0
-        )
-
-
-def _fitted(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Least squares without a constant: coefficients and standard errors."""
-    inverse = np.linalg.pinv(x.T @ x)
-    found = inverse @ x.T @ y
-    left = y - x @ found
-    variance = float(left @ left) / max(len(y) - x.shape[1], 1)
+    From the scores (P, 2) of pairs and the levels (P, F) of their first drives, by least squares.
+    """
+    half = (scores[:, 0] - scores[:, 1]) / 2.0
+    inverse = np.linalg.pinv(drawn.T @ drawn)
+    found = inverse @ drawn.T @ half
+    left = half - drawn @ found
+    variance = float(left @ left) / max(len(half) - drawn.shape[1], 1)
     return found, np.sqrt(variance * np.diag(inverse))
 
 
-def spread(estimates: Floats, errors: Floats) -> float:
-    """The standard deviation of true effects about 0."""
-    return float(np.sqrt(max(np.mean(estimates**2 - errors**2), 0.0)))
+def spread(estimates: Floats, errors: Floats) -> tuple[float, float]:
+    """The standard deviation of true effects about 0, and what it is at most (95 %).
 
-
-def _drawn_in(estimates: Floats, errors: Floats) -> Floats:
-    variance = spread(estimates, errors) ** 2
-    return estimates * variance / (variance + errors**2)
+    Estimates over their errors have a variance of 1 and the square of that over the errors'.
+    """
+    ratios, error = (estimates / errors) ** 2, float(np.sqrt(np.mean(errors**2)))
+    most = ratios.sum() / chi2.ppf(0.05, len(ratios))
+    return tuple(error * float(np.sqrt(max(each - 1.0, 0.0))) for each in (ratios.mean(), most))  # type: ignore[return-value]
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,26 +241,21 @@ def driven(folders: Sequence[Path], out: Path, pairs: int, workers: int | None) 
 
 def told(factors: Sequence[str], answers: Answers) -> str:
     """What the constants do, in Markdown."""
-    effects = Effects.of(answers.scores, answers.drawn, answers.as_it_is)
-    more = _drawn_in(effects.linear, effects.linear_error)
-    either = _drawn_in(effects.square, effects.square_error)
-    spreads = spread(effects.linear, effects.linear_error), spread(effects.square, effects.square_error)
+    found, errors = effects(answers.scores, answers.drawn)
+    usual, most = spread(found, errors)
+    kept = usual**2 / (usual**2 + errors**2)
     lines = [
-        f"{len(factors)} numbers, {2 * len(answers.scores)} drives; as it is {answers.as_it_is.mean():.1f} points, "
-        f"with two thirds of them off at once {answers.scores.mean():.1f}.",
-        f"Errors of a linear effect {np.median(effects.linear_error):.2f}, of a square "
-        f"{np.median(effects.square_error):.2f}; true effects spread by {spreads[0]:.2f} and {spreads[1]:.2f}. The "
-        f"worst costs {-effects.worst().min():.1f}.",
+        f"{len(factors)} numbers, {answers.scores.size} drives; as it is {answers.as_it_is.mean():.1f} points, with "
+        f"two thirds of them off at once {answers.scores.mean():.1f}.",
+        f"Standard error of an effect: {np.median(errors):.1f} points. True effects spread by {usual:.1f}, at most "
+        f"{most:.1f}.",
         "",
-        "| constant | a fifth more | as estimated | a fifth less | either way, as estimated |",
-        "|---|---|---|---|---|",
+        "| constant | a fifth more, as estimated | of that, after drawing in |",
+        "|---|---|---|",
     ]
-    for k in np.argsort(-np.abs(more), kind="stable")[:SHOWN].tolist():
-        lines.append(
-            f"| `{factors[k]}` | {more[k] + either[k]:+.1f} | {effects.linear[k]:+.1f} +- "
-            f"{CONFIDENCE_Z * effects.linear_error[k]:.1f} | {either[k] - more[k]:+.1f} | {effects.square[k]:+.1f} +- "
-            f"{CONFIDENCE_Z * effects.square_error[k]:.1f} |"
-        )
+    for k in np.argsort(-np.abs(kept * found), kind="stable")[:SHOWN].tolist():
+        more = f"{found[k]:+.1f} +- {CONFIDENCE_Z * errors[k]:.1f}"
+        lines.append(f"| `{factors[k]}` | {more} | {kept[k] * found[k]:+.1f} |")
     return "\n".join(lines)
 
 
