@@ -232,11 +232,11 @@ def driven(folders: Sequence[Path], out: Path, pairs: int, workers: int | None) 
         shutil.copyfile(folder / certificates.FILE, here / certificates.FILE)
         rows.append(interplan_sumo.run(planners, scenarios=here / "scenarios.yaml", out=here / "run", workers=workers))
         found += scenes
-    driven = pd.concat(rows)
-    failed = driven[driven["fault"].notna()]
+    every = pd.concat(rows)
+    failed = every[every["fault"].notna()]
     if len(failed):
         raise ValueError(f"{len(failed)} drives failed, the first with {failed['fault_message'].iloc[0]!r}")
-    return found, driven
+    return found, every
 
 
 def told(factors: Sequence[str], answers: Answers) -> str:
