@@ -55,31 +55,26 @@ class Source:
     """A module of the planner as text, and its factors: where in it each number of a constant stands."""
 
     module: ModuleType
-    tree: ast.Module
+    text: str
     names: tuple[str, ...]
 
     @classmethod
     def of(cls, name: str) -> Source:
         module = importlib.import_module(name)
-        tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
+        text = Path(str(module.__file__)).read_text(encoding="utf-8")
         counts: dict[str, int] = {}
         names: list[str] = []
-        for constant, _ in _numbers(tree):
+        for constant, _ in _numbers(ast.parse(text)):
             counts[constant] = counts.get(constant, 0) + 1
             names.append(f"{name.rpartition('.')[2]}.{constant}[{counts[constant]}]")
-        return cls(module, tree, tuple(names))
+        return cls(module, text, tuple(names))
 
     def run(self, factors: Sequence[float]) -> None:
         """Make the module anew, with each number multiplied."""
-        numbers = [number for _, number in _numbers(self.tree)]
-        before = [number.value for number in numbers]
-        for number, factor in zip(numbers, factors, strict=True):
+        tree = ast.parse(self.text)
+        for (_, number), factor in zip(_numbers(tree), factors, strict=True):
             number.value = float(number.value) * factor  # type: ignore[arg-type]
-        try:
-            exec(compile(self.tree, str(self.module.__file__), "exec"), self.module.__dict__)
-        finally:
-            for number, value in zip(numbers, before, strict=True):
-                number.value = value
+        exec(compile(tree, str(self.module.__file__), "exec"), self.module.__dict__)
 
 
 def _numbers(tree: ast.Module) -> Iterator[tuple[str, ast.Constant]]:
@@ -188,8 +183,11 @@ def spread(estimates: Floats, errors: Floats) -> tuple[float, float]:
     Estimates over their errors have a variance of 1 and the square of that over the errors'.
     """
     ratios, error = (estimates / errors) ** 2, float(np.sqrt(np.mean(errors**2)))
-    most = ratios.sum() / chi2.ppf(0.05, len(ratios))
-    return tuple(error * float(np.sqrt(max(each - 1.0, 0.0))) for each in (ratios.mean(), most))  # type: ignore[return-value]
+
+    def beyond_errors(ratio: float) -> float:
+        return error * float(np.sqrt(max(ratio - 1.0, 0.0)))
+
+    return beyond_errors(ratios.mean()), beyond_errors(ratios.sum() / chi2.ppf(0.05, len(ratios)))
 
 
 @dataclass(frozen=True, eq=False)

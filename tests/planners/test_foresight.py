@@ -162,14 +162,14 @@ def test_the_longer_it_waits_the_more_it_is_worth_to_pass() -> None:
     task = mission(two_way(), ("1",), goal_arc_m=250.0)
     planner.start(task)
     costs: list[float] = []
-    for k in range(16):
+    for k in range(30):
         held = ego_on(task.roads, "1", 110.0, time_s=0.4 * k)
         planner.plan(unmoved(held, parked))
         assert planner.decision is not None
         if held.time_s > 0.7:  # until then it would set off more gently
             costs.append(min(cost for name, cost in planner.decision.options if name.startswith("pass")))
     assert costs == sorted(costs, reverse=True)
-    assert costs[-1] < costs[0] - 1.0
+    assert costs[-1] < costs[0] - 2.0
     assert planner.decision is not None
     assert planner.decision.manoeuvre == "pass"
 
