@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 from pathlib import Path
 from typing import Final
 
@@ -28,13 +28,7 @@ def keep_kilometres(folders: Iterable[Path]) -> None:
     """Put the segments of folders of `endure` beside those that are kept; InputError if they are of other code."""
     every = [*([KEPT] if (KEPT / ABOUT).is_file() else ()), *folders]
     segments = read_kilometres(every)
-    abouts = [decode((folder / ABOUT).read_bytes(), AboutEndure) for folder in every]
-    about = msgspec.structs.replace(
-        abouts[-1],
-        maps={name: value for each in abouts for name, value in each.maps.items()},
-        drivers={name: value for each in abouts for name, value in each.drivers.items()},
-        planners={name: value for each in abouts for name, value in each.planners.items()},
-    )
+    about = reduce(AboutEndure.beside, (decode((folder / ABOUT).read_bytes(), AboutEndure) for folder in every))
     KEPT.mkdir(parents=True, exist_ok=True)
     (KEPT / ABOUT).write_bytes(msgspec.json.format(encode(about), indent=1) + b"\n")
     order = sorted(segments, key=lambda each: (each.planner, each.cell, each.seed, each.index))

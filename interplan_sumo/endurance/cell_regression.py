@@ -63,7 +63,7 @@ def cell_regression(cells: Sequence[DrivenRates], measure: MeasureKey) -> CellRe
         factor, level = empty
         left_out.append(f"{factor} {level} (no events)")
         used = [each for each in used if FACTORS[factor](each) != level]
-    levels = {factor: _levels(used, factor) for factor in FACTORS}
+    levels = {factor: _levels(used, factor, measure) for factor in FACTORS}
     columns = [(factor, level) for factor, found in levels.items() for level in found[1:]]
 
     def covariates(driven: DrivenRates) -> list[float]:
@@ -100,10 +100,19 @@ def _cell(driven: DrivenRates) -> TrafficCell:
     return driven.cell
 
 
-def _levels(cells: Sequence[DrivenRates], factor: str) -> list[str]:
-    """In the order of the cells, which is by planner, map, density and drivers; densities by size."""
-    found = dict.fromkeys(FACTORS[factor](each) for each in cells)
-    return sorted(found, key=float) if factor == "density" else [*found]
+def _levels(cells: Sequence[DrivenRates], factor: str, measure: MeasureKey) -> list[str]:
+    """The reference first: the lowest density, else where most happened, for the others are known best beside it.
+
+    The others in the order of the cells, which is by planner, map, density and drivers; densities by size.
+    """
+    events: dict[str, float] = {}
+    for each in cells:
+        level = FACTORS[factor](each)
+        events[level] = events.get(level, 0.0) + each.measures[measure].total.effective
+    if factor == "density":
+        return sorted(events, key=float)
+    reference = max(events, key=events.__getitem__)
+    return sorted(events, key=lambda level: level != reference)
 
 
 def _without_events(cells: Sequence[DrivenRates], measure: MeasureKey) -> tuple[str, str] | None:

@@ -73,6 +73,8 @@ NOWHERE_M: Final = 50.0
 LEAST_MEAN_M: Final = 250.0
 """No round is planned for segments shorter than this."""
 LEAST_NAIVE: Final = 0.2
+NAMED: Final = ("maps", "drivers", "planners")
+"""What `AboutEndure` has several of, each by its name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +165,12 @@ class AboutEndure(Struct, frozen=True):
     natural: dict[str, float]
     naive_share: float
     segment_m: float
+
+    def beside(self, other: AboutEndure) -> AboutEndure:
+        """This one with the maps, drivers and planners of another besides."""
+        return msgspec.structs.replace(
+            self, **{name: {**getattr(self, name), **getattr(other, name)} for name in NAMED}
+        )
 
 
 def drive_kilometres(options: EndureOptions, watch: KilometresWatch | None = None) -> list[SegmentRecord]:
@@ -351,16 +359,14 @@ def _agree(folder: Path, wanted: AboutEndure) -> None:
                     f"{folder} holds segments with {name.replace('_', ' ')} {getattr(held, name)}, these have "
                     f"{getattr(wanted, name)}; give another folder as --out"
                 )
-        for name in ("maps", "drivers", "planners"):
+        for name in NAMED:
             then, now = getattr(held, name), getattr(wanted, name)
             changed = [each for each in now if each in then and then[each] != now[each]]
             if changed:
                 raise RunFolderError(
                     f"{folder} holds segments of {changed[0]!r} from before it changed; give another folder as --out"
                 )
-        held = msgspec.structs.replace(
-            held, **{name: {**getattr(held, name), **getattr(wanted, name)} for name in ("maps", "drivers", "planners")}
-        )
+        held = held.beside(wanted)
     with replacing(path) as fresh:
         fresh.write_bytes(msgspec.json.format(encode(held), indent=2) + b"\n")
 

@@ -52,6 +52,9 @@ GIVES_UP_S: Final = 60.0
 """Who has found no moment to cross by then stays."""
 BRAKES_MPS2: Final = 3.0
 """Nobody sets off before one that would have to brake harder: it is the ego that is to be surprised."""
+EGO_BRAKES_MPS2: Final = 4.0
+EGO_REACTS_S: Final = 0.5
+"""Nor before an ego that could not stop like that: what nobody can avoid says nothing of who drives."""
 LANE_HALF_M: Final = 3.5
 DOOR_S: Final = 3.0
 """A door opens so long before the ego is there, at its speed."""
@@ -147,7 +150,7 @@ class _CutIn:
 
 
 class _Crossing:
-    """Somebody waits at the kerb and sets off before the ego; never before others who could not stop."""
+    """Somebody waits at the kerb and sets off before the ego; never before anybody who could not stop."""
 
     def __init__(self, walker: Walker, line: Polyline, shape: EgoShape, origin_m: tuple[float, float]) -> None:
         self._walker = walker
@@ -163,8 +166,8 @@ class _Crossing:
         arc_m, _ = self._line.project_point(ego.x_m, ego.y_m)
         ahead_m = self._walker.walk.conflict_m - arc_m - self._half_m
         self._passed = ahead_m < -PASSED_M
-        waits = self._walker.walked_s is None
-        if waits and 0.0 <= ahead_m <= trigger_distance_m(ego.speed_mps) and others_can_stop(agents, self._at):
+        from_m = trigger_distance_m(ego.speed_mps)
+        if self._walker.walked_s is None and surprises(ahead_m, ego.speed_mps, from_m, agents, self._at):
             self._walker.walked_s = 0.0
         if self.is_over:
             self._walker.expected = False
@@ -177,7 +180,7 @@ class _Crossing:
 
 
 class OpeningDoor:
-    """A car is parked at the kerb, and its door opens before the ego; never before others who could not stop."""
+    """A car is parked at the kerb, and its door opens before the ego; never before anybody who could not stop."""
 
     def __init__(
         self, people: StreetPeople, things: tuple[Thing, Thing], conflict_m: float, line: Polyline, shape: EgoShape,
@@ -199,9 +202,10 @@ class OpeningDoor:
         arc_m, _ = self._line.project_point(ego.x_m, ego.y_m)
         ahead_m = self._conflict_m - arc_m - self._half_m
         self._passed = ahead_m < -PASSED_M
+        from_m = max(NEAREST_DOOR_M, DOOR_S * ego.speed_mps)
         if self._open_s is not None:
             self._open_s += DT_S
-        elif 0.0 <= ahead_m <= max(NEAREST_DOOR_M, DOOR_S * ego.speed_mps) and others_can_stop(agents, self._at):
+        elif surprises(ahead_m, ego.speed_mps, from_m, agents, self._at):
             self._open_s = 0.0
             self._people.put(self._door)
         if self.is_over:
@@ -244,6 +248,15 @@ class _RedRun:
     @property
     def is_over(self) -> bool:
         return self._gone or self._left_s <= 0.0
+
+
+def surprises(ahead_m: float, ego_mps: float, from_m: float, agents: AgentSnapshot, at: tuple[float, float]) -> bool:
+    """Whether something begins at a place, in SUMO's frame, now that the ego's front is so far before it.
+
+    It does from a distance on, while the ego and all others can stop.
+    """
+    stops_m = ego_mps**2 / (2.0 * EGO_BRAKES_MPS2) + EGO_REACTS_S * ego_mps
+    return stops_m <= ahead_m <= from_m and others_can_stop(agents, at)
 
 
 def others_can_stop(agents: AgentSnapshot, at: tuple[float, float]) -> bool:

@@ -26,7 +26,7 @@ def read_table(path: Path, names: Sequence[str]) -> list[dict[str, str]]:
             table = csv.DictReader(file, restval="")
             missing = [name for name in names if name not in (table.fieldnames or ())]
             if missing:
-                raise InputError(f"{path} has no column {missing[0]}; it is not what scenarios harden writes")
+                raise InputError(f"{path} has no column {missing[0]}, expected {', '.join(names)}")
             return list(table)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None

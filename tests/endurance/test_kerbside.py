@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
 from interplan_sumo.endurance.kerbside import (
     DOOR_EDGE_M,
@@ -18,7 +20,16 @@ from interplan_sumo.endurance.kerbside import (
     parked_car,
 )
 from interplan_sumo.endurance.opportunities import WALKER_M
-from interplan_sumo.endurance.staged import DOOR_S, GIVES_UP_S, OPEN_S, OpeningDoor, others_can_stop
+from interplan_sumo.endurance.staged import (
+    DOOR_S,
+    EGO_BRAKES_MPS2,
+    EGO_REACTS_S,
+    GIVES_UP_S,
+    OPEN_S,
+    OpeningDoor,
+    others_can_stop,
+    surprises,
+)
 from interplan_sumo.endurance.street_people import FORGOTTEN_M, StreetPeople
 from interplan_sumo.endurance.trip_way import TripWay
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
@@ -146,6 +157,28 @@ def test_a_door_stays_shut_before_others_who_could_not_stop_and_behind_the_ego()
             nobody(), replace(near, x_m=0.0, vx_mps=0.0) if hasattr(near, "vx_mps") else EgoState(0.0, 0.0, -3.5, 0.0)
         )
     assert act.is_over
+
+
+STOPS_M = 10.0**2 / (2.0 * EGO_BRAKES_MPS2) + 10.0 * EGO_REACTS_S
+
+
+@pytest.mark.parametrize(("ahead_m", "opens"), [(STOPS_M + 0.1, True), (STOPS_M - 0.1, False), (0.5, False)])
+def test_a_door_opens_late_only_while_the_ego_can_stop(ahead_m: float, opens: bool) -> None:
+    """Somebody beside it could not stop until now."""
+    people, act, found = opening()
+    ego = EgoState(0.0, found.conflict_m - PACIFICA.length_m / 2.0 - ahead_m, -3.5, 0.0, 10.0)
+    act.step(nobody((found.conflict_m - 12.0, 0.0, 0.0, 10.0)), ego)
+    assert seen(people) == ["a"]
+    act.step(nobody(), ego)
+    assert seen(people) == (["a", "b"] if opens else ["a"])
+
+
+@given(ahead_m=st.floats(0.0, 80.0), mps=st.floats(0.0, 25.0))
+def test_what_surprises_a_slow_ego_or_one_that_is_farther_away_can_be_stopped_for(ahead_m: float, mps: float) -> None:
+    here = surprises(ahead_m, mps, 200.0, nobody(), (0.0, 0.0))
+    assert here == (ahead_m >= mps * EGO_REACTS_S + mps**2 / (2.0 * EGO_BRAKES_MPS2))
+    assert surprises(ahead_m + 1.0, mps, 200.0, nobody(), (0.0, 0.0)) >= here
+    assert not surprises(ahead_m, mps, ahead_m - 0.1, nobody(), (0.0, 0.0))
 
 
 @pytest.mark.parametrize(("ahead_m", "can"), [(10.0**2 / 6.0 + 12.1, True), (10.0**2 / 6.0 + 11.9, False)])

@@ -282,6 +282,17 @@ def test_a_regression_over_cells_tells_planner_and_density_apart() -> None:
     assert [each.cell for each in rates.planners] == [None, None]
 
 
+def test_a_regression_holds_planners_against_the_one_with_most_events() -> None:
+    def of(planner: str, every: int) -> list[SegmentRecord]:
+        return [structs_replace(segment(n, hits=int(n % every == 0)), planner=planner) for n in range(100)]
+
+    rates = endurance_rates([*of("able", 10), *of("many", 2), *of("some", 4)])
+    found = cell_regression(rates.cells, "at_fault_collision").ratios
+    assert [(each.level, each.reference, round(each.ratio, 6)) for each in found] == [
+        ("able", "many", 0.2), ("some", "many", 0.5),
+    ]  # fmt: skip
+
+
 def test_a_regression_leaves_out_a_planner_without_events_and_says_so() -> None:
     still = [structs_replace(each, planner="still") for each in map(segment, range(50))]
     half = [structs_replace(segment(n, hits=1), cell=TrafficCell("toy", 0.9, "mixed")) for n in range(50)]

@@ -8,12 +8,12 @@ from math import inf, pi
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, signals, straight_road, together
 
 from interplan_planners.foresight import ForesightPlanner
-from interplan_planners.foresight.costs import speed_costs
+from interplan_planners.foresight.costs import hit_costs, speed_costs
 from interplan_planners.foresight.drivers import ACCELERATION_MPS2, answers_mps2, minded, needed_gap_m
 from interplan_planners.foresight.manoeuvres import Manoeuvres
 from interplan_planners.foresight.prediction import STEP_S, Prediction
@@ -65,12 +65,16 @@ speeds = st.floats(0.5, 20.0)
 
 
 @given(gap_m=st.floats(0.5, 80.0), more_m=st.floats(0.1, 20.0), speed=speeds, ego_mps=speeds)
+@example(gap_m=4.0, more_m=2.0, speed=9.0, ego_mps=10.0)  # who would accelerate may do so less: it keeps what it has
 def test_nobody_brakes_harder_for_a_larger_gap_or_a_faster_ego(
     gap_m: float, more_m: float, speed: float, ego_mps: float
 ) -> None:
-    here = answers_mps2(np.array(gap_m), np.array(speed), np.array(ego_mps))
-    assert (answers_mps2(np.array(gap_m + more_m), np.array(speed), np.array(ego_mps)) <= here + 1e-9).all()
-    assert (answers_mps2(np.array(gap_m), np.array(speed), np.array(ego_mps + 1.0)) <= here + 1e-9).all()
+    def braking(gap_m: float, ego_mps: float) -> Floats:
+        return np.maximum(answers_mps2(np.array(gap_m), np.array(speed), np.array(ego_mps)), 0.0)
+
+    here = braking(gap_m, ego_mps)
+    assert (braking(gap_m + more_m, ego_mps) <= here + 1e-9).all()
+    assert (braking(gap_m, ego_mps + 1.0) <= here + 1e-9).all()
 
 
 @given(speed=speeds, slower_mps=st.floats(0.0, 20.0))
@@ -99,6 +103,16 @@ def test_who_comes_from_behind_is_expected_to_brake_for_a_corner_of_the_ego_in_i
         return float(traffic.forecast.speed_mps[0, -1])
 
     assert speed_then_mps(-1.2) < 5.0 < speed_then_mps(0.0)
+
+
+@pytest.mark.parametrize(("front_beyond_rear_m", "brakes"), [(-0.5, True), (0.5, False)])
+def test_who_is_beside_the_ego_is_not_expected_to_brake_for_its_corner(
+    front_beyond_rear_m: float, brakes: bool
+) -> None:
+    roads = straight_road(lanes=2, length_m=400.0, limit_mps=12.0)
+    other = cars((60.0 - FRONT_M + front_beyond_rear_m - 2.4, -WIDTH_M, 2.0))
+    traffic = Prediction(roads).traffic(observation(ego(60.0, -1.2, 1.0), other), PACIFICA, 4.0)
+    assert (float(traffic.forecast.speed_mps[0, 10]) < 2.0) == brakes
 
 
 # --- the end of a lane -----------------------------------------------------------------------------
@@ -263,26 +277,71 @@ def test_who_stood_in_the_lane_that_it_changed_to_changes_on_when_there_is_a_gap
     assert states[-1].x_m > END_M
 
 
-def test_who_is_forecast_through_the_ego_from_behind_is_not_hit_but_who_is_ahead_is() -> None:
+def cost_of(center_m: float, mps: float, comes_s: float = 0.0) -> float:
+    """Of driving on at 6 m/s from an arc length of 100 m, with somebody who comes into the strip at some time."""
     steps = 41
     time_s: Floats = STEP_S * np.arange(steps, dtype=np.float64)
-    manoeuvres = Manoeuvres(TASK, ego_on(FORK, "11", 60.0, 6.0), 13.0, 3.6)
-    candidate = manoeuvres.here(ego_on(FORK, "11", 60.0, 6.0))
+    start = ego_on(FORK, "11", 60.0, 6.0)
+    candidate = Manoeuvres(TASK, start, 13.0, 3.6).here(start)
     s, v = (100.0 + 6.0 * time_s)[None], np.full((1, steps), 6.0)
     drafts = Drafts(np.zeros(1, np.int64), ((),), (NO_CAP,), np.zeros(1, np.bool_), s, v, np.zeros((1, steps - 1)))
+    there = time_s[None] > comes_s - 1e-9
+    center: Floats = np.where(there, (center_m + mps * time_s)[None], np.nan)
+    near, far = np.where(there, center - 2.4, np.inf), np.where(there, center + 2.4, -np.inf)
+    yes, no, nobody = np.ones(1, np.bool_), np.zeros(1, np.bool_), np.zeros((0, steps))
+    stage = Stage(
+        candidate, 100.0, np.full(400, 10.0), (), near, far, center, np.full((1, steps), mps),
+        there, no, yes, no, (inf, inf), None, nobody, nobody, np.zeros(0, np.bool_),
+    )  # fmt: skip
+    return float(speed_costs([stage], drafts, PACIFICA, 10.0, 0.0)[0])
 
-    def cost(center_m: float, mps: float) -> float:
-        center: Floats = (center_m + mps * time_s)[None]
-        yes, no, nobody = np.ones(1, np.bool_), np.zeros(1, np.bool_), np.zeros((0, steps))
-        stage = Stage(
-            candidate, 100.0, np.full(400, 10.0), (), center - 2.4, center + 2.4, center, np.full((1, steps), mps),
-            np.ones((1, steps), np.bool_), no, yes, no, (inf, inf), None, nobody, nobody, np.zeros(0, np.bool_),
-        )  # fmt: skip
-        return float(speed_costs([stage], drafts, PACIFICA, 10.0, 0.0)[0])
 
-    alone = cost(-400.0, 6.0)
-    assert cost(60.0, 6.0) == cost(60.0, 13.0) == alone
-    assert cost(115.0, 1.0) > alone + 30.0
+def test_who_is_forecast_through_the_ego_from_behind_is_not_hit_but_who_is_ahead_is() -> None:
+    alone = cost_of(-400.0, 6.0)
+    assert cost_of(60.0, 6.0) == cost_of(60.0, 13.0) == alone
+    assert cost_of(115.0, 1.0) > alone + 30.0
+
+
+@pytest.mark.parametrize(("center_m", "hit"), [(96.0, False), (97.5, True), (100.0, True)])
+def test_who_comes_into_the_lane_beside_the_ego_is_hit_and_who_comes_into_it_behind_is_not(
+    center_m: float, hit: bool
+) -> None:
+    """The ego's rear is at 98.9 m, its middle at 101.5 m; the other drives as fast, and has its front 2.4 m ahead."""
+    assert cost_of(center_m, 6.0) == pytest.approx(cost_of(-400.0, 6.0), abs=3.0)  # there from the beginning
+    assert (cost_of(center_m, 6.0, comes_s=2.0) > cost_of(-400.0, 6.0) + 30.0) == hit
+
+
+@given(when_s=st.floats(0.0, 60.0), mps=st.floats(0.0, 30.0), less=st.floats(0.0, 1.0))
+def test_a_hit_costs_less_the_later_and_the_slower_and_at_a_standstill_half(
+    when_s: float, mps: float, less: float
+) -> None:
+    def cost(when_s: float, mps: float) -> float:
+        return float(hit_costs(np.array([when_s]), np.array([mps]))[0])
+
+    assert cost(when_s, less * mps) <= cost(when_s, mps) <= cost(less * when_s, mps) <= cost(0.0, 100.0)
+    assert cost(when_s, 0.0) == pytest.approx(0.5 * cost(when_s, 50.0))
+    assert cost(inf, mps) == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("lead_m", "mps"), [(73.5, 4.0), (74.0, 5.0)])
+def test_beside_what_it_was_to_pass_and_that_goes_on_it_waits_and_comes_in_behind_it(lead_m: float, mps: float) -> None:
+    """It stands behind a queue on the lane beside, most of it ahead of the car in its own lane, when both set off."""
+    roads = straight_road(lanes=2, length_m=500.0, limit_mps=11.0)
+
+    def others(time_s: float) -> Actors:
+        gone_s, rises_s = max(time_s - 9.0, 0.0), mps / 1.5
+        gone_m = 0.75 * min(gone_s, rises_s) ** 2 + mps * max(gone_s - rises_s, 0.0)
+        now_mps = min(1.5 * gone_s, mps)
+        return cars((60.0 + gone_m, -WIDTH_M, now_mps), (lead_m + gone_m, 0.0, now_mps))
+
+    planner = ForesightPlanner()
+    planner.start(mission(roads, ("12",)))
+    states = driven(planner, ego_on(roads, "12", 35.0, 6.0), 200, others)
+    assert states[90].y_m > -WIDTH_M + 2.0
+    assert states[90].x_m > 60.0 + 4.0
+    assert states[-1].y_m == pytest.approx(-WIDTH_M, abs=0.6)
+    assert states[-1].x_m < others(20.0).x_m[0] - 5.0
 
 
 @given(gap_m=st.floats(3.0, 60.0), speed=speeds, ego_mps=speeds, gained_mps=st.floats(0.0, 4.0))

@@ -60,15 +60,21 @@ def test_with_nothing_in_sight_there_is_nothing_to_steady() -> None:
     assert steadied(seen) is seen
 
 
+def test_who_stands_is_known_to_stand() -> None:
+    """Not every one, for limits are three and a half standard deviations; of single frames hardly any does."""
+
+    def known(every: list[Observation]) -> float:
+        return float(np.mean([sum(standing(each).values()) / len(ROW) for each in every]))
+
+    raws = [told(rolling(ROW), seed) for seed in range(60)]
+    assert known(raws) < 0.02 < 0.99 < known([steadied(raw) for raw in raws])
+
+
 @given(seed=st.integers(0, 10_000))
-def test_who_stands_is_known_to_stand_and_where(seed: int) -> None:
-    raw = told(rolling(ROW), seed)
-    now = steadied(raw)
-    assert sum(standing(raw).values()) <= 2
-    assert sum(standing(now).values()) >= len(ROW) - 1
+def test_nobody_gets_lost_and_who_stands_is_at_rest(seed: int) -> None:
+    now = steadied(told(rolling(ROW), seed))
     assert set(now.actors.ids) == set(ROW.ids)
-    rows = [ROW.ids.index(name) for name in now.actors.ids]
-    assert np.hypot(now.actors.x_m - ROW.x_m[rows], now.actors.y_m - ROW.y_m[rows]).mean() < 0.2
+    assert (now.actors.speed_mps[[standing(now)[name] for name in now.actors.ids]] == 0.0).all()
 
 
 def test_standing_boxes_are_seen_nearer_to_where_they_are_than_one_frame_tells() -> None:
@@ -76,8 +82,10 @@ def test_standing_boxes_are_seen_nearer_to_where_they_are_than_one_frame_tells()
         rows = [ROW.ids.index(name) for name in seen.actors.ids]
         return float(np.hypot(seen.actors.x_m - ROW.x_m[rows], seen.actors.y_m - ROW.y_m[rows]).mean())
 
-    raws = [told(rolling(ROW), seed) for seed in range(20)]
-    assert np.mean([off_m(steadied(raw)) for raw in raws]) < 0.7 * np.mean([off_m(raw) for raw in raws])
+    raws = [told(rolling(ROW), seed) for seed in range(60)]
+    now_m, raw_m = (np.mean([off_m(each) for each in seen]) for seen in ([steadied(raw) for raw in raws], raws))
+    assert now_m < 0.15
+    assert now_m < 0.7 * raw_m
 
 
 @pytest.mark.parametrize("speed_mps", [1.0, 3.0, 12.0])

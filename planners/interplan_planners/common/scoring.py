@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from interplan_planners.common.comfort import comfortable
 from interplan_planners.common.contacts import Contacts, boxes_touch, contacts
 from interplan_planners.common.forecast import Forecast
-from interplan_planners.common.ground import Ground
+from interplan_planners.common.ground import Ground, Under
 from interplan_planners.common.paths import DrivingPath
 from interplan_sumo.dynamics.batch import SimulatedDrives
 from interplan_sumo.world.ego import PACIFICA, EgoShape
@@ -58,6 +58,8 @@ class Scores:
     """Time from now of the first at-fault collision; inf if there is none."""
     danger_s: Floats
     """Time from now at which the time to collision first falls short; inf if it never does."""
+    where: Places
+    """At the states that were looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,14 +70,22 @@ class Places:
     """(N, T) with a corner off the drivable area."""
     off_route: NDArray[np.bool_]
     """(N, T) with its centre on no lane of the route."""
-    _corners: Ints  # (N T, 4) sets under the corners
+    _x_m: Floats  # (4, N T) of the corners
+    _y_m: Floats  # (4, N T)
+    _under: Under  # (4, N T)
     _drives: SimulatedDrives
     _ground: Ground
     _shape: EgoShape
 
+    def farther_off_road(self, than_m: float) -> NDArray[np.bool_]:
+        """(N, T) with a corner farther than this from the drivable area."""
+        off = ~self._under.drivable
+        off[off] = self._ground.farther(self._x_m[off], self._y_m[off], than_m)
+        return np.asarray(off.any(axis=0)).reshape(self.off_road.shape)
+
     def straddles(self, pose: Ints) -> NDArray[np.bool_]:
         """(C,) whether it is in several lanes and in none entirely, at some of the states, counted through all."""
-        return self._ground.straddles(self._corners[pose])
+        return self._ground.straddles(self._under.sets.T[pose])
 
     def in_intersection(self, pose: Ints) -> NDArray[np.bool_]:
         """(C,) whether its rear axle is in an intersection, at some of the states."""
@@ -122,25 +132,20 @@ def score(
     parts = weights.progress * progress + weights.time_to_collision * time_to_collision + weights.comfort * comfort
     total = gates * parts / (weights.progress + weights.time_to_collision + weights.comfort)
     return Scores(
-        total, fault_score, drivable, direction, progress, time_to_collision, comfort, progress_m, collision_s, danger_s
-    )
+        total, fault_score, drivable, direction, progress, time_to_collision, comfort, progress_m, collision_s,
+        danger_s, where,
+    )  # fmt: skip
 
 
 def places(drives: SimulatedDrives, ground: Ground, shape: EgoShape = PACIFICA) -> Places:
     """Where the ego is at each state of each drive."""
-    under = ground.under(*_corners_and_center(drives, shape))
-    shape_2, (drivable, on_route, *_) = drives.x_m.shape, under.facts
-    off_road = ~drivable[under.sets[:4]].all(axis=0).reshape(shape_2)
-    off_route = ~on_route[under.sets[4]].reshape(shape_2)
-    return Places(np.asarray(off_road), np.asarray(off_route), under.sets[:4].T, drives, ground, shape)
-
-
-def farther_off_road(drives: SimulatedDrives, ground: Ground, shape: EgoShape, over_edge_m: float) -> NDArray[np.bool_]:
-    """(N, T) whether a corner is farther than `over_edge_m` from the drivable area."""
-    x_m, y_m = (points[:4] for points in _corners_and_center(drives, shape))
-    off = ~ground.under(x_m, y_m).drivable
-    off[off] = ground.farther(x_m[off], y_m[off], over_edge_m)
-    return np.asarray(off.any(axis=0)).reshape(drives.x_m.shape)
+    x_m, y_m = _corners_and_center(drives, shape)
+    under = ground.under(x_m, y_m)
+    corners, center = (Under(sets, under.facts) for sets in (under.sets[:4], under.sets[4]))
+    off_road, off_route = (
+        np.asarray(~on).reshape(drives.x_m.shape) for on in (corners.drivable.all(axis=0), center.on_route)
+    )
+    return Places(off_road, off_route, x_m[:4], y_m[:4], corners, drives, ground, shape)
 
 
 def _corners_and_center(drives: SimulatedDrives, shape: EgoShape) -> tuple[Floats, Floats]:

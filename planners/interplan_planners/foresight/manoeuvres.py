@@ -93,6 +93,8 @@ class Manoeuvres:
         self._mission = mission
         self._fallback_limit_mps = fallback_limit_mps
         self._change_time_s = change_time_s
+        self.began_s = ego.time_s
+        """When the drive began."""
         roads = mission.roads
         route = corrected_route(roads, mission.route, ego.pose)
         self._ways = Ways(mission, route, fallback_limit_mps)

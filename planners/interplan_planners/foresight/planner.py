@@ -54,7 +54,7 @@ ARRIVED_M = 2.0
 SETS_IN_S = 0.7
 """A drive begins that gently."""
 TAIL_M = 1.4
-"""Who is no farther than this from the line of the ego's lane follows the ego."""
+"""Who is no farther than this from the line of the ego's lane, and to the side of the ego, follows it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +129,6 @@ class ForesightPlanner:
         self._looked_s = -inf
         self._kept_rounds = 0
         self._waited_s = 0.0
-        self._began_s = 0.0
         self.decision = None
 
     def plan(self, observation: Observation) -> Trajectory:
@@ -157,7 +156,6 @@ class ForesightPlanner:
         ego, shape = observation.ego, self._mission.shape
         if self._manoeuvres is None:
             self._manoeuvres = Manoeuvres(self._mission, ego, self.fallback_limit_mps, self.change_time_s)
-            self._began_s = observation.time_s
         candidate = self._current(self._manoeuvres, ego)
         self._candidate = candidate
         if self._off_m(candidate, ego) > FARTHEST_FROM_PLAN_M:
@@ -209,10 +207,10 @@ class ForesightPlanner:
         base_m, _ = base.line.project_point(ego.x_m, ego.y_m)
         lawful_mps = float(base.limit_mps[min(int(base_m), len(base.limit_mps) - 1)])
         reach_m = (max(lawful_mps, scene.speed_mps) + 3.0) * self.horizon_s + shape.length_m
-        stages = self._stages(scene, [option.candidate for option in options], base_m, reach_m, blocked)
+        stages = self._stages(scene, [option.candidate for option in options], reach_m, blocked)
         wished = wished_changes(options)
         leads = leads_beside(stages, wished)
-        sets_in = scene.seen.time_s - self._began_s < SETS_IN_S
+        sets_in = ego.time_s - manoeuvres.began_s < SETS_IN_S
         drafts = drafted(stages, ego.speed_mps, ego.ax_mps2, shape, leads, sets_in=sets_in)
         impatience = self._impatience(scene, blocked)
         cost = speed_costs(stages, drafts, shape, lawful_mps, impatience)
@@ -265,14 +263,13 @@ class ForesightPlanner:
         self,
         scene: PlanningScene,
         candidates: Sequence[CandidatePath],
-        base_m: float,
         reach_m: float,
         blocked: StandingGroup | None,
     ) -> list[Stage]:
         """The candidates with everybody who will be on them."""
         shape, axle = scene.shape, scene.axle
         present = candidates[0]
-        tail = _tail(scene, present.old if present.old is not None else present.base, base_m)
+        tail = _tail(scene, present.old if present.old is not None else present.base)
         beside_of: dict[int, StripOccupancy] = {}
         found: list[Stage] = []
         for candidate in candidates:
@@ -306,14 +303,15 @@ def _strayed_m(plan: Trajectory, ego: EgoState) -> float:
     return hypot(x_m - ego.x_m, y_m - ego.y_m)
 
 
-def _tail(scene: PlanningScene, base: Base, base_m: float) -> NDArray[np.bool_]:
-    """(A,) who comes behind the ego in its own lane: they follow it."""
-    actors, traffic = scene.traffic.actors, scene.traffic
+def _tail(scene: PlanningScene, base: Base) -> NDArray[np.bool_]:
+    """(A,) who comes behind the ego on the lane of a base: they follow it, unless it is beside that lane."""
+    ego, actors, traffic = scene.ego, scene.traffic.actors, scene.traffic
+    base_m, left_m = base.line.project_point(ego.x_m, ego.y_m)
     s, d = base.path.project(actors.x_m, actors.y_m)
     lanes = frozenset(base.way.lanes)
     own = np.array([lane in lanes for lane in traffic.lane_of], dtype=np.bool_) | (s <= RUN_IN_M)
     moves = (actors.kind == ActorKind.VEHICLE) & (actors.speed_mps > MOVING_MPS)
-    return moves & own & (np.abs(d) < TAIL_M) & (s < base_m - 1.0)
+    return moves & own & (np.abs(d) < TAIL_M) & (np.abs(d - left_m) < TAIL_M) & (s < base_m - 1.0)
 
 
 def _chosen(cost: Floats, drafts: Drafts) -> list[int]:

@@ -44,6 +44,8 @@ TURNED_FOR_S = 1.6
 IN_LANE_M = 1.6
 """Who is farther from a lane's line leads nobody on it."""
 LEAD_WITHIN_M = 90.0
+BESIDE_M = 0.3
+"""Whose front is farther than this beyond the ego's rear is beside the ego, and does not brake for it."""
 EGO = -1
 """Stands for the ego where a row of the actors is expected."""
 
@@ -233,7 +235,11 @@ class Prediction:
                 if link != lane and link in red and start_m > front_m - 1.0:
                     gap_m[place] = start_m - front_m
                     break
-                ahead = [(start_m + s, j) for s, j in on.get(link, ()) if start_m + s > at_m and j != row]
+                ahead = [
+                    (start_m + s, j)
+                    for s, j in on.get(link, ())
+                    if j != row and start_m + s > (at_m if j != EGO else front_m + 0.5 * shape.length_m - BESIDE_M)
+                ]
                 if ahead:
                     s_m, j = min(ahead)
                     length_m = shape.length_m if j == EGO else float(actors.length_m[j])
