@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from shutil import copytree
 
@@ -9,7 +10,18 @@ import msgspec
 import pytest
 
 import tools.kilometres
+import tools.renewed_kilometres
+from interplan_sumo.batch.options import RunOptions
+from interplan_sumo.batch.records import decode, encode
 from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.endurance.kilometres import (
+    ABOUT,
+    SEGMENTS,
+    AboutEndure,
+    EndureOptions,
+    drive_kilometres,
+    read_segments,
+)
 from interplan_sumo.scenario.suite import find_suite
 from tools import kept_drives
 from tools.hard_scores import HARD
@@ -84,3 +96,31 @@ def test_kilometres_that_are_kept_already_are_kept_once(tmp_path: Path, monkeypa
     keep_kilometres([KEPT])
     for name in ("endure.json", "segments.jsonl"):
         assert (kept / name).read_bytes() == (KEPT / name).read_bytes()
+
+
+@pytest.mark.slow
+def test_kilometres_of_other_code_are_renewed_if_a_sample_of_them_comes_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept, out = tmp_path / "kept", tmp_path / "out"
+    options = EndureOptions(
+        "idm", "back_bay", 0.2, kept, density=0.05, behaviour="measured_city", segment_m=60.0, run=RunOptions(workers=0)
+    )
+    driven = drive_kilometres(options)
+    about = decode((kept / ABOUT).read_bytes(), AboutEndure)
+    old = msgspec.structs.replace(about, code="0" * 64, planners={"idm": "1" * 64})
+    (kept / ABOUT).write_bytes(encode(old))
+    monkeypatch.setattr(tools.renewed_kilometres, "KEPT", kept)
+    command = ["renewed", str(out), "--planners", "idm", "--kinds", "door", "--sample", "2", "--workers", "0"]
+    monkeypatch.setattr(sys, "argv", command)
+
+    tools.renewed_kilometres.main()
+    assert "2 others came as they were" in " ".join(capsys.readouterr().out.split())
+    now = decode((out / ABOUT).read_bytes(), AboutEndure)
+    assert (now.code, now.planners) == (about.code, about.planners)
+    assert [each.trace_hash for each in read_segments(out)] == [each.trace_hash for each in driven]
+
+    lines = (kept / SEGMENTS).read_bytes()
+    (kept / SEGMENTS).write_bytes(lines.replace(b'"trace_hash":"', b'"trace_hash":"x'))
+    with pytest.raises(SystemExit, match="2 of 2 segments did not come again"):
+        tools.renewed_kilometres.main()

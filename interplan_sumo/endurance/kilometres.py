@@ -188,21 +188,12 @@ def drive_kilometres(options: EndureOptions, watch: KilometresWatch | None = Non
     )  # fmt: skip
     with one_connection(options.run.who), _opened(options.out, about) as records:
         mine = SegmentPlan(options, {each.index: each for each in records if _is_of(each, options)})
-        settings = SegmentSettings(
-            drive=DriveSettings((options.out / EVENTS).resolve(), options.run, find_profile(DEFAULT_PROFILE)),
-            map=options.map if is_shipped(files) else str(files.folder.resolve()),
-            maps_beside=None if is_shipped(files) else files.folder.resolve().parent,
-            types_path=options.types_path,
-            saturation_per_km=saturation_per_km(files.name),
-            most_m=options.segment_m,
-            planner_hashes={options.planner: source.hash},
-        )
         planners = {options.planner: PlannerRecord(source.hash, source.files)}
         open_event_folder(options.out / EVENTS, planners)
-        while (number := mine.planned()) > len(mine.done):
+        while missing := mine.missing(number := mine.planned()):
             if watch is not None:
-                watch.planned(number, list(mine.done.values()))
-            for record in _driven(mine.missing(number), settings, options.run):
+                watch.planned(len(mine.done) + len(missing), list(mine.done.values()))
+            for record in driven_segments(missing, options):
                 _append(options.out / SEGMENTS, record)
                 mine.done[record.index] = record
                 if watch is not None:
@@ -269,8 +260,18 @@ def is_naive(index: int, share: float) -> bool:
     return ceil((index + 1) * share - 1e-9) > ceil(index * share - 1e-9)
 
 
-def _driven(jobs: Sequence[SegmentJob], settings: SegmentSettings, run: RunOptions) -> Iterator[SegmentRecord]:
+def driven_segments(jobs: Sequence[SegmentJob], options: EndureOptions) -> Iterator[SegmentRecord]:
     """Records in the order in which they end; a job whose worker ended by no fault of planner or traffic has none."""
+    files, run = options.map_files, options.run
+    settings = SegmentSettings(
+        drive=DriveSettings((options.out / EVENTS).resolve(), run, find_profile(DEFAULT_PROFILE)),
+        map=options.map if is_shipped(files) else str(files.folder.resolve()),
+        maps_beside=None if is_shipped(files) else files.folder.resolve().parent,
+        types_path=options.types_path,
+        saturation_per_km=saturation_per_km(files.name),
+        most_m=options.segment_m,
+        planner_hashes={options.planner: PlannerSource.of(options.planner).hash},
+    )
     tasks = [Task(job.index, job.planner, job) for job in jobs]
     if run.who.ray is None:
         outcomes = run_tasks(tasks, segment_jobs(settings), workers=run.who.processes, limits=run.limits)

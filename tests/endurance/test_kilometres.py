@@ -145,6 +145,15 @@ def test_workers_and_kills_change_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_line_that_was_deleted_is_driven_again_though_later_ones_are_there(tmp_path: Path) -> None:
+    options = replace(TINY, km=0.2, out=tmp_path)
+    first = drive_kilometres(options)
+    _, *rest = (tmp_path / SEGMENTS).read_bytes().splitlines(keepends=True)
+    (tmp_path / SEGMENTS).write_bytes(b"".join(rest))
+    assert told(drive_kilometres(replace(options, km=0.1))) == told(first)
+
+
+@pytest.mark.slow
 def test_each_kept_event_is_a_drive_to_look_at_and_a_scenario_to_drive_again(tmp_path: Path) -> None:
     blind = replace(TINY, out=tmp_path, planner="straight_ahead", km=0.4, segment_m=200.0, density=0.2)
     records = drive_kilometres(blind)
