@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, signals, straight_road, together
 
 from interplan_planners.foresight import ForesightPlanner
-from interplan_planners.foresight.costs import hit_costs, speed_costs
+from interplan_planners.foresight.costs import speed_costs
 from interplan_planners.foresight.drivers import ACCELERATION_MPS2, answers_mps2, minded, needed_gap_m
 from interplan_planners.foresight.manoeuvres import Manoeuvres
 from interplan_planners.foresight.prediction import STEP_S, Prediction
@@ -309,18 +309,6 @@ def test_who_comes_into_the_lane_beside_the_ego_is_hit_and_who_comes_into_it_beh
     """The ego's rear is at 98.9 m, its middle at 101.5 m; the other drives as fast, and has its front 2.4 m ahead."""
     assert cost_of(center_m, 6.0) == pytest.approx(cost_of(-400.0, 6.0), abs=3.0)  # there from the beginning
     assert (cost_of(center_m, 6.0, comes_s=2.0) > cost_of(-400.0, 6.0) + 30.0) == hit
-
-
-@given(when_s=st.floats(0.0, 60.0), mps=st.floats(0.0, 30.0), less=st.floats(0.0, 1.0))
-def test_a_hit_costs_less_the_later_and_the_slower_and_at_a_standstill_half(
-    when_s: float, mps: float, less: float
-) -> None:
-    def cost(when_s: float, mps: float) -> float:
-        return float(hit_costs(np.array([when_s]), np.array([mps]))[0])
-
-    assert cost(when_s, less * mps) <= cost(when_s, mps) <= cost(less * when_s, mps) <= cost(0.0, 100.0)
-    assert cost(when_s, 0.0) == pytest.approx(0.5 * cost(when_s, 50.0))
-    assert cost(inf, mps) == 0.0
 
 
 @pytest.mark.slow

@@ -16,6 +16,9 @@ from interplan_sumo.world.geometry import Floats, Polyline, Pose
 
 LATERAL_OFFSETS_M = (0.0, -1.0, -0.1, 0.1, 1.0)
 """PDM++'s proposals beside the line; the line itself first, so that it wins ties."""
+CENTER_WORTH = 0.02
+"""A proposal beside the line must be this much better than those on it: else a car beside it stays there, for the way
+back costs a hair of progress."""
 CHANGE_S, CHANGE_M = 4.0, 14.0
 """Time, and least way, from one lane to the next."""
 RETURN_S, RETURN_M = 2.5, 10.0
@@ -93,7 +96,7 @@ class BehaviourPaths:
         at = self._watch.ground.under(np.array((axle.x_m,)), np.array((axle.y_m,)))
         against = passes and target.blocked is not None and target.blocked.against_traffic
         ground = self._watch.free_ground if against or not at.on_route[0] else self._watch.ground
-        return PdmCorridor(paths, center, ground, lights, limit_mps)
+        return PdmCorridor(paths, center, ground, lights, limit_mps, (CENTER_WORTH, *([0.0] * (len(paths) - 1))))
 
     def _line(self, behaviour: Behaviour, scene: DecisionScene, target: LaneView, axle: Pose) -> Polyline:
         line = target.way.path.line

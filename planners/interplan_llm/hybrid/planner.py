@@ -19,8 +19,6 @@ from interplan_sumo.world.trajectory import Trajectory
 
 FALLBACK_LIMIT_MPS = 15.0
 """Where the map knows no limit (the published number)."""
-CENTER_BONUS = 0.02
-"""A proposal beside the line must be this much better than those on it."""
 
 
 class BehaviourChooser(Protocol):
@@ -70,7 +68,7 @@ class HybridPlanner:
     def start(self, mission: Mission) -> None:
         self._watch = SceneObserver(mission, FALLBACK_LIMIT_MPS)
         self._behaviour_paths = BehaviourPaths(self._watch, FALLBACK_LIMIT_MPS)
-        self._motion = PdmMotion(PdmSettings(first_path_bonus=CENTER_BONUS), mission.shape)
+        self._motion = PdmMotion(PdmSettings(), mission.shape)
         self._shape = mission.shape
         self._now: Behaviour | None = None
         self._pending: tuple[float, Behaviour] | None = None

@@ -45,9 +45,6 @@ class PdmSettings:
     emergency_within_s: float = 2.0
     emergency_speed_mps: float = 5.0
     emergency_deceleration_mps2: float = 4.05
-    first_path_bonus: float = 0.0
-    """What a drive on the first path may score less than another, 0 to 1, and still be taken (published: nothing).
-    Without it a car beside the centre line stays there, for the way back costs a hair of progress."""
 
     def __post_init__(self) -> None:
         more_than_0(
@@ -85,6 +82,8 @@ class PdmCorridor:
     ground: Ground
     red_lights: RedLights
     limit_mps: float
+    worth: Sequence[float] = ()
+    """Added to the scores, 0 to 1, of drives on each path that score at all (published: nothing)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +136,8 @@ class PdmMotion:
 
         drives = follow_all(ego, x_m, y_m, heading_rad, shape=shape)
         scores = score(drives, forecast, corridor.ground, corridor.center, shape, ignore=ignore)
-        value = scores.total + np.where(path_of == 0, settings.first_path_bonus, 0.0) * (scores.total > 0.0)
+        worth = np.array(corridor.worth)[path_of] if corridor.worth else 0.0
+        value = scores.total + np.where(scores.total > 0.0, worth, 0.0)
         best = int(np.where(far_off, -1.0, value).argmax())
         braking = (
             float(scores.collision_s[best]) <= settings.emergency_within_s

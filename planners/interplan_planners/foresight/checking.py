@@ -11,7 +11,7 @@ from interplan_planners.common.forecast import Forecast
 from interplan_planners.common.ground import Ground
 from interplan_planners.common.paths import center_poses
 from interplan_planners.common.scoring import score
-from interplan_planners.foresight.costs import faded, hit_costs
+from interplan_planners.foresight.costs import HIT, HIT_FADES_S, faded
 from interplan_planners.foresight.prediction import STEP_S
 from interplan_planners.foresight.scene import PlanningScene
 from interplan_planners.foresight.speeds import Drafts
@@ -28,6 +28,8 @@ DANGER, DANGER_FADES_S = 25.0, 3.0
 """For a time to collision that is too short, in points of progress; it fades with the time until then."""
 OFF_ROAD, OFF_ROAD_FADES_S = 60.0, 4.0
 UNCOMFORTABLE = 5.0
+STANDING_MPS, STANDING_SHARE = 0.3, 0.5
+"""Who stands when it is hit leaves it to the other to brake: that counts less."""
 OVER_EDGE_M = 0.26
 """How far a corner may reach over the edge of the road; nuPlan tolerates 0.3 m."""
 MOVING_LONGER_M, MOVING_WIDER_M, STANDING_LARGER_M = 0.5, 0.3, 0.1
@@ -51,7 +53,8 @@ def checked_costs(
     off_road &= arc_m[:, :states] < np.array([_goal_m(stages[p]) for p in of.tolist()])[:, None]
     off_road_s = np.where(off_road.any(axis=1), GRID_S * off_road.argmax(axis=1), np.inf)
     then = np.minimum(scores.collision_s / GRID_S, states - 1).astype(np.int64)
-    hit = hit_costs(scores.collision_s, drives.vx_mps[np.arange(len(then)), then])
+    stands = np.abs(drives.vx_mps[np.arange(len(then)), then]) < STANDING_MPS
+    hit = np.where(stands, STANDING_SHARE, 1.0) * faded(HIT, scores.collision_s, HIT_FADES_S)
     added = hit + faded(DANGER, scores.danger_s, DANGER_FADES_S)
     return added + faded(OFF_ROAD, off_road_s, OFF_ROAD_FADES_S) + np.where(scores.comfort < 1.0, UNCOMFORTABLE, 0.0)
 

@@ -21,9 +21,6 @@ WHOLE_SHARE, HALF_SHARE = 0.8, 0.4
 SLOWEST_REFERENCE_MPS = 3.0
 HIT, HIT_FADES_S = 120.0, 6.0
 """For running into somebody, now; it fades with the time until then, for forecasts get worse."""
-TOUCHED_SHARE, HIT_MPS = 0.5, 10.0
-"""What of it being touched at a standstill costs, and from which speed of the ego on it costs all: what cannot be
-avoided any more is to be slow, and who stands leaves it to the other to brake."""
 UNSEEN = 16.0
 """For being in the way of somebody who may come from where the ego cannot see."""
 CLOSE, CLOSE_FRONT_S, CLOSE_M = 2.5, 0.35, 0.8
@@ -74,8 +71,8 @@ def speed_costs(
             s >= (stage.candidate.settles_m if stage.candidate.new is None else stage.candidate.merged_m)
         )
         any_hit = np.any(_hits(stage, front, rear, settled, 0.0, TOUCH_M), axis=2)
-        struck, first = any_hit.any(axis=1), any_hit.argmax(axis=1)
-        cost[rows] += hit_costs(np.where(struck, time_s[first], np.inf), v[np.arange(rows.size), first])
+        struck = any_hit.any(axis=1)
+        cost[rows] += faded(HIT, np.where(struck, time_s[any_hit.argmax(axis=1)], np.inf), HIT_FADES_S)
         near = np.any(_hits(stage, front + CLOSE_FRONT_S * v, rear, settled, CLOSE_M, CLOSE_M), axis=2)
         cost[rows] += CLOSE * near.mean(axis=1) * np.where(struck, 0.0, 1.0)
         if stage.unseen is not None:
@@ -87,13 +84,7 @@ def speed_costs(
     return cost
 
 
-def hit_costs(when_s: Floats, ego_mps: Floats) -> Floats:
-    """(N,) of running into somebody at some time from now, infinite for never, at some speed of the ego."""
-    share = TOUCHED_SHARE + (1.0 - TOUCHED_SHARE) * np.minimum(np.abs(ego_mps) / HIT_MPS, 1.0)
-    return faded(share * HIT, when_s, HIT_FADES_S)
-
-
-def faded(cost: Floats | float, when_s: Floats, fades_s: float) -> Floats:
+def faded(cost: float, when_s: Floats, fades_s: float) -> Floats:
     """(N,) of what happens at some time from now, infinite for never."""
     return cost * np.exp(-when_s / fades_s)
 
