@@ -26,7 +26,9 @@ from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
 
 MAPS = ("back_bay", "strip", "one_north", "hazelwood")
-DEFAULT = ("idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed", "foresight", "foresight?budget=fast")
+DEFAULT = (
+    "idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed", "pdm_proposals", "foresight", "foresight?budget=fast",
+)  # fmt: skip
 STEPS = 60
 SIGHT_M = 100.0
 AWAY_M = 8.0

@@ -1,10 +1,16 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, pedestrians, straight_road
 
-from interplan_planners.common.pdm import PdmDecision
+from interplan_planners.common.ground import Ground
+from interplan_planners.common.paths import DrivingPath, shifted
+from interplan_planners.common.pdm import PdmCorridor, PdmDecision, PdmMotion, PdmSettings
+from interplan_planners.common.red_lights import RedLights
+from interplan_planners.common.route_search import lanes_of_route
 from interplan_planners.pdm_closed import PdmClosedPlanner, PdmClosedSettings
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.plan_check import check_plan
@@ -127,6 +133,23 @@ def test_far_from_every_path_it_brakes_straight_on() -> None:
     plan = planner.plan(observation(ego(50.0, -7.5, 8.0, heading_rad=0.3)))
     assert planner.decision is None
     assert plan.heading_rad == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(("blocked", "best"), [(False, 1), (True, 0)])
+def test_what_a_path_is_worth_decides_between_drives_that_score(blocked: bool, best: int) -> None:
+    """Not for one that scores nothing: somebody a little to the side stands too near to stop."""
+    state, shape = ego(50.0, -0.5, 8.0), PACIFICA
+    actors = cars((59.0, -2.7)) if blocked else Actors.none()
+    ground, lights = Ground(ROAD, lanes_of_route(ROAD, ("1",))), RedLights(ROAD, ("11",), shape.width_m / 2)
+    middle = DrivingPath(ROAD["11"].centerline)
+    paths = [middle, DrivingPath(shifted(middle.line, -1.0))]
+    corridor = PdmCorridor(paths, middle, ground, lights, 12.0, (0.0, 0.3))
+    _, decision = PdmMotion(PdmSettings(), shape).plan(observation(state, actors), corridor)
+    _, plain = PdmMotion(PdmSettings(), shape).plan(observation(state, actors), replace(corridor, worth=()))
+    assert decision is not None
+    assert plain is not None
+    assert (plain.best // 5, decision.best // 5) == (0, best)
+    assert (decision.scores.total == plain.scores.total).all()
 
 
 def test_static_objects_count_half() -> None:
