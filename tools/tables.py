@@ -55,7 +55,9 @@ NAMES: Final[Mapping[str, str]] = {
     "foresight": "`foresight` (ours)", "gameformer": "`gameformer`, learned", "dtpp": "`dtpp`, learned",
     "idm_mobil?published=true": "`idm_mobil`, with the bugs of the published one",
 }  # fmt: skip
-SHORT: Final = ("foresight", "idm_mobil", "pdm_closed", "gameformer", "idm", "idm_mobil?published=true", "dtpp")
+SHORT: Final = (
+    "foresight", "pdm_proposals", "idm_mobil", "pdm_closed", "gameformer", "idm", "idm_mobil?published=true", "dtpp",
+)  # fmt: skip
 """Whom README shows: one of each kind."""
 CHOOSERS: Final[Mapping[str, str]] = {
     "random": "a coin, `model=random`", "rules": "a few rules, `model=rules`",
