@@ -111,7 +111,7 @@ def _levels(cells: Sequence[DrivenRates], factor: str, measure: MeasureKey) -> l
         events[level] = events.get(level, 0.0) + each.measures[measure].total.effective
     if factor == "density":
         return sorted(events, key=float)
-    reference = max(events, key=events.__getitem__)
+    reference = max(events, key=events.__getitem__, default="")  # without cells there are no levels
     return sorted(events, key=lambda level: level != reference)
 
 
