@@ -30,7 +30,7 @@ from interplan_sumo.endurance.kilometres import (
     driven_segments,
     read_segments,
 )
-from interplan_sumo.endurance.records import SegmentRecord
+from interplan_sumo.endurance.records import SegmentRecord, TrafficCell
 from interplan_sumo.planner_source import PlannerSource
 from tools.kilometres import KEPT
 
@@ -51,10 +51,9 @@ def sampled(segments: Sequence[SegmentRecord], count: int) -> set[Key]:
     return found
 
 
-def begin(out: Path, kept: Iterable[SegmentRecord]) -> None:
+def begin(out: Path, staying: Sequence[SegmentRecord]) -> None:
     """Write a folder of `endure` with these segments, as if the code of today had driven them."""
     about = decode((KEPT / ABOUT).read_bytes(), AboutEndure)
-    staying = [*kept]
     hashes = {planner: PlannerSource.of(planner).hash for planner in {each.planner for each in staying}}
     out.mkdir(parents=True)
     (out / ABOUT).write_bytes(encode(msgspec.structs.replace(about, code=code_hash(), planners=hashes)) + b"\n")
@@ -66,15 +65,17 @@ def drive_missing(out: Path, kept: Sequence[SegmentRecord], run: RunOptions) -> 
     """Drive what the folder lacks of these segments."""
     about = decode((out / ABOUT).read_bytes(), AboutEndure)
     done = {key_of(each) for each in read_segments(out)}
-    for planner, cell, seed in dict.fromkeys((each.planner, each.cell, each.seed) for each in kept):
-        numbers = {each.index for each in kept if (each.planner, each.cell, each.seed) == (planner, cell, seed)}
-        numbers = {number for number in numbers if (planner, cell, seed, number) not in done}
+    missing: dict[tuple[str, TrafficCell, int], set[int]] = {}
+    for each in kept:
+        if key_of(each) not in done:
+            missing.setdefault((each.planner, each.cell, each.seed), set()).add(each.index)
+    for (planner, cell, seed), numbers in missing.items():
         options = EndureOptions(
             planner, cell.map, 1.0, out, density=cell.density, behaviour=cell.drivers, seed=seed,
             naive_share=about.naive_share, segment_m=about.segment_m, run=run,
         )  # fmt: skip
         open_event_folder(out / EVENTS, {planner: PlannerRecord(about.planners[planner], {})})
-        jobs = [job for job in SegmentPlan(options, {}).missing(max(numbers, default=-1) + 1) if job.index in numbers]
+        jobs = [job for job in SegmentPlan(options, {}).missing(max(numbers) + 1) if job.index in numbers]
         for record in driven_segments(jobs, options):
             with (out / SEGMENTS).open("ab") as file:
                 file.write(encode(record) + b"\n")
@@ -99,7 +100,7 @@ def main() -> None:
     untouched = [each for each in kept if kinds.isdisjoint(event.kind for event in each.rare_events)]
     sample = sampled(untouched, given.sample)
     if not given.out.exists():
-        begin(given.out, (each for each in untouched if key_of(each) not in sample))
+        begin(given.out, [each for each in untouched if key_of(each) not in sample])
     drive_missing(given.out, kept, RunOptions(workers=given.workers))
     if others := changed(kept, read_segments(given.out), sample):
         raise SystemExit(f"{len(others)} of {len(sample)} segments did not come again as they were: {others[0]}")

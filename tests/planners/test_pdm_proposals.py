@@ -103,8 +103,11 @@ def test_options_that_cannot_be_are_refused(change: dict[str, object], says: str
         PdmProposalsSettings(**change)  # type: ignore[arg-type]
 
 
-def test_a_lane_change_left_to_the_goal_is_worth_the_less_the_less_room_there_is() -> None:
-    """Where there is much room and the own lane is free it may wait; it does not, for a change is worth it."""
-    indifferent = PdmProposalsSettings(change_worth=0.0, urgent_worth=0.0)
-    states = driven(started(TO_THE_RIGHT, indifferent), ego_on(TWO, "11", 20.0, 9.0), 80)
-    assert max(abs(state.y_m) for state in states) < 1.0
+def test_it_changes_on_a_free_road_only_because_a_change_left_to_the_goal_costs() -> None:
+    def farthest_m(settings: PdmProposalsSettings) -> float:
+        return max(
+            abs(state.y_m) for state in driven(started(TO_THE_RIGHT, settings), ego_on(TWO, "11", 20.0, 9.0), 80)
+        )
+
+    assert farthest_m(PdmProposalsSettings(change_worth=0.0, urgent_worth=0.0)) < 1.0
+    assert farthest_m(PdmProposalsSettings()) > 2.0
