@@ -26,6 +26,7 @@ from interplan_sumo.batch.custom_references import keep_certified, own_expert
 from interplan_sumo.batch.jobs import Selection
 from interplan_sumo.batch.options import SCENE_OPTIONS, RunOptions
 from interplan_sumo.errors import InputError, PlannerError, TrafficError, UnknownNameError
+from interplan_sumo.extras import need_matplotlib
 from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.drivable_area import drivable_area
@@ -296,11 +297,10 @@ def _close_traffic() -> None:
 
 def _picture(loop: Loop, behaviours: Mapping[str, str]) -> NDArray[np.uint8]:
     """The present scene in the colours of `scenarios render`."""
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise InputError("rendering needs matplotlib; run: pip install 'interplan-sumo[plots]'") from error
+    need_matplotlib("rendering")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     from interplan_sumo.report.scenario_drawing import (
         EGO,
         PERSON,

@@ -1,14 +1,15 @@
 """Planner source: what makes a planner what it is: its files, its options, its weights, and a hash over them.
 
-Nothing of the planner is imported. Its files are those of its package (or its module, or its program), of what they
-import from beside them, and those that its options name. Libraries, which have versions, are none of them.
+Nothing of the planner is imported. Its files are its module (or its program), whatever that imports, directly or not,
+which is no library, all that lies in the packages of these and is no Python, and what its options name. A package in
+which a file of the planner loads code by name belongs to it as a whole. Libraries have versions, and are none of them.
 """
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib.util
-import re
 import shlex
 import shutil
 import sys
@@ -32,9 +33,10 @@ RECORDS: Final = frozenset((".jsonl", ".log", ".db", ".sqlite"))
 LARGE_BYTES: Final = 64 << 20
 """Of a file beyond this, only its size and pieces all over it count."""
 _PIECES, _PIECE_BYTES = 64, 1 << 16
-_IMPORTS = re.compile(
-    r"^[ \t]*(?:from[ \t]+([A-Za-z_][\w.]*)[ \t]+import[ \t]+(\([^)]*|[^\n#;]+)|import[ \t]+([^\n#;]+))", re.MULTILINE
-)
+_BY_NAME: Final = frozenset(("__import__", "eval", "exec", "importlib", "load_planner", "pkgutil", "runpy"))
+"""What a file loads with these is not told by its imports."""
+_DATA: Final = "importlib.resources"
+"""Loads no code."""
 _OWN = "interplan_sumo"
 
 
@@ -74,22 +76,72 @@ def _module(name: str) -> str:
 
 
 def _modules(planner: str) -> dict[str, Path]:
-    """The files of a module's package, and of those that they import which are no libraries."""
+    """The files of a module, of what it imports that is no library, and the data of their packages."""
     found: dict[str, Path] = {}
+    units: dict[str, dict[str, Path]] = {}
     seen, left = set[str](), [planner]
     while left:
-        unit = _unit_of(left.pop())
-        if unit is None or unit.name in seen:
+        module = left.pop()
+        if module in seen:
             continue
-        seen.add(unit.name)
-        if len(seen) > 1 and _is_library(unit):
+        seen.add(module)
+        unit = _unit_of(module)
+        if unit is None or (found and _is_library(unit)):
             continue
-        files = _files_of(unit)
-        found |= files
-        for file in files.values():
-            if file.suffix == ".py":
-                left += _imported(file)
+        every = units[unit.name] = units.get(unit.name) or _files_of(unit)
+        places = _places(module, unit)
+        fresh = {name: file for name, file in every.items() if file.suffix != ".py" or name in places}
+        while fresh := {name: file for name, file in fresh.items() if name not in found}:
+            found |= fresh
+            imports = [_Imports.of(file, _package(name)) for name, file in fresh.items() if file.suffix == ".py"]
+            left += [name for each in imports for name in each.modules]
+            fresh = every if any(each.by_name for each in imports) else {}
     return found
+
+
+def _places(module: str, unit: ModuleSpec) -> set[str]:
+    """What the files of a module and of the packages around it may be called."""
+    if unit.submodule_search_locations is None:
+        return set(_files_of(unit))
+    inner = module.removeprefix(unit.name).strip(".").split(".")
+    around = [f"{unit.name}/" + "".join(f"{part}/" for part in inner[:count]) for count in range(len(inner) + 1)]
+    return {f"{each}__init__.py" for each in around} | {f"{around[-1].rstrip('/')}.py"}
+
+
+def _package(name: str) -> str:
+    """The package of a file that is called so, as its relative imports mean it."""
+    return name.rpartition("/")[0].replace("/", ".")
+
+
+@dataclass(frozen=True, slots=True)
+class _Imports:
+    """What a file says that it loads."""
+
+    modules: list[str]
+    """Names that may be modules which are no libraries."""
+    by_name: bool
+    """Whether it may load others, too."""
+
+    @classmethod
+    def of(cls, file: Path, package: str) -> _Imports:
+        try:
+            tree = ast.parse(_read(file))
+        except (SyntaxError, ValueError):
+            return cls([], True)
+        found, used = list[str](), set[str]()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                found += [each.name for each in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                beside = package.split(".")[: package.count(".") + 2 - node.level] if node.level else []
+                module = ".".join([*beside, *filter(None, [node.module])])
+                found += [module, *(f"{module}.{each.name}" for each in node.names)]
+                used |= {each.name for each in node.names}
+            elif isinstance(node, ast.Name):
+                used.add(node.id)
+        used |= {each.partition(".")[0] for each in found if not each.startswith(_DATA)}
+        outside = sys.stdlib_module_names | {_OWN}
+        return cls([each for each in found if each.partition(".")[0] not in outside], not _BY_NAME.isdisjoint(used))
 
 
 def _unit_of(module: str) -> ModuleSpec | None:
@@ -132,16 +184,6 @@ def _below(folder: Path) -> Iterator[tuple[str, Path]]:
         hidden = any(part.startswith(".") or part == "__pycache__" for part in place.parts)
         if path.is_file() and not hidden and path.suffix != ".pyc":
             yield place.as_posix(), path
-
-
-def _imported(file: Path) -> Iterator[str]:
-    """Names that a file imports and that may be modules beside it."""
-    for module, names, several in _IMPORTS.findall(_read(file).decode(errors="replace")):
-        found = [each.split()[0] for each in (several or names).strip("( \n").split(",") if each.split()]
-        for name in [module, *(f"{module}.{each}" for each in found)] if module else found:
-            top = name.partition(".")[0]
-            if name.replace(".", "").isidentifier() and top not in sys.stdlib_module_names and top != _OWN:
-                yield name
 
 
 def _values(query: str) -> Iterator[str]:

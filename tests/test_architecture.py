@@ -15,7 +15,7 @@ PACKAGE = ROOT / "interplan_sumo"
 SHELF = ROOT / "planners"
 
 # Each room and the rooms it may import from. A module of the package's root is a room of its own.
-BASE = {"errors", "resources", "registry"}
+BASE = {"errors", "extras", "resources", "registry"}
 LAYER_0 = {"world"}
 PLANNER = {"planner", "planner_options", "planner_seat", "planner_source", "plan_check"}
 LAYER_1 = {"maps", "dynamics", "features", "recordings", "scenario", "families", "tiny_worlds"} | PLANNER
@@ -35,6 +35,7 @@ LAYER_3 = {
 }
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
+    "extras": {"errors"},
     "resources": {"errors"},
     "registry": {"errors"},
     "statistics": BASE,
@@ -72,7 +73,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "__main__": {"cli"},
     "__init__": {"api", "errors", "maps", "planner", "policy", "scenario", "testing", "world"},  # on demand
 }
-PLANNERS_MAY_IMPORT = {"world", "dynamics", "features", "planner", "errors"}
+PLANNERS_MAY_IMPORT = {"world", "dynamics", "features", "planner", "errors", "extras"}
 # Packages on the planners' shelf, and which of the others each may import.
 SHELF_MAY_IMPORT: dict[str, set[str]] = {
     "interplan_planners": set(),

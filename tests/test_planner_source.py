@@ -66,11 +66,56 @@ def test_other_options_are_another_hash() -> None:
     assert PlannerSource.of("acme.planner:Acme?gain=2").hash != PlannerSource.of("acme.planner:Acme?gain=3").hash
 
 
-def test_a_registered_planner_is_its_package() -> None:
-    idm = PlannerSource.of("idm")
+def test_a_registered_planner_is_what_it_imports_and_not_its_neighbours() -> None:
+    idm, closed = PlannerSource.of("idm"), PlannerSource.of("pdm_closed")
     assert "interplan_planners/idm.py" in idm.files
-    assert idm.hash == PlannerSource.of("pdm_closed").hash != PlannerSource.of("idm?x=1").hash
+    assert "interplan_planners/common/idm_policy.py" in idm.files.keys() & closed.files.keys()
+    assert "interplan_planners/pdm_closed.py" not in idm.files
+    assert idm.hash != PlannerSource.of("idm?x=1").hash
     assert not any(name.startswith("interplan_sumo") for name in idm.files)
+
+
+PARTS = {
+    "__init__.py": "",
+    "planner.py": "from .inner import far\nfrom acme import near\n",
+    "near.py": "import acme.inner.deep as deep\n",
+    "other.py": "",
+    "inner/__init__.py": "",
+    "inner/far.py": "from ..farther import value\n",
+    "inner/deep.py": "def late():\n    from acme.late import value\n    return value\n",
+    "inner/other.py": "",
+    "farther.py": "value = 1\n",
+    "late.py": "value = 1\n",
+}
+
+
+def parts_of(place: Path, **changed: str) -> set[str]:
+    """The Python files of a planner in several modules."""
+    for name, text in (PARTS | changed).items():
+        (place / "acme" / name).parent.mkdir(exist_ok=True)
+        (place / "acme" / name).write_text(text)
+    return {name.removeprefix("acme/") for name in PlannerSource.of("acme.planner:Acme").files if name.endswith(".py")}
+
+
+def test_of_its_package_a_planner_is_what_it_imports_however_it_says_so(place: Path) -> None:
+    assert parts_of(place) == PARTS.keys() - {"other.py", "inner/other.py"}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "import importlib", "from importlib import import_module", "import importlib.util as found", "import runpy",
+        "module = __import__(name)", "exec(text)", "from pkgutil import iter_modules",
+        "from interplan_sumo.planner import load_planner", "def broken(:",
+    ],
+)  # fmt: skip
+def test_where_a_file_loads_by_name_the_whole_package_is_the_planner(line: str, place: Path) -> None:
+    assert parts_of(place, **{"farther.py": line + "\n"}) == PARTS.keys()
+
+
+def test_reading_data_of_a_package_is_no_loading_by_name(place: Path) -> None:
+    text = "from importlib.resources import files\nimport importlib.resources\n"
+    assert "other.py" not in parts_of(place, **{"farther.py": text})
 
 
 def test_a_program_is_its_file_and_those_that_it_is_given(place: Path) -> None:

@@ -8,7 +8,6 @@ what the parent sees from afar is only that an actor, or its machine, is gone.
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import signal
 import socket
@@ -28,6 +27,7 @@ from interplan_sumo.batch.tasks import Limits, Outcome, Task
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.batch.worker_pool import PATIENCE_S, POLL_S, Ending, Report, Worker
 from interplan_sumo.errors import InputError
+from interplan_sumo.extras import library
 
 LOCAL = "local"
 """The address that stands for a cluster of this machine's own, started for the run."""
@@ -160,12 +160,7 @@ def _lost(error: Exception) -> str:
 
 
 def _ray() -> Any:
-    try:
-        return importlib.import_module("ray")
-    except ImportError:
-        raise InputError(
-            "--workers ray needs Ray, which is not installed; run: pip install 'interplan-sumo[ray]'"
-        ) from None
+    return library("ray", "--workers ray", "ray")
 
 
 @contextlib.contextmanager

@@ -47,9 +47,9 @@ def rates(
     take_one_thread()
     from interplan_sumo.endurance.gathered import read_kilometres
     from interplan_sumo.endurance.page import write_endurance_report
-    from interplan_sumo.endurance.plot import need_matplotlib
     from interplan_sumo.endurance.rate_sample import measure_named
     from interplan_sumo.endurance.report import endurance_report
+    from interplan_sumo.extras import need_matplotlib
 
     measure, probabilities = measure_named(of), _probabilities(rare or ())
     if plot is not None:

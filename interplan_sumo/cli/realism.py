@@ -77,7 +77,7 @@ def realism(
     from interplan_sumo.report.printing import console, print_json
 
     if plot is not None:
-        from interplan_sumo.realism.plot import need_matplotlib
+        from interplan_sumo.extras import need_matplotlib
 
         need_matplotlib()
     files = {path: path if path.exists() else shipped_files().get(str(path), path) for path in runs}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any, Final
@@ -12,18 +11,13 @@ from interplan_sumo.endurance.rate_sample import MEASURES
 from interplan_sumo.endurance.rates import DrivenRates
 from interplan_sumo.endurance.report import EnduranceReport
 from interplan_sumo.errors import InputError
+from interplan_sumo.extras import need_matplotlib
 from interplan_sumo.report.sweep_plot import COLOURS, INK
 from interplan_sumo.world.files import writing
 
 PANEL: Final = (3.1, 2.7)
 """Inches."""
 ACROSS: Final = 4
-
-
-def need_matplotlib() -> None:
-    """InputError without it, before anything takes time."""
-    if importlib.util.find_spec("matplotlib") is None:
-        raise InputError("plots need matplotlib; run: pip install 'interplan-sumo[plots]'")
 
 
 def plot_endurance(report: EnduranceReport, path: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 
 from interplan_sumo.errors import MapError
+from interplan_sumo.extras import need_matplotlib
 from interplan_sumo.world.files import writing
 from interplan_sumo.world.roads import Roads, StopLineKind, Turn
 
@@ -58,14 +59,12 @@ def render_map(
     Lanes are tinted by speed limit and carry arrows in the direction of travel;
     connectors are coloured by turn, stop lines by kind. Limits are in km/h,
     shown where they begin. Equal calls write equal PNG files. Needs the `plots`
-    extra; MapError says so where it is missing, where there is nothing to draw
-    or where the file cannot be written.
+    extra; InputError says so where it is missing, MapError where there is nothing
+    to draw or the file cannot be written.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MapError("drawing maps needs matplotlib; run: pip install 'interplan-sumo[plots]'") from error
+    need_matplotlib("a picture of a map")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
 
     if not roads.lanes:
         raise MapError(f"map {roads.name} has no lanes to draw")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,12 +15,6 @@ from interplan_sumo.world.files import writing
 PANEL: Final = (2.6, 2.1)
 """Inches."""
 ACROSS: Final = 4
-
-
-def need_matplotlib() -> None:
-    """InputError without it, before anything takes time."""
-    if importlib.util.find_spec("matplotlib") is None:
-        raise InputError("plots need matplotlib; run: pip install 'interplan-sumo[plots]'")
 
 
 def plot_realism(report: RealismReport, path: Path) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from interplan_sumo.batch.stored_drive import StoredDrive
 from interplan_sumo.errors import InputError
+from interplan_sumo.extras import need, need_matplotlib
 from interplan_sumo.maps.render import INK, PAPER
 from interplan_sumo.report import scenario_drawing as drawing
 from interplan_sumo.report.film_shot import Shot
@@ -78,13 +79,8 @@ def write_film(
 
 
 def _require_extra() -> None:
-    try:
-        import imageio_ffmpeg
-        import matplotlib
-
-        _ = imageio_ffmpeg, matplotlib
-    except ImportError as error:
-        raise InputError(f"films need {error.name}; run: pip install 'interplan-sumo[plots]'") from None
+    need("imageio_ffmpeg", "a film", "plots")
+    need_matplotlib("a film")
 
 
 def _check_writable(path: Path) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from interplan_sumo.errors import InputError
+from interplan_sumo.extras import need_matplotlib
 from interplan_sumo.maps.render import EXTRA, INK, PAPER
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.report import scenario_drawing as drawing
@@ -361,10 +362,9 @@ def _north(figure: Figure, turned_rad: float, total: int) -> None:
 
 def _figure(width: int, height: int) -> Figure:
     """An empty picture of this size in pixels; InputError without matplotlib."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise InputError("drawing scenarios needs matplotlib; run: pip install 'interplan-sumo[plots]'") from error
+    need_matplotlib("a picture")
+    from matplotlib.figure import Figure
+
     return Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from interplan_sumo.errors import InputError, TrafficError, VehicleTypeError
+from interplan_sumo.extras import need_matplotlib
 from interplan_sumo.simulation.standard_situations import SITUATIONS, Answer, Situation, answer
 from interplan_sumo.simulation.vehicle_type_effects import Idle, idle_attributes
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes, read_vehicle_types
@@ -130,11 +131,10 @@ def check_tables(check: TrafficCheck) -> Iterable[Table | str]:
 
 def plot_check(check: TrafficCheck, path: Path) -> None:
     """Speed and gap over time, a row per situation; InputError without matplotlib, or where it cannot be written."""
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise InputError("plots need matplotlib; run: pip install 'interplan-sumo[plots]'") from None
+    need_matplotlib()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     shown = [each for each in SITUATIONS if any(each.name in one.answers for one in check.types)]
     figure = Figure(figsize=(11, 2.4 * len(shown)), layout="constrained")
     FigureCanvasAgg(figure)

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from interplan_sumo.errors import InputError
+from interplan_sumo.extras import need
 from interplan_sumo.world.geometry import Floats
 
 CELLS: Final = 6
@@ -37,8 +37,7 @@ Worth = Callable[[Floats], bool]
 
 def check_optimiser() -> None:
     """InputError without the library."""
-    if importlib.util.find_spec("cma") is None:
-        raise InputError("the search needs cma; run: pip install 'interplan-sumo[search]'")
+    need("cma", "the search", "search")
 
 
 _Cell = tuple[int, int]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_learned.card import Card, Graph, read_card
-from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
+from interplan_sumo.extras import library
 from interplan_sumo.world.files import file_hash
 
 Arrays = Mapping[str, NDArray[Any]]

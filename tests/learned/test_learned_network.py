@@ -84,7 +84,7 @@ def test_a_missing_runtime_names_the_extra(tmp_path: Path, monkeypatch: pytest.M
     with pytest.raises(InputError) as error:
         load_network("tiny", str(tmp_path / "tiny.json"))
     assert str(error.value) == (
-        "planner 'tiny' needs onnxruntime, which is not installed. Run: pip install 'interplan-sumo[learned]'"
+        "planner 'tiny' needs onnxruntime, which is not installed; run: pip install 'interplan-sumo[learned]'"
     )
 
 

@@ -12,8 +12,8 @@ import time
 import pytest
 
 from interplan_llm.models.endpoint import address, key_for, spelled, within
-from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
+from interplan_sumo.extras import library
 
 BOTH = {"INTERPLAN_LLM_KEY": "ours", "OPENAI_API_KEY": "theirs"}
 
@@ -65,7 +65,7 @@ def test_this_machine_is_recognized(url: str, loopback: bool) -> None:
 
 def test_a_missing_library_is_named_with_the_way_to_get_it() -> None:
     with pytest.raises(
-        InputError, match=r"the model needs no_such_library, .* Run: pip install 'interplan-sumo\[llm\]'"
+        InputError, match=r"the model needs no_such_library, .*; run: pip install 'interplan-sumo\[llm\]'"
     ):
         library("no_such_library", "the model", "llm")
 

@@ -128,8 +128,8 @@ def test_nothing_to_draw_and_files_that_cannot_be_written_are_refused_in_one_lin
         render_scenario(CROSSED, roads, tmp_path / "crossed.docx")
     with pytest.raises(InputError, match=r"cannot write .*no/crossed\.png: No such file"):
         render_scenario(CROSSED, roads, tmp_path / "no" / "crossed.png")
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(InputError, match=r"needs matplotlib; run: pip install 'interplan-sumo\[plots\]'"):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(InputError, match=r"needs matplotlib, .*; run: pip install 'interplan-sumo\[plots\]'"):
         render_scenario(BUSY, roads, tmp_path / "busy.png")
 
 

@@ -10,30 +10,29 @@ import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import libsumo
 import numpy as np
 
 from interplan_sumo.families import FAMILIES
 from interplan_sumo.families.generate import Search
-from interplan_sumo.maps.store import find_map, load_roads
+from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.route import route_centerline, route_lanes
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.sites import lane_width_m
 from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.simulation.setup import open_sumo_traffic, start_state
-from interplan_sumo.simulation.traffic import EgoPresence, TrafficState
-from interplan_sumo.world.actors import ActorKind
-from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.simulation.traffic import EgoPresence
+from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Connector, Roads
 from tests.simulation import traffic_invariants as invariants
 from tests.simulation import twin_invariants
 from tests.simulation.fuzz_drivers import DAWDLING, STEADY, drivers_of
 from tests.simulation.random_drives import random_scenario
+from tests.simulation.recorded_frames import FrameRecorder
 from tests.simulation.rude_egos import Surroundings, behaviours, driven
-from tests.simulation.traffic_invariants import Array, Body, Drive, Frame, Violation
+from tests.simulation.traffic_invariants import Array, Body, Drive, Violation
 
 RANDOM_BRAKING = "PWagner2009"
 """Ends its braking by chance, and SUMO's chance falls otherwise where there is an ego: no twin tells a reaction."""
@@ -261,33 +260,19 @@ def _recorded(
     case: Case, roads: Roads, egos: list[EgoState], found: Outcome, presence: EgoPresence
 ) -> _Recorded | None:
     """Frames of one drive; None, and a violation in `found`, if it ended in an exception before the first frame."""
-    frames: list[Frame] = []
-    bodies: dict[str, Body] = {}
-    names: dict[str, str] = {}
+    recorder = FrameRecorder(case.scenario.map, case.scenario.maps_beside)
     begins = ends = np.zeros((0, 2))
-    standing: frozenset[str] = frozenset()
-    walking: frozenset[str] = frozenset()
     digest = hashlib.sha256()
     kind = "exception" if presence is EgoPresence.DRIVES else "without_ego_exception"
     try:
         with open_sumo_traffic(
             case.scenario, roads, seed=case.seed, vehicle_types=case.types, presence=presence
         ) as traffic:
-            origin = _origin(case.scenario)
-            begins, ends = _map_ends(origin)
+            begins, ends = recorder.map_ends()
             for k in range(len(egos) - 1):
-                state: TrafficState = traffic.observe()
-                actors = state.actors
-                if k == 0:
-                    walks = np.asarray(actors.kind) == ActorKind.PEDESTRIAN
-                    others = [name not in traffic.behaviours for name in actors.ids]
-                    crowd = 1 if case.scenario.jaywalkers else 0
-                    pedestrians = [n for n, w, o in zip(actors.ids, walks, others, strict=True) if w and o and crowd]
-                    walking = frozenset(pedestrians)
-                    standing = frozenset(n for n, o in zip(actors.ids, others, strict=True) if o) - walking
-                frame = _frame(state, egos[k], names, bodies, frozenset(traffic.behaviours), origin)
-                frames.append(frame)
+                frame = recorder.note(traffic.observe(), egos[k], frozenset(traffic.behaviours))
                 if presence is EgoPresence.DRIVES:
+                    names = recorder.sumo_names
                     found.giving_way |= {(k, name) for name in frame.ids if _gives_way(names.get(name))}
                 for column in (frame.x_m, frame.y_m, frame.heading_rad, frame.speed_mps):
                     digest.update(np.ascontiguousarray(column).tobytes())
@@ -298,11 +283,13 @@ def _recorded(
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
-        found.violations.append(Violation(kind, len(frames), "", 0.0, text))
-    if not frames:
+        found.violations.append(Violation(kind, len(recorder.frames), "", 0.0, text))
+    if not recorder.frames:
         return None
-    placed = {"standing": standing, "walking": walking}
-    return Drive.of(frames), invariants.erring(bodies, case.types.read_text()), placed, begins, ends, digest.hexdigest()
+    walking = frozenset(recorder.walking if case.scenario.jaywalkers else ())
+    placed = {"standing": frozenset(recorder.standing | recorder.walking) - walking, "walking": walking}
+    bodies = invariants.erring(recorder.bodies, case.types.read_text())
+    return recorder.drive(), bodies, placed, begins, ends, digest.hexdigest()
 
 
 def _gives_way(name: str | None) -> bool:
@@ -310,46 +297,3 @@ def _gives_way(name: str | None) -> bool:
     if name is None or not libsumo.vehicle.getLaneID(name):
         return False
     return any(libsumo.vehicle.getLaneChangeState(name, side)[0] & BLOCKED_BY_FOLLOWER for side in (-1, 1))
-
-
-def _origin(scenario: Scenario) -> tuple[float, float]:
-    from interplan_sumo.maps.network import NetworkIds
-
-    return NetworkIds.read(find_map(scenario.map, scenario.maps_beside).ids).origin_m
-
-
-def _map_ends(origin: tuple[float, float]) -> tuple[Array, Array]:
-    """(N, 2) where roads begin and (M, 2) where they end, asked of SUMO, in the map frame."""
-    lane: Any = libsumo.lane
-    lanes = [name for name in lane.getIDList() if not name.startswith(":")]
-    follows = {name: [link[0] for link in lane.getLinks(name)] for name in lanes}
-    fed = {after for all_after in follows.values() for after in all_after}
-    begins = [lane.getShape(name)[0] for name in lanes if name not in fed]
-    ends = [lane.getShape(name)[-1] for name in lanes if not follows[name]]
-    return tuple(np.array(each).reshape(-1, 2) + origin for each in (begins, ends))  # type: ignore[return-value]
-
-
-def _frame(
-    state: TrafficState, ego: EgoState, names: dict[str, str], bodies: dict[str, Body], agents: frozenset[str],
-    origin: tuple[float, float],
-) -> Frame:  # fmt: skip
-    """What is there now, and SUMO's own speeds; who is who in SUMO is found by where it first is."""
-    actors, vehicle = state.actors, libsumo.vehicle
-    new = [row for row, name in enumerate(actors.ids) if name in agents and name not in names]
-    if new:
-        taken = set(names.values())
-        free = [each for each in vehicle.getIDList() if each not in taken and each != "ego"]
-        fronts = np.array([vehicle.getPosition(each) for each in free]).reshape(-1, 2) + origin
-        for row in new:
-            reach = float(actors.length_m[row]) / 2.0
-            front = np.array((np.cos(actors.heading_rad[row]), np.sin(actors.heading_rad[row]))) * reach
-            away = np.hypot(*(fronts - (actors.x_m[row], actors.y_m[row]) - front).T)
-            name = names[actors.ids[row]] = free[int(away.argmin())]
-            bodies[actors.ids[row]] = Body(
-                vehicle.getTypeID(name), vehicle.getAccel(name), vehicle.getEmergencyDecel(name)
-            )
-    sumo = [vehicle.getSpeed(names[name]) if name in names else np.nan for name in actors.ids]
-    return Frame(
-        actors.ids, actors.x_m, actors.y_m, actors.heading_rad, actors.length_m, actors.width_m, actors.speed_mps,
-        np.array(sumo), (ego.x_m, ego.y_m, ego.heading_rad, PACIFICA.length_m, PACIFICA.width_m),
-    )  # fmt: skip

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 import yaml
 
-from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError, InterplanError
+from interplan_sumo.extras import library
 from interplan_sumo.planner_options import OptionLoader
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from torch import Tensor, nn
 
 from interplan_learned.card import Graph, Port
 from interplan_learned.network import MAIN
-from interplan_planners.common.extra import library
 from interplan_sumo.errors import InterplanError
+from interplan_sumo.extras import library
 from interplan_sumo.world.files import file_hash
 from tools.train.recipe import GraphCall
 

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from interplan_learned.card import SIZES, Size
-from interplan_planners.common.extra import library
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.extras import library
 
 if TYPE_CHECKING:
     from torch import Tensor, nn

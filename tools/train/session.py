@@ -14,9 +14,9 @@ import torch
 
 import interplan_sumo
 from interplan_learned.card import Card
-from interplan_planners.common.extra import library
 from interplan_sumo.dataset.reading import Dataset, read_dataset
 from interplan_sumo.dataset.records import SPLITS
+from interplan_sumo.extras import library
 from interplan_sumo.features import schema
 from tools.train.data import held_out_split, read_samples
 from tools.train.loop import (

@@ -20,8 +20,8 @@ from interplan_llm.models import native
 from interplan_llm.models.answers import answered
 from interplan_llm.models.constraints import grammar_of, response_format
 from interplan_llm.models.protocol import Capabilities, Cause, ModelFailure, Reply, Request
-from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
+from interplan_sumo.extras import library
 from interplan_sumo.world.files import file_hash
 
 CONTEXT_TOKENS = 4096

@@ -15,8 +15,8 @@ from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from interplan_llm.models.protocol import MAX_TEXT_BYTES, Cause, ModelFailure
-from interplan_planners.common.extra import library
 from interplan_sumo.errors import InputError
+from interplan_sumo.extras import library
 
 KEY_VARIABLE = "INTERPLAN_LLM_KEY"
 OPENAI_KEY_VARIABLE = "OPENAI_API_KEY"
