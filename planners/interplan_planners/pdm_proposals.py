@@ -29,6 +29,10 @@ SHORTEST_SHIFT_M, SHORTEST_CHANGE_M = 8.0, 12.0
 """A move to the side takes at least so much way, within a lane and by a lane."""
 ON_LINE_M, ON_LINE_RAD = 0.2, 0.03
 """Nearer than this to a line the ego is on it."""
+BEHIND_M, AHEAD_S = 15.0, 16.0
+"""So far behind the ego, and so much time ahead of it at the limit, a path is laid."""
+KEPT_STEPS = 70
+"""So long the path of the last step is gone on with; a drive of 8 s from there ends on it still."""
 POLITENESS, CHANGE_HEADWAY_S = 0.5, 0.8
 """Of changes, as `idm_mobil` has them."""
 
@@ -72,6 +76,8 @@ class _Proposed:
     way: LaneRoute
     worth: float = 0.0
     """Added to the scores of drives on it."""
+    steps: int = 0
+    """Since it was laid."""
 
 
 class PdmProposalsPlanner:
@@ -113,8 +119,8 @@ class PdmProposalsPlanner:
             self._begin(axle)
         index, lane_id = self._lanes.at(axle.x_m, axle.y_m, axle.heading_rad)
         own = self._ways.from_lane(index, lane_id)
-        proposed = list(self._proposed(observation, own, index, lane_id))
         limit_mps = self._mission.roads[lane_id].speed_limit_mps or self.settings.fallback_limit_mps
+        proposed = list(self._proposed(observation, own, index, lane_id, limit_mps))
         corridor = PdmCorridor(
             [each.path for each in proposed], own.path, self._ground, self._red_lights, limit_mps,
             tuple(each.worth for each in proposed),
@@ -133,10 +139,12 @@ class PdmProposalsPlanner:
         self._red_lights = RedLights(roads, lanes, shape.width_m / 2)
         self._ways = Ways(self._mission, self._route, self.settings.fallback_limit_mps)
 
-    def _proposed(self, observation: Observation, own: LaneRoute, index: int, lane_id: str) -> Iterator[_Proposed]:
+    def _proposed(
+        self, observation: Observation, own: LaneRoute, index: int, lane_id: str, limit_mps: float
+    ) -> Iterator[_Proposed]:
         """The paths of this step: that of the last one, if it may be driven still, the own lane's, and others'."""
         ego, shape, given = observation.ego, self._mission.shape, self.settings
-        axle = ego.rear_axle(shape)
+        axle, ahead_m = ego.rear_axle(shape), AHEAD_S * max(limit_mps, ego.speed_mps)
         sight = Sight(
             ego, shape, constant_velocity(observation.actors, STEP_S), stands_for_good(observation), self._red_lights,
             self._red_lights.closed(observation.signals, ego, shape),
@@ -145,27 +153,34 @@ class PdmProposalsPlanner:
         others = options(sight, self._ways, here, index, lane_id, self._style)
         safe = [each.there.way for each in others if each.verdict.safe]
         lanes = {lane_id, *(way.lanes[0] for way in safe)}
-        if self._present is not None:
-            way = self._present.way
+        if self._present is not None and self._present.steps < KEPT_STEPS:
+            way, steps = self._present.way, self._present.steps + 1
             if (lane := next((lane for lane in way.lanes if lane in lanes), None)) is not None:
                 worth = self._worth(lane, here.room_m) + given.resolve_worth
-                yield replace(self._present, worth=worth)
+                yield replace(self._present, worth=worth, steps=steps)
         worth = self._worth(lane_id, here.room_m)
+        line = _near(own.path.line, axle, ahead_m)
         for offset_m in given.lateral_offsets_m:
-            line = shifted(own.path.line, offset_m) if offset_m else own.path.line
             way_m = max(given.change_times_s[0] * ego.speed_mps, SHORTEST_SHIFT_M)
-            yield _Proposed(_towards(line, axle, way_m), own, worth)
+            yield _Proposed(_towards(shifted(line, offset_m) if offset_m else line, axle, way_m), own, worth)
         for way in safe:
             worth = self._worth(way.lanes[0], here.room_m)
+            line = _near(way.path.line, axle, ahead_m)
             for time_s in given.change_times_s:
                 way_m = max(time_s * ego.speed_mps, SHORTEST_CHANGE_M)
-                yield _Proposed(_towards(way.path.line, axle, way_m), way, worth)
+                yield _Proposed(_towards(line, axle, way_m), way, worth)
 
     def _worth(self, lane_id: str, room_m: float) -> float:
         """Of a lane, with so much room left for the changes from it to the goal; 0 on the goal's lane, else less."""
         needed = self._ways.changes_needed.get(lane_id, len(self._route))
         urgency = max(0.0, 1.0 - room_m / (ROOM_PER_CHANGE_M * max(needed, 1)))
         return -needed * (self.settings.change_worth + self.settings.urgent_worth * urgency)
+
+
+def _near(line: Polyline, axle: Pose, ahead_m: float) -> Polyline:
+    """What of a line lies around the ego: the rest of a long way would only have to be searched."""
+    arc_m, _ = line.project_point(axle.x_m, axle.y_m)
+    return line.between(arc_m - BEHIND_M, arc_m + ahead_m)
 
 
 def _towards(line: Polyline, axle: Pose, way_m: float) -> DrivingPath:
