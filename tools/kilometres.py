@@ -5,23 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache, reduce
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
 import msgspec
+import numpy as np
 
 from interplan_sumo.batch.records import decode, encode
 from interplan_sumo.endurance.cell_regression import cell_regression
 from interplan_sumo.endurance.formats import FigureTable, rates_table, regression_tables
 from interplan_sumo.endurance.gathered import read_kilometres
 from interplan_sumo.endurance.kilometres import ABOUT, SEGMENTS, AboutEndure
-from interplan_sumo.endurance.rate_sample import MeasureKey
+from interplan_sumo.endurance.rate_sample import MEASURES, MeasureKey, measure_of
 from interplan_sumo.endurance.rates import RateEstimate
 from interplan_sumo.endurance.report import EnduranceReport, endurance_report
+from interplan_sumo.statistics.event_rates import FEWEST_EFFECTIVE, ClusterSums, Floats, effective_size
 from tools.hard_scores import RESULTS
 
 KEPT: Final = RESULTS / "endure"
 """A folder that `rates` takes, and from a copy of which `endure` goes on; without the kept events."""
+WEIGHED: Final[tuple[MeasureKey, ...]] = ("at_fault_collision", "near_miss", "hard_braking", "stall")
+"""Measures by which boosted and naive segments are held against one another."""
 
 
 def keep_kilometres(folders: Iterable[Path]) -> None:
@@ -58,6 +63,43 @@ def kilometres_braking() -> list[str]:
 def rates(measure: MeasureKey) -> dict[str, RateEstimate]:
     """How often that happened per 1000 km, by planner."""
     return {each.planner: each.measures[measure].total for each in _report().rates.planners if each.measures}
+
+
+def drawn_rates(measure: MeasureKey) -> dict[str, Floats]:
+    """(2000,) how often that happened per metre, by planner, with the starts drawn again."""
+    samples = {each.planner: each.measures[measure].sample for each in _report().rates.planners if each.measures}
+    return {name: sample.rates(sample.sums.drawn, "total") for name, sample in samples.items()}
+
+
+def kilometres_weights() -> list[str]:
+    """Boosted segments alone, each event and metre by its weight, over naive ones alone: 1 if weights are right."""
+    lines = ["planner | events | naive | boosted | of them effective | boosted over naive", "---|" * 5 + "---"]
+    every = read_kilometres([KEPT])
+    for planner in sorted({each.planner for each in every}):
+        segments = [each for each in every if each.planner == planner]
+        starts = [(each.cell.map, each.start) for each in segments]
+        for measure in WEIGHED:
+            seen = [[event.weight for event in each.events if measure_of(event) == measure] for each in segments]
+            naive = [len(weights) if each.naive else 0 for each, weights in zip(segments, seen, strict=True)]
+            boosted = [[] if each.naive else weights for each, weights in zip(segments, seen, strict=True)]
+            effective = effective_size(np.array(list(chain.from_iterable(boosted))))
+            if min(sum(naive), effective) < FEWEST_EFFECTIVE:
+                continue
+            metres = [(each.metres, 0.0) if each.naive else (0.0, each.weighted_metres) for each in segments]
+            rows = np.column_stack((naive, list(map(sum, boosted)), np.array(metres)))
+            ratio = ClusterSums(rows, starts).rate(_boosted_over_naive)
+            assert ratio is not None
+            low, high = ratio.interval()
+            told = f"{ratio.value:.2f} [{low:.2f}, {high:.2f}]"
+            numbers = (str(sum(naive)), str(sum(map(len, boosted))), f"{effective:.0f}")
+            lines.append(" | ".join((planner, MEASURES[measure], *numbers, told)))
+    return lines
+
+
+def _boosted_over_naive(sums: Floats) -> Floats:
+    """Of sums (..., 4): naive and boosted events, naive and boosted metres."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (sums[..., 1] / sums[..., 3]) / (sums[..., 0] / sums[..., 2])
 
 
 def _depends(measure: MeasureKey) -> list[str]:

@@ -21,9 +21,11 @@ import msgspec
 import numpy as np
 from scipy.stats import rankdata
 
+from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.endurance.formats import rate_text
+from interplan_sumo.endurance.rate_sample import MeasureKey
 from interplan_sumo.planner import split_spec
 from interplan_sumo.report.paper_comparison import (
     CELLS,
@@ -33,8 +35,9 @@ from interplan_sumo.report.paper_comparison import (
     published_figure,
     published_rows,
 )
-from interplan_sumo.report.table import PAPER_PROFILE, Cell, Line, ResultsTable, make_table
+from interplan_sumo.report.table import PAPER_PROFILE, Cell, Line, ResultsTable, make_table, unsafe_share
 from interplan_sumo.report.text import points_text
+from interplan_sumo.statistics.event_rates import Floats
 from interplan_sumo.verification.solvers import SOLVED_SCORE
 from tools.hard_scores import (
     HARD,
@@ -48,7 +51,15 @@ from tools.hard_scores import (
     tau,
 )
 from tools.kept_drives import complete_run, folder_of, take
-from tools.kilometres import keep_kilometres, kilometres, kilometres_braking, kilometres_collisions, rates
+from tools.kilometres import (
+    drawn_rates,
+    keep_kilometres,
+    kilometres,
+    kilometres_braking,
+    kilometres_collisions,
+    kilometres_weights,
+    rates,
+)
 
 FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
 NAMES: Final[Mapping[str, str]] = {
@@ -70,6 +81,13 @@ NOBODY: Final = "pdm_closed"
 DRIVEN: Final = "ordinary"
 """The column of ordinary driving."""
 DRAWS: Final = 2000
+ORDERED: Final[Mapping[MeasureKey, str]] = {
+    "at_fault_collision": "at-fault collisions", "near_miss": "near misses", "hard_braking": "hard braking caused",
+    "stall": "stalls",
+}  # fmt: skip
+"""Of kilometres: what planners are put in order by."""
+ORDER_DRAWS: Final = 400
+"""Of orders; a few planners have few."""
 TABLE: Final = re.compile(r"<!-- table: ([a-z_]+) -->\n.*?<!-- end of table -->\n", re.DOTALL)
 
 
@@ -241,12 +259,48 @@ def kilometres_suites(rare: Drives, ordinary: Drives) -> list[str]:
     return lines
 
 
-def _by_family(line: Line) -> list[list[float]]:
-    """Scores of a planner, 0 to 100, by type and scene."""
-    scores: dict[str, list[float]] = {}
+def kilometres_order(rare: Drives, ordinary: Drives) -> list[str]:
+    """Whether kilometres and scenes put the planners in one order, both with starts and scenes drawn again."""
+    lines = ["fewest per kilometre of | rare: score | rare: unsafe % | ordinary: score", "---|---|---|---"]
+    rng = np.random.default_rng(0)
+    for measure, title in ORDERED.items():
+        told, drawn = rates(measure), drawn_rates(measure)
+        names = sorted(told)
+        found = -np.array([told[name].per_1000_km for name in names])
+        again = -np.array([drawn[name] for name in names])
+        cells: list[str] = []
+        for table, of in ((rare, _points), (rare, _safe), (ordinary, _points)):
+            by_name = {line.planner: line for line in table.strict.lines}
+            scenes = [_by_family(by_name[name], of) for name in names]
+            taus = [tau(again[:, k], _drawn_means(scenes, rng)) for k in range(ORDER_DRAWS)]
+            low, high = np.nanquantile(taus, (0.025, 0.975))
+            cells.append(f"{tau(found, _drawn_means(scenes)):.2f} [{low:.2f}, {high:.2f}]")
+        lines.append(" | ".join((title, *cells)))
+    return lines
+
+
+def _drawn_means(scenes: list[list[list[float]]], rng: np.random.Generator | None = None) -> Floats:
+    """(P,) what planners have on average in all scenes, or in some of each type, drawn again, the same for all."""
+    families = [np.array(family) for family in zip(*scenes, strict=True)]
+    if rng is not None:
+        families = [family[:, rng.integers(family.shape[1], size=family.shape[1])] for family in families]
+    return np.concatenate(families, axis=1).mean(axis=1)
+
+
+def _points(row: Row) -> float:
+    return 100.0 * (row.score or 0.0)
+
+
+def _safe(row: Row) -> float:
+    return -(unsafe_share(Brief.of(row)) or 0.0)
+
+
+def _by_family(line: Line, of: Callable[[Row], float] = _points) -> list[list[float]]:
+    """Something of each drive of a planner, its points, by type and scene."""
+    found: dict[str, list[float]] = {}
     for row in line.rows:
-        scores.setdefault(row.family, []).append(100.0 * (row.score or 0.0))
-    return list(scores.values())
+        found.setdefault(row.family, []).append(of(row))
+    return list(found.values())
 
 
 def detectable(drives: Drives) -> list[str]:
@@ -317,6 +371,8 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "halves_order": (halves_order, (HARD,)),
     "kilometres": (kilometres, ()),
     "kilometres_suites": (kilometres_suites, (SMALL, ORDINARY)),
+    "kilometres_order": (kilometres_order, (SMALL, ORDINARY)),
+    "kilometres_weights": (kilometres_weights, ()),
     "kilometres_collisions": (kilometres_collisions, ()),
     "kilometres_braking": (kilometres_braking, ()),
 }

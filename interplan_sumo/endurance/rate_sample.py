@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -266,13 +266,12 @@ class RateSample:
 
     def rate(self, stratum: Stratum, per: int = METRES) -> ClusterRate | None:
         """Per metre or second of naive driving; None where there are no events, or all from one start."""
+        return self.sums.rate(partial(self.rates, stratum=stratum, per=per))
 
-        def rate(sums: Floats) -> Floats:
-            return np.divide(
-                self.count(sums, stratum), sums[..., per], out=np.zeros(sums.shape[:-1]), where=sums[..., per] > 0.0
-            )
-
-        return self.sums.rate(rate)
+    def rates(self, sums: Floats, stratum: Stratum, per: int = METRES) -> Floats:
+        """Per metre or second of naive driving, of sums (..., C)."""
+        exposure = sums[..., per]
+        return np.divide(self.count(sums, stratum), exposure, out=np.zeros(exposure.shape), where=exposure > 0.0)
 
     def contributions(self, stratum: Stratum) -> Floats:
         """What each event adds to the count of a stratum."""
