@@ -17,8 +17,9 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -41,10 +42,10 @@ from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.planner_seat import PlannerSeat
 from interplan_sumo.scenario.route import forget_lines
-from interplan_sumo.simulation.episode import Loop
+from interplan_sumo.simulation.episode import DT_S, Loop, Phase
 from interplan_sumo.simulation.setup import start_state
-from interplan_sumo.simulation.traffic import Traffic, TrafficState
-from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.simulation.sumo_traffic import SumoTraffic
+from interplan_sumo.world.ego import PACIFICA
 from tests.simulation.recorded_frames import FrameRecorder
 from tests.simulation.traffic_invariants import Violation, erring, violations
 
@@ -81,40 +82,6 @@ class Held:
         return [each for each in self.found if each[1].kind not in AT_THE_EDGE]
 
 
-class HeldTraffic:
-    """Traffic, all of whose frames are recorded on the way to whoever asks."""
-
-    def __init__(self, traffic: Traffic, ego: EgoState, recorder: FrameRecorder) -> None:
-        self._traffic, self._ego, self._recorder = traffic, ego, recorder
-
-    @property
-    def behaviours(self) -> Mapping[str, str]:
-        return self._traffic.behaviours
-
-    @property
-    def heights_m(self) -> Mapping[str, float]:
-        return self._traffic.heights_m
-
-    def observe(self) -> TrafficState:
-        scene = self._traffic.observe()
-        self._recorder.note(scene, self._ego, frozenset(self.behaviours))
-        return scene
-
-    def react(self, ego: EgoState) -> None:
-        self._ego = ego
-        self._traffic.react(ego)
-
-    def place_ego(self, ego: EgoState) -> None:
-        self._ego = ego
-        self._traffic.place_ego(ego)
-
-    def advance(self) -> None:
-        self._traffic.advance()
-
-    def close(self) -> None:
-        self._traffic.close()
-
-
 def settings_of(options: EndureOptions) -> SegmentSettings:
     """Those of the workers of `endure`."""
     drive_settings = DriveSettings(options.out / EVENTS, options.run, find_profile(DEFAULT_PROFILE))
@@ -145,25 +112,27 @@ def held(options: EndureOptions, seat: PlannerSeat) -> Iterator[Held]:
         draws = RareEventDraws(job.index, job.natural, None if job.naive else job.drawn_with)
         with traffic:
             edges = recorder.map_ends()
-            ego = start_state(scenario, roads)
-            near = NearTraffic(HeldTraffic(traffic, ego, recorder), ego)
-            trip = drive_trip(Loop(scenario, roads, near, PACIFICA, job.seed), traffic, staging, seat, draws, unheard)
+            loop = Loop(scenario, roads, NearTraffic(traffic, start_state(scenario, roads)), PACIFICA, job.seed)
+            note = partial(note_frame, recorder, loop, traffic)
+            trip = drive_trip(loop, traffic, staging, seat, draws, note, settings.most_m)
         if trip.fault is not None:
             raise SystemExit(f"segment {job.index}: {trip.fault.kind}: {trip.fault.message}")
         drive, bodies = recorder.drive(), erring(recorder.bodies, types)
         total.metres += trip.stretches.metres
-        total.agent_s += 0.1 * float(drive.there[:, [name in bodies for name in drive.ids]].sum())
-        walking, standing = frozenset(recorder.walking), frozenset(recorder.standing)
-        for each in violations(
-            drive, bodies, standing=standing, walking=walking, map_begins=edges[0], map_ends=edges[1]
-        ):
-            total.found.append((job.index, each))
+        total.agent_s += DT_S * float(drive.there[:, [name in bodies for name in drive.ids]].sum())
+        found = violations(
+            drive, bodies, standing=frozenset(recorder.standing), walking=frozenset(recorder.walking),
+            map_begins=edges[0], map_ends=edges[1],
+        )  # fmt: skip
+        total.found += [(job.index, each) for each in found]
         forget_lines()
         yield total
 
 
-def unheard(_: object) -> None:
-    """Nobody waits for phases here."""
+def note_frame(recorder: FrameRecorder, loop: Loop, traffic: SumoTraffic, _: Phase) -> None:
+    """Take the whole district, once in each step."""
+    if len(recorder.frames) < len(loop.record.egos):
+        recorder.note(traffic.observe(), loop.ego, frozenset(traffic.behaviours))
 
 
 def jobs(options: EndureOptions) -> Iterator[SegmentJob]:
