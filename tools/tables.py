@@ -4,7 +4,8 @@ A table stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and i
 nobody types its figures. `--take` puts the drives of a run folder there first, each suite in a folder of its own, in
 place of what the same planners drove before, and without traces and details that no table needs:
 `interplan-sumo report docs/results/interplan-1` reads them like any other run. `--take-hidden` keeps the scores in hard
-scenes that are not shipped, and nothing that tells of the scenes. `--take-kilometres` keeps the segments of `endure`.
+scenes that are not shipped, and nothing that tells of the scenes. `--take-sweep` keeps what a sweep of tracks or of
+drivers found, `--take-kilometres` the segments of `endure`.
 """
 
 from __future__ import annotations
@@ -51,6 +52,8 @@ from tools.hard_scores import (
     tau,
 )
 from tools.kept_drives import complete_run, folder_of, take
+from tools.kept_sweeps import behaviours, keep_sweep
+from tools.kept_sweeps import tracks as kept_tracks
 from tools.kilometres import (
     drawn_rates,
     keep_kilometres,
@@ -173,6 +176,11 @@ def paper(drives: Drives) -> list[str]:
             cells = (f"{_text(line.cells[key])} ({published_figure(row, key)})" for key in ("interplan", *CELLS))
             lines.append(" | ".join((f"`{line.planner}`", *cells)))
     return lines
+
+
+def tracks(drives: Drives) -> list[str]:
+    """What planners keep of their scores where scenes are made harder."""
+    return kept_tracks({line.planner: _total(line) for line in drives.strict.lines})
 
 
 def ordinary(drives: Drives) -> list[str]:
@@ -355,6 +363,8 @@ def halves_order(drives: Drives) -> list[str]:
 
 SMALL, LARGE, ORDINARY = "interplan==1", "interplan-large==1", "common==1"
 TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = {
+    "tracks": (tracks, (SMALL,)),
+    "behaviours": (behaviours, ()),
     "short": (short, (SMALL,)),
     "planners": (planners, (SMALL,)),
     "detectable": (detectable, (SMALL,)),
@@ -380,6 +390,7 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
 PAGES: Final = (
     "README.md",
     "docs/benchmark.md",
+    "docs/planners.md",
     "docs/learned_planners.md",
     "docs/language_models.md",
     "docs/hard_scenes.md",
@@ -429,6 +440,7 @@ def main() -> None:
     parser.add_argument(
         "--take-hidden", type=Path, nargs=2, metavar=("RUN", "DIR"), help="a run of hard scenes, and what harden wrote"
     )
+    parser.add_argument("--take-sweep", type=Path, metavar="DIR", help="a folder of sweep to be stored")
     parser.add_argument(
         "--take-kilometres",
         type=Path,
@@ -442,6 +454,8 @@ def main() -> None:
     if given.take_hidden is not None:
         scenes_run, scenes = given.take_hidden
         keep_hidden(complete_run(scenes_run), scenes)
+    if given.take_sweep is not None:
+        keep_sweep(given.take_sweep)
     if given.take_kilometres is not None:
         keep_kilometres(given.take_kilometres)
     drives = stored()

@@ -1,0 +1,86 @@
+"""Kept sweeps: what `sweep` found of one parameter on the suite of rare scenes, and the tables that it gives.
+
+A line per value and planner, as in the sweep.csv that it comes from. Who is swept again takes the place of its former
+self.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.world.csv_tables import read_table, write_table
+from tools.hard_scores import RESULTS
+
+SUITE: Final = "interplan==1"
+PARAMETERS: Final = ("track", "behaviour")
+"""Of which there are tables."""
+COLUMNS: Final = ("planner", "drives", "missing", "score", "score_low", "score_high", "faults")
+"""Those that are needed of any."""
+
+
+def kept(parameter: str) -> Path:
+    """Where what was found of a parameter is kept."""
+    return RESULTS / f"sweep-{parameter}.csv"
+
+
+def keep_sweep(folder: Path) -> None:
+    """Keep what a sweep found beside what others drove; ends the program if it is of something else."""
+    fresh = _lines(folder / "sweep.csv")
+    parameter = next(iter(fresh[0]))
+    if parameter not in PARAMETERS:
+        raise SystemExit(f"{folder} swept {parameter}, expected {' or '.join(PARAMETERS)}")
+    suites = {read_run(run).manifest.suite for run in sorted(folder.glob(f"{parameter}=*")) if run.is_dir()}
+    if suites != {SUITE}:
+        raise SystemExit(f"{folder} is a sweep of {', '.join(sorted(suites))}, expected {SUITE}")
+    if lacking := [line for line in fresh if line["missing"] != "0" or line["faults"]]:
+        raise SystemExit(f"{folder} lacks drives of {lacking[0]['planner']}, or they have faults; complete it first")
+    held = _lines(kept(parameter)) if kept(parameter).is_file() else []
+    again = {line["planner"] for line in fresh}
+    lines = sorted([*fresh, *(line for line in held if line["planner"] not in again)], key=lambda line: line["planner"])
+    write_table(kept(parameter), tuple(lines[0]), [tuple(line.values()) for line in lines])
+
+
+def tracks(plain: dict[str, str]) -> list[str]:
+    """What planners keep of their scores where scenes are made harder; `plain` says what they have as it is."""
+    found = by_planner("track")
+    values = list(dict.fromkeys(value for of in found.values() for value in of))
+    titles = ("planner", "plain", *values, f"at fault in {', '.join(values)} %")
+    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    for planner in sorted(found, key=lambda name: -float(plain[name].split()[0])):
+        of = found[planner]
+        fault = ", ".join(_figure(of[value], "at_fault_collisions") if value in of else "-" for value in values)
+        scores = (_score(of[value]) if value in of else "-" for value in values)
+        lines.append(" | ".join((f"`{planner}`", plain[planner], *scores, fault)))
+    return lines
+
+
+def behaviours() -> list[str]:
+    """What planners do among drivers that are all of one kind."""
+    lines = ["planner | drivers | drives | at-fault collisions % | goal lane % | score", "---|" * 5 + "---"]
+    for planner, of in by_planner("behaviour").items():
+        for value, line in of.items():
+            shares = (_figure(line, key) for key in ("at_fault_collisions", "goal_lane"))
+            lines.append(" | ".join((f"`{planner}`", value, line["drives"], *shares, _score(line))))
+    return lines
+
+
+def by_planner(parameter: str) -> dict[str, dict[str, dict[str, str]]]:
+    """The kept lines by planner and value."""
+    found: dict[str, dict[str, dict[str, str]]] = {}
+    for line in _lines(kept(parameter)):
+        found.setdefault(line["planner"], {})[line[parameter]] = line
+    return found
+
+
+def _lines(path: Path) -> list[dict[str, str]]:
+    return read_table(path, COLUMNS)
+
+
+def _score(line: dict[str, str]) -> str:
+    return f"{_figure(line, 'score')} [{_figure(line, 'score_low')}, {_figure(line, 'score_high')}]"
+
+
+def _figure(line: dict[str, str], key: str) -> str:
+    return f"{float(line[key]):.0f}"
