@@ -11,7 +11,6 @@ against tests/simulation/traffic_invariants.py instead, and it exits 1 if anybod
 from __future__ import annotations
 
 import argparse
-import os
 import resource
 import sys
 import tempfile
@@ -166,7 +165,6 @@ def main() -> None:
     parser.add_argument("--km", type=float, default=100.0)
     parser.add_argument("--hold", action="store_true", help="hold every frame against what none can do")
     given = parser.parse_args()
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with tempfile.TemporaryDirectory() as folder:
         run = RunOptions(workers=0, in_process=True)
         options = EndureOptions(

@@ -33,7 +33,7 @@ RECORDS: Final = frozenset((".jsonl", ".log", ".db", ".sqlite"))
 LARGE_BYTES: Final = 64 << 20
 """Of a file beyond this, only its size and pieces all over it count."""
 _PIECES, _PIECE_BYTES = 64, 1 << 16
-_BY_NAME: Final = frozenset(("__import__", "eval", "exec", "importlib", "load_planner", "pkgutil", "runpy"))
+_BY_NAME: Final = frozenset(("PLANNERS", "__import__", "eval", "exec", "importlib", "load_planner", "pkgutil", "runpy"))
 """What a file loads with these is not told by its imports."""
 _DATA: Final = "importlib.resources"
 """Loads no code."""
