@@ -7,19 +7,17 @@ from typing import ClassVar
 
 import numpy as np
 
+from interplan_planners.common.driven_route import DrivenRoute
 from interplan_planners.common.forecast import constant_velocity
 from interplan_planners.common.gaps import GapRules
 from interplan_planners.common.idm_policy import IdmDriver
-from interplan_planners.common.lane_routes import LaneRoute, Ways
+from interplan_planners.common.lane_routes import LaneRoute
 from interplan_planners.common.mobil_options import ChangeStyle, Sight, options, synchronised
 from interplan_planners.common.neighbours import moved, stands_for_good, together
 from interplan_planners.common.occupancy import occupancy
 from interplan_planners.common.option_checks import at_least_0, more_than_0
 from interplan_planners.common.paths import DrivingPath, braking_plan, lane_change_path, plan_along
-from interplan_planners.common.red_lights import RedLights
 from interplan_planners.common.rollout import ProposalPath, RolloutClock, RolloutStart, roll_out
-from interplan_planners.common.route_correction import corrected_route
-from interplan_planners.common.route_search import LaneFinder, lanes_of_route
 from interplan_planners.mobil_published import PublishedMobil
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.ego import EgoState
@@ -173,8 +171,8 @@ class IdmMobilPlanner:
         ego, shape = observation.ego, self._mission.shape
         intent = self._begun(ego) if self._intent is None else self._current(ego, self._intent)
         forecast = constant_velocity(observation.actors, self.settings.horizon_s, STEP_S)
-        closed = self._red_lights.closed(observation.signals, ego, shape)
-        sight = Sight(ego, shape, forecast, stands_for_good(observation), self._red_lights, closed)
+        closed = self._route.red_lights.closed(observation.signals, ego, shape)
+        sight = Sight(ego, shape, forecast, stands_for_good(observation), self._route.red_lights, closed)
         cap: tuple[Floats, float] | None = None
         if intent.old is None:
             intent, cap = self._decided(sight, intent)
@@ -192,15 +190,11 @@ class IdmMobilPlanner:
     # --- what to do ----------------------------------------------------------------------------
 
     def _begun(self, ego: EgoState) -> _Intent:
-        roads = self._mission.roads
-        route = corrected_route(roads, self._mission.route, ego.pose)
-        self._lanes = LaneFinder(roads, route)
-        self._ways = Ways(self._mission, route, self.settings.fallback_limit_mps)
-        self._red_lights = RedLights(roads, lanes_of_route(roads, route), self._mission.shape.width_m / 2)
-        return self._kept(*self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad))
+        self._route = DrivenRoute(self._mission, ego.pose, self.settings.fallback_limit_mps)
+        return self._kept(*self._route.lane_at(ego.pose))
 
     def _kept(self, index: int, lane_id: str) -> _Intent:
-        way = self._ways.from_lane(index, lane_id)
+        way = self._route.ways.from_lane(index, lane_id)
         return _Intent(way.path, way, index, way.limit_mps)
 
     def _current(self, ego: EgoState, intent: _Intent) -> _Intent:
@@ -211,7 +205,7 @@ class IdmMobilPlanner:
             if abs(left_m) <= SETTLED_M and abs(turned) <= SETTLED_RAD:
                 return self._kept(intent.index, intent.way.lanes[0])
         if _off_m(intent.path, ego) > FARTHEST_FROM_PATH_M:
-            return self._kept(*self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad))
+            return self._kept(*self._route.lane_at(ego.pose))
         return intent
 
     def _decided(self, sight: Sight, intent: _Intent) -> tuple[_Intent, tuple[Floats, float] | None]:
@@ -220,10 +214,10 @@ class IdmMobilPlanner:
         arc_m, _ = intent.path.line.project_point(ego.x_m, ego.y_m)
         place = int(np.searchsorted(intent.way.starts_m, arc_m, side="right")) - 1
         index, lane_id = intent.index + place, intent.way.lanes[place]
-        if not self._ways.beside(lane_id) or ego.time_s < self._calm_until_s:
+        if not self._route.ways.beside(lane_id) or ego.time_s < self._calm_until_s:
             return intent, None
         here = sight.on(intent.way)
-        found = options(sight, self._ways, here, index, lane_id, self._style)
+        found = options(sight, self._route.ways, here, index, lane_id, self._style)
         good = [o for o in found if o.verdict.safe and o.incentive_mps2 >= self.settings.threshold_mps2]
         if good:
             best = max(good, key=lambda option: option.incentive_mps2)
@@ -236,7 +230,7 @@ class IdmMobilPlanner:
         wished = max((o for o in found if o.wished), key=lambda option: option.incentive_mps2, default=None)
         if wished is None:
             return intent, None
-        needed = self._ways.changes_needed.get(lane_id, 1)
+        needed = self._route.ways.changes_needed.get(lane_id, 1)
         return intent, synchronised(sight, here, wished, needed, self._steps, STEP_S)
 
     def _changing(

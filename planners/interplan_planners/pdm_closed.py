@@ -9,14 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from interplan_planners.common.ground import Ground
+from interplan_planners.common.driven_route import DrivenRoute
 from interplan_planners.common.idm_policy import IdmDriver
 from interplan_planners.common.option_checks import at_least_0, more_than_0
 from interplan_planners.common.paths import DrivingPath, centerline, shifted
 from interplan_planners.common.pdm import PdmCorridor, PdmDecision, PdmMotion, PdmSettings
-from interplan_planners.common.red_lights import RedLights
-from interplan_planners.common.route_correction import DEPTH_FORWARD, corrected_route
-from interplan_planners.common.route_search import LaneFinder, lane_chain, lanes_of_route
+from interplan_planners.common.route_correction import DEPTH_FORWARD
+from interplan_planners.common.route_search import lane_chain
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.trajectory import Trajectory
@@ -106,36 +105,27 @@ class PdmClosedPlanner:
     def start(self, mission: Mission) -> None:
         self._mission = mission
         self._motion = PdmMotion(self.pdm, mission.shape)
-        self._route: tuple[str, ...] = ()
+        self._route: DrivenRoute | None = None
         self.decision = None
 
     def plan(self, observation: Observation) -> Trajectory:
         axle = observation.ego.rear_axle(self._mission.shape)
-        if not self._route:
-            self._begin(axle)
-            self._lay_paths(axle)
+        route = self._route
+        if route is None:
+            route = self._route = DrivenRoute(self._mission, axle, self.settings.fallback_limit_mps)
+            self._lay_paths(route, axle)
         elif self.settings.rebuild:
-            self._lay_paths(axle)
-        _, lane_id = self._lanes.at(axle.x_m, axle.y_m, axle.heading_rad)
-        limit_mps = self._mission.roads[lane_id].speed_limit_mps or self.settings.fallback_limit_mps
-        corridor = PdmCorridor(self._paths, self._center, self._ground, self._red_lights, limit_mps)
+            self._lay_paths(route, axle)
+        _, lane_id = route.lane_at(axle)
+        corridor = PdmCorridor(self._paths, self._center, route.ground, route.red_lights, route.limit_mps(lane_id))
         plan, self.decision = self._motion.plan(observation, corridor)
         return plan
 
-    def _begin(self, axle: Pose) -> None:
-        """Correct the route for the episode."""
-        roads = self._mission.roads
-        self._route = corrected_route(roads, self._mission.route, axle)
-        self._lanes = LaneFinder(roads, self._route)
-        self._ground = Ground(roads, lanes_of_route(roads, self._route))
-
-    def _lay_paths(self, axle: Pose) -> None:
+    def _lay_paths(self, route: DrivenRoute, axle: Pose) -> None:
         """The centre line from the ego's lane on, and the lines beside it."""
-        roads, shape = self._mission.roads, self._mission.shape
-        index, lane_id = self._lanes.at(axle.x_m, axle.y_m, axle.heading_rad)
-        line = centerline(roads, lane_chain(roads, self._route, index, lane_id, shortest=True, depth=DEPTH_FORWARD))
+        roads, (index, lane_id) = self._mission.roads, route.lane_at(axle)
+        line = centerline(roads, lane_chain(roads, route.blocks, index, lane_id, shortest=True, depth=DEPTH_FORWARD))
         self._center = DrivingPath(line)
         self._paths = [
             DrivingPath(shifted(line, left_m)) if left_m else self._center for left_m in self.settings.lateral_offsets_m
         ]
-        self._red_lights = RedLights(roads, lanes_of_route(roads, self._route), shape.width_m / 2)

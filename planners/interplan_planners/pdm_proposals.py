@@ -9,18 +9,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from interplan_planners.common.driven_route import DrivenRoute
 from interplan_planners.common.forecast import STEP_S, constant_velocity
 from interplan_planners.common.gaps import GapRules
-from interplan_planners.common.ground import Ground
-from interplan_planners.common.lane_routes import LaneRoute, Ways
+from interplan_planners.common.lane_routes import LaneRoute
 from interplan_planners.common.mobil_options import ROOM_PER_CHANGE_M, ChangeStyle, Sight, options
 from interplan_planners.common.neighbours import stands_for_good
 from interplan_planners.common.option_checks import at_least_0, more_than_0
 from interplan_planners.common.paths import DrivingPath, lane_change_path, shifted
 from interplan_planners.common.pdm import DRIVER, PdmCorridor, PdmDecision, PdmMotion, PdmSettings
-from interplan_planners.common.red_lights import RedLights
-from interplan_planners.common.route_correction import corrected_route
-from interplan_planners.common.route_search import LaneFinder, lanes_of_route
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.geometry import Polyline, Pose, wrap_angle
 from interplan_sumo.world.trajectory import Trajectory
@@ -109,20 +106,18 @@ class PdmProposalsPlanner:
     def start(self, mission: Mission) -> None:
         self._mission = mission
         self._motion = PdmMotion(self.pdm, mission.shape)
-        self._route: tuple[str, ...] = ()
+        self._route: DrivenRoute | None = None
         self._present: _Proposed | None = None
         self.decision = None
 
     def plan(self, observation: Observation) -> Trajectory:
         axle = observation.ego.rear_axle(self._mission.shape)
-        if not self._route:
-            self._begin(axle)
-        index, lane_id = self._lanes.at(axle.x_m, axle.y_m, axle.heading_rad)
-        own = self._ways.from_lane(index, lane_id)
-        limit_mps = self._mission.roads[lane_id].speed_limit_mps or self.settings.fallback_limit_mps
-        proposed = list(self._proposed(observation, own, index, lane_id, limit_mps))
+        route = self._route = self._route or DrivenRoute(self._mission, axle, self.settings.fallback_limit_mps)
+        _, lane_id = at = route.lane_at(axle)
+        own, limit_mps = route.ways.from_lane(*at), route.limit_mps(lane_id)
+        proposed = list(self._proposed(observation, route, at))
         corridor = PdmCorridor(
-            [each.path for each in proposed], own.path, self._ground, self._red_lights, limit_mps,
+            [each.path for each in proposed], own.path, route.ground, route.red_lights, limit_mps,
             tuple(each.worth for each in proposed),
         )  # fmt: skip
         plan, self.decision = self._motion.plan(observation, corridor)
@@ -130,49 +125,39 @@ class PdmProposalsPlanner:
         self._present = None if decision is None else proposed[decision.best // speeds]
         return plan
 
-    def _begin(self, axle: Pose) -> None:
-        roads, shape = self._mission.roads, self._mission.shape
-        self._route = corrected_route(roads, self._mission.route, axle)
-        self._lanes = LaneFinder(roads, self._route)
-        lanes = lanes_of_route(roads, self._route)
-        self._ground = Ground(roads, lanes)
-        self._red_lights = RedLights(roads, lanes, shape.width_m / 2)
-        self._ways = Ways(self._mission, self._route, self.settings.fallback_limit_mps)
-
-    def _proposed(
-        self, observation: Observation, own: LaneRoute, index: int, lane_id: str, limit_mps: float
-    ) -> Iterator[_Proposed]:
+    def _proposed(self, observation: Observation, route: DrivenRoute, at: tuple[int, str]) -> Iterator[_Proposed]:
         """The paths of this step: that of the last one, if it may be driven still, the own lane's, and others'."""
         ego, shape, given = observation.ego, self._mission.shape, self.settings
-        axle, ahead_m = ego.rear_axle(shape), AHEAD_S * max(limit_mps, ego.speed_mps)
+        (index, lane_id), own = at, route.ways.from_lane(*at)
+        axle, ahead_m = ego.rear_axle(shape), AHEAD_S * max(route.limit_mps(lane_id), ego.speed_mps)
         sight = Sight(
-            ego, shape, constant_velocity(observation.actors, STEP_S), stands_for_good(observation), self._red_lights,
-            self._red_lights.closed(observation.signals, ego, shape),
+            ego, shape, constant_velocity(observation.actors, STEP_S), stands_for_good(observation), route.red_lights,
+            route.red_lights.closed(observation.signals, ego, shape),
         )  # fmt: skip
         here = sight.on(own)
-        others = options(sight, self._ways, here, index, lane_id, self._style)
+        others = options(sight, route.ways, here, index, lane_id, self._style)
         safe = [each.there.way for each in others if each.verdict.safe]
         lanes = {lane_id, *(way.lanes[0] for way in safe)}
         if self._present is not None and self._present.steps < KEPT_STEPS:
             way, steps = self._present.way, self._present.steps + 1
             if (lane := next((lane for lane in way.lanes if lane in lanes), None)) is not None:
-                worth = self._worth(lane, here.room_m) + given.resolve_worth
+                worth = self._worth(route, lane, here.room_m) + given.resolve_worth
                 yield replace(self._present, worth=worth, steps=steps)
-        worth = self._worth(lane_id, here.room_m)
+        worth = self._worth(route, lane_id, here.room_m)
         line = _near(own.path.line, axle, ahead_m)
         for offset_m in given.lateral_offsets_m:
             way_m = max(given.change_times_s[0] * ego.speed_mps, SHORTEST_SHIFT_M)
             yield _Proposed(_towards(shifted(line, offset_m) if offset_m else line, axle, way_m), own, worth)
         for way in safe:
-            worth = self._worth(way.lanes[0], here.room_m)
+            worth = self._worth(route, way.lanes[0], here.room_m)
             line = _near(way.path.line, axle, ahead_m)
             for time_s in given.change_times_s:
                 way_m = max(time_s * ego.speed_mps, SHORTEST_CHANGE_M)
                 yield _Proposed(_towards(line, axle, way_m), way, worth)
 
-    def _worth(self, lane_id: str, room_m: float) -> float:
+    def _worth(self, route: DrivenRoute, lane_id: str, room_m: float) -> float:
         """Of a lane, with so much room left for the changes from it to the goal; 0 on the goal's lane, else less."""
-        needed = self._ways.changes_needed.get(lane_id, len(self._route))
+        needed = route.ways.changes_needed.get(lane_id, len(route.blocks))
         urgency = max(0.0, 1.0 - room_m / (ROOM_PER_CHANGE_M * max(needed, 1)))
         return -needed * (self.settings.change_worth + self.settings.urgent_worth * urgency)
 

@@ -25,7 +25,7 @@ class Drive:
     def __init__(self, job: Mission = ROAD, actors: Actors | None = None) -> None:
         self.watch = SceneObserver(job, 15.0)
         self.actors = actors
-        self._behaviour_paths = BehaviourPaths(self.watch, 15.0)
+        self._behaviour_paths = BehaviourPaths(self.watch)
 
     def scene(self, state: EgoState) -> DecisionScene:
         return self.watch.scene(unmoved(state, self.actors))
@@ -82,5 +82,5 @@ def test_the_way_out_to_the_next_lane_and_back_is_gentle_where_there_is_room() -
 
 def test_who_is_still_on_the_oncoming_lane_may_drive_on_it_back_to_the_own() -> None:
     drive = Drive(mission(junction(), ("1", "13", "7")))  # comes from the west, 1.75 m right of the middle of the road
-    assert drive.corridor(Behaviour.FOLLOW, ego(-50.0, -1.75, 8.0)).ground is drive.watch.ground
+    assert drive.corridor(Behaviour.FOLLOW, ego(-50.0, -1.75, 8.0)).ground is drive.watch.route.ground
     assert drive.corridor(Behaviour.FOLLOW, ego(-40.0, 1.75, 8.0)).ground is drive.watch.free_ground

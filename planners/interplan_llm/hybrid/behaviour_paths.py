@@ -10,8 +10,6 @@ from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, LaneView, SceneObserver
 from interplan_planners.common.paths import DrivingPath, lane_change_path, quintic_offset, shifted
 from interplan_planners.common.pdm import PdmCorridor
-from interplan_planners.common.red_lights import RedLights
-from interplan_planners.common.route_search import lanes_of_route
 from interplan_sumo.world.geometry import Floats, Polyline, Pose
 
 LATERAL_OFFSETS_M = (0.0, -1.0, -0.1, 0.1, 1.0)
@@ -61,9 +59,8 @@ class _Aim:
 class BehaviourPaths:
     """Makes corridors of behaviours; keeps the one under way while nothing about it changes."""
 
-    def __init__(self, watch: SceneObserver, fallback_limit_mps: float) -> None:
+    def __init__(self, watch: SceneObserver) -> None:
         self._watch = watch
-        self._fallback_limit_mps = fallback_limit_mps
         self._aim: _Aim | None = None
 
     def corridor(self, behaviour: Behaviour, scene: DecisionScene, axle: Pose) -> PdmCorridor:
@@ -85,18 +82,17 @@ class BehaviourPaths:
         return replace(held.corridor, limit_mps=STANDSTILL_MPS) if stands else held.corridor
 
     def _made(self, behaviour: Behaviour, scene: DecisionScene, target: LaneView, axle: Pose) -> PdmCorridor:
-        mission = self._watch.mission
         line = self._line(behaviour, scene, target, axle)
         center = DrivingPath(line)
         passes = behaviour is Behaviour.OVERTAKE
         offsets_m = PASSING_OFFSETS_M if passes else LATERAL_OFFSETS_M
         paths = [DrivingPath(shifted(line, offset)) if offset else center for offset in offsets_m]
-        limit_mps = mission.roads[target.way.lanes[0]].speed_limit_mps or self._fallback_limit_mps
-        lights = RedLights(mission.roads, lanes_of_route(mission.roads, self._watch.route), mission.shape.width_m / 2)
-        at = self._watch.ground.under(np.array((axle.x_m,)), np.array((axle.y_m,)))
+        route = self._watch.route
+        at = route.ground.under(np.array((axle.x_m,)), np.array((axle.y_m,)))
         against = passes and target.blocked is not None and target.blocked.against_traffic
-        ground = self._watch.free_ground if against or not at.on_route[0] else self._watch.ground
-        return PdmCorridor(paths, center, ground, lights, limit_mps, (CENTER_WORTH, *([0.0] * (len(paths) - 1))))
+        ground = self._watch.free_ground if against or not at.on_route[0] else route.ground
+        worth = (CENTER_WORTH, *([0.0] * (len(paths) - 1)))
+        return PdmCorridor(paths, center, ground, route.red_lights, route.limit_mps(target.way.lanes[0]), worth)
 
     def _line(self, behaviour: Behaviour, scene: DecisionScene, target: LaneView, axle: Pose) -> Polyline:
         line = target.way.path.line

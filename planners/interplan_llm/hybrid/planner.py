@@ -67,7 +67,7 @@ class HybridPlanner:
 
     def start(self, mission: Mission) -> None:
         self._watch = SceneObserver(mission, FALLBACK_LIMIT_MPS)
-        self._behaviour_paths = BehaviourPaths(self._watch, FALLBACK_LIMIT_MPS)
+        self._behaviour_paths = BehaviourPaths(self._watch)
         self._motion = PdmMotion(PdmSettings(), mission.shape)
         self._shape = mission.shape
         self._now: Behaviour | None = None

@@ -10,13 +10,12 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from interplan_planners.common.driven_route import DrivenRoute
 from interplan_planners.common.forecast import constant_velocity
 from interplan_planners.common.ground import Ground
-from interplan_planners.common.lane_routes import LaneRoute, Ways
+from interplan_planners.common.lane_routes import LaneRoute
 from interplan_planners.common.neighbours import STANDING_MPS, stands_for_good
 from interplan_planners.common.occupancy import occupancy
-from interplan_planners.common.route_correction import corrected_route
-from interplan_planners.common.route_search import LaneFinder, lanes_of_route
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, wrap_angle
@@ -157,30 +156,26 @@ class SceneObserver:
     def __init__(self, mission: Mission, fallback_limit_mps: float) -> None:
         self.mission = mission
         self._fallback_limit_mps = fallback_limit_mps
-        self._ways: Ways | None = None
-
-    @property
-    def ground(self) -> Ground:
-        """What lies where, as seen from the route: the other direction is no place to be."""
-        return self._ground
+        self._route: DrivenRoute | None = None
 
     @cached_property
     def free_ground(self) -> Ground:
-        """The same for who has to use a lane of the other direction: every lane will do."""
+        """What lies where for who has to use a lane of the other direction: every lane will do."""
         roads = self.mission.roads
         return Ground(roads, (*roads.lanes, *roads.connectors))
 
     @property
-    def route(self) -> tuple[str, ...]:
+    def route(self) -> DrivenRoute:
         """The route from where the ego began, once there was a first scene."""
+        assert self._route is not None
         return self._route
 
     def scene(self, observation: Observation) -> DecisionScene:
         """What can be said of a step."""
         ego, roads = observation.ego, self.mission.roads
-        ways = self._ways or self._begun(observation)
-        index, lane_id = self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad)
-        here = _Sight(observation, self.mission, self._ground)
+        route = self._route = self._route or DrivenRoute(self.mission, ego.pose, self._fallback_limit_mps)
+        ways, (index, lane_id) = route.ways, route.lane_at(ego.pose)
+        here = _Sight(observation, self.mission, route.ground)
         current = here.view(ways.from_lane(index, lane_id), index, ways.changes_needed.get(lane_id))
         beside = [
             None if lane is None else here.view(ways.from_lane(index, lane.id), index, ways.changes_needed.get(lane.id))
@@ -200,14 +195,6 @@ class SceneObserver:
             here.walkers(current),
             here.covers(current),
         )
-
-    def _begun(self, observation: Observation) -> Ways:
-        roads, mission = self.mission.roads, self.mission
-        self._route = corrected_route(roads, mission.route, observation.ego.pose)
-        self._lanes = LaneFinder(roads, self._route)
-        self._ground = Ground(roads, lanes_of_route(roads, self._route))
-        self._ways = Ways(mission, self._route, self._fallback_limit_mps)
-        return self._ways
 
 
 class _Sight:

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_llm.models.protocol import Message
-from interplan_planners.common.lane_routes import Ways
-from interplan_planners.common.route_correction import corrected_route
-from interplan_planners.common.route_search import LaneFinder
+from interplan_planners.common.driven_route import DrivenRoute
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, Ints
@@ -47,7 +45,7 @@ class Prompter:
         """`centerline` adds points of the own lane, which GPT-Driver's prompt does without."""
         self._mission = mission
         self._centerline = centerline
-        self._ways: Ways | None = None
+        self._route: DrivenRoute | None = None
 
     def messages(self, observation: Observation) -> tuple[Message, Message]:
         """The question about a step."""
@@ -64,13 +62,10 @@ class Prompter:
 
     def _way(self, observation: Observation) -> list[str]:
         """Mission goal, and where the own lane leads."""
-        ego, roads = observation.ego, self._mission.roads
-        if self._ways is None:
-            route = corrected_route(roads, self._mission.route, ego.pose)
-            self._lanes = LaneFinder(roads, route)
-            self._ways = Ways(self._mission, route, fallback_limit_mps=15.0)
-        index, lane_id = self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad)
-        way = self._ways.from_lane(index, lane_id)
+        ego = observation.ego
+        self._route = self._route or DrivenRoute(self._mission, ego.pose, fallback_limit_mps=15.0)
+        index, lane_id = self._route.lane_at(ego.pose)
+        way = self._route.ways.from_lane(index, lane_id)
         arc_m, _ = way.path.line.project_point(ego.x_m, ego.y_m)
         limit_mps = float(way.limit_mps[min(int(arc_m), len(way.limit_mps) - 1)])
         told = [f"Speed limit {limit_mps:.1f}. Goal: {self._goal(lane_id)}, {way.room_m - arc_m:.0f} m ahead."]
@@ -83,8 +78,8 @@ class Prompter:
 
     def _goal(self, lane_id: str) -> str:
         """forward, left or right: the side on which fewer lane changes are left."""
-        assert self._ways is not None
-        needed = self._ways.changes_needed
+        assert self._route is not None
+        needed = self._route.ways.changes_needed
         here = needed.get(lane_id)
         roads = self._mission.roads
         for side, lane in (("left", roads.left_of(lane_id)), ("right", roads.right_of(lane_id))):

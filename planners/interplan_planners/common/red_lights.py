@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,15 +15,25 @@ from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals, SignalStatus
 
 
+@dataclass(frozen=True, slots=True)
+class _Covered:
+    """A path's strip, and which stretches of it connectors cover."""
+
+    corridor: Corridor
+    by: dict[str, tuple[tuple[float, float], ...]]
+
+
 class RedLights:
-    """The light-controlled connectors of a route, and where they lie on paths; asks about each pair once."""
+    """The light-controlled connectors of a route, and where they lie on paths.
+
+    It asks about each pair once, as long as somebody has the path.
+    """
 
     def __init__(self, roads: Roads, route_lanes: Iterable[str], half_width_m: float) -> None:
         self._roads = roads
         self._route_lanes = frozenset(route_lanes)
         self._half_width_m = half_width_m
-        self._corridors: dict[DrivingPath, Corridor] = {}
-        self._stretches: dict[tuple[DrivingPath, str], tuple[tuple[float, float], ...]] = {}
+        self._known: WeakKeyDictionary[DrivingPath, _Covered] = WeakKeyDictionary()
 
     def closed(self, signals: Signals, ego: EgoState, shape: EgoShape) -> tuple[str, ...]:
         """The connectors of the route that show red, but for those that hold all of the ego (PDM's rule)."""
@@ -35,11 +47,11 @@ class RedLights:
         """The stretches of a path that closed connectors cover, as arc lengths."""
         found: list[tuple[float, float]] = []
         for connector in closed:
-            key = (path, connector)
-            if key not in self._stretches:
-                if path not in self._corridors:
-                    self._corridors[path] = Corridor(path.line, self._half_width_m)
+            if path not in self._known:
+                self._known[path] = _Covered(Corridor(path.line, self._half_width_m), {})
+            covered = self._known[path]
+            if connector not in covered.by:
                 shapes = np.array([self._roads[connector].polygon], dtype=object)
-                self._stretches[key] = self._corridors[path].occupied_m(shapes).get(0, ())
-            found += self._stretches[key]
+                covered.by[connector] = covered.corridor.occupied_m(shapes).get(0, ())
+            found += covered.by[connector]
         return found

@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import copysign
 
-from interplan_planners.common.ground import Ground
-from interplan_planners.common.lane_routes import Ways
-from interplan_planners.common.route_correction import corrected_route
-from interplan_planners.common.route_search import LaneFinder, lanes_of_route
+from interplan_planners.common.driven_route import DrivenRoute
 from interplan_planners.foresight.candidate_paths import (
     LOCK_M,
     Base,
@@ -95,11 +92,7 @@ class Manoeuvres:
         self._change_time_s = change_time_s
         self.began_s = ego.time_s
         """When the drive began."""
-        roads = mission.roads
-        route = corrected_route(roads, mission.route, ego.pose)
-        self._ways = Ways(mission, route, fallback_limit_mps)
-        self._lanes = LaneFinder(roads, route)
-        self.ground = Ground(roads, lanes_of_route(roads, route))
+        self.route = DrivenRoute(mission, ego.pose, fallback_limit_mps)
         self._bases: dict[tuple[int, str], Base] = {}
         self._kept: dict[tuple[int, str], CandidatePath] = {}
 
@@ -109,8 +102,8 @@ class Manoeuvres:
         """The base of the way from a lane of the route's block `index` on."""
         key = (index, lane_id)
         if key not in self._bases:
-            way = self._ways.from_lane(index, lane_id)
-            changes = self._ways.changes_needed.get(way.lanes[-1], 1)
+            way = self.route.ways.from_lane(index, lane_id)
+            changes = self.route.ways.changes_needed.get(way.lanes[-1], 1)
             self._bases[key] = base_of(self._mission.roads, way, index, changes, self._fallback_limit_mps)
         return self._bases[key]
 
@@ -123,7 +116,7 @@ class Manoeuvres:
 
     def here(self, ego: EgoState) -> CandidatePath:
         """Keep to whatever lane the ego is on."""
-        return self.back_to(self.base(*self._lanes.at(ego.x_m, ego.y_m, ego.heading_rad)), ego)
+        return self.back_to(self.base(*self.route.lane_at(ego.pose)), ego)
 
     def back_to(self, base: Base, ego: EgoState, stretch: float = 1.0) -> CandidatePath:
         """Come to a base's line and stay on it; `stretch` makes the way longer."""
@@ -139,7 +132,7 @@ class Manoeuvres:
     def worth(self, base: Base, at_m: float, blocked: StandingGroup | None) -> float:
         """What it is worth to be at an arc length of a base: 0 on a free way to the goal's lane, else less."""
         _, lane_id = base.lane_at(at_m)
-        needed = self._ways.changes_needed.get(lane_id, 4)
+        needed = self.route.ways.changes_needed.get(lane_id, 4)
         room_m = max(base.room_m - at_m, 0.0)
         urgency = min(max(1.0 - room_m / (ROOM_PER_CHANGE_M * max(needed, 1)), 0.0), 1.0)
         worth = -needed * (PER_CHANGE + PER_URGENT_CHANGE * urgency)
@@ -158,7 +151,9 @@ class Manoeuvres:
         at_m, left_m = base.line.project_point(scene.axle.x_m, scene.axle.y_m)
         blocked = self._blocked(scene, base, at_m - (shape.length_m - shape.front_m))
         free, worth = self.worth(base, at_m, None), self.worth(base, at_m, blocked)
-        to_pass = blocked or slow_rider(base, at_m + shape.front_m, RIDER_LOOK_M, scene.traffic, shape, self.ground)
+        to_pass = blocked or slow_rider(
+            base, at_m + shape.front_m, RIDER_LOOK_M, scene.traffic, shape, self.route.ground
+        )
         found: list[ManoeuvreOption] = []
         if candidate.kind == "keep":
             found.append(ManoeuvreOption(candidate, worth))
@@ -198,7 +193,7 @@ class Manoeuvres:
         return found, blocked
 
     def _blocked(self, scene: PlanningScene, base: Base, from_m: float) -> StandingGroup | None:
-        return blockage(base, from_m, LOOK_M, scene.traffic, scene.stays, scene.shape, self.ground)
+        return blockage(base, from_m, LOOK_M, scene.traffic, scene.stays, scene.shape, self.route.ground)
 
     def _changes(self, scene: PlanningScene, base: Base, at_m: float) -> list[ManoeuvreOption]:
         """Changes to the neighbours of the lane that the ego is on."""
@@ -206,7 +201,7 @@ class Manoeuvres:
         index, lane_id = base.lane_at(at_m + shape.rear_axle_to_center_m)
         longest_m = (base.lane_end_m(at_m + shape.rear_axle_to_center_m) - at_m) * BEYOND_LANE
         found: list[ManoeuvreOption] = []
-        for neighbour, _ in self._ways.beside(lane_id):
+        for neighbour, _ in self.route.ways.beside(lane_id):
             there = self.base(index, neighbour.id)
             there_m, there_left_m = there.line.project_point(axle.x_m, axle.y_m)
             shortest = shortest_m(there_left_m)

@@ -218,7 +218,7 @@ class ForesightPlanner:
         cost -= np.where(drafts.stage_of == 0, GOING_ON, 0.0) + prospects(drafts, stages, wished, shape)
 
         chosen = _chosen(cost, drafts)
-        total = cost[chosen] + checked_costs(scene, stages, drafts, chosen, manoeuvres.ground)
+        total = cost[chosen] + checked_costs(scene, stages, drafts, chosen, manoeuvres.route.ground)
         order = np.argsort(total, kind="stable").tolist()
         best = chosen[order[0]]
         candidate = options[int(drafts.stage_of[best])].candidate
