@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from worlds import curved_road, ego, ego_on, junction, mission, signals, straight_road
 
+from interplan_planners.common.driven_route import DrivenRoute
 from interplan_planners.common.lane_routes import Ways
 from interplan_planners.common.paths import DrivingPath
 from interplan_planners.common.red_lights import RedLights
@@ -132,3 +136,27 @@ def test_an_ego_inside_a_red_connector_is_let_go() -> None:
     red = signals(red=("13",))
     assert lights.closed(red, ego(-11.0, -1.75), PACIFICA) == ("13",)
     assert lights.closed(red, ego(0.0, -1.75), PACIFICA) == ()
+
+
+def test_paths_that_nobody_has_any_more_are_forgotten() -> None:
+    lights = RedLights(CROSSING, ("1", "14", "8"), PACIFICA.width_m / 2)
+    line, corridors = CROSSING["1"].centerline, []
+    for _ in range(3):
+        path = DrivingPath(line)
+        assert lights.on_path(path, ("14",)) == lights.on_path(path, ("14",)) != []
+        corridors.append(weakref.ref(path))
+    del path
+    gc.collect()
+    assert [each() for each in corridors] == [None, None, None]
+
+
+def test_a_driven_route_begins_where_the_ego_is_and_makes_each_part_once() -> None:
+    task = mission(WIDE, ("12", "22", "32"), goal_arc_m=100.0)
+    route = DrivenRoute(task, ego_on(WIDE, "12", 20.0).pose, 9.0)
+    assert route.blocks == corrected_route(WIDE, task.route, ego_on(WIDE, "12", 20.0).pose)
+    assert route.lane_at(Pose(50.0, -3.0, 0.0)) == (0, "12")
+    assert route.limit_mps("12") == 13.9
+    assert DrivenRoute(mission(straight_road(limit_mps=None), ("11",)), ego(5.0, 0.0).pose, 9.0).limit_mps("11") == 9.0
+    assert (route.ways, route.ground, route.red_lights) == (route.ways, route.ground, route.red_lights)
+    on_route = route.ground.under(np.array((50.0, 50.0)), np.array((-3.0, 40.0))).on_route
+    assert on_route.tolist() == [True, False]
