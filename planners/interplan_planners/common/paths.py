@@ -252,8 +252,8 @@ def lane_change_path(target: Polyline, start: Pose, length_m: float, steepest_ra
     arcs = np.unique(np.concatenate((target.arc_m, cut, [arc_m])))
     arcs = arcs[np.concatenate(([True], np.diff(arcs) > 0.05))]
     line = Polyline(target.poses_at(arcs)[:, :2])
-    # shifting may drop vertices where the line is cut finely; offsets belong to those that are left
-    at = target.project(line.points)[0]
+    # a line drops vertices that lie too close together; offsets belong to those that are left
+    at = arcs if len(line.points) == len(arcs) else target.project(line.points)[0]
     return shifted(line, quintic_offset((at - arc_m) / length_m, left_m, slope * length_m))
 
 
