@@ -262,8 +262,9 @@ def kilometres_suites(rare: Drives, ordinary: Drives) -> list[str]:
     everyday = {line.planner: line.cells for line in ordinary.strict.lines}
     for name in sorted(collisions, key=lambda name: -collisions[name].per_1000_km):
         told = (rate_text(collisions[name]), rate_text(braking[name]))
-        cells = (scenes[name]["interplan"], scenes[name]["unsafe_share"], everyday[name][DRIVEN])
-        lines.append(" | ".join((f"`{name}`", *told, *map(_text, cells))))
+        cells = (scenes[name]["interplan"], scenes[name]["unsafe_share"])
+        driven = _text(everyday[name][DRIVEN]) if name in everyday else "-"
+        lines.append(" | ".join((f"`{name}`", *told, *map(_text, cells), driven)))
     return lines
 
 
@@ -271,9 +272,10 @@ def kilometres_order(rare: Drives, ordinary: Drives) -> list[str]:
     """Whether kilometres and scenes put the planners in one order, both with starts and scenes drawn again."""
     lines = ["fewest per kilometre of | rare: score | rare: unsafe % | ordinary: score", "---|---|---|---"]
     rng = np.random.default_rng(0)
+    everyday = {line.planner for line in ordinary.strict.lines}
     for measure, title in ORDERED.items():
         told, drawn = rates(measure), drawn_rates(measure)
-        names = sorted(told)
+        names = sorted(told.keys() & everyday)
         found = -np.array([told[name].per_1000_km for name in names])
         again = -np.array([drawn[name] for name in names])
         cells: list[str] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any, Final
@@ -25,6 +26,7 @@ def plot_endurance(report: EnduranceReport, path: Path) -> None:
     need_matplotlib()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, NullLocator
 
     cells = [each for each in report.rates.cells if each.cell is not None and each.measures]
     if not cells:
@@ -38,11 +40,15 @@ def plot_endurance(report: EnduranceReport, path: Path) -> None:
     grid: Any = figure.subplots(down, across, squeeze=False)
     colours = {each.planner: COLOURS[n % len(COLOURS)] for n, each in enumerate(report.rates.planners)}
     top = axis_top(highest_rate(each, report) for each in cells)
+    least = _least_decade(each.measures[report.measure].total.per_1000_km for each in cells)
     for axes, (map_name, drivers) in zip(grid.flat, panels, strict=False):
         own = [each for each in cells if each.cell and (each.cell.map, each.cell.drivers) == (map_name, drivers)]
         _rates(axes, own, report, colours)
         axes.set_title(f"{drivers}, {map_name}", fontsize=9, color=INK)
-        axes.set_ylim(0.0, top)
+        axes.set_yscale("symlog", linthresh=least)  # planners differ by powers of ten, and some have none
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda rate, _: f"{rate:,.0f}"))
+        axes.yaxis.set_minor_locator(NullLocator())
+        axes.set_ylim(-0.05 * least, top)
     _widths(grid.flat[len(panels)], report, colours)
     for axes in grid.flat[count:]:
         axes.set_axis_off()
@@ -91,6 +97,11 @@ def _rates(axes: Any, cells: list[DrivenRates], report: EnduranceReport, colours
     axes.set_xlim(-0.5, len(densities) - 0.5)
     axes.set_xlabel("density, of saturation", fontsize=9, color=INK)
     axes.set_ylabel(f"{MEASURES[report.measure]}\nper 1000 km", fontsize=9, color=INK)
+
+
+def _least_decade(rates: Iterable[float]) -> float:
+    """The power of ten below all rates that are not 0; 1 at least."""
+    return 10.0 ** max(floor(log10(min((each for each in rates if each > 0.0), default=1.0))), 0)
 
 
 def _decades(report: EnduranceReport) -> tuple[float, float]:

@@ -8,14 +8,13 @@ Half of each batch comes from a covariance matrix adaptation that ranks its poin
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
-from interplan_sumo.extras import need
+from interplan_sumo.extras import library, need
 from interplan_sumo.world.geometry import Floats
 
 CELLS: Final = 6
@@ -118,7 +117,7 @@ class DiverseSearch:
             "seed": np.nan,
             "verbose": -9,
         }
-        return importlib.import_module("cma").CMAEvolutionStrategy(around, sigma, options)
+        return library("cma", "the search", "search").CMAEvolutionStrategy(around, sigma, options)
 
     def _cross(self) -> Floats:
         if not self.grid.best:

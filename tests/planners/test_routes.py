@@ -140,14 +140,15 @@ def test_an_ego_inside_a_red_connector_is_let_go() -> None:
 
 def test_paths_that_nobody_has_any_more_are_forgotten() -> None:
     lights = RedLights(CROSSING, ("1", "14", "8"), PACIFICA.width_m / 2)
-    line, corridors = CROSSING["1"].centerline, []
-    for _ in range(3):
-        path = DrivingPath(line)
+
+    def asked_about() -> weakref.ref[DrivingPath]:
+        path = DrivingPath(CROSSING["1"].centerline)
         assert lights.on_path(path, ("14",)) == lights.on_path(path, ("14",)) != []
-        corridors.append(weakref.ref(path))
-    del path
+        return weakref.ref(path)
+
+    forgotten = [asked_about() for _ in range(3)]
     gc.collect()
-    assert [each() for each in corridors] == [None, None, None]
+    assert [each() for each in forgotten] == [None, None, None]
 
 
 def test_a_driven_route_begins_where_the_ego_is_and_makes_each_part_once() -> None:
