@@ -7,7 +7,6 @@ Half of each batch comes from a covariance matrix adaptation that ranks its poin
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
