@@ -22,11 +22,8 @@ import msgspec
 import numpy as np
 from scipy.stats import rankdata
 
-from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
-from interplan_sumo.endurance.formats import rate_text
-from interplan_sumo.endurance.rate_sample import MeasureKey
 from interplan_sumo.planner import split_spec
 from interplan_sumo.report.paper_comparison import (
     CELLS,
@@ -36,10 +33,10 @@ from interplan_sumo.report.paper_comparison import (
     published_figure,
     published_rows,
 )
-from interplan_sumo.report.table import PAPER_PROFILE, Cell, Line, ResultsTable, make_table, unsafe_share
+from interplan_sumo.report.table import PAPER_PROFILE, Line, ResultsTable, make_table
 from interplan_sumo.report.text import points_text
-from interplan_sumo.statistics.event_rates import Floats
 from interplan_sumo.verification.solvers import SOLVED_SCORE
+from tools.beside_scenes import DRIVEN, by_family, cell_text, kilometres_order, kilometres_suites
 from tools.hard_scores import (
     HARD,
     ROOT,
@@ -55,13 +52,11 @@ from tools.kept_drives import complete_run, folder_of, take
 from tools.kept_sweeps import behaviours, keep_sweep
 from tools.kept_sweeps import tracks as kept_tracks
 from tools.kilometres import (
-    drawn_rates,
     keep_kilometres,
     kilometres,
     kilometres_braking,
     kilometres_collisions,
     kilometres_weights,
-    rates,
 )
 
 FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
@@ -81,16 +76,7 @@ CHOOSERS: Final[Mapping[str, str]] = {
 """Who chooses in `llm_hybrid`, by its option `model`."""
 HYBRID: Final = "llm_hybrid"
 NOBODY: Final = "pdm_closed"
-DRIVEN: Final = "ordinary"
-"""The column of ordinary driving."""
 DRAWS: Final = 2000
-ORDERED: Final[Mapping[MeasureKey, str]] = {
-    "at_fault_collision": "at-fault collisions", "near_miss": "near misses", "hard_braking": "hard braking caused",
-    "stall": "stalls",
-}  # fmt: skip
-"""Of kilometres: what planners are put in order by."""
-ORDER_DRAWS: Final = 400
-"""Of orders; a few planners have few."""
 TABLE: Final = re.compile(r"<!-- table: ([a-z_]+) -->\n.*?<!-- end of table -->\n", re.DOTALL)
 
 
@@ -131,7 +117,7 @@ def short(drives: Drives) -> list[str]:
     for line in _sorted(drives.strict):
         if line.planner in SHORT:
             name = NAMES.get(line.planner, f"`{line.planner}`")
-            lines.append(" | ".join((name, *(_text(line.cells[key]) for key in ("interplan", *FAMILIES)))))
+            lines.append(" | ".join((name, *(cell_text(line.cells[key]) for key in ("interplan", *FAMILIES)))))
     return lines
 
 
@@ -141,7 +127,7 @@ def planners(drives: Drives) -> list[str]:
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
     for line in _sorted(drives.strict):
         rest = ("done_share", "unsafe_share", "paper_score", *FAMILIES)
-        lines.append(" | ".join((f"`{line.planner}`", _total(line), *(_text(line.cells[key]) for key in rest))))
+        lines.append(" | ".join((f"`{line.planner}`", _total(line), *(cell_text(line.cells[key]) for key in rest))))
     return lines
 
 
@@ -160,7 +146,7 @@ def choosers(drives: Drives) -> list[str]:
         else:
             continue
         counts = (str(line.questions), str(line.unanswered)) if name == HYBRID else ("-", "-")
-        cells = (_text(line.cells[key]) for key in ("done_share", "unsafe_share", *FAMILIES))
+        cells = (cell_text(line.cells[key]) for key in ("done_share", "unsafe_share", *FAMILIES))
         lines.append(" | ".join((who, _total(line), *cells, *counts)))
     return lines
 
@@ -173,7 +159,7 @@ def paper(drives: Drives) -> list[str]:
     for line in _sorted(drives.by_paper):
         if line.planner in published:
             row = published[line.planner]
-            cells = (f"{_text(line.cells[key])} ({published_figure(row, key)})" for key in ("interplan", *CELLS))
+            cells = (f"{cell_text(line.cells[key])} ({published_figure(row, key)})" for key in ("interplan", *CELLS))
             lines.append(" | ".join((f"`{line.planner}`", *cells)))
     return lines
 
@@ -189,7 +175,7 @@ def ordinary(drives: Drives) -> list[str]:
     lines = ["planner | strict | by paper | published, Val14", "---|---|---|---"]
     for line in sorted(drives.strict.lines, key=lambda line: -(line.cells[DRIVEN].value or 0.0)):
         val14 = published_figure(published[line.planner], DRIVEN) if line.planner in published else "-"
-        judged = _text(by_paper[line.planner].cells[DRIVEN])
+        judged = cell_text(by_paper[line.planner].cells[DRIVEN])
         lines.append(" | ".join((f"`{line.planner}`", _total(line, DRIVEN), judged, val14)))
     return lines
 
@@ -221,7 +207,7 @@ def learned(rare: Drives, ordinary: Drives) -> list[str]:
     published = _published()
     lines = [" | ".join(("planner", *(titles[key] for key in keys))), "---|" * len(keys) + "---"]
     for line in _sorted(table):
-        lines.append(" | ".join((f"`{line.planner}`", *(_text(line.cells[key]) for key in keys))))
+        lines.append(" | ".join((f"`{line.planner}`", *(cell_text(line.cells[key]) for key in keys))))
         if row := published.get(line.planner):
             lines.append(" | ".join((f"{row['planner']} (paper)", *(published_figure(row, key) for key in keys))))
     return lines
@@ -232,7 +218,7 @@ def near_paper(drives: Drives) -> list[str]:
     near, published = agreement(drives.by_paper), {str(row["planner"]): row for row in published_rows()}
     assert near is not None
     lines = {line.planner: line for line in drives.by_paper.lines}
-    scores = np.array([_by_family(lines[COUNTERPARTS[name]]) for name in near.planners])
+    scores = np.array([by_family(lines[COUNTERPARTS[name]]) for name in near.planners])
     totals = np.array([published[name]["interplan"] for name in near.planners], dtype=np.float64)
     rng = np.random.default_rng(0)
     ranks: list[float] = []
@@ -249,68 +235,6 @@ def near_paper(drives: Drives) -> list[str]:
         f"{near.sentence()} If our ten scenes of each type are drawn again, 95 % of the correlations lie between "
         f"{low:.2f} and {high:.2f}, and the cells of two draws are {np.mean(apart):.0f} points apart."
     ]
-
-
-def kilometres_suites(rare: Drives, ordinary: Drives) -> list[str]:
-    """What planners do in kilometres beside what they do in scenes, who hits most first."""
-    collisions, braking = rates("at_fault_collision"), rates("hard_braking")
-    lines = [
-        "planner | at-fault collisions | hard braking caused | rare: score | unsafe % | ordinary: score",
-        "---|" * 5 + "---",
-    ]
-    scenes = {line.planner: line.cells for line in rare.strict.lines}
-    everyday = {line.planner: line.cells for line in ordinary.strict.lines}
-    for name in sorted(collisions, key=lambda name: -collisions[name].per_1000_km):
-        told = (rate_text(collisions[name]), rate_text(braking[name]))
-        cells = (scenes[name]["interplan"], scenes[name]["unsafe_share"])
-        driven = _text(everyday[name][DRIVEN]) if name in everyday else "-"
-        lines.append(" | ".join((f"`{name}`", *told, *map(_text, cells), driven)))
-    return lines
-
-
-def kilometres_order(rare: Drives, ordinary: Drives) -> list[str]:
-    """Whether kilometres and scenes put the planners in one order, both with starts and scenes drawn again."""
-    lines = ["fewest per kilometre of | rare: score | rare: unsafe % | ordinary: score", "---|---|---|---"]
-    rng = np.random.default_rng(0)
-    everyday = {line.planner for line in ordinary.strict.lines}
-    for measure, title in ORDERED.items():
-        told, drawn = rates(measure), drawn_rates(measure)
-        names = sorted(told.keys() & everyday)
-        found = -np.array([told[name].per_1000_km for name in names])
-        again = -np.array([drawn[name] for name in names])
-        cells: list[str] = []
-        for table, of in ((rare, _points), (rare, _safe), (ordinary, _points)):
-            by_name = {line.planner: line for line in table.strict.lines}
-            scenes = [_by_family(by_name[name], of) for name in names]
-            taus = [tau(again[:, k], _drawn_means(scenes, rng)) for k in range(ORDER_DRAWS)]
-            low, high = np.nanquantile(taus, (0.025, 0.975))
-            cells.append(f"{tau(found, _drawn_means(scenes)):.2f} [{low:.2f}, {high:.2f}]")
-        lines.append(" | ".join((title, *cells)))
-    return lines
-
-
-def _drawn_means(scenes: list[list[list[float]]], rng: np.random.Generator | None = None) -> Floats:
-    """(P,) what planners have on average in all scenes, or in some of each type, drawn again, the same for all."""
-    families = [np.array(family) for family in zip(*scenes, strict=True)]
-    if rng is not None:
-        families = [family[:, rng.integers(family.shape[1], size=family.shape[1])] for family in families]
-    return np.concatenate(families, axis=1).mean(axis=1)
-
-
-def _points(row: Row) -> float:
-    return 100.0 * (row.score or 0.0)
-
-
-def _safe(row: Row) -> float:
-    return -(unsafe_share(Brief.of(row)) or 0.0)
-
-
-def _by_family(line: Line, of: Callable[[Row], float] = _points) -> list[list[float]]:
-    """Something of each drive of a planner, its points, by type and scene."""
-    found: dict[str, list[float]] = {}
-    for row in line.rows:
-        found.setdefault(row.family, []).append(of(row))
-    return list(found.values())
 
 
 def detectable(drives: Drives) -> list[str]:
@@ -382,8 +306,8 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "halves": (halves, (HARD,)),
     "halves_order": (halves_order, (HARD,)),
     "kilometres": (kilometres, ()),
-    "kilometres_suites": (kilometres_suites, (SMALL, ORDINARY)),
-    "kilometres_order": (kilometres_order, (SMALL, ORDINARY)),
+    "kilometres_suites": (lambda rare, ordinary: kilometres_suites(rare.strict, ordinary.strict), (SMALL, ORDINARY)),
+    "kilometres_order": (lambda rare, ordinary: kilometres_order(rare.strict, ordinary.strict), (SMALL, ORDINARY)),
     "kilometres_weights": (kilometres_weights, ()),
     "kilometres_collisions": (kilometres_collisions, ()),
     "kilometres_braking": (kilometres_braking, ()),
@@ -416,11 +340,7 @@ def _sorted(table: ResultsTable) -> list[Line]:
 
 def _total(line: Line, key: str = "interplan") -> str:
     low, high = line.cells[key].interval or (0.0, 100.0)
-    return f"{_text(line.cells[key])} [{low:.0f}, {high:.0f}]"
-
-
-def _text(cell: Cell) -> str:
-    return "-" if cell.value is None else f"{cell.value:.0f}"
+    return f"{cell_text(line.cells[key])} [{low:.0f}, {high:.0f}]"
 
 
 def written(page: str, drives: Mapping[str, Drives]) -> str:
