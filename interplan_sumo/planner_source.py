@@ -103,7 +103,7 @@ def _places(module: str, unit: ModuleSpec) -> set[str]:
     """What the files of a module and of the packages around it may be called."""
     if unit.submodule_search_locations is None:
         return set(_files_of(unit))
-    inner = module.removeprefix(unit.name).strip(".").split(".")
+    inner = [*filter(None, module.removeprefix(unit.name).split("."))]
     around = [f"{unit.name}/" + "".join(f"{part}/" for part in inner[:count]) for count in range(len(inner) + 1)]
     return {f"{each}__init__.py" for each in around} | {f"{around[-1].rstrip('/')}.py"}
 

@@ -48,16 +48,14 @@ def kilometres_order(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
     """Whether kilometres and scenes put the planners in one order, both with starts and scenes drawn again."""
     lines = ["fewest per kilometre of | rare: score | rare: unsafe % | ordinary: score", "---|---|---|---"]
     rng = np.random.default_rng(0)
-    everyday = {line.planner for line in ordinary.lines}
+    names = sorted(rates("at_fault_collision").keys() & {line.planner for line in ordinary.lines})
+    columns = [_scenes(table, names, of) for table, of in ((rare, _points), (rare, _safe), (ordinary, _points))]
     for measure, title in ORDERED.items():
         told, drawn = rates(measure), drawn_rates(measure)
-        names = sorted(told.keys() & everyday)
         found = -np.array([told[name].per_1000_km for name in names])
         again = -np.array([drawn[name] for name in names])
         cells: list[str] = []
-        for table, of in ((rare, _points), (rare, _safe), (ordinary, _points)):
-            by_name = {line.planner: line for line in table.lines}
-            scenes = [by_family(by_name[name], of) for name in names]
+        for scenes in columns:
             taus = [tau(again[:, k], _drawn_means(scenes, rng)) for k in range(ORDER_DRAWS)]
             low, high = np.nanquantile(taus, (0.025, 0.975))
             cells.append(f"{tau(found, _drawn_means(scenes)):.2f} [{low:.2f}, {high:.2f}]")
@@ -65,12 +63,17 @@ def kilometres_order(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
     return lines
 
 
-def _drawn_means(scenes: list[list[list[float]]], rng: np.random.Generator | None = None) -> Floats:
+def _scenes(table: ResultsTable, names: list[str], of: Callable[[Row], float]) -> list[Floats]:
+    """(P, S) something of each drive of these planners, by type."""
+    by_name = {line.planner: line for line in table.lines}
+    return [np.array(family) for family in zip(*(by_family(by_name[name], of) for name in names), strict=True)]
+
+
+def _drawn_means(scenes: list[Floats], rng: np.random.Generator | None = None) -> Floats:
     """(P,) what planners have on average in all scenes, or in some of each type, drawn again, the same for all."""
-    families = [np.array(family) for family in zip(*scenes, strict=True)]
     if rng is not None:
-        families = [family[:, rng.integers(family.shape[1], size=family.shape[1])] for family in families]
-    return np.concatenate(families, axis=1).mean(axis=1)
+        scenes = [family[:, rng.integers(family.shape[1], size=family.shape[1])] for family in scenes]
+    return np.concatenate(scenes, axis=1).mean(axis=1)
 
 
 def _points(row: Row) -> float:

@@ -19,6 +19,7 @@ from interplan_sumo.endurance.gathered import read_kilometres
 from interplan_sumo.endurance.kilometres import ABOUT, SEGMENTS, AboutEndure
 from interplan_sumo.endurance.rate_sample import MEASURES, MeasureKey, measure_of
 from interplan_sumo.endurance.rates import RateEstimate
+from interplan_sumo.endurance.records import SegmentRecord
 from interplan_sumo.endurance.report import EnduranceReport, endurance_report
 from interplan_sumo.statistics.event_rates import FEWEST_EFFECTIVE, ClusterSums, Floats, effective_size
 from tools.hard_scores import RESULTS
@@ -41,8 +42,13 @@ def keep_kilometres(folders: Iterable[Path]) -> None:
 
 
 @lru_cache
+def _segments() -> list[SegmentRecord]:
+    return read_kilometres([KEPT])
+
+
+@lru_cache
 def _report() -> EnduranceReport:
-    return endurance_report(read_kilometres([KEPT]))
+    return endurance_report(_segments())
 
 
 def kilometres() -> list[str]:
@@ -74,9 +80,8 @@ def drawn_rates(measure: MeasureKey) -> dict[str, Floats]:
 def kilometres_weights() -> list[str]:
     """Boosted segments alone, each event and metre by its weight, over naive ones alone: 1 if weights are right."""
     lines = ["planner | events | naive | boosted | of them effective | boosted over naive", "---|" * 5 + "---"]
-    every = read_kilometres([KEPT])
-    for planner in sorted({each.planner for each in every}):
-        segments = [each for each in every if each.planner == planner]
+    for planner in sorted({each.planner for each in _segments()}):
+        segments = [each for each in _segments() if each.planner == planner]
         starts = [(each.cell.map, each.start) for each in segments]
         for measure in WEIGHED:
             seen = [[event.weight for event in each.events if measure_of(event) == measure] for each in segments]
