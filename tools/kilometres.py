@@ -17,17 +17,21 @@ from interplan_sumo.endurance.cell_regression import cell_regression
 from interplan_sumo.endurance.formats import FigureTable, rates_table, regression_tables
 from interplan_sumo.endurance.gathered import read_kilometres
 from interplan_sumo.endurance.kilometres import ABOUT, SEGMENTS, AboutEndure
+from interplan_sumo.endurance.looks import hours_needed, stopped_at
 from interplan_sumo.endurance.rate_sample import MEASURES, MeasureKey, measure_of
-from interplan_sumo.endurance.rates import RateEstimate
+from interplan_sumo.endurance.rates import RateEstimate, endurance_rates
 from interplan_sumo.endurance.records import SegmentRecord
-from interplan_sumo.endurance.report import EnduranceReport, endurance_report
+from interplan_sumo.endurance.report import WANTED, EnduranceReport, endurance_report
 from interplan_sumo.statistics.event_rates import FEWEST_EFFECTIVE, ClusterSums, Floats, effective_size
 from tools.hard_scores import RESULTS
 
 KEPT: Final = RESULTS / "endure"
 """A folder that `rates` takes, and from a copy of which `endure` goes on; without the kept events."""
 WEIGHED: Final[tuple[MeasureKey, ...]] = ("at_fault_collision", "near_miss", "hard_braking", "stall")
-"""Measures by which boosted and naive segments are held against one another."""
+"""Measures by which boosted and naive segments are held against one another, and of which pilots tell how far it is."""
+PILOT_M: Final = 50_000.0
+ROUNDS: Final = 2
+"""Segments of each cell from one look to the next."""
 
 
 def keep_kilometres(folders: Iterable[Path]) -> None:
@@ -99,6 +103,35 @@ def kilometres_weights() -> list[str]:
             numbers = (str(sum(naive)), str(sum(map(len, boosted))), f"{effective:.0f}")
             lines.append(" | ".join((planner, MEASURES[measure], *numbers, told)))
     return lines
+
+
+def kilometres_pilots() -> list[str]:
+    """What the first kilometres said that it takes to know a rate, and where it was known."""
+    lines = ["planner | of | km | events | it takes km | hours of one core | known after km", "---|" * 6 + "---"]
+    for planner in sorted({each.planner for each in _segments()}):
+        segments = [each for each in _segments() if each.planner == planner]
+        pilot = _first(segments, PILOT_M)
+        for measure in WEIGHED:
+            driven = endurance_rates(pilot, only=(measure,)).planners[0]
+            needed = hours_needed(driven, measure, WANTED)
+            if needed is None:
+                continue
+            low, high = (each / needed.hours * needed.kilometres for each in needed.range)
+            known = stopped_at(segments, measure, ROUNDS, WANTED)
+            metres = sum(each.metres for each in segments)
+            reached = f"{known.metres / 1000.0:.0f}" if known is not None else f"not in {metres / 1000.0:.0f}"
+            told = f"{needed.kilometres:,.0f} [{low:,.0f}, {high:,.0f}]"
+            km = f"{sum(each.metres for each in pilot) / 1000.0:.0f}"
+            events = f"{needed.events:.0f}"
+            lines.append(" | ".join((planner, MEASURES[measure], km, events, told, f"{needed.hours:.1f}", reached)))
+    return lines
+
+
+def _first(segments: list[SegmentRecord], metres: float) -> list[SegmentRecord]:
+    """The first segments of all cells, as many of each, that are so long."""
+    numbers = range(1 + max(each.index for each in segments))
+    number = next((n for n in numbers if sum(each.metres for each in segments if each.index < n) >= metres), len(numbers))
+    return [each for each in segments if each.index < number]
 
 
 def _boosted_over_naive(sums: Floats) -> Floats:

@@ -56,6 +56,7 @@ from tools.kilometres import (
     kilometres,
     kilometres_braking,
     kilometres_collisions,
+    kilometres_pilots,
     kilometres_weights,
 )
 
@@ -309,6 +310,7 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "kilometres_suites": (lambda rare, ordinary: kilometres_suites(rare.strict, ordinary.strict), (SMALL, ORDINARY)),
     "kilometres_order": (lambda rare, ordinary: kilometres_order(rare.strict, ordinary.strict), (SMALL, ORDINARY)),
     "kilometres_weights": (kilometres_weights, ()),
+    "kilometres_pilots": (kilometres_pilots, ()),
     "kilometres_collisions": (kilometres_collisions, ()),
     "kilometres_braking": (kilometres_braking, ()),
 }

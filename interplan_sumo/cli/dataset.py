@@ -30,7 +30,7 @@ def ordinary(
         int, typer.Option(help="Of the first scenes, 100000 or more: smaller ones made the suites.")
     ] = 100_000,
     maps: Annotated[
-        list[str] | None, typer.Option(help="Drive on this map. Default: the four districts.", metavar="MAP")
+        list[str] | None, typer.Option(help="Drive on this map. Default: seven of the districts.", metavar="MAP")
     ] = None,
     holdout_maps: Annotated[
         list[str] | None, typer.Option(help="A map for the split `test` only.", metavar="MAP")

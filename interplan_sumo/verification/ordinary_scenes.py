@@ -13,14 +13,15 @@ import numpy as np
 
 from interplan_sumo.errors import InputError
 from interplan_sumo.families.generate import Search
-from interplan_sumo.scenario.scenario import Behaviour, Density, Scenario
+from interplan_sumo.scenario.scenario import DRIVERS, Behaviour, Density, Scenario
 from interplan_sumo.scenario.suite import suites
 from interplan_sumo.verification.start_checks import start_problems
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Roads
 
-MAPS: Final = ("one_north", "hazelwood", "strip", "back_bay")
-"""The shipped districts."""
+MAPS: Final = ("one_north", "hazelwood", "strip", "queenstown", "south_end", "paradise", "back_bay")
+"""Of the shipped districts those that are learned from: roads of the others are new to what learned. The last one is
+there to be held out."""
 FIRST_SEED: Final = 100_000
 """Suites were made from seeds below this one; training data are made from this one on."""
 CHANGE: Final = "changing_lane"
@@ -47,7 +48,7 @@ NEAR_M: Final = 5.0
 NEAR_RAD: Final = float(np.radians(30.0))
 """A start nearer than both to that of an official scene with the same route would be that scene."""
 DENSITIES: Final[tuple[tuple[Density, float], ...]] = (("none", 0.1), ("low", 0.3), ("medium", 0.35), ("high", 0.25))
-BEHAVIOURS: Final[tuple[Behaviour, ...]] = ("conservative", "assertive", "mixed", "urban")
+BEHAVIOURS: Final[tuple[Behaviour, ...]] = (*DRIVERS, "urban")
 
 
 def ordinary_scenes(roads: Roads, seed: int) -> list[Scenario]:
