@@ -1,4 +1,4 @@
-"""What a process of its own costs a planner: python benchmarks/planner_process.py [--actors 40] [--planner P]...
+"""What a process of its own costs a planner: python -m benchmarks.planner_process [--actors 40] [--planner P]...
 
 (a) milliseconds per step beside what plan() itself takes, with so many actors on a map with lights: the median on the
     wall, and processor time of both processes
@@ -17,8 +17,8 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from planner_speed import scene
 
+from benchmarks.planner_speed import scene
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import score
 from interplan_sumo.planner import Mission, Observation, Past, load_planner

@@ -1,4 +1,4 @@
-"""What a plan costs: python benchmarks/planner_speed.py [--planners idm foresight pdm_closed] [--actors 40]
+"""What a plan costs: python -m benchmarks.planner_speed [--planners idm foresight pdm_closed] [--actors 40] [--keep]
 
 Drives each planner through the same traffic on shipped maps, all in turn, so
 that a busy machine is busy for all of them: an ego that follows its plans with
@@ -7,6 +7,7 @@ Prints the mean, the median, the 90th percentile and the largest processor time
 per call of plan(), that of the first call, the mean as a ratio to that of IDM,
 and the mean by the clock on the wall, which a busy machine makes longer. A
 planner that keeps a plan for several steps has a mean, but hardly a median.
+`--keep` puts it all where `make tables` finds it.
 """
 
 from __future__ import annotations
@@ -24,10 +25,12 @@ from interplan_sumo.world.ego import EgoState
 from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
+from tools.networks import keep_plan_times
 
 MAPS = ("back_bay", "strip", "one_north", "hazelwood")
 DEFAULT = (
     "idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed", "pdm_proposals", "foresight", "foresight?budget=fast",
+    "pdm_open", "urban_driver", "gc_pgp", "gameformer", "dtpp", "flow_drive", "pdm_hybrid",
 )  # fmt: skip
 STEPS = 60
 SIGHT_M = 100.0
@@ -113,6 +116,7 @@ def main() -> None:
     parser.add_argument("--planners", nargs="+", default=DEFAULT)
     parser.add_argument("--actors", type=int, default=40)
     parser.add_argument("--repeats", type=int, default=2)
+    parser.add_argument("--keep", action="store_true", help="put what is found into docs/results")
     arguments = parser.parse_args()
     scenes = [scene(name, arguments.actors) for name in MAPS]
     print(f"{', '.join(f'{len(s[2].at(0.0))} on {name}' for name, s in zip(MAPS, scenes, strict=True))}")
@@ -123,6 +127,7 @@ def main() -> None:
                 drives[spec].append(plan_times_ms(spec, mission, ego, traffic))
     later = {spec: np.concatenate([took[1:] for took in runs]) for spec, runs in drives.items()}
     idm_ms = float(later["idm"][:, 0].mean()) if "idm" in later else float("nan")
+    kept: list[tuple[object, ...]] = []
     head = ("mean", "median", "90 %", "most", "first", "x IDM", "clock")
     print(f"{'milliseconds per plan':28}" + "".join(f" {title:>8}" for title in head))
     for spec, times_ms in later.items():
@@ -130,6 +135,9 @@ def main() -> None:
         first = max(took[0, 0] for took in drives[spec])
         shown = (mean, *np.percentile(times_ms[:, 0], (50, 90, 100)).tolist(), first, mean / idm_ms, clock)
         print(f"{spec:28}" + "".join(f" {value:8.2f}" for value in shown))
+        kept.append((spec, *(f"{value:.3f}" for value in shown)))
+    if arguments.keep:
+        keep_plan_times(kept)
 
 
 if __name__ == "__main__":

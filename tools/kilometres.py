@@ -129,9 +129,9 @@ def kilometres_pilots() -> list[str]:
 
 def _first(segments: list[SegmentRecord], metres: float) -> list[SegmentRecord]:
     """The first segments of all cells, as many of each, that are so long."""
-    numbers = range(1 + max(each.index for each in segments))
-    number = next((n for n in numbers if sum(each.metres for each in segments if each.index < n) >= metres), len(numbers))
-    return [each for each in segments if each.index < number]
+    most = 1 + max(each.index for each in segments)
+    parts = ([each for each in segments if each.index < number] for number in range(1, most))
+    return next((part for part in parts if sum(each.metres for each in part) >= metres), segments)
 
 
 def _boosted_over_naive(sums: Floats) -> Floats:

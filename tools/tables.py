@@ -59,6 +59,7 @@ from tools.kilometres import (
     kilometres_pilots,
     kilometres_weights,
 )
+from tools.networks import networks, plan_times
 
 FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
 NAMES: Final[Mapping[str, str]] = {
@@ -302,6 +303,8 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "ordinary": (ordinary, (ORDINARY,)),
     "ordinary_order": (ordinary_order, (ORDINARY,)),
     "learned": (learned, (SMALL, ORDINARY)),
+    "networks": (lambda rare, ordinary: networks(rare.by_paper, ordinary.by_paper), (SMALL, ORDINARY)),
+    "plan_times": (plan_times, ()),
     "choosers": (choosers, (SMALL,)),
     "hard": (hard, (HARD,)),
     "halves": (halves, (HARD,)),
@@ -314,7 +317,7 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "kilometres_collisions": (kilometres_collisions, ()),
     "kilometres_braking": (kilometres_braking, ()),
 }
-"""How each is made, and of the drives of which suites; without one, of the kilometres that are kept."""
+"""How each is made, and of the drives of which suites; without one, of something else that is kept."""
 PAGES: Final = (
     "README.md",
     "docs/benchmark.md",

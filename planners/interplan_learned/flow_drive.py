@@ -27,13 +27,12 @@ from interplan_sumo.world.trajectory import Trajectory
 
 CHANNELS: Final = ("x", "y", "cos", "sin")
 """What a plan's poses are told by."""
-AHEAD_S: Final = STEP_S * np.arange(1, POSES + 1)
-CENTRE: Final[Floats] = np.stack((6.0 * AHEAD_S, 0.0 * AHEAD_S, 0.0 * AHEAD_S + 1.0, 0.0 * AHEAD_S), axis=-1)
+AHEAD_S: Final[Floats] = STEP_S * np.arange(1, POSES + 1, dtype=np.float64)
+_SAME: Final[Floats] = np.ones(POSES)
+CENTRE: Final[Floats] = np.column_stack((6.0 * AHEAD_S, 0.0 * _SAME, _SAME, 0.0 * _SAME))
 """(POSES, 4) a plan straight on at 6 m/s."""
-SPREAD: Final[Floats] = np.stack(
-    (0.5 + 4.0 * AHEAD_S, 0.3 + 0.12 * AHEAD_S**2, 0.0 * AHEAD_S + 0.5, 0.0 * AHEAD_S + 0.5), axis=-1
-)
-"""(POSES, 4) about how far experts are from that, in metres, cosines and sines: all that the network sees is about 1."""
+SPREAD: Final[Floats] = np.column_stack((0.5 + 4.0 * AHEAD_S, 0.3 + 0.12 * AHEAD_S**2, 0.5 * _SAME, 0.5 * _SAME))
+"""(POSES, 4) about how far experts are from that, in metres, cosines and sines: what the network sees is about 1."""
 SCENES: Final[Mapping[Size, SceneSize]] = {
     "compact": SceneSize(
         radius_m=60.0, frames=11, agents=12, lanes=30, lane_points=10, crosswalks=5, crosswalk_points=10,

@@ -14,7 +14,7 @@ from worlds import cars, curved_road, ego, ego_on, junction, mission, observatio
 
 from interplan_planners.foresight import ForesightPlanner
 from interplan_planners.foresight.costs import speed_costs
-from interplan_planners.foresight.drivers import ACCELERATION_MPS2, answers_mps2, minded, needed_gap_m
+from interplan_planners.foresight.drivers import ACCELERATION_MPS2, HARD_MPS2, answers_mps2, minded, needed_gap_m
 from interplan_planners.foresight.manoeuvres import Manoeuvres
 from interplan_planners.foresight.prediction import STEP_S, Prediction
 from interplan_planners.foresight.scene import PlanningScene
@@ -78,12 +78,13 @@ def test_nobody_brakes_harder_for_a_larger_gap_or_a_faster_ego(
 
 
 @given(speed=speeds, slower_mps=st.floats(0.0, 20.0))
-def test_at_the_gap_that_is_needed_few_have_to_brake_hard_and_at_a_third_of_it_most_do(
+@example(speed=19.0, slower_mps=2.25)
+def test_at_the_gap_that_is_needed_a_fifth_has_to_brake_hard_at_most_and_at_a_third_of_it_most_do(
     speed: float, slower_mps: float
 ) -> None:
     ego_mps = np.array(max(speed - slower_mps, 0.5))
     needed = needed_gap_m(np.array(speed), ego_mps)
-    assert minded(answers_mps2(needed, np.array(speed), ego_mps)) < 0.25
+    assert np.mean(answers_mps2(needed, np.array(speed), ego_mps) > HARD_MPS2) <= 0.2 + 1e-9
     assert minded(answers_mps2(needed / 3.0, np.array(speed), ego_mps)) > 0.5
 
 

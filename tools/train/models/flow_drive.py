@@ -1,6 +1,6 @@
 """FlowDrive's network and loss: a rectified flow, told by where it ends, through blocks that the scene modulates.
 
-Compact: a width of 96 instead of 192, fewer agents and lanes, sixteen poses instead of eighty.
+Compact: a width of 64 instead of 192, fewer agents and lanes; sixteen poses instead of eighty in either.
 """
 
 from __future__ import annotations
@@ -103,9 +103,10 @@ class ConditionEncoder(nn.Module):
         self.scene = SceneEncoder(size)
         self.route = LineEncoder(("x", "y", "yaw"), size.width)
 
-    def forward(self, ego: Tensor, agents: Tensor, lanes: Tensor, crosswalks: Tensor, route_lanes: Tensor) -> Conditions:
-        """From the arrays of `scene.scene_inputs`."""
-        scene = self.scene(ego, agents, lanes, crosswalks)
+    def forward(self, *given: Tensor) -> Conditions:
+        """From the arrays of `scene.scene_inputs`, the route's last."""
+        *seen, route_lanes = given
+        scene = self.scene(*seen)
         route, no_route = self.route(route_lanes)
         return Conditions(torch.cat((scene.tokens, route), dim=1), torch.cat((scene.empty, no_route), dim=1))
 
@@ -187,11 +188,12 @@ def targets(arrays: Columns) -> Columns:
     return {"wanted": told(wanted), "wanted_valid": valid}
 
 
-def loss(model: FlowDrive, batch: Batch, _done: float) -> Tensor:
+def loss(model: nn.Module, batch: Batch, _done: float) -> Tensor:
     """Mean square of how far the ends are off, for plans at times drawn uniformly between noise and the end.
 
     Poses beyond the end of a drive are noise that is asked for nothing.
     """
+    assert isinstance(model, FlowDrive)
     tokens, empty = model.conditions(*(batch[name] for name in SCENE))
     wanted = batch["wanted"][:, None].expand(-1, DRAWS, -1, -1)
     valid = batch["wanted_valid"][:, None].expand(-1, DRAWS, -1)
@@ -202,20 +204,23 @@ def loss(model: FlowDrive, batch: Batch, _done: float) -> Tensor:
     return off[valid].mean()
 
 
-def _poses(model: FlowDrive, batch: Batch) -> Tensor:
+def _poses(model: nn.Module, batch: Batch) -> Tensor:
     """The plans without noise."""
+    assert isinstance(model, FlowDrive)
+    flow = model.flow
     tokens, empty = model.conditions(*(batch[name] for name in SCENE))
     device = tokens.device
 
     def ends(plans: NDArray[np.float32], time: NDArray[np.float32]) -> NDArray[Any]:
         given = torch.from_numpy(plans).to(device), torch.from_numpy(time).to(device)
-        return model.flow(tokens, empty, *given).cpu().numpy()
+        return flow(tokens, empty, *given).cpu().numpy()
 
     found = carried(np.zeros((len(tokens), 1, POSES, len(CHANNELS))), ends, STEPS)
     return torch.from_numpy(poses(found[:, 0])).to(device)
 
 
-def _graphs(model: FlowDrive, batch: Batch) -> Mapping[str, GraphCall]:
+def _graphs(model: nn.Module, batch: Batch) -> Mapping[str, GraphCall]:
+    assert isinstance(model, FlowDrive)
     arguments = {name: batch[name] for name in SCENE}
     with torch.no_grad():
         tokens, empty = model.conditions(*arguments.values())

@@ -1,0 +1,77 @@
+"""What the shipped networks learned, from their model cards, and how they drive; what a plan of any planner costs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+from interplan_learned.card import Card, read_card
+from interplan_learned.network import SHIPPED
+from interplan_sumo.report.table import ResultsTable
+from interplan_sumo.world.csv_tables import read_table, write_table
+from tools.beside_scenes import DRIVEN, cell_text
+from tools.hard_scores import RESULTS
+
+PLAN_TIMES: Final = RESULTS / "plan_times.csv"
+"""What `benchmarks.planner_speed --keep` found last."""
+TIMES: Final = ("planner", "mean", "median", "p90", "most", "first", "x_idm", "clock")
+"""Its columns: milliseconds, but for `x_idm`."""
+DRIVES: Final = {"pdm_offset": "pdm_hybrid"}
+"""Who drives with a network that has another name."""
+
+
+def networks(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
+    """Open-loop errors, what a plan costs, and the scores of both suites, of each shipped network."""
+    lines = [
+        "planner | network | weights | samples | epochs | new traffic m | new district m | ordinary | rare | plan ms",
+        "---|" * 9 + "---",
+    ]
+    cards = [read_card(path) for path in sorted(SHIPPED.glob("*.json"))]
+    took = {line["planner"]: line["mean"] for line in plan_times_of(PLAN_TIMES)}
+    lines.append(" | ".join(("constant velocity", *[""] * 4, *_errors(cards[0], "constant_velocity"), *[""] * 3)))
+    scores = [
+        {line.planner: cell_text(line.cells[key]) for line in table.lines}
+        for table, key in ((ordinary, DRIVEN), (rare, "interplan"))
+    ]
+    for card in sorted(cards, key=lambda card: _error(card, "val", "network")):
+        name, training = DRIVES.get(card.planner, card.planner), card.training
+        epochs = f"{training['best_epoch']} of {training['epochs_done']}"
+        about = (f"`{name}`", card.size, f"{card.parameters:,}", f"{card.data['samples']['train']:,}", epochs)
+        driven = (of.get(name, "-") for of in scores)
+        lines.append(" | ".join((*about, *_errors(card, "network"), *driven, _short(took.get(name)))))
+    return lines
+
+
+def plan_times() -> list[str]:
+    """What a call of `plan` costs, by planner."""
+    lines = ["planner | mean | median | 90 % | x IDM", "---|---|---|---|---"]
+    for line in plan_times_of(PLAN_TIMES):
+        shown = (_short(line[key]) for key in ("mean", "median", "p90", "x_idm"))
+        lines.append(" | ".join((f"`{line['planner']}`", *shown)))
+    return lines
+
+
+def keep_plan_times(rows: list[tuple[Any, ...]]) -> None:
+    """Keep what was measured in one run, in place of what was before; a row as `TIMES`."""
+    write_table(PLAN_TIMES, TIMES, rows)
+
+
+def plan_times_of(path: Path) -> list[dict[str, str]]:
+    """What is kept."""
+    return read_table(path, TIMES)
+
+
+def _errors(card: Card, whose: str) -> tuple[str, str]:
+    return f"{_error(card, 'val', whose):.2f}", f"{_error(card, 'test', whose):.2f}"
+
+
+def _error(card: Card, split: str, whose: str) -> float:
+    return float(card.errors[split][whose]["ade"])
+
+
+def _short(value: str | None) -> str:
+    """Two digits, or a dash."""
+    if value is None:
+        return "-"
+    number = float(value)
+    return f"{number:.0f}" if number >= 10.0 else f"{number:.1f}"
