@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from shutil import copytree
+from typing import Any
 
+import msgspec
 import pytest
 
+from interplan_sumo.world.csv_tables import read_table
 from tools import kept_sweeps
 from tools.kept_drives import folder_of
 from tools.kept_sweeps import SUITE, behaviours, keep_sweep, tracks
@@ -18,14 +20,26 @@ HEAD = (
 
 
 def sweep(
-    folder: Path, parameter: str, lines: list[tuple[str, str, float]], *, suite: str = SUITE, missing: int = 0
+    folder: Path,
+    parameter: str,
+    lines: list[tuple[str, str, float]],
+    *,
+    suite: str = SUITE,
+    missing: int = 0,
+    older: int = 0,
 ) -> Path:
-    """A folder as `sweep` leaves it, of values, planners and scores."""
+    """A folder as `sweep` leaves it, of values, planners and scores, driven in traffic of an older version."""
     rows = [
         f"{value},{planner},80,1,{80 - missing},{missing},{score},{score - 5},{score + 5},50.4,2.6,,,,"
         for value, planner, score in lines
     ]
-    copytree(folder_of(suite), folder / f"{parameter}={lines[0][0]}")
+    about = msgspec.json.decode((folder_of(suite) / "manifest.json").read_bytes())
+    about["planners"] = {planner: {"hash": f"hash of {planner}", "files": {}} for _, planner, _ in lines}
+    about |= {"requests": [], "traffic_version": about["traffic_version"] - older}
+    for value, *_ in lines:
+        run = folder / f"{parameter}={value}"
+        run.mkdir(parents=True, exist_ok=True)
+        (run / "manifest.json").write_bytes(msgspec.json.encode(about))
     (folder / "sweep.csv").write_text("\n".join((HEAD.format(parameter), *rows, "")))
     return folder
 
@@ -48,6 +62,12 @@ def test_who_is_swept_again_takes_its_own_place(tmp_path: Path) -> None:
     ]
 
 
+def test_what_is_kept_says_of_which_traffic_and_planner_it_is(tmp_path: Path) -> None:
+    keep_sweep(sweep(tmp_path / "a", "track", [("noisy", "idm", 20.0)]))
+    (line,) = read_table(tmp_path / "sweep-track.csv", ("planner",))
+    assert (line["traffic_version"], line["planner_hash"]) == ("3", "hash of idm")
+
+
 def test_drivers_are_told_in_the_order_of_the_sweep(tmp_path: Path) -> None:
     keep_sweep(sweep(tmp_path / "a", "behaviour", [("conservative", "idm", 20.0), ("assertive", "idm", 10.0)]))
     assert behaviours()[2:] == [
@@ -57,15 +77,16 @@ def test_drivers_are_told_in_the_order_of_the_sweep(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("parameter", "suite", "missing", "says"),
+    ("parameter", "how", "says"),
     [
-        ("density", SUITE, 0, "swept density, expected track or behaviour"),
-        ("track", "common==1", 0, "is a sweep of common==1, expected interplan==1"),
-        ("track", SUITE, 1, "lacks drives of idm"),
+        ("density", {}, "swept density, expected track or behaviour"),
+        ("track", {"suite": "common==1"}, "is a sweep of common==1, expected interplan==1"),
+        ("track", {"missing": 1}, "lacks drives of idm"),
+        ("track", {"older": 1}, "is of traffic version 2, the kept drives are of 3"),
     ],
 )
-def test_other_sweeps_are_refused(parameter: str, suite: str, missing: int, says: str, tmp_path: Path) -> None:
-    folder = sweep(tmp_path / "a", parameter, [("noisy", "idm", 20.0)], suite=suite, missing=missing)
+def test_other_sweeps_are_refused(parameter: str, how: dict[str, Any], says: str, tmp_path: Path) -> None:
+    folder = sweep(tmp_path / "a", parameter, [("noisy", "idm", 20.0)], **how)
     with pytest.raises(SystemExit, match=says):
         keep_sweep(folder)
     assert not (tmp_path / f"sweep-{parameter}.csv").exists()

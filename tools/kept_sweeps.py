@@ -1,7 +1,7 @@
 """Kept sweeps: what `sweep` found of one parameter on the suite of rare scenes, and the tables that it gives.
 
-A line per value and planner, as in the sweep.csv that it comes from. Who is swept again takes the place of its former
-self.
+A line per value and planner, as in the sweep.csv that it comes from, and of which traffic and planner it is. Who is
+swept again takes the place of its former self.
 """
 
 from __future__ import annotations
@@ -12,12 +12,15 @@ from typing import Final
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.world.csv_tables import read_table, write_table
 from tools.hard_scores import RESULTS
+from tools.kept_drives import folder_of
 
 SUITE: Final = "interplan==1"
 PARAMETERS: Final = ("track", "behaviour")
 """Of which there are tables."""
 COLUMNS: Final = ("planner", "drives", "missing", "score", "score_low", "score_high", "faults")
 """Those that are needed of any."""
+OF: Final = ("traffic_version", "planner_hash")
+"""Columns that sweep.csv has not."""
 
 
 def kept(parameter: str) -> Path:
@@ -26,16 +29,26 @@ def kept(parameter: str) -> Path:
 
 
 def keep_sweep(folder: Path) -> None:
-    """Keep what a sweep found beside what others drove; ends the program if it is of something else."""
-    fresh = _lines(folder / "sweep.csv")
+    """Keep what a sweep found beside what others drove; ends the program if it is of something else.
+
+    That is of another suite or traffic than the drives of the suite that are kept, which its scores are set beside.
+    """
+    fresh = read_table(folder / "sweep.csv", COLUMNS)
     parameter = next(iter(fresh[0]))
     if parameter not in PARAMETERS:
         raise SystemExit(f"{folder} swept {parameter}, expected {' or '.join(PARAMETERS)}")
-    suites = {read_run(run).manifest.suite for run in sorted(folder.glob(f"{parameter}=*")) if run.is_dir()}
+    runs = {run.name: read_run(run).manifest for run in sorted(folder.glob(f"{parameter}=*")) if run.is_dir()}
+    suites = {about.suite for about in runs.values()}
     if suites != {SUITE}:
         raise SystemExit(f"{folder} is a sweep of {', '.join(sorted(suites))}, expected {SUITE}")
+    plain = read_run(folder_of(SUITE)).manifest.traffic_version
+    if other := {about.traffic_version for about in runs.values()} - {plain}:
+        raise SystemExit(f"{folder} is of traffic version {min(other)}, the kept drives are of {plain}; sweep again")
     if lacking := [line for line in fresh if line["missing"] != "0" or line["faults"]]:
         raise SystemExit(f"{folder} lacks drives of {lacking[0]['planner']}, or they have faults; complete it first")
+    for line in fresh:
+        about = runs[f"{parameter}={line[parameter]}"]
+        line |= dict(zip(OF, (str(about.traffic_version), about.planners[line["planner"]].hash), strict=True))
     held = _lines(kept(parameter)) if kept(parameter).is_file() else []
     again = {line["planner"] for line in fresh}
     lines = sorted([*fresh, *(line for line in held if line["planner"] not in again)], key=lambda line: line["planner"])
@@ -75,7 +88,7 @@ def by_planner(parameter: str) -> dict[str, dict[str, dict[str, str]]]:
 
 
 def _lines(path: Path) -> list[dict[str, str]]:
-    return read_table(path, COLUMNS)
+    return read_table(path, (*COLUMNS, *OF))
 
 
 def _score(line: dict[str, str]) -> str:
