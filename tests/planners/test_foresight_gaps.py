@@ -12,14 +12,16 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, signals, straight_road, together
 
+from interplan_planners.common.neighbours import moved
 from interplan_planners.foresight import ForesightPlanner
+from interplan_planners.foresight.candidate_paths import CandidatePath
 from interplan_planners.foresight.costs import speed_costs
 from interplan_planners.foresight.drivers import ACCELERATION_MPS2, HARD_MPS2, answers_mps2, minded, needed_gap_m
 from interplan_planners.foresight.manoeuvres import Manoeuvres
 from interplan_planners.foresight.prediction import STEP_S, Prediction
 from interplan_planners.foresight.scene import PlanningScene
 from interplan_planners.foresight.speeds import NO_CAP, Drafts
-from interplan_planners.foresight.st_obstacles import Stage
+from interplan_planners.foresight.st_obstacles import Stage, occupied_base, staged
 from interplan_sumo.planner import Mission, Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
@@ -356,3 +358,42 @@ def test_it_does_not_go_over_in_front_of_who_is_as_slow_as_it_is_but_may_speed_u
     assert planner.decision is not None
     cost_of = {kind: min(c for n, c in planner.decision.options if n.startswith(kind)) for kind in ("change", "keep")}
     assert (cost_of["change"] < cost_of["keep"] + 2.0) == goes, planner.decision
+
+
+def passes(task: Mission, start: EgoState, *places: tuple[float, ...]) -> list[CandidatePath]:
+    """Ways past cars that stand, or drive, and are taken to stay."""
+    roads, others = task.roads, cars(*places)
+    manoeuvres = Manoeuvres(task, start, 13.0, 3.6)
+    seen, no, yes = observation(start, others), np.zeros(len(places), np.bool_), np.ones(len(places), np.bool_)
+    scene = PlanningScene(seen, PACIFICA, Prediction(roads).traffic(seen, PACIFICA, 8.0), yes, no)
+    options, _ = manoeuvres.options(scene, manoeuvres.here(start))
+    return [option.candidate for option in options if option.candidate.kind == "pass"]
+
+
+@pytest.mark.parametrize(("stands_m", "may"), [(END_M - 75.0, True), (END_M - 15.0, False)])
+def test_nothing_is_passed_on_a_lane_that_leads_elsewhere_before_the_way_back_is_over(
+    stands_m: float, may: bool
+) -> None:
+    start = ego_on(FORK, "11", stands_m - 40.0, 8.0)
+    beside = [way for way in passes(TASK, start, (stands_m, 0.0)) if way.new is not None]
+    assert bool(beside) == may
+
+
+@pytest.mark.parametrize(("mps", "follows"), [(2.0, True), (0.0, False)])
+def test_who_drives_on_beside_the_ego_that_passes_it_is_met_in_the_lane_that_it_comes_back_to(
+    mps: float, follows: bool
+) -> None:
+    task = mission(FORK, ("11", "21", "31"), goal_arc_m=150.0)
+    way, *_ = passes(task, ego_on(FORK, "11", 60.0, 8.0), (100.0, 0.0))
+    at = way.path.line.pose_at(sum(way.beside_m) / 2)
+    now = ego(at.x_m + PACIFICA.rear_axle_to_center_m, at.y_m, 1.0)
+    seen, no = observation(now, cars((now.x_m - 3.0, 0.0, mps))), np.zeros(1, np.bool_)
+    traffic = Prediction(FORK).traffic(seen, PACIFICA, 8.0)
+    scene = PlanningScene(seen, PACIFICA, traffic, no, no)
+    back = way.returning()
+    arc_m, _ = way.path.line.project_point(scene.axle.x_m, scene.axle.y_m)
+    new_m, _ = way.base.line.project_point(scene.axle.x_m, scene.axle.y_m)
+    own = moved(occupied_base(way.base, traffic, PACIFICA, (new_m - 60.0, new_m + 90.0)), arc_m - new_m)
+    stage = staged(back, arc_m, back.limit_mps, (), scene, no, 90.0, own)
+    assert bool(stage.follower.any()) == follows
+    assert arc_m + 1.0 < stage.enters_m[1] < back.settles_m

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan, atan2, cos, exp, hypot, inf, pi, sin, sqrt, tan
 from typing import Literal
 
@@ -117,6 +117,11 @@ class CandidatePath:
     """The lane of the same direction that it enters, if it does."""
     merged_m: float = 0.0
     """Arc length of the path from which on all of the ego is in that lane."""
+
+    def returning(self) -> CandidatePath:
+        """A pass that is beside what it passes: the lane that it enters next is its own again."""
+        beside_m = self.beside_m[1]
+        return replace(self, new=self.base, merged_m=beside_m + IN_LANE * (self.settles_m - beside_m))
 
 
 def base_of(roads: Roads, way: LaneRoute, index: int, changes: int, fallback_limit_mps: float) -> Base:

@@ -251,6 +251,8 @@ class Manoeuvres:
         found: list[ManoeuvreOption] = []
         for out_m in outs:
             back_m = (max(over_m, out_m[1]), max(over_m, out_m[1]) + way_back_m)
+            if new is not None and not _leads_on(new, base, back_m[1]):
+                continue
             late = out_m[1] > there_m + 1e-6
             bypass = Bypass(passage.offset_m, out_m, back_m, block.ids, passage.oncoming, most_mps, new, late)
             candidate = passed(base, scene.axle, scene.curvature_per_m, bypass)
@@ -258,3 +260,9 @@ class Manoeuvres:
                 begun = -0.5 * BEGINNING - (AGAINST_TRAFFIC if passage.oncoming else 0.0)
                 found.append(ManoeuvreOption(candidate, worth, begun))
         return found
+
+
+def _leads_on(new: Base, base: Base, arc_m: float) -> bool:
+    """Whether the lane beside a base still leads along the route where the base has this arc length."""
+    there = base.line.pose_at(arc_m)
+    return new.way.arrives or new.line.project_point(there.x_m, there.y_m)[0] < new.room_m

@@ -19,7 +19,7 @@ from interplan_planners.foresight.caution import cautious_limits, gap_wait_m, re
 from interplan_planners.foresight.checking import CHECKED_S, TRACKED_AHEAD_S, checked_costs, finer
 from interplan_planners.foresight.costs import speed_costs
 from interplan_planners.foresight.foreseen import KEPT_S, Budget, Foreseen
-from interplan_planners.foresight.manoeuvres import ManoeuvreOption, Manoeuvres
+from interplan_planners.foresight.manoeuvres import NEW_LANE_M, ManoeuvreOption, Manoeuvres
 from interplan_planners.foresight.merging import leads_beside, prospects, wished_changes
 from interplan_planners.foresight.prediction import MOVING_MPS, STEP_S, Prediction
 from interplan_planners.foresight.scene import PlanningScene
@@ -53,6 +53,8 @@ ARRIVED_M = 2.0
 """Who is farther than this beyond the goal, or beyond the end of its way along the route, stops."""
 SETS_IN_S = 0.7
 """A drive begins that gently."""
+OUT_M = 3.0
+"""So far before it is beside all of the offset, the ego is out of its lane: what comes next is the way back."""
 TAIL_M = 1.4
 """Who is no farther than this from the line of the ego's lane, and to the side of the ego, follows it."""
 
@@ -180,6 +182,9 @@ class ForesightPlanner:
         arc_m, _ = candidate.path.line.project_point(axle.x_m, axle.y_m)
         if candidate.settles_m > 0.0 and arc_m > candidate.settles_m + SETTLED_M:
             return manoeuvres.kept(candidate.base)
+        out = abs(candidate.offset_m) > NEW_LANE_M and arc_m > candidate.beside_m[0] - OUT_M
+        if candidate.kind == "pass" and out and candidate.new is not candidate.base:
+            return candidate.returning()
         if candidate.kind == "change" and arc_m > candidate.merged_m and ego.speed_mps < WAITING_MPS:
             return manoeuvres.back_to(candidate.base, ego)  # where it may have to wait for the next change
         return candidate

@@ -146,7 +146,7 @@ def staged(
 def _enters_m(candidate: CandidatePath, arc_m: float, shape: EgoShape) -> tuple[float, float]:
     """Where the rear axle is on a candidate when a corner of the ego's front comes to the border of the new lane."""
     new, old = candidate.new, candidate.old or candidate.base
-    if new is None or new is old:
+    if new is None:
         return inf, inf
     arcs = np.arange(arc_m, max(candidate.merged_m, arc_m) + ENTRY_STEP_M, ENTRY_STEP_M)
     poses = candidate.path.line.poses_at(arcs)
@@ -155,7 +155,8 @@ def _enters_m(candidate: CandidatePath, arc_m: float, shape: EgoShape) -> tuple[
     sides = [new.path.project(x_m - side * sin_h, y_m + side * cos_h)[1] for side in (-half_m, half_m)]
     away_m = np.minimum(np.abs(sides[0]), np.abs(sides[1]))
     here = old.line.pose_at(old.line.project_point(float(x_m[0]), float(y_m[0]))[0])
-    border_m = 0.5 * abs(new.line.project_point(here.x_m, here.y_m)[1])
+    apart_m = new.line.project_point(here.x_m, here.y_m)[1] if new is not old else candidate.offset_m
+    border_m = 0.5 * abs(apart_m)
     near, over = away_m < border_m + NEAR_BORDER_M, away_m < border_m
     return float(arcs[near.argmax()]) if near.any() else inf, float(arcs[over.argmax()]) if over.any() else inf
 
