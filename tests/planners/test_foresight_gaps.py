@@ -177,6 +177,17 @@ def test_who_stands_in_a_bend_with_its_wheel_turned_sets_off_without_cutting_it(
     assert abs(states[-1].heading_rad - turn * 0.8) < pi / 8
 
 
+def test_it_creeps_around_who_stands_close_to_its_way() -> None:
+    """In a turn to the right, before the corner of a car that waits to come in; briskly it would come too near."""
+    roads = curved_road(radius_m=12.0, angle_rad=-1.5, run_in_m=40.0)
+    stopped = replace(ego_on(roads, "11", 43.0), tire_angle_rad=-0.24)
+    forward = np.array((np.cos(stopped.heading_rad), np.sin(stopped.heading_rad)))
+    x_m, y_m = np.array((stopped.x_m, stopped.y_m)) + 9.0 * forward
+    waiting = cars((x_m, y_m, 0.0, stopped.heading_rad + np.radians(142.0)))
+    states = drive(mission(roads, ("11",)), stopped, waiting, seconds=12.0)
+    assert np.hypot(states[-1].x_m - stopped.x_m, states[-1].y_m - stopped.y_m) > 20.0
+
+
 @pytest.mark.slow
 def test_it_keeps_its_lane_when_what_it_waited_to_pass_goes_on() -> None:
     """It has begun to pull out behind the last oncoming cars when the one before it sets off."""

@@ -54,8 +54,9 @@ CAPS = (NO_CAP, Cap(0.0, 2.4), Cap(-1.0, 2.0), Cap(-1.9, 3.0), Cap(-2.2, 2.0), C
 YIELD_CAPS = (NO_CAP, Cap(-1.0, 1.6))
 WAIT_CAPS = tuple(Cap(-1.0, wait_s) for wait_s in (0.8, 1.4, 2.6, 3.4, 4.2))
 """Besides, for an ego that stands before it leaves its lane: when to set off."""
-GENTLE_CAPS = (Cap(0.8, 3.0),)
-"""Besides, for a slow ego: the tracker cuts bends in which it sets off briskly."""
+GENTLE_CAPS = (Cap(0.8, 3.0), Cap(0.25, 4.4))
+"""Besides, for a slow ego: the tracker cuts bends in which it sets off briskly; and close to who stands it may creep,
+where every other way to set off comes too near to it, so that to wait a little would always be the best."""
 EMERGENCY = Cap(-EMERGENCY_MPS2, 8.0)
 SLOW_MPS = 2.0
 
