@@ -21,6 +21,9 @@ RUN_OUT_M = 120.0
 """And goes on this far beyond its last one, so that a plan does not end where the route does."""
 HELD_M, HELD_PER_CHANGE_M = 8.0, 14.0
 """Before the end of a lane that leaves the route there should be this much room for a change, and for each one more."""
+RETURNS_M, APART_M, PROBE_M = 8.0, 40.0, 2.0
+"""A base ends where its line comes this near to what lies the second behind it along the line, looked for this finely:
+on a long way that crosses itself nobody could tell on which pass the ego is."""
 SPACING_M = 1.0
 LOCK_MPS = 2.0
 """How fast the ego is with its wheel at the stop."""
@@ -65,6 +68,8 @@ class Base:
     """Lanes and connectors that the line follows beyond its way, and where each begins on it."""
     held_m: float
     """Arc length at which the front waits for a gap, where the way leaves the route; infinite where it does not."""
+    whole: bool = True
+    """Whether the line goes as far as the way; else it ends where it comes back to itself."""
 
     @property
     def line(self) -> Polyline:
@@ -83,7 +88,8 @@ class Base:
         """Where the lane ends that is at an arc length."""
         place = self.place(arc_m)
         starts = self.way.starts_m
-        last_m = self.beyond[0][1] if self.beyond else self.line.length_m - RUN_OUT_M
+        way_m = self.line.length_m - RUN_OUT_M if self.whole else RUN_IN_M + self.way.path.line.length_m
+        last_m = self.beyond[0][1] if self.beyond else way_m
         return float(starts[place + 1]) + RUN_IN_M if place + 1 < len(starts) else last_m
 
 
@@ -131,7 +137,8 @@ def base_of(roads: Roads, way: LaneRoute, index: int, changes: int, fallback_lim
     before = points[0] - RUN_IN_M * np.array((np.cos(heading), np.sin(heading)))
     run_in = np.linspace(before, points[0], int(RUN_IN_M), endpoint=False)
     beyond, run_out = _run_out(roads, way.lanes[-1])
-    line = Polyline(np.concatenate((run_in, points, run_out)))
+    every = Polyline(np.concatenate((run_in, points, run_out)))
+    line = _until_it_returns(every)
     metres = np.arange(int(line.length_m) + 1, dtype=np.float64)
     by_lane = np.array([lawful_mps(roads, lane_id, fallback_limit_mps) for lane_id in way.lanes])
     at = np.searchsorted(way.starts_m, metres - RUN_IN_M, side="right") - 1
@@ -140,7 +147,18 @@ def base_of(roads: Roads, way: LaneRoute, index: int, changes: int, fallback_lim
     placed = tuple((lane_id, starts_m + after_m) for lane_id, after_m in beyond)
     room_m = way.room_m + RUN_IN_M
     held_m = inf if way.arrives else room_m - HELD_M - HELD_PER_CHANGE_M * (max(changes, 1) - 1)
-    return Base(way, index, DrivingPath(line), limit_mps, room_m, placed, held_m)
+    return Base(way, index, DrivingPath(line), limit_mps, room_m, placed, held_m, line is every)
+
+
+def _until_it_returns(line: Polyline) -> Polyline:
+    """A line, or as much of it as does not come back to itself."""
+    arcs = np.arange(0.0, line.length_m, PROBE_M)
+    x_m, y_m, _ = line.poses_at(arcs).T
+    apart = round(APART_M / PROBE_M)
+    for j in range(apart, len(arcs)):
+        if (np.hypot(x_m[: j - apart] - x_m[j], y_m[: j - apart] - y_m[j]) < RETURNS_M).any():
+            return line.between(0.0, float(arcs[j]))
+    return line
 
 
 def _run_out(roads: Roads, lane_id: str) -> tuple[list[tuple[str, float]], Floats]:

@@ -29,6 +29,8 @@ from interplan_sumo.world.geometry import wrap_angle
 
 LOOK_M, RIDER_LOOK_M = 75.0, 35.0
 """Things that stand in the way are thought of from this distance on, and riders of bicycles from the second."""
+BEHIND_M = 60.0
+"""So much of a way that crosses itself is kept behind the ego."""
 PAST_M = 2.4
 """The drawn point begins to return this far behind what it passes: the rest of the car follows its way."""
 NEW_LANE_M = 0.9
@@ -113,6 +115,11 @@ class Manoeuvres:
         if key not in self._kept:
             self._kept[key] = kept(base)
         return self._kept[key]
+
+    def onward(self, base: Base, arc_m: float) -> Base:
+        """The base of the same way from nearer to the ego on, where its line is not whole."""
+        index, lane_id = base.lane_at(arc_m - BEHIND_M)
+        return base if base.whole or index == base.index else self.base(index, lane_id)
 
     def here(self, ego: EgoState) -> CandidatePath:
         """Keep to whatever lane the ego is on."""

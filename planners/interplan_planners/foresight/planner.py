@@ -181,7 +181,9 @@ class ForesightPlanner:
         axle = ego.rear_axle(self._mission.shape)
         arc_m, _ = candidate.path.line.project_point(axle.x_m, axle.y_m)
         if candidate.settles_m > 0.0 and arc_m > candidate.settles_m + SETTLED_M:
-            return manoeuvres.kept(candidate.base)
+            candidate = manoeuvres.kept(candidate.base)
+        if candidate is manoeuvres.kept(candidate.base):
+            return manoeuvres.kept(manoeuvres.onward(candidate.base, arc_m))
         out = abs(candidate.offset_m) > NEW_LANE_M and arc_m > candidate.beside_m[0] - OUT_M
         if candidate.kind == "pass" and out and candidate.new is not candidate.base:
             return candidate.returning()

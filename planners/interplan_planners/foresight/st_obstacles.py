@@ -112,8 +112,9 @@ def staged(
     on = _occupied(candidate, arc_m, traffic, tail, shape, reach_m)
     count = len(on.rows)
     if beside is not None:
-        # who stands is in the strip or not in the way
-        on = together(on, _only(beside, ~tail[beside.rows] & ~forecast.stands[beside.rows]))
+        # who stands is in the strip or not in the way, and who rides a bicycle is passed while it drives
+        rides = (actors.kind == ActorKind.BICYCLE) & np.isin(actors.ids, candidate.around)
+        on = together(on, _only(beside, ~(tail | forecast.stands | rides)[beside.rows]))
     strip = np.arange(len(on.rows)) < count
     present = np.isfinite(on.near_m)
     first = present.argmax(axis=1)
