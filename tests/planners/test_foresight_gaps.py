@@ -10,11 +10,23 @@ import pytest
 import shapely
 from hypothesis import example, given
 from hypothesis import strategies as st
-from worlds import cars, curved_road, ego, ego_on, junction, mission, observation, signals, straight_road, together
+from worlds import (
+    cars,
+    curved_road,
+    ego,
+    ego_on,
+    junction,
+    mission,
+    observation,
+    road_along,
+    signals,
+    straight_road,
+    together,
+)
 
 from interplan_planners.common.neighbours import moved
 from interplan_planners.foresight import ForesightPlanner
-from interplan_planners.foresight.candidate_paths import CandidatePath
+from interplan_planners.foresight.candidate_paths import RUN_IN_M, CandidatePath
 from interplan_planners.foresight.costs import speed_costs
 from interplan_planners.foresight.drivers import ACCELERATION_MPS2, HARD_MPS2, answers_mps2, minded, needed_gap_m
 from interplan_planners.foresight.manoeuvres import Manoeuvres
@@ -25,7 +37,7 @@ from interplan_planners.foresight.st_obstacles import Stage, occupied_base, stag
 from interplan_sumo.planner import Mission, Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
-from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.geometry import Floats, Polyline
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
 from tests.planners.staging_planners import driven
@@ -408,3 +420,46 @@ def test_who_drives_on_beside_the_ego_that_passes_it_is_met_in_the_lane_that_it_
     stage = staged(back, arc_m, back.limit_mps, (), scene, no, 90.0, own)
     assert bool(stage.follower.any()) == follows
     assert arc_m + 1.0 < stage.enters_m[1] < back.settles_m
+
+
+# --- a way that crosses itself -----------------------------------------------------------------------
+
+
+def looping() -> Roads:
+    """East along the x axis, once round to the left, and south across it at x = 95 m: 168 m from pass to pass."""
+    turns = np.linspace(-0.5 * pi, pi, 60)
+    loop = np.column_stack((120.0 + 25.0 * np.cos(turns), 25.0 + 25.0 * np.sin(turns)))
+    line = Polyline(np.vstack(((0.0, 0.0), loop, (95.0, -200.0))))
+    return road_along(line, 1, 12.0, ((40.0, 50.0), (108.0, 116.0), (180.0, 190.0), (272.0, 280.0)))
+
+
+LOOP = looping()
+LOOP_LANES = ("11", "21", "31", "41", "51", "61", "71", "81", "91")
+ROUND = mission(LOOP, LOOP_LANES, goal_arc_m=100.0)
+
+
+@pytest.mark.parametrize("off_m", [-0.2, 0.2])
+def test_where_its_way_crosses_itself_it_knows_on_which_pass_it_is(off_m: float) -> None:
+    """It stands with its rear axle on the line beyond the goal, and beside its own."""
+    at = ego(95.0 + PACIFICA.rear_axle_to_center_m, off_m)
+    states = drive(mission(LOOP, LOOP_LANES[:7], goal_arc_m=40.0), at, seconds=5.0)
+    assert states[-1].x_m > at.x_m + 5.0
+    assert abs(states[-1].y_m) < 3.0
+
+
+def test_it_goes_all_the_way_round_and_across() -> None:
+    states = drive(ROUND, ego_on(LOOP, "11", 10.0, 8.0), seconds=45.0)
+    assert states[-1].y_m < -40.0
+    assert states[-1].x_m == pytest.approx(95.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("arc_m", "first", "whole"), [(95.0, "11", False), (150.0, "31", False), (185.0, "51", True)])
+def test_a_base_ends_where_its_way_comes_back_to_itself_and_goes_on_once_that_is_behind(
+    arc_m: float, first: str, whole: bool
+) -> None:
+    manoeuvres = Manoeuvres(ROUND, ego_on(LOOP, "11", 10.0, 8.0), 13.0, 3.6)
+    base = manoeuvres.base(0, "11")
+    assert not base.whole
+    assert base.line.length_m == pytest.approx(RUN_IN_M + 263.0 - 8.0, abs=3.0)
+    onward = manoeuvres.onward(base, RUN_IN_M + arc_m)
+    assert (onward.way.lanes[0], onward.whole) == (first, whole)
