@@ -144,13 +144,13 @@ class PdmProposalsPlanner:
                 worth = self._worth(route, lane, here.room_m) + given.resolve_worth
                 yield replace(self._present, worth=worth, steps=steps)
         worth = self._worth(route, lane_id, here.room_m)
-        line = _near(own.path.line, axle, ahead_m)
+        line = _near(own, axle, ahead_m)
         for offset_m in given.lateral_offsets_m:
             way_m = max(given.change_times_s[0] * ego.speed_mps, SHORTEST_SHIFT_M)
             yield _Proposed(_towards(shifted(line, offset_m) if offset_m else line, axle, way_m), own, worth)
         for way in safe:
             worth = self._worth(route, way.lanes[0], here.room_m)
-            line = _near(way.path.line, axle, ahead_m)
+            line = _near(way, axle, ahead_m)
             for time_s in given.change_times_s:
                 way_m = max(time_s * ego.speed_mps, SHORTEST_CHANGE_M)
                 yield _Proposed(_towards(line, axle, way_m), way, worth)
@@ -162,9 +162,14 @@ class PdmProposalsPlanner:
         return -needed * (self.settings.change_worth + self.settings.urgent_worth * urgency)
 
 
-def _near(line: Polyline, axle: Pose, ahead_m: float) -> Polyline:
-    """What of a line lies around the ego: the rest of a long way would only have to be searched."""
-    arc_m, _ = line.project_point(axle.x_m, axle.y_m)
+def _near(way: LaneRoute, axle: Pose, ahead_m: float) -> Polyline:
+    """What of the line of a way lies around the ego, which is on its first lane or beside it.
+
+    Looked for there only: a long way may come back to where the ego is.
+    """
+    line = way.path.line
+    first_m = float(way.starts_m[1]) if len(way.starts_m) > 1 else line.length_m
+    arc_m, _ = line.between(0.0, first_m + BEHIND_M).project_point(axle.x_m, axle.y_m)
     return line.between(arc_m - BEHIND_M, arc_m + ahead_m)
 
 
