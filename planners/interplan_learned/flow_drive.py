@@ -9,13 +9,12 @@ follows. There is no moderated guidance and no scoring of several plans, which m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_learned.card import Size
 from interplan_learned.driving import POSES, STEP_S, one_sample, plan_through
 from interplan_learned.network import load_network
 from interplan_learned.scene import SceneSize, scene_inputs
@@ -33,16 +32,10 @@ CENTRE: Final[Floats] = np.column_stack((6.0 * AHEAD_S, 0.0 * _SAME, _SAME, 0.0 
 """(POSES, 4) a plan straight on at 6 m/s."""
 SPREAD: Final[Floats] = np.column_stack((0.5 + 4.0 * AHEAD_S, 0.3 + 0.12 * AHEAD_S**2, 0.5 * _SAME, 0.5 * _SAME))
 """(POSES, 4) about how far experts are from that, in metres, cosines and sines: what the network sees is about 1."""
-SCENES: Final[Mapping[Size, SceneSize]] = {
-    "compact": SceneSize(
-        radius_m=60.0, frames=11, agents=12, lanes=30, lane_points=10, crosswalks=5, crosswalk_points=10,
-        route_lanes=10, future_steps=16,
-    ),
-    "published": SceneSize(
-        radius_m=100.0, frames=21, agents=32, lanes=70, lane_points=20, crosswalks=5, crosswalk_points=20,
-        route_lanes=25, future_steps=16,
-    ),
-}  # fmt: skip
+SCENE: Final = SceneSize(
+    radius_m=60.0, frames=11, agents=12, lanes=30, lane_points=10, crosswalks=5, crosswalk_points=10, route_lanes=10,
+    future_steps=16,
+)  # fmt: skip
 
 Ends = Callable[[NDArray[np.float32], NDArray[np.float32]], NDArray[Any]]
 """Where the flow through plans (B, K, POSES, 4) ends that are on their way since times (B, K, 1), as `told`."""
@@ -70,7 +63,7 @@ class FlowDrivePlanner:
         self._view = EgoView(mission)
 
     def plan(self, observation: Observation) -> Trajectory:
-        scene = inputs(one_sample(self._view.arrays(observation)), self._network.card.size)
+        scene = inputs(one_sample(self._view.arrays(observation)))
         encoded = self._network.run(scene, "encoder")
 
         def ends(plans: NDArray[np.float32], time: NDArray[np.float32]) -> NDArray[Any]:
@@ -82,9 +75,9 @@ class FlowDrivePlanner:
         return self._network.about
 
 
-def inputs(arrays: Arrays, size: Size) -> Arrays:
+def inputs(arrays: Arrays) -> Arrays:
     """What `scene.scene_inputs` gives, of FlowDrive's size."""
-    return scene_inputs(arrays, SCENES[size])
+    return scene_inputs(arrays, SCENE)
 
 
 def carried(noise: Floats, ends: Ends, steps: int) -> Floats:

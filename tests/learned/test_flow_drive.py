@@ -71,6 +71,11 @@ def test_what_no_flow_can_be_asked_for_is_said(options: dict[str, Any], message:
         FlowDrivePlanner(**options)
 
 
+def test_it_has_one_size() -> None:
+    with pytest.raises(InputError, match="flow_drive has no published network"):
+        find_recipe("flow_drive", "published")
+
+
 @pytest.fixture(scope="module")
 def recipe() -> Recipe:
     return find_recipe("flow_drive")
@@ -95,7 +100,7 @@ def model(recipe: Recipe) -> made.FlowDrive:
 
 def ends(model: made.FlowDrive, batch: Any, plans: Any, time: float = 0.5) -> Any:
     with torch.no_grad():
-        tokens, empty = model.conditions(*(batch[name] for name in made.SCENE))
+        tokens, empty = model.conditions(*(batch[name] for name in made.SEEN))
         return model.flow(tokens, empty, plans, torch.full((*plans.shape[:2], 1), time))
 
 
