@@ -1,0 +1,46 @@
+"""Tables of networks and of what plans cost: from model cards and from what was measured, digit by digit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from interplan_learned.card import read_card
+from interplan_learned.network import SHIPPED
+from tools import networks as kept
+from tools.networks import keep_plan_times, networks, plan_times
+from tools.tables import ORDINARY, SMALL, stored
+
+
+def test_plan_times_are_those_of_the_last_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept, "PLAN_TIMES", tmp_path / "plan_times.csv")
+    keep_plan_times([("idm", 9.0, 9.0, 9.0, 9.0, 9.0, 1.0, 9.0)])
+    keep_plan_times([
+        ("idm", 0.6123, 0.59, 0.71, 2.0, 30.0, 1.0, 0.7), ("gameformer", 18.66, 18.0, 21.5, 40.0, 99.0, 30.5, 20.0),
+    ])  # fmt: skip
+    assert plan_times() == [
+        "planner | mean | median | 90 % | x IDM",
+        "---|---|---|---|---",
+        "`idm` | 0.6 | 0.6 | 0.7 | 1.0",
+        "`gameformer` | 19 | 18 | 22 | 30",
+    ]
+
+
+def test_every_shipped_network_has_its_line_best_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept, "PLAN_TIMES", tmp_path / "plan_times.csv")
+    keep_plan_times([("pdm_open", 3.14, 3.0, 3.0, 3.0, 3.0, 5.0, 3.0)])
+    drives = stored()
+    head, _, still, *lines = networks(drives[SMALL].by_paper, drives[ORDINARY].by_paper)
+    assert head.count("|") == still.count("|") == 9
+    cards = {card.planner: card for card in map(read_card, SHIPPED.glob("*.json"))}
+    told = [line.split(" | ") for line in lines]
+    assert {cells[0].strip("`") for cells in told} == {name.replace("pdm_offset", "pdm_hybrid") for name in cards}
+    errors = [float(cells[5]) for cells in told]
+    assert errors == sorted(errors)
+    (open_loop,) = (cells for cells in told if cells[0] == "`pdm_open`")
+    card = cards["pdm_open"]
+    assert open_loop[2] == f"{card.parameters:,}"
+    assert open_loop[6] == f"{card.errors['test']['network']['ade']:.2f}"
+    assert open_loop[-1] == "3.1"
+    assert {cells[-1] for cells in told} == {"3.1", "-"}
