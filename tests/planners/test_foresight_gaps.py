@@ -447,6 +447,7 @@ def test_where_its_way_crosses_itself_it_knows_on_which_pass_it_is(off_m: float)
     assert abs(states[-1].y_m) < 3.0
 
 
+@pytest.mark.slow
 def test_it_goes_all_the_way_round_and_across() -> None:
     states = drive(ROUND, ego_on(LOOP, "11", 10.0, 8.0), seconds=45.0)
     assert states[-1].y_m < -40.0
