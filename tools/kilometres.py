@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache, reduce
@@ -111,6 +112,8 @@ def kilometres_pilots() -> list[str]:
     for planner in sorted({each.planner for each in _segments()}):
         segments = [each for each in _segments() if each.planner == planner]
         pilot = _first(segments, PILOT_M)
+        rounds = min(Counter(each.cell for each in segments).values())
+        every_m = sum(each.metres for each in segments if each.index < rounds)
         for measure in WEIGHED:
             driven = endurance_rates(pilot, only=(measure,)).planners[0]
             needed = hours_needed(driven, measure, WANTED)
@@ -118,8 +121,7 @@ def kilometres_pilots() -> list[str]:
                 continue
             low, high = (each / needed.hours * needed.kilometres for each in needed.range)
             known = stopped_at(segments, measure, ROUNDS, WANTED)
-            metres = sum(each.metres for each in segments)
-            reached = f"{known.metres / 1000.0:.0f}" if known is not None else f"not in {metres / 1000.0:.0f}"
+            reached = f"{known.metres / 1000.0:.0f}" if known is not None else f"not in {every_m / 1000.0:.0f}"
             told = f"{needed.kilometres:,.0f} [{low:,.0f}, {high:,.0f}]"
             km = f"{sum(each.metres for each in pilot) / 1000.0:.0f}"
             events = f"{needed.events:.0f}"
