@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import pi
 
 import numpy as np
 import shapely
@@ -14,10 +15,11 @@ from interplan_sumo.dynamics.batch import SimulatedDrives, follow_all
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Past, Planner
-from interplan_sumo.tiny_worlds import ego, observation
+from interplan_sumo.tiny_worlds import ego, observation, road_along
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Polyline, box_polygons
+from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
 
 
@@ -107,3 +109,15 @@ def straight_drives(*speeds_mps: float, x_m: float = 20.0, y_m: float = 0.0, ste
     """Drives along +x that hold their speeds; the ego starts at the first of them."""
     line = Polyline(np.array(((x_m, y_m), (x_m + 400.0, y_m))))
     return drives_along(line, ego(x_m, y_m, speeds_mps[0]), list(speeds_mps), [0.0] * len(speeds_mps), steps)
+
+
+def looping() -> Roads:
+    """East along the x axis, once round to the left, and south across it at x = 95 m: 168 m from pass to pass."""
+    turns = np.linspace(-0.5 * pi, pi, 60)
+    loop = np.column_stack((120.0 + 25.0 * np.cos(turns), 25.0 + 25.0 * np.sin(turns)))
+    line = Polyline(np.vstack(((0.0, 0.0), loop, (95.0, -200.0))))
+    return road_along(line, 1, 12.0, ((40.0, 50.0), (108.0, 116.0), (180.0, 190.0), (272.0, 280.0)))
+
+
+LOOP = looping()
+LOOP_LANES = ("11", "21", "31", "41", "51", "61", "71", "81", "91")

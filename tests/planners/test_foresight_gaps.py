@@ -18,7 +18,6 @@ from worlds import (
     junction,
     mission,
     observation,
-    road_along,
     signals,
     straight_road,
     together,
@@ -37,10 +36,10 @@ from interplan_planners.foresight.st_obstacles import Stage, occupied_base, stag
 from interplan_sumo.planner import Mission, Past
 from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
-from interplan_sumo.world.geometry import Floats, Polyline
+from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
-from tests.planners.staging_planners import driven
+from tests.planners.staging_planners import LOOP, LOOP_LANES, driven
 
 WIDTH_M = 3.5
 FRONT_M = PACIFICA.length_m / 2
@@ -425,16 +424,6 @@ def test_who_drives_on_beside_the_ego_that_passes_it_is_met_in_the_lane_that_it_
 # --- a way that crosses itself -----------------------------------------------------------------------
 
 
-def looping() -> Roads:
-    """East along the x axis, once round to the left, and south across it at x = 95 m: 168 m from pass to pass."""
-    turns = np.linspace(-0.5 * pi, pi, 60)
-    loop = np.column_stack((120.0 + 25.0 * np.cos(turns), 25.0 + 25.0 * np.sin(turns)))
-    line = Polyline(np.vstack(((0.0, 0.0), loop, (95.0, -200.0))))
-    return road_along(line, 1, 12.0, ((40.0, 50.0), (108.0, 116.0), (180.0, 190.0), (272.0, 280.0)))
-
-
-LOOP = looping()
-LOOP_LANES = ("11", "21", "31", "41", "51", "61", "71", "81", "91")
 ROUND = mission(LOOP, LOOP_LANES, goal_arc_m=100.0)
 
 

@@ -11,8 +11,8 @@ from worlds import cars, ego, ego_on, mission, observation, straight_road
 from interplan_planners.pdm_proposals import PdmProposalsPlanner, PdmProposalsSettings
 from interplan_sumo.planner import Mission, Past
 from interplan_sumo.world.actors import Actors
-from interplan_sumo.world.ego import EgoState
-from tests.planners.staging_planners import driven
+from interplan_sumo.world.ego import PACIFICA, EgoState
+from tests.planners.staging_planners import LOOP, LOOP_LANES, driven
 from tests.quick import few
 
 WIDTH_M = 3.5
@@ -111,3 +111,11 @@ def test_it_changes_on_a_free_road_only_because_a_change_left_to_the_goal_costs(
 
     assert farthest_m(PdmProposalsSettings(change_worth=0.0, urgent_worth=0.0)) < 1.0
     assert farthest_m(PdmProposalsSettings()) > 2.0
+
+
+@pytest.mark.parametrize("off_m", [-0.3, 0.3])
+def test_where_its_way_crosses_itself_it_goes_on_along_the_lane_that_it_is_on(off_m: float) -> None:
+    at = ego(95.0 + PACIFICA.rear_axle_to_center_m, off_m)
+    states = drive(mission(LOOP, LOOP_LANES, goal_arc_m=40.0), at, seconds=4.0)
+    assert states[-1].x_m > at.x_m + 5.0
+    assert abs(states[-1].y_m) < 3.0
