@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, Final
 
 from interplan_learned.card import Card, read_card
@@ -27,7 +26,7 @@ def networks(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
         "---|" * 9 + "---",
     ]
     cards = [read_card(path) for path in sorted(SHIPPED.glob("*.json"))]
-    took = {line["planner"]: line["mean"] for line in plan_times_of(PLAN_TIMES)}
+    took = {line["planner"]: line["mean"] for line in _plan_times()}
     lines.append(" | ".join(("constant velocity", *[""] * 4, *_errors(cards[0], "constant_velocity"), *[""] * 3)))
     scores = [
         {line.planner: cell_text(line.cells[key]) for line in table.lines}
@@ -45,7 +44,7 @@ def networks(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
 def plan_times() -> list[str]:
     """What a call of `plan` costs, by planner."""
     lines = ["planner | mean | median | 90 % | x IDM", "---|---|---|---|---"]
-    for line in plan_times_of(PLAN_TIMES):
+    for line in _plan_times():
         shown = (_short(line[key]) for key in ("mean", "median", "p90", "x_idm"))
         lines.append(" | ".join((f"`{line['planner']}`", *shown)))
     return lines
@@ -56,9 +55,8 @@ def keep_plan_times(rows: list[tuple[Any, ...]]) -> None:
     write_table(PLAN_TIMES, TIMES, rows)
 
 
-def plan_times_of(path: Path) -> list[dict[str, str]]:
-    """What is kept."""
-    return read_table(path, TIMES)
+def _plan_times() -> list[dict[str, str]]:
+    return read_table(PLAN_TIMES, TIMES)
 
 
 def _errors(card: Card, whose: str) -> tuple[str, str]:
