@@ -11,10 +11,11 @@ import shapely
 from numpy.typing import NDArray
 
 from interplan_planners.common.forecast import Forecast, constant_velocity
+from interplan_planners.foresight import ForesightPlanner
 from interplan_sumo.dynamics.batch import SimulatedDrives, follow_all
 from interplan_sumo.dynamics.lqr import follow
 from interplan_sumo.plan_check import check_plan
-from interplan_sumo.planner import Past, Planner
+from interplan_sumo.planner import Mission, Past, Planner
 from interplan_sumo.tiny_worlds import ego, observation, road_along
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
@@ -58,6 +59,19 @@ def driven(
         states.append(follow(state, plan, 0.1, PACIFICA))
         before = [*before[1:], others]
     return states
+
+
+def foresee(
+    task: Mission,
+    start: EgoState,
+    actors: Actors | Callable[[float], Actors] | None = None,
+    lights: Signals | None = None,
+    seconds: float = 10.0,
+) -> list[EgoState]:
+    """The states of a drive of `foresight`, see `driven`."""
+    planner = ForesightPlanner()
+    planner.start(task)
+    return driven(planner, start, round(10 * seconds), actors, lights)
 
 
 def wavy_line(length_m: float = 160.0, sway_m: float = 12.0) -> Polyline:

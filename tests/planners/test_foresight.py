@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,12 +12,11 @@ from worlds import cars, ego, ego_on, junction, mission, observation, pedestrian
 
 from interplan_planners.foresight import ForesightPlanner
 from interplan_sumo.errors import InputError
-from interplan_sumo.planner import Mission, Past, load_planner
+from interplan_sumo.planner import Past, load_planner
 from interplan_sumo.world.actors import ActorKind, Actors
-from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.roads import DrivingSide, Roads
-from interplan_sumo.world.signals import Signals
-from tests.planners.staging_planners import driven, moved
+from tests.planners.staging_planners import foresee, moved
 from tests.quick import few
 from tests.worlds import unmoved
 
@@ -33,27 +31,15 @@ def two_way(driving_side: DrivingSide = "right") -> Roads:
     return junction(arm_m=300.0, limit_mps=10.0, driving_side=driving_side)
 
 
-def drive(
-    task: Mission,
-    start: EgoState,
-    actors: Actors | Callable[[float], Actors] | None = None,
-    lights: Signals | None = None,
-    seconds: float = 10.0,
-) -> list[EgoState]:
-    planner = ForesightPlanner()
-    planner.start(task)
-    return driven(planner, start, round(10 * seconds), actors, lights)
-
-
 @pytest.mark.parametrize(("away_m", "goes"), [(6.0, True), (60.0, False)])
 def test_at_yellow_it_stops_only_if_it_can(away_m: float, goes: bool) -> None:
     start = ego_on(CROSSING, "1", 100.0 - PACIFICA.length_m / 2 - away_m, 11.0)
-    states = drive(mission(CROSSING, ("1", "13", "7")), start, lights=signals(yellow=("13",)), seconds=9.0)
+    states = foresee(mission(CROSSING, ("1", "13", "7")), start, lights=signals(yellow=("13",)), seconds=9.0)
     assert (states[-1].x_m > 0.0) == goes
 
 
 def test_beyond_its_goal_it_stops() -> None:
-    states = drive(mission(TWO, ("11",), goal_arc_m=60.0), ego(40.0, 0.0, 10.0), seconds=9.0)
+    states = foresee(mission(TWO, ("11",), goal_arc_m=60.0), ego(40.0, 0.0, 10.0), seconds=9.0)
     assert states[-1].vx_mps < 0.3
     assert states[-1].x_m > 60.0
 
@@ -66,7 +52,7 @@ def test_it_changes_to_the_goal_lane_on_a_free_road_and_tells_what_was_weighed()
     assert (planner.decision.manoeuvre, planner.decision.waits_for_gap) == ("change", True)
     costs = [cost for _, cost in planner.decision.options]
     assert [planner.decision.cost, *costs] == sorted([*costs, costs[0]])
-    states = drive(mission(THREE, ("13",)), ego(20.0, 0.0, 10.0), seconds=12.0)
+    states = foresee(mission(THREE, ("13",)), ego(20.0, 0.0, 10.0), seconds=12.0)
     assert states[-1].y_m == pytest.approx(-2 * WIDTH_M, abs=0.3)
 
 
@@ -110,7 +96,7 @@ def test_where_there_is_one_way_to_go_many_speeds_get_a_close_look_and_none_of_t
 def test_it_gets_in_behind_a_car_beside_it() -> None:
     """The cars drive at the limit and never let it in; behind them there is room."""
     beside = cars((21.0, -WIDTH_M, 12.0), (36.0, -WIDTH_M, 12.0), (51.0, -WIDTH_M, 12.0))
-    states = drive(mission(TWO, ("12",)), ego(20.0, 0.0, 12.0), beside, seconds=18.0)
+    states = foresee(mission(TWO, ("12",)), ego(20.0, 0.0, 12.0), beside, seconds=18.0)
     assert states[-1].y_m == pytest.approx(-WIDTH_M, abs=0.4)
     assert states[-1].x_m < 21.0 + 18.0 * 12.0 - PACIFICA.length_m
 
@@ -119,7 +105,7 @@ def test_it_gets_in_behind_a_car_beside_it() -> None:
 def test_it_does_not_cut_in_before_a_faster_car() -> None:
     """A car comes from behind on the goal lane; the change waits until it is past."""
     fast = cars((5.0, -WIDTH_M, 12.0))
-    states = drive(mission(TWO, ("12",)), ego(20.0, 0.0, 7.0), fast, seconds=12.0)
+    states = foresee(mission(TWO, ("12",)), ego(20.0, 0.0, 7.0), fast, seconds=12.0)
     assert states[-1].y_m == pytest.approx(-WIDTH_M, abs=0.4)
     crosses = next(k for k, state in enumerate(states) if state.y_m < -WIDTH_M / 2)
     other_m = 5.0 + 12.0 * 0.1 * crosses
@@ -128,7 +114,7 @@ def test_it_does_not_cut_in_before_a_faster_car() -> None:
 
 def test_it_stays_where_it_is_while_the_goal_lane_is_full() -> None:
     row = cars(*((x, -WIDTH_M, 8.0) for x in np.arange(-60.0, 140.0, 8.0).tolist()))
-    states = drive(mission(TWO, ("12",), goal_arc_m=380.0), ego(20.0, 0.0, 8.0), row, seconds=5.0)
+    states = foresee(mission(TWO, ("12",), goal_arc_m=380.0), ego(20.0, 0.0, 8.0), row, seconds=5.0)
     assert max(abs(state.y_m) for state in states) < 0.7
 
 
@@ -139,7 +125,7 @@ def test_it_passes_a_parked_car_and_comes_back(driving_side: DrivingSide) -> Non
     task = mission(two_way(driving_side), ("1",), goal_arc_m=200.0)
     middle_m = -sign * WIDTH_M / 2
     parked = cars((90.0 - 312.0, middle_m - 1.6 * sign))
-    states = drive(task, ego_on(task.roads, "1", 45.0, 9.0), parked, seconds=13.0)
+    states = foresee(task, ego_on(task.roads, "1", 45.0, 9.0), parked, seconds=13.0)
     assert states[-1].x_m > 110.0 - 312.0
     assert states[-1].y_m == pytest.approx(middle_m, abs=0.4)
     assert 0.4 < max(sign * (state.y_m - middle_m) for state in states) < WIDTH_M / 2
@@ -150,7 +136,7 @@ def test_it_waits_for_an_oncoming_car_before_it_uses_its_lane() -> None:
     task = mission(two_way(), ("1",), goal_arc_m=250.0)
     oncoming = cars((170.0 - 312.0, WIDTH_M / 2, 10.0, np.pi), prefix="oncoming")
     others = together(cars((90.0 - 312.0, -WIDTH_M / 2)), oncoming)
-    states = drive(task, ego_on(task.roads, "1", 40.0, 9.0), others, seconds=21.0)
+    states = foresee(task, ego_on(task.roads, "1", 40.0, 9.0), others, seconds=21.0)
     assert states[-1].x_m > 110.0 - 312.0
     out = next(k for k, state in enumerate(states) if state.y_m > 1.0 - WIDTH_M / 2)
     assert 170.0 - 312.0 - out * 0.1 * 10.0 < states[out].x_m
@@ -177,7 +163,7 @@ def test_the_longer_it_waits_the_more_it_is_worth_to_pass() -> None:
 def test_it_waits_behind_a_car_that_waits_at_a_light() -> None:
     waiting = cars((-16.0, -WIDTH_M / 2))
     task = mission(CROSSING, ("1", "13", "7"))
-    states = drive(task, ego_on(CROSSING, "1", 50.0, 9.0), waiting, signals(red=("13",)), 13.0)
+    states = foresee(task, ego_on(CROSSING, "1", 50.0, 9.0), waiting, signals(red=("13",)), 13.0)
     assert states[-1].vx_mps == pytest.approx(0.0, abs=0.1)
     assert max(abs(state.y_m + WIDTH_M / 2) for state in states) < 0.3
 
@@ -187,7 +173,7 @@ def test_it_leaves_a_lane_that_cones_close_and_returns_for_the_goal() -> None:
     cones = cars(
         *((90.0 + 3.0 * i, -1.2 + 0.4 * i) for i in range(6)), kind=ActorKind.TRAFFIC_CONE, length_m=0.5, width_m=0.5
     )
-    states = drive(mission(TWO, ("11",), goal_arc_m=250.0), ego(40.0, 0.0, 10.0), cones, seconds=21.0)
+    states = foresee(mission(TWO, ("11",), goal_arc_m=250.0), ego(40.0, 0.0, 10.0), cones, seconds=21.0)
     assert states[-1].x_m > 200.0
     assert min(state.y_m for state in states) < -1.5 or max(state.y_m for state in states) > 0.5
     assert states[-1].y_m == pytest.approx(0.0, abs=0.5)
@@ -199,7 +185,7 @@ def test_it_lets_somebody_cross_and_goes_on() -> None:
         y = min(-6.0 + 1.4 * time_s, 8.0)
         return pedestrians((75.0, y, 1.4 if y < 8.0 else 0.0, np.pi / 2))
 
-    states = drive(mission(TWO, ("11",)), ego(30.0, 0.0, 11.0), crossing, seconds=14.0)
+    states = foresee(mission(TWO, ("11",)), ego(30.0, 0.0, 11.0), crossing, seconds=14.0)
     assert min(state.vx_mps for state in states) < 9.0
     assert states[-1].x_m > 100.0
 
@@ -207,7 +193,7 @@ def test_it_lets_somebody_cross_and_goes_on() -> None:
 @pytest.mark.slow
 def test_it_is_slow_where_a_bus_hides_people() -> None:
     bus = cars((80.0, -WIDTH_M, 0.0), length_m=12.0, width_m=2.55)
-    speeds = {round(s.x_m): s.vx_mps for s in drive(mission(TWO, ("11",)), ego(30.0, 0.0, 11.0), bus, seconds=11.0)}
+    speeds = {round(s.x_m): s.vx_mps for s in foresee(mission(TWO, ("11",)), ego(30.0, 0.0, 11.0), bus, seconds=11.0)}
     assert max(v for x, v in speeds.items() if 79 <= x <= 83) < 5.5
     assert max(speeds.values()) > 9.0
 

@@ -25,7 +25,7 @@ from worlds import (
 
 from interplan_planners.common.neighbours import moved
 from interplan_planners.foresight import ForesightPlanner
-from interplan_planners.foresight.candidate_paths import RUN_IN_M, CandidatePath
+from interplan_planners.foresight.candidate_paths import CandidatePath
 from interplan_planners.foresight.costs import speed_costs
 from interplan_planners.foresight.drivers import ACCELERATION_MPS2, HARD_MPS2, answers_mps2, minded, needed_gap_m
 from interplan_planners.foresight.manoeuvres import Manoeuvres
@@ -39,7 +39,7 @@ from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.signals import Signals
-from tests.planners.staging_planners import LOOP, LOOP_LANES, driven
+from tests.planners.staging_planners import foresee
 
 WIDTH_M = 3.5
 FRONT_M = PACIFICA.length_m / 2
@@ -62,14 +62,6 @@ def forking() -> Roads:
 
 FORK = forking()
 TASK = mission(FORK, ("11", "21", "31"), goal_arc_m=150.0)
-
-
-def drive(
-    task: Mission, start: EgoState, actors: Actors | None = None, lights: Signals | None = None, seconds: float = 10.0
-) -> list[EgoState]:
-    planner = ForesightPlanner()
-    planner.start(task)
-    return driven(planner, start, round(10 * seconds), actors, lights)
 
 
 # --- who is behind ---------------------------------------------------------------------------------
@@ -134,14 +126,14 @@ def test_who_is_beside_the_ego_is_not_expected_to_brake_for_its_corner(
 
 def test_it_waits_for_a_gap_before_its_lane_leaves_the_route() -> None:
     row = cars(*((x, 0.0, 8.0) for x in np.arange(-60.0, 260.0, 9.0).tolist()))
-    states = drive(TASK, ego_on(FORK, "12", 120.0, 9.0), row, seconds=14.0)
+    states = foresee(TASK, ego_on(FORK, "12", 120.0, 9.0), row, seconds=14.0)
     assert states[-1].vx_mps < 0.3
     assert END_M - 14.0 < states[-1].x_m + FRONT_M < END_M
     assert max(abs(state.y_m + WIDTH_M) for state in states) < 0.7
 
 
 def test_it_changes_before_its_lane_leaves_the_route_if_there_is_room() -> None:
-    states = drive(TASK, ego_on(FORK, "12", 120.0, 9.0), seconds=12.0)
+    states = foresee(TASK, ego_on(FORK, "12", 120.0, 9.0), seconds=12.0)
     assert states[-1].y_m == pytest.approx(0.0, abs=0.4)
     assert states[-1].x_m > END_M
 
@@ -150,7 +142,7 @@ def test_it_changes_before_its_lane_leaves_the_route_if_there_is_room() -> None:
 def test_who_missed_its_lane_stops_at_the_red_light_of_the_one_that_it_is_on(red: bool) -> None:
     row = cars(*((x, 0.0, 8.0) for x in np.arange(-120.0, 300.0, 9.0).tolist()))
     lights = signals(red=("22",)) if red else signals(green=("22",))
-    states = drive(TASK, ego_on(FORK, "12", END_M - FRONT_M - 0.8, 0.0), row, lights, seconds=10.0)
+    states = foresee(TASK, ego_on(FORK, "12", END_M - FRONT_M - 0.8, 0.0), row, lights, seconds=10.0)
     assert (states[-1].x_m + FRONT_M < END_M + 0.1) == red
 
 
@@ -164,7 +156,7 @@ def test_behind_who_may_have_broken_down_it_keeps_room_to_pull_out(
     lights: Signals | None, least_m: float, most_m: float
 ) -> None:
     waiting = cars((-16.0, -WIDTH_M / 2))
-    states = drive(mission(CROSSING, ("1", "13", "7")), ego_on(CROSSING, "1", 40.0, 9.0), waiting, lights, 11.0)
+    states = foresee(mission(CROSSING, ("1", "13", "7")), ego_on(CROSSING, "1", 40.0, 9.0), waiting, lights, 11.0)
     assert least_m < -16.0 - 2.4 - FRONT_M - states[-1].x_m < most_m
 
 
@@ -173,7 +165,7 @@ def test_it_pulls_out_from_seven_metres_behind_a_parked_car() -> None:
     roads = junction(arm_m=300.0, limit_mps=10.0)
     parked = cars((90.0 - 312.0, -WIDTH_M / 2 - 0.3))
     start = ego_on(roads, "1", 90.0 - 2.4 - 7.0 - FRONT_M, 0.0)
-    states = drive(mission(roads, ("1",), goal_arc_m=200.0), start, parked, seconds=20.0)
+    states = foresee(mission(roads, ("1",), goal_arc_m=200.0), start, parked, seconds=20.0)
     assert states[-1].x_m > 96.0 - 312.0
 
 
@@ -181,7 +173,7 @@ def test_it_pulls_out_from_seven_metres_behind_a_parked_car() -> None:
 def test_who_stands_in_a_bend_with_its_wheel_turned_sets_off_without_cutting_it(turn: float) -> None:
     roads = curved_road(radius_m=7.0, angle_rad=turn * 0.8, run_in_m=40.0)
     stopped = replace(ego_on(roads, "11", 44.5), tire_angle_rad=turn * 0.5)
-    states = drive(mission(roads, ("11",)), stopped, seconds=9.0)
+    states = foresee(mission(roads, ("11",)), stopped, seconds=9.0)
     road = shapely.union_all([lane.polygon for lane in roads.lanes.values()]).buffer(0.3)
     assert all(road.covers(state.polygon(PACIFICA)) for state in states if state.x_m > 42.0)
     assert np.hypot(states[-1].x_m - stopped.x_m, states[-1].y_m - stopped.y_m) > 12.0
@@ -195,7 +187,7 @@ def test_it_creeps_around_who_stands_close_to_its_way() -> None:
     forward = np.array((np.cos(stopped.heading_rad), np.sin(stopped.heading_rad)))
     x_m, y_m = np.array((stopped.x_m, stopped.y_m)) + 9.0 * forward
     waiting = cars((x_m, y_m, 0.0, stopped.heading_rad + np.radians(142.0)))
-    states = drive(mission(roads, ("11",)), stopped, waiting, seconds=12.0)
+    states = foresee(mission(roads, ("11",)), stopped, waiting, seconds=12.0)
     assert np.hypot(states[-1].x_m - stopped.x_m, states[-1].y_m - stopped.y_m) > 20.0
 
 
@@ -212,9 +204,7 @@ def test_it_keeps_its_lane_when_what_it_waited_to_pass_goes_on() -> None:
         places = [(x_m - 312.0 - 10.0 * time_s, -middle_m, 10.0, pi) for x_m in np.arange(70.0, 151.0, 16.0).tolist()]
         return together(ahead, cars(*places, prefix="oncoming"))
 
-    planner = ForesightPlanner()
-    planner.start(mission(roads, ("1",), goal_arc_m=250.0))
-    states = driven(planner, ego_on(roads, "1", 52.0, 4.0), 160, others)
+    states = foresee(mission(roads, ("1",), goal_arc_m=250.0), ego_on(roads, "1", 52.0, 4.0), others, seconds=16.0)
     assert max(abs(state.y_m - middle_m) for state in states) < 1.0
     assert states[-1].x_m > 100.0 - 312.0
 
@@ -227,9 +217,7 @@ def test_it_gives_up_a_pass_on_the_oncoming_lane_when_what_it_was_to_pass_is_gon
         def parked(time_s: float) -> Actors:
             return cars((90.0 - 312.0 + (150.0 if time_s > gone_s else 0.0), middle_m))
 
-        planner = ForesightPlanner()
-        planner.start(mission(roads, ("1",), goal_arc_m=250.0))
-        states = driven(planner, ego_on(roads, "1", 45.0, 9.0), 70, parked)
+        states = foresee(mission(roads, ("1",), goal_arc_m=250.0), ego_on(roads, "1", 45.0, 9.0), parked, seconds=7.0)
         return max(state.y_m - middle_m for state in states)
 
     assert farthest_m(2.2) < 2.2 < 2.8 < farthest_m(60.0)
@@ -240,7 +228,7 @@ def test_it_gives_up_a_pass_on_the_oncoming_lane_when_what_it_was_to_pass_is_gon
 def test_who_rides_a_bicycle_is_passed_if_slow(rider_mps: float, passes: bool) -> None:
     roads = straight_road(lanes=2, length_m=500.0, limit_mps=11.0)
     rider = cars((60.0, -WIDTH_M - 0.9, rider_mps), kind=ActorKind.BICYCLE, length_m=1.8, width_m=0.7)
-    states = drive(mission(roads, ("12",)), ego(30.0, -WIDTH_M, 9.0), rider, seconds=18.0)
+    states = foresee(mission(roads, ("12",)), ego(30.0, -WIDTH_M, 9.0), rider, seconds=18.0)
     assert (states[-1].x_m > 60.0 + 18.0 * rider_mps + 8.0) == passes
     assert states[-1].y_m == pytest.approx(-WIDTH_M, abs=0.5)
 
@@ -292,9 +280,9 @@ def test_who_stood_in_the_lane_that_it_changed_to_changes_on_when_there_is_a_gap
             return Actors.none()
         return cars(*((x + 8.0 * time_s, 0.0, 8.0) for x in np.arange(-120.0, 260.0, 9.0).tolist()))
 
-    planner = ForesightPlanner()
-    planner.start(mission(roads, ("11", "21", "31"), goal_arc_m=150.0))
-    states = driven(planner, ego_on(roads, "13", END_M - 62.0, 8.0), 260, full)
+    states = foresee(
+        mission(roads, ("11", "21", "31"), goal_arc_m=150.0), ego_on(roads, "13", END_M - 62.0, 8.0), full, seconds=26.0
+    )
     waited = min(states, key=lambda state: abs(state.time_s - 12.0))
     assert waited.speed_mps < 1.0
     assert waited.y_m == pytest.approx(-WIDTH_M, abs=1.0)
@@ -348,9 +336,7 @@ def test_beside_what_it_was_to_pass_and_that_goes_on_it_waits_and_comes_in_behin
         now_mps = min(1.5 * gone_s, mps)
         return cars((60.0 + gone_m, -WIDTH_M, now_mps), (lead_m + gone_m, 0.0, now_mps))
 
-    planner = ForesightPlanner()
-    planner.start(mission(roads, ("12",)))
-    states = driven(planner, ego_on(roads, "12", 35.0, 6.0), 200, others)
+    states = foresee(mission(roads, ("12",)), ego_on(roads, "12", 35.0, 6.0), others, seconds=20.0)
     assert states[90].y_m > -WIDTH_M + 2.0
     assert states[90].x_m > 60.0 + 4.0
     assert states[-1].y_m == pytest.approx(-WIDTH_M, abs=0.6)
@@ -419,37 +405,3 @@ def test_who_drives_on_beside_the_ego_that_passes_it_is_met_in_the_lane_that_it_
     stage = staged(back, arc_m, back.limit_mps, (), scene, no, 90.0, own)
     assert bool(stage.follower.any()) == follows
     assert arc_m + 1.0 < stage.enters_m[1] < back.settles_m
-
-
-# --- a way that crosses itself -----------------------------------------------------------------------
-
-
-ROUND = mission(LOOP, LOOP_LANES, goal_arc_m=100.0)
-
-
-@pytest.mark.parametrize("off_m", [-0.2, 0.2])
-def test_where_its_way_crosses_itself_it_knows_on_which_pass_it_is(off_m: float) -> None:
-    """It stands with its rear axle on the line beyond the goal, and beside its own."""
-    at = ego(95.0 + PACIFICA.rear_axle_to_center_m, off_m)
-    states = drive(mission(LOOP, LOOP_LANES[:7], goal_arc_m=40.0), at, seconds=5.0)
-    assert states[-1].x_m > at.x_m + 5.0
-    assert abs(states[-1].y_m) < 3.0
-
-
-@pytest.mark.slow
-def test_it_goes_all_the_way_round_and_across() -> None:
-    states = drive(ROUND, ego_on(LOOP, "11", 10.0, 8.0), seconds=45.0)
-    assert states[-1].y_m < -40.0
-    assert states[-1].x_m == pytest.approx(95.0, abs=0.5)
-
-
-@pytest.mark.parametrize(("arc_m", "first", "whole"), [(95.0, "11", False), (150.0, "31", False), (185.0, "51", True)])
-def test_a_base_ends_where_its_way_comes_back_to_itself_and_goes_on_once_that_is_behind(
-    arc_m: float, first: str, whole: bool
-) -> None:
-    manoeuvres = Manoeuvres(ROUND, ego_on(LOOP, "11", 10.0, 8.0), 13.0, 3.6)
-    base = manoeuvres.base(0, "11")
-    assert not base.whole
-    assert base.line.length_m == pytest.approx(RUN_IN_M + 263.0 - 8.0, abs=3.0)
-    onward = manoeuvres.onward(base, RUN_IN_M + arc_m)
-    assert (onward.way.lanes[0], onward.whole) == (first, whole)
