@@ -110,6 +110,22 @@ def test_without_other_seeds_other_maps_are_held_out(tiny_data: Dataset) -> None
         read_samples(tiny_data, "test", find_recipe("pdm_open"))
 
 
+def test_a_share_of_the_drives_is_part_of_a_larger_one(tiny_data: Dataset) -> None:
+    recipe = find_recipe("pdm_open")
+
+    def futures(share: float) -> set[bytes]:
+        return {each.tobytes() for each in read_samples(tiny_data, "train", recipe, share).columns["ego_future"]}
+
+    few, more, every = (futures(share) for share in (0.4, 0.7, 1.0))
+    assert 0 < len(few) < len(more) < len(every)
+    assert few < more < every
+    for share in (0.0, 1.01):
+        with pytest.raises(InputError, match=r"share is .*, expected more than 0 and at most 1"):
+            read_samples(tiny_data, "train", recipe, share)
+    with pytest.raises(InputError, match="holds no samples of 'train'; take more"):
+        read_samples(tiny_data, "train", recipe, 1e-9)
+
+
 def test_a_trained_planner_drives_from_its_card(tiny_folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
@@ -119,11 +135,13 @@ def test_a_trained_planner_drives_from_its_card(tiny_folder: Path, tmp_path: Pat
     card = train_planner(
         TrainRequest(
             planner="pdm_open", data=tiny_folder, out=tmp_path / "out", work=tmp_path / "work",
-            options={"history_s": 0.0}, settings={"epochs": 3},
+            options={"history_s": 0.0}, settings={"epochs": 3}, share=0.7,
         ),
         lambda _done: None,
     )  # fmt: skip
     assert card.data["samples"] == {"train": 234, "val": 39}
+    assert 0 < card.training["samples"] < 234
+    assert len(card.training["held_out_m"]) == card.training["epochs_done"] == 3
     assert card.errors["val"]["network"]["ade"] > 0.0
     planner = PdmOpenPlanner(weights=str(tmp_path / "out" / "pdm_open.json"))
     roads = tiny_worlds.straight_road()

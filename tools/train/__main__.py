@@ -42,6 +42,7 @@ def train(
     learning_rate: Annotated[float | None, typer.Option(help="by default the recipe's")] = None,
     patience: Annotated[int | None, typer.Option(help="epochs without progress before it stops")] = None,
     seed: Annotated[int, typer.Option(help="of weights and samples")] = 0,
+    share: Annotated[float, typer.Option(help="of the drives to learn from, drawn; for a curve over data")] = 1.0,
     max_minutes: Annotated[float | None, typer.Option(help="stop after so long; --resume goes on")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on from the checkpoint in --work")] = False,
     work: Annotated[Path, typer.Option(help="folder for checkpoints")] = Path("runs/training"),
@@ -59,7 +60,7 @@ def train(
         TrainRequest(
             planner=planner, data=data, out=out, work=work, name=name, size=size,
             options=_options(option or []), settings={key: value for key, value in given.items() if value is not None},
-            resume=resume, device=device, threads=threads, max_minutes=max_minutes,
+            share=share, resume=resume, device=device, threads=threads, max_minutes=max_minutes,
         ),
         _told,
     )  # fmt: skip

@@ -36,16 +36,29 @@ class Samples:
         return picked(self.columns, rows)
 
 
-def read_samples(dataset: Dataset, split: Split, recipe: Recipe) -> Samples:
-    """All samples of a split; InputError if there are none."""
+def read_samples(dataset: Dataset, split: Split, recipe: Recipe, share: float = 1.0) -> Samples:
+    """The samples of a split, or those of a share of its drives, drawn: larger shares hold the smaller ones.
+
+    InputError if there are none.
+    """
     data = dataset.split(split)
     if not len(data):
         raise InputError(
             f"{dataset.folder} has no samples in its split {split!r}; "
             "export with --holdout-seeds or --holdout-maps, so that there are some to train on and some to test with"
         )
-    shards = range(len(data.shards))
-    return Samples(joined([recipe.keep(data.shard(number, fields_of(recipe)), dataset) for number in shards]))
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"share is {share:g}, expected more than 0 and at most 1")
+    drives = len(dataset.drives)
+    drawn = np.random.default_rng(drives).permutation(drives) < share * drives
+    parts: list[Columns] = []
+    for number in range(len(data.shards)):
+        rows = np.flatnonzero(drawn[data.shard(number, ("drive",))["drive"]])
+        parts.append(recipe.keep(picked(data.shard(number, fields_of(recipe)), rows), dataset))
+    found = Samples(joined(parts))
+    if not len(found):
+        raise InputError(f"a share of {share:g} of {drives} drives holds no samples of {split!r}; take more")
+    return found
 
 
 def held_out_split(dataset: Dataset) -> Split:

@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
+from math import inf
 from pathlib import Path
 from typing import Any, Final
 
@@ -45,11 +46,16 @@ class Trained:
     """A model with its best weights, and how it came to them."""
 
     model: nn.Module
-    epochs: int
+    held_out_m: tuple[float, ...]
+    """The error on the held-out samples after each epoch, see `EpochDone`."""
     best_epoch: int
     seconds: float
     stopped: str
     """`epochs`, `patience` or `time`: why it ended."""
+
+    @property
+    def epochs(self) -> int:
+        return len(self.held_out_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +112,7 @@ def train(
         state.done(error_m)
         on_epoch(EpochDone(state.epoch, settings.epochs, loss, error_m, state.best_m, state.seconds))
     model.load_state_dict(state.best)
-    return Trained(model.eval(), state.epoch, state.best_epoch, state.seconds, stopped)
+    return Trained(model.eval(), tuple(state.held_out_m), state.best_epoch, state.seconds, stopped)
 
 
 def tensors(columns: Columns, device: str = "cpu") -> Batch:
@@ -202,22 +208,30 @@ class _State:
     ) -> None:
         self._parts: dict[str, Any] = {"model": model, "rule": rule, "falling": falling}
         self._fingerprint, self._path = fingerprint, path
-        self.epoch = 0
+        self.held_out_m: list[float] = []
         self.best_epoch = 0
-        self.best_m = float("inf")
         self.best = _copied(model.state_dict())
         self.seconds = 0.0
 
+    @property
+    def epoch(self) -> int:
+        """How many are done."""
+        return len(self.held_out_m)
+
+    @property
+    def best_m(self) -> float:
+        return min(self.held_out_m)
+
     def done(self, error_m: float) -> None:
         """Note an epoch and write the checkpoint."""
-        self.epoch += 1
-        if error_m < self.best_m:
-            self.best_m, self.best_epoch = error_m, self.epoch
+        self.held_out_m.append(error_m)
+        if error_m < min(self.held_out_m[:-1], default=inf):
+            self.best_epoch = self.epoch
             self.best = _copied(self._parts["model"].state_dict())
         self._path.parent.mkdir(parents=True, exist_ok=True)
         held = {
-            "fingerprint": self._fingerprint, "epoch": self.epoch, "best_epoch": self.best_epoch,
-            "best_m": self.best_m, "best": self.best, "seconds": self.seconds,
+            "fingerprint": self._fingerprint, "held_out_m": self.held_out_m, "best_epoch": self.best_epoch,
+            "best": self.best, "seconds": self.seconds,
             **{name: part.state_dict() for name, part in self._parts.items()},
         }  # fmt: skip
         with replacing(self._path) as fresh, fresh.open("wb") as file:
@@ -240,7 +254,7 @@ class _State:
             )
         for name, part in self._parts.items():
             part.load_state_dict(held[name])
-        self.epoch, self.best_epoch, self.best_m = held["epoch"], held["best_epoch"], held["best_m"]
+        self.held_out_m, self.best_epoch = held["held_out_m"], held["best_epoch"]
         self.best, self.seconds = held["best"], held["seconds"]
 
 

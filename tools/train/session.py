@@ -51,6 +51,8 @@ class TrainRequest:
     options: dict[str, Any]
     settings: dict[str, Any]
     """Of `recipe.Settings`, where they differ from the recipe's own."""
+    share: float = 1.0
+    """Of the drives to learn from."""
     resume: bool = False
     device: str = "cpu"
     threads: int = 1
@@ -64,10 +66,10 @@ def train_planner(request: TrainRequest, on_epoch: Callable[[EpochDone], None]) 
     recipe = replace(recipe, settings=replace(recipe.settings, **request.settings))
     name = request.name or request.planner
     held_split = held_out_split(dataset)
-    samples, held = read_samples(dataset, "train", recipe), read_samples(dataset, held_split, recipe)
+    samples, held = read_samples(dataset, "train", recipe, request.share), read_samples(dataset, held_split, recipe)
     trained = train(
         recipe, samples, held,
-        checkpoint=Checkpoint(request.work / name / "checkpoint.pt", dataset.hash, request.resume),
+        checkpoint=Checkpoint(request.work / name / "checkpoint.pt", f"{dataset.hash} {len(samples)}", request.resume),
         device=request.device, threads=request.threads, max_minutes=request.max_minutes, on_epoch=on_epoch,
     )  # fmt: skip
     model = trained.model.cpu()
@@ -91,7 +93,7 @@ def train_planner(request: TrainRequest, on_epoch: Callable[[EpochDone], None]) 
         features_format=schema.FORMAT,
         graphs=export_graphs(recipe.graphs(model, examples), request.out, name),
         data=_data(dataset),
-        training=_training(recipe, trained, held_split, request),
+        training=_training(recipe, trained, len(samples), held_split, request),
         errors=errors,
         versions=_versions(),
     )
@@ -104,13 +106,15 @@ def _data(dataset: Dataset) -> dict[str, Any]:
     return {"hash": dataset.hash, "drives": counts.drives, "samples": dict(counts.by_split)}
 
 
-def _training(recipe: Recipe, trained: Trained, held_split: str, request: TrainRequest) -> dict[str, Any]:
+def _training(recipe: Recipe, trained: Trained, samples: int, held_split: str, request: TrainRequest) -> dict[str, Any]:
     return {
         **asdict(recipe.settings),
+        "samples": samples,
         "epochs_done": trained.epochs,
         "best_epoch": trained.best_epoch,
         "stopped_by": trained.stopped,
         "held_out_split": held_split,
+        "held_out_m": [round(error_m, 4) for error_m in trained.held_out_m],
         "minutes": round(trained.seconds / 60.0, 1),
         "device": request.device,
         "threads": request.threads,
