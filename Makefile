@@ -102,7 +102,7 @@ dist: setup
 	bin/interplan-sumo run --planner idm --suite smoke==1 --limit 1 --out first --quiet && bin/interplan-sumo verify first --all --quiet
 
 data: $(VENV)/.installed
-	$(BIN)/interplan-sumo dataset ordinary --out $(DATA) --holdout-maps back_bay --workers $(WORKERS)
+	$(BIN)/interplan-sumo dataset ordinary --out $(DATA) --samples 112000 --holdout-maps back_bay --workers $(WORKERS)
 
 # torch is in no other extra; its build for CPUs is enough, and small, where an index has it.
 $(VENV)/.installed-train: pyproject.toml | $(VENV)/.installed-dev
@@ -112,7 +112,7 @@ $(VENV)/.installed-train: pyproject.toml | $(VENV)/.installed-dev
 
 train: $(VENV)/.installed-train
 	@test -n "$(PLANNER)" || { echo "error: which planner? make train PLANNER=pdm_open" >&2; exit 2; }
-	$(BIN)/python -m tools.train $(PLANNER) --data $(DATA) --out planners/interplan_learned/weights $(TRAIN)
+	$(BIN)/python -m tools.train $(PLANNER) --data $(DATA) --out planners/interplan_learned/$(PLANNER:pdm_offset=pdm_hybrid) $(TRAIN)
 
 tune-llm: $(VENV)/.installed-train
 	@test -n "$(EXAMPLES)" || { echo "error: which examples? make tune-llm EXAMPLES=choices.jsonl" >&2; exit 2; }

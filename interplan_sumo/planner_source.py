@@ -1,8 +1,9 @@
 """Planner source: what makes a planner what it is: its files, its options, its weights, and a hash over them.
 
 Nothing of the planner is imported. Its files are its module (or its program), whatever that imports, directly or not,
-which is no library, all that lies in the packages of these and is no Python, and what its options name. A package in
-which a file of the planner loads code by name belongs to it as a whole. Libraries have versions, and are none of them.
+which is no library, all that lies in the packages of these and is no Python, and what its options name; but not what
+lies in a package inside them of which nothing is imported. A package in which a file of the planner loads code by name
+belongs to it as a whole. Libraries have versions, and are none of them.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ import shlex
 import shutil
 import sys
 import sysconfig
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 import yaml
@@ -90,7 +91,7 @@ def _modules(planner: str) -> dict[str, Path]:
             continue
         every = units[unit.name] = units.get(unit.name) or _files_of(unit)
         places = _places(module, unit)
-        fresh = {name: file for name, file in every.items() if file.suffix != ".py" or name in places}
+        fresh = {name: file for name, file in every.items() if _home(name, file, every) in places}
         while fresh := {name: file for name, file in fresh.items() if name not in found}:
             found |= fresh
             imports = [_Imports.of(file, _package(name)) for name, file in fresh.items() if file.suffix == ".py"]
@@ -106,6 +107,14 @@ def _places(module: str, unit: ModuleSpec) -> set[str]:
     inner = [*filter(None, module.removeprefix(unit.name).split("."))]
     around = [f"{unit.name}/" + "".join(f"{part}/" for part in inner[:count]) for count in range(len(inner) + 1)]
     return {f"{each}__init__.py" for each in around} | {f"{around[-1].rstrip('/')}.py"}
+
+
+def _home(name: str, file: Path, every: Mapping[str, Path]) -> str:
+    """The Python file that another one comes with: itself, or what makes a package of the folder around it."""
+    if file.suffix == ".py":
+        return name
+    homes = (f"{folder}/__init__.py" for folder in PurePosixPath(name).parents)
+    return next((home for home in homes if home in every), name)
 
 
 def _package(name: str) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from interplan_learned.card import read_card
-from interplan_learned.network import SHIPPED
+from interplan_learned.network import shipped_cards
 from tools import networks as kept
 from tools.networks import keep_plan_times, networks, plan_times
 from tools.tables import ORDINARY, SMALL, stored
@@ -33,7 +33,7 @@ def test_every_shipped_network_has_its_line_best_first(tmp_path: Path, monkeypat
     drives = stored()
     head, _, still, *lines = networks(drives[SMALL].by_paper, drives[ORDINARY].by_paper)
     assert head.count("|") == still.count("|") == 9
-    cards = {card.planner: card for card in map(read_card, SHIPPED.glob("*.json"))}
+    cards = {card.planner: card for card in map(read_card, shipped_cards().values())}
     told = [line.split(" | ") for line in lines]
     assert {cells[0].strip("`") for cells in told} == {name.replace("pdm_offset", "pdm_hybrid") for name in cards}
     errors = [float(cells[5]) for cells in told]

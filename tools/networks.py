@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from interplan_learned.card import Card, read_card
-from interplan_learned.network import SHIPPED
+from interplan_learned.network import shipped_cards
 from interplan_sumo.report.table import ResultsTable
 from interplan_sumo.world.csv_tables import read_table, write_table
 from tools.beside_scenes import DRIVEN, cell_text
@@ -25,7 +25,7 @@ def networks(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
         "planner | network | weights | samples | epochs | new traffic m | new district m | ordinary | rare | plan ms",
         "---|" * 9 + "---",
     ]
-    cards = [read_card(path) for path in sorted(SHIPPED.glob("*.json"))]
+    cards = [read_card(path) for path in shipped_cards().values()]
     took = {line["planner"]: line["mean"] for line in _plan_times()}
     lines.append(" | ".join(("constant velocity", *[""] * 4, *_errors(cards[0], "constant_velocity"), *[""] * 3)))
     scores = [

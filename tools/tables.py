@@ -5,7 +5,7 @@ nobody types its figures. `--take` puts the drives of a run folder there first, 
 place of what the same planners drove before, and without traces and details that no table needs:
 `interplan-sumo report docs/results/interplan-1` reads them like any other run. `--take-hidden` keeps the scores in hard
 scenes that are not shipped, and nothing that tells of the scenes. `--take-sweep` keeps what a sweep of tracks or of
-drivers found, `--take-kilometres` the segments of `endure`.
+drivers found, `--take-seeds` the scores of a run with several seeds, `--take-kilometres` the segments of `endure`.
 """
 
 from __future__ import annotations
@@ -49,6 +49,7 @@ from tools.hard_scores import (
     tau,
 )
 from tools.kept_drives import complete_run, folder_of, take
+from tools.kept_seeds import keep_seeds, seeds
 from tools.kept_sweeps import behaviours, keep_sweep
 from tools.kept_sweeps import tracks as kept_tracks
 from tools.kilometres import (
@@ -292,6 +293,7 @@ def halves_order(drives: Drives) -> list[str]:
 SMALL, LARGE, ORDINARY = "interplan==1", "interplan-large==1", "common==1"
 TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = {
     "tracks": (tracks, (SMALL,)),
+    "seeds": (seeds, ()),
     "behaviours": (behaviours, ()),
     "short": (short, (SMALL,)),
     "planners": (planners, (SMALL,)),
@@ -368,13 +370,8 @@ def main() -> None:
         "--take-hidden", type=Path, nargs=2, metavar=("RUN", "DIR"), help="a run of hard scenes, and what harden wrote"
     )
     parser.add_argument("--take-sweep", type=Path, metavar="DIR", help="a folder of sweep to be stored")
-    parser.add_argument(
-        "--take-kilometres",
-        type=Path,
-        nargs="+",
-        metavar="DIR",
-        help="folders of endure to be stored",
-    )
+    parser.add_argument("--take-seeds", type=Path, metavar="RUN", help="a run with several seeds, to be stored")
+    parser.add_argument("--take-kilometres", type=Path, nargs="+", metavar="DIR", help="folders of endure to be stored")
     given = parser.parse_args()
     if given.take is not None:
         take(given.take)
@@ -383,6 +380,8 @@ def main() -> None:
         keep_hidden(complete_run(scenes_run), scenes)
     if given.take_sweep is not None:
         keep_sweep(given.take_sweep)
+    if given.take_seeds is not None:
+        keep_seeds(given.take_seeds)
     if given.take_kilometres is not None:
         keep_kilometres(given.take_kilometres)
     drives = stored()

@@ -147,10 +147,11 @@ def ego_sumo_route(network: SumoNetwork, ids: NetworkIds, lanes: tuple[str, ...]
     """
     edges: list[str] = []
     for lane_id in lanes:
-        for piece in ids.pieces[lane_id]:
-            lane = network.lanes[piece.sumo_lane]
-            if not lane.internal and (not edges or edges[-1] != lane.edge):
-                edges.append(lane.edge)
+        here = [network.lanes[piece.sumo_lane] for piece in ids.pieces[lane_id]]
+        along = dict.fromkeys(lane.edge for lane in here if not lane.internal)
+        while edges and edges[-1] in along:  # a lane beside the one before, on the same edges
+            edges.pop()
+        edges += along
     last = next(p.sumo_lane for p in reversed(ids.pieces[lanes[-1]]) if not network.lanes[p.sumo_lane].internal)
     return (*edges, *takewhile(lambda edge: edge not in edges, continued_route(network, last, 500.0)[1:]))
 

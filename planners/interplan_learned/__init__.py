@@ -4,9 +4,9 @@ How one is made, by the example of `pdm_open`. Nothing shared is edited.
 
 | module | holds |
 |---|---|
-| `pdm_open.py`, or a folder `pdm_open/` | the planner and `inputs(arrays)`, what the network is given; no torch |
+| `pdm_open/planner.py` | the planner and `inputs(arrays)`, what the network is given; no torch |
 | `tools/train/models/pdm_open.py` | `recipe(size, **options)`: network, loss, what of a sample to keep; torch |
-| `weights/pdm_open.json` and `.onnx` | model card and network, both written by the training |
+| `pdm_open/pdm_open.json` and `.onnx` | model card and network, both written by the training |
 
 Everything is a dict of arrays whose first axis is the sample: `inputs` is the same function for a batch of training
 samples and for the single one of `plan()` (`driving.one_sample`). Its arrays are those of

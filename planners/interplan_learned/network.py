@@ -16,7 +16,6 @@ from interplan_sumo.world.files import file_hash
 
 Arrays = Mapping[str, NDArray[Any]]
 MAIN: Final = "main"
-SHIPPED: Final = Path(__file__).parent / "weights"
 
 
 class OnnxNetwork:
@@ -57,6 +56,11 @@ class OnnxNetwork:
         }
 
 
+def shipped_cards() -> dict[str, Path]:
+    """The cards of the networks that come with the package, by name; each lies beside its planner."""
+    return {path.stem: path for path in sorted(Path(__file__).parent.glob("*/*.json"))}
+
+
 def load_network(planner: str, weights: str, driver: str | None = None) -> OnnxNetwork:
     """The network of a planner: `weights` is a name of shipped ones, or a path to a card or to the .onnx beside it.
 
@@ -66,12 +70,12 @@ def load_network(planner: str, weights: str, driver: str | None = None) -> OnnxN
     """
     named = Path(weights)
     is_path = named.suffix in (".json", ".onnx") or len(named.parts) > 1
-    path = named.with_suffix(".json") if is_path else SHIPPED / f"{weights}.json"
-    if not path.is_file():
-        known = sorted(each.stem for each in SHIPPED.glob("*.json"))
-        shipped = f"shipped are {', '.join(known)}" if known else "none are shipped"
+    shipped = shipped_cards()
+    path = named.with_suffix(".json") if is_path else shipped.get(weights)
+    if path is None or not path.is_file():
+        come = f"shipped are {', '.join(sorted(shipped))}" if shipped else "none are shipped"
         raise InputError(
-            f"no weights {str(path) if is_path else weights!r} for planner {planner!r} ({shipped}). "
+            f"no weights {str(path) if is_path else weights!r} for planner {planner!r} ({come}). "
             f"Train them in a checkout: python -m tools.train {planner} --data DATA --out FOLDER, "
             f"then drive with {driver or planner}?weights=FOLDER/{planner}.json"
         )

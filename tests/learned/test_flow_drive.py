@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tiny_dataset import write_untrained
 
 from interplan_learned.driving import POSES
-from interplan_learned.flow_drive import CENTRE, CHANNELS, SPREAD, FlowDrivePlanner, carried, poses, told
+from interplan_learned.flow_drive.planner import CENTRE, CHANNELS, SPREAD, FlowDrivePlanner, carried, poses, told
 from interplan_sumo import tiny_worlds
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.errors import InputError

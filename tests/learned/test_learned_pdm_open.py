@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tiny_dataset import empty_sample
 
 from interplan_learned.driving import MOST_MPS, plan_through, without_leaps
-from interplan_learned.pdm_open import inputs
+from interplan_learned.pdm_open.planner import inputs
 from interplan_sumo import tiny_worlds
 from interplan_sumo.features.view import Arrays, EgoView
 from tools.train.metrics import constant_velocity, plan_errors, wanted_poses

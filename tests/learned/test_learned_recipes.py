@@ -129,7 +129,7 @@ def test_a_share_of_the_drives_is_part_of_a_larger_one(tiny_data: Dataset) -> No
 def test_a_trained_planner_drives_from_its_card(tiny_folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("onnx", reason="needs onnx: pip install 'interplan-sumo[train]'")
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: pip install 'interplan-sumo[learned]'")
-    from interplan_learned.pdm_open import PdmOpenPlanner
+    from interplan_learned.pdm_open.planner import PdmOpenPlanner
     from tools.train.session import TrainRequest, train_planner
 
     card = train_planner(

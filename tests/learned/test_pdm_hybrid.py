@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from tiny_dataset import write_untrained
 
-from interplan_learned import pdm_open
 from interplan_learned.driving import POSES, STEP_S
-from interplan_learned.pdm_hybrid import CLOSED_PLAN, PdmHybridPlanner, closed_poses, corrected, inputs
+from interplan_learned.pdm_hybrid.planner import CLOSED_PLAN, PdmHybridPlanner, closed_poses, corrected, inputs
+from interplan_learned.pdm_open import planner as pdm_open
 from interplan_planners.pdm_closed import PdmClosedPlanner
 from interplan_sumo import tiny_worlds
 from interplan_sumo.dataset.columns import Columns, picked

@@ -7,7 +7,7 @@ import pytest
 from tiny_dataset import empty_sample, samples_of
 
 from interplan_learned.card import Size
-from interplan_learned.urban_driver import FIELDS, POINTS, SIZES, VEHICLE_CHANNELS, inputs, thinned
+from interplan_learned.urban_driver.planner import FIELDS, POINTS, SIZES, VEHICLE_CHANNELS, inputs, thinned
 from interplan_sumo import tiny_worlds
 from interplan_sumo.features.schema import channel_index
 from interplan_sumo.features.view import Arrays, EgoView

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from interplan_learned.urban_driver import SIZES
+from interplan_learned.urban_driver.planner import SIZES
 from interplan_sumo.dataset.reading import Dataset
 from tools.train.data import read_samples
 from tools.train.recipe import find_recipe

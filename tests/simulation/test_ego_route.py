@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import pytest
+
 from interplan_sumo.maps.network import NetworkIds
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.simulation.lane_chains import ego_sumo_route
@@ -15,10 +17,25 @@ ROUND_A_BLOCK = (
 )  # fmt: skip
 
 
-def test_a_route_round_a_block_ends_where_streets_behind_it_lead_back_into_it() -> None:
-    files = find_map("greenfield")
+def edges_along(map_name: str, lanes: tuple[str, ...]) -> tuple[str, ...]:
+    """The route of a chain of lanes; each of its edges leads to the next one, and none comes twice."""
+    files = find_map(map_name)
     network = read_network(files.network)
-    edges = ego_sumo_route(network, NetworkIds.read(files.ids), ROUND_A_BLOCK)
+    edges = ego_sumo_route(network, NetworkIds.read(files.ids), lanes)
     assert len(set(edges)) == len(edges)
-    lanes, links = network.lanes, (link for links in network.links.values() for link in links)
-    assert set(pairwise(edges)) <= {(lanes[link.from_lane].edge, lanes[link.to_lane].edge) for link in links}
+    among, links = network.lanes, (link for links in network.links.values() for link in links)
+    assert set(pairwise(edges)) <= {(among[link.from_lane].edge, among[link.to_lane].edge) for link in links}
+    return edges
+
+
+def test_a_route_round_a_block_ends_where_streets_behind_it_lead_back_into_it() -> None:
+    assert len(edges_along("greenfield", ROUND_A_BLOCK)) >= len(ROUND_A_BLOCK[::2])
+
+
+@pytest.mark.parametrize(
+    "lanes", [("302090", "302091"), ("302091", "302090"), ("101010", "101023", "302090", "302091")]
+)
+def test_a_change_of_lane_on_a_road_of_several_edges_passes_each_of_them_once(lanes: tuple[str, ...]) -> None:
+    edges = edges_along("one_north", lanes)
+    first = edges.index("30209.0")
+    assert edges[first : first + 2] == ("30209.0", "30209.1")

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_learned.pdm_hybrid import closed_poses
+from interplan_learned.pdm_hybrid.planner import closed_poses
 from interplan_planners.pdm_closed import PdmClosedPlanner
 from interplan_sumo.dataset import folder as layout
 from interplan_sumo.dataset.columns import Columns

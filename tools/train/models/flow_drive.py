@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from interplan_learned.card import Size
 from interplan_learned.driving import POSES
-from interplan_learned.flow_drive import CHANNELS, SCENE, carried, inputs, poses, told
+from interplan_learned.flow_drive.planner import CHANNELS, SCENE, carried, inputs, poses, told
 from interplan_learned.scene import FIELDS, thinned
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.errors import InputError

@@ -11,10 +11,10 @@ from functools import partial
 import torch
 from torch import Tensor, nn
 
-from interplan_learned import pdm_open
 from interplan_learned.card import Size
 from interplan_learned.driving import POSES
-from interplan_learned.pdm_hybrid import CLOSED_PLAN, KEPT_POSES, inputs
+from interplan_learned.pdm_hybrid.planner import CLOSED_PLAN, KEPT_POSES, inputs
+from interplan_learned.pdm_open import planner as pdm_open
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.dataset.reading import Dataset
 from interplan_sumo.errors import InputError

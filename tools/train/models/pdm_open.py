@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from interplan_learned.card import Size
 from interplan_learned.driving import POSES
-from interplan_learned.pdm_open import FIELDS, inputs
+from interplan_learned.pdm_open.planner import FIELDS, inputs
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.errors import InputError
 from tools.train.augment import Perturbation, augmented

@@ -17,7 +17,7 @@ from torch.nn import functional
 
 from interplan_learned.card import Size
 from interplan_learned.driving import POSES
-from interplan_learned.urban_driver import (
+from interplan_learned.urban_driver.planner import (
     FIELDS,
     LINE_CHANNELS,
     POINTS,

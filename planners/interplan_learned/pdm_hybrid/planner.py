@@ -1,7 +1,4 @@
-"""PDM-Hybrid: PDM-Closed's plan, corrected beyond 2 s by a network, PDM-Offset (Dauner et al., CoRL 2023).
-
-"Parting with Misconceptions about Learning-based Vehicle Motion Planning", arXiv 2306.07962.
-"""
+"""PDM-Hybrid's planner: PDM-Closed, and the correction that a network adds."""
 
 from __future__ import annotations
 
@@ -10,9 +7,9 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from interplan_learned import pdm_open
 from interplan_learned.driving import POSES, STEP_S, one_sample, without_leaps
 from interplan_learned.network import load_network
+from interplan_learned.pdm_open import planner as pdm_open
 from interplan_planners.pdm_closed import PdmClosedPlanner
 from interplan_sumo.dynamics.rear_axle import rear_axles_of
 from interplan_sumo.features.frame import EgoFrame

@@ -1,0 +1,85 @@
+"""Kept seeds: scores of the suite of rare scenes in other traffic of the same scenes, and the table that they give.
+
+A line per planner, scene and seed. Who is driven again takes the place of its former self.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from interplan_sumo.batch.run_folder import read_run
+from interplan_sumo.world.csv_tables import number_in, read_table, write_table
+from tools.hard_scores import RESULTS, Half, means
+from tools.kept_drives import complete_run, folder_of
+
+SUITE: Final = "interplan==1"
+KEPT: Final = RESULTS / "interplan-1-seeds.csv"
+COLUMNS: Final = ("planner", "planner_hash", "traffic_version", "seed", "scenario", "family", "score")
+LEAST: Final = 2
+"""Seeds of a run that is worth keeping here."""
+DRAWS: Final = 2000
+
+
+def keep_seeds(folder: Path) -> None:
+    """Keep the scores of a run with several seeds; ends the program if it is of another suite or traffic."""
+    run = complete_run(folder)
+    about, plain = run.manifest, read_run(folder_of(SUITE)).manifest
+    if about.suite != SUITE:
+        raise SystemExit(f"{folder} is a run of {about.suite}, expected {SUITE}")
+    if about.traffic_version != plain.traffic_version:
+        raise SystemExit(
+            f"{folder} is of traffic version {about.traffic_version}, the kept drives are of {plain.traffic_version}"
+        )
+    rows = [run.rows[key] for key in run.keys]
+    if len({row.seed for row in rows}) < LEAST:
+        raise SystemExit(f"{folder} has one seed; run with --seeds 3")
+    fresh: list[tuple[Any, ...]] = [
+        (
+            row.planner, about.planners[row.planner].hash, about.traffic_version, row.seed, row.scenario_id,
+            row.family, f"{row.score or 0.0:.4f}",
+        )
+        for row in rows
+    ]  # fmt: skip
+    held = [tuple(line[name] for name in COLUMNS) for line in _lines()] if KEPT.is_file() else []
+    again = {line[0] for line in fresh}
+    write_table(KEPT, COLUMNS, sorted((*(line for line in held if line[0] not in again), *fresh), key=_order))
+
+
+def seeds() -> list[str]:
+    """What planners get in other traffic of the same scenes, and how much of it is the traffic's."""
+    scores: dict[str, dict[str, dict[str, dict[str, float]]]] = {}
+    for line in _lines():
+        family = scores.setdefault(line["planner"], {}).setdefault(line["family"], {})
+        family.setdefault(line["scenario"], {})[line["seed"]] = number_in(line["score"], KEPT)
+    every = sorted({line["seed"] for line in _lines()}, key=int)
+    titles = ("planner", *(f"seed {seed}" for seed in every), "all", "a scene's seeds", "two runs of one seed")
+    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    half: Half = {
+        name: {
+            family: [float(np.mean([*of.values()])) for of in scenes.values()] for family, scenes in sorted(by.items())
+        }
+        for name, by in scores.items()
+    }
+    rng = np.random.default_rng(0)
+    drawn = np.array([means(half, rng) for _ in range(DRAWS)])
+    low, high = 100.0 * np.quantile(drawn, (0.025, 0.975), axis=0)
+    for place in np.argsort(-means(half), kind="stable").tolist():
+        name = [*half][place]
+        table = np.array([[of[seed] for seed in every] for scenes in scores[name].values() for of in scenes.values()])
+        spread = 100.0 * float(np.sqrt(table.var(axis=1, ddof=1).mean()))
+        apart = 1.96 * np.sqrt(2.0) * spread / np.sqrt(len(table))
+        cells = (f"{100.0 * each:.0f}" for each in table.mean(axis=0))
+        total = f"{100.0 * table.mean():.0f} [{low[place]:.0f}, {high[place]:.0f}]"
+        lines.append(" | ".join((f"`{name}`", *cells, total, f"{spread:.0f}", f"{apart:.0f}")))
+    return lines
+
+
+def _order(line: tuple[Any, ...]) -> tuple[Any, ...]:
+    return line[0], int(line[3]), line[4]
+
+
+def _lines() -> list[dict[str, str]]:
+    return read_table(KEPT, COLUMNS)
