@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from interplan_sumo.errors import InputError, ScenarioError
+from interplan_sumo.errors import InputError, ScenarioError, TrafficError
 from interplan_sumo.families import find_family
 from interplan_sumo.families.crossing import crossing_problems
 from interplan_sumo.families.passing import obstacle_corners
@@ -30,7 +30,8 @@ def start_problems(scenario: Scenario, roads: Roads, *, with_traffic: bool = Tru
 
     `with_traffic` also looks at the moving vehicles, which opens SUMO; without
     it everything is geometry and takes milliseconds. What does not fit the map
-    at all is the only thing said.
+    at all is the only thing said. TrafficError that names the scenario, where
+    SUMO fails.
     """
     try:
         scenario.check(roads)
@@ -52,6 +53,8 @@ def start_problems(scenario: Scenario, roads: Roads, *, with_traffic: bool = Tru
             problems += traffic_problems(scenario, roads)
         except InputError as error:
             problems.append(_without_id(scenario, error))
+        except TrafficError as error:
+            raise TrafficError(f"{scenario.id}: {error}") from error
     return problems
 
 

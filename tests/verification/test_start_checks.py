@@ -9,9 +9,11 @@ import pytest
 from stages import ONE_LANE, TWO_LANES, car, cone, narrowed, staged
 from worlds import straight_road
 
+from interplan_sumo.errors import TrafficError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Scenario, TrafficDemand
 from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.simulation.setup import open_traffic
 from interplan_sumo.verification.start_checks import start_problems, validate
 from interplan_sumo.world.roads import Roads
 
@@ -129,3 +131,10 @@ def test_a_vehicle_type_file_that_is_not_there_is_a_problem_like_others() -> Non
     wild = replace(find_scenario("lane_change_ltd/0"), traffic=TrafficDemand("low", "wild"))  # type: ignore[arg-type]
     only(start_problems(wild, load_roads(wild.map)), "wild")
     assert validate(wild, with_traffic=False) == []
+
+
+def test_where_sumo_fails_the_scenario_is_named() -> None:
+    scenario = find_scenario("lane_change_ltd/0")
+    roads = load_roads(scenario.map)
+    with open_traffic(scenario, roads), pytest.raises(TrafficError, match=r"^lane_change_ltd/0: SUMO is already"):
+        start_problems(scenario, roads)
