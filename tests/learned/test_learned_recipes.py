@@ -139,8 +139,8 @@ def test_a_trained_planner_drives_from_its_card(tiny_folder: Path, tmp_path: Pat
         ),
         lambda _done: None,
     )  # fmt: skip
-    assert card.data["samples"] == {"train": 234, "val": 39}
-    assert 0 < card.training["samples"] < 234
+    assert 0 < card.data["samples"]["train"] < 234
+    assert card.data["samples"]["val"] == 39
     assert len(card.training["held_out_m"]) == card.training["epochs_done"] == 3
     assert card.errors["val"]["network"]["ade"] > 0.0
     planner = PdmOpenPlanner(weights=str(tmp_path / "out" / "pdm_open.json"))

@@ -92,8 +92,8 @@ def train_planner(request: TrainRequest, on_epoch: Callable[[EpochDone], None]) 
         options=dict(recipe.options),
         features_format=schema.FORMAT,
         graphs=export_graphs(recipe.graphs(model, examples), request.out, name),
-        data=_data(dataset),
-        training=_training(recipe, trained, len(samples), held_split, request),
+        data=_data(dataset, len(samples)),
+        training=_training(recipe, trained, held_split, request),
         errors=errors,
         versions=_versions(),
     )
@@ -101,15 +101,14 @@ def train_planner(request: TrainRequest, on_epoch: Callable[[EpochDone], None]) 
     return card
 
 
-def _data(dataset: Dataset) -> dict[str, Any]:
+def _data(dataset: Dataset, trained_on: int) -> dict[str, Any]:
     counts = dataset.manifest.counts
-    return {"hash": dataset.hash, "drives": counts.drives, "samples": dict(counts.by_split)}
+    return {"hash": dataset.hash, "drives": counts.drives, "samples": {**counts.by_split, "train": trained_on}}
 
 
-def _training(recipe: Recipe, trained: Trained, samples: int, held_split: str, request: TrainRequest) -> dict[str, Any]:
+def _training(recipe: Recipe, trained: Trained, held_split: str, request: TrainRequest) -> dict[str, Any]:
     return {
         **asdict(recipe.settings),
-        "samples": samples,
         "epochs_done": trained.epochs,
         "best_epoch": trained.best_epoch,
         "stopped_by": trained.stopped,
