@@ -35,6 +35,7 @@ from interplan_sumo.dataset.records import DatasetManifest, FiltersRecord, Ordin
 from interplan_sumo.dataset.sample_index import IndexedSamples
 from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
 from interplan_sumo.maps.store import find_map, load_roads
+from interplan_sumo.metrics.score import weighted_score
 from interplan_sumo.scenario.files import read_scenarios, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.verification.ordinary_scenes import CHANGE, FIRST_SEED, KINDS, MAPS, check_seed, ordinary_scenes
@@ -45,6 +46,10 @@ EXPERTS: Final = ("foresight", "pdm_closed")
 """The first one drives where the way asks for lane changes, which the second one does not make; else in turn."""
 PLANNER_SHARE: Final = 0.25
 """Of the samples; the others are of background cars, which come for nothing."""
+ARRIVING: Final = ("task_done", "progress")
+"""Metrics that tell how far a drive came."""
+LANES: Final = "lane_changes"
+"""The one that tells whether it ended in the goal lane."""
 VAL_SHARE: Final = 0.1
 VAL_SEEDS: Final = 50_000
 """Seeds of the validation scenes begin so far behind those of the training scenes."""
@@ -67,6 +72,7 @@ class OrdinaryRequest:
     holdout_maps: tuple[str, ...] = ()
     """For the split `test` only."""
     min_score: float = 0.9
+    """Of `conduct`."""
     experts: tuple[str, str] = EXPERTS
     workers: int = 1
     """Processes; 0 works in this one."""
@@ -227,7 +233,7 @@ def _shared_out(scenes: Sequence[Scenario], experts: tuple[str, str]) -> dict[st
 def _surveyed(request: OrdinaryRequest, folder: Path) -> Iterator[tuple[JobKey, list[IndexedSamples]]]:
     """What each clean drive of a run folder offers, in order."""
     rows = read_run(folder).rows
-    clean = [key for key in sorted(rows) if (rows[key].score or 0.0) >= request.min_score and not rows[key].fault]
+    clean = [key for key in sorted(rows) if not rows[key].fault and conduct(rows[key]) >= request.min_score]
     work = partial(_open, folder.resolve(), exporting.frames_in(EVERY_S))
     tasks = [Task(key, "survey", key) for key in clean]
     found: dict[JobKey, list[IndexedSamples]] = {}
@@ -238,6 +244,19 @@ def _surveyed(request: OrdinaryRequest, folder: Path) -> Iterator[tuple[JobKey, 
                 raise InterplanError(f"{outcome.task.payload[0]}: {outcome.fault.kind} fault: {outcome.fault.message}")
             found[outcome.task.payload] = convert(outcome.value["offers"], list[IndexedSamples])
     return ((key, found[key]) for key in clean)
+
+
+def conduct(row: Row) -> float:
+    """How well somebody drove, 0 to 1, however far: its score without what tells whether it arrived.
+
+    Who waits at a red light or in a queue until its time is up drives as well as
+    who meets neither, and a learner should see both. Who is in another lane than
+    that of its goal in the end, or hardly moves, has not.
+    """
+    gates = [name for name in row.gates if name not in ARRIVING]
+    weights = {name: weight for name, weight in row.weights.items() if name not in ARRIVING}
+    scores = {name: metric.score or 0.0 for name, metric in row.metrics.items()}
+    return weighted_score(scores, (*gates, LANES), weights)
 
 
 def _open(folder: Path, every_frames: int, _group: str, publish: Publish) -> Work:

@@ -8,15 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from msgspec import UNSET
+from msgspec import UNSET, structs
 from typer.testing import CliRunner
 
+from interplan_sumo.batch.records import MetricRecord
+from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.cli.dataset import dataset_app
 from interplan_sumo.dataset.folder import DRIVEN
-from interplan_sumo.dataset.ordinary import VAL_SEEDS, OrdinaryRequest, make_ordinary
+from interplan_sumo.dataset.ordinary import VAL_SEEDS, OrdinaryRequest, conduct, make_ordinary
 from interplan_sumo.dataset.reading import read_dataset
 from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.scenario.suite import suites
+from tools.kept_drives import folder_of
 
 MAP = "back_bay"
 
@@ -53,6 +56,23 @@ def test_the_command_hands_its_options_on(tmp_path: Path) -> None:
     found = CliRunner().invoke(dataset_app, asked, obj=asked)
     assert isinstance(found.exception, InterplanError)
     assert "seed is 3" in str(found.exception)
+
+
+@pytest.mark.parametrize(
+    ("lacks", "counts"),
+    [
+        ({}, 1.0), ({"task_done": 0.25, "progress": 0.3}, 1.0), ({"task_done": 0.25, "lane_changes": 0.0}, 0.0),
+        ({"task_done": 0.25, "making_progress": 0.0}, 0.0), ({"no_collision": 0.0}, 0.0), ({"comfort": 0.0}, 0.85),
+    ],
+)  # fmt: skip
+def test_who_drives_well_may_come_late_but_not_astray(lacks: dict[str, float], counts: float) -> None:
+    gates = ("no_collision", "making_progress", "task_done")
+    weights = {"progress": 5.0, "time_to_collision": 11.0, "comfort": 2.0}
+    metrics = {name: MetricRecord(lacks.get(name, 1.0), {}, None) for name in (*gates, *weights, "lane_changes")}
+    (row, *_) = read_run(folder_of("common==1")).rows.values()
+    assert conduct(structs.replace(row, metrics=metrics, gates=gates, weights=weights)) == pytest.approx(
+        counts, abs=0.01
+    )
 
 
 def asked(folder: Path, workers: int) -> OrdinaryRequest:
