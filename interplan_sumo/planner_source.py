@@ -2,8 +2,8 @@
 
 Nothing of the planner is imported. Its files are its module (or its program), whatever that imports, directly or not,
 which is no library, all that lies in the packages of these and is no Python, and what its options name; but not what
-lies in a package inside them of which nothing is imported. A package in which a file of the planner loads code by name
-belongs to it as a whole. Libraries have versions, and are none of them.
+lies beside modules of a package inside them, none of which is imported. A package in which a file of the planner loads
+code by name belongs to it as a whole. Libraries have versions, and are none of them.
 """
 
 from __future__ import annotations
@@ -91,7 +91,8 @@ def _modules(planner: str) -> dict[str, Path]:
             continue
         every = units[unit.name] = units.get(unit.name) or _files_of(unit)
         places = _places(module, unit)
-        fresh = {name: file for name, file in every.items() if _home(name, file, every) in places}
+        homes = _homes(every)
+        fresh = {name: file for name, file in every.items() if homes[name] in places}
         while fresh := {name: file for name, file in fresh.items() if name not in found}:
             found |= fresh
             imports = [_Imports.of(file, _package(name)) for name, file in fresh.items() if file.suffix == ".py"]
@@ -109,12 +110,19 @@ def _places(module: str, unit: ModuleSpec) -> set[str]:
     return {f"{each}__init__.py" for each in around} | {f"{around[-1].rstrip('/')}.py"}
 
 
-def _home(name: str, file: Path, every: Mapping[str, Path]) -> str:
-    """The Python file that another one comes with: itself, or what makes a package of the folder around it."""
-    if file.suffix == ".py":
-        return name
-    homes = (f"{folder}/__init__.py" for folder in PurePosixPath(name).parents)
-    return next((home for home in homes if home in every), name)
+def _homes(every: Mapping[str, Path]) -> dict[str, str]:
+    """The Python file that each one of a unit comes with: itself, or what makes a package of the modules around it.
+
+    A package without modules holds data for those around it.
+    """
+    packages = {name.rpartition("/")[0] for name in every if name.endswith(".py") and not name.endswith("/__init__.py")}
+    packages |= {name.partition("/")[0] for name in every}
+
+    def home(name: str) -> str:
+        around = (parent.as_posix() for parent in PurePosixPath(name).parents)
+        return next((f"{folder}/__init__.py" for folder in around if folder in packages), name)
+
+    return {name: name if file.suffix == ".py" else home(name) for name, file in every.items()}
 
 
 def _package(name: str) -> str:

@@ -117,14 +117,14 @@ def test_where_a_file_loads_by_name_the_whole_package_is_the_planner(line: str, 
     ("file", "counts"),
     [
         ("net.onnx", True), ("tables/speeds.csv", True), ("inner/deep.onnx", True), ("inner/more/deep.onnx", True),
-        ("beside/net.onnx", False), ("beside/more/net.onnx", False),
+        ("weights/net.onnx", True), ("beside/net.onnx", False), ("beside/more/net.onnx", False),
     ],
 )  # fmt: skip
 def test_data_count_with_the_package_that_they_lie_in(file: str, counts: bool, place: Path) -> None:
     path = place / "acme" / file
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(b"weights")
-    parts_of(place, **{"beside/__init__.py": "", "beside/planner.py": ""})
+    parts_of(place, **{"beside/__init__.py": "", "beside/planner.py": "", "weights/__init__.py": ""})
     assert (f"acme/{file}" in PlannerSource.of("acme.planner:Acme").files) == counts
 
 
