@@ -75,7 +75,7 @@ _START: Final = ("paths", "paths_valid", "speed_mps", "acceleration_mps2", "limi
 NETWORKS: Final[Mapping[Size, NetworkSize]] = {
     "compact": NetworkSize(
         encoder=EncoderSize(width=64, heads=4, layers=2),
-        settings=TrainingSettings(epochs=6, batch=64, learning_rate=1e-3, patience=6),
+        settings=TrainingSettings(epochs=10, batch=64, learning_rate=1e-3, patience=8),
     ),
     "published": NetworkSize(
         encoder=EncoderSize(width=256, heads=8, layers=3),
