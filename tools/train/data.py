@@ -54,11 +54,11 @@ def read_samples(dataset: Dataset, split: Split, recipe: Recipe, share: float = 
     parts: list[Columns] = []
     for number in range(len(data.shards)):
         rows = np.flatnonzero(drawn[data.shard(number, ("drive",))["drive"]])
-        parts.append(recipe.keep(picked(data.shard(number, fields_of(recipe)), rows), dataset))
-    found = Samples(joined(parts))
-    if not len(found):
+        if len(rows):
+            parts.append(recipe.keep(picked(data.shard(number, fields_of(recipe)), rows), dataset))
+    if not parts:
         raise InputError(f"a share of {share:g} of {drives} drives holds no samples of {split!r}; take more")
-    return found
+    return Samples(joined(parts))
 
 
 def held_out_split(dataset: Dataset) -> Split:
