@@ -46,7 +46,7 @@ def test_each_seed_has_its_score_and_all_have_the_interval_over_scenes(tmp_path:
     keep_seeds(run(tmp_path / "a", {"idm": [0.2, 0.3, 0.4], "mine": [0.8, 0.8, 0.8]}))
     keep_seeds(run(tmp_path / "b", {"idm": [0.1, 0.2, 0.3]}))
     assert seeds() == [
-        "planner | seed 0 | seed 1 | seed 2 | all | a scene's seeds | two runs of one seed",
+        "planner | seed 0 | seed 1 | seed 2 | all | spread of a scene | two seeds apart",
         "---|---|---|---|---|---|---",
         "`mine` | 80 | 80 | 80 | 80 [80, 80] | 0 | 0",
         "`idm` | 10 | 20 | 30 | 20 [20, 20] | 10 | 3",

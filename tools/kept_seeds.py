@@ -55,7 +55,7 @@ def seeds() -> list[str]:
         family = scores.setdefault(line["planner"], {}).setdefault(line["family"], {})
         family.setdefault(line["scenario"], {})[line["seed"]] = number_in(line["score"], KEPT)
     every = sorted({line["seed"] for line in _lines()}, key=int)
-    titles = ("planner", *(f"seed {seed}" for seed in every), "all", "a scene's seeds", "two runs of one seed")
+    titles = ("planner", *(f"seed {seed}" for seed in every), "all", "spread of a scene", "two seeds apart")
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
     half: Half = {
         name: {
