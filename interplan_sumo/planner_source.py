@@ -79,7 +79,7 @@ def _module(name: str) -> str:
 def _modules(planner: str) -> dict[str, Path]:
     """The files of a module, of what it imports that is no library, and the data of their packages."""
     found: dict[str, Path] = {}
-    units: dict[str, dict[str, Path]] = {}
+    units: dict[str, tuple[dict[str, Path], dict[str, str]]] = {}
     seen, left = set[str](), [planner]
     while left:
         module = left.pop()
@@ -89,9 +89,11 @@ def _modules(planner: str) -> dict[str, Path]:
         unit = _unit_of(module)
         if unit is None or (found and _is_library(unit)):
             continue
-        every = units[unit.name] = units.get(unit.name) or _files_of(unit)
+        if unit.name not in units:
+            files = _files_of(unit)
+            units[unit.name] = files, _homes(files)
+        every, homes = units[unit.name]
         places = _places(module, unit)
-        homes = _homes(every)
         fresh = {name: file for name, file in every.items() if homes[name] in places}
         while fresh := {name: file for name, file in fresh.items() if name not in found}:
             found |= fresh

@@ -12,7 +12,8 @@ from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.world.csv_tables import read_table
 from tools import kept_seeds
 from tools.kept_drives import folder_of
-from tools.kept_seeds import SUITE, keep_seeds, seeds
+from tools.kept_seeds import keep_seeds, seeds
+from tools.kept_sweeps import SUITE
 
 
 def run(folder: Path, scores: dict[str, list[float]], *, suite: str = SUITE, older: int = 0) -> Path:

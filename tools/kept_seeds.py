@@ -14,8 +14,8 @@ from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 from tools.hard_scores import RESULTS, Half, means
 from tools.kept_drives import complete_run, folder_of
+from tools.kept_sweeps import SUITE
 
-SUITE: Final = "interplan==1"
 KEPT: Final = RESULTS / "interplan-1-seeds.csv"
 COLUMNS: Final = ("planner", "planner_hash", "traffic_version", "seed", "scenario", "family", "score")
 LEAST: Final = 2
@@ -51,10 +51,11 @@ def keep_seeds(folder: Path) -> None:
 def seeds() -> list[str]:
     """What planners get in other traffic of the same scenes, and how much of it is the traffic's."""
     scores: dict[str, dict[str, dict[str, dict[str, float]]]] = {}
-    for line in _lines():
+    kept = _lines()
+    for line in kept:
         family = scores.setdefault(line["planner"], {}).setdefault(line["family"], {})
         family.setdefault(line["scenario"], {})[line["seed"]] = number_in(line["score"], KEPT)
-    every = sorted({line["seed"] for line in _lines()}, key=int)
+    every = sorted({line["seed"] for line in kept}, key=int)
     titles = ("planner", *(f"seed {seed}" for seed in every), "all", "spread of a scene", "two seeds apart")
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
     half: Half = {

@@ -35,7 +35,7 @@ def ordinary(
     holdout_maps: Annotated[
         list[str] | None, typer.Option(help="A map for the split `test` only.", metavar="MAP")
     ] = None,
-    min_score: Annotated[float, typer.Option(help="Only drives that score so much but for how far they came.")] = 0.9,
+    min_score: Annotated[float, typer.Option(help="Least score, 0 to 1, of a drive, however far it came.")] = 0.9,
     workers: WorkersOption = None,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
