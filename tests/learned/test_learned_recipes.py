@@ -94,6 +94,17 @@ def test_a_checkpoint_of_another_training_is_refused(tiny_data: Dataset, tmp_pat
         trained(tiny_data, checkpoint, epochs=1, resume=True)
 
 
+@pytest.mark.parametrize("planner", ["pdm_open", "pdm_offset"])
+def test_a_perceptron_plans_the_same_while_it_learns_as_when_it_drives(tiny_data: Dataset, planner: str) -> None:
+    recipe = find_recipe(planner)
+    samples = read_samples(tiny_data, "val", recipe)
+    batch = loop.batch_of(recipe, samples.picked(np.arange(8)))
+    torch.manual_seed(0)
+    model = recipe.make_model()
+    learning = recipe.poses(model.train(), batch)
+    assert torch.equal(learning, recipe.poses(model.eval(), batch))
+
+
 def test_rare_futures_are_drawn_more_often() -> None:
     future = np.zeros((100, 80, 4), dtype=np.float32)
     future[..., 3] = 1.0

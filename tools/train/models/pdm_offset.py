@@ -1,4 +1,4 @@
-"""PDM-Offset's network and loss, as published: PDM-Open's perceptron with a third input, PDM-Closed's plan, to correct.
+"""PDM-Offset's network and loss: PDM-Open's perceptron with a third input, PDM-Closed's plan, to correct.
 
 The planner that drives with it is PDM-Hybrid.
 """
