@@ -38,7 +38,7 @@ _TIMES: Final = 64
 
 NETWORK: Final = NetworkSize(
     encoder=EncoderSize(width=64, heads=4, layers=2),
-    settings=TrainingSettings(epochs=15, batch=64, learning_rate=1e-3, patience=8),
+    settings=TrainingSettings(epochs=10, batch=64, learning_rate=1e-3, patience=8),
 )
 
 

@@ -47,7 +47,7 @@ _FAR_M: Final = 20.0
 NETWORKS: Final[Mapping[Size, NetworkSize]] = {
     "compact": NetworkSize(
         encoder=EncoderSize(width=64, heads=4, layers=2),
-        settings=TrainingSettings(epochs=12, batch=64, learning_rate=1e-3, patience=8),
+        settings=TrainingSettings(epochs=8, batch=64, learning_rate=1e-3, patience=8),
     ),
     "published": NetworkSize(
         encoder=EncoderSize(width=256, heads=8, layers=3),

@@ -63,7 +63,7 @@ def recipe(
             agents_dropped=agents_dropped,
             past_dropped=past_dropped,
         ),
-        settings=TrainingSettings(epochs=15, batch=64, learning_rate=1e-3, patience=8),
+        settings=TrainingSettings(epochs=10, batch=64, learning_rate=1e-3, patience=8),
     )
 
 

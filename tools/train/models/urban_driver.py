@@ -58,7 +58,7 @@ class Learning:
 LEARNING: Final[Mapping[Size, Learning]] = {
     "compact": Learning(
         width=64, forward_m=1.0, left_m=1.0, turned_rad=0.3,
-        settings=TrainingSettings(epochs=30, batch=64, learning_rate=1e-3, patience=8),
+        settings=TrainingSettings(epochs=20, batch=64, learning_rate=1e-3, patience=8),
     ),
     "published": Learning(
         width=256, forward_m=2.0, left_m=2.0, turned_rad=0.75,
