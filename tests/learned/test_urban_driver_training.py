@@ -57,6 +57,16 @@ def same(one: Any, other: Any) -> bool:
     return torch.allclose(one, other, rtol=1e-4, atol=1e-4)
 
 
+def test_polylines_are_encoded_in_parts_while_it_learns_and_come_out_the_same(
+    model: made.UrbanDriver, scene: Tensors, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = poses(model, scene)
+    monkeypatch.setattr(made, "AT_ONCE", 7)
+    assert int(scene["lines_valid"].sum()) % 7 > 0
+    assert same(poses(model.train(), scene), whole)
+    model.eval()
+
+
 def test_order_empty_rows_and_an_unknown_past_do_not_matter(model: made.UrbanDriver, scene: Tensors) -> None:
     mixed, rng = dict(scene), np.random.default_rng(1)
     order = rng.permutation(scene["vehicles"].shape[1])

@@ -35,6 +35,9 @@ from tools.train.scene_encoder import Scale, pose_differences, sinusoids
 INPUTS: Final = ("ego", "ego_valid", "vehicles", "vehicles_valid", "lines", "lines_valid")
 FEATURES: Final = 8
 """Numbers of a point; those that a kind of polyline does not have are 0."""
+AT_ONCE: Final = 1000
+"""Polylines that are encoded together in training: what lies between the layers of more does not fit the cache, and
+takes a third longer."""
 LAYERS: Final = 3
 HEADS: Final = 8
 _NEVER = -1e4
@@ -162,13 +165,23 @@ class PolylineEncoder(nn.Module):
         Points that are not valid are taken for the first one again, which changes no maximum.
         """
         there = valid[..., 0]
-        features = self.point(points[there]) + self.places[: points.shape[2]]
-        features = torch.where(valid[there][..., None], features, features[:, :1])
+        points, valid = points[there], valid[there][..., None]
+        points = torch.where(valid, points, points[:, :1])
+        places = torch.where(valid, self.places[: points.shape[1]], self.places[:1])
+        tokens = points.new_zeros((*there.shape, self.point.out_features))
+        if self.training:
+            parts = zip(points.split(AT_ONCE), places.split(AT_ONCE), strict=True)
+            tokens[there] = torch.cat([self._tokens(*part) for part in parts])
+        else:
+            tokens[there] = self._tokens(points, places)
+        return tokens
+
+    def _tokens(self, points: Tensor, places: Tensor) -> Tensor:
+        """(K, width) from points (K, P, 8) and what tells their places (K, P, width)."""
+        features = self.point(points) + places
         for layer in self.layers:
             features = layer(features)
-        tokens = points.new_zeros((*there.shape, features.shape[-1]))
-        tokens[there] = features.amax(dim=1)
-        return tokens
+        return features.amax(dim=1)
 
 
 class PointNetLayer(nn.Module):
