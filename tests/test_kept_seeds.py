@@ -77,7 +77,7 @@ def test_what_is_kept_says_of_which_traffic_and_planner_it_is(tmp_path: Path) ->
     ("scores", "how", "says"),
     [
         ([0.2], {}, "has one seed; run with --seeds 3"),
-        ([0.2, 0.2], {"suite": "common==1"}, "is a run of common==1, expected interplan==1"),
+        ([0.2, 0.2], {"suite": "common==1"}, "is of common==1, expected interplan==1"),
         ([0.2, 0.2], {"older": 1}, "is of traffic version 2, the kept drives are of 3"),
     ],
 )

@@ -80,7 +80,7 @@ def test_drivers_are_told_in_the_order_of_the_sweep(tmp_path: Path) -> None:
     ("parameter", "how", "says"),
     [
         ("density", {}, "swept density, expected track or behaviour"),
-        ("track", {"suite": "common==1"}, "is a sweep of common==1, expected interplan==1"),
+        ("track", {"suite": "common==1"}, "is of common==1, expected interplan==1"),
         ("track", {"missing": 1}, "lacks drives of idm"),
         ("track", {"older": 1}, "is of traffic version 2, the kept drives are of 3"),
     ],
@@ -90,3 +90,11 @@ def test_other_sweeps_are_refused(parameter: str, how: dict[str, Any], says: str
     with pytest.raises(SystemExit, match=says):
         keep_sweep(folder)
     assert not (tmp_path / f"sweep-{parameter}.csv").exists()
+
+
+def test_a_sweep_without_the_runs_it_tells_of_is_refused(tmp_path: Path) -> None:
+    folder = sweep(tmp_path / "a", "track", [("noisy", "idm", 20.0), ("late", "idm", 20.0)])
+    (folder / "track=late" / "manifest.json").unlink()
+    (folder / "track=late").rmdir()
+    with pytest.raises(SystemExit, match="lacks drives of idm"):
+        keep_sweep(folder)

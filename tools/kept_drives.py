@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 
+from interplan_sumo.batch.records import Manifest
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from tools.hard_scores import RESULTS
 
@@ -30,6 +32,17 @@ def complete_run(folder: Path) -> StoredRun:
     if run.missing:
         raise SystemExit(f"{folder} has no score for {len(run.missing)} of its drives; complete it first")
     return run
+
+
+def refuse_others(folder: Path, suite: str, found: Iterable[Manifest]) -> None:
+    """End the program if what was found in a folder is of another suite, or of other traffic than its kept drives."""
+    plain = read_run(folder_of(suite)).manifest.traffic_version
+    for about in found:
+        if about.suite != suite:
+            raise SystemExit(f"{folder} is of {about.suite}, expected {suite}")
+        if about.traffic_version != plain:
+            other = about.traffic_version
+            raise SystemExit(f"{folder} is of traffic version {other}, the kept drives are of {plain}; drive it anew")
 
 
 def take(folder: Path) -> None:

@@ -10,10 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 from tools.hard_scores import RESULTS, Half, means
-from tools.kept_drives import complete_run, folder_of
+from tools.kept_drives import complete_run, refuse_others
 from tools.kept_sweeps import SUITE
 
 KEPT: Final = RESULTS / "interplan-1-seeds.csv"
@@ -26,13 +25,8 @@ DRAWS: Final = 2000
 def keep_seeds(folder: Path) -> None:
     """Keep the scores of a run with several seeds; ends the program if it is of another suite or traffic."""
     run = complete_run(folder)
-    about, plain = run.manifest, read_run(folder_of(SUITE)).manifest
-    if about.suite != SUITE:
-        raise SystemExit(f"{folder} is a run of {about.suite}, expected {SUITE}")
-    if about.traffic_version != plain.traffic_version:
-        raise SystemExit(
-            f"{folder} is of traffic version {about.traffic_version}, the kept drives are of {plain.traffic_version}"
-        )
+    about = run.manifest
+    refuse_others(folder, SUITE, (about,))
     rows = [run.rows[key] for key in run.keys]
     if len({row.seed for row in rows}) < LEAST:
         raise SystemExit(f"{folder} has one seed; run with --seeds 3")

@@ -12,7 +12,7 @@ from typing import Final
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.world.csv_tables import read_table, write_table
 from tools.hard_scores import RESULTS
-from tools.kept_drives import folder_of
+from tools.kept_drives import refuse_others
 
 SUITE: Final = "interplan==1"
 PARAMETERS: Final = ("track", "behaviour")
@@ -38,16 +38,11 @@ def keep_sweep(folder: Path) -> None:
     if parameter not in PARAMETERS:
         raise SystemExit(f"{folder} swept {parameter}, expected {' or '.join(PARAMETERS)}")
     runs = {run.name: read_run(run).manifest for run in sorted(folder.glob(f"{parameter}=*")) if run.is_dir()}
-    suites = {about.suite for about in runs.values()}
-    if suites != {SUITE}:
-        raise SystemExit(f"{folder} is a sweep of {', '.join(sorted(suites))}, expected {SUITE}")
-    plain = read_run(folder_of(SUITE)).manifest.traffic_version
-    if other := {about.traffic_version for about in runs.values()} - {plain}:
-        raise SystemExit(f"{folder} is of traffic version {min(other)}, the kept drives are of {plain}; sweep again")
-    if lacking := [line for line in fresh if line["missing"] != "0" or line["faults"]]:
-        raise SystemExit(f"{folder} lacks drives of {lacking[0]['planner']}, or they have faults; complete it first")
+    refuse_others(folder, SUITE, runs.values())
     for line in fresh:
-        about = runs[f"{parameter}={line[parameter]}"]
+        about = runs.get(f"{parameter}={line[parameter]}")
+        if about is None or line["missing"] != "0" or line["faults"]:
+            raise SystemExit(f"{folder} lacks drives of {line['planner']}, or they have faults; complete it first")
         line |= dict(zip(OF, (str(about.traffic_version), about.planners[line["planner"]].hash), strict=True))
     held = _lines(kept(parameter)) if kept(parameter).is_file() else []
     again = {line["planner"] for line in fresh}
