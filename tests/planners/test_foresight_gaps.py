@@ -304,7 +304,7 @@ def cost_of(center_m: float, mps: float, comes_s: float = 0.0) -> float:
     yes, no, nobody = np.ones(1, np.bool_), np.zeros(1, np.bool_), np.zeros((0, steps))
     stage = Stage(
         candidate, 100.0, np.full(400, 10.0), (), near, far, center, np.full((1, steps), mps),
-        there, no, yes, no, (inf, inf), None, nobody, nobody, np.zeros(0, np.bool_),
+        there, no, yes, no, (inf, inf), None, None, nobody, nobody, np.zeros(0, np.bool_),
     )  # fmt: skip
     return float(speed_costs([stage], drafts, PACIFICA, 10.0, 0.0)[0])
 

@@ -115,6 +115,8 @@ class CandidatePath:
     """Whether the ego's centre leaves the lanes of its direction."""
     around: tuple[str, ...] = ()
     """Of a pass: what it passes."""
+    over_m: float = inf
+    """Of a pass: where the front bumper must stop at the latest so that nothing of the ego is in the oncoming lane."""
     late: bool = False
     """Of a pass: whether the front is beside what it passes before all of the offset is reached."""
     old: Base | None = None
@@ -227,6 +229,8 @@ class Bypass:
     around: tuple[str, ...]
     """Who is passed."""
     oncoming: bool
+    over_share: float
+    """Of the way out: up to there nothing of the ego is in the oncoming lane; infinite where it stays out of it."""
     most_mps: float
     """Allowed while beside."""
     new: Base | None
@@ -254,8 +258,9 @@ def passed(base: Base, axle: Pose, curvature_per_m: float, bypass: Bypass) -> Ca
     path, limits, ends = _beside(base, axle, curvature_per_m, pieces, slow)
     leaves_m = ends[1] if wait_m > 0.5 else ends[0]
     return CandidatePath(
-        "pass", base, path, limits, leaves_m, ends[-1], offset_m, (ends[-3], ends[-2]), bypass.oncoming,
-        bypass.around, bypass.late, new=bypass.new, merged_m=leaves_m + IN_LANE * (ends[-3] - leaves_m),
+        "pass", base, path, limits, leaves_m, ends[-1], offset_m, (ends[-3], ends[-2]), bypass.oncoming, bypass.around,
+        leaves_m + bypass.over_share * (ends[-3] - leaves_m), bypass.late, new=bypass.new,
+        merged_m=leaves_m + IN_LANE * (ends[-3] - leaves_m),
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from interplan_planners.foresight.drivers import REACTION_S, answers_mps2, minde
 from interplan_planners.foresight.prediction import STEP_S
 from interplan_planners.foresight.speeds import Drafts
 from interplan_planners.foresight.st_obstacles import Stage
+from interplan_planners.foresight.unseen import ONE_IN_M, PLACE_M, HiddenPlaces, comes_next, fronts_then
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import Floats, Ints
 
@@ -32,7 +33,10 @@ HARD, HARD_MPS2 = 6.0, 3.9
 FORCED = 40.0
 """For making everybody brake hard who could be behind."""
 SOON_S = 2.0
-"""So long it matters that some drivers accelerate harder than others."""
+"""So long it matters that some drivers accelerate harder than others; and how soon an entry has to be to be asked what
+those do who are not seen."""
+IN_ALREADY_M = 0.3
+"""Who comes into a lane on less than this of its way is in it."""
 NOBODY_M = 1e3
 """So far behind is nobody."""
 ASTRIDE = 15.0
@@ -81,6 +85,8 @@ def speed_costs(
             cost[rows] += np.where(met.any(axis=1), (1.0 - impatience) * UNSEEN, 0.0)
         if stage.follower.any() and stage.candidate.new is not None:
             cost[rows] += _answered(stage, s, v, shape) + _short(stage, front, rear, v, settled)
+        if stage.hidden is not None and len(stage.hidden.front_m):
+            cost[rows] += (1.0 - impatience) * _answered_unseen(stage, stage.hidden, s, v, shape)
     return cost
 
 
@@ -108,18 +114,38 @@ def _hits(
 def _answered(stage: Stage, s: Floats, v: Floats, shape: EgoShape) -> Floats:
     """(n,) for those behind who have to brake, a reaction time after the ego comes into their lane, or nearly does."""
     last, late = s.shape[1] - 1, round(REACTION_S / STEP_S)
-    near_m, over_m = stage.enters_m
-    # who has reached in for longer has been answered already
-    counts = (s[:, -1] >= near_m) & (s[:, 0] - over_m <= REACTION_S * np.maximum(v[:, 0], 0.5))
     rows, cost = np.arange(len(s)), np.zeros(len(s))
-    for enters_m in (near_m, over_m):
+    for enters_m in stage.enters_m:
         inside = s >= enters_m
         at = np.where(inside.any(axis=1), np.minimum(inside.argmax(axis=1) + late, last), last)
         rear_m = s[rows, at] - (shape.length_m - shape.front_m)
         answers = _answers_mps2(stage, at, rear_m, v[rows, at], shape.length_m)
         cost = np.maximum(cost, FORCED * minded(answers).max(axis=1, initial=0.0))
     astride = s[:, -1] < stage.candidate.merged_m
-    return np.where(counts, cost + np.where(astride, ASTRIDE, 0.0), 0.0)
+    return np.where(s[:, -1] >= stage.enters_m[0], cost + np.where(astride, ASTRIDE, 0.0), 0.0)
+
+
+def _answered_unseen(stage: Stage, hidden: HiddenPlaces, s: Floats, v: Floats, shape: EgoShape) -> Floats:
+    """(n,) for those who may be hidden by others and would have to brake.
+
+    An entry counts if it is near, for who waits will see more, and not over yet, for to stop half-way helps nobody.
+    """
+    last, late = s.shape[1] - 1, round(REACTION_S / STEP_S)
+    lane = np.flatnonzero(stage.follower)
+    center_m = np.where(np.isfinite(stage.near_m[lane]), stage.center_m[lane], -np.inf)
+    rows, cost = np.arange(len(s)), np.zeros(len(s))
+    for enters_m in stage.enters_m:
+        inside = s >= enters_m
+        enters = inside.argmax(axis=1)
+        counts = inside.any(axis=1) & (enters * STEP_S <= SOON_S) & (enters_m > stage.arc_m + IN_ALREADY_M)
+        at = np.minimum(enters + late, last)
+        rear_m = s[rows, at] - (shape.length_m - shape.front_m)
+        front_m, speed_mps, before_m = fronts_then(hidden, at, stage.near_m[lane], center_m, stage.speed_mps[lane])
+        answers = answers_mps2(rear_m[:, None] - front_m, speed_mps, v[rows, at][:, None])
+        met = comes_next(front_m, before_m, rear_m, shape)
+        share = np.minimum(np.where(met, minded(answers), 0.0).sum(axis=1) * PLACE_M / ONE_IN_M, 1.0)
+        cost = np.maximum(cost, np.where(counts, FORCED * share, 0.0))
+    return cost
 
 
 def _answers_mps2(stage: Stage, at: Ints, rear_m: Floats, ego_mps: Floats, length_m: float) -> Floats:

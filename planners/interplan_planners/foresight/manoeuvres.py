@@ -261,7 +261,9 @@ class Manoeuvres:
             if new is not None and not _leads_on(new, base, back_m[1]):
                 continue
             late = out_m[1] > there_m + 1e-6
-            bypass = Bypass(passage.offset_m, out_m, back_m, block.ids, passage.oncoming, most_mps, new, late)
+            bypass = Bypass(
+                passage.offset_m, out_m, back_m, block.ids, passage.oncoming, passage.over_share, most_mps, new, late
+            )
             candidate = passed(base, scene.axle, scene.curvature_per_m, bypass)
             if candidate is not None:
                 begun = -0.5 * BEGINNING - (AGAINST_TRAFFIC if passage.oncoming else 0.0)

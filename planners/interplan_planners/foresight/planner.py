@@ -26,6 +26,7 @@ from interplan_planners.foresight.scene import PlanningScene
 from interplan_planners.foresight.speeds import Drafts, drafted
 from interplan_planners.foresight.st_obstacles import Stage, occupied_base, staged
 from interplan_planners.foresight.static_classification import StandingGroup, Stillness
+from interplan_planners.foresight.unseen import HiddenPlaces, hidden_places
 from interplan_sumo.dynamics.lqr import GRID_S
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.actors import ActorKind
@@ -219,7 +220,7 @@ class ForesightPlanner:
         leads = leads_beside(stages, wished)
         sets_in = ego.time_s - manoeuvres.began_s < SETS_IN_S
         drafts = drafted(stages, ego.speed_mps, ego.ax_mps2, shape, leads, sets_in=sets_in)
-        impatience = self._impatience(scene, blocked)
+        impatience = self._impatience(scene, options[0].candidate, blocked is not None or bool(wished))
         cost = speed_costs(stages, drafts, shape, lawful_mps, impatience)
         cost -= self._worth(options, drafts)
         cost -= np.where(drafts.stage_of == 0, GOING_ON, 0.0) + prospects(drafts, stages, wished, shape)
@@ -256,11 +257,14 @@ class ForesightPlanner:
             np.where(done, worth[of], np.minimum(worth[of], left)) + begun[of] + np.where(kind == "pass", restless, 0.0)
         )
 
-    def _impatience(self, scene: PlanningScene, blocked: StandingGroup | None) -> float:
-        """0 to 1: how long the ego has been waiting before what blocks its way."""
-        if blocked is None:
+    def _impatience(self, scene: PlanningScene, present: CandidatePath, waits: bool) -> float:
+        """0 to 1: how long the ego has been waiting before what blocks its way, or for a gap.
+
+        That counts until what it waited for is done.
+        """
+        if not waits and present.kind == "keep":
             self._waited_s = 0.0
-        elif scene.speed_mps < WAITING_MPS:
+        elif waits and scene.speed_mps < WAITING_MPS:
             self._waited_s += (1 + self._kept_rounds) * self.replan_s
         return min(self._waited_s / PATIENCE_S, 1.0)
 
@@ -277,18 +281,20 @@ class ForesightPlanner:
         shape, axle = scene.shape, scene.axle
         present = candidates[0]
         tail = _tail(scene, present.old if present.old is not None else present.base)
-        beside_of: dict[int, StripOccupancy] = {}
+        beside_of: dict[int, tuple[StripOccupancy, HiddenPlaces]] = {}
         found: list[Stage] = []
         for candidate in candidates:
             arc_m, _ = candidate.path.line.project_point(axle.x_m, axle.y_m)
             at_m, _ = candidate.base.line.project_point(axle.x_m, axle.y_m)
-            beside = None
+            beside, hidden = None, None
             if candidate.new is not None:
                 new_m, _ = candidate.new.line.project_point(axle.x_m, axle.y_m)
                 if id(candidate.new) not in beside_of:
                     stretch = (new_m - 60.0, new_m + reach_m)
-                    beside_of[id(candidate.new)] = occupied_base(candidate.new, scene.traffic, shape, stretch)
-                beside = moved(beside_of[id(candidate.new)], arc_m - new_m)
+                    seen = occupied_base(candidate.new, scene.traffic, shape, stretch)
+                    beside_of[id(candidate.new)] = seen, hidden_places(scene, candidate.new, new_m)
+                seen, places = beside_of[id(candidate.new)]
+                beside, hidden = moved(seen, arc_m - new_m), places.moved(arc_m - new_m)
             stops_m = red_stops(scene, candidate.base, at_m)
             front_m, move_m = at_m + shape.front_m, max(candidate.merged_m - arc_m, 0.0)
             held_m = gap_wait_m(candidate.base, front_m, move_m, scene.speed_mps)
@@ -300,7 +306,7 @@ class ForesightPlanner:
                 stops_m.append(waiting_m(blocked, front_m, scene.speed_mps, shape))
             limit_mps = cautious_limits(candidate, arc_m, scene)
             stops_m = [stop_m + arc_m - at_m for stop_m in stops_m]
-            found.append(staged(candidate, arc_m, limit_mps, stops_m, scene, tail, reach_m, beside))
+            found.append(staged(candidate, arc_m, limit_mps, stops_m, scene, tail, reach_m, beside, hidden))
         return found
 
 

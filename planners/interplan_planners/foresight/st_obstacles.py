@@ -14,6 +14,7 @@ from interplan_planners.common.occupancy import StripOccupancy, occupancy
 from interplan_planners.foresight.candidate_paths import Base, CandidatePath
 from interplan_planners.foresight.prediction import MOVING_MPS, STEP_S, PredictedTraffic
 from interplan_planners.foresight.scene import PlanningScene
+from interplan_planners.foresight.unseen import HiddenPlaces, oncoming_unseen
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import EgoShape
 from interplan_sumo.world.geometry import Floats
@@ -35,14 +36,6 @@ ENTRY_STEP_M, NEAR_BORDER_M = 0.25, 0.25
 RELEASE_S = 0.2
 """Kept after somebody has left the candidate before the ego goes on."""
 MOST_CONTENDERS = 5
-ENTRY_SHARE = 0.12
-"""Of the way out: up to there nothing of the ego is in the oncoming lane."""
-RETURN_SHARE = 0.6
-"""Of the way back: from there on nothing of it is there any more."""
-SIGHT_M = 97.0
-"""From the rear axle: planners see 100 m around the ego's centre."""
-UNSEEN_SHARE = 0.8
-"""Of the limit: how fast somebody may come who is not seen yet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +61,8 @@ class Stage:
     """Arc lengths from which on the ego is near the border of that lane, and reaches over it; infinite if never."""
     unseen: tuple[Floats, Floats] | None
     """Near and far ends (K + 1,) of those who may come towards the ego from where it cannot see."""
+    hidden: HiddenPlaces | None
+    """Where somebody may come from behind on the lane that the ego changes to whom others hide."""
     yield_near_m: Floats  # (C, K + 1) contenders: where the ego would wait for them, inf once they are past
     yield_speed_mps: Floats  # (C, K + 1)
     yield_merges: NDArray[np.bool_]  # (C,) who is got behind, rather than let across
@@ -100,12 +95,13 @@ def staged(
     tail: NDArray[np.bool_],
     reach_m: float,
     beside: StripOccupancy | None,
+    hidden: HiddenPlaces | None = None,
 ) -> Stage:
     """A candidate and its actors.
 
     `tail` (A,) are those who come behind the ego in its own lane: they follow
     it. `beside` are those on the lane that the candidate enters, by the
-    candidate's arc lengths.
+    candidate's arc lengths, and `hidden` where more may be.
     """
     traffic, shape = scene.traffic, scene.shape
     forecast, actors = traffic.forecast, traffic.actors
@@ -124,7 +120,7 @@ def staged(
     people = actors.kind[on.rows] == ActorKind.PEDESTRIAN
     along = (entering_mps > ALONG_COS * total_mps[rows, first]) & ~people
     still = forecast.stands[on.rows] | (total_mps.max(axis=1, initial=0.0) < MOVING_MPS)
-    unseen = _unseen(candidate, arc_m, present.shape[1]) if candidate.oncoming else None
+    unseen = oncoming_unseen(candidate, arc_m, present.shape[1]) if candidate.oncoming else None
 
     front_m, rear_m = arc_m + shape.front_m, arc_m - (shape.length_m - shape.front_m)
     moving = _Moving(on, present, first, entering_mps, along, still, people, strip)
@@ -137,7 +133,7 @@ def staged(
     return Stage(
         candidate, arc_m, limit_mps, tuple(stops_m), on.near_m, on.far_m, on.center_m, on.speed_mps,
         present & (along | still)[:, None], scene.doubtful[on.rows], strip, along & ~strip,
-        _enters_m(candidate, arc_m, shape), unseen,
+        _enters_m(candidate, arc_m, shape), unseen, hidden,
         np.concatenate([contender.near_m[None] for contender in found] or nobody),
         np.concatenate([contender.speed_mps[None] for contender in found] or nobody),
         np.array([contender.merges for contender in found], dtype=np.bool_),
@@ -227,9 +223,9 @@ def _crossing(moving: _Moving, candidate: CandidatePath, front_m: float) -> Iter
     instants = np.arange(present.shape[1])
     for b in np.flatnonzero(~moving.along & ~moving.still & present.any(axis=1)).tolist():
         wait_m = float(on.near_m[b].min())
-        if candidate.oncoming and moving.entering_mps[b] < -ONCOMING_MPS:
+        if moving.entering_mps[b] < -ONCOMING_MPS:
             # who noses into the oncoming lane stops those whom it waits for
-            wait_m = min(wait_m, max(_entry_m(candidate), front_m + 0.3))
+            wait_m = min(wait_m, max(candidate.over_m, front_m + 0.3))
         if wait_m < front_m - 0.3:
             continue
         if moving.people[b]:
@@ -238,20 +234,6 @@ def _crossing(moving: _Moving, candidate: CandidatePath, front_m: float) -> Iter
         until = instants <= last + round(RELEASE_S / STEP_S)
         when_s = STEP_S * float(moving.first[b])
         yield _Contender(when_s, np.where(until, wait_m, np.inf), np.zeros(len(instants)), False)
-
-
-def _entry_m(candidate: CandidatePath) -> float:
-    """Where the front bumper must stop at the latest so that nothing of the ego is in the oncoming lane."""
-    return candidate.leaves_m + ENTRY_SHARE * (candidate.beside_m[0] - candidate.leaves_m)
-
-
-def _unseen(candidate: CandidatePath, arc_m: float, instants: int) -> tuple[Floats, Floats]:
-    """Those who may come from the end of sight, the first of them at the speed limit: what they need of it."""
-    limit_mps = float(candidate.base.limit_mps[min(int(arc_m), len(candidate.base.limit_mps) - 1)])
-    near_m = arc_m + SIGHT_M - UNSEEN_SHARE * limit_mps * STEP_S * np.arange(instants)
-    end_m = candidate.beside_m[1] + RETURN_SHARE * (candidate.settles_m - candidate.beside_m[1])
-    comes = near_m < end_m  # and after the first there may be others
-    return np.where(comes, np.maximum(near_m, _entry_m(candidate)), np.inf), np.where(comes, end_m, -np.inf)
 
 
 def _only(on: StripOccupancy, keep: NDArray[np.bool_]) -> StripOccupancy:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from interplan_planners.common.ground import Ground
 from interplan_planners.common.neighbours import STANDING_MPS, stands_for_good
-from interplan_planners.foresight.candidate_paths import Base
+from interplan_planners.foresight.candidate_paths import Base, quintic
 from interplan_planners.foresight.prediction import MOVING_MPS, PredictedTraffic, Prediction
 from interplan_sumo.planner import Observation
 from interplan_sumo.world.actors import ActorKind
@@ -39,6 +39,8 @@ EDGE_M = 0.1
 CONTACT_M = 0.15
 """What comes nearer than this to the ego's side blocks its way."""
 PROBE_M, PROBES = 0.15, 80
+ENTRY_SHARE = 0.12
+"""Of the way out: up to there nothing of the ego has moved to the side."""
 RIDER_SIDE_M, FASTER_MPS = 0.5, 2.5
 """Kept besides to who rides a bicycle; and how much slower than allowed it is who is passed."""
 
@@ -156,6 +158,8 @@ class Passage:
     """From the base, left positive."""
     oncoming: bool
     """Whether the ego's centre leaves the lanes of its direction."""
+    over_share: float
+    """Of the way out: up to there all of the ego is on its own side; infinite if it stays there."""
     clear_m: float
     """What is left between the ego and what it passes."""
 
@@ -288,8 +292,18 @@ def _passages(
         wished_m = min(need_m + half_m + CLEARANCE_M, max(most_m - SPARE_M, least_m + 0.2 * (most_m - least_m)))
         if least_m <= own_m:
             wished_m = min(wished_m, max(own_m - OWN_SIDE_M, least_m))
-        found.append(Passage(sign * wished_m, wished_m > own_m + 1e-9, wished_m - need_m - half_m))
+        oncoming = wished_m > own_m + 1e-9
+        over_share = ENTRY_SHARE if oncoming else _over_share(wished_m, own_m - half_m)
+        found.append(Passage(sign * wished_m, oncoming, over_share, wished_m - need_m - half_m))
     return tuple(found)
+
+
+def _over_share(offset_m: float, own_m: float) -> float:
+    """Share of the way out to an offset at which the ego's side is so far out; infinite if it never is."""
+    if offset_m <= own_m:
+        return inf
+    shares = np.linspace(0.0, 1.0, 51)
+    return max(float(np.interp(own_m, quintic(shares, 1.0, (0.0, 0.0, 0.0), offset_m), shares)), ENTRY_SHARE)
 
 
 def _edges(base: Base, start_m: float, end_m: float, ground: Ground) -> tuple[tuple[float, float], tuple[float, float]]:
