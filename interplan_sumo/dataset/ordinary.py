@@ -25,7 +25,7 @@ from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.stored_drive import StoredDrives
-from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
+from interplan_sumo.batch.tasks import Answer, Limits, OpenGroup, Outcome, Publish, Task, Work
 from interplan_sumo.dataset import cars, sample_index
 from interplan_sumo.dataset import export as exporting
 from interplan_sumo.dataset.balance import balanced
@@ -36,13 +36,13 @@ from interplan_sumo.dataset.sample_index import IndexedSamples
 from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.score import weighted_score
-from interplan_sumo.scenario.files import read_scenarios, write_scenarios
+from interplan_sumo.scenario.files import read_scenarios, scenario_text
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.verification.ordinary_scenes import CHANGE, FIRST_SEED, KINDS, MAPS, check_seed, ordinary_scenes
 from interplan_sumo.world.files import replacing
 from interplan_sumo.world.lane_changes import lane_changes_needed
 
-EXPERTS: Final = ("foresight", "pdm_closed")
+EXPERTS: Final = ("foresight?budget=fast", "pdm_closed")
 """The first one drives where the way asks for lane changes, which the second one does not make; else in turn."""
 PLANNER_SHARE: Final = 0.25
 """Of the samples; the others are of background cars, which come for nothing."""
@@ -195,7 +195,7 @@ def _tally(found: Sequence[_Offered]) -> int:
 def _round(request: OrdinaryRequest, maps: Sequence[str], seed: int, say: Callable[[str], None]) -> list[_Offered]:
     """Make, drive and survey the scenes of one seed."""
     folder = request.folder / DRIVEN / f"{seed}-{'-'.join(maps)}"
-    scenes = _scenes(folder.with_suffix(".yaml"), maps, seed)
+    scenes = _scenes(folder.with_suffix(".yaml"), maps, seed, request.workers)
     if not scenes:
         return []
     for expert, driven in _shared_out(scenes, request.experts).items():
@@ -205,16 +205,28 @@ def _round(request: OrdinaryRequest, maps: Sequence[str], seed: int, say: Callab
     return [each for row in _surveyed(request, folder) for each in _offered(folder, row, seed)]
 
 
-def _scenes(path: Path, maps: Sequence[str], seed: int) -> tuple[Scenario, ...]:
+def _scenes(path: Path, maps: Sequence[str], seed: int, workers: int) -> tuple[Scenario, ...]:
     """The scenes of a round, from the file if they were made before."""
     if path.is_file():
         return read_scenarios(path)
-    scenes = [scene for name in maps for scene in ordinary_scenes(load_roads(name), seed)]
+    tasks = [Task(name, "scenes", name) for name in maps]
+    found = {outcome.task.key: outcome.value["texts"] for outcome in _done(tasks, partial(_finder, seed), workers)}
+    texts = [text for name in maps for text in found[name]]
+    if not texts:
+        return ()
     with writing_in(path.parent):
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as fresh:
-            write_scenarios(scenes, fresh)
-    return tuple(scenes)
+            fresh.write_text("---\n".join(texts), encoding="utf-8", newline="\n")
+    return read_scenarios(path)
+
+
+def _finder(seed: int, _group: str, publish: Publish) -> Work:
+    def work(map_name: str) -> Answer:
+        publish("simulate")
+        return {"texts": [*map(scenario_text, ordinary_scenes(load_roads(map_name), seed))]}, None
+
+    return work
 
 
 def _shared_out(scenes: Sequence[Scenario], experts: tuple[str, str]) -> dict[str, list[Scenario]]:
@@ -236,14 +248,21 @@ def _surveyed(request: OrdinaryRequest, folder: Path) -> Iterator[tuple[JobKey, 
     clean = [key for key in sorted(rows) if not rows[key].fault and conduct(rows[key]) >= request.min_score]
     work = partial(_open, folder.resolve(), exporting.frames_in(EVERY_S))
     tasks = [Task(key, "survey", key) for key in clean]
-    found: dict[JobKey, list[IndexedSamples]] = {}
-    workers = request.workers if len(tasks) > 1 else 0
-    with contextlib.closing(run_tasks(tasks, work, workers=workers, limits=UNLIMITED)) as outcomes:
+    found = {
+        outcome.task.payload: convert(outcome.value["offers"], list[IndexedSamples])
+        for outcome in _done(tasks, work, request.workers)
+    }
+    return ((key, found[key]) for key in clean)
+
+
+def _done(tasks: Sequence[Task], open_group: OpenGroup, workers: int) -> Iterator[Outcome]:
+    """How tasks ended; InterplanError where one did not end well."""
+    workers = workers if len(tasks) > 1 else 0
+    with contextlib.closing(run_tasks(tasks, open_group, workers=workers, limits=UNLIMITED)) as outcomes:
         for outcome in outcomes:
             if outcome.fault is not None:
-                raise InterplanError(f"{outcome.task.payload[0]}: {outcome.fault.kind} fault: {outcome.fault.message}")
-            found[outcome.task.payload] = convert(outcome.value["offers"], list[IndexedSamples])
-    return ((key, found[key]) for key in clean)
+                raise InterplanError(f"{outcome.task.key}: {outcome.fault.kind} fault: {outcome.fault.message}")
+            yield outcome
 
 
 def conduct(row: Row) -> float:
