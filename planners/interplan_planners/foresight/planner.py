@@ -260,9 +260,9 @@ class ForesightPlanner:
     def _impatience(self, scene: PlanningScene, present: CandidatePath, waits: bool) -> float:
         """0 to 1: how long the ego has been waiting before what blocks its way, or for a gap.
 
-        That counts until what it waited for is done.
+        For a gap that counts until the change is over. What was to be passed and has gone on is no longer waited for.
         """
-        if not waits and present.kind == "keep":
+        if not waits and present.kind != "change":
             self._waited_s = 0.0
         elif waits and scene.speed_mps < WAITING_MPS:
             self._waited_s += (1 + self._kept_rounds) * self.replan_s
