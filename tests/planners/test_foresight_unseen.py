@@ -29,7 +29,7 @@ from interplan_sumo.simulation.occlusion import hidden
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats
-from tests.planners.staging_planners import driven, foresee
+from tests.planners.staging_planners import foresee
 from tests.worlds import unmoved
 
 WIDTH_M = 3.5
@@ -38,11 +38,11 @@ TO_THE_LEFT = mission(TWO, ("11",), goal_arc_m=400.0)
 HALF_M, HALF_WIDTH_M = PACIFICA.length_m / 2, PACIFICA.width_m / 2
 
 
-def places(start: EgoState, actors: Actors, lane_id: str = "11") -> Floats:
-    """Fronts of cars that may be hidden on a lane, by x."""
+def places(start: EgoState, actors: Actors) -> Floats:
+    """Fronts of cars that may be hidden on the left lane, by x."""
     seen, no = observation(start, actors), np.zeros(len(actors), np.bool_)
     scene = PlanningScene(seen, PACIFICA, Prediction(TWO).traffic(seen, PACIFICA, 8.0), no, no)
-    base = Manoeuvres(TO_THE_LEFT, start, 13.0, 3.6).base(0, lane_id)
+    base = Manoeuvres(TO_THE_LEFT, start, 13.0, 3.6).base(0, "11")
     axle_m, _ = base.line.project_point(scene.axle.x_m, scene.axle.y_m)
     found = hidden_places(scene, base, axle_m)
     assert found.speed_mps == pytest.approx(0.9 * 12.0)
@@ -158,10 +158,8 @@ def test_to_go_over_before_who_may_be_hidden_costs_less_the_longer_the_ego_has_w
 @pytest.mark.slow
 def test_where_a_lorry_hides_the_lane_beside_it_waits_for_four_seconds_before_it_reaches_over() -> None:
     def reaches_s(lorry_behind_m: float) -> float:
-        planner = ForesightPlanner()
-        planner.start(TO_THE_LEFT)
         lorry = cars((200.0 - lorry_behind_m, -WIDTH_M, 0.6), length_m=9.0)
-        states = driven(planner, ego_on(TWO, "12", 200.0, 0.7), 90, lorry)
+        states = foresee(TO_THE_LEFT, ego_on(TWO, "12", 200.0, 0.7), lorry, seconds=9.0)
         return next(s.time_s for s in states if s.y_m + HALF_WIDTH_M > -WIDTH_M / 2)
 
     assert reaches_s(90.0) < 4.0 < reaches_s(12.0)
