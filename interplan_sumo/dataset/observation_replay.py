@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 from interplan_sumo.planner import Mission, Observation, Past
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.episode import DT_S
 from interplan_sumo.simulation.history import PAST_STEPS, extrapolated_egos
 from interplan_sumo.simulation.perception import Perception
+from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
 
@@ -21,17 +24,23 @@ class ObservationReplay:
         self._signals = trace.signals
         egos = [trace.ego.state(frame) for frame in range(len(trace))]
         self._egos = (*extrapolated_egos(roads, egos[0], DT_S, scenario.past), *egos)
-        if trace.seen is not None:
-            self._actors = tuple(trace.seen_at(frame) for frame in range(-PAST_STEPS, len(trace)))
-            return
-        sight = Perception(replace(scenario, perception="full"), roads, {}, 0, DT_S)
-        before, now = sight.first(egos[0], trace.actors.at(0))
-        after = (sight.look(egos[frame], trace.actors.at(frame)) for frame in range(1, len(trace)))
-        self._actors = (*before, now, *after)
+        self._told = cache(trace.seen_at if trace.seen is not None else _sight(scenario, roads, trace))
 
     def at(self, frame: int) -> Observation:
         """The observation of one frame."""
         now = frame + PAST_STEPS
-        past = Past(self._egos[frame:now], self._actors[frame:now])
+        past = Past(self._egos[frame:now], tuple(self._told(each) for each in range(frame - PAST_STEPS, frame)))
         ego = self._egos[now]
-        return Observation(ego.time_s, ego, self._actors[now], self._signals[frame], past)
+        return Observation(ego.time_s, ego, self._told(frame), self._signals[frame], past)
+
+
+def _sight(scenario: Scenario, roads: Roads, trace: Trace) -> Callable[[int], Actors]:
+    """What `full` perception tells at a frame, from `-PAST_STEPS` on; which depends on no other frame."""
+    sight = Perception(replace(scenario, perception="full"), roads, {}, 0, DT_S)
+    before, now = sight.first(trace.ego.state(0), trace.actors.at(0))
+    start = (*before, now)
+
+    def told(frame: int) -> Actors:
+        return start[frame + PAST_STEPS] if frame <= 0 else sight.look(trace.ego.state(frame), trace.actors.at(frame))
+
+    return told

@@ -44,7 +44,7 @@ from interplan_sumo.world.lane_changes import lane_changes_needed
 
 EXPERTS: Final = ("foresight?budget=fast", "pdm_closed")
 """The first one drives where the way asks for lane changes, which the second one does not make; else in turn."""
-PLANNER_SHARE: Final = 0.25
+PLANNER_SHARE: Final = 0.2
 """Of the samples; the others are of background cars, which come for nothing."""
 ARRIVING: Final = ("task_done", "progress")
 """Metrics that tell how far a drive came."""
@@ -58,7 +58,7 @@ EVERY_S: Final = 0.5
 UNLIMITED: Final = Limits(plan_s=inf, task_s=inf)
 """However slow the machine is, it makes the same data."""
 MOST_BARREN: Final = 3
-"""After so many rounds in a row that offer nothing there is no hope for more."""
+"""After so many rounds in a row that offer nothing of what is missing there is no hope for more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,12 +166,13 @@ def _collected(request: OrdinaryRequest, split: str, count: int, say: Callable[[
     found: list[_Offered] = []
     barren = 0
     seed = request.seed + (VAL_SEEDS if split == "val" else 0)
-    while not _enough(found, request, count):
+    while missing := _missing(found, request, count):
         offered = _round(request, maps, seed, say)
-        barren = 0 if offered else barren + 1
+        barren = 0 if missing & {each.by_planner for each in offered} else barren + 1
         if barren == MOST_BARREN:
+            what = "clean drive" if True in missing else "background car to learn from"
             raise InputError(
-                f"the last {barren} rounds of scenes on {', '.join(maps)} gave no clean drive; ask for fewer samples, "
+                f"the last {barren} rounds of scenes on {', '.join(maps)} gave no {what}; ask for fewer samples, "
                 "other maps, or a lower --min-score"
             )
         found += offered
@@ -180,12 +181,11 @@ def _collected(request: OrdinaryRequest, split: str, count: int, say: Callable[[
     return found
 
 
-def _enough(found: Sequence[_Offered], request: OrdinaryRequest, count: int) -> bool:
-    """Whether planners and background cars both offer their share, on maps that are not held out."""
+def _missing(found: Sequence[_Offered], request: OrdinaryRequest, count: int) -> set[bool]:
+    """Whose share is not offered yet on maps that are not held out: planners' (True), background cars' (False)."""
     usable = [each for each in found if each.drive.map.name not in request.holdout_maps]
-    planners = sum(len(each.offer.frames) for each in usable if each.by_planner)
-    every = sum(len(each.offer.frames) for each in usable)
-    return planners >= PLANNER_SHARE * count and every - planners >= (1.0 - PLANNER_SHARE) * count
+    shares = {True: PLANNER_SHARE * count, False: (1.0 - PLANNER_SHARE) * count}
+    return {by for by, share in shares.items() if _tally([each for each in usable if each.by_planner == by]) < share}
 
 
 def _tally(found: Sequence[_Offered]) -> int:
@@ -243,16 +243,17 @@ def _shared_out(scenes: Sequence[Scenario], experts: tuple[str, str]) -> dict[st
 
 
 def _surveyed(request: OrdinaryRequest, folder: Path) -> Iterator[tuple[JobKey, list[IndexedSamples]]]:
-    """What each clean drive of a run folder offers, in order."""
+    """What each drive of a run folder offers, in order: its ego if it drove cleanly, its background cars anyway."""
     rows = read_run(folder).rows
-    clean = [key for key in sorted(rows) if not rows[key].fault and conduct(rows[key]) >= request.min_score]
+    whole = [key for key in sorted(rows) if not rows[key].fault]
+    clean = {key for key in whole if conduct(rows[key]) >= request.min_score}
     work = partial(_open, folder.resolve(), exporting.frames_in(EVERY_S))
-    tasks = [Task(key, "survey", key) for key in clean]
+    tasks = [Task(key, "survey", key) for key in whole]
     found = {
         outcome.task.payload: convert(outcome.value["offers"], list[IndexedSamples])
         for outcome in _done(tasks, work, request.workers)
     }
-    return ((key, found[key]) for key in clean)
+    return ((key, [offer for offer in found[key] if offer.car or key in clean]) for key in whole)
 
 
 def _done(tasks: Sequence[Task], open_group: OpenGroup, workers: int) -> Iterator[Outcome]:
@@ -329,14 +330,14 @@ def _picked(
 
 def _about(request: OrdinaryRequest, every: Sequence[_Offered]) -> OrdinaryRecord:
     """What the manifest says of how it was made, besides what every dataset says."""
-    hosts = {(each.drive.run_folder, each.drive.row) for each in every}
+    clean = {(each.drive.run_folder, each.drive.row) for each in every if each.by_planner}
     return OrdinaryRecord(
         samples_wanted=request.samples,
         first_seed=request.seed,
         seeds=sorted({each.drive.seed for each in every}),
         maps=sorted(request.maps),
         scene_kinds=sorted(("trip", CHANGE, *KINDS)),
-        clean_drives=len(hosts),
+        clean_drives=len(clean),
         experts=list(request.experts),
         planner_share=PLANNER_SHARE,
         samples_offered=_tally(every),

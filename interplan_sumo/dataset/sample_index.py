@@ -21,7 +21,7 @@ from interplan_sumo.world.geometry import Ints, wrap_angle
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
 
-MOST_CARS: Final = 16
+MOST_CARS: Final = 24
 """Of one drive; the traffic of one scene is one scene."""
 SLIDES_MPS: Final = 0.3
 """A car that SUMO slides sideways faster than this changes lane; in bends it is less."""
