@@ -9,7 +9,7 @@ import pytest
 from interplan_learned.card import read_card
 from interplan_learned.network import shipped_cards
 from tools import networks as kept
-from tools.networks import keep_plan_times, networks, plan_times
+from tools.networks import gained_of_late, keep_plan_times, networks, plan_times
 from tools.tables import ORDINARY, SMALL, stored
 
 
@@ -27,12 +27,18 @@ def test_plan_times_are_those_of_the_last_run(tmp_path: Path, monkeypatch: pytes
     ]
 
 
+def test_what_was_gained_of_late_is_that_of_the_last_five_epochs_and_never_negative() -> None:
+    assert gained_of_late([4.0, 3.0, 2.9, 2.8, 2.8, 2.85, 2.7]) == "10.0 %"
+    assert gained_of_late([4.0, 3.0, 3.1, 3.2, 3.1, 3.1, 3.3]) == "0.0 %"
+    assert gained_of_late([4.0, 3.0, 2.9, 2.8, 2.7]) == "-"
+
+
 def test_every_shipped_network_has_its_line_best_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "PLAN_TIMES", tmp_path / "plan_times.csv")
     keep_plan_times([("pdm_open", 3.14, 3.0, 3.0, 3.0, 3.0, 5.0, 3.0)])
     drives = stored()
     head, _, still, *lines = networks(drives[SMALL].by_paper, drives[ORDINARY].by_paper)
-    assert head.count("|") == still.count("|") == 9
+    assert head.count("|") == still.count("|") == 10
     cards = {card.planner: card for card in map(read_card, shipped_cards().values())}
     told = [line.split(" | ") for line in lines]
     assert {cells[0].strip("`") for cells in told} == {name.replace("pdm_offset", "pdm_hybrid") for name in cards}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from interplan_learned.card import Card, read_card
@@ -15,6 +16,8 @@ PLAN_TIMES: Final = RESULTS / "plan_times.csv"
 """What `benchmarks.planner_speed --keep` found last."""
 TIMES: Final = ("planner", "mean", "median", "p90", "most", "first", "x_idm", "clock")
 """Its columns: milliseconds, but for `x_idm`."""
+LATE: Final = 5
+"""Epochs in which a network that has learned what it can gains next to nothing."""
 DRIVES: Final = {"pdm_offset": "pdm_hybrid"}
 """Who drives with a network that has another name."""
 
@@ -22,12 +25,13 @@ DRIVES: Final = {"pdm_offset": "pdm_hybrid"}
 def networks(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
     """Open-loop errors, what a plan costs, and the scores of both suites, of each shipped network."""
     lines = [
-        "planner | network | weights | samples | epochs | new traffic m | new district m | ordinary | rare | plan ms",
-        "---|" * 9 + "---",
+        "planner | network | weights | samples | epochs | new traffic m | new district m | of late | ordinary | rare | "
+        "plan ms",
+        "---|" * 10 + "---",
     ]
     cards = [read_card(path) for path in shipped_cards().values()]
     took = {line["planner"]: line["mean"] for line in _plan_times()}
-    lines.append(" | ".join(("constant velocity", *[""] * 4, *_errors(cards[0], "constant_velocity"), *[""] * 3)))
+    lines.append(" | ".join(("constant velocity", *[""] * 4, *_errors(cards[0], "constant_velocity"), *[""] * 4)))
     scores = [
         {line.planner: cell_text(line.cells[key]) for line in table.lines}
         for table, key in ((ordinary, DRIVEN), (rare, "interplan"))
@@ -37,8 +41,16 @@ def networks(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
         epochs = f"{training['best_epoch']} of {training['epochs_done']}"
         about = (f"`{name}`", card.size, f"{card.parameters:,}", f"{card.data['samples']['train']:,}", epochs)
         driven = (of.get(name, "-") for of in scores)
-        lines.append(" | ".join((*about, *_errors(card, "network"), *driven, _short(took.get(name)))))
+        of_late = gained_of_late(training.get("held_out_m", []))
+        lines.append(" | ".join((*about, *_errors(card, "network"), of_late, *driven, _short(took.get(name)))))
     return lines
+
+
+def gained_of_late(held_out_m: Sequence[float]) -> str:
+    """By how much the least of these errors, one an epoch, fell in the last `LATE` of them; a dash for no more."""
+    if len(held_out_m) <= LATE:
+        return "-"
+    return f"{100.0 * (1.0 - min(held_out_m) / min(held_out_m[:-LATE])):.1f} %"
 
 
 def plan_times() -> list[str]:
