@@ -30,7 +30,7 @@ help:
 	@echo "make docs        the documentation as a site, in build/site; refuses links that lead nowhere"
 	@echo "make dist        wheel and sdist below dist/, installed in a fresh environment: what it weighs, and a scored drive"
 	@echo "make smoke       one scenario per family, in a minute"
-	@echo "make data        112,000 samples of ordinary driving to train on, below data/ordinary (an hour and a half on two cores)"
+	@echo "make data        115,000 samples of ordinary driving to train on, below data/ordinary (fifty minutes on two cores)"
 	@echo "make tune-llm    EXAMPLES=choices.jsonl [OUT=hybrid.gguf] [TUNE=...]: teach the small language model"
 	@echo "make train       PLANNER=pdm_open [DATA=folder] [TRAIN='--epochs 20']: train a learned planner anew"
 	@echo "make setup       make $(VENV) with everything for development"

@@ -7,8 +7,8 @@ import platform
 import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 from typing import Protocol
@@ -48,6 +48,18 @@ class RunProgress(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plan:
+    """A run that can begin."""
+
+    folder: Path
+    """As it was given, for messages."""
+    selection: Selection
+    jobs: Sequence[Job]
+    manifest: Manifest
+    settings: DriveSettings
+
+
 def run(
     options: RunOptions,
     watch: RunProgress | None = None,
@@ -63,9 +75,28 @@ def run(
     first job where it can be known. KeyboardInterrupt (Ctrl-C, or SIGTERM)
     leaves a folder that the same options complete.
     """
+    plan = _planned(options, made or {}, command)
+    for spec in plan.manifest.planners:
+        _try_to_build(spec, plan.settings)
+    with RunFolder(plan.folder, plan.manifest, options.redo) as folder:
+        left = interleaved([job for job in plan.jobs if job.key not in folder.done])
+        if watch is not None:
+            watch.begin(len(plan.jobs), folder.kept({job.key for job in plan.jobs}))
+        _keep_inputs(folder, plan, options)
+        tasks = [Task(job.key, job.planner, job) for job in left]
+        driven = drive_outcomes(tasks, plan.settings, options.who, options.limits)
+        with _terminated_like_interrupted(), contextlib.closing(driven) as outcomes:
+            for row in _rows(outcomes, plan):
+                kept = folder.append(row)
+                if watch is not None:
+                    watch.finished(kept)
+    return read_run(plan.folder)
+
+
+def _planned(options: RunOptions, made: Mapping[str, Callable[[], Planner]], command: Sequence[str]) -> _Plan:
+    """What a run will do; InputError for what cannot be used, as far as that is known before a planner is built."""
     if options.out is None:
         raise InputError("no run folder given; name one with --out")
-    made = made or {}
     if made and not options.who.in_this_process:
         raise InputError(f"planner {next(iter(made))!r} exists in this process only; run with workers=0")
     planners = tuple(dict.fromkeys(options.planners)) or (RECOMMENDED,)
@@ -89,21 +120,18 @@ def run(
     for spec in options.redo:
         if spec not in planners:
             raise UnknownNameError("planner of this run to redo", spec, planners)
-    overrides = options.overrides.canonical()
-    library_versions = versions() | {"scoring": str(SCORING_VERSION)}
-    wanted = RequestedJobs(planners, tuple(s.id for s in scenarios), options.seeds)
     manifest = Manifest(
         suite=source.name,
         suite_hash=source.hash,
         profile=profile.name,
-        overrides=overrides,
-        versions=library_versions,
+        overrides=options.overrides.canonical(),
+        versions=versions() | {"scoring": str(SCORING_VERSION)},
         traffic_version=TRAFFIC_VERSION,
         command=tuple(clean_line(word) for word in command),
         created=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         platform=platform.platform(),
         plan_limit_s=options.plan_limit_s or None,
-        requests=(wanted,),
+        requests=(RequestedJobs(planners, tuple(s.id for s in scenarios), options.seeds),),
         shard=shard,
         planners={spec: PlannerRecord(source.hash, source.files) for spec, source in sources.items()},
     )
@@ -115,35 +143,31 @@ def run(
         made=made,
         planners=manifest.planners,
     )
-    for spec in sources:
-        _try_to_build(spec, settings)
-    with RunFolder(options.out, manifest, options.redo) as folder:
-        left = interleaved([job for job in jobs if job.key not in folder.done])
-        if watch is not None:
-            watch.begin(len(jobs), folder.kept({job.key for job in jobs}))
-        if not source.official:
-            folder.keep_scenarios(source.scenarios, own_maps(source.scenarios))
-            keep_certified(source.scenarios, selection.files, options.out)
-        folder.keep_profile(profile)
-        if options.traffic is not None:
-            folder.keep_vehicle_types(options.traffic)
-        tasks = [Task(job.key, job.planner, job) for job in left]
-        named: dict[str, tuple[str, str]] = {}
-        driven = drive_outcomes(tasks, settings, options.who, options.limits)
-        with _terminated_like_interrupted(), contextlib.closing(driven) as outcomes:
-            for outcome in outcomes:
-                scenario = outcome.task.payload.scenario
-                if scenario.id not in named:  # milliseconds, which thousands of workers would wait for
-                    site = scenario.site(load_roads(scenario.map, scenario.maps_beside))
-                    named[scenario.id] = (site, scenario.hash())
-                official = source.official and not overrides
-                row = row_of_outcome(
-                    outcome, *named[scenario.id], manifest, official=official, isolated=options.isolated
-                )
-                row = folder.append(row)
-                if watch is not None:
-                    watch.finished(row)
-    return read_run(options.out)
+    return _Plan(options.out, selection, jobs, manifest, settings)
+
+
+def _keep_inputs(folder: RunFolder, plan: _Plan, options: RunOptions) -> None:
+    """Put beside the results what they cannot be had again without."""
+    source = plan.selection.source
+    if not source.official:
+        folder.keep_scenarios(source.scenarios, own_maps(source.scenarios))
+        keep_certified(source.scenarios, plan.selection.files, folder.path)
+    folder.keep_profile(plan.settings.profile)
+    if options.traffic is not None:
+        folder.keep_vehicle_types(options.traffic)
+
+
+def _rows(outcomes: Iterable[Outcome], plan: _Plan) -> Iterator[Row]:
+    """A row of each drive that has ended."""
+    official = plan.selection.source.official and not plan.manifest.overrides
+    named: dict[str, tuple[str, str]] = {}
+    for outcome in outcomes:
+        scenario = outcome.task.payload.scenario
+        if scenario.id not in named:  # milliseconds, which thousands of workers would wait for
+            site = scenario.site(load_roads(scenario.map, scenario.maps_beside))
+            named[scenario.id] = (site, scenario.hash())
+        isolated = plan.settings.options.isolated
+        yield row_of_outcome(outcome, *named[scenario.id], plan.manifest, official=official, isolated=isolated)
 
 
 def _try_to_build(spec: str, settings: DriveSettings) -> None:
