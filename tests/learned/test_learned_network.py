@@ -134,8 +134,8 @@ def test_a_card_that_cannot_be_used_is_one_clear_line(
     assert "\n" not in str(error.value)
 
 
-PLANNERS = ("dtpp", "flow_drive", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
-CARDS = ("dtpp", "flow_drive", "gameformer", "gc_pgp", "pdm_offset", "pdm_open", "urban_driver")
+PLANNERS = ("dtpp", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
+CARDS = ("dtpp", "gameformer", "gc_pgp", "pdm_offset", "pdm_open", "urban_driver")
 AS_PUBLISHED = ("pdm_offset", "pdm_open")
 LARGEST_BYTES = 3_000_000
 PLAIN = ("following_lane_with_lead/*", "high_magnitude_speed/*", "behind_long_vehicle/*", "changing_lane/*")
