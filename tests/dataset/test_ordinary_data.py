@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,9 @@ from interplan_sumo.dataset.folder import DRIVEN
 from interplan_sumo.dataset.ordinary import VAL_SEEDS, OrdinaryRequest, conduct, make_ordinary
 from interplan_sumo.dataset.reading import read_dataset
 from interplan_sumo.errors import InputError, InterplanError
+from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.scenario.suite import suites
+from interplan_sumo.world.trajectory import Trajectory
 from tools.kept_drives import folder_of
 
 MAP = "back_bay"
@@ -99,7 +102,7 @@ def test_a_dataset_of_ordinary_driving_says_what_it_holds(made: Path) -> None:
     dataset = read_dataset(made)
     counts = dataset.manifest.counts
     assert counts.by_split == {"train": 22, "val": 2}
-    assert counts.by_planner["sumo"] == 18
+    assert counts.by_planner["sumo"] == 20
     for split in ("train", "val"):
         shown = np.concatenate([batch["situation"] for batch in dataset.split(split).batches(100)])
         assert np.bincount(shown, minlength=8).tolist() == list(counts.by_situation[split].values())
@@ -121,3 +124,33 @@ def test_what_is_driven_is_not_driven_again_and_gives_equal_files_whatever_the_w
     make_ordinary(asked(tmp_path / "a", 1), lines.append)
     assert not [line for line in lines if line.startswith("[")]
     assert files_of(tmp_path / "a") == files_of(made)
+
+
+@pytest.mark.slow
+def test_background_cars_teach_where_the_expert_drove_badly_and_the_expert_does_not(made: Path, tmp_path: Path) -> None:
+    shutil.copytree(made, tmp_path / "a")
+    make_ordinary(replace(asked(tmp_path / "a", 0), min_score=0.9))
+    dataset = read_dataset(tmp_path / "a")
+    rows = [row for run in (tmp_path / "a" / DRIVEN).glob("*/") for row in read_run(run).rows.values()]
+    clean = {row.trace_hash: conduct(row) >= 0.9 for row in rows}
+    hosts = [(drive.planner == "sumo", clean[drive.trace_hash]) for drive in dataset.drives]
+    assert {is_clean for is_car, is_clean in hosts if not is_car} == {True}
+    assert {is_clean for is_car, is_clean in hosts if is_car} == {True, False}
+
+
+class StandStill:
+    """Brakes where it is, and never goes on: nobody to learn from."""
+
+    def start(self, mission: Mission) -> None: ...
+
+    def plan(self, observation: Observation) -> Trajectory:
+        ego = observation.ego
+        ahead = np.linspace(0.0, 8.0, 81)
+        return Trajectory(observation.time_s + ahead, *(np.full(81, at) for at in (ego.x_m, ego.y_m, ego.heading_rad)))
+
+
+@pytest.mark.slow
+def test_experts_of_whom_nothing_can_be_learned_end_it_although_there_are_cars_enough(tmp_path: Path) -> None:
+    nobody = f"{__name__}:StandStill"
+    with pytest.raises(InputError, match="gave no clean drive"):
+        make_ordinary(replace(asked(tmp_path / "a", 0), min_score=0.9, experts=(nobody, nobody)))
